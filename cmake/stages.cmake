@@ -1,0 +1,60 @@
+# attrito_stage(name AFTER stages LIBRARIES libraries): one target for src/<name>, so that the compiler keeps the rules of the house.
+#   A stage finds the modules only of the stages that it comes after.
+#   Only the .F90 files, thin shells, are shown the modules of the libraries; a .f90 file, numerics, that uses one does not compile.
+
+set(attrito_flags_all -std=f2018 -fimplicit-none -ffree-line-length-none -Wall -Wextra
+    -Wno-unused-dummy-argument -Wno-maybe-uninitialized -Wno-compare-reals -Wno-uninitialized)
+set(attrito_flags_Debug -O1 -g -fcheck=all -fbacktrace -ffpe-trap=invalid,zero,overflow)
+set(attrito_flags_Release -O3 -g1 -fexternal-blas)
+
+set(attrito_includes_mpi ${MPI_Fortran_INCLUDE_DIRS})
+set(attrito_includes_hdf5 ${HDF5_Fortran_INCLUDE_DIRS})
+set(attrito_includes_fftw ${FFTW_INCLUDEDIR})
+set(attrito_includes_petsc ${PETSC_INCLUDE_DIRS})
+set(attrito_includes_slepc ${SLEPC_INCLUDE_DIRS})
+
+set_property(GLOBAL PROPERTY attrito_stages "")
+
+function(attrito_stage name)
+  cmake_parse_arguments(stage "" "" "AFTER;LIBRARIES" ${ARGN})
+  set(seen "")
+  foreach(earlier ${stage_AFTER})
+    get_property(theirs GLOBAL PROPERTY attrito_seen_${earlier})
+    list(APPEND seen ${earlier} ${theirs})
+  endforeach()
+  list(REMOVE_DUPLICATES seen)
+  set_property(GLOBAL PROPERTY attrito_seen_${name} ${seen})
+  set_property(GLOBAL APPEND PROPERTY attrito_stages ${name})
+
+  file(GLOB numerics CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/src/${name}/*.f90)
+  file(GLOB shells CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/src/${name}/*.F90)
+  add_library(attrito_${name} OBJECT ${numerics} ${shells})
+  set(modules ${CMAKE_BINARY_DIR}/modules/${name})
+  set_target_properties(attrito_${name} PROPERTIES Fortran_MODULE_DIRECTORY ${modules})
+  target_include_directories(attrito_${name} PRIVATE ${modules} ${CMAKE_SOURCE_DIR}/src/core)
+  target_compile_options(attrito_${name} PRIVATE ${attrito_flags_all} ${attrito_flags_${CMAKE_BUILD_TYPE}})
+  foreach(earlier ${seen})
+    target_include_directories(attrito_${name} PRIVATE ${CMAKE_BINARY_DIR}/modules/${earlier})
+    add_dependencies(attrito_${name} attrito_${earlier})
+  endforeach()
+  set(includes "")
+  foreach(library ${stage_LIBRARIES})
+    list(APPEND includes ${attrito_includes_${library}})
+  endforeach()
+  # As options, since CMake drops /usr/include, where gfortran does not look by itself.
+  list(TRANSFORM includes PREPEND -I)
+  set_source_files_properties(${shells} PROPERTIES COMPILE_OPTIONS "${includes}")
+endfunction()
+
+# attrito_shared_library(name): the stages, linked. MUMPS with SCOTCH comes before PETSc, whose own MUMPS is built without it.
+function(attrito_shared_library name)
+  get_property(stages GLOBAL PROPERTY attrito_stages)
+  set(objects "")
+  foreach(stage ${stages})
+    list(APPEND objects $<TARGET_OBJECTS:attrito_${stage}>)
+  endforeach()
+  add_library(${name} SHARED ${objects})
+  set_target_properties(${name} PROPERTIES LINKER_LANGUAGE Fortran VERSION ${PROJECT_VERSION})
+  target_link_libraries(${name} PUBLIC -Wl,--no-as-needed -ldmumps_ptscotch -lmumps_common_ptscotch -Wl,--as-needed
+    PkgConfig::SLEPC PkgConfig::PETSC PkgConfig::FFTW PkgConfig::OPENBLAS hdf5::hdf5_fortran MPI::MPI_Fortran)
+endfunction()

@@ -1,0 +1,45 @@
+"""Faults of the input: one line each, naming file, key, value and what was expected."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One thing wrong with the input.
+
+    Parameters
+    ----------
+    file : the file the user gave, as the user wrote it
+    key : the place inside it: a TOML key, a line, a dataset, a node set
+    value : what stands there
+    expected : what should stand there, as a phrase that follows "expected"
+    """
+
+    file: str
+    key: str
+    value: object
+    expected: str
+
+    def __str__(self) -> str:
+        value = repr(self.value) if isinstance(self.value, str) else str(self.value)
+        if len(value) > 120:
+            value = value[:117] + "..."
+        return f"{self.file}: {self.key} = {value}: expected {self.expected}"
+
+
+class InputError(Exception):
+    """The input is at fault (exit code 2); carries every fault found, not only the first."""
+
+    def __init__(self, *faults: Fault):
+        super().__init__("\n".join(str(fault) for fault in faults))
+        self.faults = faults
+
+    def __reduce__(self):
+        """Faults cross ranks by pickle."""
+        return (type(self), self.faults)
+
+
+class NumericsError(Exception):
+    """The numerics did not deliver (exit code 1)."""

@@ -1,0 +1,113 @@
+"""Faults of a set of matrices, all of them at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from attrito.faults import Fault
+
+SYMMETRY_TOLERANCE = 1.0e-10
+
+
+def check_matrices(
+    stiffness: csr_matrix,
+    mass: csr_matrix,
+    damping: csr_matrix | None,
+    where: str | Mapping[str, str],
+    label: Callable[[int], str] = "dof {}".format,
+) -> list[Fault]:
+    """Every fault of the matrices of a model; none if they can be used.
+
+    Parameters
+    ----------
+    stiffness, mass, damping : `[n, n]`, both triangles
+    where : the file they come from, or one for each of `stiffness`, `mass`, `damping`
+    label : name of a dof (from 0) for the user, such as its node
+    """
+    matrices = {"stiffness": stiffness, "mass": mass, "damping": damping}
+    faults: list[Fault] = []
+    for name, matrix in matrices.items():
+        if matrix is None:
+            continue
+        file = where if isinstance(where, str) else where[name]
+        if matrix.shape[0] != matrix.shape[1] or matrix.shape[0] == 0:
+            faults.append(Fault(file, name, _size(matrix), "a square matrix"))
+            continue
+        if matrix.shape != stiffness.shape and stiffness.shape[0] == stiffness.shape[1]:
+            faults.append(Fault(file, name, _size(matrix), f"the size of the stiffness, {_size(stiffness)}"))
+        contents = _not_finite(name, matrix, file, label)
+        faults += contents or _contents(name, matrix, file, label)
+    return faults
+
+
+def _contents(name: str, matrix: csr_matrix, file: str, label: Callable[[int], str]) -> list[Fault]:
+    faults = _unsymmetric(name, matrix, file, label)
+    if name == "stiffness" and abs(matrix).max() == 0.0:
+        faults.append(Fault(file, name, "all zero", "a stiffness"))
+    if name == "mass":
+        faults += _not_positive(matrix, file, label)
+    return faults
+
+
+def _not_finite(name: str, matrix: csr_matrix, file: str, label: Callable[[int], str]) -> list[Fault]:
+    bad = np.flatnonzero(~np.isfinite(matrix.data))
+    if len(bad) == 0:
+        return []
+    row, column = _place(matrix, bad[0])
+    value = f"{matrix.data[bad[0]]} at {_entry(row, column, label)}" + _others(len(bad))
+    return [Fault(file, name, value, "finite numbers")]
+
+
+def _unsymmetric(name: str, matrix: csr_matrix, file: str, label: Callable[[int], str]) -> list[Fault]:
+    difference = (matrix - matrix.T).tocsr()
+    if difference.nnz == 0:
+        return []
+    worst = int(np.argmax(np.abs(difference.data)))
+    if abs(difference.data[worst]) <= SYMMETRY_TOLERANCE * abs(matrix).max():
+        return []
+    row, column = _place(difference, worst)
+    value = f"{matrix[row, column]:.17g} against {matrix[column, row]:.17g} at {_entry(row, column, label)}"
+    return [Fault(file, name, value, f"a symmetric matrix (to {SYMMETRY_TOLERANCE:g} of its largest entry)")]
+
+
+def _not_positive(mass: csr_matrix, file: str, label: Callable[[int], str]) -> list[Fault]:
+    """Necessary conditions that cost nothing: no empty row, and every 2 x 2 minor at least zero."""
+    faults = []
+    empty = np.flatnonzero(np.asarray(abs(mass).sum(axis=1)).ravel() == 0.0)
+    if len(empty) > 0:
+        value = f"no mass at {label(int(empty[0]))}" + _others(len(empty))
+        faults.append(Fault(file, "mass", value, "mass at every dof"))
+    diagonal = mass.diagonal()
+    negative = np.flatnonzero(diagonal < 0.0)
+    if len(negative) > 0:
+        first = int(negative[0])
+        value = f"{diagonal[first]:.6g} at {label(first)}" + _others(len(negative))
+        return [*faults, Fault(file, "mass", value, "a diagonal above zero")]
+    entries = mass.tocoo()
+    bound = np.sqrt(diagonal[entries.row] * diagonal[entries.col])
+    large = np.flatnonzero(np.abs(entries.data) > bound * (1.0 + SYMMETRY_TOLERANCE))
+    if len(large) > 0:
+        row, column = int(entries.row[large[0]]), int(entries.col[large[0]])
+        value = f"{entries.data[large[0]]:.6g} at {_entry(row, column, label)}" + _others(len(large))
+        expected = f"at most {bound[large[0]]:.6g}, the geometric mean of the diagonal entries (a positive matrix)"
+        faults.append(Fault(file, "mass", value, expected))
+    return faults
+
+
+def _place(matrix: csr_matrix, entry: int) -> tuple[int, int]:
+    return int(np.searchsorted(matrix.indptr, entry, side="right") - 1), int(matrix.indices[entry])
+
+
+def _entry(row: int, column: int, label: Callable[[int], str]) -> str:
+    return f"row {row}, column {column} ({label(row)}, {label(column)})"
+
+
+def _others(count: int) -> str:
+    return f" and {count - 1} more" if count > 1 else ""
+
+
+def _size(matrix: csr_matrix) -> str:
+    return f"{matrix.shape[0]} x {matrix.shape[1]}"

@@ -1,0 +1,364 @@
+"""Node-to-node contact pairs of two node sets: who meets whom, in which frame, with how much area.
+
+The surface of set a is made of the element faces whose nodes all lie in a and which belong to one element only.
+Its outward normal n points from body a into body b, so that
+
+    v = n . (q_a - q_b),   u_j = t_j . (q_a - q_b)
+
+close positive in v, and -B^T (T, N) pushes the bodies apart. The tangents are right-handed, t1 x t2 = n; t1 is the
+projection of one global axis on the tangent plane: of x, y and z the one that stays farthest from every normal of the
+set, the first of them on a tie. A contact with one tangent slides along t1.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.spatial import cKDTree
+
+from attrito.faults import Fault, InputError
+
+if TYPE_CHECKING:
+    from attrito.model_file import Model
+
+GROUND = "ground"
+
+# Faces of the solid elements in CalculiX node order from 0, corners anticlockwise seen from outside, then the
+# mid-side nodes of the edges 0-1, 1-2, ...
+FACES: dict[str, tuple[tuple[int, ...], ...]] = {
+    "C3D4": ((0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)),
+    "C3D8": ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
+    "C3D10": ((0, 2, 1, 6, 5, 4), (0, 1, 3, 4, 8, 7), (1, 2, 3, 5, 9, 8), (2, 0, 3, 6, 7, 9)),
+    "C3D20": (
+        (0, 3, 2, 1, 11, 10, 9, 8),
+        (4, 5, 6, 7, 12, 13, 14, 15),
+        (0, 1, 5, 4, 8, 17, 12, 16),
+        (1, 2, 6, 5, 9, 18, 13, 17),
+        (2, 3, 7, 6, 10, 19, 14, 18),
+        (3, 0, 4, 7, 11, 16, 15, 19),
+    ),
+}
+
+# The facets between the nodes of a face, by its number of nodes.
+FACETS: dict[int, tuple[tuple[int, ...], ...]] = {
+    3: ((0, 1, 2),),
+    4: ((0, 1, 2, 3),),
+    6: ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
+    8: ((0, 4, 7), (4, 1, 5), (5, 2, 6), (6, 3, 7), (4, 5, 6, 7)),
+}
+
+# Where the nodes of a face stand in (r, s), and the powers of r and s its shape functions are made of.
+REFERENCE_NODES: dict[int, tuple[tuple[float, float], ...]] = {
+    3: ((0, 0), (1, 0), (0, 1)),
+    4: ((-1, -1), (1, -1), (1, 1), (-1, 1)),
+    6: ((0, 0), (1, 0), (0, 1), (0.5, 0), (0.5, 0.5), (0, 0.5)),
+    8: ((-1, -1), (1, -1), (1, 1), (-1, 1), (0, -1), (1, 0), (0, 1), (-1, 0)),
+}
+MONOMIALS: dict[int, tuple[tuple[int, int], ...]] = {
+    3: ((0, 0), (1, 0), (0, 1)),
+    4: ((0, 0), (1, 0), (0, 1), (1, 1)),
+    6: ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)),
+    8: ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (2, 1), (1, 2)),
+}
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Node-to-node contacts of one contact set, ascending in `node_a`.
+
+    Parameters
+    ----------
+    node_a, node_b : int64 [nc], node ids; `node_b` is -1 for the ground
+    frame : [nc, 3, 3], rows t1, t2, n in global axes
+    area : [nc], tributary area on surface a (user length squared)
+    position : [nc, 3], coordinates of node a (user length)
+    distance : [nc], between the two nodes (user length); 0 for the ground
+    tangents : 1 or 2
+    unmatched_a, unmatched_b : int64, nodes of the sets that found no partner
+    notes : what the user should know, one sentence each
+    """
+
+    node_a: np.ndarray
+    node_b: np.ndarray
+    frame: np.ndarray
+    area: np.ndarray
+    position: np.ndarray
+    distance: np.ndarray
+    tangents: int
+    unmatched_a: np.ndarray
+    unmatched_b: np.ndarray
+    notes: list[str] = field(default_factory=list)
+
+
+def element_family(name: str) -> str | None:
+    """`C3D20` for `C3D20R`, `C3D10` for `C3D10T`, ...; None for elements without known faces."""
+    match = re.fullmatch(r"(C3D(?:4|8|10|20))[A-Z]*", name.upper())
+    return match[1] if match else None
+
+
+def set_faces(elements: dict[str, tuple[np.ndarray, np.ndarray]], nodes: np.ndarray) -> list[np.ndarray]:
+    """Boundary faces whose nodes all lie in `nodes`, outward.
+
+    Parameters
+    ----------
+    elements : element type -> (ids [E], connectivity [E, k])
+    nodes : int64, node ids
+
+    Returns
+    -------
+    list of int64 [number of faces, 3, 4, 6 or 8], node ids, one array an element family
+    """
+    families: dict[str, list[np.ndarray]] = {}
+    for name, (_, connectivity) in elements.items():
+        family = element_family(name)
+        if family and len(connectivity):
+            families.setdefault(family, []).append(np.asarray(connectivity, dtype=np.int64))
+    faces = []
+    for family, parts in families.items():
+        connectivity = np.concatenate(parts)
+        inside = np.isin(connectivity, nodes)
+        candidates = [connectivity[inside[:, face].all(axis=1)][:, face] for face in map(list, FACES[family])]
+        found = np.concatenate(candidates)
+        # An interior face is found twice, once from each of its elements.
+        _, index, count = np.unique(np.sort(found, axis=1), axis=0, return_index=True, return_counts=True)
+        if np.any(count == 1):
+            faces.append(found[index[count == 1]])
+    return faces
+
+
+def nodal_surface(points: np.ndarray, faces: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Tributary area and outward direction of every node.
+
+    The area of a linear face goes to its nodes by its shape functions, int N_i dA. A second-order face is cut into the
+    facets between its nodes (four triangles; or four corner triangles and the quadrilateral of the mid-side nodes),
+    each treated as linear: its own shape functions would give corners nothing (triangles) or less than nothing
+    (quadrilaterals), and a spring needs a positive area. A flat triangle gives its corners 1/12 and its mid-side nodes
+    1/4 each, a flat rectangle 1/24 and 5/24. The total is the area of the facets.
+
+    The direction is the sum over the faces of their normals at the node, of the curved face if it is of second order,
+    each as long as the face is large there.
+
+    Parameters
+    ----------
+    points : [N, 3]
+    faces : arrays of rows of `points`, [number of faces, 3, 4, 6 or 8]
+
+    Returns
+    -------
+    area [N], direction [N, 3] (not normalised)
+    """
+    area, direction = np.zeros(len(points)), np.zeros((len(points), 3))
+    for block in faces:
+        along_r, along_s, reference_area = _face_derivatives(block.shape[1])
+        x = points[block]
+        np.add.at(direction, block, reference_area * np.cross(along_r @ x, along_s @ x))
+        for facet in map(list, FACETS[block.shape[1]]):
+            np.add.at(area, block[:, facet], _facet_areas(x[:, facet]))
+    return area, direction
+
+
+def _face_derivatives(count: int) -> tuple[np.ndarray, np.ndarray, float]:
+    """Derivatives of the shape functions of a face at its own nodes.
+
+    Returns
+    -------
+    d N_j / dr and d N_j / ds at node i, [count, count] each, and the area of the reference face
+    """
+    r, s = np.array(REFERENCE_NODES[count]).T
+    p, q = np.array(MONOMIALS[count]).T
+    to_shape = np.linalg.inv(r[:, None] ** p * s[:, None] ** q)
+    along_r = p * r[:, None] ** np.maximum(p - 1, 0) * s[:, None] ** q
+    along_s = q * r[:, None] ** p * s[:, None] ** np.maximum(q - 1, 0)
+    return along_r @ to_shape, along_s @ to_shape, 0.5 if count in (3, 6) else 4.0
+
+
+def _facet_areas(x: np.ndarray) -> np.ndarray:
+    """int N_i dA of linear triangles or bilinear quadrilaterals, from corners [facets, 3 or 4, 3]."""
+    if x.shape[1] == 3:
+        whole = np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1) / 2
+        return np.repeat(whole[:, None] / 3, 3, axis=1)
+    areas = np.zeros(x.shape[:2])
+    # 2 x 2 Gauss points are exact on a plane.
+    for r, s in np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) / np.sqrt(3):
+        along_r = np.array([s - 1, 1 - s, 1 + s, -1 - s]) / 4
+        along_s = np.array([r - 1, -1 - r, 1 + r, 1 - r]) / 4
+        shape = np.array([(1 - r) * (1 - s), (1 + r) * (1 - s), (1 + r) * (1 + s), (1 - r) * (1 + s)]) / 4
+        areas += np.linalg.norm(np.cross(along_r @ x, along_s @ x), axis=1)[:, None] * shape
+    return areas
+
+
+def tangent_frames(normal: np.ndarray) -> np.ndarray:
+    """Frames [nc, 3, 3] (rows t1, t2, n) about unit normals [nc, 3]; the module's docstring says which t1."""
+    # Rounded, so that noise in the normals does not decide a tie.
+    clearance = np.round(1 - np.abs(normal), 6)
+    axis = np.full(len(normal), int(np.argmax(clearance.min(axis=0))))
+    # A set that turns every way (a sphere) has no axis for all: nodes too close to it take their own.
+    lost = clearance[np.arange(len(normal)), axis] < 1e-3
+    axis[lost] = np.argmax(clearance[lost], axis=1)
+    t1 = np.eye(3)[axis] - normal * normal[np.arange(len(normal)), axis][:, None]
+    t1 /= np.linalg.norm(t1, axis=1)[:, None]
+    frame = np.stack([t1, np.cross(normal, t1), normal], axis=1)
+    # Rounding noise would fill the rows of B.
+    frame[np.abs(frame) < 1e-14] = 0
+    return frame
+
+
+def pair_sets(model: Model, a: str, b: str, tolerance: float, tangents: int, file: str, key: str) -> Pairs:
+    """Pair the nodes of set `a` with those of set `b`, each node at most once.
+
+    Two nodes are a pair if each is the other's nearest and they are no farther apart than `tolerance`. On the ground
+    every node of `a` is a contact.
+
+    Parameters
+    ----------
+    model : a finite-element model
+    a, b : names of node sets; `b` may be "ground"
+    tolerance : largest distance of a pair (user length); not used on the ground
+    tangents : 1 (along t1) or 2
+    file, key : where the job asks for this, for faults: `"job.toml"`, `"contact_set[0]"`
+
+    Raises
+    ------
+    InputError : unknown, empty or overlapping sets, no pair within the tolerance, no surface under a pair, or no free
+        dof on either side of a pair
+    """
+    ids_a, ids_b = _set_nodes(model, a, b, file, key)
+    rows_a, rows_b = _node_rows(model, ids_a), _node_rows(model, ids_b)
+    if b == GROUND:
+        index_a, index_b, distance = np.arange(len(ids_a)), np.empty(0, dtype=int), np.zeros(len(ids_a))
+    else:
+        index_a, index_b, distance = _mutual_nearest(model.coordinates[rows_a], model.coordinates[rows_b])
+        near = distance <= tolerance
+        if not near.any():
+            expected = f"a distance that pairs nodes of {a} and {b}; the closest are {distance.min():.4g} apart"
+            raise InputError(Fault(file, f"{key}.tolerance", tolerance, expected))
+        index_a, index_b, distance = index_a[near], index_b[near], distance[near]
+
+    faces = [_node_rows(model, face) for face in set_faces(model.elements, ids_a)]
+    area, direction = nodal_surface(model.coordinates, faces)
+    node_a = ids_a[index_a]
+    node_b = np.full(len(node_a), -1, dtype=np.int64) if b == GROUND else ids_b[index_b]
+    rows = rows_a[index_a]
+    length = np.linalg.norm(direction[rows], axis=1)
+    # A node without a face, or on a fold whose two sides cancel, has no direction to press in.
+    bare = length <= 1e-9 * area[rows]
+    free = [np.isin(nodes, model.dof_node) for nodes in (node_a, node_b)]
+    held = ~(free[0] | free[1])
+    faults = []
+    if bare.any():
+        expected = f"a surface: a boundary face of {', '.join(FACES)} elements, all its nodes in the set, at every node"
+        faults.append(Fault(file, f"{key}.a", f"{a} (without: {_some(node_a[bare])})", expected))
+    if held.any():
+        where = f"{a} (held: {_some(node_a[held])})"
+        faults.append(Fault(file, f"{key}.a", where, "pairs with a free dof on at least one side"))
+    if faults:
+        raise InputError(*faults)
+
+    matched_b = np.isin(ids_b, node_b)
+    pairs = Pairs(
+        node_a=node_a,
+        node_b=node_b,
+        frame=tangent_frames(direction[rows] / length[:, None]),
+        area=area[rows],
+        position=model.coordinates[rows],
+        distance=distance,
+        tangents=tangents,
+        unmatched_a=np.setdiff1d(ids_a, node_a),
+        unmatched_b=ids_b[~matched_b],
+    )
+    pairs.notes.extend(_notes(pairs, a, b, area[rows_a].sum(), free))
+    return pairs
+
+
+def contact_rows(pairs: Pairs, model: Model) -> csr_matrix:
+    """The contacts' rows of B on the full model's dofs.
+
+    Constrained dofs have no column: they do not move.
+
+    Returns
+    -------
+    csr [nc * (tangents + 1), n], rows t1, (t2,) n of contact 0, then of contact 1, ...
+    """
+    nodes, index = np.unique(model.dof_node, return_inverse=True)
+    dof = np.full((len(nodes), 3), -1)
+    dof[index, np.asarray(model.dof_direction, dtype=int) - 1] = np.arange(len(model.dof_node))
+    directions = pairs.frame[:, [0, 2] if pairs.tangents == 1 else [0, 1, 2]]
+    per_contact = directions.shape[1]
+    row = np.broadcast_to(np.arange(len(pairs.node_a) * per_contact).reshape(-1, per_contact, 1), directions.shape)
+    entries = []
+    for side, sign in ((pairs.node_a, 1.0), (pairs.node_b, -1.0)):
+        place = np.minimum(np.searchsorted(nodes, side), len(nodes) - 1)
+        columns = np.where((nodes[place] == side)[:, None], dof[place], -1)[:, None, :]
+        columns = np.broadcast_to(columns, directions.shape)
+        keep = (columns >= 0) & (directions != 0)
+        entries.append((sign * directions[keep], row[keep], columns[keep]))
+    values, rows, columns = (np.concatenate(part) for part in zip(*entries, strict=True))
+    return csr_matrix((values, (rows, columns)), shape=(row.size // 3, len(model.dof_node)))
+
+
+def _node_rows(model: Model, ids: np.ndarray) -> np.ndarray:
+    """Rows of the model's node arrays for node ids that are known to be there."""
+    order = np.argsort(model.node_ids)
+    return order[np.searchsorted(model.node_ids, ids, sorter=order)]
+
+
+def _set_nodes(model: Model, a: str, b: str, file: str, key: str) -> tuple[np.ndarray, np.ndarray]:
+    """Ascending node ids of both sets (none for the ground), or every fault in them at once."""
+    faults = []
+    found = []
+    known = ", ".join(sorted(model.node_sets)) or "none: the model has no node set"
+    for side, name in (("a", a), ("b", b)):
+        if side == "b" and name == GROUND:
+            found.append(np.empty(0, dtype=np.int64))
+            continue
+        if name not in model.node_sets:
+            choice = f'"{GROUND}" or a node set' if side == "b" else "a node set"
+            faults.append(Fault(file, f"{key}.{side}", name, f"{choice} of the model ({known})"))
+            continue
+        found.append(np.unique(np.asarray(model.node_sets[name], dtype=np.int64)))
+        if not len(found[-1]):
+            faults.append(Fault(file, f"{key}.{side}", name, "a node set that has nodes"))
+        stray = np.setdiff1d(found[-1], model.node_ids)
+        if len(stray):
+            faults.append(Fault(file, f"{key}.{side}", f"{name} ({_some(stray)})", "a node set of nodes of the model"))
+    if not faults:
+        common = np.intersect1d(*found)
+        if len(common):
+            where = f"{b} ({_some(common)})"
+            faults.append(Fault(file, f"{key}.b", where, f"a node set without nodes of {a}: two sides of a joint"))
+    if faults:
+        raise InputError(*faults)
+    return found[0], found[1]
+
+
+def _mutual_nearest(points_a: np.ndarray, points_b: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Indices into both clouds of the pairs that are each other's nearest, and their distances."""
+    distance, to_b = cKDTree(points_b).query(points_a)
+    _, to_a = cKDTree(points_a).query(points_b)
+    index_a = np.flatnonzero(to_a[to_b] == np.arange(len(points_a)))
+    return index_a, to_b[index_a], distance[index_a]
+
+
+def _notes(pairs: Pairs, a: str, b: str, total_area: float, free: list[np.ndarray]) -> list[str]:
+    notes = []
+    if len(pairs.unmatched_a):
+        share = 100 * (1 - pairs.area.sum() / total_area)
+        nodes = pairs.unmatched_a
+        notes.append(f"{len(nodes)} nodes of {a} found no partner in {b}: {_some(nodes)}; {share:.3g} % of the area")
+    if len(pairs.unmatched_b):
+        notes.append(f"{len(pairs.unmatched_b)} nodes of {b} found no partner in {a}: {_some(pairs.unmatched_b)}")
+    for name, nodes, moves in ((a, pairs.node_a, free[0]), (b, pairs.node_b, free[1])):
+        held = nodes[~moves & (nodes >= 0)]
+        if len(held):
+            notes.append(f"{len(held)} paired nodes of {name} have no free dof and stand still: {_some(held)}")
+    return notes
+
+
+def _some(nodes: np.ndarray) -> str:
+    """The first few of a list of node ids, in words."""
+    text = ", ".join(str(node) for node in nodes[:5])
+    return f"nodes {text}" + (f" and {len(nodes) - 5} more" if len(nodes) > 5 else "")

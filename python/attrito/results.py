@@ -1,0 +1,237 @@
+"""Reading `result.h5` and printing its tables as CSV."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from types import TracebackType
+
+import h5py
+import numpy as np
+
+from attrito.faults import Fault, InputError
+
+# The other outcomes say that a solution was found, and what is wrong with it.
+NO_SOLUTION = ("no_period_one_orbit", "not_converged")
+
+
+class Result:
+    """An open `result.h5`; data are read when asked for.
+
+    Parameters
+    ----------
+    path : the file
+
+    Raises
+    ------
+    InputError : not there, not a result, or without a dataset that was asked for
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = str(path)
+        if not Path(path).is_file():
+            raise InputError(Fault(self.path, "file", "absent", "a result of `attrito run`"))
+        try:
+            self._file = h5py.File(path, "r")
+        except OSError as error:
+            raise InputError(Fault(self.path, "file", "not HDF5", "a result of `attrito run`")) from error
+        form = _text(self._file.attrs.get("format", "absent"))
+        if "result" not in form:
+            self._file.close()
+            raise InputError(Fault(self.path, "format", form, "a result of `attrito run`"))
+
+    def __enter__(self) -> Result:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file; closing twice does no harm."""
+        self._file.close()
+
+    def has(self, path: str) -> bool:
+        """Whether the dataset or group is in the file."""
+        return path in self._file
+
+    def dataset(self, path: str) -> h5py.Dataset:
+        """A dataset, unread."""
+        if not isinstance(self._file.get(path), h5py.Dataset):
+            raise InputError(Fault(self.path, path, "absent", "a dataset of a complete result"))
+        return self._file[path]
+
+    def array(self, path: str) -> np.ndarray:
+        """A whole dataset."""
+        return self.dataset(path)[()]
+
+    def names(self, path: str) -> list[str]:
+        """What the integers of a dataset stand for: its attribute `names`."""
+        names = self.dataset(path).attrs.get("names")
+        if names is None:
+            raise InputError(Fault(self.path, f"{path}@names", "absent", "the names of its values"))
+        if isinstance(names, str | bytes):
+            return [name.strip() for name in _text(names).split(",")]
+        return [_text(name) for name in names]
+
+    def unit(self, path: str) -> str:
+        """Unit of a dataset for an axis label: `length, user units`; empty for pure numbers."""
+        unit = _text(self.dataset(path).attrs.get("unit", "1"))
+        if unit == "1":
+            return ""
+        return f"{unit.removeprefix('user ')}, user units" if unit.startswith("user ") else unit
+
+    def attribute(self, name: str) -> str:
+        """A root attribute as text; empty if absent."""
+        return _text(self._file.attrs.get(name, ""))
+
+    @property
+    def points(self) -> int:
+        """Number of points."""
+        return len(self.dataset("/points/frequency_hz"))
+
+    @property
+    def contacts(self) -> int:
+        """Number of contacts, nc; 0 for a model without."""
+        return self.dataset("/contacts/state").shape[1] if self.has("/contacts/state") else 0
+
+    @property
+    def outcome(self) -> list[str]:
+        """Name of each point's outcome."""
+        names = self.names("/points/outcome")
+        return [names[index] for index in self.array("/points/outcome")]
+
+    @property
+    def converged(self) -> np.ndarray:
+        """bool [np], whether the point holds a solution (be it unstable or indeterminate)."""
+        return np.array([name not in NO_SOLUTION for name in self.outcome], dtype=bool)
+
+    @property
+    def monitors(self) -> list[str]:
+        """Names of the monitors, in the job's order."""
+        stored = list(self._file["/monitors"]) if self.has("/monitors") else []
+        try:
+            asked = [monitor["name"] for monitor in json.loads(self.attribute("job"))["output"]["monitors"]]
+        except (ValueError, KeyError, TypeError):
+            asked = []
+        return sorted(stored, key=lambda name: (asked.index(name) if name in asked else len(asked), name))
+
+    def monitor(self, name: str, quantity: str) -> np.ndarray:
+        """`amplitude`, `mean`, `low`, `high` [np] or `harmonics` [np, nk] of a monitor."""
+        if name not in self.monitors:
+            known = ", ".join(self.monitors) or "none"
+            raise InputError(Fault(self.path, "monitor", name, f"a monitor of this result ({known})"))
+        return self.array(f"/monitors/{name}/{quantity}")
+
+    def linear(self, kind: str, monitor: str) -> tuple[np.ndarray, np.ndarray] | None:
+        """Frequencies (Hz) and amplitudes at level 1 of a linear response, `stuck` or `frictionless`, if stored."""
+        path = f"/linear/{kind}"
+        if not (self.has(f"{path}/frequency_hz") and self.has(f"{path}/{monitor}")):
+            return None
+        return self.array(f"{path}/frequency_hz"), self.array(f"{path}/{monitor}")
+
+    def check_point(self, point: int) -> None:
+        """Raise unless `point` is one of the result's, counted from 0."""
+        if not 0 <= point < self.points:
+            raise InputError(Fault(self.path, "point", point, f"a number from 0 to {self.points - 1}"))
+
+
+def table(result: Result) -> str:
+    """CSV, one line a point.
+
+    `point, branch, frequency_hz, converged, outcome, stable, unique, period, iterations, estimate`, then four columns
+    a monitor. What was not examined is empty. A last column `level` if the result holds several.
+    """
+    columns: dict[str, Iterable[str]] = {
+        "point": map(str, range(result.points)),
+        "branch": _integers(result.array("/points/branch")),
+        "frequency_hz": _numbers(result.array("/points/frequency_hz")),
+        "converged": _booleans(result.converged),
+        "outcome": result.outcome,
+        "stable": _booleans(result.array("/points/stable")),
+        "unique": _booleans(result.array("/points/unique")),
+        "period": _integers(result.array("/points/period")),
+        "iterations": _integers(result.array("/points/iterations")),
+        "estimate": _numbers(result.array("/points/estimate")),
+    }
+    for name in result.monitors:
+        for quantity in ("amplitude", "mean", "low", "high"):
+            columns[f"{name}_{quantity}"] = _numbers(result.monitor(name, quantity))
+    return _csv(columns | _level_column(result, np.arange(result.points)))
+
+
+def contact_table(result: Result) -> str:
+    """CSV, one line a point and contact, contacts counted from 0; the columns `t2_...` if the file has them."""
+    real = ["n_mean", "n_min", "n_low", "n_high", "t1_mean", "t1_low", "t1_high"]
+    if result.has("/contacts/t2_mean"):
+        real += ["t2_mean", "t2_low", "t2_high"]
+    real += ["stick", "slip", "open", "dissipated_energy"]
+    nc = result.contacts
+    point = np.repeat(np.arange(result.points), nc)
+    columns: dict[str, Iterable[str]] = {
+        "point": map(str, point),
+        "frequency_hz": _numbers(result.array("/points/frequency_hz")[point]),
+        "contact": map(str, np.tile(np.arange(nc), result.points)),
+        "state": [],
+    }
+    if nc:
+        names = result.names("/contacts/state")
+        columns["state"] = (names[index] for index in result.array("/contacts/state").ravel())
+    for name in real:
+        columns[name] = _numbers(result.array(f"/contacts/{name}").ravel()) if nc else []
+    columns["unique"] = _booleans(result.array("/contacts/unique").ravel()) if nc else []
+    return _csv(columns | _level_column(result, point))
+
+
+def multiplier_table(result: Result) -> str:
+    """CSV, one line a multiplier: `point, frequency_hz, method, real, imag, kind`; no line if none was computed."""
+    header = ("method", "real", "imag", "kind")
+    point = result.array("/multipliers/point") if result.has("/multipliers/point") else np.empty(0, dtype=int)
+    columns: dict[str, Iterable[str]] = {
+        "point": map(str, point),
+        "frequency_hz": _numbers(result.array("/points/frequency_hz")[point]),
+    } | dict.fromkeys(header, ())
+    if len(point):
+        for name in ("method", "kind"):
+            names = result.names(f"/multipliers/{name}")
+            columns[name] = [names[index] for index in result.array(f"/multipliers/{name}")]
+        for name in ("real", "imag"):
+            columns[name] = _numbers(result.array(f"/multipliers/{name}"))
+    return _csv(columns | _level_column(result, point))
+
+
+def _level_column(result: Result, point: np.ndarray) -> dict[str, Iterable[str]]:
+    """The column `level`, if there is more than one."""
+    level = result.array("/points/level")
+    return {"level": _numbers(level[point])} if len(np.unique(level)) > 1 else {}
+
+
+def _csv(columns: dict[str, Iterable[str]]) -> str:
+    lines = [",".join(columns)]
+    lines.extend(",".join(row) for row in zip(*columns.values(), strict=True))
+    return "\n".join(lines) + "\n"
+
+
+def _numbers(values: np.ndarray) -> Iterator[str]:
+    """12 significant digits; NaN is empty; no minus zero."""
+    return ("" if value != value else f"{value + 0.0:.12g}" for value in np.asarray(values, dtype=float).tolist())
+
+
+def _integers(values: np.ndarray) -> Iterator[str]:
+    """Negative means not examined."""
+    return ("" if value < 0 else str(value) for value in values.tolist())
+
+
+def _booleans(values: np.ndarray) -> Iterator[str]:
+    """1 true, 0 false, -1 not examined."""
+    return ({1: "true", 0: "false"}.get(value, "") for value in np.asarray(values, dtype=int).tolist())
+
+
+def _text(value: object) -> str:
+    """Text of an HDF5 attribute, whether Python or Fortran wrote it."""
+    if isinstance(value, np.ndarray) and value.size == 1:
+        value = value.reshape(-1)[0]
+    return (value.decode() if isinstance(value, bytes) else str(value)).rstrip("\0 ")

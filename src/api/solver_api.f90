@@ -1,0 +1,331 @@
+!> C interface of the solver: an opaque handle, a status (0 done, 1 the numerics, 2 the input) and a message.
+!>
+!> Arrays are C's: the last index runs fastest, so a Fortran array here has its dimensions the other way round.
+module attrito_api_solver
+  use, intrinsic :: iso_c_binding
+  use attrito_core_communicator, only: new_communicator, communicator_type
+  use attrito_core_errors, only: error_type
+  use attrito_core_kinds, only: wp, two_pi
+  use attrito_core_trigonometric, only: extrema
+  use attrito_model_contacts, only: contact_type, contacts_type, new_contacts
+  use attrito_model_structure, only: structure_type
+  use attrito_contact_fourier, only: fourier_type, new_fourier
+  use attrito_contact_quadrature_sampled, only: contact_samples_type, sample_contact
+  use attrito_balance_receptance, only: receptance_type, to_complex, to_real
+  use attrito_balance_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
+  use attrito_continuation_arc_length, only: sweep_type, new_sweep
+  use attrito_continuation_cascade, only: solve_by_cascade
+  use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
+  use attrito_continuation_static_path, only: walk_static_path
+  use attrito_output_point_report, only: point_report_type, report_point
+  use attrito_output_result_file, only: result_file_type, open_result, write_point, close_result
+  use attrito_api_message, only: tell, text_of
+  implicit none
+  private
+
+  type :: session_type
+    type(communicator_type) :: ranks
+    type(structure_type) :: structure
+    type(contacts_type) :: contacts
+    type(solver_type) :: solver
+    type(sweep_type) :: sweep
+    type(point_report_type) :: point
+    type(result_file_type) :: result
+  end type session_type
+
+  type, bind(c) :: options_type
+    integer(c_int) :: harmonics, samples, passes, rounds, max_iterations, reset_slider, uncoupled
+    real(c_double) :: tolerance
+  end type options_type
+
+  type, bind(c) :: contact_law_type
+    integer(c_int) :: tangents
+    real(c_double) :: tangential_stiffness, normal_stiffness, friction_coefficient, gap, preload
+  end type contact_law_type
+
+  type, bind(c) :: point_type
+    integer(c_int) :: branch, iterations, outcome, unique, finished, reached_stop
+    integer(c_int) :: states(4)
+    real(c_double) :: frequency_hz, level, residual, estimate
+  end type point_type
+
+contains
+
+  !> A session on a structure of m coordinates.
+  function attrito_create(comm, m, mass, stiffness, damping_kind, damping_value, damping) result(handle) bind(c)
+    integer(c_int), value :: comm, m, damping_kind
+    real(c_double), intent(in) :: mass(m, m), stiffness(m, m)
+    real(c_double), value :: damping_value
+    !> [m, m], or null unless the damping is viscous
+    type(c_ptr), value :: damping
+    type(c_ptr) :: handle
+    type(session_type), pointer :: session
+    real(c_double), pointer :: matrix(:, :)
+
+    allocate (session)
+    session%ranks = new_communicator(comm)
+    session%structure%mass = mass
+    session%structure%stiffness = stiffness
+    session%structure%damping_kind = damping_kind
+    session%structure%damping_value = damping_value
+    if (c_associated(damping)) then
+      call c_f_pointer(damping, matrix, [m, m])
+      session%structure%damping = matrix
+    end if
+    handle = c_loc(session)
+  end function attrito_create
+
+  !> Loads and monitors: static loads [static_count, m], harmonic load [coefficients, m], monitors [monitor_count, m].
+  subroutine attrito_set_loads(handle, static_count, static_loads, coefficients, harmonic_load, monitor_count, monitors) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: static_count, coefficients, monitor_count
+    real(c_double), intent(in) :: static_loads(*), harmonic_load(*), monitors(*)
+    type(session_type), pointer :: session
+    integer :: m
+
+    session => session_of(handle)
+    m = size(session%structure%mass, 1)
+    session%structure%static_loads = reshape(static_loads(:m*static_count), [m, static_count])
+    session%structure%harmonic_load = reshape(harmonic_load(:m*coefficients), [m, coefficients])
+    session%structure%monitors = reshape(monitors(:m*monitor_count), [m, monitor_count])
+  end subroutine attrito_set_loads
+
+  !> Contacts and their rows of B [rows, m], each contact's tangents before its normal.
+  subroutine attrito_set_contacts(handle, count, laws, rows, directions) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: count, rows
+    type(contact_law_type), intent(in) :: laws(count)
+    real(c_double), intent(in) :: directions(*)
+    type(session_type), pointer :: session
+    integer :: m, i
+
+    session => session_of(handle)
+    m = size(session%structure%mass, 1)
+    session%contacts = new_contacts([(law_of(laws(i)), i=1, count)], reshape(directions(:m*rows), [m, rows]))
+  end subroutine attrito_set_contacts
+
+  !> Make the session ready to solve.
+  integer(c_int) function attrito_prepare(handle, options, message, length) bind(c)
+    type(c_ptr), value :: handle
+    type(options_type), intent(in) :: options
+    integer(c_int), value :: length
+    character(kind=c_char), intent(out) :: message(length)
+    type(session_type), pointer :: session
+    type(error_type), allocatable :: error
+
+    session => session_of(handle)
+    call new_solver(session%structure, session%contacts, session%ranks, solver_options_type( &
+                    harmonics=options%harmonics, samples=options%samples, passes=options%passes, rounds=options%rounds, &
+                    max_iterations=options%max_iterations, reset_slider=options%reset_slider /= 0, &
+                    uncoupled=options%uncoupled /= 0, tolerance=options%tolerance), session%solver, error)
+    attrito_prepare = tell(error, message)
+  end function attrito_prepare
+
+  !> Walk the static load path [corners, static loads], standing at an angular frequency.
+  integer(c_int) function attrito_walk_static_path(handle, loads, corners, path, steps, omega, message, length) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: loads, corners, steps, length
+    real(c_double), intent(in) :: path(loads, corners)
+    real(c_double), value :: omega
+    character(kind=c_char), intent(out) :: message(length)
+    type(session_type), pointer :: session
+    type(error_type), allocatable :: error
+
+    session => session_of(handle)
+    call walk_static_path(session%solver, path, steps, omega, error)
+    call report_point(session%solver, 0, session%point)
+    attrito_walk_static_path = tell(error, message)
+  end function attrito_walk_static_path
+
+  !> Begin a sweep of the harmonic loads at a level between two angular frequencies.
+  subroutine attrito_begin_sweep(handle, start, stop, level, branch, max_points) bind(c)
+    type(c_ptr), value :: handle
+    real(c_double), value :: start, stop, level
+    integer(c_int), value :: branch, max_points
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    call session%solver%set_loads(session%solver%context%balance%static_factors, level)
+    session%sweep = new_sweep(session%solver, start, stop, branch, max_points)
+  end subroutine attrito_begin_sweep
+
+  !> The next point of the sweep.
+  subroutine attrito_next_point(handle, point) bind(c)
+    type(c_ptr), value :: handle
+    type(point_type), intent(out) :: point
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    call session%sweep%advance(session%solver)
+    call report_point(session%solver, session%sweep%branch, session%point)
+    point = point_of(session%point)
+    point%finished = merge(1, 0, session%sweep%finished)
+    point%reached_stop = merge(1, 0, session%sweep%reached_stop)
+  end subroutine attrito_next_point
+
+  !> A point at an angular frequency.
+  subroutine attrito_solve_at(handle, omega, branch, point) bind(c)
+    type(c_ptr), value :: handle
+    real(c_double), value :: omega
+    integer(c_int), value :: branch
+    type(point_type), intent(out) :: point
+    type(session_type), pointer :: session
+    real(wp) :: before
+
+    session => session_of(handle)
+    before = session%solver%omega
+    call solve_by_cascade(session%solver, omega)
+    session%solver%omega = omega
+    call report_point(session%solver, branch, session%point)
+    if (.not. session%solver%report%converged) session%solver%omega = before
+    point = point_of(session%point)
+  end subroutine attrito_solve_at
+
+  !> Coefficients of the monitors [monitors, 2 H + 1] and their amplitudes at the last point.
+  subroutine attrito_monitors(handle, harmonics, amplitude) bind(c)
+    type(c_ptr), value :: handle
+    real(c_double), intent(out) :: harmonics(*), amplitude(*)
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    harmonics(:size(session%point%harmonics)) = reshape(session%point%harmonics, [size(session%point%harmonics)])
+    amplitude(:size(session%point%amplitude)) = session%point%amplitude
+  end subroutine attrito_monitors
+
+  !> Linear response of the monitors, with contacts stuck or closed without friction: amplitudes [monitors, count] at level 1, and
+  !> the lowest natural frequencies [frequencies] in Hz of that system.
+  integer(c_int) function attrito_linear_response(handle, stuck, count, omega, amplitude, frequencies, natural_hz, message, length) &
+    bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: stuck, count, frequencies, length
+    real(c_double), intent(in) :: omega(count)
+    real(c_double), intent(out) :: amplitude(count, *), natural_hz(frequencies)
+    character(kind=c_char), intent(out) :: message(length)
+    type(session_type), pointer :: session
+    type(stuck_system_type) :: system
+    class(receptance_type), allocatable :: receptance
+    type(error_type), allocatable :: error
+    complex(wp), allocatable :: load(:, :), response(:, :)
+    real(wp), allocatable :: coefficients(:, :)
+    real(wp) :: range(2)
+    integer :: i, monitor, harmonics, n, status
+
+    session => session_of(handle)
+    call new_stuck_system(session%structure, session%contacts, stuck /= 0, system, error)
+    attrito_linear_response = tell(error, message)
+    if (allocated(error)) return
+    n = min(frequencies, size(system%eigenvalues))
+    natural_hz = 0.0_wp
+    natural_hz(:n) = sqrt(system%eigenvalues(:n))/two_pi
+    harmonics = (size(session%structure%harmonic_load, 2) - 1)/2
+    call new_receptance(session%structure, session%contacts, system, harmonics, receptance)
+    load = to_complex(matmul(transpose(session%structure%harmonic_load), receptance%basis))
+    allocate (response, mold=load)
+    do i = 1, count
+      call receptance%set_frequency(omega(i), status)
+      call receptance%respond(load, response)
+      coefficients = matmul(to_real(response), matmul(transpose(receptance%basis), session%structure%monitors))
+      coefficients(1, :) = 0.0_wp
+      do monitor = 1, size(coefficients, 2)
+        range = extrema(coefficients(:, monitor))
+        amplitude(i, monitor) = 0.5_wp*(range(2) - range(1))
+      end do
+    end do
+  end function attrito_linear_response
+
+  !> Open the series of a result file whose root is written; names of monitors, one a line.
+  integer(c_int) function attrito_open_result(handle, path, monitors, message, length) bind(c)
+    type(c_ptr), value :: handle
+    character(kind=c_char), intent(in) :: path(*), monitors(*)
+    integer(c_int), value :: length
+    character(kind=c_char), intent(out) :: message(length)
+    type(session_type), pointer :: session
+    type(error_type), allocatable :: error
+
+    session => session_of(handle)
+    call open_result(session%solver, session%ranks%handle, text_of(path), size(session%contacts%law), &
+                     lines_of(text_of(monitors), size(session%structure%monitors, 2)), session%result, error)
+    attrito_open_result = tell(error, message)
+  end function attrito_open_result
+
+  !> Append the last point to the result file.
+  integer(c_int) function attrito_write_point(handle, message, length) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: length
+    character(kind=c_char), intent(out) :: message(length)
+    type(session_type), pointer :: session
+    type(error_type), allocatable :: error
+
+    session => session_of(handle)
+    call write_point(session%solver, session%point, session%result, error)
+    attrito_write_point = tell(error, message)
+  end function attrito_write_point
+
+  !> Give everything back.
+  subroutine attrito_destroy(handle) bind(c)
+    type(c_ptr), value :: handle
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    call close_result(session%result)
+    call session%solver%destroy()
+    deallocate (session)
+  end subroutine attrito_destroy
+
+  !> Displacement and force [tangents + 1, samples] of one contact over a period, for its coefficients [tangents + 1, coefficients].
+  subroutine attrito_sample_contact(law, coefficients, samples, motion, slider, passes, displacement, force) bind(c)
+    type(contact_law_type), intent(in) :: law
+    integer(c_int), value :: coefficients, samples, passes
+    real(c_double), intent(in) :: motion(coefficients, law%tangents + 1), slider(2)
+    real(c_double), intent(out) :: displacement(samples, law%tangents + 1), force(samples, law%tangents + 1)
+    type(fourier_type) :: fourier
+    type(contact_samples_type) :: period
+
+    fourier = new_fourier((coefficients - 1)/2, samples)
+    call sample_contact(law_of(law), fourier, motion, slider, passes, period)
+    displacement = period%displacement
+    force = period%force
+    call fourier%destroy()
+  end subroutine attrito_sample_contact
+
+  function session_of(handle) result(session)
+    type(c_ptr), intent(in) :: handle
+    type(session_type), pointer :: session
+
+    call c_f_pointer(handle, session)
+  end function session_of
+
+  pure function law_of(law) result(contact)
+    type(contact_law_type), intent(in) :: law
+    type(contact_type) :: contact
+
+    contact%tangents = law%tangents
+    contact%tangential_stiffness = law%tangential_stiffness
+    contact%normal_stiffness = law%normal_stiffness
+    contact%friction_coefficient = law%friction_coefficient
+    contact%gap = law%gap
+    contact%preload = law%preload
+  end function law_of
+
+  pure function point_of(report) result(point)
+    type(point_report_type), intent(in) :: report
+    type(point_type) :: point
+
+    point = point_type(report%branch, report%iterations, report%outcome, report%unique, 0, 0, report%states, &
+                       report%frequency_hz, report%level, report%residual, report%estimate)
+  end function point_of
+
+  pure function lines_of(text, count) result(lines)
+    character(*), intent(in) :: text
+    integer, intent(in) :: count
+    character(64) :: lines(count)
+    integer :: i, first, next
+
+    first = 1
+    do i = 1, count
+      next = index(text(first:)//new_line('a'), new_line('a')) + first - 1
+      lines(i) = text(first:next - 1)
+      first = next + 1
+    end do
+  end function lines_of
+end module attrito_api_solver

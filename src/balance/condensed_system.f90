@@ -1,0 +1,233 @@
+!> One linearised step of the condensed balance, exact, on the active rows only.
+!>
+!> $$ (I + R D) \delta d + b \, \delta\omega = \rho, \qquad p^T \delta d + q \, \delta\omega = \sigma $$
+!>
+!> with D = dg/dd block-diagonal over contacts and zero for every contact that stays stuck. With y = D delta d restricted to the
+!> rows A where D is not zero, this is a small dense system
+!>
+!>   [ I + (D R)_AA     (D b)_A ] [ y            ]   [ (D rho)_A         ]
+!>   [ -p^T R_A         q - p^T b ] [ delta omega ] = [ sigma - p^T rho  ]
+!>
+!> and delta d = rho - R y - b delta omega. A stuck contact costs nothing, one that slips without opening its tangents only; the
+!> bordered form is regular at simple folds.
+module attrito_balance_condensed_system
+  use attrito_core_kinds, only: wp
+  use attrito_core_lapack, only: solve_dense
+  use attrito_balance_harmonic_balance, only: balance_type
+  implicit none
+  private
+  public :: constraint_type, solve_linearised, inner_product
+
+  !> The scalar equation that picks the point on the branch: p . d + q omega = value
+  type :: constraint_type
+    !> p of this rank's rows [2 H + 1, rows]
+    real(wp), allocatable :: motion(:, :)
+    real(wp) :: frequency = 1.0_wp, value = 0.0_wp
+  end type constraint_type
+
+  !> An active entry of D's rows
+  type :: entry_type
+    !> Row of B among all ranks', coefficient in it
+    integer :: row = 0, coefficient = 0
+  end type entry_type
+
+contains
+
+  !> Solve for the step; the balance holds the Jacobian of its last evaluation.
+  subroutine solve_linearised(balance, constraint, rho, sigma, step, step_omega, status)
+    type(balance_type), intent(in) :: balance
+    type(constraint_type), intent(in) :: constraint
+    !> Right-hand side of the balance [2 H + 1, rows] and of the constraint
+    real(wp), intent(in) :: rho(:, :), sigma
+    !> Step of the motion [2 H + 1, rows] and of omega
+    real(wp), intent(out) :: step(:, :), step_omega
+    !> 0, or not: singular
+    integer, intent(out) :: status
+    type(entry_type), allocatable :: mine(:), all(:)
+    real(wp), allocatable :: transposed_rows(:, :), everyone(:, :), system(:, :), solution(:, :), border(:), y(:, :)
+    complex(wp), allocatable :: response(:, :)
+    integer :: n
+
+    call list_active(balance, mine, all)
+    n = size(all)
+    call assemble_rows(balance, mine, all, rho, transposed_rows)
+    call balance%ranks%gather_columns(transposed_rows, everyone)
+    call border_row(balance, constraint, mine, rho, sigma, border)
+    allocate (solution(n + 1, 1), source=0.0_wp)
+    status = 0
+    if (balance%ranks%is_root()) then
+      allocate (system(n + 1, n + 1))
+      system(:n, :) = transpose(everyone(:n + 1, :))
+      solution(:n, 1) = everyone(n + 2, :)
+      system(n + 1, :) = border(:n + 1)
+      solution(n + 1, 1) = border(n + 2)
+      call solve_dense(system, solution, status)
+    end if
+    call balance%ranks%broadcast_integer(status)
+    if (status /= 0) return
+    call balance%ranks%broadcast(solution(:, 1))
+    allocate (y, mold=rho)
+    y = 0.0_wp
+    call scatter(balance, all, solution(:n, 1), y)
+    allocate (response, mold=balance%response)
+    call balance%respond_to_deviation(y, response)
+    step_omega = solution(n + 1, 1)
+    step = rho + balance%recover(response) - balance%residual_omega*step_omega
+  end subroutine solve_linearised
+
+  !> Sum over ranks of the products of two fields on contact rows.
+  real(wp) function inner_product(balance, a, b)
+    type(balance_type), intent(in) :: balance
+    real(wp), intent(in) :: a(:, :), b(:, :)
+
+    inner_product = sum(a*b)
+    call balance%ranks%sum(inner_product)
+  end function inner_product
+
+  !> Active rows of this rank and of all, in the order of ranks.
+  subroutine list_active(balance, mine, all)
+    type(balance_type), intent(in) :: balance
+    type(entry_type), allocatable, intent(out) :: mine(:), all(:)
+    integer, allocatable :: packed(:), unpacked(:)
+    integer :: contact, i, k
+
+    k = balance%coefficients()
+    packed = [integer ::]
+    do contact = 1, size(balance%law)
+      associate (active => balance%forces(contact)%active, law => balance%law(contact))
+        packed = [packed, pack([((balance%first_row + law%first_row - 2)*k + i, i=1, size(active))], active)]
+      end associate
+    end do
+    call balance%ranks%gather_integers(packed, unpacked)
+    mine = [(entry_type((packed(i) - 1)/k + 1, modulo(packed(i) - 1, k) + 1), i=1, size(packed))]
+    all = [(entry_type((unpacked(i) - 1)/k + 1, modulo(unpacked(i) - 1, k) + 1), i=1, size(unpacked))]
+  end subroutine list_active
+
+  !> This rank's rows of the dense system, as columns: [n + 2, mine], the last two being (D b) and (D rho).
+  subroutine assemble_rows(balance, mine, all, rho, transposed_rows)
+    type(balance_type), intent(in) :: balance
+    type(entry_type), intent(in) :: mine(:), all(:)
+    real(wp), intent(in) :: rho(:, :)
+    real(wp), allocatable, intent(out) :: transposed_rows(:, :)
+    real(wp), allocatable :: receptance(:, :), rows(:, :)
+    integer, allocatable :: kept(:)
+    integer :: contact, column, i, k, n, top, bottom, offset
+
+    n = size(all)
+    k = balance%coefficients()
+    allocate (transposed_rows(n + 2, size(mine)))
+    column = 0
+    offset = offset_of_rank(mine, all)
+    do contact = 1, size(balance%law)
+      associate (forces => balance%forces(contact), law => balance%law(contact))
+        if (.not. any(forces%active)) cycle
+        top = law%first_row
+        bottom = top + law%tangents
+        kept = pack([(i, i=1, size(forces%active))], forces%active)
+        call receptance_to(balance, [(balance%first_row + i - 1, i=top, bottom)], all, receptance)
+        receptance(:, n + 1) = reshape(balance%residual_omega(:, top:bottom), [k*(bottom - top + 1)])
+        receptance(:, n + 2) = reshape(rho(:, top:bottom), [k*(bottom - top + 1)])
+        rows = matmul(forces%jacobian(kept, :), receptance)
+        do i = 1, size(kept)
+          rows(i, offset + column + i) = rows(i, offset + column + i) + 1.0_wp
+        end do
+        transposed_rows(:, column + 1:column + size(kept)) = transpose(rows)
+        column = column + size(kept)
+      end associate
+    end do
+  end subroutine assemble_rows
+
+  !> Where this rank's active entries begin among all.
+  pure integer function offset_of_rank(mine, all)
+    type(entry_type), intent(in) :: mine(:), all(:)
+
+    offset_of_rank = 0
+    if (size(mine) == 0) return
+    do offset_of_rank = 0, size(all) - 1
+      associate (entry => all(offset_of_rank + 1))
+        if (entry%row == mine(1)%row .and. entry%coefficient == mine(1)%coefficient) return
+      end associate
+    end do
+  end function offset_of_rank
+
+  !> Real receptance from the active entries to all coefficients of some rows [k rows, n + 2]; the last two columns are free.
+  subroutine receptance_to(balance, rows, all, receptance)
+    type(balance_type), intent(in) :: balance
+    integer, intent(in) :: rows(:)
+    type(entry_type), intent(in) :: all(:)
+    real(wp), allocatable, intent(out) :: receptance(:, :)
+    complex(wp), allocatable :: block(:, :)
+    integer, allocatable :: columns(:)
+    integer :: h, i, k, row
+
+    k = balance%coefficients()
+    allocate (receptance(k*size(rows), size(all) + 2), source=0.0_wp)
+    do h = 0, balance%receptance%harmonics
+      if (h == 0 .and. allocated(balance%frozen_mean)) cycle
+      columns = pack([(i, i=1, size(all))], all%coefficient/2 == h)
+      allocate (block(size(rows), size(columns)))
+      call balance%receptance%block_between(h, rows, all(columns)%row, block)
+      do row = 1, size(rows)
+        associate (mean_or_cosine => (row - 1)*k + max(2*h, 1), sine => (row - 1)*k + 2*h + 1)
+          do i = 1, size(columns)
+            if (modulo(all(columns(i))%coefficient, 2) == 0 .or. h == 0) then
+              receptance(mean_or_cosine, columns(i)) = real(block(row, i), wp)
+              if (h > 0) receptance(sine, columns(i)) = -aimag(block(row, i))
+            else
+              receptance(mean_or_cosine, columns(i)) = aimag(block(row, i))
+              receptance(sine, columns(i)) = real(block(row, i), wp)
+            end if
+          end do
+        end associate
+      end do
+      deallocate (block)
+    end do
+  end subroutine receptance_to
+
+  !> Last row of the dense system and its right-hand side, at the root [n + 2].
+  subroutine border_row(balance, constraint, mine, rho, sigma, border)
+    type(balance_type), intent(in) :: balance
+    type(constraint_type), intent(in) :: constraint
+    type(entry_type), intent(in) :: mine(:)
+    real(wp), intent(in) :: rho(:, :), sigma
+    real(wp), allocatable, intent(out) :: border(:)
+    real(wp), allocatable :: mirrored(:, :), values(:, :), everyone(:, :)
+    complex(wp), allocatable :: response(:, :)
+    real(wp) :: p_b, p_rho
+    integer :: i
+
+    p_b = inner_product(balance, constraint%motion, balance%residual_omega)
+    p_rho = inner_product(balance, constraint%motion, rho)
+    ! R^T p = mirror R mirror p, where mirror changes the sign of sines: receptances are complex symmetric.
+    mirrored = mirror(constraint%motion)
+    allocate (response, mold=balance%response)
+    call balance%respond_to_deviation(mirrored, response)
+    mirrored = mirror(balance%recover(response))
+    values = reshape([(mirrored(mine(i)%coefficient, mine(i)%row - balance%first_row + 1), i=1, size(mine))], [1, size(mine)])
+    call balance%ranks%gather_columns(values, everyone)
+    border = [everyone, constraint%frequency - p_b, sigma - p_rho]
+  end subroutine border_row
+
+  !> Change the sign of sines.
+  pure function mirror(field) result(mirrored)
+    real(wp), intent(in) :: field(:, :)
+    real(wp) :: mirrored(size(field, 1), size(field, 2))
+
+    mirrored = field
+    mirrored(3::2, :) = -field(3::2, :)
+  end function mirror
+
+  !> Put the solution of all active entries into the field of this rank's rows.
+  pure subroutine scatter(balance, all, solution, field)
+    type(balance_type), intent(in) :: balance
+    type(entry_type), intent(in) :: all(:)
+    real(wp), intent(in) :: solution(:)
+    real(wp), intent(inout) :: field(:, :)
+    integer :: i, row
+
+    do i = 1, size(all)
+      row = all(i)%row - balance%first_row + 1
+      if (row >= 1 .and. row <= size(field, 2)) field(all(i)%coefficient, row) = solution(i)
+    end do
+  end subroutine scatter
+end module attrito_balance_condensed_system

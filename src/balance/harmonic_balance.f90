@@ -1,0 +1,208 @@
+!> Coupled static and dynamic multi-harmonic balance, condensed onto the contacts with the stuck system as reference.
+!>
+!> $$ r_h(d, \omega) = d_h - B \tilde Z_h^{-1} (f_h - B^T g_h(d)) = 0, \qquad h = 0 \ldots H $$
+!>
+!> d = B q are the relative displacements, lambda = K_c d + g(d) the contact forces. Harmonics 0 ... H are solved together
+!> (coupled), or the mean of q is frozen at the static solution (uncoupled). Each rank holds the rows of its own contacts; what
+!> crosses ranks is one block of generalised forces.
+!> Source: Zucca & Firrone 2014, eqs. (9)-(10), doi:10.1016/j.jsv.2013.09.032.
+module attrito_balance_harmonic_balance
+  use attrito_core_communicator, only: communicator_type
+  use attrito_core_kinds, only: wp
+  use attrito_model_contacts, only: contact_type, contacts_type
+  use attrito_model_structure, only: structure_type
+  use attrito_contact_fourier, only: fourier_type, new_fourier
+  use attrito_contact_quadrature_sampled, only: contact_forces_type, evaluate_contact
+  use attrito_balance_receptance, only: receptance_type, to_complex, to_real
+  implicit none
+  private
+  public :: balance_type, new_balance
+
+  type :: balance_type
+    type(communicator_type) :: ranks
+    type(fourier_type) :: fourier
+    class(receptance_type), allocatable :: receptance
+    !> Laws of this rank's contacts; the first of them and its first row among all
+    type(contact_type), allocatable :: law(:)
+    integer :: first_contact = 1, first_row = 1
+    !> This rank's rows of B in generalised coordinates, in columns [n, rows]
+    real(wp), allocatable :: directions(:, :)
+    !> Loads in generalised coordinates: static ones [n, loads], harmonic ones at level 1 [n, 0:H]
+    real(wp), allocatable :: static_loads(:, :)
+    complex(wp), allocatable :: harmonic_load(:, :)
+    !> Factors on them
+    real(wp), allocatable :: static_factors(:)
+    real(wp) :: level = 1.0_wp
+    !> Marches over the period for contacts with two tangents
+    integer :: passes = 3
+    !> Sliders at the start of the march [2, contacts]
+    real(wp), allocatable :: slider(:, :)
+    !> Uncoupled: mean of the generalised coordinates [n]
+    complex(wp), allocatable :: frozen_mean(:)
+    !> Of the last evaluation: contacts' forces, residual and its derivative by omega [2 H + 1, rows], response [n, 0:H]
+    type(contact_forces_type), allocatable :: forces(:)
+    real(wp), allocatable :: residual(:, :), residual_omega(:, :)
+    complex(wp), allocatable :: response(:, :)
+  contains
+    procedure :: rows
+    procedure :: coefficients
+    procedure :: evaluate
+    procedure :: respond_to_deviation
+    procedure :: recover
+    procedure :: linear_motion
+    procedure :: keep_slider
+    procedure :: destroy
+  end type balance_type
+
+contains
+
+  !> Spread the contacts over ranks and make room.
+  subroutine new_balance(structure, contacts, receptance, ranks, samples, passes, self)
+    type(structure_type), intent(in) :: structure
+    type(contacts_type), intent(in) :: contacts
+    !> Moved into the balance
+    class(receptance_type), allocatable, intent(inout) :: receptance
+    type(communicator_type), intent(in) :: ranks
+    !> Samples a period; marches for two tangents
+    integer, intent(in) :: samples, passes
+    type(balance_type), intent(out) :: self
+    integer :: last, last_row, i, extended, n
+
+    call move_alloc(receptance, self%receptance)
+    self%ranks = ranks
+    self%passes = passes
+    self%fourier = new_fourier(self%receptance%harmonics, samples)
+    call ranks%share(size(contacts%law), self%first_contact, last)
+    self%law = contacts%law(self%first_contact:last)
+    self%first_row = 1
+    if (self%first_contact > 1) then
+      associate (before => contacts%law(self%first_contact - 1))
+        self%first_row = before%first_row + before%tangents + 1
+      end associate
+    end if
+    last_row = self%first_row - 1 + sum([(self%law(i)%tangents + 1, i=1, size(self%law))])
+    do i = 1, size(self%law)
+      self%law(i)%first_row = self%law(i)%first_row - self%first_row + 1
+    end do
+    self%directions = self%receptance%directions(:, self%first_row:last_row)
+    n = size(self%receptance%basis, 2)
+    self%static_loads = matmul(transpose(self%receptance%basis), structure%static_loads)
+    allocate (self%static_factors(size(structure%static_loads, 2)), source=1.0_wp)
+    allocate (self%harmonic_load(n, 0:self%receptance%harmonics), source=(0.0_wp, 0.0_wp))
+    i = min(size(structure%harmonic_load, 2), self%coefficients())
+    self%harmonic_load(:, 0:i/2) = to_complex(matmul(transpose(structure%harmonic_load(:, :i)), self%receptance%basis))
+    allocate (self%slider(2, size(self%law)), source=0.0_wp)
+    allocate (self%forces(size(self%law)))
+    extended = min(3*self%receptance%harmonics, (samples - 1)/2)
+    do i = 1, size(self%law)
+      allocate (self%forces(i)%deviation(2*extended + 1, self%law(i)%tangents + 1))
+    end do
+    allocate (self%residual(self%coefficients(), self%rows()), self%residual_omega(self%coefficients(), self%rows()))
+    allocate (self%response(n, 0:self%receptance%harmonics))
+  end subroutine new_balance
+
+  !> Rows of B on this rank.
+  pure integer function rows(self)
+    class(balance_type), intent(in) :: self
+
+    rows = size(self%directions, 2)
+  end function rows
+
+  !> Coefficients a row, 2 H + 1.
+  pure integer function coefficients(self)
+    class(balance_type), intent(in) :: self
+
+    coefficients = 2*self%receptance%harmonics + 1
+  end function coefficients
+
+  !> Contact forces, their Jacobian, residual and its derivative by omega at a motion of the contacts.
+  subroutine evaluate(self, motion, omega, status)
+    class(balance_type), intent(inout) :: self
+    !> Relative displacements [2 H + 1, rows]
+    real(wp), intent(in) :: motion(:, :)
+    !> Angular frequency
+    real(wp), intent(in) :: omega
+    !> 0, or not: it cannot be evaluated here
+    integer, intent(out) :: status
+    complex(wp), allocatable :: derivative(:, :)
+    integer :: i, k
+
+    k = self%coefficients()
+    call self%receptance%set_frequency(omega, status)
+    if (status /= 0) return
+    allocate (derivative, mold=self%response)
+    do i = 1, size(self%law)
+      associate (law => self%law(i))
+        call evaluate_contact(law, self%fourier, motion(:, law%first_row:law%first_row + law%tangents), self%slider(:, i), &
+                              self%passes, self%forces(i))
+        self%residual(:, law%first_row:law%first_row + law%tangents) = self%forces(i)%deviation(:k, :)
+      end associate
+    end do
+    call self%respond_to_deviation(self%residual, self%response)
+    self%response = self%response + linear_response(self)
+    if (allocated(self%frozen_mean)) self%response(:, 0) = self%frozen_mean
+    call self%receptance%respond_derivative(self%response, derivative)
+    self%residual = motion - self%recover(self%response)
+    self%residual_omega = -self%recover(derivative)
+  end subroutine evaluate
+
+  !> Response to the loads alone, every contact stuck at zero slider [n, 0:H].
+  function linear_response(self) result(response)
+    class(balance_type), intent(in) :: self
+    complex(wp), allocatable :: response(:, :)
+    complex(wp), allocatable :: load(:, :)
+
+    load = self%level*self%harmonic_load
+    load(:, lbound(load, 2)) = load(:, lbound(load, 2)) + matmul(self%static_loads, self%static_factors)
+    allocate (response, mold=self%response)
+    call self%receptance%respond(load, response)
+  end function linear_response
+
+  !> Response -Z~^-1 B^T g to a deviation on every rank [n, 0:H]; the mean does not respond where it is frozen.
+  subroutine respond_to_deviation(self, deviation, response)
+    class(balance_type), intent(in) :: self
+    !> g of this rank's rows [2 H + 1, rows]
+    real(wp), intent(in) :: deviation(:, :)
+    complex(wp), intent(out) :: response(:, 0:)
+    real(wp), allocatable :: generalised(:, :)
+
+    generalised = -matmul(deviation, transpose(self%directions))
+    call self%ranks%sum(generalised)
+    call self%receptance%respond(to_complex(generalised), response)
+    if (allocated(self%frozen_mean)) response(:, 0) = 0.0_wp
+  end subroutine respond_to_deviation
+
+  !> Relative displacements of this rank's rows [2 H + 1, rows] from a response [n, 0:H].
+  pure function recover(self, response) result(motion)
+    class(balance_type), intent(in) :: self
+    complex(wp), intent(in) :: response(:, 0:)
+    real(wp) :: motion(2*ubound(response, 2) + 1, size(self%directions, 2))
+
+    motion = matmul(to_real(response), self%directions)
+  end function recover
+
+  !> Relative displacements of this rank's rows with every contact stuck, at the frequency last set [2 H + 1, rows].
+  function linear_motion(self) result(motion)
+    class(balance_type), intent(in) :: self
+    real(wp), allocatable :: motion(:, :)
+
+    motion = self%recover(linear_response(self))
+  end function linear_motion
+
+  !> Let the sliders of the last evaluation be the start of the next march.
+  pure subroutine keep_slider(self)
+    class(balance_type), intent(inout) :: self
+    integer :: i
+
+    do i = 1, size(self%law)
+      self%slider(:, i) = self%forces(i)%slider
+    end do
+  end subroutine keep_slider
+
+  !> Give the transforms back.
+  subroutine destroy(self)
+    class(balance_type), intent(inout) :: self
+
+    call self%fourier%destroy()
+  end subroutine destroy
+end module attrito_balance_harmonic_balance

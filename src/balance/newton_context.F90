@@ -1,0 +1,64 @@
+#include <petsc/finclude/petscksp.h>
+!> What PETSc's callbacks of the Newton solver see, and the interfaces that hand it through.
+module attrito_balance_newton_context
+  use petscksp
+  use attrito_core_kinds, only: wp
+  use attrito_balance_condensed_system, only: constraint_type
+  use attrito_balance_harmonic_balance, only: balance_type
+  implicit none
+  private
+  public :: newton_context_type, MatCreateShell, MatShellGetContext, PCShellSetContext, PCShellGetContext
+
+  type :: newton_context_type
+    type(balance_type) :: balance
+    !> The equation that picks the point
+    type(constraint_type) :: constraint
+    !> Length and angular frequency that make unknowns and residual of order one
+    real(wp) :: motion_scale = 1.0_wp, frequency_scale = 1.0_wp
+    !> Norm of the scaled residual that counts as converged
+    real(wp) :: tolerance = 1.0e-10_wp
+    !> Where the balance was last evaluated
+    real(wp), allocatable :: evaluated_motion(:, :)
+    real(wp) :: evaluated_omega = -1.0_wp
+  contains
+    procedure :: forget
+  end type newton_context_type
+
+  interface
+    subroutine MatCreateShell(comm, local_rows, local_columns, rows, columns, context, matrix, ierr)
+      import :: newton_context_type, tMat
+      integer :: comm
+      PetscInt :: local_rows, local_columns, rows, columns
+      type(newton_context_type) :: context
+      type(tMat) :: matrix
+      PetscErrorCode :: ierr
+    end subroutine MatCreateShell
+    subroutine MatShellGetContext(matrix, context, ierr)
+      import :: newton_context_type, tMat
+      type(tMat) :: matrix
+      type(newton_context_type), pointer :: context
+      PetscErrorCode :: ierr
+    end subroutine MatShellGetContext
+    subroutine PCShellSetContext(pc, context, ierr)
+      import :: newton_context_type, tPC
+      type(tPC) :: pc
+      type(newton_context_type) :: context
+      PetscErrorCode :: ierr
+    end subroutine PCShellSetContext
+    subroutine PCShellGetContext(pc, context, ierr)
+      import :: newton_context_type, tPC
+      type(tPC) :: pc
+      type(newton_context_type), pointer :: context
+      PetscErrorCode :: ierr
+    end subroutine PCShellGetContext
+  end interface
+
+contains
+
+  !> Loads, sliders or scales have changed: what was evaluated no longer holds.
+  pure subroutine forget(self)
+    class(newton_context_type), intent(inout) :: self
+
+    if (allocated(self%evaluated_motion)) deallocate (self%evaluated_motion)
+  end subroutine forget
+end module attrito_balance_newton_context

@@ -1,0 +1,98 @@
+!> The linear system with every contact stuck, at one frequency and all harmonics.
+!>
+!> $$ \tilde Z_h(\omega) x_h = F_h, \qquad \tilde Z_h = \tilde K - (h \omega)^2 M + i h \omega C, \qquad \tilde K = K + B^T K_c B $$
+!>
+!> in generalised coordinates x with q = basis x: the modes of (K~, M) where damping leaves them uncoupled, q itself elsewhere.
+!> Harmonic h is held as a complex column X_h = x_ch - i x_sh, h = 0 ... H.
+module attrito_balance_receptance
+  use attrito_core_kinds, only: wp
+  implicit none
+  private
+  public :: receptance_type, to_complex, to_real
+
+  type, abstract :: receptance_type
+    !> Columns turn generalised coordinates into those of the model: q = basis x [m, n]
+    real(wp), allocatable :: basis(:, :)
+    !> Rows of B in generalised coordinates, in columns [n, rows]
+    real(wp), allocatable :: directions(:, :)
+    !> Highest harmonic
+    integer :: harmonics = 0
+    !> Angular frequency it is set to
+    real(wp) :: omega = -1.0_wp
+  contains
+    procedure(set_frequency), deferred :: set_frequency
+    procedure(respond), deferred :: respond
+    procedure(respond_derivative), deferred :: respond_derivative
+    procedure(block_between), deferred :: block_between
+  end type receptance_type
+
+  abstract interface
+    !> Make ready for an angular frequency.
+    subroutine set_frequency(self, omega, status)
+      import :: receptance_type, wp
+      class(receptance_type), intent(inout) :: self
+      !> rad per time
+      real(wp), intent(in) :: omega
+      !> 0, or not: the system is singular there
+      integer, intent(out) :: status
+    end subroutine set_frequency
+
+    !> X_h = Z_h^-1 F_h.
+    subroutine respond(self, force, response)
+      import :: receptance_type, wp
+      class(receptance_type), intent(in) :: self
+      !> F [n, 0:H]
+      complex(wp), intent(in) :: force(:, 0:)
+      !> X [n, 0:H]
+      complex(wp), intent(out) :: response(:, 0:)
+    end subroutine respond
+
+    !> dX_h/domega = -Z_h^-1 (dZ_h/domega) X_h.
+    subroutine respond_derivative(self, response, derivative)
+      import :: receptance_type, wp
+      class(receptance_type), intent(in) :: self
+      !> X [n, 0:H]
+      complex(wp), intent(in) :: response(:, 0:)
+      !> dX/domega [n, 0:H]
+      complex(wp), intent(out) :: derivative(:, 0:)
+    end subroutine respond_derivative
+
+    !> Receptance between rows of B at one harmonic, B_a Z_h^-1 B_b^T.
+    subroutine block_between(self, h, rows_a, rows_b, block)
+      import :: receptance_type, wp
+      class(receptance_type), intent(in) :: self
+      integer, intent(in) :: h
+      !> Rows of B, from 1
+      integer, intent(in) :: rows_a(:), rows_b(:)
+      !> [size(rows_a), size(rows_b)]
+      complex(wp), intent(out) :: block(:, :)
+    end subroutine block_between
+  end interface
+
+contains
+
+  !> Real coefficients [2 H + 1, n] as complex columns [n, 0:H].
+  pure function to_complex(coefficients) result(columns)
+    real(wp), intent(in) :: coefficients(:, :)
+    complex(wp) :: columns(size(coefficients, 2), 0:(size(coefficients, 1) - 1)/2)
+    integer :: h
+
+    columns(:, 0) = coefficients(1, :)
+    do h = 1, ubound(columns, 2)
+      columns(:, h) = cmplx(coefficients(2*h, :), -coefficients(2*h + 1, :), wp)
+    end do
+  end function to_complex
+
+  !> Complex columns [n, 0:H] as real coefficients [2 H + 1, n].
+  pure function to_real(columns) result(coefficients)
+    complex(wp), intent(in) :: columns(:, 0:)
+    real(wp) :: coefficients(2*ubound(columns, 2) + 1, size(columns, 1))
+    integer :: h
+
+    coefficients(1, :) = real(columns(:, 0), wp)
+    do h = 1, ubound(columns, 2)
+      coefficients(2*h, :) = real(columns(:, h), wp)
+      coefficients(2*h + 1, :) = -aimag(columns(:, h))
+    end do
+  end function to_real
+end module attrito_balance_receptance

@@ -1,0 +1,111 @@
+!> Receptance by a dense factorisation per harmonic: for any damping. Slower than modes, never wrong.
+!>
+!> $$ \tilde Z_h = \tilde K - (h \omega)^2 M + i h \omega C + i \eta K \; [h > 0] $$
+!>
+!> Structural damping acts on K, not on the contact springs, and not at harmonic 0.
+module attrito_balance_receptance_direct
+  use attrito_core_kinds, only: wp
+  use attrito_core_lapack, only: factor_complex, solve_factored_complex
+  use attrito_model_structure, only: structure_type, damping_viscous, damping_mass, damping_loss_factor
+  use attrito_balance_receptance, only: receptance_type
+  implicit none
+  private
+  public :: receptance_direct_type, new_receptance_direct
+
+  type, extends(receptance_type) :: receptance_direct_type
+    !> K~, M and viscous C [m, m]
+    real(wp), allocatable :: stuck_stiffness(:, :), mass(:, :), viscous(:, :)
+    !> eta K [m, m]
+    real(wp), allocatable :: structural(:, :)
+    !> Factors of Z_h [m, m, 0:H] and their row interchanges [m, 0:H]
+    complex(wp), allocatable, private :: factors(:, :, :)
+    integer, allocatable, private :: pivots(:, :)
+  contains
+    procedure :: set_frequency
+    procedure :: respond
+    procedure :: respond_derivative
+    procedure :: block_between
+  end type receptance_direct_type
+
+contains
+
+  !> From the structure, K~ [m, m] and the rows of B in columns [m, rows].
+  function new_receptance_direct(structure, stuck_stiffness, directions, harmonics) result(self)
+    type(structure_type), intent(in) :: structure
+    real(wp), intent(in) :: stuck_stiffness(:, :), directions(:, :)
+    integer, intent(in) :: harmonics
+    type(receptance_direct_type) :: self
+    integer :: i, m
+
+    m = size(stuck_stiffness, 1)
+    self%stuck_stiffness = stuck_stiffness
+    self%mass = structure%mass
+    allocate (self%viscous(m, m), self%structural(m, m), self%basis(m, m), source=0.0_wp)
+    if (structure%damping_kind == damping_viscous) self%viscous = structure%damping
+    if (structure%damping_kind == damping_mass) self%viscous = structure%damping_value*structure%mass
+    if (structure%damping_kind == damping_loss_factor) self%structural = structure%damping_value*structure%stiffness
+    do i = 1, m
+      self%basis(i, i) = 1.0_wp
+    end do
+    self%directions = directions
+    self%harmonics = harmonics
+    allocate (self%factors(m, m, 0:harmonics), self%pivots(m, 0:harmonics))
+  end function new_receptance_direct
+
+  subroutine set_frequency(self, omega, status)
+    class(receptance_direct_type), intent(inout) :: self
+    real(wp), intent(in) :: omega
+    integer, intent(out) :: status
+    integer :: h, first
+
+    status = 0
+    if (omega == self%omega) return
+    first = merge(0, 1, self%omega < 0.0_wp)
+    do h = first, self%harmonics
+      self%factors(:, :, h) = cmplx(self%stuck_stiffness - (h*omega)**2*self%mass, h*omega*self%viscous, wp)
+      if (h > 0) self%factors(:, :, h) = self%factors(:, :, h) + (0.0_wp, 1.0_wp)*self%structural
+      call factor_complex(self%factors(:, :, h), self%pivots(:, h), status)
+      if (status /= 0) return
+    end do
+    self%omega = omega
+  end subroutine set_frequency
+
+  subroutine respond(self, force, response)
+    class(receptance_direct_type), intent(in) :: self
+    complex(wp), intent(in) :: force(:, 0:)
+    complex(wp), intent(out) :: response(:, 0:)
+    complex(wp) :: column(size(force, 1), 1)
+    integer :: h
+
+    do h = 0, self%harmonics
+      column(:, 1) = force(:, h)
+      call solve_factored_complex(self%factors(:, :, h), self%pivots(:, h), column)
+      response(:, h) = column(:, 1)
+    end do
+  end subroutine respond
+
+  subroutine respond_derivative(self, response, derivative)
+    class(receptance_direct_type), intent(in) :: self
+    complex(wp), intent(in) :: response(:, 0:)
+    complex(wp), intent(out) :: derivative(:, 0:)
+    complex(wp) :: force(size(response, 1), 0:self%harmonics)
+    integer :: h
+
+    do h = 0, self%harmonics
+      force(:, h) = 2.0_wp*h**2*self%omega*matmul(self%mass, response(:, h)) &
+                    - (0.0_wp, 1.0_wp)*h*matmul(self%viscous, response(:, h))
+    end do
+    call self%respond(force, derivative)
+  end subroutine respond_derivative
+
+  subroutine block_between(self, h, rows_a, rows_b, block)
+    class(receptance_direct_type), intent(in) :: self
+    integer, intent(in) :: h, rows_a(:), rows_b(:)
+    complex(wp), intent(out) :: block(:, :)
+    complex(wp) :: columns(size(self%directions, 1), size(rows_b))
+
+    columns = self%directions(:, rows_b)
+    call solve_factored_complex(self%factors(:, :, h), self%pivots(:, h), columns)
+    block = matmul(transpose(self%directions(:, rows_a)), columns)
+  end subroutine block_between
+end module attrito_balance_receptance_direct

@@ -1,0 +1,92 @@
+!> Receptance in the modes of the stuck system: diagonal, exact for damping that leaves these modes uncoupled.
+!>
+!> $$ X_{hr} = F_{hr} / (\omega_r^2 - (h \omega)^2 + i h \omega c_r), \qquad c_r = 2 \zeta \omega_r \text{ or } \alpha $$
+module attrito_balance_receptance_modal
+  use attrito_core_kinds, only: wp
+  use attrito_balance_receptance, only: receptance_type
+  implicit none
+  private
+  public :: receptance_modal_type, new_receptance_modal
+
+  type, extends(receptance_type) :: receptance_modal_type
+    !> Squares of the stuck system's angular frequencies [n]
+    real(wp), allocatable :: eigenvalues(:)
+    !> Modal damping c_r [n], 1 over time
+    real(wp), allocatable :: modal_damping(:)
+    !> Dynamic stiffness at this frequency, and its derivative by omega [n, 0:H]
+    complex(wp), allocatable, private :: stiffness(:, :), stiffness_derivative(:, :)
+  contains
+    procedure :: set_frequency
+    procedure :: respond
+    procedure :: respond_derivative
+    procedure :: block_between
+  end type receptance_modal_type
+
+contains
+
+  !> From the modes of (K~, M) [m, n], mass-normalised, and the rows of B in columns [m, rows].
+  function new_receptance_modal(eigenvalues, modes, modal_damping, directions, harmonics) result(self)
+    real(wp), intent(in) :: eigenvalues(:), modes(:, :), modal_damping(:), directions(:, :)
+    integer, intent(in) :: harmonics
+    type(receptance_modal_type) :: self
+
+    self%eigenvalues = eigenvalues
+    self%modal_damping = modal_damping
+    self%basis = modes
+    self%directions = matmul(transpose(modes), directions)
+    self%harmonics = harmonics
+    allocate (self%stiffness(size(eigenvalues), 0:harmonics), self%stiffness_derivative(size(eigenvalues), 0:harmonics))
+  end function new_receptance_modal
+
+  subroutine set_frequency(self, omega, status)
+    class(receptance_modal_type), intent(inout) :: self
+    real(wp), intent(in) :: omega
+    integer, intent(out) :: status
+    integer :: h
+
+    status = 0
+    if (omega == self%omega) return
+    do h = 0, self%harmonics
+      self%stiffness(:, h) = cmplx(self%eigenvalues - (h*omega)**2, h*omega*self%modal_damping, wp)
+      self%stiffness_derivative(:, h) = cmplx(-2.0_wp*h**2*omega, h*self%modal_damping, wp)
+    end do
+    self%omega = omega
+    if (any(abs(self%stiffness) <= 0.0_wp)) status = 1
+  end subroutine set_frequency
+
+  subroutine respond(self, force, response)
+    class(receptance_modal_type), intent(in) :: self
+    complex(wp), intent(in) :: force(:, 0:)
+    complex(wp), intent(out) :: response(:, 0:)
+
+    response = force/self%stiffness
+  end subroutine respond
+
+  subroutine respond_derivative(self, response, derivative)
+    class(receptance_modal_type), intent(in) :: self
+    complex(wp), intent(in) :: response(:, 0:)
+    complex(wp), intent(out) :: derivative(:, 0:)
+
+    derivative = -self%stiffness_derivative*response/self%stiffness
+  end subroutine respond_derivative
+
+  subroutine block_between(self, h, rows_a, rows_b, block)
+    class(receptance_modal_type), intent(in) :: self
+    integer, intent(in) :: h, rows_a(:), rows_b(:)
+    complex(wp), intent(out) :: block(:, :)
+    complex(wp) :: flexibility(size(self%eigenvalues))
+    real(wp) :: a(size(rows_a), size(self%eigenvalues)), b(size(self%eigenvalues), size(rows_b))
+    real(wp) :: re(size(rows_a), size(rows_b)), im(size(rows_a), size(rows_b))
+
+    flexibility = 1.0_wp/self%stiffness(:, h)
+    a = transpose(self%directions(:, rows_a))
+    b = self%directions(:, rows_b)
+    re = matmul(a, spread(real(flexibility, wp), 2, size(rows_b))*b)
+    if (h == 0) then
+      im = 0.0_wp
+    else
+      im = matmul(a, spread(aimag(flexibility), 2, size(rows_b))*b)
+    end if
+    block = cmplx(re, im, wp)
+  end subroutine block_between
+end module attrito_balance_receptance_modal

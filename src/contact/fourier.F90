@@ -1,0 +1,106 @@
+!> Between Fourier coefficients and samples over one period, by FFTW.
+!>
+!> $$ x_j = a_0 + \sum_h a_{ch} \cos(2\pi h j / J) + a_{sh} \sin(2\pi h j / J), \qquad j = 0 \ldots J-1 $$
+!>
+!> Source: Frigo & Johnson 2005, doi:10.1109/JPROC.2004.840301.
+module attrito_contact_fourier
+  use, intrinsic :: iso_c_binding
+  use attrito_core_kinds, only: wp, two_pi
+  implicit none
+  private
+  public :: fourier_type, new_fourier
+
+  include 'fftw3.f03'
+
+  type :: fourier_type
+    !> Samples a period, J
+    integer :: samples = 0
+    !> Coefficients of the motion, 2 H + 1
+    integer :: coefficients = 0
+    !> Motion at the samples per unit coefficient [J, coefficients]
+    real(wp), allocatable :: synthesis(:, :)
+    !> Coefficients per unit sample [coefficients, J]
+    real(wp), allocatable :: analysis(:, :)
+    type(c_ptr), private :: to_samples_plan = c_null_ptr, to_coefficients_plan = c_null_ptr
+  contains
+    procedure :: to_samples
+    procedure :: to_coefficients
+    procedure :: destroy
+  end type fourier_type
+
+contains
+
+  !> Transforms for `harmonics` harmonics and `samples` samples (at least 2 harmonics + 1).
+  function new_fourier(harmonics, samples) result(self)
+    integer, intent(in) :: harmonics, samples
+    type(fourier_type) :: self
+    real(c_double) :: x(samples)
+    complex(c_double_complex) :: z(samples/2 + 1)
+    integer :: h, j
+
+    self%samples = samples
+    self%coefficients = 2*harmonics + 1
+    self%to_samples_plan = fftw_plan_dft_c2r_1d(samples, z, x, ior(FFTW_ESTIMATE, FFTW_UNALIGNED))
+    self%to_coefficients_plan = fftw_plan_dft_r2c_1d(samples, x, z, ior(FFTW_ESTIMATE, FFTW_UNALIGNED))
+    allocate (self%synthesis(samples, self%coefficients))
+    self%synthesis(:, 1) = 1.0_wp
+    do h = 1, harmonics
+      self%synthesis(:, 2*h) = [(cos(two_pi*modulo(h*j, samples)/samples), j=0, samples - 1)]
+      self%synthesis(:, 2*h + 1) = [(sin(two_pi*modulo(h*j, samples)/samples), j=0, samples - 1)]
+    end do
+    self%analysis = transpose(self%synthesis)*2.0_wp/samples
+    self%analysis(1, :) = 1.0_wp/samples
+  end function new_fourier
+
+  !> Samples of a series, columnwise.
+  subroutine to_samples(self, coefficients, x)
+    class(fourier_type), intent(in) :: self
+    !> Coefficients [any odd number up to J, columns]
+    real(wp), intent(in) :: coefficients(:, :)
+    !> Samples [J, columns]
+    real(wp), intent(out), contiguous :: x(:, :)
+    complex(c_double_complex) :: z(self%samples/2 + 1)
+    integer :: column, h
+
+    do column = 1, size(coefficients, 2)
+      z = 0.0_wp
+      z(1) = coefficients(1, column)
+      do h = 1, (size(coefficients, 1) - 1)/2
+        z(h + 1) = 0.5_wp*cmplx(coefficients(2*h, column), -coefficients(2*h + 1, column), wp)
+      end do
+      call fftw_execute_dft_c2r(self%to_samples_plan, z, x(:, column))
+    end do
+  end subroutine to_samples
+
+  !> The first coefficients of samples, columnwise.
+  subroutine to_coefficients(self, x, coefficients)
+    class(fourier_type), intent(in) :: self
+    !> Samples [J, columns]
+    real(wp), intent(in) :: x(:, :)
+    !> Coefficients [any odd number below J, columns]
+    real(wp), intent(out) :: coefficients(:, :)
+    real(c_double) :: work(self%samples)
+    complex(c_double_complex) :: z(self%samples/2 + 1)
+    integer :: column, h
+
+    do column = 1, size(x, 2)
+      work = x(:, column)
+      call fftw_execute_dft_r2c(self%to_coefficients_plan, work, z)
+      coefficients(1, column) = real(z(1), wp)/self%samples
+      do h = 1, (size(coefficients, 1) - 1)/2
+        coefficients(2*h, column) = 2.0_wp*real(z(h + 1), wp)/self%samples
+        coefficients(2*h + 1, column) = -2.0_wp*aimag(z(h + 1))/self%samples
+      end do
+    end do
+  end subroutine to_coefficients
+
+  !> Give FFTW's plans back.
+  subroutine destroy(self)
+    class(fourier_type), intent(inout) :: self
+
+    if (c_associated(self%to_samples_plan)) call fftw_destroy_plan(self%to_samples_plan)
+    if (c_associated(self%to_coefficients_plan)) call fftw_destroy_plan(self%to_coefficients_plan)
+    self%to_samples_plan = c_null_ptr
+    self%to_coefficients_plan = c_null_ptr
+  end subroutine destroy
+end module attrito_contact_fourier

@@ -1,0 +1,301 @@
+!> Contact forces of a periodic motion by alternating frequency and time, on equally spaced samples.
+!>
+!> The force is split as lambda = K_c d + g(d): the stuck contact's springs and the deviation from them,
+!>
+!> $$ g_t = -k_t w, \qquad g_n = N - k_n v $$
+!>
+!> so that a stuck contact has a constant g and no Jacobian. Residual and exact Jacobian come from one march.
+!> Source: Cameron & Griffin 1989, doi:10.1115/1.3176036; Zucca & Firrone 2014, eqs. (4)-(8), doi:10.1016/j.jsv.2013.09.032.
+module attrito_contact_quadrature_sampled
+  use attrito_core_kinds, only: wp, pi
+  use attrito_model_contacts, only: contact_type
+  use attrito_contact_fourier, only: fourier_type
+  use attrito_contact_friction_disc, only: slide_on_disc
+  use attrito_contact_friction_line, only: slide_along_line, slider_interval
+  use attrito_contact_state, only: regime_stick, regime_slip, regime_open, state_stuck, state_shaken_down, state_slipping, &
+                                   state_open
+  implicit none
+  private
+  public :: contact_forces_type, evaluate_contact, contact_samples_type, sample_contact
+
+  !> Forces of one contact over one period, with k coefficients of motion and e >= k of force
+  type :: contact_forces_type
+    !> Deviation g [e, rows]
+    real(wp), allocatable :: deviation(:, :)
+    !> d g / d d [k rows, k rows], if any entry is active; a row of the contact has its k coefficients together
+    real(wp), allocatable :: jacobian(:, :)
+    !> Which rows of the Jacobian are not zero [k rows]
+    logical, allocatable :: active(:)
+    !> Slider at the start of the period, once periodic [2]; what one more period would move it by (two tangents)
+    real(wp) :: slider(2) = 0.0_wp, defect = 0.0_wp
+    !> One of `state_...`
+    integer :: state = state_stuck
+    !> Fractions of the period
+    real(wp) :: stick = 1.0_wp, slip = 0.0_wp, open = 0.0_wp
+    !> Normal force: mean and least
+    real(wp) :: normal_mean = 0.0_wp, normal_least = 0.0_wp
+    !> Is the steady loop of this motion the same whatever the start slider?
+    logical :: unique = .false.
+  end type contact_forces_type
+
+  !> What happens at the samples of one period
+  type :: contact_samples_type
+    !> Displacement and force [J, rows]; slider [J, 2]
+    real(wp), allocatable :: displacement(:, :), force(:, :), slider(:, :)
+    !> Does it touch? [J]
+    logical, allocatable :: closed(:)
+    !> One of `regime_...` [J]
+    integer, allocatable :: regimes(:)
+    !> One tangent: sample and side of the slider's last clamp [J]
+    integer, allocatable :: origins(:), sides(:)
+    !> Two tangents: gradient of the slider by coefficients (t1, t2, n) and start slider [3 k + 2, 2, J]
+    real(wp), allocatable :: gradients(:, :, :)
+    !> Start slider, periodic; defect of periodicity
+    real(wp) :: start(2) = 0.0_wp, defect = 0.0_wp
+    !> Did the slider move before the last march, and does the loop forget its start?
+    logical :: moved = .false., forgets = .false.
+  end type contact_samples_type
+
+contains
+
+  !> Forces and Jacobian of one contact.
+  subroutine evaluate_contact(law, fourier, motion, slider, passes, forces)
+    type(contact_type), intent(in) :: law
+    type(fourier_type), intent(in) :: fourier
+    !> Coefficients of relative displacement [k, rows]
+    real(wp), intent(in) :: motion(:, :)
+    !> Slider at the start of the first march [2]
+    real(wp), intent(in) :: slider(2)
+    !> Marches over the period (one tangent needs just two)
+    integer, intent(in) :: passes
+    !> Forces; `deviation` is allocated by the caller, for as many coefficients as it wants
+    type(contact_forces_type), intent(inout) :: forces
+    type(contact_samples_type) :: samples
+    real(wp), allocatable :: deviation(:, :)
+    integer :: i
+
+    call sample_contact(law, fourier, motion, slider, passes, samples)
+    deviation = samples%force
+    do i = 1, law%tangents
+      deviation(:, i) = -law%tangential_stiffness*samples%slider(:, i)
+    end do
+    i = law%tangents + 1
+    deviation(:, i) = samples%force(:, i) - law%normal_stiffness*samples%displacement(:, i)
+    call fourier%to_coefficients(deviation, forces%deviation)
+    call classify(law, samples, forces)
+    call differentiate(law, fourier, samples, forces)
+  end subroutine evaluate_contact
+
+  !> March the law over the samples of one period until its slider repeats.
+  subroutine sample_contact(law, fourier, motion, slider, passes, samples)
+    type(contact_type), intent(in) :: law
+    type(fourier_type), intent(in) :: fourier
+    !> Coefficients of relative displacement [k, rows]
+    real(wp), intent(in) :: motion(:, :)
+    !> Slider at the start of the first march [2]
+    real(wp), intent(in) :: slider(2)
+    !> Marches over the period
+    integer, intent(in) :: passes
+    type(contact_samples_type), intent(inout) :: samples
+    real(wp), allocatable :: radius(:)
+    integer :: i, n
+
+    n = law%tangents + 1
+    allocate (samples%displacement(fourier%samples, n), samples%slider(fourier%samples, 2), samples%regimes(fourier%samples))
+    call fourier%to_samples(motion, samples%displacement)
+    samples%slider = 0.0_wp
+    samples%force = samples%displacement
+    associate (normal => samples%force(:, n))
+      normal = max(law%preload + law%normal_stiffness*(samples%displacement(:, n) - law%gap), 0.0_wp)
+      samples%closed = normal > 0.0_wp
+      radius = law%friction_coefficient*normal/law%tangential_stiffness
+    end associate
+    if (law%tangents == 1) then
+      call march_line(samples, radius, slider(1))
+    else
+      call march_disc(law, fourier, samples, radius, slider, passes)
+    end if
+    where (samples%closed .and. samples%regimes == regime_open) samples%regimes = regime_slip
+    do i = 1, law%tangents
+      samples%force(:, i) = law%tangential_stiffness*(samples%displacement(:, i) - samples%slider(:, i))
+    end do
+  end subroutine sample_contact
+
+  !> One tangent: the first march reaches the steady loop, the second records it.
+  subroutine march_line(samples, radius, slider)
+    type(contact_samples_type), intent(inout) :: samples
+    !> Slip radius [J]
+    real(wp), intent(in) :: radius(:)
+    !> Slider at the start
+    real(wp), intent(in) :: slider
+    real(wp) :: w, low, high
+    integer :: origin, side
+
+    allocate (samples%origins(size(radius)), samples%sides(size(radius)))
+    w = slider
+    origin = 0
+    side = 0
+    associate (u => samples%displacement(:, 1))
+      call slide_along_line(u, radius, w, origin, side, samples%slider(:, 1), samples%origins, samples%sides, samples%regimes)
+      samples%moved = origin > 0
+      samples%start(1) = w
+      call slide_along_line(u, radius, w, origin, side, samples%slider(:, 1), samples%origins, samples%sides, samples%regimes)
+      call slider_interval(u, radius, low, high)
+    end associate
+    samples%forgets = low >= high
+  end subroutine march_line
+
+  !> Two tangents: a fixed number of marches; the last is the answer.
+  subroutine march_disc(law, fourier, samples, radius, slider, passes)
+    type(contact_type), intent(in) :: law
+    type(fourier_type), intent(in) :: fourier
+    type(contact_samples_type), intent(inout) :: samples
+    !> Slip radius [J]
+    real(wp), intent(in) :: radius(:)
+    !> Slider at the start
+    real(wp), intent(in) :: slider(2)
+    integer, intent(in) :: passes
+    real(wp), allocatable :: gradient(:, :), motion_gradient(:, :), radius_gradient(:, :)
+    real(wp) :: w(2)
+    integer :: pass, j, k
+
+    k = fourier%coefficients
+    motion_gradient = transpose(fourier%synthesis)
+    radius_gradient = motion_gradient
+    do j = 1, fourier%samples
+      radius_gradient(:, j) = merge(law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness, 0.0_wp, &
+                                    samples%closed(j))*motion_gradient(:, j)
+    end do
+    allocate (gradient(3*k + 2, 2), source=0.0_wp)
+    allocate (samples%gradients(3*k + 2, 2, fourier%samples))
+    w = slider
+    do pass = 1, passes
+      samples%start = w
+      gradient(3*k + 1:, :) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [2, 2])
+      call slide_on_disc(samples%displacement(:, 1:2), radius, motion_gradient, radius_gradient, w, gradient, &
+                         samples%slider, samples%gradients, samples%regimes)
+      if (pass < passes) samples%moved = samples%moved .or. any(samples%regimes /= regime_stick)
+    end do
+    samples%defect = norm2(w - samples%start)
+    samples%forgets = largest_singular_value(gradient(3*k + 1:, :)) < 1.0_wp - 1.0e-9_wp
+  end subroutine march_disc
+
+  !> Largest singular value of a 2 x 2 matrix.
+  pure real(wp) function largest_singular_value(a)
+    real(wp), intent(in) :: a(2, 2)
+    real(wp) :: square_sum, determinant
+
+    square_sum = sum(a**2)
+    determinant = a(1, 1)*a(2, 2) - a(1, 2)*a(2, 1)
+    largest_singular_value = sqrt(0.5_wp*(square_sum + sqrt(max(square_sum**2 - 4.0_wp*determinant**2, 0.0_wp))))
+  end function largest_singular_value
+
+  !> State, fractions and normal force of the period.
+  pure subroutine classify(law, samples, forces)
+    type(contact_type), intent(in) :: law
+    type(contact_samples_type), intent(in) :: samples
+    type(contact_forces_type), intent(inout) :: forces
+    real(wp) :: total
+
+    total = real(size(samples%regimes), wp)
+    forces%stick = count(samples%regimes == regime_stick)/total
+    forces%slip = count(samples%regimes == regime_slip)/total
+    forces%open = count(samples%regimes == regime_open)/total
+    forces%normal_mean = sum(samples%force(:, law%tangents + 1))/total
+    forces%normal_least = minval(samples%force(:, law%tangents + 1))
+    forces%slider = samples%start
+    forces%defect = samples%defect
+    forces%unique = samples%forgets
+    if (.not. any(samples%closed)) then
+      forces%state = state_open
+    else if (any(samples%regimes /= regime_stick)) then
+      forces%state = state_slipping
+    else
+      forces%state = merge(state_shaken_down, state_stuck, samples%moved)
+    end if
+  end subroutine classify
+
+  !> Jacobian d g / d d; none for a contact that stays stuck, the mean only for one that has shaken down.
+  subroutine differentiate(law, fourier, samples, forces)
+    type(contact_type), intent(in) :: law
+    type(fourier_type), intent(in) :: fourier
+    type(contact_samples_type), intent(in) :: samples
+    type(contact_forces_type), intent(inout) :: forces
+    integer :: k, n, row
+
+    k = fourier%coefficients
+    n = law%tangents*k
+    forces%active = spread(.false., 1, n + k)
+    if (allocated(forces%jacobian)) deallocate (forces%jacobian)
+    if (forces%state == state_stuck) return
+    allocate (forces%jacobian(n + k, n + k), source=0.0_wp)
+    if (law%tangents == 1) then
+      call slider_gradient_line(law, fourier, samples, forces%jacobian(:k, :))
+    else
+      call slider_gradient_disc(fourier, samples, forces%jacobian(:2*k, :))
+    end if
+    forces%jacobian(:n, :) = -law%tangential_stiffness*forces%jacobian(:n, :)
+    forces%active(:n) = .true.
+    if (forces%state == state_shaken_down) then
+      forces%active(:n) = [(modulo(row - 1, k) == 0, row=1, n)]
+      do row = 1, n
+        if (.not. forces%active(row)) forces%jacobian(row, :) = 0.0_wp
+      end do
+    end if
+    if (all(samples%closed)) return
+    forces%active(n + 1:) = .true.
+    forces%jacobian(n + 1:, n + 1:) = -law%normal_stiffness*matmul(fourier%analysis, &
+                                      masked_rows(fourier%synthesis, merge(0.0_wp, 1.0_wp, samples%closed)))
+  end subroutine differentiate
+
+  !> Coefficients of the slider per coefficient of (u, v): w_j = u_k + side_k r_k, k the sample of its last clamp.
+  subroutine slider_gradient_line(law, fourier, samples, gradient)
+    type(contact_type), intent(in) :: law
+    type(fourier_type), intent(in) :: fourier
+    type(contact_samples_type), intent(in) :: samples
+    !> Gradient [k, 2 k]
+    real(wp), intent(out) :: gradient(:, :)
+    real(wp), allocatable :: of_u(:, :), of_v(:, :)
+    real(wp) :: slope
+    integer :: j, k
+
+    allocate (of_u, of_v, mold=fourier%synthesis)
+    slope = law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness
+    do j = 1, fourier%samples
+      associate (origin => samples%origins(j))
+        if (origin == 0) then
+          of_u(j, :) = 0.0_wp
+          of_v(j, :) = 0.0_wp
+        else
+          of_u(j, :) = fourier%synthesis(origin, :)
+          of_v(j, :) = merge(samples%sides(j)*slope, 0.0_wp, samples%closed(origin))*fourier%synthesis(origin, :)
+        end if
+      end associate
+    end do
+    k = fourier%coefficients
+    gradient(:, :k) = matmul(fourier%analysis, of_u)
+    gradient(:, k + 1:) = matmul(fourier%analysis, of_v)
+  end subroutine slider_gradient_line
+
+  !> Coefficients of the slider per coefficient of (u1, u2, v), from the march.
+  subroutine slider_gradient_disc(fourier, samples, gradient)
+    type(fourier_type), intent(in) :: fourier
+    type(contact_samples_type), intent(in) :: samples
+    !> Gradient [2 k, 3 k]
+    real(wp), intent(out) :: gradient(:, :)
+    integer :: i, k
+
+    k = fourier%coefficients
+    do i = 1, 2
+      gradient((i - 1)*k + 1:i*k, :) = matmul(fourier%analysis, transpose(samples%gradients(:3*k, i, :)))
+    end do
+  end subroutine slider_gradient_disc
+
+  !> Each row of a matrix times its factor.
+  pure function masked_rows(matrix, factor) result(product)
+    real(wp), intent(in) :: matrix(:, :), factor(:)
+    real(wp) :: product(size(matrix, 1), size(matrix, 2))
+
+    product = matrix*spread(factor, 2, size(matrix, 2))
+  end function masked_rows
+end module attrito_contact_quadrature_sampled

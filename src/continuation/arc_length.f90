@@ -1,0 +1,272 @@
+!> A branch of solutions over frequency, followed by arc-length so that it may fold.
+!>
+!> $$ r(d, \omega) = 0, \qquad t \cdot (d - \hat d) + t_\omega (\omega - \hat \omega) = 0 $$
+!>
+!> The plane stands across the tangent t at the predicted point. The step follows the distance between predicted and corrected point,
+!> a smooth measure, so that rounding (the number of ranks) does not change it.
+!> Source: Keller 1977; Seydel 2010, doi:10.1007/978-1-4419-1740-9.
+module attrito_continuation_arc_length
+  use attrito_core_kinds, only: wp
+  use attrito_balance_condensed_system, only: constraint_type, solve_linearised, inner_product
+  use attrito_continuation_cascade, only: solve_by_cascade
+  use attrito_continuation_solver, only: solver_type
+  implicit none
+  private
+  public :: sweep_type, new_sweep
+
+  !> Distance of predicted from corrected point, relative to the response, that the step aims at, and that it still accepts
+  real(wp), parameter :: aimed_error = 0.02_wp, accepted_error = 0.2_wp
+  !> Steps as parts of the sweep
+  real(wp), parameter :: first_step = 0.01_wp, smallest_step = 1.0e-6_wp
+  !> Part of the sweep to move on by where the branch was lost
+  real(wp), parameter :: jump = 0.01_wp
+  !> Cosine between successive steps below which the branch is taken to run back on itself
+  real(wp), parameter :: turned_back = -0.95_wp
+
+  type :: sweep_type
+    !> Ends, angular frequency; range that it must stay in
+    real(wp) :: start = 0.0_wp, stop = 0.0_wp
+    real(wp) :: largest_step = 0.04_wp
+    integer :: branch = 0, points = 0, max_points = 1000
+    logical :: finished = .false.
+    !> Did it end at its stop?
+    logical :: reached_stop = .false.
+    real(wp), private :: step = first_step
+    !> Unit tangent: scaled motion [2 H + 1, rows] and frequency
+    real(wp), allocatable, private :: tangent(:, :)
+    real(wp), private :: tangent_omega = 0.0_wp
+    !> Last step taken, scaled, of unit length
+    real(wp), allocatable, private :: secant(:, :)
+    real(wp), private :: secant_omega = 0.0_wp
+    logical, private :: on_branch = .false.
+  contains
+    procedure :: advance
+  end type sweep_type
+
+contains
+
+  !> A sweep of the solver's present loads from one angular frequency to another.
+  function new_sweep(solver, start, stop, branch, max_points) result(self)
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: start, stop
+    integer, intent(in) :: branch, max_points
+    type(sweep_type) :: self
+
+    self%start = start
+    self%stop = stop
+    self%branch = branch
+    self%max_points = max_points
+    call solver%set_scales(start, stop)
+  end function new_sweep
+
+  !> Solve the next point; the solver's report says how it ended.
+  subroutine advance(self, solver)
+    class(sweep_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+
+    if (self%points == 0) then
+      call begin_at(self, solver, self%start)
+    else if (self%on_branch) then
+      call follow(self, solver)
+    else
+      self%branch = self%branch + 1
+      call begin_at(self, solver, solver%omega + jump*(self%stop - self%start))
+    end if
+    self%points = self%points + 1
+    if (self%points >= self%max_points) self%finished = .true.
+  end subroutine advance
+
+  !> Find a point at a frequency, and the branch's tangent there; a point that is not found still moves the sweep on.
+  subroutine begin_at(self, solver, omega)
+    type(sweep_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: omega
+    real(wp) :: target
+
+    target = omega
+    if (beyond_stop(self, omega)) target = self%stop
+    call solve_by_cascade(solver, target)
+    solver%omega = target
+    self%on_branch = solver%report%converged
+    self%step = first_step
+    self%finished = abs(target - self%stop) <= 0.0_wp
+    self%reached_stop = self%finished
+    if (allocated(self%tangent)) deallocate (self%tangent)
+    if (allocated(self%secant)) deallocate (self%secant)
+  end subroutine begin_at
+
+  !> One accepted step along the branch, the sweep's last point, or the loss of the branch.
+  subroutine follow(self, solver)
+    type(sweep_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+    real(wp), allocatable :: motion(:, :), slider(:, :)
+    real(wp) :: omega, error
+    integer :: iterations
+    logical :: accepted, flipped
+
+    call find_tangent(self, solver)
+    motion = solver%motion
+    omega = solver%omega
+    slider = solver%context%balance%slider
+    iterations = 0
+    flipped = .false.
+    do
+      call predict_and_correct(self, solver, error)
+      iterations = iterations + solver%report%iterations
+      accepted = solver%report%converged .and. (error < accepted_error .or. self%step <= smallest_step)
+      if (accepted) accepted = .not. runs_back(self, solver, motion, omega)
+      if (accepted) exit
+      if (solver%report%converged .and. error < accepted_error .and. .not. flipped) then
+        ! It runs back on itself: at a kink sharper than a right angle the tangent was turned the wrong way.
+        flipped = .true.
+        self%tangent = -self%tangent
+        self%tangent_omega = -self%tangent_omega
+        self%step = 2.0_wp*self%step
+      end if
+      solver%motion = motion
+      solver%omega = omega
+      call solver%set_slider(slider)
+      self%step = 0.5_wp*self%step
+      if (self%step < smallest_step) exit
+    end do
+    if (accepted) then
+      call remember_step(self, solver, motion, omega)
+      self%step = min(self%step*min(max(sqrt(aimed_error/max(error, 1.0e-12_wp)), 0.4_wp), 1.6_wp), self%largest_step)
+    else
+      solver%report%converged = .false.
+      self%on_branch = .false.
+      solver%omega = omega + smallest_step*sign(1.0_wp, self%stop - self%start)*abs(self%stop - self%start)
+    end if
+    solver%report%iterations = iterations
+    if (accepted) call end_at_range(self, solver, motion, omega)
+  end subroutine follow
+
+  !> Tangent at the present point, turned the way of the last one.
+  subroutine find_tangent(self, solver)
+    type(sweep_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+    type(constraint_type) :: constraint
+    real(wp), allocatable :: step(:, :), zero(:, :)
+    real(wp) :: step_omega, length
+    integer :: status
+
+    associate (context => solver%context)
+      allocate (step, zero, mold=solver%motion)
+      zero = 0.0_wp
+      if (allocated(self%tangent)) then
+        constraint%motion = self%tangent/context%motion_scale
+        constraint%frequency = self%tangent_omega/context%frequency_scale
+      else
+        constraint%motion = zero
+        constraint%frequency = sign(1.0_wp, self%stop - self%start)/context%frequency_scale
+      end if
+      call context%balance%evaluate(solver%motion, solver%omega, status)
+      call solve_linearised(context%balance, constraint, zero, 1.0_wp, step, step_omega, status)
+      if (status /= 0) return
+      step = step/context%motion_scale
+      step_omega = step_omega/context%frequency_scale
+      length = sqrt(inner_product(context%balance, step, step) + step_omega**2)
+      self%tangent = step/length
+      self%tangent_omega = step_omega/length
+    end associate
+  end subroutine find_tangent
+
+  !> Predict along the tangent and correct in the plane across it. `error`: how far the corrector moved, relative to the response.
+  subroutine predict_and_correct(self, solver, error)
+    type(sweep_type), intent(in) :: self
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(out) :: error
+    type(constraint_type) :: constraint
+    real(wp), allocatable :: predicted(:, :), moved(:, :)
+    real(wp) :: predicted_omega
+
+    associate (context => solver%context, balance => solver%context%balance)
+      predicted = solver%motion + self%step*context%motion_scale*self%tangent
+      predicted_omega = solver%omega + self%step*context%frequency_scale*self%tangent_omega
+      constraint%motion = self%tangent/context%motion_scale
+      constraint%frequency = self%tangent_omega/context%frequency_scale
+      constraint%value = inner_product(balance, constraint%motion, predicted) + constraint%frequency*predicted_omega
+      solver%motion = predicted
+      solver%omega = predicted_omega
+      call solver%solve_with(constraint)
+      moved = solver%motion - predicted
+      error = sqrt((inner_product(balance, moved, moved) + (context%motion_scale*(solver%omega - predicted_omega) &
+                                                            /context%frequency_scale)**2)/size_of_response(solver))
+    end associate
+  end subroutine predict_and_correct
+
+  !> Squared norm of the harmonics of the motion.
+  real(wp) function size_of_response(solver)
+    type(solver_type), intent(in) :: solver
+
+    size_of_response = sum(solver%motion(2:, :)**2)
+    call solver%context%balance%ranks%sum(size_of_response)
+    size_of_response = max(size_of_response, tiny(1.0_wp))
+  end function size_of_response
+
+  !> Does the step just made return along the one before?
+  logical function runs_back(self, solver, motion, omega)
+    type(sweep_type), intent(in) :: self
+    type(solver_type), intent(in) :: solver
+    real(wp), intent(in) :: motion(:, :), omega
+    real(wp), allocatable :: moved(:, :)
+    real(wp) :: moved_omega, length
+
+    runs_back = .false.
+    if (.not. allocated(self%secant)) return
+    associate (context => solver%context, balance => solver%context%balance)
+      moved = (solver%motion - motion)/context%motion_scale
+      moved_omega = (solver%omega - omega)/context%frequency_scale
+      length = sqrt(inner_product(balance, moved, moved) + moved_omega**2)
+      runs_back = inner_product(balance, moved, self%secant) + moved_omega*self%secant_omega < turned_back*length
+    end associate
+  end function runs_back
+
+  !> Keep the direction of the step just accepted.
+  subroutine remember_step(self, solver, motion, omega)
+    type(sweep_type), intent(inout) :: self
+    type(solver_type), intent(in) :: solver
+    real(wp), intent(in) :: motion(:, :), omega
+    real(wp) :: length
+
+    associate (context => solver%context, balance => solver%context%balance)
+      self%secant = (solver%motion - motion)/context%motion_scale
+      self%secant_omega = (solver%omega - omega)/context%frequency_scale
+      length = sqrt(inner_product(balance, self%secant, self%secant) + self%secant_omega**2)
+      self%secant = self%secant/length
+      self%secant_omega = self%secant_omega/length
+    end associate
+  end subroutine remember_step
+
+  !> A step over an end of the range is taken back to the end itself.
+  subroutine end_at_range(self, solver, motion, omega)
+    type(sweep_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: motion(:, :), omega
+    real(wp) :: target
+    integer :: iterations
+
+    if (beyond_stop(self, solver%omega)) then
+      target = self%stop
+    else if ((solver%omega - self%start)*(self%stop - self%start) < 0.0_wp) then
+      target = self%start
+    else
+      return
+    end if
+    self%finished = .true.
+    self%reached_stop = abs(target - self%stop) <= 0.0_wp
+    iterations = solver%report%iterations
+    solver%motion = motion + (target - omega)/(solver%omega - omega)*(solver%motion - motion)
+    solver%omega = omega
+    call solve_by_cascade(solver, target)
+    solver%omega = target
+    solver%report%iterations = iterations + solver%report%iterations
+  end subroutine end_at_range
+
+  pure logical function beyond_stop(self, omega)
+    type(sweep_type), intent(in) :: self
+    real(wp), intent(in) :: omega
+
+    beyond_stop = (omega - self%stop)*(self%stop - self%start) >= 0.0_wp
+  end function beyond_stop
+end module attrito_continuation_arc_length

@@ -1,0 +1,214 @@
+!> A model made ready to be solved: stuck system, balance, Newton's method, and where on the branch it stands.
+module attrito_continuation_solver
+  use attrito_core_communicator, only: communicator_type
+  use attrito_core_errors, only: error_type
+  use attrito_core_kinds, only: wp
+  use attrito_model_contacts, only: contacts_type
+  use attrito_model_structure, only: structure_type
+  use attrito_balance_condensed_system, only: constraint_type
+  use attrito_balance_harmonic_balance, only: new_balance
+  use attrito_balance_newton, only: newton_type, newton_report_type, new_newton
+  use attrito_balance_newton_context, only: newton_context_type
+  use attrito_balance_receptance, only: receptance_type
+  use attrito_balance_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
+  implicit none
+  private
+  public :: solver_type, solver_options_type, new_solver
+
+  type :: solver_options_type
+    integer :: harmonics = 5
+    !> Samples a period
+    integer :: samples = 128
+    !> Marches over the period for two tangents, and times that a solve is repeated until their sliders repeat
+    integer :: passes = 3, rounds = 20
+    integer :: max_iterations = 30
+    !> Norm of the residual, relative to the stuck response, that counts as converged
+    real(wp) :: tolerance = 1.0e-10_wp
+    !> Start every point's sliders where the static solution left them, rather than where the point before did
+    logical :: reset_slider = .false.
+    !> Freeze the mean at the static solution
+    logical :: uncoupled = .false.
+  end type solver_options_type
+
+  type :: solver_type
+    type(structure_type) :: structure
+    type(contacts_type) :: contacts
+    type(stuck_system_type) :: stuck
+    type(solver_options_type) :: options
+    type(newton_context_type), pointer :: context => null()
+    type(newton_type) :: newton
+    !> Relative displacements of this rank's rows [2 H + 1, rows] and angular frequency
+    real(wp), allocatable :: motion(:, :)
+    real(wp) :: omega = 0.0_wp
+    !> Sliders that the static solution left [2, contacts]
+    real(wp), allocatable :: static_slider(:, :)
+    !> How the last solve ended, with the iterations of all its tries
+    type(newton_report_type) :: report
+  contains
+    procedure :: solve_with
+    procedure :: solve_at
+    procedure :: set_scales
+    procedure :: set_loads
+    procedure :: set_slider
+    procedure :: destroy
+  end type solver_type
+
+contains
+
+  !> Diagonalise the stuck system and create balance and Newton's method.
+  subroutine new_solver(structure, contacts, ranks, options, self, error)
+    type(structure_type), intent(in) :: structure
+    type(contacts_type), intent(in) :: contacts
+    type(communicator_type), intent(in) :: ranks
+    type(solver_options_type), intent(in) :: options
+    type(solver_type), intent(out) :: self
+    type(error_type), allocatable, intent(out) :: error
+    class(receptance_type), allocatable :: receptance
+
+    self%structure = structure
+    self%contacts = contacts
+    self%options = options
+    call new_stuck_system(structure, contacts, .true., self%stuck, error)
+    if (allocated(error)) return
+    call new_receptance(structure, contacts, self%stuck, options%harmonics, receptance)
+    allocate (self%context)
+    call new_balance(structure, contacts, receptance, ranks, options%samples, options%passes, self%context%balance)
+    self%context%tolerance = options%tolerance
+    call new_newton(self%context, options%max_iterations, self%newton, error)
+    if (allocated(error)) return
+    allocate (self%motion(self%context%balance%coefficients(), self%context%balance%rows()), source=0.0_wp)
+    self%static_slider = self%context%balance%slider
+  end subroutine new_solver
+
+  !> Solve from the present motion and frequency; sliders of contacts with two tangents are carried on until they repeat.
+  !> Motion, frequency and sliders change only if it converges.
+  subroutine solve_with(self, constraint)
+    class(solver_type), intent(inout) :: self
+    !> The equation that picks the point
+    type(constraint_type), intent(in) :: constraint
+    real(wp) :: motion(size(self%motion, 1), size(self%motion, 2)), omega
+    real(wp), allocatable :: slider(:, :)
+    integer :: round, iterations
+
+    motion = self%motion
+    omega = self%omega
+    slider = self%context%balance%slider
+    iterations = 0
+    do round = 1, self%options%rounds
+      call self%newton%solve(motion, omega, constraint, self%report)
+      iterations = iterations + self%report%iterations
+      if (.not. self%report%converged) exit
+      if (largest_defect(self) <= self%options%tolerance*self%context%motion_scale) exit
+      call self%context%balance%keep_slider()
+      call self%context%forget()
+    end do
+    self%report%iterations = iterations
+    self%report%defect = largest_defect(self)/self%context%motion_scale
+    if (self%report%converged) then
+      self%motion = motion
+      self%omega = omega
+      call self%context%balance%keep_slider()
+    else
+      self%context%balance%slider = slider
+    end if
+    if (self%options%reset_slider) self%context%balance%slider = self%static_slider
+    call self%context%forget()
+  end subroutine solve_with
+
+  !> Solve at a given angular frequency.
+  subroutine solve_at(self, omega)
+    class(solver_type), intent(inout) :: self
+    real(wp), intent(in) :: omega
+    type(constraint_type) :: constraint
+    real(wp) :: before
+
+    allocate (constraint%motion, mold=self%motion)
+    constraint%motion = 0.0_wp
+    constraint%value = omega
+    before = self%omega
+    self%omega = omega
+    call self%solve_with(constraint)
+    if (.not. self%report%converged) self%omega = before
+  end subroutine solve_at
+
+  !> The farthest that one more period would move a slider.
+  real(wp) function largest_defect(self)
+    class(solver_type), intent(in) :: self
+    integer :: i
+
+    associate (balance => self%context%balance)
+      largest_defect = 0.0_wp
+      do i = 1, size(balance%forces)
+        largest_defect = max(largest_defect, balance%forces(i)%defect)
+      end do
+      largest_defect = balance%ranks%largest(largest_defect)
+    end associate
+  end function largest_defect
+
+  !> Scales from the stuck response between two angular frequencies: the largest norm of its harmonics, and the width.
+  subroutine set_scales(self, omega_a, omega_b)
+    class(solver_type), intent(inout) :: self
+    real(wp), intent(in) :: omega_a, omega_b
+    integer, parameter :: steps = 200
+    real(wp), allocatable :: grid(:), resonances(:), motion(:, :)
+    real(wp) :: largest, mean, square
+    integer :: i, status
+
+    associate (balance => self%context%balance, low => min(omega_a, omega_b), high => max(omega_a, omega_b))
+      resonances = sqrt(self%stuck%eigenvalues)
+      resonances = pack(resonances, resonances > low .and. resonances < high)
+      grid = [[(low + (high - low)*i/steps, i=0, steps)], resonances]
+      if (high <= low .or. .not. self%stuck%uncoupled) grid = [low, resonances, high]
+      largest = 0.0_wp
+      mean = 0.0_wp
+      do i = 1, size(grid)
+        call balance%receptance%set_frequency(grid(i), status)
+        if (status /= 0) cycle
+        motion = balance%linear_motion()
+        square = sum(motion(2:, :)**2)
+        call balance%ranks%sum(square)
+        largest = max(largest, sqrt(square))
+        square = sum(motion(1, :)**2)
+        call balance%ranks%sum(square)
+        mean = sqrt(square)
+      end do
+      ! With no excitation the mean sets the scale; with no load at all anything does.
+      if (largest <= 0.0_wp) largest = mean
+      if (largest > 0.0_wp) self%context%motion_scale = largest
+      self%context%frequency_scale = merge(high - low, max(high, 1.0_wp), high > low)
+    end associate
+    ! Rounding of the mean must stay below the tolerance on the harmonics.
+    self%context%tolerance = max(self%options%tolerance, 1.0e-13_wp*mean/self%context%motion_scale)
+    call self%context%forget()
+  end subroutine set_scales
+
+  !> Factors on the static loads, and the level of the harmonic ones.
+  subroutine set_loads(self, static_factors, level)
+    class(solver_type), intent(inout) :: self
+    real(wp), intent(in) :: static_factors(:), level
+
+    self%context%balance%static_factors = static_factors
+    self%context%balance%level = level
+    call self%context%forget()
+  end subroutine set_loads
+
+  !> Start the march of every contact from these sliders.
+  subroutine set_slider(self, slider)
+    class(solver_type), intent(inout) :: self
+    !> [2, contacts of this rank]
+    real(wp), intent(in) :: slider(:, :)
+
+    self%context%balance%slider = slider
+    call self%context%forget()
+  end subroutine set_slider
+
+  !> Give back what libraries hold.
+  subroutine destroy(self)
+    class(solver_type), intent(inout) :: self
+
+    if (.not. associated(self%context)) return
+    call self%newton%destroy()
+    call self%context%balance%destroy()
+    deallocate (self%context)
+  end subroutine destroy
+end module attrito_continuation_solver

@@ -1,0 +1,69 @@
+!> A real trigonometric polynomial, x(theta) = a_0 + sum_h (a_ch cos h theta + a_sh sin h theta): values and located extrema.
+module attrito_core_trigonometric
+  use attrito_core_kinds, only: wp, two_pi
+  implicit none
+  private
+  public :: value_at, extrema
+
+contains
+
+  !> Value and its first two derivatives by theta.
+  pure function value_at(coefficients, theta) result(jet)
+    !> [a_0, a_c1, a_s1, ...]
+    real(wp), intent(in) :: coefficients(:)
+    real(wp), intent(in) :: theta
+    !> [x, x', x'']
+    real(wp) :: jet(3)
+    real(wp) :: c, s
+    integer :: h
+
+    jet = [coefficients(1), 0.0_wp, 0.0_wp]
+    do h = 1, (size(coefficients) - 1)/2
+      c = coefficients(2*h)*cos(h*theta) + coefficients(2*h + 1)*sin(h*theta)
+      s = coefficients(2*h + 1)*cos(h*theta) - coefficients(2*h)*sin(h*theta)
+      jet = jet + [c, h*s, -h*h*c]
+    end do
+  end function value_at
+
+  !> Smallest and largest value over the period: the best of a grid, polished by Newton's method on x' = 0.
+  pure function extrema(coefficients) result(range)
+    !> [a_0, a_c1, a_s1, ...]
+    real(wp), intent(in) :: coefficients(:)
+    !> [lowest, highest]
+    real(wp) :: range(2)
+    real(wp) :: grid(16*size(coefficients)), jet(3)
+    integer :: j
+
+    do j = 1, size(grid)
+      jet = value_at(coefficients, theta_of(j))
+      grid(j) = jet(1)
+    end do
+    range(1) = min(minval(grid), polished(minloc(grid, 1)))
+    range(2) = max(maxval(grid), polished(maxloc(grid, 1)))
+
+  contains
+
+    pure real(wp) function theta_of(sample)
+      integer, intent(in) :: sample
+
+      theta_of = two_pi*(sample - 1)/size(grid)
+    end function theta_of
+
+    pure real(wp) function polished(sample)
+      integer, intent(in) :: sample
+      real(wp) :: theta, local(3), step
+      integer :: iteration
+
+      theta = theta_of(sample)
+      do iteration = 1, 8
+        local = value_at(coefficients, theta)
+        if (abs(local(3)) <= tiny(1.0_wp)) exit
+        step = -local(2)/local(3)
+        if (abs(step) > two_pi/size(grid)) exit
+        theta = theta + step
+      end do
+      local = value_at(coefficients, theta)
+      polished = local(1)
+    end function polished
+  end function extrema
+end module attrito_core_trigonometric

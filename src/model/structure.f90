@@ -1,0 +1,66 @@
+!> The linear structure: what its matrices, loads and monitors are.
+!>
+!> $$ M \ddot q + C \dot q + K q = f_0 + \mathrm{Re} \sum_h f_h e^{i h \omega t} - B^T \lambda $$
+!>
+!> A real Fourier series a_0 + sum (a_c cos + a_s sin) is stored as its coefficients [mean, cos 1, sin 1, cos 2, sin 2, ...].
+module attrito_model_structure
+  use attrito_core_kinds, only: wp
+  implicit none
+  private
+  public :: structure_type, damping_none, damping_viscous, damping_ratio, damping_mass, damping_loss_factor
+  public :: coefficient_count, cosine_of, sine_of
+
+  !> No damping
+  integer, parameter :: damping_none = 0
+  !> A viscous damping matrix (the model's own, or Rayleigh's alpha M + beta K)
+  integer, parameter :: damping_viscous = 1
+  !> One damping ratio for every mode of the stuck system
+  integer, parameter :: damping_ratio = 2
+  !> Mass-proportional: C = alpha M
+  integer, parameter :: damping_mass = 3
+  !> Structural: K (1 + i eta) for harmonics above 0; contact springs do not damp
+  integer, parameter :: damping_loss_factor = 4
+
+  type :: structure_type
+    !> Mass and stiffness [m, m]
+    real(wp), allocatable :: mass(:, :), stiffness(:, :)
+    !> One of `damping_...`
+    integer :: damping_kind = damping_none
+    !> Ratio, alpha or loss factor
+    real(wp) :: damping_value = 0.0_wp
+    !> Viscous damping [m, m], if of that kind
+    real(wp), allocatable :: damping(:, :)
+    !> Static loads in columns [m, loads]
+    real(wp), allocatable :: static_loads(:, :)
+    !> Harmonic load at level 1 [m, coefficients up to the highest loaded harmonic]; the mean is 0
+    real(wp), allocatable :: harmonic_load(:, :)
+    !> Monitors in columns [m, monitors]: monitor = column . q
+    real(wp), allocatable :: monitors(:, :)
+  end type structure_type
+
+contains
+
+  !> Number of real coefficients of a series with `harmonics` harmonics.
+  pure integer function coefficient_count(harmonics)
+    !> Highest harmonic
+    integer, intent(in) :: harmonics
+
+    coefficient_count = 2*harmonics + 1
+  end function coefficient_count
+
+  !> Place of the cosine of harmonic h >= 1.
+  pure integer function cosine_of(h)
+    !> Harmonic
+    integer, intent(in) :: h
+
+    cosine_of = 2*h
+  end function cosine_of
+
+  !> Place of the sine of harmonic h >= 1.
+  pure integer function sine_of(h)
+    !> Harmonic
+    integer, intent(in) :: h
+
+    sine_of = 2*h + 1
+  end function sine_of
+end module attrito_model_structure

@@ -1,0 +1,125 @@
+!> What is told of one solved point: its outcome, its monitors over the period, and how much truncation may matter.
+module attrito_output_point_report
+  use attrito_core_kinds, only: wp, two_pi
+  use attrito_core_trigonometric, only: extrema
+  use attrito_balance_harmonic_balance, only: balance_type
+  use attrito_balance_receptance, only: to_complex, to_real
+  use attrito_continuation_solver, only: solver_type
+  use attrito_contact_state, only: state_stuck, state_open
+  implicit none
+  private
+  public :: point_report_type, report_point, outcome_names
+  public :: outcome_converged, outcome_unstable, outcome_indeterminate, outcome_no_period_one_orbit, outcome_not_converged
+
+  integer, parameter :: outcome_converged = 0, outcome_unstable = 1, outcome_indeterminate = 2, &
+                        outcome_no_period_one_orbit = 3, outcome_not_converged = 4
+  character(22), parameter :: outcome_names(0:4) = [character(22) :: 'converged', 'unstable', 'indeterminate', &
+                                                    'no_period_one_orbit', 'not_converged']
+  !> Sliders that still move by more than this part of the motion a period leave the point indeterminate
+  real(wp), parameter :: accepted_defect = 1.0e-6_wp
+  !> Damping ratio taken for the estimate where modes have none of their own
+  real(wp), parameter :: nominal_ratio = 0.01_wp
+
+  type :: point_report_type
+    real(wp) :: frequency_hz = 0.0_wp, level = 1.0_wp
+    integer :: branch = 0, iterations = 0, outcome = outcome_not_converged
+    !> 1 yes, 0 no
+    integer :: unique = 0
+    !> Norm of the residual relative to the stuck response; estimated relative error of the peak
+    real(wp) :: residual = 0.0_wp, estimate = 0.0_wp
+    !> Coefficients of the monitors [2 H + 1, monitors]; half their range over the period, and mean
+    real(wp), allocatable :: harmonics(:, :), amplitude(:), mean(:)
+    !> Contacts in each state, over all ranks
+    integer :: states(state_stuck:state_open) = 0
+  end type point_report_type
+
+contains
+
+  !> Report the solver's present point.
+  subroutine report_point(solver, branch, report)
+    type(solver_type), intent(in) :: solver
+    integer, intent(in) :: branch
+    type(point_report_type), intent(out) :: report
+    real(wp) :: range(2)
+    integer :: i
+
+    associate (balance => solver%context%balance, monitors => solver%structure%monitors)
+      report%frequency_hz = solver%omega/two_pi
+      report%level = balance%level
+      report%branch = branch
+      report%iterations = solver%report%iterations
+      report%residual = solver%report%residual
+      report%harmonics = matmul(to_real(balance%response), matmul(transpose(balance%receptance%basis), monitors))
+      allocate (report%amplitude(size(monitors, 2)))
+      do i = 1, size(monitors, 2)
+        range = extrema(report%harmonics(:, i))
+        report%amplitude(i) = 0.5_wp*(range(2) - range(1))
+      end do
+      report%mean = report%harmonics(1, :)
+      call count_states(balance, report)
+      report%outcome = outcome_not_converged
+      if (solver%report%converged) then
+        report%outcome = merge(outcome_converged, outcome_indeterminate, solver%report%defect <= accepted_defect)
+      end if
+      report%estimate = truncation_estimate(solver, report%amplitude)
+    end associate
+  end subroutine report_point
+
+  !> Contacts in each state, and whether every one of them forgets its history.
+  subroutine count_states(balance, report)
+    type(balance_type), intent(in) :: balance
+    type(point_report_type), intent(inout) :: report
+    real(wp) :: counts(state_stuck:state_open + 1)
+    integer :: i
+
+    counts = 0.0_wp
+    do i = 1, size(balance%forces)
+      associate (forces => balance%forces(i))
+        counts(forces%state) = counts(forces%state) + 1.0_wp
+        if (.not. forces%unique) counts(state_open + 1) = counts(state_open + 1) + 1.0_wp
+      end associate
+    end do
+    call balance%ranks%sum(counts)
+    report%states = nint(counts(:state_open))
+    report%unique = merge(1, 0, nint(counts(state_open + 1)) == 0)
+  end subroutine count_states
+
+  !> Monitors' response to the contact forces at harmonics H + 1 ... 3 H, relative to their amplitude: the first correction of a
+  !> longer series, through the receptance of the stuck modes.
+  real(wp) function truncation_estimate(solver, amplitude) result(estimate)
+    type(solver_type), intent(in) :: solver
+    real(wp), intent(in) :: amplitude(:)
+    real(wp), allocatable :: generalised(:, :), monitors(:, :), damping(:)
+    complex(wp), allocatable :: columns(:, :)
+    real(wp) :: missing(size(amplitude))
+    integer :: h, i, extended, harmonics
+
+    estimate = 0.0_wp
+    associate (balance => solver%context%balance, stuck => solver%stuck)
+      harmonics = balance%receptance%harmonics
+      extended = min(3*harmonics, (balance%fourier%samples - 1)/2)
+      if (extended <= harmonics .or. size(amplitude) == 0) return
+      allocate (generalised(2*extended + 1, size(stuck%eigenvalues)), source=0.0_wp)
+      do i = 1, size(balance%law)
+        associate (directions => balance%directions(:, balance%law(i)%first_row:balance%law(i)%first_row + balance%law(i)%tangents))
+          if (solver%stuck%uncoupled) then
+            generalised = generalised + matmul(balance%forces(i)%deviation, transpose(directions))
+          else
+            generalised = generalised + matmul(matmul(balance%forces(i)%deviation, transpose(directions)), stuck%modes)
+          end if
+        end associate
+      end do
+      call balance%ranks%sum(generalised)
+      columns = to_complex(generalised)
+      monitors = matmul(transpose(stuck%modes), solver%structure%monitors)
+      damping = stuck%modal_damping
+      where (damping <= 0.0_wp) damping = 2.0_wp*nominal_ratio*sqrt(stuck%eigenvalues)
+      missing = 0.0_wp
+      do h = harmonics + 1, extended
+        missing = missing + abs(matmul(columns(:, h + 1)/cmplx(stuck%eigenvalues - (h*solver%omega)**2, &
+                                                               h*solver%omega*damping, wp), monitors))
+      end do
+      if (maxval(amplitude) > 0.0_wp) estimate = maxval(missing/max(amplitude, tiny(1.0_wp)))
+    end associate
+  end function truncation_estimate
+end module attrito_output_point_report

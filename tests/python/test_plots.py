@@ -1,0 +1,168 @@
+"""Figures: what is drawn, and how it is told apart."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import synthetic
+from matplotlib.collections import PathCollection, PolyCollection
+
+from attrito.faults import InputError
+from attrito.plots import Loop, contact_map, frequency_response, hysteresis, save
+from attrito.results import Result
+
+
+def lines(axes, label):
+    return [line for line in axes.get_lines() if line.get_label() == label]
+
+
+def drawn(axes):
+    """The lines with data."""
+    return [line for line in axes.get_lines() if len(line.get_xdata())]
+
+
+def labels(axes):
+    return axes.get_legend_handles_labels()[1]
+
+
+def response(tmp_path, amplitude, **options):
+    frequency = np.linspace(90, 110, len(amplitude))
+    return Result(synthetic.write_result(tmp_path / "r.h5", frequency, {"tip": amplitude}, **options))
+
+
+def test_several_levels_are_divided_by_the_level(tmp_path):
+    level = np.repeat([1.0, 10.0], 5)
+    with response(tmp_path, 3 * level, level=level) as result:
+        axes = frequency_response(result, "tip").axes[0]
+    assert [set(line.get_ydata()) for line in drawn(axes)] == [{3.0}, {3.0}]
+    assert labels(axes) == ["level 1", "level 10"]
+    assert axes.get_ylabel() == "Amplitude of tip / level (length, user units)"
+    assert axes.get_xlabel() == "Frequency (Hz)"
+
+
+def test_one_level_is_shown_as_it_is_and_scales_the_linear_responses(tmp_path):
+    linear = {kind: (np.array([90.0, 110.0]), np.array([1.0, 2.0])) for kind in ("stuck", "frictionless")}
+    with response(tmp_path, [1.0, 2.0, 3.0], level=[5.0] * 3, linear=linear) as result:
+        axes = frequency_response(result, "tip").axes[0]
+    assert lines(axes, "linear, stuck")[0].get_ydata().tolist() == [5.0, 10.0]
+    assert len(lines(axes, "linear, frictionless")) == 1
+    assert [line.get_ydata().tolist() for line in drawn(axes)][-1] == [1.0, 2.0, 3.0]
+
+
+def test_only_the_unstable_stretch_is_dashed(tmp_path):
+    with response(tmp_path, [1.0, 2.0, 3.0, 2.0, 1.0, 1.0], stable=[1, 1, 0, 0, 1, 1]) as result:
+        axes = frequency_response(result, "tip").axes[0]
+    runs = {(line.get_linestyle(), tuple(line.get_ydata())) for line in drawn(axes)}
+    assert runs == {("-", (1.0, 2.0)), ("--", (2.0, 3.0, 2.0, 1.0)), ("-", (1.0, 1.0))}
+    assert "unstable" in labels(axes)
+
+
+def test_points_not_examined_for_stability_are_solid(tmp_path):
+    with response(tmp_path, [1.0, 2.0, 3.0]) as result:
+        axes = frequency_response(result, "tip").axes[0]
+    assert {line.get_linestyle() for line in drawn(axes)} == {"-"} and "unstable" not in labels(axes)
+
+
+def test_points_without_a_solution_break_the_line_and_are_marked(tmp_path):
+    outcome = ["converged"] * 2 + ["not_converged", "no_period_one_orbit"] + ["converged"]
+    with response(tmp_path, [1.0, 2.0, 9.0, np.nan, 1.0], outcome=outcome) as result:
+        axes = frequency_response(result, "tip").axes[0]
+    marked = [line for line in drawn(axes) if line.get_marker() in "xD"]
+    assert {(line.get_marker(), tuple(line.get_ydata())) for line in marked} == {("x", (9.0,)), ("D", (0.0,))}
+    curve = [line for line in drawn(axes) if line.get_linestyle() == "-"]
+    assert np.isnan(np.concatenate([line.get_ydata() for line in curve])).sum() == 2
+    # The last point has no neighbour, and shows all the same.
+    assert any(line.get_marker() == "o" and line.get_ydata().tolist() == [1.0] for line in drawn(axes))
+    assert {"not converged", "no period one orbit"} <= set(labels(axes))
+
+
+def test_bounds_are_shaded_where_the_point_is_not_unique(tmp_path):
+    bounds = {"tip_low": [0.9, 1.8, np.nan], "tip_high": [1.1, 2.2, np.nan]}
+    with response(tmp_path, [1.0, 2.0, 3.0], unique=[0, 0, 1], **bounds) as result:
+        axes = frequency_response(result, "tip").axes[0]
+    (band,) = [item for item in axes.collections if isinstance(item, PolyCollection)]
+    heights = band.get_paths()[0].vertices[:, 1]
+    assert heights.min() == pytest.approx(0.9) and heights.max() == pytest.approx(2.2)
+
+
+def test_amplitudes_over_a_wide_range_are_logarithmic_unless_asked(tmp_path):
+    with response(tmp_path, [1.0, 1000.0, 2.0]) as result:
+        assert frequency_response(result, "tip").axes[0].get_yscale() == "log"
+        assert frequency_response(result, "tip", log=False).axes[0].get_yscale() == "linear"
+
+
+def test_branches_have_their_own_colours_and_names(tmp_path):
+    with response(tmp_path, [1.0, 2.0, 3.0, 4.0], branch=[0, 0, 1, 1]) as result:
+        axes = frequency_response(result, "tip").axes[0]
+    assert labels(axes) == ["branch 0", "branch 1"]
+    assert len({line.get_color() for line in drawn(axes)}) == 2
+
+
+def test_many_levels_are_read_off_a_colour_bar(tmp_path):
+    level = np.repeat(np.arange(1.0, 13.0), 2)
+    with response(tmp_path, level, level=level) as result:
+        figure = frequency_response(result, "tip")
+    assert len(figure.axes) == 2 and figure.axes[1].get_ylabel() == "Level"
+    assert labels(figure.axes[0]) == []
+
+
+@pytest.mark.parametrize("amplitude", ([], [np.nan], [0.0, 0.0]))
+def test_results_with_nothing_to_show_still_make_a_figure(tmp_path, amplitude):
+    outcome = ["not_converged"] * len(amplitude)
+    with response(tmp_path, amplitude, outcome=outcome) as result:
+        save(frequency_response(result, "tip"), tmp_path / "frf.png")
+    assert (tmp_path / "frf.png").stat().st_size > 1000
+
+
+def test_hysteresis_loops_are_closed_and_carry_their_limits():
+    angle = np.linspace(0, 2 * np.pi, 40, endpoint=False)
+    loop = Loop("contact 0", np.cos(angle), np.sin(angle), 2 + np.cos(angle), friction_coefficient=0.5)
+    figure = hysteresis([loop] * 3, "mm", "N")
+    assert [axes.get_title() for axes in figure.axes] == ["contact 0"] * 3 + [""]
+    upper, lower, force = figure.axes[0].get_lines()
+    assert force.get_xdata()[0] == force.get_xdata()[-1] and len(force.get_xdata()) == 41
+    assert upper.get_ydata()[:40] == pytest.approx(0.5 * (2 + np.cos(angle)))
+    assert lower.get_ydata() == pytest.approx(-upper.get_ydata())
+
+
+def test_two_tangents_are_two_lines_in_a_panel():
+    values = np.random.default_rng(0).normal(size=(16, 2))
+    figure = hysteresis([Loop("contact 3", values, values, np.ones(16))])
+    assert [line.get_label() for line in figure.axes[0].get_lines()] == ["T1", "T2"]
+
+
+def test_no_loop_is_a_fault():
+    with pytest.raises(InputError, match="at least one contact"):
+        hysteresis([])
+
+
+def flank_result(tmp_path, contacts=20):
+    parameters = {
+        "set": np.array([b"left"] * 10 + [b"right"] * 10),
+        "position": np.random.default_rng(1).uniform(size=(contacts, 3)),
+        "frame": np.broadcast_to(np.eye(3), (contacts, 3, 3)),
+    }
+    data = synthetic.contact_data(2, contacts)
+    return synthetic.write_result(tmp_path / "r.h5", [1.0, 2.0], {}, contacts=data, parameters=parameters)
+
+
+def test_the_contact_map_shows_every_contact_once_in_the_panel_of_its_set(tmp_path):
+    with Result(flank_result(tmp_path)) as result:
+        figure = contact_map(result, 1)
+    panels = figure.axes[:2]
+    assert [axes.get_title() for axes in panels] == ["left", "right"]
+    for axes in panels:
+        assert sum(len(item.get_offsets()) for item in axes.collections if isinstance(item, PathCollection)) == 10
+
+
+def test_a_map_of_contacts_without_positions_is_a_fault(tmp_path):
+    path = synthetic.write_result(tmp_path / "r.h5", [1.0], {}, contacts=synthetic.contact_data(1, 1))
+    with Result(path) as result, pytest.raises(InputError, match="contacts between node sets"):
+        contact_map(result, 0)
+
+
+def test_a_figure_that_cannot_be_written_is_a_fault(tmp_path):
+    figure = hysteresis([Loop("c", np.arange(3), np.arange(3), np.arange(3))])
+    for path in (tmp_path / "none" / "a.png", tmp_path / "a.nonsense"):
+        with pytest.raises(InputError, match="a writable"):
+            save(figure, path)
