@@ -6,6 +6,7 @@ module attrito_api_solver
   use attrito_core_communicator, only: new_communicator, communicator_type
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp, two_pi
+  use attrito_core_petsc_session, only: start_petsc, stop_petsc
   use attrito_core_trigonometric, only: extrema
   use attrito_model_contacts, only: contact_type, contacts_type, new_contacts
   use attrito_model_structure, only: structure_type
@@ -114,6 +115,9 @@ contains
     type(error_type), allocatable :: error
 
     session => session_of(handle)
+    call start_petsc(session%ranks%handle, error)
+    attrito_prepare = tell(error, message)
+    if (allocated(error)) return
     call new_solver(session%structure, session%contacts, session%ranks, solver_options_type( &
                     harmonics=options%harmonics, samples=options%samples, passes=options%passes, rounds=options%rounds, &
                     max_iterations=options%max_iterations, reset_slider=options%reset_slider /= 0, &
@@ -260,6 +264,12 @@ contains
     call write_point(session%solver, session%point, session%result, error)
     attrito_write_point = tell(error, message)
   end function attrito_write_point
+
+  !> The last call of a process, before MPI ends.
+  subroutine attrito_stop() bind(c)
+
+    call stop_petsc()
+  end subroutine attrito_stop
 
   !> Give everything back.
   subroutine attrito_destroy(handle) bind(c)

@@ -1,0 +1,211 @@
+"""The command `attrito`.
+
+Exit codes: 0 done; 1 the numerics did not deliver (the file says where); 2 the input is at fault.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import traceback
+from collections.abc import Sequence
+
+from attrito import __version__
+from attrito.faults import Fault, InputError, NumericsError
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; returns the exit code."""
+    options = _parser().parse_args(arguments)
+    parallel = options.command in ("run", "reduce")
+    try:
+        options.work(options)
+    except InputError as error:
+        return _tell(error, 2, parallel)
+    except NumericsError as error:
+        return _tell(error, 1, parallel)
+    except BrokenPipeError:
+        sys.stderr.close()
+        return 0
+    except Exception:
+        if parallel:
+            _abort()
+        raise
+    return 0
+
+
+def _tell(error: Exception, code: int, parallel: bool) -> int:
+    """Print a message once; every rank has raised the same one."""
+    rank = 0
+    if parallel:
+        from mpi4py import MPI
+
+        rank = MPI.COMM_WORLD.rank
+        sys.stdout.flush()
+    if rank == 0:
+        print(f"attrito: {error}", file=sys.stderr, flush=True)
+    return code
+
+
+def _abort() -> None:
+    """An error nobody foresaw on one rank ends all ranks."""
+    from mpi4py import MPI
+
+    if MPI.COMM_WORLD.size > 1:
+        traceback.print_exc()
+        MPI.COMM_WORLD.Abort(1)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="attrito", description="The steady vibration of finite-element structures that rub."
+    )
+    parser.add_argument("--version", action="version", version=f"attrito {__version__}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="command")
+
+    one = commands.add_parser("import", help="matrices and mesh of another program -> model.h5")
+    one.add_argument("output", help="model file to write")
+    one.add_argument("--calculix", metavar="JOB", help="CalculiX's JOB.sti, JOB.mas and JOB.dof")
+    one.add_argument("--mesh", help="CalculiX or Abaqus deck with nodes, elements and node sets")
+    for name in ("stiffness", "mass", "damping"):
+        one.add_argument(f"--{name}", metavar="FILE", help=f"{name} matrix: Matrix Market or PETSc binary")
+    one.add_argument("--dofs", metavar="FILE", help="one line node.direction for each row of the matrices")
+    one.set_defaults(work=_import)
+
+    one = commands.add_parser("reduce", help="the job's model -> rom.h5 (attrito run does it too)")
+    one.add_argument("job", help="job file (TOML)")
+    one.set_defaults(work=_reduce)
+
+    one = commands.add_parser("run", help="a job -> result.h5")
+    one.add_argument("job", help="job file (TOML)")
+    one.set_defaults(work=_run)
+
+    one = commands.add_parser("table", help="result.h5 -> CSV on standard output")
+    one.add_argument("result", help="result file")
+    kind = one.add_mutually_exclusive_group()
+    kind.add_argument("--contacts", action="store_true", help="a row a point and contact")
+    kind.add_argument("--multipliers", action="store_true", help="a row a point and Floquet multiplier")
+    one.set_defaults(work=_table)
+
+    one = commands.add_parser("plot", help="result.h5 -> PNG: frequency response, hysteresis loops or contact map")
+    one.add_argument("result", help="result file")
+    one.add_argument("-o", "--output", help="picture to write (default: frf.png, loops.png or contacts.png beside it)")
+    one.add_argument("--monitor", help="monitor of the frequency response (default: the first)")
+    kind = one.add_mutually_exclusive_group()
+    kind.add_argument("--loops", action="store_true", help="hysteresis loops of a point")
+    kind.add_argument("--map", action="store_true", help="states of the contacts of a point, in space")
+    one.add_argument("--point", type=int, help="point of the loops or the map (default: the largest amplitude)")
+    one.add_argument("--contact", type=int, nargs="+", help="contacts of the loops (default: those that dissipate most)")
+    one.set_defaults(work=_plot)
+
+    one = commands.add_parser("export", help="full-field shape at a point -> VTU")
+    one.add_argument("result", help="result file")
+    one.add_argument("-o", "--output", help="file to write (default: shape.vtu beside the result)")
+    one.add_argument("--point", type=int, help="point to export (default: the largest amplitude)")
+    one.set_defaults(work=_export)
+    return parser
+
+
+def _import(options: argparse.Namespace) -> None:
+    from attrito.importers import import_model
+
+    _, notes = import_model(
+        options.output,
+        calculix_job=options.calculix,
+        mesh=options.mesh,
+        stiffness=options.stiffness,
+        mass=options.mass,
+        damping=options.damping,
+        dofs=options.dofs,
+    )
+    print("\n".join([f"{options.output}:", *(f"  {note}" for note in notes)]))
+
+
+def _reduce(options: argparse.Namespace) -> None:
+    from mpi4py import MPI
+
+    from attrito.run import reduce_job
+
+    reduce_job(MPI.COMM_WORLD, options.job)
+
+
+def _run(options: argparse.Namespace) -> None:
+    from mpi4py import MPI
+
+    from attrito.run import run_job
+
+    run_job(MPI.COMM_WORLD, options.job)
+
+
+def _table(options: argparse.Namespace) -> None:
+    from attrito.results import Result, contact_table, multiplier_table, table
+
+    kind = contact_table if options.contacts else multiplier_table if options.multipliers else table
+    with Result(options.result) as result:
+        sys.stdout.write(kind(result))
+
+
+def _plot(options: argparse.Namespace) -> None:
+    from attrito import plots
+    from attrito.loops import contact_loops, most_dissipating
+    from attrito.results import Result
+
+    with Result(options.result) as result:
+        monitor = _monitor(result, options)
+        if options.loops:
+            point = _point(result, options, monitor)
+            chosen = options.contact or most_dissipating(result, point)
+            figure, name = plots.hysteresis(contact_loops(result, point, chosen)), "loops.png"
+        elif options.map:
+            figure, name = plots.contact_map(result, _point(result, options, monitor)), "contacts.png"
+        else:
+            figure, name = plots.frequency_response(result, monitor), "frf.png"
+        path = options.output or _beside(options.result, name)
+        plots.save(figure, path)
+    print(path)
+
+
+def _export(options: argparse.Namespace) -> None:
+    from attrito.export import export_point
+    from attrito.model_file import read_model
+    from attrito.results import Result
+
+    with Result(options.result) as result:
+        point = _point(result, options, _monitor(result, options))
+        model = result.attribute("model_file")
+        if not model:
+            raise InputError(Fault(options.result, "model_file", "none", "a result of a model with a mesh"))
+        path = options.output or _beside(options.result, "shape.vtu")
+        rom = result.attribute("rom_file") or None
+        notes = export_point(result, point, read_model(model, matrices=False), path, rom)
+    print("\n".join([path, *(f"  {note}" for note in notes)]))
+
+
+def _monitor(result, options: argparse.Namespace) -> str:
+    chosen = getattr(options, "monitor", None)
+    if chosen is not None and chosen not in result.monitors:
+        raise InputError(Fault(options.result, "--monitor", chosen, "one of " + ", ".join(result.monitors)))
+    return chosen or result.monitors[0]
+
+
+def _point(result, options: argparse.Namespace, monitor: str) -> int:
+    """The chosen point, or that of the largest amplitude."""
+    import numpy as np
+
+    if options.point is not None:
+        result.check_point(options.point)
+        return options.point
+    amplitude = result.monitor(monitor, "amplitude")
+    if not np.any(np.isfinite(amplitude)):
+        raise InputError(Fault(options.result, "points", len(amplitude), "at least one converged point"))
+    return int(np.nanargmax(amplitude))
+
+
+def _beside(result: str, name: str) -> str:
+    from pathlib import Path
+
+    return str(Path(result).with_name(name))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,201 @@
+"""The job file: read, checked as a whole, every fault told with its place, defaults filled in."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from attrito.faults import Fault, InputError
+from attrito.job_schema import ARRAYS, LOAD_KEYS, REQUIRED_TABLES, TABLES, Key
+
+
+@dataclass
+class Job:
+    """A checked job.
+
+    Parameters
+    ----------
+    path : the job file, as the user wrote it
+    tables : every table with every key, defaults filled in; lists of tables for `contact`, `contact_set`, `load`
+    given : the tables that the file holds
+    """
+
+    path: str
+    tables: dict[str, Any]
+    given: frozenset[str]
+
+    def __getitem__(self, table: str) -> Any:
+        return self.tables[table]
+
+    def file(self, name: str) -> str:
+        """A file name of the job: relative ones are relative to the folder of the job file."""
+        return os.path.normpath(Path(self.path).parent / name)
+
+    def fault(self, key: str, value: object, expected: str) -> Fault:
+        """A fault at a key of this job."""
+        return Fault(self.path, key, value, expected)
+
+
+def read_job(path: str | Path) -> Job:
+    """Read and check a job file; raises `InputError` with all faults together."""
+    path = str(path)
+    try:
+        with open(path, "rb") as stream:
+            raw = tomllib.load(stream)
+    except OSError as error:
+        raise InputError(Fault("attrito", "job file", path, f"a file that can be read ({error.strerror})")) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(Fault(path, "file", str(error), "a job in TOML")) from None
+    faults: list[Fault] = []
+    tables: dict[str, Any] = {}
+    known = sorted(TABLES | ARRAYS)
+    for name in raw:
+        if name not in known:
+            faults.append(Fault(path, f"[{name}]", "unknown table", "one of " + ", ".join(known)))
+    for name, keys in TABLES.items():
+        table = raw.get(name, {})
+        if not isinstance(table, dict):
+            faults.append(Fault(path, name, table, f"a table [{name}]"))
+            table = {}
+        if name in raw or name not in REQUIRED_TABLES:
+            tables[name] = _check_table(path, f"[{name}]", table, keys, faults, required=name in raw)
+        else:
+            faults.append(Fault(path, f"[{name}]", "missing", f"a table with {', '.join(keys)}"))
+            tables[name] = {key: spec.default for key, spec in keys.items()}
+    for name, keys in ARRAYS.items():
+        rows = raw.get(name, [])
+        if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+            faults.append(Fault(path, name, type(rows).__name__, f"tables [[{name}]]"))
+            rows = []
+        tables[name] = [_check_table(path, f"{name}[{i}]", row, keys, faults) for i, row in enumerate(rows)]
+    job = Job(path, tables, frozenset(raw))
+    faults += _cross_check(job, faults)
+    if faults:
+        raise InputError(*faults)
+    return job
+
+
+def _check_table(
+    path: str, place: str, table: dict[str, Any], keys: dict[str, Key], faults: list[Fault], required: bool = True
+) -> dict[str, Any]:
+    checked = {name: key.default for name, key in keys.items()}
+    for name, value in table.items():
+        if name not in keys:
+            faults.append(Fault(path, f"{place} {name}", value, "a known key: " + ", ".join(keys)))
+            continue
+        try:
+            checked[name] = keys[name].check(value)
+        except ValueError as error:
+            faults.append(Fault(path, f"{place} {name}", value, str(error)))
+    for name, key in keys.items():
+        if required and key.required and name not in table:
+            faults.append(Fault(path, f"{place} {name}", "missing", "this key to be given"))
+    return checked
+
+
+def _cross_check(job: Job, earlier: list[Fault]) -> list[Fault]:
+    """Faults between keys; those of a key that is already at fault are left alone."""
+    at_fault = {fault.key for fault in earlier}
+    found = [*_check_model(job), *_check_loads(job), *_check_sweep(job), *_check_balance(job), *_check_monitors(job)]
+    return [fault for fault in found if fault.key not in at_fault]
+
+
+def _check_model(job: Job) -> list[Fault]:
+    faults = []
+    model, damping, reduction = job["model"], job["damping"], job["reduction"]
+    if model["file"] is None:
+        if model["mass"] is None and model["stiffness"] is None:
+            faults.append(job.fault("[model] file", "missing", "a model file, or mass and stiffness"))
+        else:
+            faults += [
+                job.fault(f"[model] {name}", "missing", f"a matrix to go with {other}")
+                for name, other in (("mass", "stiffness"), ("stiffness", "mass"))
+                if model[name] is None
+            ]
+    elif any(model[name] is not None for name in ("mass", "stiffness", "damping")):
+        faults.append(job.fault("[model] file", model["file"], "no matrices beside a model file"))
+    kinds = [name for name, value in damping.items() if value is not None]
+    if len(kinds) > 1:
+        faults.append(job.fault("[damping]", ", ".join(kinds), "only one kind of damping"))
+    if "reduction" in job.given:
+        if (reduction["modes"] is None) == (reduction["max_frequency_hz"] is None):
+            faults.append(job.fault("[reduction] modes", reduction["modes"], "either modes or max_frequency_hz"))
+    if not job["contact"] and not job["contact_set"]:
+        faults.append(job.fault("contact", "missing", "at least one [[contact]] or [[contact_set]]"))
+    return faults
+
+
+def _check_loads(job: Job) -> list[Fault]:
+    faults = []
+    names: list[str] = []
+    for i, load in enumerate(job["load"]):
+        place = f"load[{i}]"
+        if load["kind"] is None:
+            continue
+        for key, value in load.items():
+            default = next(spec.default for name, spec in ARRAYS["load"].items() if name == key)
+            if key not in LOAD_KEYS[load["kind"]] and value != default:
+                faults.append(job.fault(f"{place} {key}", value, f"no such key on a load of kind {load['kind']}"))
+        if load["kind"] == "static" and (load["dofs"] is None) == (load["file"] is None):
+            faults.append(job.fault(f"{place} dofs", load["dofs"], "either dofs or file"))
+        if load["kind"] == "harmonic" and not load["cosine"] and not load["sine"]:
+            faults.append(job.fault(f"{place} cosine", [], "cosine or sine terms"))
+        if load["kind"] == "centrifugal":
+            for key in ("speed_hz", "axis_point", "axis_direction"):
+                if load[key] is None:
+                    faults.append(job.fault(f"{place} {key}", "missing", "this key on a centrifugal load"))
+            if load["axis_direction"] is not None and not any(load["axis_direction"]):
+                faults.append(job.fault(f"{place} axis_direction", load["axis_direction"], "a vector that is not zero"))
+            if load["spin_softening"]:
+                faults.append(job.fault(f"{place} spin_softening", True, "false (spin softening is not in this version)"))
+        if load["name"] is None:
+            load["name"] = f"{load['kind']}_{i}"
+        if load["name"] in names:
+            faults.append(job.fault(f"{place} name", load["name"], "a name that no other load has"))
+        names.append(load["name"])
+    if not any(load["kind"] == "harmonic" for load in job["load"]):
+        faults.append(job.fault("load", "missing", "at least one [[load]] of kind harmonic"))
+    static = {load["name"] for load in job["load"] if load["kind"] in ("static", "centrifugal")}
+    for i, corner in enumerate(job["static"]["load_path"]):
+        if isinstance(corner, dict):
+            for name in corner.keys() - static:
+                known = ", ".join(sorted(static)) or "none"
+                faults.append(job.fault(f"[static] load_path[{i}]", name, f"names of static loads: {known}"))
+    return faults
+
+
+def _check_sweep(job: Job) -> list[Fault]:
+    sweep = job["sweep"]
+    ends = [key for key in ("start_hz", "stop_hz") if sweep[key] is not None]
+    if sweep["frequencies_hz"] is not None:
+        return [job.fault(f"[sweep] {key}", sweep[key], "no such key beside frequencies_hz") for key in ends]
+    if len(ends) < 2:
+        missing = "stop_hz" if ends == ["start_hz"] else "start_hz"
+        return [job.fault(f"[sweep] {missing}", "missing", "start_hz and stop_hz, or frequencies_hz")]
+    if sweep["start_hz"] == sweep["stop_hz"]:
+        return [job.fault("[sweep] stop_hz", sweep["stop_hz"], "a frequency other than start_hz")]
+    return []
+
+
+def _check_balance(job: Job) -> list[Fault]:
+    faults = []
+    harmonics, samples = job["balance"]["harmonics"], job["balance"]["samples"]
+    if not isinstance(harmonics, int):
+        return faults
+    if samples < 4 * harmonics + 2:
+        expected = f"at least {4 * harmonics + 2} samples for {harmonics} harmonics"
+        faults.append(job.fault("[balance] samples", samples, expected))
+    for i, load in enumerate(job["load"]):
+        if load["kind"] == "harmonic" and load["harmonic"] > harmonics:
+            expected = f"a harmonic that is solved for: at most {harmonics}"
+            faults.append(job.fault(f"load[{i}] harmonic", load["harmonic"], expected))
+    return faults
+
+
+def _check_monitors(job: Job) -> list[Fault]:
+    names = [monitor["name"] for monitor in job["output"]["monitors"] or []]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    return [job.fault("[output] monitors", name, "names that differ") for name in twice]

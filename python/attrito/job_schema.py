@@ -1,0 +1,283 @@
+"""What a job file may hold: its tables, their keys, what each key takes, and what it is when absent.
+
+A check takes a value and returns the value as the program wants it, or raises `ValueError` with what was expected.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+Check = Callable[[Any], Any]
+
+DIRECTIONS = {"x": 1, "y": 2, "z": 3}
+
+
+@dataclass(frozen=True)
+class Key:
+    """One key of a table: how its value is checked, and its value when absent (required if there is none)."""
+
+    check: Check
+    default: Any = None
+    required: bool = False
+
+
+def number(low: float = -math.inf, high: float = math.inf, *, above: bool = False) -> Check:
+    """A finite number from `low` (or above it) to `high`."""
+    words = "a number"
+    if low > -math.inf:
+        words += f" above {low:g}" if above else f" of at least {low:g}"
+    if high < math.inf:
+        words += f" {'and ' if low > -math.inf else ''}of at most {high:g}"
+
+    def check(value: Any) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise ValueError(words)
+        if value < low or value > high or (above and value == low):
+            raise ValueError(words)
+        return float(value)
+
+    return check
+
+
+def integer(low: int, high: int | None = None) -> Check:
+    """An integer from `low` to `high`."""
+    words = f"an integer of at least {low}" if high is None else f"an integer from {low} to {high}"
+
+    def check(value: Any) -> int:
+        if isinstance(value, bool) or not isinstance(value, int) or value < low or (high is not None and value > high):
+            raise ValueError(words)
+        return value
+
+    return check
+
+
+def text(value: Any) -> str:
+    """A text that is not empty."""
+    if not isinstance(value, str) or not value.strip():
+        raise ValueError("a text")
+    return value
+
+
+def boolean(value: Any) -> bool:
+    """true or false."""
+    if not isinstance(value, bool):
+        raise ValueError("true or false")
+    return value
+
+
+def choice(*names: str, later: tuple[str, ...] = ()) -> Check:
+    """One of some names; those of `later` are known but not in this version."""
+    words = "one of " + ", ".join(f'"{name}"' for name in names) if len(names) > 1 else f'"{names[0]}"'
+
+    def check(value: Any) -> str:
+        if isinstance(value, str) and value in later:
+            raise ValueError(f'{words} ("{value}" is not in this version)')
+        if value not in names:
+            raise ValueError(words)
+        return value
+
+    return check
+
+
+def either(*checks: Check) -> Check:
+    """What any of some checks takes."""
+
+    def check(value: Any) -> Any:
+        expected = []
+        for one in checks:
+            try:
+                return one(value)
+            except ValueError as error:
+                expected.append(str(error))
+        raise ValueError(", or ".join(expected))
+
+    return check
+
+
+def listing(item: Check, low: int = 0, high: int | None = None) -> Check:
+    """A list of items, `low` to `high` of them."""
+
+    def check(value: Any) -> list:
+        if not isinstance(value, list) or len(value) < low or (high is not None and len(value) > high):
+            count = f"{low}" if high == low else f"at least {low}" if high is None else f"{low} to {high}"
+            raise ValueError(f"a list of {count} items")
+        checked = []
+        for place, entry in enumerate(value):
+            try:
+                checked.append(item(entry))
+            except ValueError as error:
+                raise ValueError(f"as item {place} {error}, not {entry!r}") from None
+        return checked
+
+    return check
+
+
+def dof(value: Any) -> int | tuple[str, int | str, str]:
+    """A dof: a number from 0, or ["node", id, "x"] with an id or the name of a set of one node."""
+    if isinstance(value, int) and not isinstance(value, bool) and value >= 0:
+        return value
+    if (
+        isinstance(value, list)
+        and len(value) == 3
+        and value[0] == "node"
+        and isinstance(value[1], int | str)
+        and not isinstance(value[1], bool)
+        and value[2] in DIRECTIONS
+    ):
+        return tuple(value)
+    raise ValueError('a dof: a number from 0, or ["node", id, "x"]')
+
+
+def term(value: Any) -> tuple[Any, float]:
+    """A pair [dof, coefficient]."""
+    if not isinstance(value, list) or len(value) != 2:
+        raise ValueError("a pair [dof, coefficient]")
+    return dof(value[0]), number()(value[1])
+
+
+terms = listing(term)
+
+
+def monitor(value: Any) -> dict[str, Any]:
+    """A table { name, dofs }."""
+    if not isinstance(value, dict) or set(value) != {"name", "dofs"}:
+        raise ValueError("a table { name = ..., dofs = [[dof, coefficient], ...] }")
+    name = text(value["name"])
+    if "/" in name or "," in name or "\n" in name or len(name) > 64:
+        raise ValueError("a name of at most 64 characters without slash, comma or line break")
+    return {"name": name, "dofs": listing(term, 1)(value["dofs"])}
+
+
+def corner(value: Any) -> float | dict[str, float]:
+    """A corner of the load path: one factor, or factors by the names of loads."""
+    if isinstance(value, dict):
+        return {name: number()(factor) for name, factor in value.items()}
+    return number()(value)
+
+
+def matrix(value: Any) -> str | list:
+    """A file, or rows of numbers."""
+    if isinstance(value, str):
+        return text(value)
+    if isinstance(value, list) and value and all(isinstance(row, list) for row in value):
+        return value
+    raise ValueError("a file name or a list of rows of numbers")
+
+
+def node_reference(value: Any) -> int | str:
+    """A node's id or a node set's name."""
+    return either(integer(1), text)(value)
+
+
+LAW = {
+    "tangential_stiffness": Key(number(0, above=True), required=True),
+    "normal_stiffness": Key(number(0, above=True), required=True),
+    "friction_coefficient": Key(number(0), required=True),
+    "gap": Key(number(), 0.0),
+    "preload": Key(number(0), 0.0),
+}
+
+pair_of_numbers = listing(number(), 2, 2)
+
+TABLES: dict[str, dict[str, Key]] = {
+    "model": {
+        "file": Key(text),
+        "mass": Key(matrix),
+        "stiffness": Key(matrix),
+        "damping": Key(matrix),
+    },
+    "damping": {
+        "rayleigh": Key(listing(number(0), 2, 2)),
+        "ratio": Key(number(0, 1)),
+        "loss_factor": Key(number(0, 1)),
+    },
+    "reduction": {
+        "modes": Key(either(integer(0), choice("auto", later=("auto",)))),
+        "max_frequency_hz": Key(number(0, above=True)),
+        "boundary": Key(listing(node_reference), []),
+        "file": Key(text),
+    },
+    "static": {
+        "load_path": Key(listing(corner, 1), [0.0, 1.0]),
+        "slider": Key(choice("keep", "reset"), "keep"),
+        "steps": Key(integer(1), 20),
+    },
+    "balance": {
+        "approach": Key(choice("coupled", "uncoupled"), "coupled"),
+        "harmonics": Key(either(integer(1, 1000), choice("auto", later=("auto",))), 5),
+        "tolerance": Key(number(0, 1, above=True)),
+        "quadrature": Key(choice("sampled", later=("event", "auto")), "sampled"),
+        "samples": Key(integer(8), 128),
+        "passes": Key(integer(2), 3),
+        "residual_tolerance": Key(number(1e-14, 1e-3), 1e-10),
+        "max_iterations": Key(integer(1), 30),
+    },
+    "sweep": {
+        "start_hz": Key(number(0, above=True)),
+        "stop_hz": Key(number(0, above=True)),
+        "frequencies_hz": Key(listing(number(0, above=True), 1)),
+        "levels": Key(listing(number(0, above=True), 1), [1.0]),
+    },
+    "continuation": {
+        "branches": Key(integer(1, 1), 1),
+        "both_directions": Key(boolean, False),
+        "max_points": Key(integer(2), 1000),
+    },
+    "stability": {
+        "method": Key(choice("none", later=("monodromy", "hill", "both")), "none"),
+    },
+    "integrate": {
+        "scheme": Key(choice("event", "central_difference", "newmark", "hht", "generalised_alpha"), "event"),
+        "steps_per_period": Key(integer(2)),
+        "frequency_hz": Key(number(0, above=True)),
+        "static_profile": Key(listing(pair_of_numbers, 1)),
+        "harmonic_profile": Key(listing(pair_of_numbers, 1)),
+        "start": Key(text, "static"),
+        "cycles": Key(integer(1)),
+        "periodicity_tolerance": Key(number(0, above=True)),
+        "max_period_multiple": Key(integer(1)),
+    },
+    "output": {
+        "file": Key(text, required=True),
+        "monitors": Key(listing(monitor, 1), required=True),
+    },
+}
+
+ARRAYS: dict[str, dict[str, Key]] = {
+    "contact": {
+        "normal": Key(listing(term, 1), required=True),
+        "tangents": Key(listing(listing(term, 1), 1, 2), required=True),
+        **LAW,
+    },
+    "contact_set": {
+        "a": Key(text, required=True),
+        "b": Key(text, required=True),
+        "tolerance": Key(number(0), required=True),
+        "tangents": Key(integer(1, 2), 2),
+        "stiffness_per": Key(choice("area", "node"), "area"),
+        **LAW,
+    },
+    "load": {
+        "name": Key(text),
+        "kind": Key(choice("static", "harmonic", "centrifugal"), required=True),
+        "dofs": Key(terms),
+        "file": Key(text),
+        "harmonic": Key(integer(1), 1),
+        "cosine": Key(terms, []),
+        "sine": Key(terms, []),
+        "speed_hz": Key(number(0)),
+        "axis_point": Key(listing(number(), 3, 3)),
+        "axis_direction": Key(listing(number(), 3, 3)),
+        "spin_softening": Key(boolean, False),
+    },
+}
+
+REQUIRED_TABLES = ("model", "sweep", "output")
+LOAD_KEYS = {
+    "static": {"name", "kind", "dofs", "file"},
+    "harmonic": {"name", "kind", "harmonic", "cosine", "sine"},
+    "centrifugal": {"name", "kind", "speed_hz", "axis_point", "axis_direction", "spin_softening"},
+}

@@ -1,0 +1,52 @@
+"""Hysteresis loops of a solved point, from the law in the library."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+
+import numpy as np
+
+from attrito.faults import Fault, InputError
+from attrito.plots import Loop
+from attrito.results import Result
+from attrito.solver import make_law, sample_contact
+
+SAMPLES = 1024
+
+
+def contact_loops(result: Result, point: int, contacts: Sequence[int]) -> list[Loop]:
+    """Loops T(u) with N over a period for some contacts of a point; the first tangent of those with two."""
+    result.check_point(point)
+    laws = {name: result.array(f"contacts/parameters/{name}") for name in _laws()}
+    passes = json.loads(result.attribute("job"))["balance"]["passes"]
+    loops = []
+    for contact in contacts:
+        if not 0 <= contact < result.contacts:
+            raise InputError(Fault("result", "--contact", contact, f"a contact: 0 to {result.contacts - 1}"))
+        tangents = int(laws["tangents"][contact])
+        rows = [*range(tangents), 2]
+        coefficients = result.dataset("contacts/displacement")[point, contact][rows]
+        slider = result.dataset("contacts/slider")[point, contact]
+        u, force = sample_contact(make_law(laws, contact), coefficients, slider, SAMPLES, passes)
+        friction = float(laws["friction_coefficient"][contact])
+        loops.append(Loop(f"contact {contact}", u[0], force[0], force[-1], friction))
+    return loops
+
+
+def most_dissipating(result: Result, point: int, count: int = 4) -> list[int]:
+    """The contacts that dissipate most at a point, the largest first."""
+    result.check_point(point)
+    energy = np.nan_to_num(result.dataset("contacts/dissipated_energy")[point])
+    return np.argsort(-energy, kind="stable")[:count].tolist()
+
+
+def _laws() -> tuple[str, ...]:
+    return (
+        "tangents",
+        "tangential_stiffness",
+        "normal_stiffness",
+        "friction_coefficient",
+        "gap",
+        "preload",
+    )

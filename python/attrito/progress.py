@@ -1,0 +1,75 @@
+"""What a run says while it runs: one line a point, which on a terminal overwrites itself."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+    from attrito.solver import Point
+
+
+class Progress:
+    """Lines on standard output, from rank 0."""
+
+    def __init__(self, comm: Comm):
+        self._speaks = comm.rank == 0
+        self._terminal = self._speaks and sys.stdout.isatty()
+        self._count = 0
+        self._pending = False
+
+    def say(self, line: str) -> None:
+        """A line of its own."""
+        if not self._speaks:
+            return
+        if self._pending:
+            print()
+            self._pending = False
+        print(line, flush=True)
+
+    def reduction(self, report: dict[str, Any] | None) -> None:
+        """How the reduction went."""
+        if report is None:
+            return
+        seconds = sum(value for name, value in report.items() if name.endswith("seconds"))
+        self.say(f"reduced to {report['coordinates']} coordinates in {seconds:.1f} s")
+
+    def begin(self, coordinates: int, contacts: int, linear: dict[str, tuple]) -> None:
+        """What is going to be solved."""
+        lowest = {name: ", ".join(f"{f:.4g}" for f in natural[:3] if f > 0) for name, (_, _, natural) in linear.items()}
+        self.say(f"{coordinates} coordinates, {contacts} contacts; natural frequencies in Hz: "
+                 f"stuck {lowest['stuck']}, frictionless {lowest['frictionless']}")  # fmt: skip
+
+    def static(self, means: np.ndarray) -> None:
+        """The static load path was walked."""
+        self.say("static load path walked: monitors " + ", ".join(f"{value:.4g}" for value in means))
+
+    def point(self, point: Point, monitor: str) -> None:
+        """One line a point."""
+        if not self._speaks:
+            return
+        stuck, shaken_down, slipping, opened = point.states
+        line = (
+            f"{self._count:5d}  {point.frequency_hz:11.5g} Hz  level {point.level:<8.4g} {monitor} {point.amplitude[0]:11.4e}"
+            f"  stuck {stuck + shaken_down:3d} slipping {slipping:3d} open {opened:3d}"
+            f"  {point.iterations:3d} iterations  {point.outcome}"
+        )
+        self._count += 1
+        if self._terminal:
+            print("\r" + line, end="", flush=True)
+            self._pending = True
+        else:
+            print(line, flush=True)
+
+    def stopped_early(self, point: Point, stop_hz: float) -> None:
+        """A sweep ended before its stop."""
+        self.say(f"this sweep ended at {point.frequency_hz:.5g} Hz, before its stop at {stop_hz:.5g} Hz "
+                 "(the branch turned back over its start, or [continuation] max_points was reached)")  # fmt: skip
+
+    def end(self, result: str, seconds: float, failed: int) -> None:
+        """Where the result is."""
+        self.say(f"{self._count} points, {failed} of them not converged, in {seconds:.1f} s: {result}")

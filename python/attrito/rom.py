@@ -1,0 +1,165 @@
+"""The reduced model of a scene: made by the library and kept in rom.h5, or the matrices as they stand.
+
+A `rom.h5` is used again when its fingerprint says that it was made from the same matrices, boundary, vectors and modes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
+
+from attrito import __version__
+from attrito.faults import InputError
+from attrito.job import Job
+from attrito.model_file import write_model
+from attrito.parallel import on_root
+reduce_model = None
+from attrito.scene import Scene
+from attrito.solver import ReducedScene
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+LARGEST_DENSE = 4000
+
+
+def rom_path(job: Job) -> str | None:
+    """Where the job's reduced model is kept; None when the matrices are used as they stand."""
+    if "reduction" not in job.given:
+        return None
+    if job["reduction"]["file"] is not None:
+        return job.file(job["reduction"]["file"])
+    return str(Path(job.file(job["output"]["file"])).parent / "rom.h5")
+
+
+def model_path(job: Job) -> str | None:
+    """The job's model file: its own, or one beside rom.h5 for matrices given otherwise."""
+    if job["model"]["file"] is not None:
+        return job.file(job["model"]["file"])
+    rom = rom_path(job)
+    return None if rom is None else str(Path(rom).with_suffix(".model.h5"))
+
+
+def make_rom(comm: Comm, job: Job, scene: Scene | None, say: Any = print) -> dict[str, Any] | None:
+    """Reduce the scene (held by rank 0) unless rom.h5 already holds it; returns the library's report, if it worked."""
+    path, model = rom_path(job), model_path(job)
+    keys = job["reduction"]
+
+    def prepare() -> tuple[bool, str, np.ndarray]:
+        fingerprint = _fingerprint(job, scene)
+        fresh = _holds(path, fingerprint)
+        if fresh:
+            say(f"reduced model {path}: up to date")
+        else:
+            Path(path).parent.mkdir(parents=True, exist_ok=True)
+            if job["model"]["file"] is None:
+                write_model(model, scene.model, [])
+            kept = f"{keys['modes']} modes" if keys["modes"] is not None else f"modes to {keys['max_frequency_hz']:g} Hz"
+            say(f"reducing {scene.model.size} dofs onto {len(scene.boundary)} boundary dofs and {kept}")
+        return fresh, fingerprint, scene.boundary
+
+    fresh, fingerprint, boundary = on_root(comm, prepare)
+    if fresh:
+        return None
+    vectors = None if comm.rank else np.array(list(_vectors(scene).values()))
+    partial = f"{path}.partial"
+    report = reduce_model(
+        comm, model, partial, boundary, vectors, modes=keys["modes"], max_frequency_hz=keys["max_frequency_hz"]
+    )
+
+    def finish() -> None:
+        with h5py.File(partial, "r+") as file:
+            file.attrs["fingerprint"] = fingerprint
+            file.attrs["attrito_version"] = __version__
+            file.attrs["job"] = json.dumps(job.tables)
+            names = np.array(list(_vectors(scene)), dtype=h5py.string_dtype())
+            stored = file.create_dataset("vectors/name", data=names)
+            stored.attrs["description"], stored.attrs["unit"] = "names of the loads and monitors", "1"
+        os.replace(partial, path)
+
+    on_root(comm, finish)
+    return report
+
+
+def reduced_scene(job: Job, scene: Scene) -> ReducedScene:
+    """The scene in the coordinates that are solved, from rom.h5 or the matrices as they stand (rank 0)."""
+    path = rom_path(job)
+    counts = [len(scene.static), len(scene.harmonic), len(scene.monitors)]
+    if path is None:
+        model = scene.model
+        if model.size > LARGEST_DENSE:
+            raise InputError(
+                job.fault("[reduction]", "missing", f"a reduction: {model.size} dofs are too many to be used as they stand")
+            )
+        mass, stiffness = model.mass.toarray(), model.stiffness.toarray()
+        damping = None if model.damping is None else model.damping.toarray()
+        vectors = np.array(list(_vectors(scene).values()))
+        directions = scene.contacts.rows.toarray()
+    else:
+        with h5py.File(path) as file:
+            mass, stiffness = file["mass"][:], file["stiffness"][:]
+            damping = file["damping"][:] if "damping" in file else None
+            vectors, boundary = file["vectors/reduced"][:], file["boundary/dof"][:]
+        directions = np.zeros((scene.contacts.rows.shape[0], len(mass)))
+        directions[:, : len(boundary)] = scene.contacts.rows[:, boundary].toarray()
+    static, harmonic, monitors = np.split(np.ascontiguousarray(vectors, dtype=float), np.cumsum(counts)[:-1])
+    kind, value, damping = _damping(job, mass, stiffness, damping)
+    return ReducedScene(
+        *(np.ascontiguousarray(matrix, dtype=float) for matrix in (mass, stiffness)),
+        kind,
+        value,
+        damping,
+        scene.contacts.laws,
+        np.ascontiguousarray(directions),
+        *(np.ascontiguousarray(part) for part in (static, harmonic, monitors)),
+        list(scene.monitors),
+    )
+
+
+def _damping(
+    job: Job, mass: np.ndarray, stiffness: np.ndarray, damping: np.ndarray | None
+) -> tuple[str, float, np.ndarray | None]:
+    keys = job["damping"]
+    if keys["ratio"] is not None:
+        return "ratio", keys["ratio"], None
+    if keys["loss_factor"] is not None:
+        return "loss_factor", keys["loss_factor"], None
+    alpha, beta = keys["rayleigh"] or (0.0, 0.0)
+    if damping is not None or beta > 0.0:
+        own = 0.0 if damping is None else damping
+        return "viscous", 0.0, np.ascontiguousarray(own + alpha * mass + beta * stiffness)
+    return ("mass", alpha, None) if alpha > 0.0 else ("none", 0.0, None)
+
+
+def _vectors(scene: Scene) -> dict[str, np.ndarray]:
+    """Every load and monitor by name, each `[n]`."""
+    named = {f"load:{name}": vector for name, vector in scene.static.items()}
+    named |= {f"harmonic:{i}": vector for i, vector in enumerate(scene.harmonic)}
+    return named | {f"monitor:{name}": vector for name, vector in scene.monitors.items()}
+
+
+def _fingerprint(job: Job, scene: Scene) -> str:
+    digest = hashlib.sha256()
+    for matrix in (scene.model.stiffness, scene.model.mass, scene.model.damping):
+        if matrix is not None:
+            for array in (matrix.indptr, matrix.indices, matrix.data):
+                digest.update(np.ascontiguousarray(array).tobytes())
+    digest.update(scene.boundary.tobytes())
+    for name, vector in _vectors(scene).items():
+        digest.update(name.encode() + vector.tobytes())
+    digest.update(json.dumps([job["reduction"]["modes"], job["reduction"]["max_frequency_hz"]]).encode())
+    return digest.hexdigest()
+
+
+def _holds(path: str, fingerprint: str) -> bool:
+    try:
+        with h5py.File(path) as file:
+            return file.attrs.get("fingerprint") == fingerprint
+    except OSError:
+        return False

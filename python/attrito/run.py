@@ -1,0 +1,188 @@
+"""`attrito run`: a job from its file to result.h5."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import h5py
+import numpy as np
+
+from attrito import __version__
+from attrito.faults import NumericsError
+from attrito.job import Job, read_job
+from attrito.parallel import on_root
+from attrito.progress import Progress
+from attrito.rom import make_rom, model_path, reduced_scene, rom_path
+from attrito.scene import Scene, build_scene
+from attrito.solver import Options, Point, Solver
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+REFERENCES = (
+    "Zucca & Firrone 2014, doi:10.1016/j.jsv.2013.09.032; Craig & Bampton 1968, doi:10.2514/3.4741; "
+    "Cameron & Griffin 1989, doi:10.1115/1.3176036; PETSc, SLEPc, MUMPS, FFTW, HDF5"
+)
+LINEAR_POINTS = 400
+NATURAL_FREQUENCIES = 20
+
+
+def reduce_job(comm: Comm, path: str) -> str:
+    """`attrito reduce`: make the job's rom.h5; returns its path."""
+    progress = Progress(comm)
+    job = on_root(comm, lambda: read_job(path))
+    scene = _on_root_only(comm, lambda: build_scene(job))
+    _say_notes(progress, scene)
+    if rom_path(job) is None:
+        from attrito.faults import InputError
+
+        raise InputError(job.fault("[reduction]", "missing", "this table, to say what to reduce to"))
+    progress.reduction(make_rom(comm, job, scene, progress.say))
+    return rom_path(job)
+
+
+def run_job(comm: Comm, path: str) -> str:
+    """Run a job; returns the result's path. A point that did not converge is in the result, and raises at the end."""
+    progress = Progress(comm)
+    started = time.perf_counter()
+    job = on_root(comm, lambda: read_job(path))
+    scene = _on_root_only(comm, lambda: build_scene(job))
+    _say_notes(progress, scene)
+    if rom_path(job) is not None:
+        progress.reduction(make_rom(comm, job, scene, progress.say))
+    reduced = on_root(comm, lambda: reduced_scene(job, scene))
+    load_path = on_root(comm, lambda: scene.load_path)
+    result = job.file(job["output"]["file"])
+    partial = f"{result}.partial"
+    balance = job["balance"]
+    options = Options(
+        harmonics=balance["harmonics"],
+        samples=balance["samples"],
+        passes=balance["passes"],
+        max_iterations=balance["max_iterations"],
+        tolerance=balance["residual_tolerance"],
+        reset_slider=job["static"]["slider"] == "reset",
+        uncoupled=balance["approach"] == "uncoupled",
+    )
+    failed = 0
+    with Solver(comm, reduced, options) as solver:
+        on_root(comm, lambda: _write_root(partial, job, scene))
+        linear = _linear_responses(solver, job)
+        on_root(comm, lambda: _write_linear(partial, linear, reduced.monitor_names))
+        solver.open_result(partial)
+        progress.begin(len(reduced.mass), len(reduced.laws["tangents"]), linear)
+        for point in _points(solver, job, load_path, progress):
+            solver.write_point()
+            progress.point(point, reduced.monitor_names[0])
+            failed += point.outcome == "not_converged"
+    on_root(comm, lambda: os.replace(partial, result))
+    progress.end(result, time.perf_counter() - started, failed)
+    if failed:
+        raise NumericsError(
+            f"{result}: {failed} point(s) did not converge; they are in the file with outcome not_converged"
+        )
+    return result
+
+
+def _on_root_only(comm: Comm, work) -> Scene | None:
+    """What stays on rank 0; its faults are raised everywhere."""
+    kept: list[Scene] = []
+    on_root(comm, lambda: kept.append(work()))
+    return kept[0] if kept else None
+
+
+def _points(solver: Solver, job: Job, load_path: np.ndarray, progress: Progress) -> Iterator[Point]:
+    """Every point of the job: for each level the static path, then the sweep, and back if the job says so."""
+    sweep = job["sweep"]
+    listed = sweep["frequencies_hz"]
+    ends = [(listed[0], listed[-1])] if listed else [(sweep["start_hz"], sweep["stop_hz"])]
+    if job["continuation"]["both_directions"] and not listed:
+        ends.append(ends[0][::-1])
+    branch = 0
+    for level in sweep["levels"]:
+        for start, stop in ends:
+            means = solver.walk_static_path(load_path, job["static"]["steps"], start)
+            progress.static(means)
+            if listed:
+                points = solver.solve_at(listed, level, branch)
+            else:
+                points = solver.sweep(start, stop, level, branch, job["continuation"]["max_points"])
+            point = None
+            for point in points:
+                branch = max(branch, point.branch)
+                yield point
+            if point is not None and not listed and not point.reached_stop:
+                progress.stopped_early(point, stop)
+            branch += 1
+
+
+def _linear_responses(solver: Solver, job: Job) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Frequencies, amplitudes and natural frequencies of the linear systems, stuck and frictionless."""
+    sweep = job["sweep"]
+    given = sweep["frequencies_hz"] or [sweep["start_hz"], sweep["stop_hz"]]
+    low, high = min(given), max(given)
+    responses = {}
+    for name, stuck in (("stuck", True), ("frictionless", False)):
+        grid = np.linspace(low, high, LINEAR_POINTS) if high > low else np.array([low])
+        natural = solver.linear_response(stuck, grid[:1], NATURAL_FREQUENCIES)[1]
+        # Resonances are drawn by points of their own, close enough for the sharpest.
+        inside = natural[(natural > low) & (natural < high)]
+        near = [inside * (1.0 + sign * width) for width in np.geomspace(1e-5, 1e-2, 16) for sign in (-1, 1)]
+        grid = np.unique(np.concatenate([grid, inside, *near]))
+        grid = grid[(grid >= low) & (grid <= high)]
+        responses[name] = (grid, solver.linear_response(stuck, grid, 0)[0], natural)
+    return responses
+
+
+def _write_root(path: str, job: Job, scene: Scene) -> None:
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    with h5py.File(path, "w") as file:
+        file.attrs["format"] = "attrito result"
+        file.attrs["format_version"] = 1
+        file.attrs["attrito_version"] = __version__
+        file.attrs["description"] = "Steady response of a structure with friction contacts; see docs/files.md of attrito"
+        file.attrs["references"] = REFERENCES
+        file.attrs["job"] = json.dumps(job.tables)
+        file.attrs["job_file"] = str(Path(job.path).resolve())
+        file.attrs["model_file"] = _absolute(model_path(job))
+        file.attrs["rom_file"] = _absolute(rom_path(job))
+        units = {
+            "tangential_stiffness": "user force/length",
+            "normal_stiffness": "user force/length",
+            "gap": "user length",
+            "preload": "user force",
+            "area": "user area",
+            "position": "user length",
+        }
+        for name, values in {**scene.contacts.laws, **scene.contacts.places}.items():
+            stored = file.create_dataset(f"contacts/parameters/{name}", data=values)
+            stored.attrs["description"] = name.replace("_", " ")
+            stored.attrs["unit"] = units.get(name, "1")
+
+
+def _write_linear(path: str, responses: dict, monitors: list[str]) -> None:
+    with h5py.File(path, "r+") as file:
+        for kind, (frequency, amplitude, natural) in responses.items():
+            what = "every contact stuck" if kind == "stuck" else "contacts closed, no friction"
+            data = {"frequency_hz": (frequency, "frequency", "Hz"), "natural_hz": (natural, "natural frequencies", "Hz")}
+            data |= {
+                name: (values, f"amplitude at level 1, {what}", "user length")
+                for name, values in zip(monitors, amplitude, strict=True)
+            }
+            for name, (values, description, unit) in data.items():
+                stored = file.create_dataset(f"linear/{kind}/{name}", data=values)
+                stored.attrs["description"], stored.attrs["unit"] = description, unit
+
+
+def _say_notes(progress: Progress, scene: Scene | None) -> None:
+    for note in scene.contacts.notes if scene is not None else []:
+        progress.say(note)
+
+
+def _absolute(path: str | None) -> str:
+    return "" if path is None else str(Path(path).resolve())

@@ -1,0 +1,270 @@
+"""From job and model to what is solved: contacts as rows on dofs, loads and monitors as vectors, all on the full model.
+
+Everything here is done by rank 0 alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_matrix, vstack
+
+from attrito.faults import Fault, InputError
+from attrito.importers import check_matrices, read_matrix
+from attrito.job import Job
+from attrito.job_schema import DIRECTIONS
+from attrito.model_file import Model, read_model
+from attrito.pairing import contact_rows, pair_sets
+
+
+@dataclass
+class Contacts:
+    """Contacts on the full model: laws `[nc]`, rows of B `[rows, n]` (each contact's tangents before its normal).
+
+    `places` holds what is known of where they are: `set`, `node_a`, `node_b`, `area`, `position`, `frame`.
+    """
+
+    laws: dict[str, np.ndarray]
+    rows: csr_matrix
+    places: dict[str, np.ndarray]
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def count(self) -> int:
+        return len(self.laws["tangents"])
+
+
+@dataclass
+class Scene:
+    """A job on its full model.
+
+    Parameters
+    ----------
+    static : vectors of the static loads by name, each `[n]`, user force
+    harmonic : coefficients of the harmonic load at level 1, `[2 h + 1, n]`, rows mean (zero), cosine 1, sine 1, ...
+    monitors : vectors by name, each `[n]`
+    load_path : factors on the static loads at the corners, `[corners, loads]`
+    """
+
+    model: Model
+    contacts: Contacts
+    static: dict[str, np.ndarray]
+    harmonic: np.ndarray
+    monitors: dict[str, np.ndarray]
+    load_path: np.ndarray
+    boundary: np.ndarray
+
+
+LAW_KEYS = ("tangential_stiffness", "normal_stiffness", "friction_coefficient", "gap", "preload")
+
+
+def build_scene(job: Job) -> Scene:
+    """Read the model and place the job's contacts, loads and monitors on it; all faults of a kind together."""
+    model = load_model(job)
+    places = _Places(job, model)
+    contacts = _contacts(job, model, places)
+    static, harmonic = _loads(job, model, places)
+    monitors = {
+        monitor["name"]: places.vector(monitor["dofs"], f"[output] monitors[{i}]")
+        for i, monitor in enumerate(job["output"]["monitors"])
+    }
+    boundary = places.boundary(contacts)
+    if places.faults:
+        raise InputError(*places.faults)
+    path = [
+        [corner.get(name, 0.0) if isinstance(corner, dict) else corner for name in static]
+        for corner in job["static"]["load_path"]
+    ]
+    return Scene(model, contacts, static, harmonic, monitors, np.array(path).reshape(len(path), len(static)), boundary)
+
+
+def load_model(job: Job) -> Model:
+    """The job's model, its matrices checked."""
+    keys = job["model"]
+    if keys["file"] is not None:
+        path = job.file(keys["file"])
+        model = read_model(path)
+        where: Any = path
+    else:
+        matrices: dict[str, csr_matrix | None] = {}
+        where = {}
+        for name in ("stiffness", "mass", "damping"):
+            source = keys[name]
+            where[name] = job.file(source) if isinstance(source, str) else f"{job.path}: [model]"
+            source = job.file(source) if isinstance(source, str) else source
+            matrices[name] = None if source is None else read_matrix(source, f"[model] {name}", job.path)
+        model = Model(**matrices)
+    faults = check_matrices(model.stiffness, model.mass, model.damping, where)
+    if model.damping is not None:
+        faults += [
+            job.fault(f"[damping] {kind}", job["damping"][kind], "no such key beside the model's own damping matrix")
+            for kind in ("ratio", "loss_factor")
+            if job["damping"][kind] is not None
+        ]
+    if faults:
+        raise InputError(*faults)
+    return model
+
+
+class _Places:
+    """Dofs of a model by number or node, and the faults found on the way."""
+
+    def __init__(self, job: Job, model: Model):
+        self.job, self.model = job, model
+        self.faults: list[Fault] = []
+        self.dofs = {}
+        if model.dof_node is not None:
+            pairs = zip(model.dof_node.tolist(), model.dof_direction.tolist(), strict=True)
+            self.dofs = {pair: dof for dof, pair in enumerate(pairs)}
+
+    def dof(self, place: Any, key: str) -> int | None:
+        """Number of a dof; a fault and None where there is none."""
+        if isinstance(place, int):
+            if place < self.model.size:
+                return place
+            self.add(key, place, f"a dof of the model: 0 to {self.model.size - 1}")
+            return None
+        _, node, direction = place
+        shown = f'["node", {node!r}, "{direction}"]'
+        if not self.model.has_mesh:
+            self.add(key, shown, "a dof's number, since the model has no mesh")
+            return None
+        if isinstance(node, str):
+            nodes = self.model.node_sets.get(node, np.array([], dtype=int))
+            if len(nodes) != 1:
+                sets = ", ".join(name for name, ids in self.model.node_sets.items() if len(ids) == 1) or "none"
+                self.add(key, shown, f"a node id, or a node set of one node: {sets}")
+                return None
+            node = int(nodes[0])
+        found = self.dofs.get((node, DIRECTIONS[direction]))
+        if found is None:
+            known = np.any(self.model.node_ids == node)
+            self.add(key, shown, "a free dof (this one is held)" if known else "a node of the model")
+        return found
+
+    def vector(self, terms: list, key: str) -> np.ndarray:
+        """Sum of coefficients at dofs, `[n]`."""
+        vector = np.zeros(self.model.size)
+        for place, coefficient in terms:
+            dof = self.dof(place, key)
+            if dof is not None:
+                vector[dof] += coefficient
+        return vector
+
+    def boundary(self, contacts: Contacts) -> np.ndarray:
+        """Dofs to keep: those of contacts, all of a contact's nodes, and of the nodes that the job names."""
+        keep = [np.unique(contacts.rows.indices)]
+        nodes = [contacts.places["node_a"], contacts.places["node_b"]]
+        for i, name in enumerate(self.job["reduction"]["boundary"]):
+            key = f"[reduction] boundary[{i}]"
+            if isinstance(name, str) and name in self.model.node_sets:
+                nodes.append(self.model.node_sets[name])
+            elif isinstance(name, int) and self.model.has_mesh and np.any(self.model.node_ids == name):
+                nodes.append(np.array([name]))
+            else:
+                self.add(key, name, "a node set or node of the model: " + (", ".join(self.model.node_sets) or "none"))
+        if self.model.dof_node is not None:
+            keep.append(np.flatnonzero(np.isin(self.model.dof_node, np.concatenate(nodes))))
+        return np.unique(np.concatenate(keep)).astype(np.int64)
+
+    def add(self, key: str, value: object, expected: str) -> None:
+        self.faults.append(self.job.fault(key, value, expected))
+
+
+def _contacts(job: Job, model: Model, places: _Places) -> Contacts:
+    blocks: list[Contacts] = []
+    for i, contact in enumerate(job["contact"]):
+        key = f"contact[{i}]"
+        rows = [places.vector(terms, f"{key} tangents") for terms in contact["tangents"]]
+        rows.append(places.vector(contact["normal"], f"{key} normal"))
+        if any(not row.any() for row in rows) and not places.faults:
+            places.add(key, "zero row", "tangents and normal with a coefficient that is not zero")
+        blocks.append(_explicit(contact, rows))
+    for i, contact_set in enumerate(job["contact_set"]):
+        try:
+            blocks.append(_paired(job, model, contact_set, f"contact_set[{i}]", i))
+        except InputError as error:
+            places.faults += error.faults
+    if not blocks:
+        raise InputError(*places.faults)
+    joined = {name: np.concatenate([block.laws[name] for block in blocks]) for name in blocks[0].laws}
+    where = {name: np.concatenate([block.places[name] for block in blocks]) for name in blocks[0].places}
+    notes = [note for block in blocks for note in block.notes]
+    return Contacts(joined, csr_matrix(vstack([block.rows for block in blocks])), where, notes)
+
+
+def _explicit(contact: dict[str, Any], rows: list[np.ndarray]) -> Contacts:
+    laws = {"tangents": np.array([len(rows) - 1], dtype=np.int32)}
+    laws |= {name: np.array([contact[name] if contact[name] is not None else np.nan]) for name in LAW_KEYS}
+    nothing = {"set": -1, "node_a": -1, "node_b": -1}
+    where = {name: np.array([value], dtype=np.int64) for name, value in nothing.items()}
+    where |= {"area": np.full(1, np.nan), "position": np.full((1, 3), np.nan), "frame": np.full((1, 3, 3), np.nan)}
+    return Contacts(laws, csr_matrix(np.array(rows)), where)
+
+
+def _paired(job: Job, model: Model, keys: dict[str, Any], place: str, number: int) -> Contacts:
+    if not model.has_mesh:
+        raise InputError(job.fault(f"{place} a", keys["a"], "a model with a mesh: node sets need one"))
+    pairs = pair_sets(model, keys["a"], keys["b"], keys["tolerance"], keys["tangents"], job.path, place)
+    count = len(pairs.node_a)
+    laws = {"tangents": np.full(count, keys["tangents"], dtype=np.int32)}
+    laws |= {name: np.full(count, keys[name]) for name in LAW_KEYS}
+    if keys["stiffness_per"] == "area":
+        for name in ("tangential_stiffness", "normal_stiffness", "preload"):
+            laws[name] = laws[name] * pairs.area
+    where = {
+        "set": np.full(count, number, dtype=np.int64),
+        "node_a": pairs.node_a,
+        "node_b": pairs.node_b,
+        "area": pairs.area,
+        "position": pairs.position,
+        "frame": pairs.frame,
+    }
+    return Contacts(laws, contact_rows(pairs, model), where, [f"{place}: {note}" for note in pairs.notes])
+
+
+def _loads(job: Job, model: Model, places: _Places) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    static: dict[str, np.ndarray] = {}
+    highest = max(load["harmonic"] for load in job["load"] if load["kind"] == "harmonic")
+    harmonic = np.zeros((2 * highest + 1, model.size))
+    for i, load in enumerate(job["load"]):
+        key = f"load[{i}]"
+        if load["kind"] == "harmonic":
+            harmonic[2 * load["harmonic"] - 1] += places.vector(load["cosine"], f"{key} cosine")
+            harmonic[2 * load["harmonic"]] += places.vector(load["sine"], f"{key} sine")
+        elif load["kind"] == "centrifugal":
+            static[load["name"]] = _centrifugal(model, load, places, key)
+        elif load["file"] is not None:
+            static[load["name"]] = _vector_from_file(job, load["file"], model.size, key)
+        else:
+            static[load["name"]] = places.vector(load["dofs"], f"{key} dofs")
+    return static, harmonic
+
+
+def _centrifugal(model: Model, load: dict[str, Any], places: _Places, key: str) -> np.ndarray:
+    """f = Omega^2 M r, r the distance of each node from the axis, as a vector; user force."""
+    if not model.has_mesh:
+        places.add(f"{key} kind", "centrifugal", "a model with a mesh: the load needs the nodes' coordinates")
+        return np.zeros(model.size)
+    axis = np.array(load["axis_direction"]) / np.linalg.norm(load["axis_direction"])
+    offset = model.coordinates - np.array(load["axis_point"])
+    radius = offset - np.outer(offset @ axis, axis)
+    place = np.searchsorted(model.node_ids, model.dof_node, sorter=(order := np.argsort(model.node_ids)))
+    values = radius[order[place], model.dof_direction - 1]
+    return (2.0 * np.pi * load["speed_hz"]) ** 2 * (model.mass @ values)
+
+
+def _vector_from_file(job: Job, name: str, size: int, key: str) -> np.ndarray:
+    path = job.file(name)
+    try:
+        vector = np.load(path) if Path(path).suffix == ".npy" else np.loadtxt(path, ndmin=1)
+    except OSError as error:
+        raise InputError(job.fault(f"{key} file", name, f"a file that can be read ({error.strerror})")) from None
+    except ValueError as error:
+        raise InputError(Fault(path, "contents", str(error), "one number for each dof")) from None
+    if vector.shape != (size,) or not np.all(np.isfinite(vector)):
+        raise InputError(Fault(path, "contents", f"shape {vector.shape}", f"{size} finite numbers, one for each dof"))
+    return np.asarray(vector, dtype=float)

@@ -1,0 +1,277 @@
+"""The solver of the Fortran library as a Python object. All calls are collective."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from attrito import library
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+OUTCOMES = ("converged", "unstable", "indeterminate", "no_period_one_orbit", "not_converged")
+DAMPING_KINDS = {"none": 0, "viscous": 1, "ratio": 2, "mass": 3, "loss_factor": 4}
+
+
+class _Options(ctypes.Structure):
+    _fields_ = [
+        *((name, ctypes.c_int) for name in ("harmonics", "samples", "passes", "rounds", "max_iterations")),
+        ("reset_slider", ctypes.c_int),
+        ("uncoupled", ctypes.c_int),
+        ("tolerance", ctypes.c_double),
+    ]
+
+
+class _Law(ctypes.Structure):
+    _fields_ = [
+        ("tangents", ctypes.c_int),
+        *(
+            (name, ctypes.c_double)
+            for name in ("tangential_stiffness", "normal_stiffness", "friction_coefficient", "gap", "preload")
+        ),
+    ]
+
+
+class _Point(ctypes.Structure):
+    _fields_ = [
+        *((name, ctypes.c_int) for name in ("branch", "iterations", "outcome", "unique", "finished", "reached_stop")),
+        ("states", ctypes.c_int * 4),
+        *((name, ctypes.c_double) for name in ("frequency_hz", "level", "residual", "estimate")),
+    ]
+
+
+@dataclass(frozen=True)
+class Options:
+    """Choices of the harmonic balance; see docs/job.md."""
+
+    harmonics: int = 5
+    samples: int = 128
+    passes: int = 3
+    rounds: int = 20
+    max_iterations: int = 30
+    reset_slider: bool = False
+    uncoupled: bool = False
+    tolerance: float = 1e-10
+
+
+@dataclass(frozen=True)
+class ReducedScene:
+    """What is solved, in the model's (reduced) coordinates.
+
+    Parameters
+    ----------
+    mass, stiffness : `[m, m]`
+    damping_kind, damping_value, damping : a name of `DAMPING_KINDS`, its number, and `[m, m]` if viscous
+    laws : arrays `[nc]` by the names of a contact's keys
+    directions : rows of B, `[rows, m]`
+    static, harmonic, monitors : `[loads, m]`, `[2 h + 1, m]`, `[monitors, m]`
+    monitor_names : their names
+    """
+
+    mass: np.ndarray
+    stiffness: np.ndarray
+    damping_kind: str
+    damping_value: float
+    damping: np.ndarray | None
+    laws: dict[str, np.ndarray]
+    directions: np.ndarray
+    static: np.ndarray
+    harmonic: np.ndarray
+    monitors: np.ndarray
+    monitor_names: list[str]
+
+
+@dataclass(frozen=True)
+class Point:
+    """One point of a sweep: `states` counts contacts stuck, shaken down, slipping, open."""
+
+    frequency_hz: float
+    level: float
+    branch: int
+    iterations: int
+    outcome: str
+    unique: bool
+    residual: float
+    estimate: float
+    states: tuple[int, int, int, int]
+    amplitude: np.ndarray
+    finished: bool
+    reached_stop: bool
+
+
+class Solver:
+    """A session of the library on a reduced scene; close it, or use it in a `with` block."""
+
+    def __init__(self, comm: Comm, scene: ReducedScene, options: Options):
+        self._library = library.load()
+        self._library.attrito_create.restype = ctypes.c_void_p
+        self._scene, self._options = scene, options
+        m = len(scene.mass)
+        damping = None if scene.damping is None else _pointer(scene.damping)
+        self._handle = ctypes.c_void_p(
+            self._library.attrito_create(
+                comm.py2f(),
+                m,
+                _pointer(scene.mass),
+                _pointer(scene.stiffness),
+                DAMPING_KINDS[scene.damping_kind],
+                ctypes.c_double(scene.damping_value),
+                damping,
+            )
+        )
+        self._library.attrito_set_loads(
+            self._handle,
+            len(scene.static),
+            _pointer(scene.static),
+            len(scene.harmonic),
+            _pointer(scene.harmonic),
+            len(scene.monitors),
+            _pointer(scene.monitors),
+        )
+        count = len(scene.laws["tangents"])
+        laws = (_Law * count)(*(make_law(scene.laws, i) for i in range(count)))
+        self._library.attrito_set_contacts(
+            self._handle, count, laws, len(scene.directions), _pointer(scene.directions)
+        )
+        given = _Options(**{name: getattr(options, name) for name, _ in _Options._fields_})
+        self._call("attrito_prepare", ctypes.byref(given))
+
+    def walk_static_path(self, path: np.ndarray, steps: int, frequency_hz: float) -> np.ndarray:
+        """Walk the static load path, `[corners, loads]`; returns the means of the monitors."""
+        self._call(
+            "attrito_walk_static_path", path.shape[1], path.shape[0], _pointer(path), steps, _omega(frequency_hz)
+        )
+        return self._monitors()[0][:, 0]
+
+    def sweep(self, start_hz: float, stop_hz: float, level: float, branch: int, max_points: int) -> Iterator[Point]:
+        """Follow the branch from one frequency to another, a point at a time."""
+        self._library.attrito_begin_sweep(
+            self._handle, _omega(start_hz), _omega(stop_hz), ctypes.c_double(level), branch, max_points
+        )
+        raw = _Point()
+        while not raw.finished:
+            self._library.attrito_next_point(self._handle, ctypes.byref(raw))
+            yield self._point(raw)
+
+    def solve_at(self, frequencies_hz: list[float], level: float, branch: int) -> Iterator[Point]:
+        """Solve frequencies one by one, each starting from the one before."""
+        low, high = min(frequencies_hz), max(frequencies_hz)
+        self._library.attrito_begin_sweep(self._handle, _omega(low), _omega(high), ctypes.c_double(level), branch, 0)
+        raw = _Point()
+        for frequency in frequencies_hz:
+            self._library.attrito_solve_at(self._handle, _omega(frequency), branch, ctypes.byref(raw))
+            yield self._point(raw)
+
+    def linear_response(self, stuck: bool, frequencies_hz: np.ndarray, natural: int) -> tuple[np.ndarray, np.ndarray]:
+        """Amplitudes `[monitors, frequencies]` at level 1 with contacts stuck, or closed without friction.
+
+        Also the lowest `natural` natural frequencies of that system, Hz.
+        """
+        omega = np.ascontiguousarray(2.0 * np.pi * np.asarray(frequencies_hz, dtype=float))
+        amplitude = np.zeros((len(self._scene.monitors), len(omega)))
+        lowest = np.zeros(natural)
+        self._call(
+            "attrito_linear_response",
+            int(stuck),
+            len(omega),
+            _pointer(omega),
+            _pointer(amplitude),
+            natural,
+            _pointer(lowest),
+        )
+        return amplitude, lowest
+
+    def open_result(self, path: str) -> None:
+        """Create the series of points in a result file whose root is written."""
+        names = "\n".join(self._scene.monitor_names).encode()
+        self._call("attrito_open_result", str(path).encode(), names)
+
+    def write_point(self) -> None:
+        """Append the last point to the result file."""
+        self._call("attrito_write_point")
+
+    def close(self) -> None:
+        """Give everything back."""
+        if self._handle:
+            self._library.attrito_destroy(self._handle)
+            self._handle = None
+
+    def __enter__(self) -> Solver:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _monitors(self) -> tuple[np.ndarray, np.ndarray]:
+        count = len(self._scene.monitors)
+        harmonics, amplitude = np.zeros((count, 2 * self._options.harmonics + 1)), np.zeros(count)
+        self._library.attrito_monitors(self._handle, _pointer(harmonics), _pointer(amplitude))
+        return harmonics, amplitude
+
+    def _point(self, raw: _Point) -> Point:
+        return Point(
+            raw.frequency_hz,
+            raw.level,
+            raw.branch,
+            raw.iterations,
+            OUTCOMES[raw.outcome],
+            bool(raw.unique),
+            raw.residual,
+            raw.estimate,
+            tuple(raw.states),
+            self._monitors()[1],
+            bool(raw.finished),
+            bool(raw.reached_stop),
+        )
+
+    def _call(self, name: str, *arguments: object) -> None:
+        message = library.message_buffer()
+        status = getattr(self._library, name)(self._handle, *arguments, message, len(message))
+        library.check(status, message)
+
+
+def sample_contact(
+    law: _Law, coefficients: np.ndarray, slider: np.ndarray, samples: int, passes: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Displacement and force of one contact over a period, `[tangents + 1, samples]` each.
+
+    Parameters
+    ----------
+    law : see `make_law`
+    coefficients : of its relative displacement, `[tangents + 1, nk]`, normal last
+    slider : at the start of the period, `[2]`
+    """
+    coefficients = np.ascontiguousarray(coefficients, dtype=float)
+    displacement, force = np.zeros((2, len(coefficients), samples))
+    library.load().attrito_sample_contact(
+        ctypes.byref(law),
+        coefficients.shape[1],
+        samples,
+        _pointer(coefficients),
+        _pointer(np.ascontiguousarray(slider, dtype=float)),
+        passes,
+        _pointer(displacement),
+        _pointer(force),
+    )
+    return displacement, force
+
+
+def make_law(laws: dict[str, np.ndarray], contact: int) -> _Law:
+    """The law of one contact out of arrays `[nc]` by key."""
+    numbers = (float(laws[name][contact]) for name, _ in _Law._fields_[1:])
+    return _Law(int(laws["tangents"][contact]), *numbers)
+
+
+def _omega(frequency_hz: float) -> ctypes.c_double:
+    return ctypes.c_double(2.0 * np.pi * frequency_hz)
+
+
+def _pointer(array: np.ndarray) -> ctypes.c_void_p:
+    if array.dtype != np.float64 or not array.flags.c_contiguous:
+        raise TypeError("expected a contiguous array of float64")
+    return array.ctypes.data_as(ctypes.c_void_p)
