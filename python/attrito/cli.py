@@ -6,12 +6,16 @@ Exit codes: 0 done; 1 the numerics did not deliver (the file says where); 2 the 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import traceback
 from collections.abc import Sequence
 
 from attrito import __version__
 from attrito.faults import Fault, InputError, NumericsError
+
+# Ranks share the work; threads of BLAS would fight them. To be said before numpy and the library load BLAS.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -31,6 +31,14 @@ module attrito_balance_condensed_system
     integer :: row = 0, coefficient = 0
   end type entry_type
 
+  !> Receptance at one harmonic
+  type :: block_type
+    !> Active entries of this harmonic, by their place among all
+    integer, allocatable :: columns(:)
+    !> From them to rows of this rank [rows, columns]
+    complex(wp), allocatable :: values(:, :)
+  end type block_type
+
 contains
 
   !> Solve for the step; the balance holds the Jacobian of its last evaluation.
@@ -109,14 +117,17 @@ contains
     type(entry_type), intent(in) :: mine(:), all(:)
     real(wp), intent(in) :: rho(:, :)
     real(wp), allocatable, intent(out) :: transposed_rows(:, :)
+    type(block_type), allocatable :: blocks(:)
     real(wp), allocatable :: receptance(:, :), rows(:, :)
     integer, allocatable :: kept(:)
-    integer :: contact, column, i, k, n, top, bottom, offset
+    integer :: contact, column, i, k, n, top, bottom, offset, above
 
     n = size(all)
     k = balance%coefficients()
     allocate (transposed_rows(n + 2, size(mine)))
+    call receptance_blocks(balance, all, blocks)
     column = 0
+    above = 0
     offset = offset_of_rank(mine, all)
     do contact = 1, size(balance%law)
       associate (forces => balance%forces(contact), law => balance%law(contact))
@@ -124,7 +135,7 @@ contains
         top = law%first_row
         bottom = top + law%tangents
         kept = pack([(i, i=1, size(forces%active))], forces%active)
-        call receptance_to(balance, [(balance%first_row + i - 1, i=top, bottom)], all, receptance)
+        call receptance_to(blocks, all, above, law%tangents + 1, k, receptance)
         receptance(:, n + 1) = reshape(balance%residual_omega(:, top:bottom), [k*(bottom - top + 1)])
         receptance(:, n + 2) = reshape(rho(:, top:bottom), [k*(bottom - top + 1)])
         rows = matmul(forces%jacobian(kept, :), receptance)
@@ -133,9 +144,34 @@ contains
         end do
         transposed_rows(:, column + 1:column + size(kept)) = transpose(rows)
         column = column + size(kept)
+        above = above + law%tangents + 1
       end associate
     end do
   end subroutine assemble_rows
+
+  !> Receptances from the active entries of each harmonic to all rows of this rank's contacts that have any.
+  subroutine receptance_blocks(balance, all, blocks)
+    type(balance_type), intent(in) :: balance
+    type(entry_type), intent(in) :: all(:)
+    type(block_type), allocatable, intent(out) :: blocks(:)
+    integer, allocatable :: rows(:)
+    integer :: contact, h, i
+
+    rows = [integer ::]
+    do contact = 1, size(balance%law)
+      associate (law => balance%law(contact))
+        if (any(balance%forces(contact)%active)) &
+          rows = [rows, [(balance%first_row + law%first_row - 1 + i, i=0, law%tangents)]]
+      end associate
+    end do
+    allocate (blocks(0:balance%receptance%harmonics))
+    do h = 0, balance%receptance%harmonics
+      blocks(h)%columns = pack([(i, i=1, size(all))], all%coefficient/2 == h)
+      allocate (blocks(h)%values(size(rows), size(blocks(h)%columns)), source=(0.0_wp, 0.0_wp))
+      if (h == 0 .and. allocated(balance%frozen_mean)) cycle
+      call balance%receptance%block_between(h, rows, all(blocks(h)%columns)%row, blocks(h)%values)
+    end do
+  end subroutine receptance_blocks
 
   !> Where this rank's active entries begin among all.
   pure integer function offset_of_rank(mine, all)
@@ -150,37 +186,34 @@ contains
     end do
   end function offset_of_rank
 
-  !> Real receptance from the active entries to all coefficients of some rows [k rows, n + 2]; the last two columns are free.
-  subroutine receptance_to(balance, rows, all, receptance)
-    type(balance_type), intent(in) :: balance
-    integer, intent(in) :: rows(:)
+  !> Real receptance from the active entries to all coefficients of a contact's rows [k rows, n + 2]; the last two columns are free.
+  pure subroutine receptance_to(blocks, all, above, rows, k, receptance)
+    type(block_type), intent(in) :: blocks(0:)
     type(entry_type), intent(in) :: all(:)
+    !> Rows in the blocks before the contact's, its rows, and coefficients a row
+    integer, intent(in) :: above, rows, k
     real(wp), allocatable, intent(out) :: receptance(:, :)
-    complex(wp), allocatable :: block(:, :)
-    integer, allocatable :: columns(:)
-    integer :: h, i, k, row
+    integer :: h, i, row, mean_or_cosine, sine
 
-    k = balance%coefficients()
-    allocate (receptance(k*size(rows), size(all) + 2), source=0.0_wp)
-    do h = 0, balance%receptance%harmonics
-      if (h == 0 .and. allocated(balance%frozen_mean)) cycle
-      columns = pack([(i, i=1, size(all))], all%coefficient/2 == h)
-      allocate (block(size(rows), size(columns)))
-      call balance%receptance%block_between(h, rows, all(columns)%row, block)
-      do row = 1, size(rows)
-        associate (mean_or_cosine => (row - 1)*k + max(2*h, 1), sine => (row - 1)*k + 2*h + 1)
-          do i = 1, size(columns)
-            if (modulo(all(columns(i))%coefficient, 2) == 0 .or. h == 0) then
-              receptance(mean_or_cosine, columns(i)) = real(block(row, i), wp)
-              if (h > 0) receptance(sine, columns(i)) = -aimag(block(row, i))
-            else
-              receptance(mean_or_cosine, columns(i)) = aimag(block(row, i))
-              receptance(sine, columns(i)) = real(block(row, i), wp)
-            end if
+    allocate (receptance(k*rows, size(all) + 2), source=0.0_wp)
+    do h = 0, ubound(blocks, 1)
+      do i = 1, size(blocks(h)%columns)
+        associate (column => blocks(h)%columns(i))
+          do row = 1, rows
+            mean_or_cosine = (row - 1)*k + max(2*h, 1)
+            sine = (row - 1)*k + 2*h + 1
+            associate (value => blocks(h)%values(above + row, i))
+              if (modulo(all(column)%coefficient, 2) == 0 .or. h == 0) then
+                receptance(mean_or_cosine, column) = real(value, wp)
+                if (h > 0) receptance(sine, column) = -aimag(value)
+              else
+                receptance(mean_or_cosine, column) = aimag(value)
+                receptance(sine, column) = real(value, wp)
+              end if
+            end associate
           end do
         end associate
       end do
-      deallocate (block)
     end do
   end subroutine receptance_to
 

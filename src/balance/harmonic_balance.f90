@@ -189,13 +189,14 @@ contains
     motion = self%recover(linear_response(self))
   end function linear_motion
 
-  !> Let the sliders of the last evaluation be the start of the next march.
-  pure subroutine keep_slider(self)
+  !> Let the sliders of the last evaluation, or where they would come to rest, be the start of the next march.
+  pure subroutine keep_slider(self, resting)
     class(balance_type), intent(inout) :: self
+    logical, intent(in) :: resting
     integer :: i
 
     do i = 1, size(self%law)
-      self%slider(:, i) = self%forces(i)%slider
+      self%slider(:, i) = merge(self%forces(i)%resting, self%forces(i)%slider, resting)
     end do
   end subroutine keep_slider
 

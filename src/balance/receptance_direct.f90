@@ -61,6 +61,8 @@ contains
     status = 0
     if (omega == self%omega) return
     first = merge(0, 1, self%omega < 0.0_wp)
+    ! Until all harmonics are factored the factors belong to no frequency.
+    self%omega = -1.0_wp
     do h = first, self%harmonics
       self%factors(:, :, h) = cmplx(self%stuck_stiffness - (h*omega)**2*self%mass, h*omega*self%viscous, wp)
       if (h > 0) self%factors(:, :, h) = self%factors(:, :, h) + (0.0_wp, 1.0_wp)*self%structural

@@ -50,8 +50,9 @@ contains
       self%stiffness(:, h) = cmplx(self%eigenvalues - (h*omega)**2, h*omega*self%modal_damping, wp)
       self%stiffness_derivative(:, h) = cmplx(-2.0_wp*h**2*omega, h*self%modal_damping, wp)
     end do
-    self%omega = omega
     if (any(abs(self%stiffness) <= 0.0_wp)) status = 1
+    ! Refused as often as it is asked for.
+    self%omega = merge(omega, -1.0_wp, status == 0)
   end subroutine set_frequency
 
   subroutine respond(self, force, response)

@@ -34,6 +34,8 @@ contains
     real(wp), intent(out) :: gradients(:, :, :)
     !> Regime at each sample [J]
     integer, intent(out) :: regimes(:)
+    ! A slider that lies on the rim since the period before is outside by rounding: that is no slip.
+    real(wp), parameter :: rounding = 4.0_wp*epsilon(1.0_wp)
     real(wp) :: z(2), distance
     integer :: j, k
 
@@ -48,7 +50,7 @@ contains
         gradient(1:k, 1) = du(:, j)
         gradient(k + 1:2*k, 2) = du(:, j)
         regimes(j) = regime_open
-      else if (distance > r(j)) then
+      else if (distance > r(j) + rounding*(sum(abs(u(j, :))) + r(j))) then
         call slip(z/distance, r(j)/distance)
         w = u(j, :) - r(j)*z/distance
         regimes(j) = regime_slip

@@ -26,8 +26,8 @@ module attrito_contact_quadrature_sampled
     real(wp), allocatable :: jacobian(:, :)
     !> Which rows of the Jacobian are not zero [k rows]
     logical, allocatable :: active(:)
-    !> Slider at the start of the period, once periodic [2]; what one more period would move it by (two tangents)
-    real(wp) :: slider(2) = 0.0_wp, defect = 0.0_wp
+    !> Slider at the start of the period [2]; two tangents: what the period moves it by, and where it would come to rest
+    real(wp) :: slider(2) = 0.0_wp, defect = 0.0_wp, resting(2) = 0.0_wp
     !> One of `state_...`
     integer :: state = state_stuck
     !> Fractions of the period
@@ -50,10 +50,10 @@ module attrito_contact_quadrature_sampled
     integer, allocatable :: origins(:), sides(:)
     !> Two tangents: gradient of the slider by coefficients (t1, t2, n) and start slider [3 k + 2, 2, J]
     real(wp), allocatable :: gradients(:, :, :)
-    !> Start slider, periodic; defect of periodicity
-    real(wp) :: start(2) = 0.0_wp, defect = 0.0_wp
-    !> Did the slider move before the last march, and does the loop forget its start?
-    logical :: moved = .false., forgets = .false.
+    !> Slider at the start of the last march, what that march moves it by, and where it would come to rest for this motion
+    real(wp) :: start(2) = 0.0_wp, defect = 0.0_wp, resting(2) = 0.0_wp
+    !> Did the slider move before the last march, has it come to rest since, and does the loop forget its start?
+    logical :: moved = .false., rests = .false., forgets = .false.
   end type contact_samples_type
 
 contains
@@ -106,8 +106,10 @@ contains
     samples%slider = 0.0_wp
     samples%force = samples%displacement
     associate (normal => samples%force(:, n))
-      normal = max(law%preload + law%normal_stiffness*(samples%displacement(:, n) - law%gap), 0.0_wp)
-      samples%closed = normal > 0.0_wp
+      normal = law%preload + law%normal_stiffness*(samples%displacement(:, n) - law%gap)
+      ! A contact that just touches counts as closed: unloaded bodies that only contacts hold have a regular Jacobian.
+      samples%closed = normal >= 0.0_wp
+      normal = max(normal, 0.0_wp)
       radius = law%friction_coefficient*normal/law%tangential_stiffness
     end associate
     if (law%tangents == 1) then
@@ -139,13 +141,16 @@ contains
       call slide_along_line(u, radius, w, origin, side, samples%slider(:, 1), samples%origins, samples%sides, samples%regimes)
       samples%moved = origin > 0
       samples%start(1) = w
+      samples%resting = samples%start
       call slide_along_line(u, radius, w, origin, side, samples%slider(:, 1), samples%origins, samples%sides, samples%regimes)
       call slider_interval(u, radius, low, high)
     end associate
     samples%forgets = low >= high
   end subroutine march_line
 
-  !> Two tangents: a fixed number of marches; the last is the answer.
+  !> Two tangents: a fixed number of marches; the last is the answer. A slider comes to rest where every disc over the period
+  !> holds it, and may approach that place without end (projections onto convex sets): what is left to go below rounding of the
+  !> slip radius counts as rest.
   subroutine march_disc(law, fourier, samples, radius, slider, passes)
     type(contact_type), intent(in) :: law
     type(fourier_type), intent(in) :: fourier
@@ -177,8 +182,35 @@ contains
       if (pass < passes) samples%moved = samples%moved .or. any(samples%regimes /= regime_stick)
     end do
     samples%defect = norm2(w - samples%start)
-    samples%forgets = largest_singular_value(gradient(3*k + 1:, :)) < 1.0_wp - 1.0e-9_wp
+    samples%resting = samples%start + resting_step(transpose(gradient(3*k + 1:, :)), w - samples%start)
+    samples%rests = all(samples%closed) .and. path_length(samples%slider) <= 1.0e-10_wp*maxval(radius)
+    if (samples%rests) samples%regimes = regime_stick
+    samples%forgets = .not. samples%rests .and. largest_singular_value(gradient(3*k + 1:, :)) < 1.0_wp - 1.0e-9_wp
   end subroutine march_disc
+
+  !> How far a slider travels over one period.
+  pure real(wp) function path_length(slider)
+    !> [J, 2]
+    real(wp), intent(in) :: slider(:, :)
+
+    path_length = sum(norm2(slider - cshift(slider, -1), 2))
+  end function path_length
+
+  !> Step from a slider to where it repeats: (I - G) step = moved, with G its gradient over a period. Where the period nearly keeps
+  !> a direction (G near 1 there) the step is at most `longest` times what the period moves.
+  pure function resting_step(gradient, moved) result(step)
+    !> G = d w_end / d w_start [2, 2]
+    real(wp), intent(in) :: gradient(2, 2), moved(2)
+    real(wp) :: step(2)
+    real(wp), parameter :: longest = 1.0e4_wp
+    real(wp) :: a(2, 2), determinant
+
+    a = -gradient
+    a(1, 1) = a(1, 1) + 1.0_wp + 1.0_wp/longest
+    a(2, 2) = a(2, 2) + 1.0_wp + 1.0_wp/longest
+    determinant = a(1, 1)*a(2, 2) - a(1, 2)*a(2, 1)
+    step = [a(2, 2)*moved(1) - a(1, 2)*moved(2), a(1, 1)*moved(2) - a(2, 1)*moved(1)]/determinant
+  end function resting_step
 
   !> Largest singular value of a 2 x 2 matrix.
   pure real(wp) function largest_singular_value(a)
@@ -205,6 +237,7 @@ contains
     forces%normal_least = minval(samples%force(:, law%tangents + 1))
     forces%slider = samples%start
     forces%defect = samples%defect
+    forces%resting = samples%resting
     forces%unique = samples%forgets
     if (.not. any(samples%closed)) then
       forces%state = state_open

@@ -189,7 +189,9 @@ contains
       solver%motion = predicted
       solver%omega = predicted_omega
       call solver%solve_with(constraint)
+      ! The mean may jump from point to point as sliders shake down, however small the step: it does not steer it.
       moved = solver%motion - predicted
+      moved(1, :) = 0.0_wp
       error = sqrt((inner_product(balance, moved, moved) + (context%motion_scale*(solver%omega - predicted_omega) &
                                                             /context%frequency_scale)**2)/size_of_response(solver))
     end associate

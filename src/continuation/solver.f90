@@ -99,7 +99,7 @@ contains
       iterations = iterations + self%report%iterations
       if (.not. self%report%converged) exit
       if (largest_defect(self) <= self%options%tolerance*self%context%motion_scale) exit
-      call self%context%balance%keep_slider()
+      call self%context%balance%keep_slider(resting=.true.)
       call self%context%forget()
     end do
     self%report%iterations = iterations
@@ -107,7 +107,7 @@ contains
     if (self%report%converged) then
       self%motion = motion
       self%omega = omega
-      call self%context%balance%keep_slider()
+      call self%context%balance%keep_slider(resting=.false.)
     else
       self%context%balance%slider = slider
     end if
@@ -150,6 +150,7 @@ contains
     class(solver_type), intent(inout) :: self
     real(wp), intent(in) :: omega_a, omega_b
     integer, parameter :: steps = 200
+    real(wp), parameter :: least_ratio = 1.0e-4_wp
     real(wp), allocatable :: grid(:), resonances(:), motion(:, :)
     real(wp) :: largest, mean, square
     integer :: i, status
@@ -159,6 +160,13 @@ contains
       resonances = pack(resonances, resonances > low .and. resonances < high)
       grid = [[(low + (high - low)*i/steps, i=0, steps)], resonances]
       if (high <= low .or. .not. self%stuck%uncoupled) grid = [low, resonances, high]
+      ! A stuck structure may be undamped: keep off its resonances by what a damping ratio of this size would.
+      resonances = sqrt(self%stuck%eigenvalues)
+      do i = 1, size(grid)
+        associate (nearest => resonances(minloc(abs(resonances - grid(i)), 1)))
+          if (abs(grid(i) - nearest) < least_ratio*nearest) grid(i) = (1.0_wp - least_ratio)*nearest
+        end associate
+      end do
       largest = 0.0_wp
       mean = 0.0_wp
       do i = 1, size(grid)

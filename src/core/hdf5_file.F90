@@ -23,13 +23,13 @@
 !> ```
 module attrito_core_hdf5_file
   use hdf5, only: hid_t, &
-    h5open_f, h5eset_auto_f, h5fcreate_f, h5fopen_f, h5fclose_f, h5fflush_f, h5lexists_f, h5pcreate_f, h5pclose_f, &
+    h5open_f, h5eset_auto_f, h5fcreate_f, h5fopen_f, h5fclose_f, h5fflush_f, h5lexists_f, h5gcreate_f, h5gclose_f, h5pcreate_f, h5pclose_f, &
     h5pset_fapl_mpio_f, H5P_FILE_ACCESS_F, H5F_ACC_TRUNC_F, H5F_ACC_RDONLY_F, H5F_ACC_RDWR_F, H5F_SCOPE_GLOBAL_F
   use mpi, only: MPI_ALLREDUCE, MPI_COMM_RANK, MPI_INFO_NULL, MPI_INTEGER, MPI_MIN
   use attrito_core_errors, only: error_type, fault_of_input, raise
   implicit none
   private
-  public :: hdf5_file_type, create_file, open_file, append_file, close_file, flush_file
+  public :: hdf5_file_type, create_file, open_file, append_file, close_file, flush_file, create_group
   public :: exists_in_file, agree_in_file
 
   type :: hdf5_file_type
@@ -146,6 +146,22 @@ contains
     call h5fflush_f(file%id, H5F_SCOPE_GLOBAL_F, ierr)
     call agree_in_file(file, ierr, 'cannot be written to disk', '', error)
   end subroutine flush_file
+
+  !> Make a group that is to carry attributes; others appear by themselves.
+  subroutine create_group(file, name, error)
+    !> The file
+    type(hdf5_file_type), intent(in) :: file
+    !> Path from the root
+    character(*), intent(in) :: name
+    !> There is one already
+    type(error_type), allocatable, intent(out) :: error
+    integer(hid_t) :: group
+    integer :: status, ierr
+
+    call h5gcreate_f(file%id, name, group, status)
+    call agree_in_file(file, status, 'cannot be created', name, error)
+    if (status >= 0) call h5gclose_f(group, ierr)
+  end subroutine create_group
 
   !> Whether a dataset or group is in the file; every group on the way is looked up, since HDF5 fails on a missing one.
   function exists_in_file(file, name) result(exists)

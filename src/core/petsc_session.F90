@@ -38,11 +38,24 @@ contains
     if (.not. running) PETSC_COMM_WORLD = comm
     call SlepcInitialized(running, ierr)
     if (running) return
-    call SlepcInitializeNoArguments(ierr)
+    call read_environment(ierr)
+    if (ierr == 0) call SlepcInitializeNoArguments(ierr)
     if (ierr == 0) call PetscPopSignalHandler(ierr)
     if (ierr == 0) ierr = push_error_handler(c_funloc(return_error), c_null_ptr)
     if (ierr /= 0) call raise_petsc(error, int(ierr), 'starting')
   end subroutine start_petsc
+
+  !> PETSC_OPTIONS of the environment, which PETSc leaves unread where it is told to leave the command line alone.
+  subroutine read_environment(ierr)
+    PetscErrorCode, intent(out) :: ierr
+    character(:), allocatable :: options
+    integer :: length
+
+    call get_environment_variable('PETSC_OPTIONS', length=length)
+    allocate (character(length) :: options)
+    call get_environment_variable('PETSC_OPTIONS', options)
+    PetscCall(PetscOptionsInsertString(PETSC_NULL_OPTIONS, options, ierr))
+  end subroutine read_environment
 
   !> End SLEPc, and PETSc with it; to be called before MPI ends.
   subroutine stop_petsc()
