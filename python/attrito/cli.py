@@ -99,7 +99,9 @@ def _parser() -> argparse.ArgumentParser:
     kind.add_argument("--loops", action="store_true", help="hysteresis loops of a point")
     kind.add_argument("--map", action="store_true", help="states of the contacts of a point, in space")
     one.add_argument("--point", type=int, help="point of the loops or the map (default: the largest amplitude)")
-    one.add_argument("--contact", type=int, nargs="+", help="contacts of the loops (default: those that dissipate most)")
+    one.add_argument(
+        "--contact", type=int, nargs="+", help="contacts of the loops (default: those that dissipate most)"
+    )
     one.set_defaults(work=_plot)
 
     one = commands.add_parser("export", help="full-field shape at a point -> VTU")

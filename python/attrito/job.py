@@ -120,9 +120,8 @@ def _check_model(job: Job) -> list[Fault]:
     kinds = [name for name, value in damping.items() if value is not None]
     if len(kinds) > 1:
         faults.append(job.fault("[damping]", ", ".join(kinds), "only one kind of damping"))
-    if "reduction" in job.given:
-        if (reduction["modes"] is None) == (reduction["max_frequency_hz"] is None):
-            faults.append(job.fault("[reduction] modes", reduction["modes"], "either modes or max_frequency_hz"))
+    if "reduction" in job.given and (reduction["modes"] is None) == (reduction["max_frequency_hz"] is None):
+        faults.append(job.fault("[reduction] modes", reduction["modes"], "either modes or max_frequency_hz"))
     if not job["contact"] and not job["contact_set"]:
         faults.append(job.fault("contact", "missing", "at least one [[contact]] or [[contact_set]]"))
     return faults
@@ -150,7 +149,9 @@ def _check_loads(job: Job) -> list[Fault]:
             if load["axis_direction"] is not None and not any(load["axis_direction"]):
                 faults.append(job.fault(f"{place} axis_direction", load["axis_direction"], "a vector that is not zero"))
             if load["spin_softening"]:
-                faults.append(job.fault(f"{place} spin_softening", True, "false (spin softening is not in this version)"))
+                faults.append(
+                    job.fault(f"{place} spin_softening", True, "false (spin softening is not in this version)")
+                )
         if load["name"] is None:
             load["name"] = f"{load['kind']}_{i}"
         if load["name"] in names:

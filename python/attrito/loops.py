@@ -16,7 +16,7 @@ SAMPLES = 1024
 
 
 def contact_loops(result: Result, point: int, contacts: Sequence[int]) -> list[Loop]:
-    """Loops T(u) with N over a period for some contacts of a point; the first tangent of those with two."""
+    """Loops T(u) with N over a period for some contacts of a point; two tangents: along the largest motion."""
     result.check_point(point)
     laws = {name: result.array(f"contacts/parameters/{name}") for name in _laws()}
     passes = json.loads(result.attribute("job"))["balance"]["passes"]
@@ -30,8 +30,16 @@ def contact_loops(result: Result, point: int, contacts: Sequence[int]) -> list[L
         slider = result.dataset("contacts/slider")[point, contact]
         u, force = sample_contact(make_law(laws, contact), coefficients, slider, SAMPLES, passes)
         friction = float(laws["friction_coefficient"][contact])
-        loops.append(Loop(f"contact {contact}", u[0], force[0], force[-1], friction))
+        along = _main_direction(u[:tangents])
+        loops.append(Loop(f"contact {contact}", along @ u[:tangents], along @ force[:tangents], force[-1], friction))
     return loops
+
+
+def _main_direction(motion: np.ndarray) -> np.ndarray:
+    """Unit vector `[tangents]` of the largest motion `[tangents, samples]`."""
+    if len(motion) == 1:
+        return np.ones(1)
+    return np.linalg.svd(motion - motion.mean(axis=1, keepdims=True), full_matrices=False)[0][:, 0]
 
 
 def most_dissipating(result: Result, point: int, count: int = 4) -> list[int]:

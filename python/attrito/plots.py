@@ -89,9 +89,12 @@ def frequency_response(result: Result, monitor: str, log: bool | None = None) ->
         factor = 1.0 if several or not len(levels) else float(levels[0])
         spans += _draw_linear(axes, result, monitor, factor)
         for one_level in levels:
-            for one_branch in np.unique(branch[level == one_level]):
+            own_branches = np.unique(branch[level == one_level])
+            for one_branch in own_branches:
                 own = (level == one_level) & (branch == one_branch)
                 colour, label = _identity(levels, branches, one_level, one_branch)
+                if several and one_branch != own_branches[0]:
+                    label = ""
                 _draw_curve(axes, frequency[own], shown[own], unstable[own], colour, label)
                 if (bounded := own & loose & np.isfinite(low + high)).any():
                     bounds = [np.where(bounded, bound, np.nan)[own] for bound in (low, high)]
@@ -277,7 +280,7 @@ def _identity(levels: np.ndarray, branches: np.ndarray, level: float, branch: in
         place, label = (level - levels[0]) / np.ptp(levels), ""
     else:
         place, label = np.searchsorted(levels, level) / (len(levels) - 1), f"level {level:.4g}"
-    return _level_map()(place), label if branch == branches[0] else ""
+    return _level_map()(place), label
 
 
 def _level_map() -> object:

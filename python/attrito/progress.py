@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
+    from attrito.reduction import Report
     from attrito.solver import Point
 
 
@@ -31,12 +32,18 @@ class Progress:
             self._pending = False
         print(line, flush=True)
 
-    def reduction(self, report: dict[str, Any] | None) -> None:
-        """How the reduction went."""
+    def reduction(self, report: Report | None) -> None:
+        """How the reduction went; None where it was up to date."""
         if report is None:
             return
-        seconds = sum(value for name, value in report.items() if name.endswith("seconds"))
-        self.say(f"reduced to {report['coordinates']} coordinates in {seconds:.1f} s")
+        steps = ("read", "factor", "constraint", "modes", "inertia", "correction", "project", "write")
+        seconds = {step: getattr(report, f"{step}_seconds") for step in steps}
+        self.say(
+            f"reduced to {report.coordinates} coordinates: {report.boundary} boundary dofs, {report.modes} modes below "
+            f"{report.shift_hz:.5g} Hz (inertia counts {report.modes_below_shift}), {report.corrections} corrections"
+        )
+        each = ", ".join(f"{step} {time:.1f}" for step, time in seconds.items())
+        self.say(f"in {sum(seconds.values()):.1f} s: {each}")
 
     def begin(self, coordinates: int, contacts: int, linear: dict[str, tuple]) -> None:
         """What is going to be solved."""
@@ -54,7 +61,8 @@ class Progress:
             return
         stuck, shaken_down, slipping, opened = point.states
         line = (
-            f"{self._count:5d}  {point.frequency_hz:11.5g} Hz  level {point.level:<8.4g} {monitor} {point.amplitude[0]:11.4e}"
+            f"{self._count:5d}  {point.frequency_hz:11.5g} Hz  level {point.level:<8.4g}"
+            f" {monitor} {point.amplitude[0]:11.4e}"
             f"  stuck {stuck + shaken_down:3d} slipping {slipping:3d} open {opened:3d}"
             f"  {point.iterations:3d} iterations  {point.outcome}"
         )

@@ -25,7 +25,7 @@ class Report:
 
     `coordinates` = `boundary` + `modes` + `corrections`. One mode or two more than asked for are kept where the last has
     twins. `modes_below_shift` is the count by inertia below `shift_hz`, which agrees with the eigensolver's (-1: not counted).
-    `mode_residual` bounds the relative error of the eigenvalues; `constraint_residual` is that before refinement.
+    `mode_residual` bounds the relative error of the eigenvalues; `constraint_residual` is that of K_ii Psi = -K_ib as solved.
     """
 
     dofs: int
@@ -59,7 +59,7 @@ class _Report(ctypes.Structure):
 
 class _Options(ctypes.Structure):
     _fields_ = [
-        *((name, ctypes.c_int) for name in ("modes", "block_size", "refine", "check_inertia")),
+        *((name, ctypes.c_int) for name in ("modes", "block_size", "check_inertia")),
         *((name, ctypes.c_double) for name in ("max_frequency_hz", "tolerance")),
     ]
 
@@ -102,7 +102,6 @@ def reduce_model(
     options = _Options(
         modes=-1 if modes is None else modes,
         block_size=BLOCK_SIZE,
-        refine=1,
         check_inertia=int(check_inertia),
         max_frequency_hz=max_frequency_hz or 0.0,
         tolerance=TOLERANCE,

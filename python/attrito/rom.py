@@ -19,7 +19,7 @@ from attrito.faults import InputError
 from attrito.job import Job
 from attrito.model_file import write_model
 from attrito.parallel import on_root
-reduce_model = None
+from attrito.reduction import Report, reduce_model
 from attrito.scene import Scene
 from attrito.solver import ReducedScene
 
@@ -46,7 +46,7 @@ def model_path(job: Job) -> str | None:
     return None if rom is None else str(Path(rom).with_suffix(".model.h5"))
 
 
-def make_rom(comm: Comm, job: Job, scene: Scene | None, say: Any = print) -> dict[str, Any] | None:
+def make_rom(comm: Comm, job: Job, scene: Scene | None, say: Any = print) -> Report | None:
     """Reduce the scene (held by rank 0) unless rom.h5 already holds it; returns the library's report, if it worked."""
     path, model = rom_path(job), model_path(job)
     keys = job["reduction"]
@@ -60,7 +60,9 @@ def make_rom(comm: Comm, job: Job, scene: Scene | None, say: Any = print) -> dic
             Path(path).parent.mkdir(parents=True, exist_ok=True)
             if job["model"]["file"] is None:
                 write_model(model, scene.model, [])
-            kept = f"{keys['modes']} modes" if keys["modes"] is not None else f"modes to {keys['max_frequency_hz']:g} Hz"
+            kept = (
+                f"{keys['modes']} modes" if keys["modes"] is not None else f"modes to {keys['max_frequency_hz']:g} Hz"
+            )
             say(f"reducing {scene.model.size} dofs onto {len(scene.boundary)} boundary dofs and {kept}")
         return fresh, fingerprint, scene.boundary
 
@@ -95,7 +97,9 @@ def reduced_scene(job: Job, scene: Scene) -> ReducedScene:
         model = scene.model
         if model.size > LARGEST_DENSE:
             raise InputError(
-                job.fault("[reduction]", "missing", f"a reduction: {model.size} dofs are too many to be used as they stand")
+                job.fault(
+                    "[reduction]", "missing", f"a reduction: {model.size} dofs are too many to be used as they stand"
+                )
             )
         mass, stiffness = model.mass.toarray(), model.stiffness.toarray()
         damping = None if model.damping is None else model.damping.toarray()

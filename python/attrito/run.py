@@ -145,7 +145,9 @@ def _write_root(path: str, job: Job, scene: Scene) -> None:
         file.attrs["format"] = "attrito result"
         file.attrs["format_version"] = 1
         file.attrs["attrito_version"] = __version__
-        file.attrs["description"] = "Steady response of a structure with friction contacts; see docs/files.md of attrito"
+        file.attrs["description"] = (
+            "Steady response of a structure with friction contacts; see docs/files.md of attrito"
+        )
         file.attrs["references"] = REFERENCES
         file.attrs["job"] = json.dumps(job.tables)
         file.attrs["job_file"] = str(Path(job.path).resolve())
@@ -160,7 +162,8 @@ def _write_root(path: str, job: Job, scene: Scene) -> None:
             "position": "user length",
         }
         for name, values in {**scene.contacts.laws, **scene.contacts.places}.items():
-            stored = file.create_dataset(f"contacts/parameters/{name}", data=values)
+            kind = h5py.string_dtype() if values.dtype == object else values.dtype
+            stored = file.create_dataset(f"contacts/parameters/{name}", data=values, dtype=kind)
             stored.attrs["description"] = name.replace("_", " ")
             stored.attrs["unit"] = units.get(name, "1")
 
@@ -169,7 +172,10 @@ def _write_linear(path: str, responses: dict, monitors: list[str]) -> None:
     with h5py.File(path, "r+") as file:
         for kind, (frequency, amplitude, natural) in responses.items():
             what = "every contact stuck" if kind == "stuck" else "contacts closed, no friction"
-            data = {"frequency_hz": (frequency, "frequency", "Hz"), "natural_hz": (natural, "natural frequencies", "Hz")}
+            data = {
+                "frequency_hz": (frequency, "frequency", "Hz"),
+                "natural_hz": (natural, "natural frequencies", "Hz"),
+            }
             data |= {
                 name: (values, f"amplitude at level 1, {what}", "user length")
                 for name, values in zip(monitors, amplitude, strict=True)

@@ -34,6 +34,7 @@ class Contacts:
 
     @property
     def count(self) -> int:
+        """Number of contacts."""
         return len(self.laws["tangents"])
 
 
@@ -185,7 +186,7 @@ def _contacts(job: Job, model: Model, places: _Places) -> Contacts:
         blocks.append(_explicit(contact, rows))
     for i, contact_set in enumerate(job["contact_set"]):
         try:
-            blocks.append(_paired(job, model, contact_set, f"contact_set[{i}]", i))
+            blocks.append(_paired(job, model, contact_set, f"contact_set[{i}]"))
         except InputError as error:
             places.faults += error.faults
     if not blocks:
@@ -199,13 +200,13 @@ def _contacts(job: Job, model: Model, places: _Places) -> Contacts:
 def _explicit(contact: dict[str, Any], rows: list[np.ndarray]) -> Contacts:
     laws = {"tangents": np.array([len(rows) - 1], dtype=np.int32)}
     laws |= {name: np.array([contact[name] if contact[name] is not None else np.nan]) for name in LAW_KEYS}
-    nothing = {"set": -1, "node_a": -1, "node_b": -1}
-    where = {name: np.array([value], dtype=np.int64) for name, value in nothing.items()}
+    where: dict[str, np.ndarray] = {"set": np.array(["explicit"], dtype=object)}
+    where |= {name: np.array([-1], dtype=np.int64) for name in ("node_a", "node_b")}
     where |= {"area": np.full(1, np.nan), "position": np.full((1, 3), np.nan), "frame": np.full((1, 3, 3), np.nan)}
     return Contacts(laws, csr_matrix(np.array(rows)), where)
 
 
-def _paired(job: Job, model: Model, keys: dict[str, Any], place: str, number: int) -> Contacts:
+def _paired(job: Job, model: Model, keys: dict[str, Any], place: str) -> Contacts:
     if not model.has_mesh:
         raise InputError(job.fault(f"{place} a", keys["a"], "a model with a mesh: node sets need one"))
     pairs = pair_sets(model, keys["a"], keys["b"], keys["tolerance"], keys["tangents"], job.path, place)
@@ -216,7 +217,7 @@ def _paired(job: Job, model: Model, keys: dict[str, Any], place: str, number: in
         for name in ("tangential_stiffness", "normal_stiffness", "preload"):
             laws[name] = laws[name] * pairs.area
     where = {
-        "set": np.full(count, number, dtype=np.int64),
+        "set": np.full(count, f"{keys['a']} - {keys['b']}", dtype=object),
         "node_a": pairs.node_a,
         "node_b": pairs.node_b,
         "area": pairs.area,

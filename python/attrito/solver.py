@@ -135,9 +135,7 @@ class Solver:
         )
         count = len(scene.laws["tangents"])
         laws = (_Law * count)(*(make_law(scene.laws, i) for i in range(count)))
-        self._library.attrito_set_contacts(
-            self._handle, count, laws, len(scene.directions), _pointer(scene.directions)
-        )
+        self._library.attrito_set_contacts(self._handle, count, laws, len(scene.directions), _pointer(scene.directions))
         given = _Options(**{name: getattr(options, name) for name, _ in _Options._fields_})
         self._call("attrito_prepare", ctypes.byref(given))
 

@@ -73,7 +73,7 @@ def read_mesh(path: str | Path) -> Mesh:
         raise InputError(node_blocks[0].fault(f"node {ids[count > 1][0]} twice", "every node id once"))
     read = _read_with_meshio(nodes, element_blocks, path)
     mesh = Mesh(node_ids, np.asarray(read.points, dtype=np.float64))
-    for block, cells in zip(element_blocks, read.cells):
+    for block, cells in zip(element_blocks, read.cells, strict=True):
         _add_elements(mesh, block, node_ids[cells.data])
     mesh.node_sets = _node_sets(blocks, node_ids)
     mesh.constraints = [f"*{block.keyword}, line {block.line}" for block in blocks if block.keyword in CONSTRAINTS]

@@ -1,0 +1,72 @@
+!> C interface of the reduction: plain arrays, a status (0 done, 1 the numerics, 2 the input) and a message, alike on every rank.
+module attrito_api_reduce
+  use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int
+  use attrito_api_message, only: tell, text_of
+  use attrito_core_errors, only: error_type
+  use attrito_reduce_reduction, only: reduce_model, reduction_options_type, reduction_report_type
+  implicit none
+  private
+
+  !> See `reduction_options_type`
+  type, bind(c) :: options_type
+    integer(c_int) :: modes, block_size, check_inertia
+    real(c_double) :: max_frequency_hz, tolerance
+  end type options_type
+
+  !> See `reduction_report_type`
+  type, bind(c) :: report_type
+    integer(c_int) :: dofs, coordinates, boundary, modes, corrections, negative_pivots, modes_below_shift, factor_megabytes
+    character(kind=c_char) :: ordering(8)
+    real(c_double) :: shift_hz, mode_residual, constraint_residual
+    real(c_double) :: read_seconds, factor_seconds, constraint_seconds, modes_seconds, inertia_seconds, correction_seconds, &
+                      project_seconds, write_seconds
+  end type report_type
+
+contains
+
+  !> Reduce model.h5 to rom.h5; collective.
+  integer(c_int) function attrito_reduce(comm, model_path, rom_path, boundary_count, boundary, n, vector_count, vectors, options, &
+                                         report, length, message) result(status) bind(c)
+    !> Fortran handle of the communicator
+    integer(c_int), value :: comm
+    !> model.h5 and rom.h5; end with a null character
+    character(kind=c_char), intent(in) :: model_path(*), rom_path(*)
+    !> Boundary dofs, from 0, ascending, the same on every rank
+    integer(c_int), value :: boundary_count
+    integer(c_int), intent(in) :: boundary(boundary_count)
+    !> Loads and monitors, C order [vector_count, n]; n is the number of dofs on rank 0 and may be 0 elsewhere
+    integer(c_int), value :: n, vector_count
+    real(c_double), intent(in) :: vectors(n, vector_count)
+    !> How many modes, and how
+    type(options_type), intent(in) :: options
+    !> What was found
+    type(report_type), intent(out) :: report
+    !> Room for the message
+    integer(c_int), value :: length
+    character(kind=c_char), intent(out) :: message(length)
+    type(reduction_report_type) :: found
+    type(error_type), allocatable :: error
+
+    call reduce_model(comm, text_of(model_path), text_of(rom_path), boundary, vectors, reduction_options_type( &
+                      modes=options%modes, max_frequency_hz=options%max_frequency_hz, block_size=options%block_size, &
+                      tolerance=options%tolerance, check_inertia=options%check_inertia /= 0), &
+                      found, error)
+    report = c_report(found)
+    status = tell(error, message)
+  end function attrito_reduce
+
+  pure function c_report(found) result(report)
+    type(reduction_report_type), intent(in) :: found
+    type(report_type) :: report
+    integer :: i
+
+    report = report_type( &
+      dofs=found%dofs, coordinates=found%coordinates, boundary=found%boundary, modes=found%modes, &
+      corrections=found%corrections, negative_pivots=found%negative_pivots, modes_below_shift=found%modes_below_shift, &
+      factor_megabytes=found%factor_megabytes, ordering=[(found%ordering(i:i), i=1, 8)], shift_hz=found%shift_hz, &
+      mode_residual=found%mode_residual, constraint_residual=found%constraint_residual, read_seconds=found%read_seconds, &
+      factor_seconds=found%factor_seconds, constraint_seconds=found%constraint_seconds, modes_seconds=found%modes_seconds, &
+      inertia_seconds=found%inertia_seconds, correction_seconds=found%correction_seconds, &
+      project_seconds=found%project_seconds, write_seconds=found%write_seconds)
+  end function c_report
+end module attrito_api_reduce

@@ -1,0 +1,55 @@
+#include <petsc/finclude/petscmat.h>
+#include "petsc_compatibility.h"
+!> Blocks of vectors kept as plain arrays, this rank's rows of them, and what PETSc does with them.
+module attrito_reduce_dense_block
+  use petscmat
+  use attrito_core_kinds, only: wp
+  implicit none
+  private
+  public :: wrap_block, multiply_block
+
+contains
+
+  !> A dense PETSc matrix on top of an array, which must outlive it; the caller destroys it.
+  subroutine wrap_block(like, block, matrix, ierr)
+    !> A matrix whose rows are spread over the ranks as those of the block
+    type(tMat), intent(in) :: like
+    !> This rank's rows of all vectors
+    real(wp), intent(in), contiguous, target :: block(:, :)
+    !> Dense [n, vectors]
+    type(tMat), intent(out) :: matrix
+    !> PETSc's error code
+    PetscErrorCode, intent(out) :: ierr
+    PetscMPIInt :: comm
+    PetscInt :: n, vectors
+
+    vectors = size(block, 2)
+    PetscCall(PetscObjectGetComm(like, comm, ierr))
+    PetscCall(MatGetSize(like, n, PETSC_NULL_INTEGER, ierr))
+    PetscCall(MatCreateDense(comm, size(block, 1), PETSC_DECIDE, n, vectors, block, matrix, ierr))
+  end subroutine wrap_block
+
+  !> Sparse matrix times a block of vectors.
+  subroutine multiply_block(matrix, block, product, ierr)
+    !> Square, sparse
+    type(tMat), intent(in) :: matrix
+    !> This rank's rows
+    real(wp), intent(in), contiguous, target :: block(:, :)
+    !> This rank's rows, of the same shape
+    real(wp), intent(out), contiguous, target :: product(:, :)
+    !> PETSc's error code
+    PetscErrorCode, intent(out) :: ierr
+    type(tMat) :: factor, result
+    PetscScalar, pointer :: values(:, :)
+
+    ierr = 0
+    if (size(block, 2) == 0) return
+    PetscCall(wrap_block(matrix, block, factor, ierr))
+    PetscCall(MatMatMult(matrix, factor, MAT_INITIAL_MATRIX, PETSC_DEFAULT_REAL, result, ierr))
+    PetscCall(MatDenseGetArray(result, values, ierr))
+    product = values(:size(product, 1), :size(product, 2))
+    PetscCall(MatDenseRestoreArray(result, values, ierr))
+    PetscCall(MatDestroy(result, ierr))
+    PetscCall(MatDestroy(factor, ierr))
+  end subroutine multiply_block
+end module attrito_reduce_dense_block

@@ -1,0 +1,124 @@
+#include <petsc/finclude/petscmat.h>
+#include "petsc_compatibility.h"
+!> The dofs of a model, split into boundary (b) and interior (i), each rank its own rows, and the blocks of a matrix.
+!>
+!> $$ K = \begin{pmatrix} K_{bb} & K_{bi} \\ K_{ib} & K_{ii} \end{pmatrix} $$
+module attrito_reduce_split
+  use petscmat
+  use attrito_core_communicator, only: communicator_type
+  use attrito_core_errors, only: error_type, fault_of_input, raise
+  implicit none
+  private
+  public :: split_type, new_split, interior_block, boundary_rows_on_root
+
+  type :: split_type
+    !> The ranks that share the rows
+    type(communicator_type) :: ranks
+    !> Number of dofs, and how many of them are boundary
+    integer :: n = 0, boundary_count = 0
+    !> First and last dof of this rank, from 1; none if last < first
+    integer :: first = 1, last = 0
+    !> Boundary dofs, from 0, ascending, on every rank
+    integer, allocatable :: boundary(:)
+    !> This rank's interior rows, from 1 for its first row
+    integer, allocatable :: interior_rows(:)
+    !> This rank's boundary rows, and the number of each among all boundary dofs, from 1
+    integer, allocatable :: boundary_rows(:), boundary_numbers(:)
+  contains
+    procedure :: rows
+  end type split_type
+
+contains
+
+  !> Split the dofs.
+  subroutine new_split(self, ranks, n, boundary, error)
+    !> The split
+    type(split_type), intent(out) :: self
+    !> The ranks that share the rows
+    type(communicator_type), intent(in) :: ranks
+    !> Number of dofs
+    integer, intent(in) :: n
+    !> Boundary dofs, from 0, ascending, the same on every rank
+    integer, intent(in) :: boundary(:)
+    !> Not dofs of the model, or not ascending
+    type(error_type), allocatable, intent(out) :: error
+    logical, allocatable :: is_interior(:)
+    integer :: i
+
+    if (any(boundary < 0) .or. any(boundary >= n)) then
+      call raise(error, 'a boundary dof is not a dof of the model', fault_of_input)
+    else if (any(boundary(2:) <= boundary(:size(boundary) - 1))) then
+      call raise(error, 'boundary dofs are not ascending, or one is there twice', fault_of_input)
+    else if (size(boundary) == n) then
+      call raise(error, 'every dof is a boundary dof: there is nothing to reduce', fault_of_input)
+    end if
+    if (allocated(error)) return
+    self%ranks = ranks
+    self%n = n
+    self%boundary = boundary
+    self%boundary_count = size(boundary)
+    call ranks%share(n, self%first, self%last)
+    self%boundary_numbers = pack([(i, i=1, size(boundary))], boundary + 1 >= self%first .and. boundary + 1 <= self%last)
+    self%boundary_rows = boundary(self%boundary_numbers) + 2 - self%first
+    allocate (is_interior(self%rows()), source=.true.)
+    is_interior(self%boundary_rows) = .false.
+    self%interior_rows = pack([(i, i=1, self%rows())], is_interior)
+  end subroutine new_split
+
+  !> Number of this rank's rows.
+  pure integer function rows(self)
+    !> The split
+    class(split_type), intent(in) :: self
+
+    rows = self%last - self%first + 1
+  end function rows
+
+  !> The block of interior rows and columns, spread over the ranks; the caller destroys it.
+  subroutine interior_block(self, matrix, block, ierr)
+    !> The split
+    type(split_type), intent(in) :: self
+    !> Matrix of the full model
+    type(tMat), intent(in) :: matrix
+    !> Its interior block
+    type(tMat), intent(out) :: block
+    !> PETSc's error code
+    PetscErrorCode, intent(out) :: ierr
+    type(tIS) :: interior
+
+    PetscCall(ISCreateGeneral(self%ranks%handle, size(self%interior_rows), self%interior_rows + self%first - 2, PETSC_COPY_VALUES, interior, ierr))
+    PetscCall(MatCreateSubMatrix(matrix, interior, interior, MAT_INITIAL_MATRIX, block, ierr))
+    PetscCall(ISDestroy(interior, ierr))
+    PetscCall(MatSetOption(block, MAT_SYMMETRIC, PETSC_TRUE, ierr))
+  end subroutine interior_block
+
+  !> Some rows of the boundary block K_bi, all of them on rank 0, as MUMPS wants sparse right-hand sides; the caller destroys it.
+  subroutine boundary_rows_on_root(self, matrix, first, last, block, ierr)
+    !> The split
+    type(split_type), intent(in) :: self
+    !> Matrix of the full model
+    type(tMat), intent(in) :: matrix
+    !> First and last boundary dof, by number from 1
+    integer, intent(in) :: first, last
+    !> [last - first + 1, interior dofs]
+    type(tMat), intent(out) :: block
+    !> PETSc's error code
+    PetscErrorCode, intent(out) :: ierr
+    type(tIS) :: some, interior
+    logical, allocatable :: is_interior(:)
+    integer, allocatable :: wanted(:), columns(:)
+    integer :: i
+
+    allocate (wanted(0), columns(0))
+    if (self%ranks%is_root()) then
+      wanted = self%boundary(first:last)
+      allocate (is_interior(0:self%n - 1), source=.true.)
+      is_interior(self%boundary) = .false.
+      columns = pack([(i, i=0, self%n - 1)], is_interior)
+    end if
+    PetscCall(ISCreateGeneral(self%ranks%handle, size(wanted), wanted, PETSC_COPY_VALUES, some, ierr))
+    PetscCall(ISCreateGeneral(self%ranks%handle, size(columns), columns, PETSC_COPY_VALUES, interior, ierr))
+    PetscCall(MatCreateSubMatrix(matrix, some, interior, MAT_INITIAL_MATRIX, block, ierr))
+    PetscCall(ISDestroy(interior, ierr))
+    PetscCall(ISDestroy(some, ierr))
+  end subroutine boundary_rows_on_root
+end module attrito_reduce_split

@@ -1,0 +1,160 @@
+!> rom.h5, the reduced model (docs/files.md).
+module attrito_reduce_write_rom
+  use, intrinsic :: iso_fortran_env, only: int64, int8
+  use attrito_core_errors, only: error_type
+  use attrito_core_hdf5_array, only: write_array, write_block
+  use attrito_core_hdf5_attribute, only: write_attribute
+  use attrito_core_hdf5_dataset, only: create_array
+  use attrito_core_hdf5_file, only: close_file, create_file, create_group, hdf5_file_type
+  use attrito_core_kinds, only: wp
+  use attrito_reduce_fixed_interface_modes, only: fixed_interface_modes_type
+  use attrito_reduce_report, only: reduction_report_type
+  use attrito_reduce_split, only: split_type
+  implicit none
+  private
+  public :: reduced_model_type, write_rom
+
+  type :: reduced_model_type
+    !> Reduced matrices [m, m]; damping only where the model has one
+    real(wp), allocatable :: mass(:, :), stiffness(:, :), damping(:, :)
+    !> Loads and monitors: this rank's rows [rows, vectors], and projected [m, vectors]
+    real(wp), allocatable :: vectors(:, :), reduced_vectors(:, :)
+  end type reduced_model_type
+
+  !> Longest piece of a row of the basis that is stored in one chunk
+  integer, parameter :: longest_chunk = 131072
+
+contains
+
+  !> Write the whole file.
+  subroutine write_rom(path, split, model, basis, modes, report, block_size, error)
+    !> Where
+    character(*), intent(in) :: path
+    !> Boundary, and the ranks
+    type(split_type), intent(in) :: split
+    !> Matrices and vectors
+    type(reduced_model_type), intent(in) :: model
+    !> This rank's rows [rows, m]
+    real(wp), intent(in), contiguous :: basis(:, :)
+    !> Frequencies and residuals
+    type(fixed_interface_modes_type), intent(in) :: modes
+    !> Counts and times
+    type(reduction_report_type), intent(in) :: report
+    !> Rows of the basis written at a time
+    integer, intent(in) :: block_size
+    !> The disk is full, or the path cannot be written
+    type(error_type), allocatable, intent(out) :: error
+    type(hdf5_file_type) :: file
+
+    call create_file(file, split%ranks%handle, path, error)
+    if (.not. allocated(error)) call write_root(file, error)
+    if (.not. allocated(error)) call write_matrices(file, model, error)
+    if (.not. allocated(error)) call write_coordinates(file, split, modes, report, error)
+    if (.not. allocated(error)) call write_spread(file, split, '/recovery/basis', basis, block_size, &
+      'basis: one row a coordinate, q_full = basis^T q', 'user length per coordinate', error)
+    if (.not. allocated(error)) call write_spread(file, split, '/vectors/full', model%vectors, block_size, &
+      'loads and monitors on the full model, one a row', 'as given', error)
+    if (.not. allocated(error)) call write_array(file, '/vectors/reduced', model%reduced_vectors, &
+      'loads and monitors on the reduced model: basis f', 'as given', error)
+    if (.not. allocated(error)) call write_report(file, report, error)
+    call close_file(file)
+  end subroutine write_rom
+
+  subroutine write_root(file, error)
+    type(hdf5_file_type), intent(in) :: file
+    type(error_type), allocatable, intent(out) :: error
+
+    call write_attribute(file, '/', 'format', 'attrito rom', error)
+    if (.not. allocated(error)) call write_attribute(file, '/', 'format_version', 1, error)
+    if (.not. allocated(error)) call write_attribute(file, '/', 'description', &
+      'Craig-Bampton model: boundary dofs, fixed-interface modes, static corrections', error)
+  end subroutine write_root
+
+  subroutine write_matrices(file, model, error)
+    type(hdf5_file_type), intent(in) :: file
+    type(reduced_model_type), intent(in) :: model
+    type(error_type), allocatable, intent(out) :: error
+
+    call write_array(file, '/mass', model%mass, 'reduced mass matrix', 'user mass', error)
+    if (.not. allocated(error)) call write_array(file, '/stiffness', model%stiffness, 'reduced stiffness matrix', &
+                                                 'user force per length', error)
+    if (allocated(error) .or. .not. allocated(model%damping)) return
+    call write_array(file, '/damping', model%damping, 'reduced damping matrix', 'user force per velocity', error)
+  end subroutine write_matrices
+
+  subroutine write_coordinates(file, split, modes, report, error)
+    type(hdf5_file_type), intent(in) :: file
+    type(split_type), intent(in) :: split
+    type(fixed_interface_modes_type), intent(in) :: modes
+    type(reduction_report_type), intent(in) :: report
+    type(error_type), allocatable, intent(out) :: error
+    integer :: i
+
+    call write_array(file, '/coordinates/kind', [(0_int8, i=1, report%boundary), (1_int8, i=1, report%modes), &
+                                                 (2_int8, i=1, report%corrections)], &
+                     'kind of coordinate: 0 boundary dof, 1 fixed-interface mode, 2 static correction', '1', error)
+    if (.not. allocated(error)) call write_array(file, '/boundary/dof', int(split%boundary, int64), &
+      'dof of the full model of each boundary coordinate, from 0', '1', error)
+    if (.not. allocated(error)) call write_array(file, '/modes/frequency_hz', modes%frequency_hz, &
+      'natural frequency with the boundary held', 'Hz', error)
+    if (.not. allocated(error)) call write_array(file, '/modes/residual', modes%residual, &
+      'norm of phi - lambda K_ii^-1 M_ii phi in M_ii, a bound on the relative error of lambda', '1', error)
+  end subroutine write_coordinates
+
+  !> Vectors whose rows are spread over the ranks, one a row of the dataset.
+  subroutine write_spread(file, split, name, vectors, block_size, description, unit, error)
+    type(hdf5_file_type), intent(in) :: file
+    type(split_type), intent(in) :: split
+    character(*), intent(in) :: name
+    !> This rank's rows [rows, vectors]
+    real(wp), intent(in), contiguous :: vectors(:, :)
+    integer, intent(in) :: block_size
+    character(*), intent(in) :: description, unit
+    type(error_type), allocatable, intent(out) :: error
+    integer :: first, last, count
+
+    count = size(vectors, 2)
+    if (count == 0) then
+      call create_array(file, name, 'real64', [0, split%n], description, unit, error)
+      return
+    end if
+    call create_array(file, name, 'real64', [count, split%n], description, unit, error, &
+                      chunk=[1, min(split%n, longest_chunk)])
+    do first = 1, count, block_size
+      if (allocated(error)) return
+      last = min(first + block_size - 1, count)
+      call write_block(file, name, [first - 1, split%first - 1], vectors(:, first:last), error)
+    end do
+  end subroutine write_spread
+
+  subroutine write_report(file, report, error)
+    type(hdf5_file_type), intent(in) :: file
+    type(reduction_report_type), intent(in) :: report
+    type(error_type), allocatable, intent(out) :: error
+
+    call create_group(file, '/reduction', error)
+    if (.not. allocated(error)) call whole('negative_pivots', report%negative_pivots)
+    if (.not. allocated(error)) call whole('modes_below_shift', report%modes_below_shift)
+    if (.not. allocated(error)) call whole('factor_megabytes', report%factor_megabytes)
+    if (.not. allocated(error)) call number('shift_hz', report%shift_hz)
+    if (.not. allocated(error)) call number('mode_residual', report%mode_residual)
+    if (.not. allocated(error)) call number('constraint_residual', report%constraint_residual)
+    if (.not. allocated(error)) call number('factor_seconds', report%factor_seconds)
+    if (.not. allocated(error)) call number('constraint_seconds', report%constraint_seconds)
+    if (.not. allocated(error)) call number('modes_seconds', report%modes_seconds)
+    if (.not. allocated(error)) call number('inertia_seconds', report%inertia_seconds)
+    if (.not. allocated(error)) call number('project_seconds', report%project_seconds)
+    if (.not. allocated(error)) call write_attribute(file, '/reduction', 'ordering', trim(report%ordering), error)
+  contains
+    subroutine whole(name, value)
+      character(*), intent(in) :: name
+      integer, intent(in) :: value
+      call write_attribute(file, '/reduction', name, value, error)
+    end subroutine whole
+    subroutine number(name, value)
+      character(*), intent(in) :: name
+      real(wp), intent(in) :: value
+      call write_attribute(file, '/reduction', name, value, error)
+    end subroutine number
+  end subroutine write_report
+end module attrito_reduce_write_rom
