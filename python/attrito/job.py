@@ -46,7 +46,7 @@ def read_job(path: str | Path) -> Job:
         with open(path, "rb") as stream:
             raw = tomllib.load(stream)
     except OSError as error:
-        raise InputError(Fault("attrito", "job file", path, f"a file that can be read ({error.strerror})")) from None
+        raise InputError(Fault(path, "file", error.strerror, "a job file that can be read")) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(Fault(path, "file", str(error), "a job in TOML")) from None
     faults: list[Fault] = []

@@ -12,6 +12,8 @@ from typing import Any
 
 Check = Callable[[Any], Any]
 
+# Integers cross to the library as 32 bits.
+LARGEST_INTEGER = 2**31 - 1
 DIRECTIONS = {"x": 1, "y": 2, "z": 3}
 
 
@@ -42,12 +44,14 @@ def number(low: float = -math.inf, high: float = math.inf, *, above: bool = Fals
     return check
 
 
-def integer(low: int, high: int | None = None) -> Check:
-    """An integer from `low` to `high`."""
-    words = f"an integer of at least {low}" if high is None else f"an integer from {low} to {high}"
+def integer(low: int, high: int = LARGEST_INTEGER, later: tuple[str, ...] = ()) -> Check:
+    """An integer from `low` to `high`; the words of `later` are known in its place, but not in this version."""
+    words = f"an integer from {low} to {high}"
 
     def check(value: Any) -> int:
-        if isinstance(value, bool) or not isinstance(value, int) or value < low or (high is not None and value > high):
+        if isinstance(value, str) and value in later:
+            raise ValueError(f'{words} ("{value}" is not in this version)')
+        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
             raise ValueError(words)
         return value
 
@@ -56,8 +60,8 @@ def integer(low: int, high: int | None = None) -> Check:
 
 def text(value: Any) -> str:
     """A text that is not empty."""
-    if not isinstance(value, str) or not value.strip():
-        raise ValueError("a text")
+    if not isinstance(value, str) or not value.strip() or not value.isprintable():
+        raise ValueError("a text of printable characters")
     return value
 
 
@@ -109,7 +113,9 @@ def listing(item: Check, low: int = 0, high: int | None = None) -> Check:
             try:
                 checked.append(item(entry))
             except ValueError as error:
-                raise ValueError(f"as item {place} {error}, not {entry!r}") from None
+                inner = str(error)
+                words = f"{inner} of item {place}" if "as item" in inner else f"{inner}, not {entry!r}, as item {place}"
+                raise ValueError(words) from None
         return checked
 
     return check
@@ -146,8 +152,8 @@ def monitor(value: Any) -> dict[str, Any]:
     if not isinstance(value, dict) or set(value) != {"name", "dofs"}:
         raise ValueError("a table { name = ..., dofs = [[dof, coefficient], ...] }")
     name = text(value["name"])
-    if "/" in name or "," in name or "\n" in name or len(name) > 64:
-        raise ValueError("a name of at most 64 characters without slash, comma or line break")
+    if "/" in name or "," in name or len(name) > 64 or name in (".", ".."):
+        raise ValueError(f"a name of at most 64 characters without slash or comma, not {name!r},")
     return {"name": name, "dofs": listing(term, 1)(value["dofs"])}
 
 
@@ -195,7 +201,7 @@ TABLES: dict[str, dict[str, Key]] = {
         "loss_factor": Key(number(0, 1)),
     },
     "reduction": {
-        "modes": Key(either(integer(0), choice("auto", later=("auto",)))),
+        "modes": Key(integer(0, later=("auto",))),
         "max_frequency_hz": Key(number(0, above=True)),
         "boundary": Key(listing(node_reference), []),
         "file": Key(text),
@@ -207,10 +213,10 @@ TABLES: dict[str, dict[str, Key]] = {
     },
     "balance": {
         "approach": Key(choice("coupled", "uncoupled"), "coupled"),
-        "harmonics": Key(either(integer(1, 1000), choice("auto", later=("auto",))), 5),
+        "harmonics": Key(integer(1, 1000, later=("auto",)), 5),
         "tolerance": Key(number(0, 1, above=True)),
         "quadrature": Key(choice("sampled", later=("event", "auto")), "sampled"),
-        "samples": Key(integer(8), 128),
+        "samples": Key(integer(8, 2**20), 128),
         "passes": Key(integer(2), 3),
         "residual_tolerance": Key(number(1e-14, 1e-3), 1e-10),
         "max_iterations": Key(integer(1), 30),
