@@ -4,7 +4,7 @@
 
 set(attrito_flags_all -std=f2018 -fimplicit-none -ffree-line-length-none -Wall -Wextra
     -Wno-unused-dummy-argument -Wno-maybe-uninitialized -Wno-compare-reals -Wno-uninitialized)
-set(attrito_flags_Debug -O1 -g -fcheck=all -fbacktrace -ffpe-trap=invalid,zero,overflow)
+set(attrito_flags_Debug -O1 -g -fcheck=all,no-array-temps -fbacktrace -ffpe-trap=invalid,zero,overflow)
 set(attrito_flags_Release -O3 -g1 -fexternal-blas)
 
 set(attrito_includes_mpi ${MPI_Fortran_INCLUDE_DIRS})
@@ -28,15 +28,18 @@ function(attrito_stage name)
 
   file(GLOB numerics CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/src/${name}/*.f90)
   file(GLOB shells CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/src/${name}/*.F90)
-  add_library(attrito_${name} OBJECT ${numerics} ${shells})
+  add_library(attrito_${name} STATIC ${numerics} ${shells})
   set(modules ${CMAKE_BINARY_DIR}/modules/${name})
   set_target_properties(attrito_${name} PROPERTIES Fortran_MODULE_DIRECTORY ${modules})
   target_include_directories(attrito_${name} PRIVATE ${modules} ${CMAKE_SOURCE_DIR}/src/core)
   target_compile_options(attrito_${name} PRIVATE ${attrito_flags_all} ${attrito_flags_${CMAKE_BUILD_TYPE}})
+  set(seen_targets "")
   foreach(earlier ${seen})
+    list(APPEND seen_targets attrito_${earlier})
     target_include_directories(attrito_${name} PRIVATE ${CMAKE_BINARY_DIR}/modules/${earlier})
-    add_dependencies(attrito_${name} attrito_${earlier})
   endforeach()
+  # Linked, not only ordered: so a stage is rebuilt when a module of an earlier one changes.
+  target_link_libraries(attrito_${name} PRIVATE ${seen_targets})
   set(includes "")
   foreach(library ${stage_LIBRARIES})
     list(APPEND includes ${attrito_includes_${library}})

@@ -12,7 +12,7 @@ import traceback
 from collections.abc import Sequence
 
 from attrito import __version__
-from attrito.faults import Fault, InputError, NumericsError
+from attrito.faults import Fault, InputError, NumericsError, unusable_file
 
 # Ranks share the work; threads of BLAS would fight them. To be said before numpy and the library load BLAS.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -25,20 +25,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         options.work(options)
     except InputError as error:
-        return _tell(error, 2, parallel)
+        # What the library found names no file.
+        place = "" if error.faults else f"{options.job}: "
+        return _tell(f"{place}{error}", 2, parallel)
     except NumericsError as error:
-        return _tell(error, 1, parallel)
+        return _tell(str(error), 1, parallel)
     except BrokenPipeError:
         sys.stderr.close()
         return 0
-    except Exception:
+    except Exception as error:
+        if isinstance(error, OSError) and not parallel:
+            return _tell(str(unusable_file(error)), 2, parallel)
         if parallel:
             _abort()
         raise
     return 0
 
 
-def _tell(error: Exception, code: int, parallel: bool) -> int:
+def _tell(message: str, code: int, parallel: bool) -> int:
     """Print a message once; every rank has raised the same one."""
     rank = 0
     if parallel:
@@ -47,7 +51,7 @@ def _tell(error: Exception, code: int, parallel: bool) -> int:
         rank = MPI.COMM_WORLD.rank
         sys.stdout.flush()
     if rank == 0:
-        print(f"attrito: {error}", file=sys.stderr, flush=True)
+        print(f"attrito: {message}", file=sys.stderr, flush=True)
     return code
 
 

@@ -41,5 +41,11 @@ class InputError(Exception):
         return (type(self), self.faults)
 
 
+def unusable_file(error: OSError) -> InputError:
+    """What the system said when a file could not be read or written (no folder, no permission, no space)."""
+    path = error.filename if error.filename is not None else "attrito"
+    return InputError(Fault(str(path), "file", error.strerror or str(error), "a file that can be read and written"))
+
+
 class NumericsError(Exception):
     """The numerics did not deliver (exit code 1)."""

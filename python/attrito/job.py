@@ -39,6 +39,23 @@ class Job:
         return Fault(self.path, key, value, expected)
 
 
+def rom_path(job: Job) -> str | None:
+    """Where the job's reduced model is kept; None when the matrices are used as they stand."""
+    if "reduction" not in job.given:
+        return None
+    if job["reduction"]["file"] is not None:
+        return job.file(job["reduction"]["file"])
+    return str(Path(job.file(job["output"]["file"])).parent / "rom.h5")
+
+
+def model_path(job: Job) -> str | None:
+    """The job's model file: its own, or one beside rom.h5 for matrices given otherwise."""
+    if job["model"]["file"] is not None:
+        return job.file(job["model"]["file"])
+    rom = rom_path(job)
+    return None if rom is None else str(Path(rom).with_suffix(".model.h5"))
+
+
 def read_job(path: str | Path) -> Job:
     """Read and check a job file; raises `InputError` with all faults together."""
     path = str(path)
@@ -47,7 +64,7 @@ def read_job(path: str | Path) -> Job:
             raw = tomllib.load(stream)
     except OSError as error:
         raise InputError(Fault(path, "file", error.strerror, "a job file that can be read")) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(Fault(path, "file", str(error), "a job in TOML")) from None
     faults: list[Fault] = []
     tables: dict[str, Any] = {}
@@ -99,7 +116,8 @@ def _check_table(
 def _cross_check(job: Job, earlier: list[Fault]) -> list[Fault]:
     """Faults between keys; those of a key that is already at fault are left alone."""
     at_fault = {fault.key for fault in earlier}
-    found = [*_check_model(job), *_check_loads(job), *_check_sweep(job), *_check_balance(job), *_check_monitors(job)]
+    checks = (_check_model, _check_loads, _check_sweep, _check_balance, _check_monitors, _check_outputs)
+    found = [fault for check in checks for fault in check(job)]
     return [fault for fault in found if fault.key not in at_fault]
 
 
@@ -200,3 +218,29 @@ def _check_monitors(job: Job) -> list[Fault]:
     names = [monitor["name"] for monitor in job["output"]["monitors"] or []]
     twice = sorted({name for name in names if names.count(name) > 1})
     return [job.fault("[output] monitors", name, "names that differ") for name in twice]
+
+
+def _check_outputs(job: Job) -> list[Fault]:
+    """Files to be written must have a place, and not be files that are read or written otherwise."""
+    model = job["model"]
+    read = {name: model[name] for name in model if isinstance(model[name], str)}
+    taken = {f"[model] {key}": job.file(name) for key, name in read.items()}
+    taken |= {f"load[{i}] file": job.file(load["file"]) for i, load in enumerate(job["load"]) if load["file"]}
+    taken = {"the job": os.path.normpath(job.path)} | taken
+    if job["output"]["file"] is None:
+        return []
+    written = {"[output] file": job.file(job["output"]["file"]), "[reduction] file": rom_path(job)}
+    faults = []
+    for key, path in written.items():
+        if path is None:
+            continue
+        for other, name in taken.items():
+            if path == name:
+                faults.append(job.fault(key, path, f"a file other than that of {other}"))
+        taken[key] = path
+        blocked = next((str(folder) for folder in Path(path).parents if folder.is_file()), None)
+        if blocked is not None:
+            faults.append(job.fault(key, path, f"a file in a folder ({blocked} is a file)"))
+        elif Path(path).is_dir():
+            faults.append(job.fault(key, path, "a file, not a folder"))
+    return faults

@@ -35,9 +35,13 @@ def number(low: float = -math.inf, high: float = math.inf, *, above: bool = Fals
         words += f" {'and ' if low > -math.inf else ''}of at most {high:g}"
 
     def check(value: Any) -> float:
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        if isinstance(value, bool) or not isinstance(value, int | float):
             raise ValueError(words)
-        if value < low or value > high or (above and value == low):
+        try:
+            finite = math.isfinite(value)
+        except OverflowError:
+            finite = False
+        if not finite or value < low or value > high or (above and value == low):
             raise ValueError(words)
         return float(value)
 
@@ -153,7 +157,7 @@ def monitor(value: Any) -> dict[str, Any]:
         raise ValueError("a table { name = ..., dofs = [[dof, coefficient], ...] }")
     name = text(value["name"])
     if "/" in name or "," in name or len(name) > 64 or name in (".", ".."):
-        raise ValueError(f"a name of at most 64 characters without slash or comma, not {name!r},")
+        raise ValueError("a name of at most 64 characters without slash or comma")
     return {"name": name, "dofs": listing(term, 1)(value["dofs"])}
 
 

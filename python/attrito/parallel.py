@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
-from attrito.faults import InputError, NumericsError
+from attrito.faults import InputError, NumericsError, unusable_file
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -21,6 +21,8 @@ def on_root(comm: Comm, work: Callable[[], Value]) -> Value:
             value = work()
         except (InputError, NumericsError) as error:
             failure = error
+        except OSError as error:
+            failure = unusable_file(error)
     value, failure = comm.bcast((value, failure))
     if failure is not None:
         raise failure

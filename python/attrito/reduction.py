@@ -24,9 +24,9 @@ class Report:
     """What a reduction found, and the wall time of its steps in seconds.
 
     `coordinates` = `boundary` + `modes` + `corrections`. One mode or two more than asked for are kept where the last
-    has twins. `modes_below_shift` is the count by inertia below `shift_hz`, which agrees with the eigensolver's (-1: not
-    counted). `mode_residual` bounds the relative error of the eigenvalues; `constraint_residual` is that of
-    K_ii Psi = -K_ib as solved.
+    has twins. `modes_below_shift` is the count by inertia below `shift_hz`, which agrees with the eigensolver's; -1
+    where nothing was counted. `mode_residual` bounds the relative error of the eigenvalues; `constraint_residual` is
+    that of K_ii Psi = -K_ib as solved.
     """
 
     dofs: int

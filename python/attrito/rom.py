@@ -16,7 +16,7 @@ import numpy as np
 
 from attrito import __version__
 from attrito.faults import InputError
-from attrito.job import Job
+from attrito.job import Job, model_path, rom_path
 from attrito.model_file import write_model
 from attrito.parallel import on_root
 from attrito.reduction import Report, reduce_model
@@ -29,29 +29,13 @@ if TYPE_CHECKING:
 LARGEST_DENSE = 4000
 
 
-def rom_path(job: Job) -> str | None:
-    """Where the job's reduced model is kept; None when the matrices are used as they stand."""
-    if "reduction" not in job.given:
-        return None
-    if job["reduction"]["file"] is not None:
-        return job.file(job["reduction"]["file"])
-    return str(Path(job.file(job["output"]["file"])).parent / "rom.h5")
-
-
-def model_path(job: Job) -> str | None:
-    """The job's model file: its own, or one beside rom.h5 for matrices given otherwise."""
-    if job["model"]["file"] is not None:
-        return job.file(job["model"]["file"])
-    rom = rom_path(job)
-    return None if rom is None else str(Path(rom).with_suffix(".model.h5"))
-
-
 def make_rom(comm: Comm, job: Job, scene: Scene | None, say: Any = print) -> Report | None:
     """Reduce the scene (held by rank 0) unless rom.h5 already holds it; returns the library's report, if it worked."""
     path, model = rom_path(job), model_path(job)
     keys = job["reduction"]
 
     def prepare() -> tuple[bool, str, np.ndarray]:
+        _check_interior(job, scene)
         fingerprint = _fingerprint(job, scene)
         fresh = _holds(path, fingerprint)
         if fresh:
@@ -87,6 +71,17 @@ def make_rom(comm: Comm, job: Job, scene: Scene | None, say: Any = print) -> Rep
 
     on_root(comm, finish)
     return report
+
+
+def _check_interior(job: Job, scene: Scene) -> None:
+    """Raise unless there is something to reduce, and as many modes as the job asks for."""
+    interior = scene.model.size - len(scene.boundary)
+    modes = job["reduction"]["modes"]
+    if interior == 0:
+        expected = f"none: all {scene.model.size} dofs are boundary dofs, so there is nothing to reduce"
+        raise InputError(job.fault("[reduction]", "given", expected))
+    if modes is not None and modes > interior:
+        raise InputError(job.fault("[reduction] modes", modes, f"at most {interior}, the number of interior dofs"))
 
 
 def reduced_scene(job: Job, scene: Scene) -> ReducedScene:

@@ -218,9 +218,9 @@ contains
     call new_stuck_system(session%structure, session%contacts, stuck /= 0, system, error)
     attrito_linear_response = tell(error, message)
     if (allocated(error)) return
-    n = min(frequencies, size(system%eigenvalues))
+    n = min(frequencies, size(system%omega))
     natural_hz = 0.0_wp
-    natural_hz(:n) = sqrt(system%eigenvalues(:n))/two_pi
+    natural_hz(:n) = system%omega(:n)/two_pi
     harmonics = (size(session%structure%harmonic_load, 2) - 1)/2
     call new_receptance(session%structure, session%contacts, system, harmonics, receptance)
     load = to_complex(matmul(transpose(session%structure%harmonic_load), receptance%basis))

@@ -1,6 +1,6 @@
 !> Receptance in the modes of the stuck system: diagonal, exact for damping that leaves these modes uncoupled.
 !>
-!> $$ X_{hr} = F_{hr} / (\omega_r^2 - (h \omega)^2 + i h \omega c_r), \qquad c_r = 2 \zeta \omega_r \text{ or } \alpha $$
+!> $$ X_{hr} = F_{hr} / (k_r - (h \omega)^2 m_r + i h \omega c_r), \qquad c_r = 2 \zeta \omega_r m_r \text{ or } \alpha m_r $$
 module attrito_balance_receptance_modal
   use attrito_core_kinds, only: wp
   use attrito_balance_receptance, only: receptance_type
@@ -9,10 +9,8 @@ module attrito_balance_receptance_modal
   public :: receptance_modal_type, new_receptance_modal
 
   type, extends(receptance_type) :: receptance_modal_type
-    !> Squares of the stuck system's angular frequencies [n]
-    real(wp), allocatable :: eigenvalues(:)
-    !> Modal damping c_r [n], 1 over time
-    real(wp), allocatable :: modal_damping(:)
+    !> Modal stiffness, mass and damping [n], however the modes are normalised
+    real(wp), allocatable :: modal_stiffness(:), modal_mass(:), modal_damping(:)
     !> Dynamic stiffness at this frequency, and its derivative by omega [n, 0:H]
     complex(wp), allocatable, private :: stiffness(:, :), stiffness_derivative(:, :)
   contains
@@ -24,18 +22,19 @@ module attrito_balance_receptance_modal
 
 contains
 
-  !> From the modes of (K~, M) [m, n], mass-normalised, and the rows of B in columns [m, rows].
-  function new_receptance_modal(eigenvalues, modes, modal_damping, directions, harmonics) result(self)
-    real(wp), intent(in) :: eigenvalues(:), modes(:, :), modal_damping(:), directions(:, :)
+  !> From the modes of (K~, M) [m, n], what they carry [n], and the rows of B in columns [m, rows].
+  function new_receptance_modal(modal_stiffness, modal_mass, modal_damping, modes, directions, harmonics) result(self)
+    real(wp), intent(in) :: modal_stiffness(:), modal_mass(:), modal_damping(:), modes(:, :), directions(:, :)
     integer, intent(in) :: harmonics
     type(receptance_modal_type) :: self
 
-    self%eigenvalues = eigenvalues
+    self%modal_stiffness = modal_stiffness
+    self%modal_mass = modal_mass
     self%modal_damping = modal_damping
     self%basis = modes
     self%directions = matmul(transpose(modes), directions)
     self%harmonics = harmonics
-    allocate (self%stiffness(size(eigenvalues), 0:harmonics), self%stiffness_derivative(size(eigenvalues), 0:harmonics))
+    allocate (self%stiffness(size(modal_mass), 0:harmonics), self%stiffness_derivative(size(modal_mass), 0:harmonics))
   end function new_receptance_modal
 
   subroutine set_frequency(self, omega, status)
@@ -47,8 +46,8 @@ contains
     status = 0
     if (omega == self%omega) return
     do h = 0, self%harmonics
-      self%stiffness(:, h) = cmplx(self%eigenvalues - (h*omega)**2, h*omega*self%modal_damping, wp)
-      self%stiffness_derivative(:, h) = cmplx(-2.0_wp*h**2*omega, h*self%modal_damping, wp)
+      self%stiffness(:, h) = cmplx(self%modal_stiffness - (h*omega)**2*self%modal_mass, h*omega*self%modal_damping, wp)
+      self%stiffness_derivative(:, h) = cmplx(-2.0_wp*h**2*omega*self%modal_mass, h*self%modal_damping, wp)
     end do
     if (any(abs(self%stiffness) <= 0.0_wp)) status = 1
     ! Refused as often as it is asked for.
@@ -75,8 +74,8 @@ contains
     class(receptance_modal_type), intent(in) :: self
     integer, intent(in) :: h, rows_a(:), rows_b(:)
     complex(wp), intent(out) :: block(:, :)
-    complex(wp) :: flexibility(size(self%eigenvalues))
-    real(wp) :: a(size(rows_a), size(self%eigenvalues)), b(size(self%eigenvalues), size(rows_b))
+    complex(wp) :: flexibility(size(self%modal_mass))
+    real(wp) :: a(size(rows_a), size(self%modal_mass)), b(size(self%modal_mass), size(rows_b))
     real(wp) :: re(size(rows_a), size(rows_b)), im(size(rows_a), size(rows_b))
 
     flexibility = 1.0_wp/self%stiffness(:, h)

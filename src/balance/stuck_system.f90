@@ -1,9 +1,13 @@
 !> Modes of the linear system with every contact stuck, (K~, M): the reference that all receptances are built on.
 !>
-!> $$ (\tilde K - \omega_r^2 M) \phi_r = 0, \qquad \phi_r^T M \phi_s = \delta_{rs} $$
+!> $$ (M - \mu_r \tilde K) x_r = 0, \qquad x_r^T \tilde K x_s = \delta_{rs}, \qquad \omega_r^2 = 1 / \mu_r $$
+!>
+!> Solved for the largest mu rather than the smallest omega^2, and normalised by stiffness: rounding then is relative to the lowest
+!> mode, not to the highest (1e6 times larger on a blade), and sum x_r x_r^T is the static flexibility to rounding. Where K~ is
+!> singular, as for contacts without friction, the modes are those of (K~, M), normalised by mass.
 module attrito_balance_stuck_system
   use attrito_core_errors, only: error_type, raise, fault_of_input
-  use attrito_core_kinds, only: wp, two_pi
+  use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: symmetric_eigenpairs
   use attrito_model_contacts, only: contacts_type, stuck_stiffness
   use attrito_model_structure, only: structure_type, damping_none, damping_ratio, damping_mass
@@ -14,12 +18,17 @@ module attrito_balance_stuck_system
   private
   public :: stuck_system_type, new_stuck_system, new_receptance
 
+  !> Ratio of eigenvalues beyond which the smallest counts as zero: what rounding leaves of a free motion is some 1e-15
+  real(wp), parameter :: most_spread = 1.0e13_wp
+
   type :: stuck_system_type
     !> K~ [m, m]
     real(wp), allocatable :: stiffness(:, :)
-    !> Squares of angular frequencies [m], mass-normalised modes [m, m]
-    real(wp), allocatable :: eigenvalues(:), modes(:, :)
-    !> Modal damping 2 zeta omega_r or alpha [m]; 0 for other kinds
+    !> Modes [m, m] with their stiffness and mass, x^T K~ x and x^T M x [m]
+    real(wp), allocatable :: modes(:, :), modal_stiffness(:), modal_mass(:)
+    !> Angular frequencies [m], ascending
+    real(wp), allocatable :: omega(:)
+    !> Modal damping x^T C x = 2 zeta omega_r or alpha, times the modal mass [m]; 0 for other kinds
     real(wp), allocatable :: modal_damping(:)
     !> Do these modes stay uncoupled under the structure's damping?
     logical :: uncoupled = .true.
@@ -27,7 +36,7 @@ module attrito_balance_stuck_system
 
 contains
 
-  !> Assemble and diagonalise; says so when a direction is left free by structure and contacts together.
+  !> Assemble and diagonalise; with stuck contacts, says so when structure and contacts together leave a direction free.
   subroutine new_stuck_system(structure, contacts, tangential, self, error)
     type(structure_type), intent(in) :: structure
     type(contacts_type), intent(in) :: contacts
@@ -35,42 +44,82 @@ contains
     logical, intent(in) :: tangential
     type(stuck_system_type), intent(out) :: self
     type(error_type), allocatable, intent(out) :: error
-    integer :: info
-
     self%stiffness = stuck_stiffness(contacts, structure%stiffness, tangential)
-    call symmetric_eigenpairs(self%stiffness, structure%mass, self%eigenvalues, self%modes, info)
-    if (info /= 0) then
-      call raise(error, 'mass: the (reduced) mass matrix is not positive definite: expected every degree of freedom to carry mass', &
-                 fault_of_input)
-      return
+    if (tangential) then
+      call modes_by_stiffness(structure%mass, self, error)
+    else
+      call modes_by_mass(structure%mass, self, error)
     end if
-    if (tangential) call check_nothing_is_free(self, error)
-    self%eigenvalues = max(self%eigenvalues, 0.0_wp)
-    allocate (self%modal_damping(size(self%eigenvalues)), source=0.0_wp)
+    if (allocated(error)) return
+    allocate (self%modal_damping(size(self%omega)), source=0.0_wp)
     select case (structure%damping_kind)
     case (damping_none)
     case (damping_ratio)
-      self%modal_damping = 2.0_wp*structure%damping_value*sqrt(self%eigenvalues)
+      self%modal_damping = 2.0_wp*structure%damping_value*sqrt(self%modal_mass*self%modal_stiffness)
     case (damping_mass)
-      self%modal_damping = structure%damping_value
+      self%modal_damping = structure%damping_value*self%modal_mass
     case default
       self%uncoupled = .false.
     end select
   end subroutine new_stuck_system
 
-  !> K~ must be regular, or there is no static equilibrium.
-  subroutine check_nothing_is_free(self, error)
-    type(stuck_system_type), intent(in) :: self
+  !> Modes of M x = mu K~ x: K~ must be positive definite, or there is no static equilibrium.
+  subroutine modes_by_stiffness(mass, self, error)
+    real(wp), intent(in) :: mass(:, :)
+    type(stuck_system_type), intent(inout) :: self
+    type(error_type), allocatable, intent(out) :: error
+    real(wp), allocatable :: eigenvalues(:), modes(:, :)
+    integer :: info, m
+
+    m = size(mass, 1)
+    call symmetric_eigenpairs(mass, self%stiffness, eigenvalues, modes, info)
+    ! Motions that are free but for rounding show as periods far beyond all others.
+    if (info == 0 .and. m > 0) then
+      if (eigenvalues(m) > most_spread*max(eigenvalues(1), tiny(1.0_wp))) info = m + 1
+    end if
+    if (info /= 0) then
+      call raise_free_motion(mass, self, error)
+      return
+    end if
+    self%modes = modes(:, m:1:-1)
+    self%modal_mass = max(eigenvalues(m:1:-1), tiny(1.0_wp))
+    allocate (self%modal_stiffness(m), source=1.0_wp)
+    self%omega = 1.0_wp/sqrt(self%modal_mass)
+  end subroutine modes_by_stiffness
+
+  !> Modes of K~ x = omega^2 M x; K~ may be singular.
+  subroutine modes_by_mass(mass, self, error)
+    real(wp), intent(in) :: mass(:, :)
+    type(stuck_system_type), intent(inout) :: self
+    type(error_type), allocatable, intent(out) :: error
+    integer :: info
+
+    call symmetric_eigenpairs(self%stiffness, mass, self%modal_stiffness, self%modes, info)
+    if (info /= 0) then
+      call raise(error, 'mass: the (reduced) mass matrix is not positive definite: expected every degree of freedom to carry mass', &
+                 fault_of_input)
+      return
+    end if
+    self%modal_stiffness = max(self%modal_stiffness, 0.0_wp)
+    allocate (self%modal_mass(size(self%modal_stiffness)), source=1.0_wp)
+    self%omega = sqrt(self%modal_stiffness)
+  end subroutine modes_by_mass
+
+  !> K~ is not positive definite: count the motions that are left free.
+  subroutine raise_free_motion(mass, self, error)
+    real(wp), intent(in) :: mass(:, :)
+    type(stuck_system_type), intent(inout) :: self
     type(error_type), allocatable, intent(out) :: error
     integer :: free
     character(12) :: text
 
-    free = count(self%eigenvalues <= 1.0e-12_wp*maxval(self%eigenvalues))
-    if (free == 0) return
+    call modes_by_mass(mass, self, error)
+    if (allocated(error)) return
+    free = max(count(self%modal_stiffness <= maxval(self%modal_stiffness)/most_spread), 1)
     write (text, '(i0)') free
     call raise(error, 'stiffness: with every contact stuck, K + B^T K_c B leaves '//trim(text)//' motion(s) free: expected'// &
                ' supports or contacts that hold every body (one-tangent contacts may leave a direction free)', fault_of_input)
-  end subroutine check_nothing_is_free
+  end subroutine raise_free_motion
 
   !> The cheapest receptance that is exact for the structure's damping.
   subroutine new_receptance(structure, contacts, stuck, harmonics, receptance)
@@ -81,7 +130,8 @@ contains
     class(receptance_type), allocatable, intent(out) :: receptance
 
     if (stuck%uncoupled) then
-      receptance = new_receptance_modal(stuck%eigenvalues, stuck%modes, stuck%modal_damping, contacts%directions, harmonics)
+      receptance = new_receptance_modal(stuck%modal_stiffness, stuck%modal_mass, stuck%modal_damping, stuck%modes, &
+                                        contacts%directions, harmonics)
     else
       receptance = new_receptance_direct(structure, stuck%stiffness, contacts%directions, harmonics)
     end if

@@ -101,10 +101,14 @@ contains
     type(solver_type), intent(inout) :: solver
     real(wp), allocatable :: motion(:, :), slider(:, :)
     real(wp) :: omega, error
-    integer :: iterations
+    integer :: iterations, status
     logical :: accepted, flipped
 
-    call find_tangent(self, solver)
+    call find_tangent(self, solver, status)
+    if (status /= 0) then
+      call lose_branch(self, solver)
+      return
+    end if
     motion = solver%motion
     omega = solver%omega
     slider = solver%context%balance%slider
@@ -133,22 +137,31 @@ contains
       call remember_step(self, solver, motion, omega)
       self%step = min(self%step*min(max(sqrt(aimed_error/max(error, 1.0e-12_wp)), 0.4_wp), 1.6_wp), self%largest_step)
     else
-      solver%report%converged = .false.
-      self%on_branch = .false.
-      solver%omega = omega + smallest_step*sign(1.0_wp, self%stop - self%start)*abs(self%stop - self%start)
+      call lose_branch(self, solver)
     end if
     solver%report%iterations = iterations
-    if (accepted) call end_at_range(self, solver, motion, omega)
+    if (accepted) call end_at_range(self, solver, motion, omega, slider)
   end subroutine follow
 
-  !> Tangent at the present point, turned the way of the last one.
-  subroutine find_tangent(self, solver)
+  !> No step from here converges: report a point just beyond as not converged; the sweep moves on from there.
+  subroutine lose_branch(self, solver)
     type(sweep_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
+
+    solver%report%converged = .false.
+    solver%omega = solver%omega + smallest_step*(self%stop - self%start)
+    self%on_branch = .false.
+  end subroutine lose_branch
+
+  !> Tangent at the present point, turned the way of the last one.
+  subroutine find_tangent(self, solver, status)
+    type(sweep_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+    !> 0, or not: the bordered system is singular
+    integer, intent(out) :: status
     type(constraint_type) :: constraint
     real(wp), allocatable :: step(:, :), zero(:, :)
     real(wp) :: step_omega, length
-    integer :: status
 
     associate (context => solver%context)
       allocate (step, zero, mold=solver%motion)
@@ -241,10 +254,11 @@ contains
   end subroutine remember_step
 
   !> A step over an end of the range is taken back to the end itself.
-  subroutine end_at_range(self, solver, motion, omega)
+  subroutine end_at_range(self, solver, motion, omega, slider)
     type(sweep_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
-    real(wp), intent(in) :: motion(:, :), omega
+    !> Motion, frequency and sliders of the point before the step
+    real(wp), intent(in) :: motion(:, :), omega, slider(:, :)
     real(wp) :: target
     integer :: iterations
 
@@ -260,6 +274,7 @@ contains
     iterations = solver%report%iterations
     solver%motion = motion + (target - omega)/(solver%omega - omega)*(solver%motion - motion)
     solver%omega = omega
+    call solver%set_slider(slider)
     call solve_by_cascade(solver, target)
     solver%omega = target
     solver%report%iterations = iterations + solver%report%iterations

@@ -156,12 +156,12 @@ contains
     integer :: i, status
 
     associate (balance => self%context%balance, low => min(omega_a, omega_b), high => max(omega_a, omega_b))
-      resonances = sqrt(self%stuck%eigenvalues)
+      resonances = self%stuck%omega
       resonances = pack(resonances, resonances > low .and. resonances < high)
       grid = [[(low + (high - low)*i/steps, i=0, steps)], resonances]
       if (high <= low .or. .not. self%stuck%uncoupled) grid = [low, resonances, high]
       ! A stuck structure may be undamped: keep off its resonances by what a damping ratio of this size would.
-      resonances = sqrt(self%stuck%eigenvalues)
+      resonances = self%stuck%omega
       do i = 1, size(grid)
         associate (nearest => resonances(minloc(abs(resonances - grid(i)), 1)))
           if (abs(grid(i) - nearest) < least_ratio*nearest) grid(i) = (1.0_wp - least_ratio)*nearest

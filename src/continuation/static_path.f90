@@ -32,6 +32,7 @@ contains
 
     solver%motion = 0.0_wp
     solver%omega = omega
+    call solver%set_slider(0.0_wp*solver%static_slider)
     from = 0.0_wp
     if (allocated(solver%context%balance%frozen_mean)) deallocate (solver%context%balance%frozen_mean)
     do corner = 1, size(path, 2)

@@ -1,7 +1,8 @@
 !> One HDF5 file opened by all ranks together, and how its failures are told.
 !>
 !> Every procedure of this module, of `..._hdf5_attribute`, `..._hdf5_dataset` and `..._hdf5_array` is collective over the
-!> file's communicator and leaves the same `error` on every rank. Groups appear by themselves with the first thing written below them.
+!> file's communicator and leaves the same `error` on every rank. Groups appear by themselves with the first thing written
+!> below them.
 !>
 !> ```fortran
 !> type(hdf5_file_type) :: file
@@ -23,8 +24,8 @@
 !> ```
 module attrito_core_hdf5_file
   use hdf5, only: hid_t, &
-    h5open_f, h5eset_auto_f, h5fcreate_f, h5fopen_f, h5fclose_f, h5fflush_f, h5lexists_f, h5gcreate_f, h5gclose_f, h5pcreate_f, h5pclose_f, &
-    h5pset_fapl_mpio_f, H5P_FILE_ACCESS_F, H5F_ACC_TRUNC_F, H5F_ACC_RDONLY_F, H5F_ACC_RDWR_F, H5F_SCOPE_GLOBAL_F
+    h5open_f, h5eset_auto_f, h5fcreate_f, h5fopen_f, h5fclose_f, h5fflush_f, h5lexists_f, &
+    h5gcreate_f, h5gclose_f, h5pcreate_f, h5pclose_f, h5pset_fapl_mpio_f, H5P_FILE_ACCESS_F, H5F_ACC_TRUNC_F, H5F_ACC_RDONLY_F, H5F_ACC_RDWR_F, H5F_SCOPE_GLOBAL_F
   use mpi, only: MPI_ALLREDUCE, MPI_COMM_RANK, MPI_INFO_NULL, MPI_INTEGER, MPI_MIN
   use attrito_core_errors, only: error_type, fault_of_input, raise
   implicit none

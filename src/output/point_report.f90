@@ -99,7 +99,7 @@ contains
       harmonics = balance%receptance%harmonics
       extended = min(3*harmonics, (balance%fourier%samples - 1)/2)
       if (extended <= harmonics .or. size(amplitude) == 0) return
-      allocate (generalised(2*extended + 1, size(stuck%eigenvalues)), source=0.0_wp)
+      allocate (generalised(2*extended + 1, size(stuck%omega)), source=0.0_wp)
       do i = 1, size(balance%law)
         associate (directions => balance%directions(:, balance%law(i)%first_row:balance%law(i)%first_row + balance%law(i)%tangents))
           if (solver%stuck%uncoupled) then
@@ -113,10 +113,10 @@ contains
       columns = to_complex(generalised)
       monitors = matmul(transpose(stuck%modes), solver%structure%monitors)
       damping = stuck%modal_damping
-      where (damping <= 0.0_wp) damping = 2.0_wp*nominal_ratio*sqrt(stuck%eigenvalues)
+      where (damping <= 0.0_wp) damping = 2.0_wp*nominal_ratio*sqrt(stuck%modal_stiffness*stuck%modal_mass)
       missing = 0.0_wp
       do h = harmonics + 1, extended
-        missing = missing + abs(matmul(columns(:, h + 1)/cmplx(stuck%eigenvalues - (h*solver%omega)**2, &
+        missing = missing + abs(matmul(columns(:, h + 1)/cmplx(stuck%modal_stiffness - (h*solver%omega)**2*stuck%modal_mass, &
                                                                h*solver%omega*damping, wp), monitors))
       end do
       if (maxval(amplitude) > 0.0_wp) estimate = maxval(missing/max(amplitude, tiny(1.0_wp)))

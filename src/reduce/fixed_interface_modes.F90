@@ -98,6 +98,8 @@ contains
     PetscCall(EPSSetWhichEigenpairs(solver, EPS_TARGET_MAGNITUDE, ierr))
     PetscCall(EPSSetDimensions(solver, min(wanted + margin, n), PETSC_DEFAULT_INTEGER, PETSC_DEFAULT_INTEGER, ierr))
     PetscCall(EPSSetTolerances(solver, tolerance, 500, ierr))
+    ! One more solve for each mode, which would blow up what rounding leaves of the lowest modes in the others.
+    PetscCall(EPSSetPurify(solver, PETSC_FALSE, ierr))
     PetscCall(EPSGetST(solver, transform, ierr))
     PetscCall(STSetType(transform, STSINVERT, ierr))
     PetscCall(STSetKSP(transform, factor%solver, ierr))

@@ -85,7 +85,9 @@ contains
     PetscErrorCode, intent(out) :: ierr
     type(tIS) :: interior
 
-    PetscCall(ISCreateGeneral(self%ranks%handle, size(self%interior_rows), self%interior_rows + self%first - 2, PETSC_COPY_VALUES, interior, ierr))
+    associate (dofs => self%interior_rows + self%first - 2)
+      PetscCall(ISCreateGeneral(self%ranks%handle, size(dofs), dofs, PETSC_COPY_VALUES, interior, ierr))
+    end associate
     PetscCall(MatCreateSubMatrix(matrix, interior, interior, MAT_INITIAL_MATRIX, block, ierr))
     PetscCall(ISDestroy(interior, ierr))
     PetscCall(MatSetOption(block, MAT_SYMMETRIC, PETSC_TRUE, ierr))

@@ -1,0 +1,189 @@
+!> The same numbers on any number of ranks: each rank solves the scene alone too, and compares its share.
+program test_ranks
+  use attrito_core_communicator, only: communicator_type
+  use attrito_core_errors, only: error_type
+  use attrito_core_kinds, only: wp
+  use attrito_model_structure, only: damping_viscous, damping_ratio
+  use attrito_continuation_arc_length, only: sweep_type, new_sweep
+  use attrito_continuation_cascade, only: solve_by_cascade
+  use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
+  use attrito_continuation_static_path, only: walk_static_path
+  use attrito_output_point_report, only: point_report_type, report_point
+  use scenes, only: scene_type, rubbing_frame, wedge, damp
+  use session, only: run_in_session, everyone, only_me
+  use testing, only: test, check, check_close
+  implicit none
+
+  real(wp), parameter :: omega = 1.3_wp
+  ! Sums over ranks round in another order, 1e-15; Newton's last step and the condition of the solution, some 1e2, lie between.
+  real(wp), parameter :: tolerance = 1.0e-10_wp
+
+  call run_in_session('ranks', [ &
+                      test('shares cover all items once, in order', shares), &
+                      test('columns and integers are gathered in the order of ranks', gathering), &
+                      test('a point with four contacts is the same on all ranks as on one', point_of_modes), &
+                      test('a point with coupled damping is the same on all ranks as on one', point_of_factors), &
+                      test('ranks without a contact take part and agree', idle_ranks), &
+                      test('every point of a sweep is the same on all ranks as on one', sweep_points), &
+                      test('what is reported of a point is the same on all ranks as on one', report)])
+
+contains
+
+  subroutine prepare(scene, ranks, solver, error)
+    type(scene_type), intent(in) :: scene
+    type(communicator_type), intent(in) :: ranks
+    type(solver_type), intent(out) :: solver
+    type(error_type), allocatable, intent(inout) :: error
+    type(error_type), allocatable :: fault
+
+    call new_solver(scene%structure, scene%contacts, ranks, &
+                    solver_options_type(harmonics=3, samples=64, passes=20, tolerance=1.0e-12_wp), solver, fault)
+    if (.not. allocated(fault)) call walk_static_path(solver, reshape([1.0_wp], [1, 1]), 2, omega, fault)
+    if (allocated(fault)) call check(error, .false., fault%message)
+    call solver%set_loads([1.0_wp], 1.0_wp)
+    call solver%set_scales(omega, omega)
+  end subroutine prepare
+
+  !> This rank's rows of the solve by all against the same rows of the solve alone.
+  subroutine compare(error, together, alone)
+    type(error_type), allocatable, intent(inout) :: error
+    type(solver_type), intent(in) :: together, alone
+    integer :: first, last
+
+    first = together%context%balance%first_row
+    last = first - 1 + together%context%balance%rows()
+    call check(error, together%report%converged .and. alone%report%converged, 'it does not converge')
+    call check_close(error, together%omega, alone%omega, tolerance, 'omega')
+    call check_close(error, together%motion, alone%motion(:, first:last), tolerance*alone%context%motion_scale, 'motion')
+    call check_close(error, together%context%balance%response, alone%context%balance%response, &
+                     tolerance*maxval(abs(alone%context%balance%response)), 'response')
+  end subroutine compare
+
+  subroutine compare_point(error, scene)
+    type(error_type), allocatable, intent(inout) :: error
+    type(scene_type), intent(in) :: scene
+    type(solver_type) :: together, alone
+
+    call prepare(scene, everyone(), together, error)
+    call prepare(scene, only_me(), alone, error)
+    call solve_by_cascade(together, omega)
+    call solve_by_cascade(alone, omega)
+    call check(error, any(alone%context%balance%forces%slip > 0.1_wp), 'nothing slips: the test is void')
+    call compare(error, together, alone)
+    call together%destroy()
+    call alone%destroy()
+  end subroutine compare_point
+
+  subroutine shares(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(communicator_type) :: ranks
+    integer :: total, rank, first, last, next
+
+    ranks%ranks = 4
+    do total = 0, 9
+      next = 1
+      do rank = 0, 3
+        ranks%rank = rank
+        call ranks%share(total, first, last)
+        call check(error, first == next .and. last >= first - 1 .and. last - first <= total/4, 'a share is out of order')
+        next = last + 1
+      end do
+      call check(error, next == total + 1, 'items are left over')
+    end do
+  end subroutine shares
+
+  subroutine gathering(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(communicator_type) :: ranks
+    real(wp), allocatable :: mine(:, :), all_columns(:, :)
+    integer, allocatable :: all_integers(:), expected(:)
+    integer :: i, rank
+
+    ! Rank r brings r columns, the first none.
+    ranks = everyone()
+    expected = [((10*rank + i, i=1, rank), rank=0, ranks%ranks - 1)]
+    mine = spread(real([(10*ranks%rank + i, i=1, ranks%rank)], wp), 1, 3)
+    call ranks%gather_integers([(10*ranks%rank + i, i=1, ranks%rank)], all_integers)
+    call check(error, size(all_integers) == size(expected), 'integers are missing')
+    call check_close(error, real(all_integers, wp), real(expected, wp), 0.0_wp, 'integers')
+    call ranks%gather_columns(mine, all_columns)
+    if (.not. ranks%is_root()) return
+    call check_close(error, all_columns, spread(real(expected, wp), 1, 3), 0.0_wp, 'columns')
+  end subroutine gathering
+
+  subroutine point_of_modes(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_type) :: scene
+
+    scene = rubbing_frame()
+    call damp(scene, damping_ratio, 0.04_wp)
+    call compare_point(error, scene)
+  end subroutine point_of_modes
+
+  subroutine point_of_factors(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_type) :: scene
+
+    scene = rubbing_frame()
+    call damp(scene, damping_viscous, 0.05_wp)
+    call compare_point(error, scene)
+  end subroutine point_of_factors
+
+  subroutine idle_ranks(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_type) :: scene
+
+    ! Two contacts on four ranks: the first and the third have none.
+    scene = rubbing_frame()
+    call damp(scene, damping_ratio, 0.04_wp)
+    scene%contacts%law = scene%contacts%law(:2)
+    scene%contacts%directions = scene%contacts%directions(:, :5)
+    scene%contacts%row_stiffness = scene%contacts%row_stiffness(:5)
+    call compare_point(error, scene)
+  end subroutine idle_ranks
+
+  subroutine sweep_points(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_type) :: scene
+    type(solver_type) :: together, alone
+    type(sweep_type) :: sweep_together, sweep_alone
+
+    scene = rubbing_frame()
+    call damp(scene, damping_ratio, 0.04_wp)
+    call prepare(scene, everyone(), together, error)
+    call prepare(scene, only_me(), alone, error)
+    sweep_together = new_sweep(together, 1.0_wp, 1.6_wp, 1, 40)
+    sweep_alone = new_sweep(alone, 1.0_wp, 1.6_wp, 1, 40)
+    do while (.not. sweep_alone%finished)
+      call sweep_together%advance(together)
+      call sweep_alone%advance(alone)
+      call compare(error, together, alone)
+    end do
+    call check(error, sweep_together%finished .and. sweep_together%points > 5, 'the sweep is too short')
+    call together%destroy()
+    call alone%destroy()
+  end subroutine sweep_points
+
+  subroutine report(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_type) :: scene
+    type(solver_type) :: together, alone
+    type(point_report_type) :: of_all, of_one
+
+    scene = rubbing_frame()
+    call damp(scene, damping_ratio, 0.04_wp)
+    scene%structure%monitors = scene%contacts%directions(:, :3)
+    call prepare(scene, everyone(), together, error)
+    call prepare(scene, only_me(), alone, error)
+    call solve_by_cascade(together, omega)
+    call solve_by_cascade(alone, omega)
+    call report_point(together, 1, of_all)
+    call report_point(alone, 1, of_one)
+    call check(error, all(of_all%states == of_one%states) .and. of_all%unique == of_one%unique .and. &
+               of_all%outcome == of_one%outcome, 'states, uniqueness or outcome differ')
+    call check_close(error, of_all%amplitude, of_one%amplitude, tolerance, 'amplitudes')
+    call check_close(error, of_all%estimate, of_one%estimate, tolerance, 'estimate')
+    call together%destroy()
+    call alone%destroy()
+  end subroutine report
+end program test_ranks

@@ -1,0 +1,210 @@
+"""Small jobs as dictionaries, written as TOML, and the command `attrito` run on them as a user would."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import synthetic
+from scipy.sparse import csr_matrix, diags
+
+from attrito.model_file import Model, write_model
+
+TIMEOUT = 60
+ROOT_HALF = 0.5**0.5
+ENVIRONMENT = {
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+    "OMPI_MCA_rmaps_base_oversubscribe": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+}
+
+Job = dict[str, Any]
+
+
+def attrito(folder: Path, *arguments: str, ranks: int | None = None) -> subprocess.CompletedProcess[str]:
+    """Run the command in a folder, under mpirun where a number of ranks is given; a hang is a failure."""
+    command = [sys.executable, "-m", "attrito.cli", *arguments]
+    if ranks is not None:
+        command = ["mpirun", "-n", str(ranks), *command]
+    return subprocess.run(
+        command, cwd=folder, env=os.environ | ENVIRONMENT, capture_output=True, text=True, timeout=TIMEOUT, check=False
+    )
+
+
+def toml(job: Job) -> str:
+    """A job as TOML: tables, and lists of tables."""
+    lines = []
+    for name, table in job.items():
+        rows = table if isinstance(table, list) else [table]
+        for row in rows:
+            if not isinstance(row, dict):
+                lines.insert(0, f"{name} = {_value(table)}")
+                break
+            lines.append(f"[[{name}]]" if isinstance(table, list) else f"[{name}]")
+            lines += [f"{key} = {_value(value)}" for key, value in row.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {_value(entry)}" for key, entry in value.items()) + " }"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_value, value)) + "]"
+    return repr(value) if isinstance(value, float) else json.dumps(value)
+
+
+def write_job(folder: Path, job: Job, name: str = "job.toml") -> str:
+    """Write a job into a folder; returns its name there."""
+    (folder / name).write_text(toml(job))
+    return name
+
+
+def run(folder: Path, job: Job, ranks: int | None = None, code: int = 0) -> subprocess.CompletedProcess[str]:
+    """Run a job that is expected to end with an exit code."""
+    done = attrito(folder, "run", write_job(folder, job), ranks=ranks)
+    assert done.returncode == code, done.stdout + done.stderr
+    return done
+
+
+def table(folder: Path, *options: str, result: str = "result.h5") -> list[dict[str, str]]:
+    """The rows of `attrito table`."""
+    done = attrito(folder, "table", result, *options)
+    assert done.returncode == 0, done.stderr
+    return list(csv.DictReader(io.StringIO(done.stdout)))
+
+
+def wedge(stiffness: float = 3.0e5, force: float = 5.0) -> Job:
+    """The wedge of docs and paper at 45 degrees, unrounded parameters, at 132 Hz; force along the contact's tangent."""
+    omega_x, omega_y = 2 * np.pi * 100.0, 2 * np.pi * 250.0
+    damping = float(20 * np.pi)
+    return {
+        "model": {
+            "mass": [[1.0, 0.0], [0.0, 1.0]],
+            "stiffness": [[omega_x**2, 0.0], [0.0, omega_y**2]],
+            "damping": [[damping, 0.0], [0.0, damping]],
+        },
+        "contact": [
+            {
+                "normal": [[0, ROOT_HALF], [1, ROOT_HALF]],
+                "tangents": [[[0, -ROOT_HALF], [1, ROOT_HALF]]],
+                "tangential_stiffness": stiffness,
+                "normal_stiffness": stiffness,
+                "friction_coefficient": 0.5,
+            }
+        ],
+        "load": [
+            {"name": "preload", "kind": "static", "dofs": [[1, 420.0]]},
+            {
+                "name": "excitation",
+                "kind": "harmonic",
+                "cosine": [[0, -force * ROOT_HALF], [1, force * ROOT_HALF]],
+            },
+        ],
+        "static": {},
+        "balance": {"harmonics": 5, "samples": 512},
+        "sweep": {"frequencies_hz": [132.0]},
+        "output": {
+            "file": "result.h5",
+            "monitors": [{"name": "x", "dofs": [[0, 1.0]]}, {"name": "y", "dofs": [[1, 1.0]]}],
+        },
+    }
+
+
+def chain(contacts: int = 3, tangents: int = 1) -> Job:
+    """A chain of masses in space, every one of them pressed against a wall and rubbing on it, driven at its end."""
+    masses = contacts
+    size = (tangents + 1) * masses
+    spring, ground = 2.0e5, 1.0e5
+    ladder = 2 * np.eye(masses) - np.eye(masses, k=1) - np.eye(masses, k=-1)
+    stiffness = np.kron(np.eye(tangents + 1), spring * ladder) + ground * np.eye(size)
+    law = {"tangential_stiffness": 1.5e5, "normal_stiffness": 3.0e5, "friction_coefficient": 0.4}
+    normal = [tangents * masses + i for i in range(masses)]
+    # A little of the tangential motion presses, so that the normal load varies.
+    tilt = 0.2
+    return {
+        "model": {"mass": np.eye(size).tolist(), "stiffness": stiffness.tolist()},
+        "damping": {"ratio": 0.01},
+        "contact": [
+            {
+                "normal": [[normal[i], 1.0], [i, tilt]],
+                "tangents": [[[t * masses + i, 1.0], [normal[i], -tilt]] for t in range(tangents)],
+                **law,
+            }
+            for i in range(masses)
+        ],
+        "load": [
+            {"name": "press", "kind": "static", "dofs": [[dof, 40.0 + 10.0 * i] for i, dof in enumerate(normal)]},
+            {
+                "name": "shake",
+                "kind": "harmonic",
+                "cosine": [[0, 12.0]],
+                "sine": [[(tangents - 1) * masses, 6.0]],
+            },
+        ],
+        "static": {},
+        "balance": {"harmonics": 3, "samples": 128},
+        "sweep": {"start_hz": 85.0, "stop_hz": 70.0},
+        "output": {"file": "result.h5", "monitors": [{"name": "end", "dofs": [[0, 1.0]]}]},
+    }
+
+
+def write_blocks(path: Path, *, floating: bool = False, **sets: list[int]) -> Model:
+    """A model file: two boxes, one on the other, on springs; sets `top` and `bottom` meet, `tip` is one node.
+
+    The nodes of the lowest layer are held (`held`); `floating` leaves out the springs to the ground of the upper box.
+    """
+    model = synthetic.joint("C3D8", held=lambda points: points[:, 2] < 1e-9)
+    points, ids = model.coordinates, model.node_ids
+    model.node_sets["tip"] = ids[np.lexsort(points.T)[-1:]]
+    model.node_sets["held"] = ids[points[:, 2] < 1e-9]
+    model.node_sets["empty"] = np.empty(0, dtype=np.int64)
+    model.node_sets |= {name: np.array(nodes, dtype=np.int64) for name, nodes in sets.items()}
+    place = np.argsort(ids)[np.searchsorted(np.sort(ids), model.dof_node)]
+    ground = np.full(model.size, 1.0e5)
+    if floating:
+        ground[len(ground) // 3 :] = 0.0
+    same = np.eye(model.size)
+    # Springs between neighbours of one box, the same in every direction.
+    distance = np.linalg.norm(points[place][:, None] - points[place][None, :], axis=2)
+    upper = place >= len(ids) // 2
+    linked = (distance > 1e-9) & (distance < 1.01) & (upper[:, None] == upper[None, :])
+    linked &= model.dof_direction[:, None] == model.dof_direction[None, :]
+    springs = 1.0e6 * (np.diag(linked.sum(axis=1)) - linked) + diags(ground).toarray()
+    model.stiffness, model.mass = csr_matrix(springs), csr_matrix(same)
+    write_model(path, model, [])
+    return model
+
+
+def blocks() -> Job:
+    """A job on the model of `write_blocks`, reduced."""
+    return {
+        "model": {"file": "model.h5"},
+        "damping": {"ratio": 0.01},
+        "reduction": {"modes": 5},
+        "contact_set": [
+            {
+                "a": "top",
+                "b": "bottom",
+                "tolerance": 1.0e-3,
+                "tangents": 2,
+                "normal_stiffness": 1.0e6,
+                "tangential_stiffness": 1.0e6,
+                "friction_coefficient": 0.3,
+            }
+        ],
+        "load": [
+            {"name": "press", "kind": "static", "dofs": [[["node", "tip", "z"], -500.0]]},
+            {"name": "shake", "kind": "harmonic", "cosine": [[["node", "tip", "x"], 50.0]]},
+        ],
+        "balance": {"harmonics": 1, "samples": 64},
+        "sweep": {"frequencies_hz": [60.0]},
+        "output": {"file": "result.h5", "monitors": [{"name": "tip", "dofs": [[["node", "tip", "x"], 1.0]]}]},
+    }

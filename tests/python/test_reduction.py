@@ -1,0 +1,330 @@
+"""The Craig-Bampton reduction against dense algebra."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from elastic import elastic_block, rigid_motions
+from mpi4py import MPI
+from scipy.linalg import eigh
+from scipy.sparse import csr_matrix, diags
+
+from attrito.faults import InputError
+from attrito.model_file import Model, write_model
+from attrito.reduction import Report, reduce_model
+
+COUNTS, SIZE = (5, 3, 2), (0.1, 0.04, 0.03)
+
+
+@dataclass
+class Case:
+    """A model file, its matrices as dense arrays, and its boundary dofs, the nodes at x = 0."""
+
+    folder: Path
+    points: np.ndarray
+    mass: np.ndarray
+    stiffness: np.ndarray
+    damping: np.ndarray
+    boundary: np.ndarray
+
+    @property
+    def interior(self) -> np.ndarray:
+        """Dofs that are not boundary."""
+        return np.setdiff1d(np.arange(len(self.mass)), self.boundary)
+
+    @property
+    def clamped_frequencies(self) -> np.ndarray:
+        """All fixed-interface frequencies in Hz."""
+        inside = np.ix_(self.interior, self.interior)
+        return np.sqrt(eigh(self.stiffness[inside], self.mass[inside], eigvals_only=True)) / (2 * np.pi)
+
+    def reduce(self, boundary=None, vectors=None, **options) -> tuple[Report, h5py.File]:
+        """The report, and rom.h5 open."""
+        chosen = self.boundary if boundary is None else boundary
+        # A name of its own: h5py would take a file written over for the one that it still holds open.
+        path = self.folder / f"rom{len(list(self.folder.glob('rom*')))}.h5"
+        report = reduce_model(MPI.COMM_WORLD, self.folder / "model.h5", path, chosen, vectors, **options)
+        return report, h5py.File(path)
+
+
+def make_case(folder: Path, model: Model, points: np.ndarray) -> Case:
+    write_model(folder / "model.h5", model, [])
+    boundary = np.flatnonzero(np.repeat(points[:, 0] < 1e-9, 3))
+    matrices = (matrix.toarray() for matrix in (model.mass, model.stiffness, model.damping))
+    return Case(folder, points, *matrices, boundary)
+
+
+@pytest.fixture
+def free(tmp_path) -> Case:
+    """A block in free space."""
+    return make_case(tmp_path, *elastic_block(COUNTS, SIZE))
+
+
+@pytest.fixture
+def held(tmp_path) -> Case:
+    """The block held at its far end."""
+    return make_case(tmp_path, *elastic_block(COUNTS, SIZE, lambda points: points[:, 0] > SIZE[0] - 1e-9))
+
+
+def unit(case: Case, *dofs: int) -> np.ndarray:
+    """Unit vectors as rows."""
+    return np.eye(len(case.mass))[list(dofs)]
+
+
+def worst(found, expected) -> float:
+    """Largest difference relative to the largest expected value."""
+    return np.abs(np.asarray(found) - expected).max() / np.abs(expected).max()
+
+
+def test_constraint_modes_agree_with_a_dense_solve(free):
+    _, rom = free.reduce(modes=0)
+    inside, across = np.ix_(free.interior, free.interior), np.ix_(free.interior, free.boundary)
+    expected = -np.linalg.solve(free.stiffness[inside], free.stiffness[across])
+    basis = rom["recovery/basis"][:].T
+    assert worst(basis[free.interior], expected) < 1e-11
+    assert np.array_equal(basis[free.boundary], np.eye(len(free.boundary)))
+
+
+def test_rigid_motions_pass_through_the_constraint_modes(free):
+    _, rom = free.reduce(modes=0)
+    motions = rigid_motions(free.points)
+    assert worst(rom["recovery/basis"][:].T @ motions[free.boundary], motions) < 1e-10
+
+
+def test_fixed_interface_frequencies_agree_with_a_dense_eigensolver(free):
+    report, rom = free.reduce(modes=15)
+    assert worst(rom["modes/frequency_hz"][:] / free.clamped_frequencies[:15], 1.0) < 1e-10
+    assert rom["modes/residual"][:].max() == report.mode_residual < 1e-10
+
+
+def test_reduced_matrices_are_projections_and_exactly_symmetric(free):
+    report, rom = free.reduce(vectors=unit(free, 100, 50), modes=6)
+    basis = rom["recovery/basis"][:].T
+    assert report.coordinates == basis.shape[1] == len(free.boundary) + 6 + 2
+    for name in ("mass", "stiffness", "damping"):
+        expected = basis.T @ getattr(free, name) @ basis
+        assert worst(rom[name][:], expected) < 1e-13
+        assert np.array_equal(rom[name][:], rom[name][:].T)
+    assert worst(rom["vectors/reduced"][:], rom["vectors/full"][:] @ basis) < 1e-13
+    assert np.array_equal(rom["vectors/full"][:], unit(free, 100, 50))
+
+
+def test_modes_and_corrections_are_orthonormal_in_mass(free):
+    _, rom = free.reduce(vectors=unit(free, 100, 50), modes=6)
+    inside = rom["coordinates/kind"][:] > 0
+    assert np.abs(rom["mass"][:][np.ix_(inside, inside)] - np.eye(8)).max() < 1e-11
+
+
+def static_response(case: Case, rom: h5py.File) -> tuple[float, float]:
+    """Response of the second vector to the first: reduced, and full."""
+    load, monitor = rom["vectors/reduced"][:]
+    full_load, full_monitor = rom["vectors/full"][:]
+    reduced = monitor @ np.linalg.solve(rom["stiffness"][:], load)
+    return reduced, full_monitor @ np.linalg.solve(case.stiffness, full_load)
+
+
+def test_static_response_to_a_load_inside_is_exact_at_a_monitor_inside(held):
+    _, rom = held.reduce(vectors=unit(held, 100, 50), modes=3)
+    reduced, full = static_response(held, rom)
+    assert reduced == pytest.approx(full, rel=1e-10)
+
+
+def test_static_response_is_wrong_without_the_corrections(held):
+    vectors = unit(held, 100, 50)
+    _, rom = held.reduce(modes=3)
+    basis = rom["recovery/basis"][:].T
+    reduced = (vectors[1] @ basis) @ np.linalg.solve(rom["stiffness"][:], vectors[0] @ basis)
+    assert abs(reduced / (vectors[1] @ np.linalg.solve(held.stiffness, vectors[0])) - 1.0) > 1e-3
+
+
+def test_a_correction_that_adds_nothing_is_dropped(held):
+    twice = np.concatenate([unit(held, 100, 50), 3.0 * unit(held, 100), unit(held, held.boundary[4])])
+    report, rom = held.reduce(vectors=twice, modes=3)
+    assert report.corrections == 2
+    assert rom["vectors/reduced"].shape == (4, len(held.boundary) + 5)
+    assert list(rom["coordinates/kind"][-6:]) == [0, 1, 1, 1, 2, 2]
+
+
+def test_dofs_without_mass_follow_at_rest(tmp_path):
+    model, points = elastic_block(COUNTS, SIZE)
+    massless = np.flatnonzero(np.repeat(points[:, 1] > SIZE[1] - 1e-9, 3))
+    keep = np.ones(model.size)
+    keep[massless] = 0.0
+    model.mass = diags(keep) @ model.mass @ diags(keep)
+    case = make_case(tmp_path, model, points)
+    _, rom = case.reduce(modes=10)
+    shapes = rom["recovery/basis"][len(case.boundary) :]
+    forces = shapes @ case.stiffness
+    follow = np.setdiff1d(massless, case.boundary)
+    assert np.abs(forces[:, follow]).max() < 1e-9 * np.abs(forces[:, case.boundary]).max()
+    heavy = ~np.isin(case.interior, massless)
+    flexibility = np.linalg.inv(case.stiffness[np.ix_(case.interior, case.interior)])[heavy][:, heavy]
+    mass = case.mass[np.ix_(case.interior, case.interior)][heavy][:, heavy]
+    expected = eigh(np.linalg.inv(flexibility), mass, eigvals_only=True)[:10]
+    assert worst((2 * np.pi * rom["modes/frequency_hz"][:]) ** 2 / expected, 1.0) < 1e-9
+
+
+def test_the_count_by_inertia_agrees_with_a_dense_eigensolver(free):
+    report, _ = free.reduce(modes=9)
+    assert report.modes_below_shift == np.sum(free.clamped_frequencies < report.shift_hz)
+    assert report.modes_below_shift >= 9
+    assert report.negative_pivots == 0
+
+
+def test_all_modes_up_to_a_frequency_are_kept(free):
+    frequencies = free.clamped_frequencies
+    report, rom = free.reduce(max_frequency_hz=0.5 * (frequencies[11] + frequencies[12]))
+    assert report.modes == 12
+    assert worst(rom["modes/frequency_hz"][:], frequencies[:12]) < 1e-10
+
+
+def test_a_frequency_below_the_first_mode_keeps_none(free):
+    assert free.reduce(max_frequency_hz=1.0)[0].modes == 0
+
+
+def test_all_modes_reproduce_the_whole_spectrum(free):
+    report, rom = free.reduce(modes=len(free.interior))
+    assert report.coordinates == len(free.mass)
+    reduced = eigh(rom["stiffness"][:], rom["mass"][:], eigvals_only=True)
+    assert worst(reduced[6:] / eigh(free.stiffness, free.mass, eigvals_only=True)[6:], 1.0) < 1e-7
+
+
+def test_lowest_frequencies_come_down_to_the_full_ones_with_more_modes(held):
+    full = np.sqrt(eigh(held.stiffness, held.mass, eigvals_only=True)[:5])
+    errors = []
+    for modes in (2, 8, 30):
+        _, rom = held.reduce(modes=modes)
+        reduced = np.sqrt(eigh(rom["stiffness"][:], rom["mass"][:], eigvals_only=True)[:5])
+        assert np.all(reduced > full * (1 - 1e-9))
+        errors.append(worst(reduced / full, 1.0))
+    assert errors[0] > 5 * errors[1] > 25 * errors[2]
+
+
+def test_a_model_without_boundary_is_reduced_to_its_modes(held):
+    report, rom = held.reduce(boundary=[], vectors=unit(held, 100), modes=7)
+    assert (report.boundary, report.modes, report.corrections) == (0, 7, 1)
+    full = eigh(held.stiffness, held.mass, eigvals_only=True)[:7]
+    assert worst(np.diag(rom["stiffness"][:])[:7] / full, 1.0) < 1e-9
+    assert rom["boundary/dof"].shape == (0,)
+
+
+def test_without_modes_the_stiffness_is_the_schur_complement(held):
+    report, rom = held.reduce(modes=0)
+    assert report.modes_below_shift == -1
+    compliance = np.linalg.inv(held.stiffness)[np.ix_(held.boundary, held.boundary)]
+    assert worst(rom["stiffness"][:], np.linalg.inv(compliance)) < 1e-9
+    assert rom["modes/frequency_hz"].shape == rom["modes/residual"].shape == (0,)
+    assert rom["vectors/full"].shape == (0, len(held.mass))
+
+
+def test_a_mode_is_not_torn_from_its_twin(tmp_path):
+    square = make_case(tmp_path, *elastic_block((4, 2, 2), (0.1, 0.03, 0.03)))
+    report, rom = square.reduce(modes=1)
+    first, second = rom["modes/frequency_hz"][:]
+    assert report.modes == 2
+    assert second == pytest.approx(first, rel=1e-9)
+
+
+def test_every_dataset_says_what_it_is_and_in_which_unit(free):
+    _, rom = free.reduce(vectors=unit(free, 100), modes=2)
+    datasets = []
+    rom.visititems(lambda _, item: datasets.append(item) if isinstance(item, h5py.Dataset) else None)
+    assert len(datasets) == 10
+    assert all({"description", "unit"} <= set(dataset.attrs) for dataset in datasets)
+    assert {"format", "format_version", "description"} <= set(rom.attrs)
+    wanted = "negative_pivots shift_hz modes_below_shift ordering factor_seconds constraint_seconds modes_seconds"
+    assert set(wanted.split()) <= set(rom["reduction"].attrs)
+
+
+@pytest.mark.parametrize("nodes", [0, 1, 2])
+def test_a_rigid_motion_left_free_is_told_in_words(free, nodes):
+    boundary = np.arange(3 * nodes)
+    with pytest.raises(InputError, match=r"rigid motion or mechanism stays free.*: constrain the model or add"):
+        free.reduce(boundary=boundary, modes=3)
+
+
+def test_a_stiffness_that_is_not_positive_is_told_in_words(held):
+    model = Model(csr_matrix(np.diag([1.0, 2.0, -3.0, 4.0])), csr_matrix(np.eye(4)))
+    write_model(held.folder / "model.h5", model, [])
+    with pytest.raises(InputError, match=r"not positive with the boundary held \(1 negative pivots\)"):
+        held.reduce(boundary=[0], modes=1)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"boundary": [0, 10_000]}, "a boundary dof is not a dof of the model"),
+        ({"boundary": range(216)}, "every dof is a boundary dof"),
+        ({"vectors": np.ones((1, 7))}, "loads and monitors are of another size than the model"),
+    ],
+)
+def test_what_does_not_fit_the_model_is_told_in_words(free, change, message):
+    with pytest.raises(InputError, match=message):
+        free.reduce(**change, modes=1)
+
+
+def test_a_missing_model_is_told_with_its_name(free):
+    with pytest.raises(InputError, match=r"nowhere\.h5 cannot be opened"):
+        reduce_model(MPI.COMM_WORLD, free.folder / "nowhere.h5", free.folder / "rom.h5", [0], modes=1)
+
+
+def test_a_model_without_mass_is_told_with_the_dataset(free):
+    with h5py.File(free.folder / "model.h5", "r+") as file:
+        del file["mass"]
+    with pytest.raises(InputError, match="/mass/row_offsets is not in the file"):
+        free.reduce(modes=1)
+
+
+ON_RANKS = """
+import sys
+from mpi4py import MPI
+import numpy as np
+from attrito.faults import InputError
+from attrito.reduction import reduce_model
+model, rom, modes, boundary, n = *sys.argv[1:3], int(sys.argv[3]), int(sys.argv[4]), int(sys.argv[5])
+vectors = np.eye(n)[[100, 50]] if MPI.COMM_WORLD.rank == 0 else None
+try:
+    reduce_model(MPI.COMM_WORLD, model, rom, np.arange(boundary), vectors, modes=modes)
+except InputError as error:
+    print(error, flush=True)
+"""
+
+
+def reduce_on_ranks(case: Case, ranks: int, modes: int, boundary: int) -> subprocess.CompletedProcess:
+    """Reduce under mpirun, onto the first dofs."""
+    allowed = ("ALLOW_RUN_AS_ROOT", "ALLOW_RUN_AS_ROOT_CONFIRM", "MCA_rmaps_base_oversubscribe")
+    settings = {f"OMPI_{name}": "1" for name in allowed}
+    settings |= {"OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
+    # This process is an MPI process itself; mpirun must not take its descendants for its own.
+    clean = {key: value for key, value in os.environ.items() if not key.startswith(("OMPI_", "PMIX_", "OPAL_"))}
+    arguments = [case.folder / "model.h5", case.folder / f"rom{ranks}.h5", modes, boundary, len(case.mass)]
+    command = ["mpirun", "-n", str(ranks), sys.executable, "-c", ON_RANKS, *map(str, arguments)]
+    return subprocess.run(command, env=clean | settings, capture_output=True, text=True, timeout=120)
+
+
+@pytest.mark.parametrize("boundary", [0, 36])
+def test_one_two_and_four_ranks_give_the_same_model(held, boundary):
+    frequencies, bases = [], []
+    for ranks in (1, 2, 4):
+        ran = reduce_on_ranks(held, ranks, 10, boundary)
+        assert ran.returncode == 0, ran.stderr
+        with h5py.File(held.folder / f"rom{ranks}.h5") as rom:
+            frequencies.append(np.sqrt(eigh(rom["stiffness"][:], rom["mass"][:], eigvals_only=True)))
+            bases.append(rom["recovery/basis"][:])
+            assert np.array_equal(rom["vectors/full"][:], unit(held, 100, 50))
+    for i in (1, 2):
+        assert worst(frequencies[i] / frequencies[0], 1.0) < 1e-10
+        assert worst(bases[i], bases[0]) < 1e-7
+
+
+def test_two_ranks_agree_on_a_failure(free):
+    ran = reduce_on_ranks(free, 2, 3, 3)
+    assert ran.returncode == 0, ran.stderr
+    assert ran.stdout.count("rigid motion or mechanism stays free") == 2

@@ -1,0 +1,198 @@
+!> Branches over frequency: every point solved, folds passed, the same points whichever way they are reached.
+program test_branches
+  use attrito_core_errors, only: error_type
+  use attrito_core_kinds, only: wp, two_pi
+  use attrito_model_structure, only: damping_none
+  use attrito_balance_receptance, only: to_real
+  use attrito_continuation_arc_length, only: sweep_type, new_sweep
+  use attrito_continuation_cascade, only: march_parameter
+  use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
+  use attrito_continuation_static_path, only: walk_static_path
+  use scenes, only: scene_type, wedge, one_sided_oscillator
+  use session, only: run_in_session, only_me
+  use testing, only: test, check, check_close
+  use uncondensed, only: residual_of
+  implicit none
+
+  !> A point of a branch
+  type :: point_type
+    real(wp) :: omega = 0.0_wp
+    real(wp), allocatable :: motion(:, :)
+    logical :: unique = .false.
+  end type point_type
+
+  !> How far the march of a parameter has come, for the steps that it is given
+  real(wp) :: reached
+
+  call run_in_session('branches', [ &
+                      test('a sweep of the wedge reaches its stop with every point solved', wedge_sweep), &
+                      test('sweeps up and down the wedge pass through the same points', up_and_down), &
+                      test('a branch that a stop bends to the right passes both folds', hardening), &
+                      test('a branch that lift-off bends to the left passes both folds', softening), &
+                      test('without any damping but friction a converged point is a solution', undamped_wedge), &
+                      test('a march of a parameter halves its step where it fails and gives up where it must', march)])
+
+contains
+
+  function solver_of(scene, options) result(solver)
+    type(scene_type), intent(in) :: scene
+    type(solver_options_type), intent(in) :: options
+    type(solver_type) :: solver
+    type(error_type), allocatable :: fault
+
+    call new_solver(scene%structure, scene%contacts, only_me(), options, solver, fault)
+    if (allocated(fault)) error stop 'the scene is refused'
+  end function solver_of
+
+  !> All points of a sweep, each checked to be converged and, by the uncondensed residual, to be a solution.
+  subroutine follow(error, scene, options, level, start, stop, points)
+    type(error_type), allocatable, intent(inout) :: error
+    type(scene_type), intent(in) :: scene
+    type(solver_options_type), intent(in) :: options
+    real(wp), intent(in) :: level, start, stop
+    type(point_type), allocatable, intent(out) :: points(:)
+    type(solver_type) :: solver
+    type(sweep_type) :: sweep
+    type(error_type), allocatable :: fault
+    real(wp), allocatable :: q(:, :)
+    real(wp) :: scale
+
+    solver = solver_of(scene, options)
+    call walk_static_path(solver, reshape([1.0_wp], [1, 1]), 20, start, fault)
+    call check(error, .not. allocated(fault), 'no static equilibrium')
+    call solver%set_loads([1.0_wp], level)
+    sweep = new_sweep(solver, start, stop, 1, 600)
+    allocate (points(0))
+    do while (.not. (sweep%finished .or. allocated(error)))
+      call sweep%advance(solver)
+      associate (balance => solver%context%balance)
+        call check(error, solver%report%converged, 'a point does not converge')
+        points = [points, point_type(solver%omega, solver%motion, balance%forces(1)%unique)]
+        if (.not. balance%forces(1)%unique) cycle
+        ! Converged is 1e-10 of the largest response, times the largest dynamic stiffness at (H omega)^2.
+        q = matmul(to_real(balance%response), transpose(balance%receptance%basis))
+        scale = solver%context%motion_scale*maxval(abs(solver%stuck%stiffness)) &
+                *(1.0_wp + (options%harmonics*solver%omega)**2/minval(solver%stuck%omega)**2)
+        call check_close(error, residual_of(scene, q, solver%omega, level, options%samples), 0.0_wp*q, 1.0e-9_wp*scale, &
+                         'uncondensed residual')
+      end associate
+    end do
+    call check(error, sweep%reached_stop, 'the sweep does not reach its stop')
+    call solver%destroy()
+  end subroutine follow
+
+  subroutine wedge_sweep(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(point_type), allocatable :: points(:)
+
+    call follow(error, wedge(45.0_wp), solver_options_type(), 5.0_wp, two_pi*140.0_wp, two_pi*100.0_wp, points)
+    call check_close(error, points(1)%omega, two_pi*140.0_wp, 0.0_wp, 'first frequency')
+    call check_close(error, points(size(points))%omega, two_pi*100.0_wp, 0.0_wp, 'last frequency')
+    call check(error, count(points%unique) > 10, 'it hardly slips: the test is void')
+  end subroutine wedge_sweep
+
+  subroutine up_and_down(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(point_type), allocatable :: up(:), down(:)
+    type(solver_type) :: solver
+    integer :: i, near, compared
+
+    call follow(error, wedge(45.0_wp), solver_options_type(), 5.0_wp, two_pi*100.0_wp, two_pi*140.0_wp, up)
+    call follow(error, wedge(45.0_wp), solver_options_type(), 5.0_wp, two_pi*140.0_wp, two_pi*100.0_wp, down)
+    solver = solver_of(wedge(45.0_wp), solver_options_type())
+    call solver%set_loads([1.0_wp], 5.0_wp)
+    call solver%set_scales(two_pi*100.0_wp, two_pi*140.0_wp)
+    compared = 0
+    do i = 1, size(up)
+      near = minloc(abs(down%omega - up(i)%omega), 1)
+      if (.not. (up(i)%unique .and. down(near)%unique)) cycle
+      ! From the nearest point of the way down, the frequency of the way up.
+      solver%motion = down(near)%motion
+      call solver%solve_at(up(i)%omega)
+      call check(error, solver%report%converged, 'a point of the way up is not found from the way down')
+      ! Both within 1e-10 of the largest stuck response; the Jacobian's condition lies between.
+      call check_close(error, solver%motion, up(i)%motion, 1.0e-8_wp*solver%context%motion_scale, 'motion')
+      compared = compared + 1
+    end do
+    call check(error, compared > 10, 'hardly a point to compare: the test is void')
+    call solver%destroy()
+  end subroutine up_and_down
+
+  !> Signs that omega's steps change along a branch.
+  integer function turns(points)
+    type(point_type), intent(in) :: points(:)
+    real(wp), allocatable :: steps(:)
+    integer :: n
+
+    n = size(points)
+    steps = points(2:)%omega - points(:n - 1)%omega
+    turns = count(steps(2:)*steps(:n - 2) < 0.0_wp)
+  end function turns
+
+  subroutine hardening(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(point_type), allocatable :: points(:)
+
+    ! A stop as stiff as the spring, reached at a tenth of the resonant amplitude F / (2 zeta).
+    call follow(error, one_sided_oscillator(1.0_wp, 0.5_wp, 0.0_wp, 0.01_wp), &
+                solver_options_type(harmonics=7, samples=256), 0.1_wp, 0.8_wp, 1.6_wp, points)
+    call check(error, turns(points) == 2, 'omega does not turn twice')
+  end subroutine hardening
+
+  subroutine softening(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(point_type), allocatable :: points(:)
+
+    call follow(error, one_sided_oscillator(1.0_wp, 0.0_wp, 0.5_wp, 0.01_wp), &
+                solver_options_type(harmonics=7, samples=256), 0.1_wp, 1.6_wp, 0.8_wp, points)
+    call check(error, turns(points) == 2, 'omega does not turn twice')
+  end subroutine softening
+
+  subroutine undamped_wedge(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_type) :: scene
+    type(point_type), allocatable :: points(:)
+    integer :: i
+
+    scene = wedge(45.0_wp)
+    scene%structure%damping_kind = damping_none
+    ! The stuck resonance, at 132.6 Hz, is infinite: nothing may be measured by it.
+    call follow(error, scene, solver_options_type(), 5.0_wp, two_pi*140.0_wp, two_pi*125.0_wp, points)
+    call check(error, count(points%unique) > 10, 'it hardly slips: the test is void')
+    do i = 1, size(points)
+      ! Around the resonance the motion is that of N of some 20 over k = 3e5, 1e-4: not nothing, not without bound.
+      call check(error, norm2(points(i)%motion(2:, :)) > 1.0e-5_wp .and. norm2(points(i)%motion(2:, :)) < 1.0e-3_wp, &
+                 'the amplitude is not one that friction holds')
+    end do
+  end subroutine undamped_wedge
+
+  subroutine march(error)
+    type(error_type), allocatable, intent(out) :: error
+    logical :: converged
+
+    reached = 0.0_wp
+    call march_parameter(by_small_steps, converged)
+    call check(error, converged, 'it does not arrive by small steps')
+    call check_close(error, reached, 1.0_wp, 1.0e-9_wp, 'the end')
+    reached = 0.0_wp
+    call march_parameter(not_beyond_half, converged)
+    call check(error, .not. converged .and. reached <= 0.5_wp, 'it claims to have passed a wall')
+  end subroutine march
+
+  !> Succeeds only if a sixteenth or less ahead.
+  subroutine by_small_steps(t, done)
+    real(wp), intent(in) :: t
+    logical, intent(out) :: done
+
+    done = t - reached <= 1.0_wp/16.0_wp + 1.0e-12_wp
+    if (done) reached = t
+  end subroutine by_small_steps
+
+  subroutine not_beyond_half(t, done)
+    real(wp), intent(in) :: t
+    logical, intent(out) :: done
+
+    done = t <= 0.5_wp
+    if (done) reached = t
+  end subroutine not_beyond_half
+end program test_branches
