@@ -116,9 +116,10 @@ def _check_table(
 def _cross_check(job: Job, earlier: list[Fault]) -> list[Fault]:
     """Faults between keys; those of a key that is already at fault are left alone."""
     at_fault = {fault.key for fault in earlier}
+    # Nor do the keys of a table that is missing.
     checks = (_check_model, _check_loads, _check_sweep, _check_balance, _check_monitors, _check_outputs)
     found = [fault for check in checks for fault in check(job)]
-    return [fault for fault in found if fault.key not in at_fault]
+    return [fault for fault in found if at_fault.isdisjoint((fault.key, fault.key.partition(" ")[0]))]
 
 
 def _check_model(job: Job) -> list[Fault]:
@@ -175,7 +176,7 @@ def _check_loads(job: Job) -> list[Fault]:
         if load["name"] in names:
             faults.append(job.fault(f"{place} name", load["name"], "a name that no other load has"))
         names.append(load["name"])
-    if not any(load["kind"] == "harmonic" for load in job["load"]):
+    if not any(load["kind"] in ("harmonic", None) for load in job["load"]):
         faults.append(job.fault("load", "missing", "at least one [[load]] of kind harmonic"))
     static = {load["name"] for load in job["load"] if load["kind"] in ("static", "centrifugal")}
     for i, corner in enumerate(job["static"]["load_path"]):

@@ -219,7 +219,7 @@ TABLES: dict[str, dict[str, Key]] = {
         "approach": Key(choice("coupled", "uncoupled"), "coupled"),
         "harmonics": Key(integer(1, 1000, later=("auto",)), 5),
         "tolerance": Key(number(0, 1, above=True)),
-        "quadrature": Key(choice("sampled", later=("event", "auto")), "sampled"),
+        "quadrature": Key(choice("event", "sampled", later=("auto",)), "event"),
         "samples": Key(integer(8, 2**20), 128),
         "passes": Key(integer(2), 3),
         "residual_tolerance": Key(number(1e-14, 1e-3), 1e-10),

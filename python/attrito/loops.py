@@ -23,7 +23,7 @@ def contact_loops(result: Result, point: int, contacts: Sequence[int]) -> list[L
     loops = []
     for contact in contacts:
         if not 0 <= contact < result.contacts:
-            raise InputError(Fault("result", "--contact", contact, f"a contact: 0 to {result.contacts - 1}"))
+            raise InputError(Fault(result.path, "contact", contact, f"a number from 0 to {result.contacts - 1}"))
         tangents = int(laws["tangents"][contact])
         rows = [*range(tangents), 2]
         coefficients = result.dataset("contacts/displacement")[point, contact][rows]

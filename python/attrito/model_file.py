@@ -83,7 +83,8 @@ def write_model(path: str | Path, model: Model, source: Sequence[str | Path]) ->
     except OSError as error:
         raise InputError(Fault(str(path), "file", str(error), "a file that can be written")) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        if temporary.exists():
+            temporary.unlink()
 
 
 def _fill(file: h5py.File, model: Model, source: Sequence[str | Path]) -> None:

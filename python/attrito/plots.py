@@ -180,6 +180,9 @@ def contact_map(result: Result, point: int) -> Figure:
     if not result.has("/contacts/parameters/frame"):
         raise InputError(Fault(result.path, "/contacts/parameters/frame", "absent", "contacts between node sets"))
     position, frame = (result.array(f"/contacts/parameters/{name}") for name in ("position", "frame"))
+    if not np.any(np.isfinite(frame)):
+        key = "/contacts/parameters/position"
+        raise InputError(Fault(result.path, key, "unknown", "contacts between node sets, which have a place"))
     sets = np.array([text.decode().strip() for text in result.array("/contacts/parameters/set")])
     slip, opened = (result.dataset(f"/contacts/{name}")[point] for name in ("slip", "open"))
     panels = {}

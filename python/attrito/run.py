@@ -20,6 +20,7 @@ from attrito.progress import Progress
 from attrito.rom import make_rom, model_path, reduced_scene, rom_path
 from attrito.scene import Scene, build_scene
 from attrito.solver import Options, Point, Solver
+from attrito.uniqueness import write_bounds
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -68,6 +69,7 @@ def run_job(comm: Comm, path: str) -> str:
         tolerance=balance["residual_tolerance"],
         reset_slider=job["static"]["slider"] == "reset",
         uncoupled=balance["approach"] == "uncoupled",
+        by_events=balance["quadrature"] == "event",
     )
     failed = 0
     with Solver(comm, reduced, options) as solver:
@@ -80,6 +82,7 @@ def run_job(comm: Comm, path: str) -> str:
             solver.write_point()
             progress.point(point, reduced.monitor_names[0])
             failed += point.outcome == "not_converged"
+    on_root(comm, lambda: write_bounds(partial, reduced))
     on_root(comm, lambda: os.replace(partial, result))
     progress.end(result, time.perf_counter() - started, failed)
     if failed:

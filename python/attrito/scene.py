@@ -5,6 +5,7 @@ Everything here is done by rank 0 alone.
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -129,7 +130,7 @@ class _Places:
             self.add(key, place, f"a dof of the model: 0 to {self.model.size - 1}")
             return None
         _, node, direction = place
-        shown = f'["node", {node!r}, "{direction}"]'
+        shown = json.dumps(place)
         if not self.model.has_mesh:
             self.add(key, shown, "a dof's number, since the model has no mesh")
             return None
@@ -179,10 +180,13 @@ def _contacts(job: Job, model: Model, places: _Places) -> Contacts:
     blocks: list[Contacts] = []
     for i, contact in enumerate(job["contact"]):
         key = f"contact[{i}]"
-        rows = [places.vector(terms, f"{key} tangents") for terms in contact["tangents"]]
-        rows.append(places.vector(contact["normal"], f"{key} normal"))
-        if any(not row.any() for row in rows) and not places.faults:
-            places.add(key, "zero row", "tangents and normal with a coefficient that is not zero")
+        named = [*(("tangents", terms) for terms in contact["tangents"]), ("normal", contact["normal"])]
+        rows = []
+        for name, terms in named:
+            earlier = len(places.faults)
+            rows.append(places.vector(terms, f"{key} {name}"))
+            if not rows[-1].any() and len(places.faults) == earlier:
+                places.add(f"{key} {name}", [list(term) for term in terms], "a coefficient that is not zero")
         blocks.append(_explicit(contact, rows))
     for i, contact_set in enumerate(job["contact_set"]):
         try:

@@ -23,6 +23,7 @@ class _Options(ctypes.Structure):
         *((name, ctypes.c_int) for name in ("harmonics", "samples", "passes", "rounds", "max_iterations")),
         ("reset_slider", ctypes.c_int),
         ("uncoupled", ctypes.c_int),
+        ("by_events", ctypes.c_int),
         ("tolerance", ctypes.c_double),
     ]
 
@@ -56,6 +57,7 @@ class Options:
     max_iterations: int = 30
     reset_slider: bool = False
     uncoupled: bool = False
+    by_events: bool = False
     tolerance: float = 1e-10
 
 
@@ -88,7 +90,11 @@ class ReducedScene:
 
 @dataclass(frozen=True)
 class Point:
-    """One point of a sweep: `states` counts contacts stuck, shaken down, slipping, open."""
+    """One point of a sweep.
+
+    `states` counts contacts stuck, shaken down, slipping, open; `harmonics` are the coefficients of the monitors,
+    `[monitors, 2 H + 1]`, and `amplitude` half their ranges over the period, `[monitors]`, user length.
+    """
 
     frequency_hz: float
     level: float
@@ -99,6 +105,7 @@ class Point:
     residual: float
     estimate: float
     states: tuple[int, int, int, int]
+    harmonics: np.ndarray
     amplitude: np.ndarray
     finished: bool
     reached_stop: bool
@@ -222,7 +229,7 @@ class Solver:
             raw.residual,
             raw.estimate,
             tuple(raw.states),
-            self._monitors()[1],
+            *self._monitors(),
             bool(raw.finished),
             bool(raw.reached_stop),
         )
@@ -257,6 +264,14 @@ def sample_contact(
         _pointer(force),
     )
     return displacement, force
+
+
+def extrema(coefficients: np.ndarray) -> np.ndarray:
+    """Smallest and largest value over the period, `[..., 2]`, of trigonometric polynomials, `[..., 2 H + 1]`; located."""
+    rows = np.ascontiguousarray(coefficients, dtype=float).reshape(-1, np.shape(coefficients)[-1])
+    lowest, highest = np.zeros((2, len(rows)))
+    library.load().attrito_extrema(*rows.shape, _pointer(rows), _pointer(lowest), _pointer(highest))
+    return np.stack([lowest, highest], axis=-1).reshape(*np.shape(coefficients)[:-1], 2)
 
 
 def make_law(laws: dict[str, np.ndarray], contact: int) -> _Law:

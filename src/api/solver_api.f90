@@ -35,7 +35,7 @@ module attrito_api_solver
   end type session_type
 
   type, bind(c) :: options_type
-    integer(c_int) :: harmonics, samples, passes, rounds, max_iterations, reset_slider, uncoupled
+    integer(c_int) :: harmonics, samples, passes, rounds, max_iterations, reset_slider, uncoupled, by_events
     real(c_double) :: tolerance
   end type options_type
 
@@ -121,7 +121,7 @@ contains
     call new_solver(session%structure, session%contacts, session%ranks, solver_options_type( &
                     harmonics=options%harmonics, samples=options%samples, passes=options%passes, rounds=options%rounds, &
                     max_iterations=options%max_iterations, reset_slider=options%reset_slider /= 0, &
-                    uncoupled=options%uncoupled /= 0, tolerance=options%tolerance), session%solver, error)
+                    uncoupled=options%uncoupled /= 0, by_events=options%by_events /= 0, tolerance=options%tolerance), session%solver, error)
     attrito_prepare = tell(error, message)
   end function attrito_prepare
 
@@ -297,6 +297,21 @@ contains
     force = period%force
     call fourier%destroy()
   end subroutine attrito_sample_contact
+
+  !> Smallest and largest value over the period of trigonometric polynomials [count, coefficients]: [count] each.
+  subroutine attrito_extrema(count, coefficients, polynomials, lowest, highest) bind(c)
+    integer(c_int), value :: count, coefficients
+    real(c_double), intent(in) :: polynomials(coefficients, count)
+    real(c_double), intent(out) :: lowest(count), highest(count)
+    real(wp) :: range(2)
+    integer :: i
+
+    do i = 1, count
+      range = extrema(polynomials(:, i))
+      lowest(i) = range(1)
+      highest(i) = range(2)
+    end do
+  end subroutine attrito_extrema
 
   function session_of(handle) result(session)
     type(c_ptr), intent(in) :: handle

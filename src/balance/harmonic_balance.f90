@@ -12,7 +12,9 @@ module attrito_balance_harmonic_balance
   use attrito_model_contacts, only: contact_type, contacts_type
   use attrito_model_structure, only: structure_type
   use attrito_contact_fourier, only: fourier_type, new_fourier
+  use attrito_contact_quadrature_event, only: evaluate_contact_by_events
   use attrito_contact_quadrature_sampled, only: contact_forces_type, evaluate_contact
+  use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, new_grid
   use attrito_balance_receptance, only: receptance_type, to_complex, to_real
   implicit none
   private
@@ -21,6 +23,10 @@ module attrito_balance_harmonic_balance
   type :: balance_type
     type(communicator_type) :: ranks
     type(fourier_type) :: fourier
+    !> Where roots are looked for
+    type(trigonometric_grid_type) :: grid
+    !> Contacts with one tangent by events, exact, rather than by samples
+    logical :: by_events = .false.
     class(receptance_type), allocatable :: receptance
     !> Laws of this rank's contacts; the first of them and its first row among all
     type(contact_type), allocatable :: law(:)
@@ -72,6 +78,7 @@ contains
     self%ranks = ranks
     self%passes = passes
     self%fourier = new_fourier(self%receptance%harmonics, samples)
+    self%grid = new_grid(self%receptance%harmonics)
     call ranks%share(size(contacts%law), self%first_contact, last)
     self%law = contacts%law(self%first_contact:last)
     self%first_row = 1
@@ -133,8 +140,13 @@ contains
     allocate (derivative, mold=self%response)
     do i = 1, size(self%law)
       associate (law => self%law(i))
-        call evaluate_contact(law, self%fourier, motion(:, law%first_row:law%first_row + law%tangents), self%slider(:, i), &
-                              self%passes, self%forces(i))
+        associate (own => motion(:, law%first_row:law%first_row + law%tangents))
+          if (self%by_events .and. law%tangents == 1) then
+            call evaluate_contact_by_events(law, self%grid, own, self%slider(1, i), self%forces(i))
+          else
+            call evaluate_contact(law, self%fourier, own, self%slider(:, i), self%passes, self%forces(i))
+          end if
+        end associate
         self%residual(:, law%first_row:law%first_row + law%tangents) = self%forces(i)%deviation(:k, :)
       end associate
     end do

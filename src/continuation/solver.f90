@@ -28,6 +28,8 @@ module attrito_continuation_solver
     logical :: reset_slider = .false.
     !> Freeze the mean at the static solution
     logical :: uncoupled = .false.
+    !> Contacts with one tangent by events rather than by samples
+    logical :: by_events = .false.
   end type solver_options_type
 
   type :: solver_type
@@ -73,6 +75,7 @@ contains
     call new_receptance(structure, contacts, self%stuck, options%harmonics, receptance)
     allocate (self%context)
     call new_balance(structure, contacts, receptance, ranks, options%samples, options%passes, self%context%balance)
+    self%context%balance%by_events = options%by_events
     self%context%tolerance = options%tolerance
     call new_newton(self%context, options%max_iterations, self%newton, error)
     if (allocated(error)) return

@@ -14,18 +14,21 @@ contains
     real(wp), intent(in) :: theta
     !> [x, x', x'']
     real(wp) :: jet(3)
-    real(wp) :: c, s
+    complex(wp) :: turn, turned, term
     integer :: h
 
     jet = [coefficients(1), 0.0_wp, 0.0_wp]
+    turn = cmplx(cos(theta), sin(theta), wp)
+    turned = 1.0_wp
     do h = 1, (size(coefficients) - 1)/2
-      c = coefficients(2*h)*cos(h*theta) + coefficients(2*h + 1)*sin(h*theta)
-      s = coefficients(2*h + 1)*cos(h*theta) - coefficients(2*h)*sin(h*theta)
-      jet = jet + [c, h*s, -h*h*c]
+      turned = turned*turn
+      term = cmplx(coefficients(2*h), -coefficients(2*h + 1), wp)*turned
+      jet = jet + [term%re, -h*term%im, -h*h*term%re]
     end do
   end function value_at
 
-  !> Smallest and largest value over the period: the best of a grid, polished by Newton's method on x' = 0.
+  !> Smallest and largest value over the period: those of a grid, each polished by Newton's method on x' = 0 where it is the least or
+  !> greatest of its neighbours (two that are nearly equal may change places).
   pure function extrema(coefficients) result(range)
     !> [a_0, a_c1, a_s1, ...]
     real(wp), intent(in) :: coefficients(:)
@@ -38,8 +41,13 @@ contains
       jet = value_at(coefficients, theta_of(j))
       grid(j) = jet(1)
     end do
-    range(1) = min(minval(grid), polished(minloc(grid, 1)))
-    range(2) = max(maxval(grid), polished(maxloc(grid, 1)))
+    range = [minval(grid), maxval(grid)]
+    do j = 1, size(grid)
+      associate (before => grid(modulo(j - 2, size(grid)) + 1), after => grid(modulo(j, size(grid)) + 1))
+        if (grid(j) <= min(before, after)) range(1) = min(range(1), polished(j))
+        if (grid(j) >= max(before, after)) range(2) = max(range(2), polished(j))
+      end associate
+    end do
 
   contains
 

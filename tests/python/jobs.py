@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import json
@@ -12,9 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 import synthetic
 from scipy.sparse import csr_matrix, diags
 
+from attrito.cli import main
 from attrito.model_file import Model, write_model
 
 TIMEOUT = 60
@@ -37,6 +40,14 @@ def attrito(folder: Path, *arguments: str, ranks: int | None = None) -> subproce
     return subprocess.run(
         command, cwd=folder, env=os.environ | ENVIRONMENT, capture_output=True, text=True, timeout=TIMEOUT, check=False
     )
+
+
+def attrito_here(folder: Path, capfd: pytest.CaptureFixture[str], *arguments: str) -> subprocess.CompletedProcess[str]:
+    """The same without a process of its own, which is quick; what is not caught is raised here."""
+    with contextlib.chdir(folder):
+        code = main(arguments)
+    out, err = capfd.readouterr()
+    return subprocess.CompletedProcess(arguments, code, out, err)
 
 
 def toml(job: Job) -> str:
@@ -159,7 +170,7 @@ def chain(contacts: int = 3, tangents: int = 1) -> Job:
 def write_blocks(path: Path, *, floating: bool = False, **sets: list[int]) -> Model:
     """A model file: two boxes, one on the other, on springs; sets `top` and `bottom` meet, `tip` is one node.
 
-    The nodes of the lowest layer are held (`held`); `floating` leaves out the springs to the ground of the upper box.
+    The nodes of the lowest layer are held (`held`); `floating` cuts the highest layer off from everything.
     """
     model = synthetic.joint("C3D8", held=lambda points: points[:, 2] < 1e-9)
     points, ids = model.coordinates, model.node_ids
@@ -169,16 +180,18 @@ def write_blocks(path: Path, *, floating: bool = False, **sets: list[int]) -> Mo
     model.node_sets |= {name: np.array(nodes, dtype=np.int64) for name, nodes in sets.items()}
     place = np.argsort(ids)[np.searchsorted(np.sort(ids), model.dof_node)]
     ground = np.full(model.size, 1.0e5)
+    highest = points[place][:, 2] > 1.5
     if floating:
-        ground[len(ground) // 3 :] = 0.0
-    same = np.eye(model.size)
+        ground[highest] = 0.0
     # Springs between neighbours of one box, the same in every direction.
     distance = np.linalg.norm(points[place][:, None] - points[place][None, :], axis=2)
     upper = place >= len(ids) // 2
     linked = (distance > 1e-9) & (distance < 1.01) & (upper[:, None] == upper[None, :])
     linked &= model.dof_direction[:, None] == model.dof_direction[None, :]
+    if floating:
+        linked &= highest[:, None] == highest[None, :]
     springs = 1.0e6 * (np.diag(linked.sum(axis=1)) - linked) + diags(ground).toarray()
-    model.stiffness, model.mass = csr_matrix(springs), csr_matrix(same)
+    model.stiffness, model.mass = csr_matrix(springs), csr_matrix(np.eye(model.size))
     write_model(path, model, [])
     return model
 

@@ -1,0 +1,90 @@
+"""Families of linear programs, max c x with A x <= b, where only b changes from one to the next.
+
+A basis that solved one of them stays dual feasible for all: the dual simplex method takes it up again and mostly needs
+no pivot, or a few. Dense, for some hundred unknowns. `scipy.optimize.linprog` is the oracle in the tests.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+BOX = 1e5
+TOLERANCE = 1e-11
+PIVOT = 1e-9
+SLACK = 1e-12
+REFRESH = 50
+GUESSES = 4
+
+
+class DualSimplex:
+    """max c x subject to A x <= b, for one c and one b after another.
+
+    Every unknown is also held within `BOX` times the largest |b|. A maximum that leans on that box is infinite.
+
+    Parameters
+    ----------
+    a : rows of A, `[m, n]`, entries of order one
+    c : `[n]`, entries of order one
+    """
+
+    def __init__(self, a: np.ndarray, c: np.ndarray):
+        n = len(c)
+        self._rows = np.vstack([a, np.eye(n), -np.eye(n)])
+        self._c, self._own = c, len(a)
+        self._basis = self._begin(n)
+        self._pivots = 0
+        self._invert()
+
+    def maximum(self, b: np.ndarray) -> float:
+        """The maximum for one `b`, `[m]`; infinite if unbounded, NaN if no x fulfils A x <= b or it was not found."""
+        largest = max(float(np.abs(b).max(initial=0.0)), np.finfo(float).tiny)
+        limit = np.concatenate([b, np.full(2 * len(self._c), BOX * largest)])
+        for _ in range(100 * len(limit)):
+            x = self._inverse @ limit[self._basis]
+            excess = self._rows @ x - limit
+            entering = int(excess.argmax())
+            if excess[entering] <= TOLERANCE * max(largest, float(np.abs(x).max())):
+                leans = (self._basis >= self._own) & (self._c @ self._inverse > TOLERANCE * np.abs(self._c).max())
+                return np.inf if leans.any() else float(self._c @ x)
+            if not self._pivot(entering):
+                break
+        return np.nan
+
+    def _begin(self, n: int) -> np.ndarray:
+        """A dual feasible basis: one row of each pair (i, n + i) of A, if a few changes of side make it one."""
+        sides = np.zeros(n, dtype=int)
+        for _ in range(GUESSES if self._own >= 2 * n else 0):
+            basis = np.arange(n) + n * sides
+            try:
+                multipliers = np.linalg.solve(self._rows[basis].T, self._c)
+            except np.linalg.LinAlgError:
+                break
+            if multipliers.min() >= -SLACK:
+                return basis
+            sides ^= multipliers < 0.0
+        # The sides of the box that c points at: dual feasible whatever A is.
+        return self._own + np.arange(n) + np.where(self._c >= 0.0, 0, n)
+
+    def _pivot(self, entering: int) -> bool:
+        """Take a row into the basis for the one that keeps the multipliers from turning negative; False if none can."""
+        part = self._rows[entering] @ self._inverse
+        able = part > PIVOT
+        if not able.any():
+            return False
+        # Two passes (Harris 1973): how far with a little slack on the multipliers, then the largest pivot up to there.
+        multipliers = np.maximum(self._c @ self._inverse, 0.0)
+        farthest = ((multipliers[able] + SLACK) / part[able]).min()
+        leaving = np.where(able & (multipliers <= farthest * part), part, 0.0).argmax()
+        self._basis[leaving] = entering
+        self._pivots += 1
+        if self._pivots % REFRESH == 0:
+            self._invert()
+        else:
+            column = self._inverse[:, leaving] / part[leaving]
+            part[leaving] = 0.0
+            self._inverse -= np.outer(column, part)
+            self._inverse[:, leaving] = column
+        return True
+
+    def _invert(self) -> None:
+        self._inverse = np.linalg.inv(self._rows[self._basis])
