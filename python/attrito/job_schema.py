@@ -6,6 +6,7 @@ A check takes a value and returns the value as the program wants it, or raises `
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -177,6 +178,13 @@ def matrix(value: Any) -> str | list:
     raise ValueError("a file name or a list of rows of numbers")
 
 
+def start(value: Any) -> str:
+    """Where an integration starts: "static", "rest" or "point:<number>"."""
+    if value in ("static", "rest") or (isinstance(value, str) and re.fullmatch(r"point:\d+", value)):
+        return value
+    raise ValueError('"static", "rest" or "point:<number>"')
+
+
 def node_reference(value: Any) -> int | str:
     """A node's id or a node set's name."""
     return either(integer(1), text)(value)
@@ -240,15 +248,22 @@ TABLES: dict[str, dict[str, Key]] = {
         "method": Key(choice("none", later=("monodromy", "hill", "both")), "none"),
     },
     "integrate": {
-        "scheme": Key(choice("event", "central_difference", "newmark", "hht", "generalised_alpha"), "event"),
+        "scheme": Key(choice("event", "central_difference", "newmark", "hht", "generalised_alpha", "exponential"), "event"),
         "steps_per_period": Key(integer(2)),
+        "dissipation": Key(number(0, 1)),
         "frequency_hz": Key(number(0, above=True)),
+        "level": Key(number(0), 1.0),
         "static_profile": Key(listing(pair_of_numbers, 1)),
         "harmonic_profile": Key(listing(pair_of_numbers, 1)),
-        "start": Key(text, "static"),
-        "cycles": Key(integer(1)),
-        "periodicity_tolerance": Key(number(0, above=True)),
-        "max_period_multiple": Key(integer(1)),
+        "start": Key(start, "static"),
+        "sliders": Key(listing(either(number(), pair_of_numbers), 1)),
+        "cycles": Key(integer(1), 400),
+        "fewest_cycles": Key(integer(0), 0),
+        "periodicity_tolerance": Key(number(0, above=True), 1e-10),
+        "max_period_multiple": Key(integer(1), 4),
+        "samples": Key(integer(8), 256),
+        "history": Key(choice("period", "run"), "period"),
+        "equivalent_viscous": Key(boolean, False),
     },
     "output": {
         "file": Key(text, required=True),

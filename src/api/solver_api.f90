@@ -121,7 +121,8 @@ contains
     call new_solver(session%structure, session%contacts, session%ranks, solver_options_type( &
                     harmonics=options%harmonics, samples=options%samples, passes=options%passes, rounds=options%rounds, &
                     max_iterations=options%max_iterations, reset_slider=options%reset_slider /= 0, &
-                    uncoupled=options%uncoupled /= 0, by_events=options%by_events /= 0, tolerance=options%tolerance), session%solver, error)
+                    uncoupled=options%uncoupled /= 0, by_events=options%by_events /= 0, tolerance=options%tolerance), &
+                    session%solver, error)
     attrito_prepare = tell(error, message)
   end function attrito_prepare
 
@@ -198,8 +199,8 @@ contains
 
   !> Linear response of the monitors, with contacts stuck or closed without friction: amplitudes [monitors, count] at level 1, and
   !> the lowest natural frequencies [frequencies] in Hz of that system.
-  integer(c_int) function attrito_linear_response(handle, stuck, count, omega, amplitude, frequencies, natural_hz, message, length) &
-    bind(c)
+  integer(c_int) function attrito_linear_response(handle, stuck, count, omega, amplitude, frequencies, natural_hz, message, &
+                                                  length) bind(c)
     type(c_ptr), value :: handle
     integer(c_int), value :: stuck, count, frequencies, length
     real(c_double), intent(in) :: omega(count)

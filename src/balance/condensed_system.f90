@@ -160,8 +160,8 @@ contains
     rows = [integer ::]
     do contact = 1, size(balance%law)
       associate (law => balance%law(contact))
-        if (any(balance%forces(contact)%active)) &
-          rows = [rows, [(balance%first_row + law%first_row - 1 + i, i=0, law%tangents)]]
+        if (.not. any(balance%forces(contact)%active)) cycle
+        rows = [rows, [(balance%first_row + law%first_row - 1 + i, i=0, law%tangents)]]
       end associate
     end do
     allocate (blocks(0:balance%receptance%harmonics))

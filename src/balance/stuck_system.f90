@@ -53,12 +53,12 @@ contains
     if (allocated(error)) return
     allocate (self%modal_damping(size(self%omega)), source=0.0_wp)
     select case (structure%damping_kind)
-    case (damping_none)
-    case (damping_ratio)
+     case (damping_none)
+     case (damping_ratio)
       self%modal_damping = 2.0_wp*structure%damping_value*sqrt(self%modal_mass*self%modal_stiffness)
-    case (damping_mass)
+     case (damping_mass)
       self%modal_damping = structure%damping_value*self%modal_mass
-    case default
+     case default
       self%uncoupled = .false.
     end select
   end subroutine new_stuck_system
@@ -96,8 +96,8 @@ contains
 
     call symmetric_eigenpairs(self%stiffness, mass, self%modal_stiffness, self%modes, info)
     if (info /= 0) then
-      call raise(error, 'mass: the (reduced) mass matrix is not positive definite: expected every degree of freedom to carry mass', &
-                 fault_of_input)
+      call raise(error, 'mass: the (reduced) mass matrix is not positive definite: expected every degree of freedom to carry'// &
+                 ' mass', fault_of_input)
       return
     end if
     self%modal_stiffness = max(self%modal_stiffness, 0.0_wp)

@@ -1,8 +1,9 @@
 !> One tangent along a trigonometric motion, from event to event.
 !>
 !> The clamp of the slider is [L, U], L = u - r and U = u + r, with r = mu N / k_t a trigonometric polynomial while the contact is
-!> closed. Cut the period at the roots of N, L' and U': on each segment L and U are monotone, so the slider sticks, or sticks until L
-!> rises to it, or until U falls to it, and then follows: one event a segment at most, bracketed. Slip ends where L' or U' vanishes.
+!> closed. Cut the period at the roots of N, L' and U': on each segment L and U are monotone, so the slider sticks, or sticks until
+!> L rises to it, or until U falls to it, and then follows: one event a segment at most, bracketed. Slip ends where L' or U'
+!> vanishes.
 !>
 !> An event time moves with the motion, but forces are continuous across it and L' = 0 where slip ends, so only landing leaves a
 !> term: w = u at the root of N, dw = du - (u'/v') dv.

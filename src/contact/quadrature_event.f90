@@ -73,17 +73,17 @@ contains
         associate (interval => intervals(i))
           products = basis_products(interval%from, interval%to, size(forces%deviation, 1), k)
           select case (interval%regime)
-          case (regime_open)
+           case (regime_open)
             g_t = g_t - kt*matmul(products, motion(:, 1))
             g_n = g_n - law%normal_stiffness*matmul(products, motion(:, 2))
             tt = tt - kt*products(:k, :)
             nn = nn - law%normal_stiffness*products(:k, :)
             cycle
-          case (regime_slip)
+           case (regime_slip)
             g_t = g_t - kt*matmul(products, merge(events%lower, events%upper, interval%side > 0))
             tt = tt - kt*products(:k, :)
             tn = tn + interval%side*kt*events%slope*products(:k, :)
-          case default
+           case default
             g_t = g_t - kt*interval%slider*products(:, 1)
             if (allocated(interval%by_u)) then
               tt = tt - kt*outer(products(:k, 1), interval%by_u)
@@ -192,13 +192,13 @@ contains
     integer :: row
 
     select case (forces%state)
-    case (state_stuck)
+     case (state_stuck)
       forces%active = spread(.false., 1, 2*k)
       deallocate (forces%jacobian)
       return
-    case (state_shaken_down)
+     case (state_shaken_down)
       forces%active = [(row == 1, row=1, 2*k)]
-    case default
+     case default
       forces%active = [(row <= k .or. forces%open > 0.0_wp, row=1, 2*k)]
     end select
     do row = 1, 2*k

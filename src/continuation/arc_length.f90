@@ -2,8 +2,8 @@
 !>
 !> $$ r(d, \omega) = 0, \qquad t \cdot (d - \hat d) + t_\omega (\omega - \hat \omega) = 0 $$
 !>
-!> The plane stands across the tangent t at the predicted point. The step follows the distance between predicted and corrected point,
-!> a smooth measure, so that rounding (the number of ranks) does not change it.
+!> The plane stands across the tangent t at the predicted point. The step follows the distance between predicted and corrected
+!> point, a smooth measure, so that rounding (the number of ranks) does not change it.
 !> Source: Keller 1977; Seydel 2010, doi:10.1007/978-1-4419-1740-9.
 module attrito_continuation_arc_length
   use attrito_core_kinds, only: wp

@@ -269,10 +269,10 @@ contains
     integer(hid_t) :: handle
 
     select case (kind)
-    case ('int8'); handle = h5kind_to_type(int8, H5_INTEGER_KIND)
-    case ('int32'); handle = h5kind_to_type(int32, H5_INTEGER_KIND)
-    case ('int64'); handle = h5kind_to_type(int64, H5_INTEGER_KIND)
-    case default; handle = h5kind_to_type(wp, H5_REAL_KIND)
+     case ('int8'); handle = h5kind_to_type(int8, H5_INTEGER_KIND)
+     case ('int32'); handle = h5kind_to_type(int32, H5_INTEGER_KIND)
+     case ('int64'); handle = h5kind_to_type(int64, H5_INTEGER_KIND)
+     case default; handle = h5kind_to_type(wp, H5_REAL_KIND)
     end select
   end function type_of
 

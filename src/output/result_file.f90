@@ -209,8 +209,7 @@ contains
     if (.not. allocated(error)) call write_block(self%file, '/contacts/unique', start, unique, error)
     do i = 1, contact_columns
       call extend_and('/contacts/'//trim(contact_series(i)))
-      if (.not. allocated(error)) &
-        call write_block(self%file, '/contacts/'//trim(contact_series(i)), start, numbers(:, i), error)
+      if (.not. allocated(error)) call write_block(self%file, '/contacts/'//trim(contact_series(i)), start, numbers(:, i), error)
     end do
     call extend_and('/contacts/displacement')
     if (.not. allocated(error)) call write_block(self%file, '/contacts/displacement', start, motion, error)

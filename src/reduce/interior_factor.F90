@@ -105,12 +105,12 @@ contains
 
     write (code, '(a, i0, a, i0, a)') '(MUMPS error ', status, ', ', detail, ')'
     select case (status)
-    case (-13, -19)
+     case (-13, -19)
       call raise(error, 'not enough memory for the factors of the interior stiffness ' // trim(code) // &
                  ': use more nodes, or a coarser mesh')
-    case (-8, -9, -11, -14)
+     case (-8, -9, -11, -14)
       call raise(error, 'the factors need more room than MUMPS foresaw ' // trim(code) // ': run on other numbers of ranks')
-    case default
+     case default
       call raise(error, 'the interior stiffness cannot be factored ' // trim(code))
     end select
   end subroutine raise_mumps
@@ -120,13 +120,13 @@ contains
     character(8) :: name
 
     select case (ordering)
-    case (0); name = 'AMD'
-    case (2); name = 'AMF'
-    case (3); name = 'SCOTCH'
-    case (4); name = 'PORD'
-    case (5); name = 'METIS'
-    case (6); name = 'QAMD'
-    case default; name = 'other'
+     case (0); name = 'AMD'
+     case (2); name = 'AMF'
+     case (3); name = 'SCOTCH'
+     case (4); name = 'PORD'
+     case (5); name = 'METIS'
+     case (6); name = 'QAMD'
+     case default; name = 'other'
     end select
   end function name_of
 

@@ -81,14 +81,14 @@ contains
         distance(i) = maxval(abs(sampled%deviation - exact%deviation))
         call fourier%destroy()
       end do
-      ! 16 times the samples: 256 times closer in contact, up to where switches fall between samples, which moves it by a few times.
+      ! 16 times the samples: 256 times closer in contact, up to where switches fall between samples, which moves it a few times.
       ! A slider that lands into stick starts from the last open sample, up to a step late: 16 times, up to a few times.
       call check(error, distance(2) < distance(1)/merge(30.0_wp, 4.0_wp, seed <= 3), 'the order')
     end do
   end subroutine order
 
-  !> Within a pattern of events the forces are smooth with derivatives of order 10: central differences are exact to step^2 times third
-  !> derivatives, 1e-5^2 * 1e2, and rounding, 1e-16/1e-5: both below 1e-7.
+  !> Within a pattern of events the forces are smooth with derivatives of order 10: central differences are exact to step^2 times
+  !> third derivatives, 1e-5^2 * 1e2, and rounding, 1e-16/1e-5: both below 1e-7.
   subroutine check_jacobian(error, motion, slider, state)
     type(error_type), allocatable, intent(inout) :: error
     real(wp), intent(in) :: motion(:, :), slider

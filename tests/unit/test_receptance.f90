@@ -127,9 +127,9 @@ contains
     do i = 1, size(kinds)
       call prepare(kinds(i), 0.1_wp, scene, receptance, force)
       select type (receptance)
-      type is (receptance_modal_type)
+       type is (receptance_modal_type)
         call check(error, modal(i), 'modes are used where they are coupled')
-      class default
+       class default
         call check(error, .not. modal(i), 'a factorisation is used where modes are exact')
       end select
     end do
