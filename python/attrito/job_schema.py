@@ -136,6 +136,7 @@ def dof(value: Any) -> int | tuple[str, int | str, str]:
         and value[0] == "node"
         and isinstance(value[1], int | str)
         and not isinstance(value[1], bool)
+        and isinstance(value[2], str)
         and value[2] in DIRECTIONS
     ):
         return tuple(value)
@@ -248,7 +249,9 @@ TABLES: dict[str, dict[str, Key]] = {
         "method": Key(choice("none", later=("monodromy", "hill", "both")), "none"),
     },
     "integrate": {
-        "scheme": Key(choice("event", "central_difference", "newmark", "hht", "generalised_alpha", "exponential"), "event"),
+        "scheme": Key(
+            choice("event", "central_difference", "newmark", "hht", "generalised_alpha", "exponential"), "event"
+        ),
         "steps_per_period": Key(integer(2)),
         "dissipation": Key(number(0, 1)),
         "frequency_hz": Key(number(0, above=True)),

@@ -47,7 +47,11 @@ class Progress:
 
     def begin(self, coordinates: int, contacts: int, linear: dict[str, tuple]) -> None:
         """What is going to be solved."""
-        lowest = {name: ", ".join(f"{f:.4g}" for f in natural[:3] if f > 0) for name, (_, _, natural) in linear.items()}
+        # A motion that is free has a frequency of zero, which rounding leaves at some 1e-6 of the higher ones.
+        lowest = {
+            name: ", ".join(f"{f:.4g}" for f in natural[natural > 1e-5 * natural.max()][:3])
+            for name, (_, _, natural) in linear.items()
+        }
         self.say(f"{coordinates} coordinates, {contacts} contacts; natural frequencies in Hz: "
                  f"stuck {lowest['stuck']}, frictionless {lowest['frictionless']}")  # fmt: skip
 

@@ -1,7 +1,7 @@
-"""Bounds of points that are not unique: the family of solutions over the free start sliders, where every contact sticks.
+"""Bounds of points that are not unique: the family over the free start sliders, where every contact sticks.
 
-Then the harmonics do not depend on the sliders, and the mean contact forces do so linearly. With K~ the stuck system, R = B K~^-1 B^T
-and a change s of -kt w of every contact,
+Then the harmonics do not depend on the sliders w, and the mean contact forces do so linearly. With K~ the stuck system,
+R = B K~^-1 B^T, and a change s of -kt w of every contact,
 
     T_0 = T_0* + (1 - kt R_tt) s,        N_0 = N_0* - kn R_nt s,        q_0 = q_0* - K~^-1 B_t^T s,
 
@@ -9,10 +9,9 @@ where * is the member that the load path chose. The members are the s for which 
 
     +-T_0 + max_t (+-T~(t) - mu N~(t)) <= mu N_0,        N_0 + min_t N~(t) >= 0,
 
-a polytope, and the bounds of mean T and N of every contact, and of the means of the monitors, are linear programs. Amplitudes are
-the same in all members. Points where some contacts slip and others are free, contacts with two tangents and the uncoupled
-approach are not examined: their bounds stay NaN.
-Source: docs/method.md, "Families of solutions".
+a polytope, and the bounds of mean T and N of every contact, and of the monitors' means, are linear programs. Amplitudes
+are the same in all members. Points where some contacts slip and others are free, contacts with two tangents and the
+uncoupled approach are not examined: their bounds stay NaN. See docs/method.md, "Points that are not unique".
 """
 
 from __future__ import annotations

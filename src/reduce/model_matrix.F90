@@ -13,7 +13,18 @@ module attrito_reduce_model_matrix
   use attrito_core_petsc_session, only: raise_petsc
   implicit none
   private
-  public :: read_model_matrix
+  public :: read_model_matrix, read_sliced_matrix, leading_bits
+
+  !> Two factors of so many bits and 2^8 terms a row make sums of 52 bits: exact
+  integer, parameter :: slice_bits = 22
+
+  !> This rank's rows of a square CSR matrix, columns from 0
+  type :: rows_type
+    integer :: size = 0, count = 0
+    integer, allocatable :: offsets(:)
+    integer(int32), allocatable :: columns(:)
+    real(wp), allocatable :: values(:)
+  end type rows_type
 
 contains
 
@@ -29,47 +40,93 @@ contains
     type(tMat), intent(out) :: matrix
     !> Missing, or not a CSR matrix
     type(error_type), allocatable, intent(out) :: error
-    integer(int64), allocatable :: offsets(:)
-    integer(int32), allocatable :: columns(:)
-    real(wp), allocatable :: values(:)
-    integer, allocatable :: extent(:)
-    integer :: n, first, last, start
+    type(rows_type) :: rows
     PetscErrorCode :: ierr
 
-    extent = array_shape(file, '/' // name // '/row_offsets', error)
+    call read_rows(file, ranks, name, rows, error)
     if (allocated(error)) return
-    n = extent(1) - 1
-    call ranks%share(n, first, last)
-    allocate (offsets(last - first + 2))
-    call read_block(file, '/' // name // '/row_offsets', [first - 1], offsets, error)
-    if (allocated(error)) return
-    start = int(offsets(1))
-    offsets = offsets - start
-    allocate (columns(offsets(size(offsets))), values(offsets(size(offsets))))
-    call read_block(file, '/' // name // '/columns', [start], columns, error)
-    if (.not. allocated(error)) call read_block(file, '/' // name // '/values', [start], values, error)
-    if (allocated(error)) return
-    if (ranks%largest(real(maxval([0, columns]), wp)) > n - 1) then
-      call raise(error, file%path // ': /' // name // '/columns holds a column beyond the last one', fault_of_input)
-      return
-    end if
-    call create_matrix(ranks%handle, last - first + 1, n, int(offsets), columns, values, matrix, ierr)
-    call raise_petsc(error, ierr, 'storing the ' // name // ' matrix')
+    call create_matrix(ranks%handle, rows, rows%values, matrix, ierr)
+    call raise_petsc(error, ierr, 'storing the '//name//' matrix')
   end subroutine read_model_matrix
 
-  subroutine create_matrix(comm, rows, n, offsets, columns, values, matrix, ierr)
+  !> Read one matrix as a sum of two, the first of `slice_bits` leading bits of the largest entry; the caller destroys them.
+  subroutine read_sliced_matrix(file, ranks, name, slices, error)
+    !> model.h5, open
+    type(hdf5_file_type), intent(in) :: file
+    !> The ranks that share the rows
+    type(communicator_type), intent(in) :: ranks
+    !> `stiffness`, `mass` or `damping`
+    character(*), intent(in) :: name
+    !> Leading bits, and the rest
+    type(tMat), intent(out) :: slices(2)
+    !> Missing, or not a CSR matrix
+    type(error_type), allocatable, intent(out) :: error
+    type(rows_type) :: rows
+    real(wp), allocatable :: leading(:)
+    PetscErrorCode :: ierr
+
+    call read_rows(file, ranks, name, rows, error)
+    if (allocated(error)) return
+    leading = leading_bits(rows%values, ranks%largest(maxval([0.0_wp, abs(rows%values)])))
+    call create_matrix(ranks%handle, rows, leading, slices(1), ierr)
+    if (ierr == 0) call create_matrix(ranks%handle, rows, rows%values - leading, slices(2), ierr)
+    call raise_petsc(error, ierr, 'storing the '//name//' matrix')
+  end subroutine read_sliced_matrix
+
+  !> Numbers rounded to `slice_bits` bits below the first of the largest: multiples of one power of two.
+  elemental function leading_bits(x, largest) result(leading)
+    real(wp), intent(in) :: x, largest
+    real(wp) :: leading
+    real(wp) :: quantum
+
+    leading = x
+    if (largest <= 0.0_wp) return
+    quantum = scale(1.0_wp, exponent(largest) - slice_bits)
+    leading = anint(x/quantum)*quantum
+  end function leading_bits
+
+  !> This rank's rows of the CSR arrays.
+  subroutine read_rows(file, ranks, name, rows, error)
+    type(hdf5_file_type), intent(in) :: file
+    type(communicator_type), intent(in) :: ranks
+    character(*), intent(in) :: name
+    type(rows_type), intent(out) :: rows
+    type(error_type), allocatable, intent(out) :: error
+    integer(int64), allocatable :: offsets(:)
+    integer, allocatable :: extent(:)
+    integer :: first, last, start
+
+    extent = array_shape(file, '/'//name//'/row_offsets', error)
+    if (allocated(error)) return
+    rows%size = extent(1) - 1
+    call ranks%share(rows%size, first, last)
+    rows%count = last - first + 1
+    allocate (offsets(rows%count + 1))
+    call read_block(file, '/'//name//'/row_offsets', [first - 1], offsets, error)
+    if (allocated(error)) return
+    start = int(offsets(1))
+    rows%offsets = int(offsets - start)
+    allocate (rows%columns(rows%offsets(rows%count + 1)), rows%values(rows%offsets(rows%count + 1)))
+    call read_block(file, '/'//name//'/columns', [start], rows%columns, error)
+    if (.not. allocated(error)) call read_block(file, '/'//name//'/values', [start], rows%values, error)
+    if (allocated(error)) return
+    if (ranks%largest(real(maxval([0, rows%columns]), wp)) > rows%size - 1) &
+      call raise(error, file%path//': /'//name//'/columns holds a column beyond the last one', fault_of_input)
+  end subroutine read_rows
+
+  subroutine create_matrix(comm, rows, values, matrix, ierr)
     integer, intent(in) :: comm
-    PetscInt, intent(in) :: rows, n, offsets(:), columns(:)
+    type(rows_type), intent(in) :: rows
     PetscScalar, intent(in) :: values(:)
     type(tMat), intent(out) :: matrix
     PetscErrorCode, intent(out) :: ierr
 
     PetscCall(MatCreate(comm, matrix, ierr))
-    PetscCall(MatSetSizes(matrix, rows, rows, n, n, ierr))
+    PetscCall(MatSetSizes(matrix, rows%count, rows%count, rows%size, rows%size, ierr))
     PetscCall(MatSetType(matrix, MATAIJ, ierr))
     ! Only the one that fits the number of ranks does anything.
-    PetscCall(MatSeqAIJSetPreallocationCSR(matrix, offsets, columns, values, ierr))
-    PetscCall(MatMPIAIJSetPreallocationCSR(matrix, offsets, columns, values, ierr))
+    PetscCall(MatSeqAIJSetPreallocationCSR(matrix, rows%offsets, rows%columns, values, ierr))
+    PetscCall(MatMPIAIJSetPreallocationCSR(matrix, rows%offsets, rows%columns, values, ierr))
     PetscCall(MatSetOption(matrix, MAT_SYMMETRIC, PETSC_TRUE, ierr))
   end subroutine create_matrix
 end module attrito_reduce_model_matrix

@@ -22,7 +22,7 @@ module attrito_reduce_reduction
   use attrito_reduce_fixed_interface_modes, only: compute_fixed_interface_modes, fixed_interface_modes_type
   use attrito_reduce_inertia_check, only: check_count, count_modes_up_to
   use attrito_reduce_interior_factor, only: interior_factor_type, new_interior_factor
-  use attrito_reduce_model_matrix, only: read_model_matrix
+  use attrito_reduce_model_matrix, only: read_model_matrix, read_sliced_matrix
   use attrito_reduce_project, only: project_matrix, project_vectors
   use attrito_reduce_report, only: reduction_options_type, reduction_report_type
   use attrito_reduce_split, only: interior_block, new_split, split_type
@@ -35,6 +35,8 @@ module attrito_reduce_reduction
 
   !> What the steps share, from the first to the last
   type :: workspace_type
+    !> model.h5
+    character(:), allocatable :: path
     type(split_type) :: split
     type(tMat) :: mass, stiffness, damping
     type(tMat) :: interior_mass, interior_stiffness
@@ -96,6 +98,7 @@ contains
     PetscErrorCode :: ierr
 
     report%read_seconds = -MPI_WTIME()
+    work%path = path
     ranks = new_communicator(comm)
     call open_file(file, comm, path, error)
     if (allocated(error)) return
@@ -252,10 +255,10 @@ contains
 
     report%project_seconds = -MPI_WTIME()
     associate (ranks => work%split%ranks, block_size => options%block_size)
-      call project_matrix(ranks, work%mass, work%basis, block_size, model%mass, error)
-      if (.not. allocated(error)) call project_matrix(ranks, work%stiffness, work%basis, block_size, model%stiffness, error)
+      call project_matrix(ranks, [work%mass], work%basis, block_size, model%mass, error)
+      if (.not. allocated(error)) call project_stiffness(work, block_size, model%stiffness, error)
       if (.not. allocated(error) .and. work%has_damping) &
-        call project_matrix(ranks, work%damping, work%basis, block_size, model%damping, error)
+        call project_matrix(ranks, [work%damping], work%basis, block_size, model%damping, error)
       if (allocated(error)) return
       call project_vectors(ranks, work%vectors, work%basis, model%reduced_vectors)
       call move_alloc(work%vectors, model%vectors)
@@ -265,6 +268,29 @@ contains
     call write_rom(path, work%split, model, work%basis, work%modes, report, options%block_size, error)
     report%write_seconds = report%write_seconds + MPI_WTIME()
   end subroutine project_and_write
+
+  !> The stiffness is read again, in slices that make its projection independent of rounding.
+  subroutine project_stiffness(work, block_size, reduced, error)
+    type(workspace_type), intent(in) :: work
+    integer, intent(in) :: block_size
+    real(wp), allocatable, intent(out) :: reduced(:, :)
+    type(error_type), allocatable, intent(out) :: error
+    type(hdf5_file_type) :: file
+    type(tMat) :: slices(2)
+    integer :: i
+    PetscErrorCode :: ierr
+
+    associate (ranks => work%split%ranks)
+      call open_file(file, ranks%handle, work%path, error)
+      if (allocated(error)) return
+      call read_sliced_matrix(file, ranks, 'stiffness', slices, error)
+      call close_file(file)
+      if (.not. allocated(error)) call project_matrix(ranks, slices, work%basis, block_size, reduced, error)
+      do i = 1, size(slices)
+        call MatDestroy(slices(i), ierr)
+      end do
+    end associate
+  end subroutine project_stiffness
 
   !> Release what PETSc holds.
   subroutine destroy(self)

@@ -214,7 +214,11 @@ def blocks() -> Job:
             }
         ],
         "load": [
-            {"name": "press", "kind": "static", "dofs": [[["node", "tip", "z"], -500.0]]},
+            {
+                "name": "press",
+                "kind": "static",
+                "dofs": [[["node", "tip", "z"], -500.0], [["node", "tip", "x"], 100.0]],
+            },
             {"name": "shake", "kind": "harmonic", "cosine": [[["node", "tip", "x"], 50.0]]},
         ],
         "balance": {"harmonics": 1, "samples": 64},

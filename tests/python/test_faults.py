@@ -305,9 +305,9 @@ JOB = [
         ("job.toml: [reduction] = 'given': expected none: all 2 dofs are boundary dofs",),
     ),
     Case(
-        "event quadrature",
-        put("balance", quadrature="event"),
-        ('job.toml: [balance] quadrature = \'event\': expected "sampled" ("event" is not in this version)',),
+        "automatic quadrature",
+        put("balance", quadrature="auto"),
+        ("job.toml: [balance] quadrature = 'auto': expected one of ", '("auto" is not in this version)'),
     ),
     Case(
         "automatic harmonics",
@@ -369,6 +369,11 @@ MODEL = [
         "a truncated Matrix Market file",
         put("model", stiffness="truncated.mtx"),
         ("truncated.mtx: [model] stiffness = ", ": expected a Matrix Market file"),
+    ),
+    Case(
+        "a Matrix Market file that ends after its header",
+        put("model", stiffness="header.mtx"),
+        ("header.mtx: [model] stiffness = 'nothing after the header': expected a Matrix Market file",),
     ),
     Case(
         "a stiffness without its mass",
@@ -603,6 +608,7 @@ ON_RANKS = [
     "a negative stiffness",
     "a matrix file that is missing",
     "a truncated Matrix Market file",
+    "a Matrix Market file that ends after its header",
     "an unsymmetric stiffness",
     "a mass that is not positive, found by the library",
     "contacts that leave a motion free, found by the library",
@@ -622,6 +628,7 @@ def faulty_files(tmp_path_factory) -> Path:
     scipy.io.mmwrite(folder / "K.mtx", STIFFNESS)
     text = (folder / "K.mtx").read_text()
     (folder / "truncated.mtx").write_text("\n".join(text.splitlines()[:-1]) + "\n")
+    (folder / "header.mtx").write_text(text.splitlines()[0] + "\n")
     scipy.io.mmwrite(folder / "nan.mtx", coo_matrix(np.diag([4.0e5, NAN])))
     scipy.io.mmwrite(folder / "large.mtx", eye(5000))
     (folder / "load.txt").write_text("1.0\n2.0\n3.0\n")

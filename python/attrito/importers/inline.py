@@ -22,4 +22,7 @@ def read_inline(rows: list[list[float]], key: str, file: str) -> csr_matrix:
     is_table = bool(rows) and all(isinstance(row, list) and len(row) == len(rows[0]) > 0 for row in rows)
     if not is_table or not all(isinstance(x, Real) and not isinstance(x, bool) for row in rows for x in row):
         raise InputError(Fault(file, key, rows, "rows of numbers, all of one length"))
-    return csr_matrix(np.array(rows, dtype=np.float64))
+    try:
+        return csr_matrix(np.array(rows, dtype=np.float64))
+    except OverflowError:
+        raise InputError(Fault(file, key, rows, "numbers that floating point can hold")) from None

@@ -1,0 +1,247 @@
+"""Jobs end to end through the command: the wedge of the paper, tables, ranks, branches, failures that are told."""
+
+from __future__ import annotations
+
+import math
+import re
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from jobs import attrito, blocks, chain, run, table, wedge, write_blocks, write_job
+
+POINT_COLUMNS = (
+    "point,branch,frequency_hz,converged,outcome,stable,unique,period,iterations,estimate,"
+    "x_amplitude,x_mean,x_low,x_high,y_amplitude,y_mean,y_low,y_high"
+)
+CONTACT_COLUMNS = (
+    "point,frequency_hz,contact,state,n_mean,n_min,n_low,n_high,t1_mean,t1_low,t1_high,{}"
+    "stick,slip,open,dissipated_energy,unique"
+)
+STIFFNESS_X = (2 * math.pi * 100.0) ** 2
+
+
+def shaken(force: float, contacts: int = 3, tangents: int = 1) -> dict[str, Any]:
+    """The chain, driven until its contacts slip."""
+    job = chain(contacts, tangents)
+    job["load"][1]["cosine"], job["load"][1]["sine"] = [[0, force]], [[(tangents - 1) * contacts, force / 2]]
+    return job
+
+
+def column(rows: list[dict[str, str]], name: str) -> np.ndarray:
+    """A column as numbers; empty is NaN."""
+    return np.array([float(row[name] or "nan") for row in rows])
+
+
+# --- the wedge -------------------------------------------------------------------------------------------------------
+
+
+def test_the_wedge_meets_the_figures_of_time_integration(tmp_path):
+    run(tmp_path, wedge())
+    (point,), (contact,) = table(tmp_path), table(tmp_path, "--contacts")
+    assert (point["outcome"], point["converged"], point["unique"]) == ("converged", "true", "true")
+    assert contact["state"] == "slipping"
+    found = [float(contact["t1_mean"]), float(contact["n_mean"]), float(point["x_mean"]), float(point["y_mean"])]
+    assert found == pytest.approx([-6.045, 23.724, -5.332e-5, 1.6515e-4], rel=5e-4)
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "load_path", "tangential", "normal"),
+    [(3.04e5, [0.0, 1.0], 14.24, 28.48), (3.0e5, [0.0, 2.5, 1.0], -11.28, 22.56)],
+    ids=["U1, a ramp", "U2, a path that overshoots"],
+)
+def test_the_uncoupled_approach_keeps_the_static_solution(tmp_path, stiffness, load_path, tangential, normal):
+    job = wedge(stiffness)
+    job["balance"]["approach"] = "uncoupled"
+    job["static"]["load_path"] = load_path
+    run(tmp_path, job)
+    (point,), (contact,) = table(tmp_path), table(tmp_path, "--contacts")
+    # Full contact: the mean of N is that of the static solution; T follows from equilibrium along x.
+    n = float(contact["n_mean"])
+    t = math.sqrt(2) * STIFFNESS_X * float(point["x_mean"]) + n
+    assert (t, n) == pytest.approx((tangential, normal), rel=1e-3)
+
+
+def test_the_coupled_mean_leaves_the_static_solution(tmp_path):
+    run(tmp_path, wedge())
+    (coupled,) = table(tmp_path)
+    job = wedge()
+    job["balance"]["approach"] = "uncoupled"
+    run(tmp_path, job)
+    (uncoupled,) = table(tmp_path)
+    assert float(coupled["x_mean"]) < 2 * float(uncoupled["x_mean"]) < 0
+
+
+# --- tables ----------------------------------------------------------------------------------------------------------
+
+
+def test_tables_have_the_columns_of_the_design(tmp_path):
+    run(tmp_path, wedge())
+    contact_columns = CONTACT_COLUMNS.format("t2_mean,t2_low,t2_high,")
+    for options, columns in ((), POINT_COLUMNS), (("--contacts",), contact_columns):
+        assert attrito(tmp_path, "table", "result.h5", *options).stdout.splitlines()[0] == columns
+
+
+def test_two_tangents_fill_their_columns(tmp_path):
+    job = shaken(40.0, tangents=2)
+    job["sweep"] = {"frequencies_hz": [80.0]}
+    run(tmp_path, job)
+    rows = table(tmp_path, "--contacts")
+    assert list(rows[0]) == CONTACT_COLUMNS.format("t2_mean,t2_low,t2_high,").split(",")
+    assert np.all(np.isfinite(column(rows, "t2_mean")))
+    assert column(rows, "stick") + column(rows, "slip") + column(rows, "open") == pytest.approx(1.0)
+
+
+def test_levels_add_a_column_and_a_branch_each(tmp_path):
+    job = shaken(20.0)
+    job["sweep"]["levels"] = [1.0, 2.0]
+    run(tmp_path, job)
+    rows = table(tmp_path)
+    assert list(rows[0])[-1] == "level"
+    assert {(row["branch"], row["level"]) for row in rows} == {("0", "1"), ("1", "2")}
+
+
+def test_both_directions_come_back_on_a_branch_of_their_own(tmp_path):
+    job = shaken(20.0)
+    job["continuation"] = {"both_directions": True}
+    run(tmp_path, job)
+    rows = table(tmp_path)
+    there, back = ([row for row in rows if row["branch"] == branch] for branch in ("0", "1"))
+    assert len(there) + len(back) == len(rows)
+    ends = [(float(part[0]["frequency_hz"]), float(part[-1]["frequency_hz"])) for part in (there, back)]
+    assert ends[0] == pytest.approx((85.0, 70.0))
+    assert ends[1] == pytest.approx((70.0, 85.0))
+    assert all(a["frequency_hz"] != b["frequency_hz"] for a, b in pairwise(there))
+
+
+# --- ranks and orders ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("tangents", [1, 2])
+def test_any_number_of_ranks_gives_the_same_tables(tmp_path, tangents):
+    # Three contacts: four ranks are more than there are contacts.
+    job = shaken(60.0, tangents=tangents)
+    run(tmp_path, job)
+    expected = table(tmp_path), table(tmp_path, "--contacts")
+    assert "slipping" in {row["state"] for row in expected[1]}
+    for ranks in (1, 2, 4):
+        run(tmp_path, job, ranks=ranks)
+        same_rows(table(tmp_path), expected[0])
+        same_rows(table(tmp_path, "--contacts"), expected[1])
+
+
+def test_a_reduced_model_gives_the_same_table_on_any_number_of_ranks(tmp_path):
+    write_blocks(tmp_path / "model.h5")
+    tables = []
+    for ranks in (None, 2, 4):
+        (tmp_path / "rom.h5").unlink(missing_ok=True)
+        run(tmp_path, blocks(), ranks=ranks)
+        tables.append(table(tmp_path))
+    same_rows(tables[1], tables[0])
+    same_rows(tables[2], tables[0])
+
+
+def same_rows(found: list[dict[str, str]], expected: list[dict[str, str]]) -> None:
+    """Words equal, numbers to 1e-10 of the largest of their column."""
+    assert len(found) == len(expected)
+    for name in expected[0]:
+        try:
+            numbers = column(found, name), column(expected, name)
+        except ValueError:
+            assert [row[name] for row in found] == [row[name] for row in expected], name
+            continue
+        scale = np.nanmax(np.abs(numbers[1]), initial=0.0)
+        np.testing.assert_allclose(*numbers, rtol=1e-10, atol=1e-10 * scale, err_msg=name)
+
+
+def test_the_order_of_loads_and_contacts_does_not_matter(tmp_path):
+    job = shaken(60.0)
+    job["sweep"] = {"frequencies_hz": [80.0, 76.0]}
+    run(tmp_path, job)
+    expected = table(tmp_path)
+    job["load"].reverse()
+    job["contact"].reverse()
+    run(tmp_path, job)
+    for name in ("end_amplitude", "end_mean"):
+        assert column(table(tmp_path), name) == pytest.approx(column(expected, name), rel=1e-9)
+
+
+# --- the slider ------------------------------------------------------------------------------------------------------
+
+
+def test_a_slider_that_is_kept_remembers_the_point_before(tmp_path):
+    means = {}
+    for slider in ("keep", "reset"):
+        job = wedge(force=1.0)
+        # Between two points where the contact is stuck stands one where it slipped.
+        job["load"][1]["cosine"] = [[0, -3.0], [1, 3.0]]
+        job["static"]["slider"] = slider
+        job["sweep"] = {"frequencies_hz": [200.0, 132.0, 200.0]}
+        run(tmp_path, job)
+        rows = table(tmp_path)
+        assert all(row["converged"] == "true" for row in rows)
+        means[slider] = column(rows, "x_mean")
+    assert means["reset"][2] == pytest.approx(means["reset"][0], rel=1e-9)
+    assert means["keep"][0] == pytest.approx(means["reset"][0], rel=1e-9)
+    assert abs(means["keep"][2] / means["keep"][0] - 1) > 0.1
+
+
+# --- points that fail, and files -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ranks", [None, 2])
+def test_a_point_that_does_not_converge_is_in_the_table_and_told(tmp_path, ranks):
+    job = wedge(force=500.0)
+    job["balance"] |= {"max_iterations": 2, "residual_tolerance": 1e-13}
+    job["sweep"] = {"frequencies_hz": [200.0, 120.0]}
+    done = run(tmp_path, job, ranks=ranks, code=1)
+    rows = table(tmp_path)
+    assert len(rows) == 2
+    failed = [row for row in rows if row["outcome"] == "not_converged"]
+    assert failed
+    assert all(row["converged"] == "false" for row in failed)
+    told = re.findall(r"attrito: job\.toml: result\.h5: (\d+) point\(s\) did not converge", done.stderr)
+    assert told == [str(len(failed))]
+    assert "Traceback" not in done.stderr
+
+
+def test_a_static_path_without_equilibrium_leaves_the_old_result(tmp_path):
+    (tmp_path / "result.h5").write_bytes(b"old")
+    job = wedge()
+    job["balance"]["max_iterations"] = 1
+    done = run(tmp_path, job, code=1)
+    assert done.stderr.startswith("attrito: job.toml: static load path, corner 2: no equilibrium found")
+    assert (tmp_path / "result.h5").read_bytes() == b"old"
+
+
+def test_a_rerun_replaces_the_result_only_when_it_is_complete(tmp_path):
+    run(tmp_path, wedge())
+    before = (tmp_path / "result.h5").read_bytes()
+    identity = (tmp_path / "result.h5").stat().st_ino
+    job = wedge()
+    job["contact"][0]["normal_stiffness"] = -1.0
+    run(tmp_path, job, code=2)
+    assert (tmp_path / "result.h5").read_bytes() == before
+    run(tmp_path, wedge(force=4.0))
+    # A new file took the old one's name: nobody ever read half of one.
+    assert (tmp_path / "result.h5").stat().st_ino != identity
+    assert not list(tmp_path.glob("*.partial"))
+
+
+def test_a_result_goes_to_the_folder_named_beside_the_job(tmp_path):
+    (tmp_path / "input").mkdir()
+    job = wedge()
+    job["output"]["file"] = "../out/wedge/wedge.h5"
+    write_job(tmp_path / "input", job)
+    assert attrito(tmp_path, "run", "input/job.toml").returncode == 0
+    assert len(table(tmp_path, result="out/wedge/wedge.h5")) == 1
+
+
+def test_a_reduced_model_is_made_once(tmp_path):
+    write_blocks(tmp_path / "model.h5")
+    assert "reducing 81 dofs" in run(tmp_path, blocks()).stdout
+    assert "rom.h5: up to date" in run(tmp_path, blocks()).stdout
+    job = blocks()
+    job["reduction"]["modes"] = 3
+    assert "reducing 81 dofs" in run(tmp_path, job).stdout
