@@ -149,7 +149,7 @@ class GeoScript:
         """Mirror a right half outline about x = 0 and extrude it along y; its volume is `name[1]`."""
         outline = right_half + [(-x, z) for x, z in reversed(right_half)]
         points = [self.point(x, -ROOT_HALF_LENGTH, z) for x, z in outline]
-        lines = [self.curve("Line", [a, b]) for a, b in zip(points, points[1:] + points[:1])]
+        lines = [self.curve("Line", [a, b]) for a, b in zip(points, points[1:] + points[:1], strict=True)]
         loop = self.loop(lines)
         # Surfaces of extrusions take numbers of their own: plane ones start far above them.
         self.add(f"Plane Surface({1000 + loop}) = {{{loop}}};")

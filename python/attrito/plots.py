@@ -190,20 +190,26 @@ def contact_map(result: Result, point: int) -> Figure:
         own = sets == name
         panels[name] = own, (position[own] - position[own].mean(axis=0)) @ frame[own].mean(axis=0)[:2].T
     kinds = (("o", opened <= 0), ("D", (opened > 0) & (opened < 1)), ("o", opened >= 1))
-    shapes = [np.ptp(seen, axis=0) for _, seen in panels.values()]
-    widths = [float(np.clip(2.6 * (shape[0] + 1e-9) / (shape[1] + 1e-9), 1.0, 4.0)) for shape in shapes]
+    shapes = [np.ptp(seen, axis=0) + 1e-9 for _, seen in panels.values()]
+    aspects = np.clip([shape[0] / shape[1] for shape in shapes], 0.25, 8.0)
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(sum(widths) + 0.7 * len(widths) + 1.2, 3.8), constrained_layout=True)
-        grid = figure.subplots(1, len(panels), squeeze=False, gridspec_kw={"width_ratios": widths})[0]
+        # Surfaces that are wider than high stand above each other, the others side by side.
+        if np.median(aspects) > 1.0:
+            heights = 5.0 / aspects + 0.6
+            figure = Figure(figsize=(6.8, heights.sum() + 0.8), constrained_layout=True)
+            grid = figure.subplots(len(panels), 1, squeeze=False, gridspec_kw={"height_ratios": heights})[:, 0]
+        else:
+            widths = 2.6 * aspects + 0.6
+            figure = Figure(figsize=(widths.sum() + 1.6, 3.8), constrained_layout=True)
+            grid = figure.subplots(1, len(panels), squeeze=False, gridspec_kw={"width_ratios": widths})[0]
         colours = ScalarMappable(Normalize(0, 1), "cividis")
         for axes, (name, (own, seen)) in zip(grid, panels.items(), strict=True):
             for index, (marker, among) in enumerate(kinds):
                 part = among[own]
                 face = "none" if index == 2 else colours.to_rgba(slip[own][part])
                 axes.scatter(*seen[part].T, color=face, marker=marker, edgecolor="k", s=42, linewidth=0.6)
-            axes.set(title=name, aspect="equal", xlabel="along t1")
-            axes.margins(0.15)
-        grid[0].set_ylabel("along t2")
+            axes.set(title=name, aspect="equal", xlabel="along t1", ylabel="along t2")
+            axes.margins(0.08, 0.2)
         hertz = result.dataset("/points/frequency_hz")[point]
         key = "\u25cf touching   \u25c6 parting   \u25cb open"
         figure.suptitle(f"Point {point}, {hertz:.6g} Hz    {key}", fontsize=9.5)

@@ -267,7 +267,7 @@ def sample_contact(
 
 
 def extrema(coefficients: np.ndarray) -> np.ndarray:
-    """Smallest and largest value over the period, `[..., 2]`, of trigonometric polynomials, `[..., 2 H + 1]`; located."""
+    """Smallest and largest value over the period, located: `[..., 2]` of polynomials `[..., 2 H + 1]`."""
     rows = np.ascontiguousarray(coefficients, dtype=float).reshape(-1, np.shape(coefficients)[-1])
     lowest, highest = np.zeros((2, len(rows)))
     library.load().attrito_extrema(*rows.shape, _pointer(rows), _pointer(lowest), _pointer(highest))

@@ -134,7 +134,7 @@ def write_one_element(folder: Path, kind: str) -> Path:
     """Matrices of one sheared element, written by CalculiX; ids have gaps and run downwards."""
     points = ELEMENTS[kind] @ SHEAR.T + ORIGIN
     ids = 1000 - 7 * np.arange(len(points))
-    nodes = "\n".join(f"{k}, {x!r}, {y!r}, {z!r}" for k, (x, y, z) in zip(ids.tolist(), points.tolist()))
+    nodes = "\n".join(f"{k}, {x!r}, {y!r}, {z!r}" for k, (x, y, z) in zip(ids.tolist(), points.tolist(), strict=True))
     words = [str(word) for word in (3, *ids.tolist())]
     element = ",\n".join(", ".join(words[k : k + 11]) for k in range(0, len(words), 11))
     (folder / "one.inp").write_text(
@@ -203,7 +203,7 @@ def test_gmsh_meshes_arrive_with_their_sets_once_surface_elements_are_deleted(tm
     (tmp_path / "box.inp").write_text(re.sub(r"\*ELEMENT, type=CPS8.*\n([^*].*\n)*", "", text))
     mesh = read_mesh(tmp_path / "box.inp")
     _, connectivity = mesh.elements["C3D20"]
-    position = dict(zip(mesh.node_ids.tolist(), mesh.coordinates))
+    position = dict(zip(mesh.node_ids.tolist(), mesh.coordinates, strict=True))
     corners = [position[node] for node in connectivity[0, :8].tolist()]
     middles = [position[node] for node in connectivity[0, 8:].tolist()]
     assert np.allclose(middles, [(corners[a] + corners[b]) / 2 for a, b in HEXA_EDGES])
@@ -234,7 +234,7 @@ def test_calculix_matrices_meet_its_own_frequencies(coarse_blade):
 
 def test_flank_nodes_of_the_blade_lie_on_those_of_the_slot(coarse_blade):
     model, _ = coarse_blade
-    position = dict(zip(model.node_ids.tolist(), model.coordinates))
+    position = dict(zip(model.node_ids.tolist(), model.coordinates, strict=True))
     for side in ("left", "right"):
         sets = [model.node_sets[f"{body}_{side}"].tolist() for body in ("root", "slot")]
         root, slot = (np.array([position[node] for node in nodes]) for nodes in sets)
