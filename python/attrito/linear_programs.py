@@ -37,6 +37,14 @@ class DualSimplex:
 
     def maximum(self, b: np.ndarray) -> float:
         """The maximum for one `b`, `[m]`; infinite if unbounded, NaN if no x fulfils A x <= b or it was not found."""
+        try:
+            return self._maximum(b)
+        except np.linalg.LinAlgError:
+            self._basis = self._box(len(self._c))
+            self._invert()
+            return np.nan
+
+    def _maximum(self, b: np.ndarray) -> float:
         largest = max(float(np.abs(b).max(initial=0.0)), np.finfo(float).tiny)
         limit = np.concatenate([b, np.full(2 * len(self._c), BOX * largest)])
         for _ in range(100 * len(limit)):
@@ -62,7 +70,10 @@ class DualSimplex:
             if multipliers.min() >= -SLACK:
                 return basis
             sides ^= multipliers < 0.0
-        # The sides of the box that c points at: dual feasible whatever A is.
+        return self._box(n)
+
+    def _box(self, n: int) -> np.ndarray:
+        """The sides of the box that c points at: dual feasible whatever A is."""
         return self._own + np.arange(n) + np.where(self._c >= 0.0, 0, n)
 
     def _pivot(self, entering: int) -> bool:

@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 
 from attrito import __version__
-from attrito.faults import NumericsError
+from attrito.faults import InputError, NumericsError
 from attrito.job import Job, read_job
 from attrito.parallel import on_root
 from attrito.progress import Progress
@@ -40,8 +40,6 @@ def reduce_job(comm: Comm, path: str) -> str:
     scene = _on_root_only(comm, lambda: build_scene(job))
     _say_notes(progress, scene)
     if rom_path(job) is None:
-        from attrito.faults import InputError
-
         raise InputError(job.fault("[reduction]", "missing", "this table, to say what to reduce to"))
     progress.reduction(make_rom(comm, job, scene, progress.say))
     return rom_path(job)
@@ -72,16 +70,20 @@ def run_job(comm: Comm, path: str) -> str:
         by_events=balance["quadrature"] == "event",
     )
     failed = 0
-    with Solver(comm, reduced, options) as solver:
-        on_root(comm, lambda: _write_root(partial, job, scene))
-        linear = _linear_responses(solver, job)
-        on_root(comm, lambda: _write_linear(partial, linear, reduced.monitor_names))
-        solver.open_result(partial)
-        progress.begin(len(reduced.mass), len(reduced.laws["tangents"]), linear)
-        for point in _points(solver, job, load_path, progress):
-            solver.write_point()
-            progress.point(point, reduced.monitor_names[0])
-            failed += point.outcome == "not_converged"
+    try:
+        with Solver(comm, reduced, options) as solver:
+            on_root(comm, lambda: _write_root(partial, job, scene))
+            linear = _linear_responses(solver, job)
+            on_root(comm, lambda: _write_linear(partial, linear, reduced.monitor_names))
+            solver.open_result(partial)
+            progress.begin(len(reduced.mass), len(reduced.laws["tangents"]), linear)
+            for point in _points(solver, job, load_path, progress):
+                solver.write_point()
+                progress.point(point, reduced.monitor_names[0])
+                failed += point.outcome == "not_converged"
+    except (InputError, NumericsError):
+        on_root(comm, lambda: Path(partial).unlink(missing_ok=True))
+        raise
     on_root(comm, lambda: write_bounds(partial, reduced))
     on_root(comm, lambda: os.replace(partial, result))
     progress.end(result, time.perf_counter() - started, failed)

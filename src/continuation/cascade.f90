@@ -7,19 +7,41 @@ module attrito_continuation_cascade
   use attrito_continuation_solver, only: solver_type
   implicit none
   private
-  public :: solve_by_cascade, march_parameter
+  public :: solve_by_cascade, march_along, way_type
 
   !> Smallest part of the way taken in one step
   real(wp), parameter :: smallest_step = 1.0_wp/128.0_wp
 
+  !> A way from 0 to 1 along which some parameter goes from where it is to where it should be.
+  type, abstract :: way_type
+  contains
+    procedure(solve_part), deferred :: solve
+  end type way_type
+
   abstract interface
-    !> Solve at a part t of the way from 0 to 1, and say whether it converged.
-    subroutine solve_part(t, converged)
-      import :: wp
+    !> Solve at a part t of the way, and say whether it converged.
+    subroutine solve_part(self, solver, t, converged)
+      import :: way_type, solver_type, wp
+      class(way_type), intent(in) :: self
+      type(solver_type), intent(inout) :: solver
       real(wp), intent(in) :: t
       logical, intent(out) :: converged
     end subroutine solve_part
   end interface
+
+  !> From one angular frequency to another
+  type, extends(way_type) :: frequency_way_type
+    real(wp) :: from = 0.0_wp, to = 0.0_wp
+  contains
+    procedure :: solve => solve_frequency
+  end type frequency_way_type
+
+  !> From no harmonic load to its level, at one angular frequency
+  type, extends(way_type) :: level_way_type
+    real(wp) :: omega = 0.0_wp, level = 1.0_wp
+  contains
+    procedure :: solve => solve_level
+  end type level_way_type
 
 contains
 
@@ -37,58 +59,29 @@ contains
     slider = solver%context%balance%slider
     from = solver%omega
     level = solver%context%balance%level
-    iterations = 0
-    call attempt_at(omega, converged)
-    if (converged) return
+    call solver%solve_at(omega)
+    if (solver%report%converged) return
+    iterations = solver%report%iterations
 
     call solver%context%balance%receptance%set_frequency(omega, status)
     solver%motion = solver%context%balance%linear_motion()
-    call attempt_at(omega, converged)
-    if (converged) return
-
-    call restore()
-    call march_parameter(frequency_part, converged)
-    if (converged) return
-
-    call restore()
-    solver%motion(2:, :) = 0.0_wp
-    call march_parameter(level_part, converged)
-    call set_level(level)
-    if (converged) return
-    call restore()
+    call solver%solve_at(omega)
+    iterations = iterations + solver%report%iterations
+    converged = solver%report%converged
+    if (.not. converged) then
+      call restore()
+      call march_along(frequency_way_type(from, omega), solver, iterations, converged)
+    end if
+    if (.not. converged) then
+      call restore()
+      solver%motion(2:, :) = 0.0_wp
+      call march_along(level_way_type(omega, level), solver, iterations, converged)
+      call solver%set_loads(solver%context%balance%static_factors, level)
+    end if
+    if (.not. converged) call restore()
+    solver%report%iterations = iterations
 
   contains
-
-    subroutine attempt_at(target, done)
-      real(wp), intent(in) :: target
-      logical, intent(out) :: done
-
-      call solver%solve_at(target)
-      iterations = iterations + solver%report%iterations
-      solver%report%iterations = iterations
-      done = solver%report%converged
-    end subroutine attempt_at
-
-    subroutine frequency_part(t, done)
-      real(wp), intent(in) :: t
-      logical, intent(out) :: done
-
-      call attempt_at(from + t*(omega - from), done)
-    end subroutine frequency_part
-
-    subroutine level_part(t, done)
-      real(wp), intent(in) :: t
-      logical, intent(out) :: done
-
-      call set_level(t*level)
-      call attempt_at(omega, done)
-    end subroutine level_part
-
-    subroutine set_level(value)
-      real(wp), intent(in) :: value
-
-      call solver%set_loads(solver%context%balance%static_factors, value)
-    end subroutine set_level
 
     subroutine restore()
       solver%motion = motion
@@ -97,9 +90,33 @@ contains
     end subroutine restore
   end subroutine solve_by_cascade
 
-  !> March a parameter from 0 to 1, halving the step where it fails.
-  subroutine march_parameter(solve, converged, first_step)
-    procedure(solve_part) :: solve
+  subroutine solve_frequency(self, solver, t, converged)
+    class(frequency_way_type), intent(in) :: self
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: t
+    logical, intent(out) :: converged
+
+    call solver%solve_at(self%from + t*(self%to - self%from))
+    converged = solver%report%converged
+  end subroutine solve_frequency
+
+  subroutine solve_level(self, solver, t, converged)
+    class(level_way_type), intent(in) :: self
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: t
+    logical, intent(out) :: converged
+
+    call solver%set_loads(solver%context%balance%static_factors, t*self%level)
+    call solver%solve_at(self%omega)
+    converged = solver%report%converged
+  end subroutine solve_level
+
+  !> March a way from 0 to 1, halving the step where it fails.
+  subroutine march_along(way, solver, iterations, converged, first_step)
+    class(way_type), intent(in) :: way
+    type(solver_type), intent(inout) :: solver
+    !> Counts on
+    integer, intent(inout) :: iterations
     logical, intent(out) :: converged
     !> A quarter unless given
     real(wp), intent(in), optional :: first_step
@@ -112,7 +129,8 @@ contains
     step = largest_step
     do while (reached < 1.0_wp)
       step = min(step, 1.0_wp - reached)
-      call solve(reached + step, done)
+      call way%solve(solver, reached + step, done)
+      iterations = iterations + solver%report%iterations
       if (done) then
         reached = merge(1.0_wp, reached + step, reached + step > 1.0_wp - 1.0e-9_wp)
         step = min(2.0_wp*step, largest_step)
@@ -122,5 +140,5 @@ contains
       end if
     end do
     converged = reached >= 1.0_wp
-  end subroutine march_parameter
+  end subroutine march_along
 end module attrito_continuation_cascade

@@ -7,11 +7,19 @@
 module attrito_continuation_static_path
   use attrito_core_errors, only: error_type, raise
   use attrito_core_kinds, only: wp
-  use attrito_continuation_cascade, only: march_parameter
+  use attrito_continuation_cascade, only: march_along, way_type
   use attrito_continuation_solver, only: solver_type
   implicit none
   private
   public :: walk_static_path
+
+  !> From one set of factors on the static loads to another, at one angular frequency
+  type, extends(way_type) :: load_way_type
+    real(wp), allocatable :: from(:), to(:)
+    real(wp) :: omega = 0.0_wp
+  contains
+    procedure :: solve => solve_loads
+  end type load_way_type
 
 contains
 
@@ -26,7 +34,7 @@ contains
     real(wp), intent(in) :: omega
     type(error_type), allocatable, intent(out) :: error
     real(wp) :: from(size(path, 1)), to(size(path, 1))
-    integer :: corner
+    integer :: corner, iterations
     logical :: converged
     character(120) :: where_it_failed
 
@@ -40,7 +48,8 @@ contains
       if (corner == 1 .and. all(abs(to - from) <= 0.0_wp)) cycle
       call solver%set_loads(to, 0.0_wp)
       call solver%set_scales(omega, omega)
-      call march_parameter(part_of_the_way, converged, 1.0_wp/steps)
+      iterations = 0
+      call march_along(load_way_type(from, to, omega), solver, iterations, converged, 1.0_wp/steps)
       if (.not. converged) then
         write (where_it_failed, '(a,i0,a)') 'static load path, corner ', corner, ': no equilibrium found'
         call raise(error, trim(where_it_failed)//' (do the loads open all contacts that hold a body?)')
@@ -49,24 +58,19 @@ contains
       from = to
     end do
     solver%static_slider = solver%context%balance%slider
-    if (solver%options%uncoupled) solver%context%balance%frozen_mean = static_mean()
-
-  contains
-
-    subroutine part_of_the_way(t, done)
-      real(wp), intent(in) :: t
-      logical, intent(out) :: done
-
-      call solver%set_loads(from + t*(to - from), 0.0_wp)
-      call solver%solve_at(omega)
-      done = solver%report%converged
-    end subroutine part_of_the_way
-
-    !> Mean of the generalised coordinates of the last static solution.
-    function static_mean() result(mean)
-      complex(wp), allocatable :: mean(:)
-
-      mean = solver%context%balance%response(:, lbound(solver%context%balance%response, 2))
-    end function static_mean
+    associate (response => solver%context%balance%response)
+      if (solver%options%uncoupled) solver%context%balance%frozen_mean = response(:, lbound(response, 2))
+    end associate
   end subroutine walk_static_path
+
+  subroutine solve_loads(self, solver, t, converged)
+    class(load_way_type), intent(in) :: self
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: t
+    logical, intent(out) :: converged
+
+    call solver%set_loads(self%from + t*(self%to - self%from), 0.0_wp)
+    call solver%solve_at(self%omega)
+    converged = solver%report%converged
+  end subroutine solve_loads
 end module attrito_continuation_static_path

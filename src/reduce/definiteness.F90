@@ -42,12 +42,12 @@ contains
     if (allocated(error)) return
     if (factor%zero > 0 .or. abs(smallest) < rounding) then
       write (evidence, '(a, i0, a, es7.1, a)') '(', factor%zero, ' zero pivots, smallest eigenvalue ', abs(smallest), ')'
-      call raise(error, 'a rigid motion or mechanism stays free with the boundary held ' // trim(evidence) // &
-                 ': constrain the model or add boundary nodes', fault_of_input)
+      call raise(error, 'stiffness: a rigid motion or mechanism stays free with the boundary held ' // trim(evidence) // &
+                 ': expected a constrained model, or more nodes in [reduction] boundary', fault_of_input)
     else if (factor%negative > 0) then
       write (evidence, '(a, i0, a)') '(', factor%negative, ' negative pivots)'
-      call raise(error, 'the stiffness is not positive with the boundary held ' // trim(evidence) // &
-                 ': is it really a stiffness, and is the structure stable under its static load?', fault_of_input)
+      call raise(error, 'stiffness: not positive with the boundary held ' // trim(evidence) // &
+                 ': expected that of a structure which is stable under its static load', fault_of_input)
     end if
   end subroutine check_definite
 

@@ -1,3 +1,49 @@
+!> Ways to march that fail on purpose.
+module ways
+  use attrito_core_kinds, only: wp
+  use attrito_continuation_cascade, only: way_type
+  use attrito_continuation_solver, only: solver_type
+  implicit none
+  private
+  public :: small_steps_type, walled_type, reached
+
+  type, extends(way_type) :: small_steps_type
+  contains
+    procedure :: solve => by_small_steps
+  end type small_steps_type
+
+  type, extends(way_type) :: walled_type
+  contains
+    procedure :: solve => not_beyond_half
+  end type walled_type
+
+  !> Where the last success stands
+  real(wp) :: reached = 0.0_wp
+
+contains
+
+  !> Succeeds only if a sixteenth or less ahead.
+  subroutine by_small_steps(self, solver, t, converged)
+    class(small_steps_type), intent(in) :: self
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: t
+    logical, intent(out) :: converged
+
+    converged = t - reached <= 1.0_wp/16.0_wp + 1.0e-12_wp
+    if (converged) reached = t
+  end subroutine by_small_steps
+
+  subroutine not_beyond_half(self, solver, t, converged)
+    class(walled_type), intent(in) :: self
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: t
+    logical, intent(out) :: converged
+
+    converged = t <= 0.5_wp
+    if (converged) reached = t
+  end subroutine not_beyond_half
+end module ways
+
 !> Branches over frequency: every point solved, folds passed, the same points whichever way they are reached.
 program test_branches
   use attrito_core_errors, only: error_type
@@ -5,13 +51,14 @@ program test_branches
   use attrito_model_structure, only: damping_none
   use attrito_balance_receptance, only: to_real
   use attrito_continuation_arc_length, only: sweep_type, new_sweep
-  use attrito_continuation_cascade, only: march_parameter
+  use attrito_continuation_cascade, only: march_along
   use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
   use attrito_continuation_static_path, only: walk_static_path
   use scenes, only: scene_type, wedge, one_sided_oscillator
   use session, only: run_in_session, only_me
   use testing, only: test, check, check_close
   use uncondensed, only: residual_of
+  use ways, only: small_steps_type, walled_type, reached
   implicit none
 
   !> A point of a branch
@@ -22,7 +69,6 @@ program test_branches
   end type point_type
 
   !> How far the march of a parameter has come, for the steps that it is given
-  real(wp) :: reached
 
   call run_in_session('branches', [ &
                       test('a sweep of the wedge reaches its stop with every point solved', wedge_sweep), &
@@ -168,31 +214,17 @@ contains
 
   subroutine march(error)
     type(error_type), allocatable, intent(out) :: error
+    type(solver_type) :: nobody
+    integer :: iterations
     logical :: converged
 
     reached = 0.0_wp
-    call march_parameter(by_small_steps, converged)
+    iterations = 0
+    call march_along(small_steps_type(), nobody, iterations, converged)
     call check(error, converged, 'it does not arrive by small steps')
     call check_close(error, reached, 1.0_wp, 1.0e-9_wp, 'the end')
     reached = 0.0_wp
-    call march_parameter(not_beyond_half, converged)
+    call march_along(walled_type(), nobody, iterations, converged)
     call check(error, .not. converged .and. reached <= 0.5_wp, 'it claims to have passed a wall')
   end subroutine march
-
-  !> Succeeds only if a sixteenth or less ahead.
-  subroutine by_small_steps(t, done)
-    real(wp), intent(in) :: t
-    logical, intent(out) :: done
-
-    done = t - reached <= 1.0_wp/16.0_wp + 1.0e-12_wp
-    if (done) reached = t
-  end subroutine by_small_steps
-
-  subroutine not_beyond_half(t, done)
-    real(wp), intent(in) :: t
-    logical, intent(out) :: done
-
-    done = t <= 0.5_wp
-    if (done) reached = t
-  end subroutine not_beyond_half
 end program test_branches
