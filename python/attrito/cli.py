@@ -21,7 +21,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code."""
     options = _parser().parse_args(arguments)
-    parallel = options.command in ("run", "reduce")
+    parallel = options.command in ("run", "reduce", "integrate")
     try:
         options.work(options)
     except InputError as error:
@@ -29,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         place = "" if error.faults else f"{options.job}: "
         return _tell(f"{place}{error}", 2, parallel)
     except NumericsError as error:
-        return _tell(str(error), 1, parallel)
+        return _tell(f"{options.job}: {error}" if parallel else str(error), 1, parallel)
     except BrokenPipeError:
         sys.stderr.close()
         return 0
@@ -88,6 +88,10 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument("job", help="job file (TOML)")
     one.set_defaults(work=_run)
 
+    one = commands.add_parser("integrate", help="a job integrated in time -> group /integration of its output file")
+    one.add_argument("job", help="job file (TOML)")
+    one.set_defaults(work=_integrate)
+
     one = commands.add_parser("table", help="result.h5 -> CSV on standard output")
     one.add_argument("result", help="result file")
     kind = one.add_mutually_exclusive_group()
@@ -107,6 +111,13 @@ def _parser() -> argparse.ArgumentParser:
         "--contact", type=int, nargs="+", help="contacts of the loops (default: those that dissipate most)"
     )
     one.set_defaults(work=_plot)
+
+    one = commands.add_parser("verify", help="reproduce Zucca & Firrone 2014: figures, data, and a table of numbers")
+    one.add_argument("what", choices=["paper"], help="what to reproduce")
+    one.add_argument("-o", "--output", metavar="DIR", default="out/paper", help="folder to write (default: out/paper)")
+    one.add_argument("--harmonics", type=int, default=5, help="harmonics of the balance (default: 5, as in the paper)")
+    one.add_argument("--quick", action="store_true", help="coarse curves, and nothing that needs many harmonics")
+    one.set_defaults(work=_verify)
 
     one = commands.add_parser("export", help="full-field shape at a point -> VTU")
     one.add_argument("result", help="result file")
@@ -145,6 +156,14 @@ def _run(options: argparse.Namespace) -> None:
     from attrito.run import run_job
 
     run_job(MPI.COMM_WORLD, options.job)
+
+
+def _integrate(options: argparse.Namespace) -> None:
+    from mpi4py import MPI
+
+    from attrito.integrate import integrate_job
+
+    integrate_job(MPI.COMM_WORLD, options.job)
 
 
 def _table(options: argparse.Namespace) -> None:
@@ -189,6 +208,14 @@ def _export(options: argparse.Namespace) -> None:
         rom = result.attribute("rom_file") or None
         notes = export_point(result, point, read_model(model, matrices=False), path, rom)
     print("\n".join([path, *(f"  {note}" for note in notes)]))
+
+
+def _verify(options: argparse.Namespace) -> None:
+    from attrito.verify import verify_paper
+
+    if options.harmonics < 1:
+        raise InputError(Fault("verify", "--harmonics", options.harmonics, "at least 1"))
+    verify_paper(options.output, options.harmonics, options.quick)
 
 
 def _monitor(result, options: argparse.Namespace) -> str:

@@ -11,7 +11,8 @@ module attrito_contact_event_march
   use attrito_core_kinds, only: wp, two_pi
   use attrito_model_contacts, only: contact_type
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open
-  use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, roots_of, basis_at, slope_at, root_between
+  use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, roots_of, basis_at, slope_at, root_between, &
+                                                 differentiated
   implicit none
   private
   public :: event_motion_type, interval_type, new_event_motion, march_events
@@ -57,8 +58,8 @@ contains
     self%slope = law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness
     self%lower = self%u - law%friction_coefficient/law%tangential_stiffness*self%normal
     self%upper = self%u + law%friction_coefficient/law%tangential_stiffness*self%normal
-    self%cuts = sorted([0.0_wp, two_pi, roots_of(self%normal, grid), roots_of(derivative(self%lower), grid), &
-                        roots_of(derivative(self%upper), grid)])
+    self%cuts = sorted([0.0_wp, two_pi, roots_of(self%normal, grid), roots_of(differentiated(self%lower), grid), &
+                        roots_of(differentiated(self%upper), grid)])
     allocate (self%closed(size(self%cuts) - 1), self%lower_rises(size(self%cuts) - 1), self%upper_falls(size(self%cuts) - 1))
     ! A contact that just touches counts as closed, as with samples.
     least = -1.0e-14_wp*sum(abs(self%normal))
@@ -167,18 +168,6 @@ contains
 
     value_of = dot_product(coefficients, basis_at(theta, (size(coefficients) - 1)/2))
   end function value_of
-
-  !> Coefficients of the derivative by theta.
-  pure function derivative(coefficients)
-    real(wp), intent(in) :: coefficients(:)
-    real(wp) :: derivative(size(coefficients))
-    integer :: h
-
-    derivative(1) = 0.0_wp
-    do h = 1, (size(coefficients) - 1)/2
-      derivative(2*h:2*h + 1) = h*[coefficients(2*h + 1), -coefficients(2*h)]
-    end do
-  end function derivative
 
   !> Ascending order, by insertion: a handful of numbers.
   pure function sorted(values)

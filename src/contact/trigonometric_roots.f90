@@ -7,7 +7,7 @@ module attrito_contact_trigonometric_roots
   use attrito_core_kinds, only: wp, two_pi
   implicit none
   private
-  public :: trigonometric_grid_type, new_grid, roots_of, basis_at, slope_at, root_between
+  public :: trigonometric_grid_type, new_grid, roots_of, basis_at, slope_at, root_between, differentiated
 
   type :: trigonometric_grid_type
     !> Grid points, from 0 to 2 pi, both included [M]

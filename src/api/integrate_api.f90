@@ -1,0 +1,250 @@
+!> C interface of time integration: a handle on the reduced scene, runs on it, and what each run has left.
+!>
+!> Arrays are C's: the last index runs fastest, so a Fortran array here has its dimensions the other way round.
+module attrito_api_integrate
+  use, intrinsic :: iso_c_binding
+  use attrito_core_errors, only: error_type
+  use attrito_core_kinds, only: wp
+  use attrito_model_contacts, only: contact_type, contacts_type, new_contacts
+  use attrito_model_structure, only: structure_type
+  use attrito_integrate_loading, only: new_profile
+  use attrito_integrate_run, only: run_options_type, orbit_type, integrate
+  use attrito_integrate_static_walk, only: walk
+  use attrito_integrate_system, only: system_type, new_system
+  use attrito_api_message, only: tell
+  implicit none
+  private
+
+  type :: session_type
+    type(structure_type) :: structure
+    type(contacts_type) :: contacts
+    type(system_type) :: system
+    type(orbit_type) :: orbit
+    !> Start: modal displacement, its rate by the clock, sliders
+    real(wp), allocatable :: motion(:), rate(:), slider(:, :)
+  end type session_type
+
+  type, bind(c) :: law_type
+    integer(c_int) :: tangents
+    real(c_double) :: tangential_stiffness, normal_stiffness, friction_coefficient, gap, preload
+  end type law_type
+
+  type, bind(c) :: scene_type
+    integer(c_int) :: size, contacts, rows, statics, coefficients, monitors, damping_kind
+    real(c_double) :: damping_value
+    !> [m, m]; damping may be null
+    type(c_ptr) :: mass, stiffness, damping
+    !> [contacts], [rows, m], [statics, m], [coefficients, m], [monitors, m]
+    type(c_ptr) :: laws, directions, static_loads, harmonic_load, monitor_rows
+  end type scene_type
+
+  !> See `run_options_type`
+  type, bind(c) :: options_type
+    integer(c_int) :: scheme, steps_per_period, cycles, fewest, multiples, samples, whole_run, static_knots, harmonic_knots
+    real(c_double) :: omega, level, dissipation, tolerance
+    !> [statics], [knots, 2]
+    type(c_ptr) :: static_factors, static_profile, harmonic_profile
+  end type options_type
+
+  !> See `orbit_type`
+  type, bind(c) :: report_type
+    integer(c_int) :: outcome, period, cycles, events, chatter, samples
+    real(c_double) :: defect, contraction, amplitude, work, damping, seconds
+  end type report_type
+
+contains
+
+  !> A session on a scene at rest, unloaded.
+  integer(c_int) function attrito_integrator_create(scene, handle, message, length) result(status) bind(c)
+    type(scene_type), intent(in) :: scene
+    type(c_ptr), intent(out) :: handle
+    integer(c_int), value :: length
+    character(kind=c_char), intent(out) :: message(length)
+    type(session_type), pointer :: session
+    type(law_type), pointer :: laws(:)
+    type(error_type), allocatable :: error
+    integer :: i
+
+    allocate (session)
+    handle = c_loc(session)
+    associate (structure => session%structure, m => scene%size)
+      structure%mass = matrix(scene%mass, m, m)
+      structure%stiffness = matrix(scene%stiffness, m, m)
+      structure%damping_kind = scene%damping_kind
+      structure%damping_value = scene%damping_value
+      if (c_associated(scene%damping)) structure%damping = matrix(scene%damping, m, m)
+      structure%static_loads = matrix(scene%static_loads, m, scene%statics)
+      structure%harmonic_load = matrix(scene%harmonic_load, m, scene%coefficients)
+      structure%monitors = matrix(scene%monitor_rows, m, scene%monitors)
+      call c_f_pointer(scene%laws, laws, [scene%contacts])
+      session%contacts = new_contacts([(law_of(laws(i)), i=1, scene%contacts)], matrix(scene%directions, m, scene%rows))
+    end associate
+    call new_system(session%structure, session%contacts, session%system, error)
+    status = tell(error, message)
+    if (allocated(error)) return
+    allocate (session%motion(scene%size), session%rate(scene%size), session%slider(2, scene%contacts), source=0.0_wp)
+  end function attrito_integrator_create
+
+  !> Start from the end of a static load path [corners, statics], walked from rest with given sliders [contacts, 2] (or null: 0).
+  integer(c_int) function attrito_integrator_start_static(handle, statics, corners, path, steps, slider, message, length) &
+    result(status) bind(c)
+    type(c_ptr), value :: handle, slider
+    integer(c_int), value :: statics, corners, steps, length
+    real(c_double), intent(in) :: path(statics, corners)
+    character(kind=c_char), intent(out) :: message(length)
+    type(session_type), pointer :: session
+    type(error_type), allocatable :: error
+
+    call c_f_pointer(handle, session)
+    session%slider = 0.0_wp
+    if (c_associated(slider)) session%slider = matrix(slider, 2, size(session%contacts%law))
+    session%rate = 0.0_wp
+    call walk(session%system, path, steps, session%motion, session%slider, error)
+    status = tell(error, message)
+  end function attrito_integrator_start_static
+
+  !> Start from a state in the scene's coordinates: displacement [m], velocity [m], sliders [contacts, 2].
+  subroutine attrito_integrator_start(handle, size_of_scene, displacement, velocity, slider) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: size_of_scene
+    real(c_double), intent(in) :: displacement(size_of_scene), velocity(size_of_scene), slider(2, *)
+    type(session_type), pointer :: session
+
+    call c_f_pointer(handle, session)
+    session%motion = matmul(displacement, session%system%weighted)
+    session%rate = matmul(velocity, session%system%weighted)/session%system%clock
+    session%slider = slider(:, :size(session%contacts%law))
+  end subroutine attrito_integrator_start
+
+  !> The state as it stands, after the start or the last run.
+  subroutine attrito_integrator_state(handle, size_of_scene, displacement, velocity, slider) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: size_of_scene
+    real(c_double), intent(out) :: displacement(size_of_scene), velocity(size_of_scene), slider(2, *)
+    type(session_type), pointer :: session
+
+    call c_f_pointer(handle, session)
+    displacement = matmul(session%system%modes, session%motion)
+    velocity = matmul(session%system%modes, session%rate)*session%system%clock
+    slider(:, :size(session%contacts%law)) = session%slider
+  end subroutine attrito_integrator_state
+
+  !> Integrate until steady; the session then stands at the end of the run.
+  integer(c_int) function attrito_integrator_run(handle, options, report, message, length) result(status) bind(c)
+    type(c_ptr), value :: handle
+    type(options_type), intent(in) :: options
+    type(report_type), intent(out) :: report
+    integer(c_int), value :: length
+    character(kind=c_char), intent(out) :: message(length)
+    type(session_type), pointer :: session
+    type(error_type), allocatable :: error
+    integer(c_int64_t) :: from, to, ticks
+
+    call c_f_pointer(handle, session)
+    call system_clock(from, ticks)
+    call integrate(session%system, options_of(options, size(session%structure%static_loads, 2)), session%motion, session%rate, &
+                   session%slider, session%orbit, error)
+    call system_clock(to)
+    status = tell(error, message)
+    if (allocated(error)) return
+    associate (orbit => session%orbit)
+      session%motion = orbit%state%motion
+      session%rate = orbit%state%rate
+      session%slider = orbit%state%slider
+      report = report_type(orbit%outcome, orbit%period, orbit%cycles, orbit%events, orbit%chatter, orbit%recorded%taken, &
+                           orbit%defect, orbit%contraction, orbit%amplitude, orbit%recorded%work, orbit%recorded%damping, &
+                           real(to - from, wp)/real(ticks, wp))
+    end associate
+  end function attrito_integrator_run
+
+  !> Measures of the recorded period: monitors [monitors, 3] mean, lowest, highest; mean force of rows [rows]; contacts
+  !> [contacts, 5] shares of stick, slip, open, smallest normal force, energy dissipated a period of the excitation.
+  subroutine attrito_integrator_measures(handle, monitors, forces, contacts) bind(c)
+    type(c_ptr), value :: handle
+    real(c_double), intent(out) :: monitors(3, *), forces(*), contacts(5, *)
+    type(session_type), pointer :: session
+    integer :: i
+
+    call c_f_pointer(handle, session)
+    associate (recorded => session%orbit%recorded)
+      do i = 1, size(recorded%low)
+        monitors(:, i) = [recorded%integral(i)/recorded%time, recorded%low(i), recorded%high(i)]
+      end do
+      forces(:size(recorded%force_integral)) = recorded%force_integral/recorded%time
+      do i = 1, size(recorded%friction)
+        contacts(:3, i) = recorded%time_in(:, i)/recorded%time
+        contacts(4:, i) = [recorded%lowest_normal(i), recorded%friction(i)/max(1, session%orbit%period)]
+      end do
+    end associate
+  end subroutine attrito_integrator_measures
+
+  !> Samples: seconds [samples], monitors [samples, monitors], displacement and force of rows [samples, rows], regimes
+  !> [samples, contacts].
+  subroutine attrito_integrator_samples(handle, time, monitors, displacement, force, regime) bind(c)
+    type(c_ptr), value :: handle
+    real(c_double), intent(out) :: time(*), monitors(*), displacement(*), force(*)
+    integer(c_int), intent(out) :: regime(*)
+    type(session_type), pointer :: session
+    integer :: n
+
+    call c_f_pointer(handle, session)
+    associate (recorded => session%orbit%recorded)
+      n = recorded%taken
+      time(:n) = recorded%time_of(:n)
+      monitors(:n*size(recorded%monitor, 1)) = reshape(recorded%monitor(:, :n), [n*size(recorded%monitor, 1)])
+      displacement(:n*size(recorded%force, 1)) = reshape(recorded%displacement(:, :n), [n*size(recorded%force, 1)])
+      force(:n*size(recorded%force, 1)) = reshape(recorded%force(:, :n), [n*size(recorded%force, 1)])
+      regime(:n*size(recorded%regime, 1)) = reshape(recorded%regime(:, :n), [n*size(recorded%regime, 1)])
+    end associate
+  end subroutine attrito_integrator_samples
+
+  !> Give everything back.
+  subroutine attrito_integrator_destroy(handle) bind(c)
+    type(c_ptr), value :: handle
+    type(session_type), pointer :: session
+
+    call c_f_pointer(handle, session)
+    deallocate (session)
+  end subroutine attrito_integrator_destroy
+
+  function options_of(given, statics) result(options)
+    type(options_type), intent(in) :: given
+    integer, intent(in) :: statics
+    type(run_options_type) :: options
+
+    options%omega = given%omega
+    options%level = given%level
+    options%static_factors = reshape(matrix(given%static_factors, statics, 1), [statics])
+    options%static_profile = new_profile(matrix(given%static_profile, 2, given%static_knots))
+    options%harmonic_profile = new_profile(matrix(given%harmonic_profile, 2, given%harmonic_knots))
+    options%scheme = given%scheme
+    options%steps_per_period = given%steps_per_period
+    options%dissipation = given%dissipation
+    options%cycles = given%cycles
+    options%fewest = given%fewest
+    options%multiples = given%multiples
+    options%tolerance = given%tolerance
+    options%samples = given%samples
+    options%whole_run = given%whole_run /= 0
+  end function options_of
+
+  !> A copy of a C array [columns, rows].
+  function matrix(address, rows, columns) result(copy)
+    type(c_ptr), intent(in) :: address
+    integer, intent(in) :: rows, columns
+    real(wp) :: copy(rows, columns)
+    real(c_double), pointer :: there(:, :)
+
+    if (size(copy) == 0) return
+    call c_f_pointer(address, there, [rows, columns])
+    copy = there
+  end function matrix
+
+  pure function law_of(law) result(contact)
+    type(law_type), intent(in) :: law
+    type(contact_type) :: contact
+
+    contact = contact_type(law%tangents, law%tangential_stiffness, law%normal_stiffness, law%friction_coefficient, law%gap, &
+                           law%preload)
+  end function law_of
+end module attrito_api_integrate

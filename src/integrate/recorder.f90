@@ -1,0 +1,210 @@
+!> What happens over some periods, from the polynomials of each segment: integrals and located extrema, so that nothing depends on
+!> how densely anything is sampled; and samples for pictures.
+!>
+!> $$ W = \int f \cdot \dot q\, dt, \qquad E_v = \int \dot q^T C \dot q\, dt, \qquad
+!>    E_f = \int T \dot w\, dt = \int T \dot u\, dt - \Big[ \frac{T^2}{2 k_t} \Big] $$
+module attrito_integrate_recorder
+  use attrito_core_kinds, only: wp
+  use attrito_integrate_loading, only: loading_type
+  use attrito_integrate_polynomial, only: sign_changes, value, product_integral
+  use attrito_integrate_segment, only: segment_type
+  use attrito_integrate_system, only: system_type
+  implicit none
+  private
+  public :: recorder_type, new_recorder, record
+
+  type :: recorder_type
+    !> Integrals and extrema; samples
+    logical :: measures = .false., samples = .false.
+    !> Time recorded, units of the clock
+    real(wp) :: time = 0.0_wp
+    !> Lowest, highest value and integral of each monitor [monitors]
+    real(wp), allocatable :: low(:), high(:), integral(:)
+    !> Integral of each row's force [rows], smallest normal force [contacts]
+    real(wp), allocatable :: force_integral(:), lowest_normal(:)
+    !> Time spent in each regime [0:2, contacts]
+    real(wp), allocatable :: time_in(:, :)
+    !> Energy dissipated by friction [contacts]; by damping; work of the loads
+    real(wp), allocatable :: friction(:)
+    real(wp) :: damping = 0.0_wp, work = 0.0_wp
+    !> Samples per period, and samples taken so far
+    integer :: per_period = 0, taken = 0
+    !> Seconds [room], monitors [monitors, room], displacement and force of rows [rows, room], regime [contacts, room]
+    real(wp), allocatable :: time_of(:), monitor(:, :), displacement(:, :), force(:, :)
+    integer, allocatable :: regime(:, :)
+  end type recorder_type
+
+contains
+
+  !> A recorder that has seen nothing.
+  pure function new_recorder(system, per_period, room) result(self)
+    type(system_type), intent(in) :: system
+    !> Samples per period, and how many to make room for
+    integer, intent(in) :: per_period, room
+    type(recorder_type) :: self
+    integer :: monitors, rows, contacts
+
+    monitors = size(system%monitors, 2)
+    rows = size(system%springs)
+    contacts = size(system%law)
+    allocate (self%low(monitors), source=huge(1.0_wp))
+    allocate (self%high(monitors), source=-huge(1.0_wp))
+    allocate (self%integral(monitors), self%force_integral(rows), self%friction(contacts), self%time_in(0:2, contacts), &
+              source=0.0_wp)
+    allocate (self%lowest_normal(contacts), source=huge(1.0_wp))
+    self%per_period = per_period
+    allocate (self%time_of(room), self%monitor(monitors, room), self%displacement(rows, room), self%force(rows, room), &
+              source=0.0_wp)
+    allocate (self%regime(contacts, room), source=0)
+  end function new_recorder
+
+  !> Take one segment in.
+  pure subroutine record(self, system, loading, segment)
+    type(recorder_type), intent(inout) :: self
+    type(system_type), intent(in) :: system
+    type(loading_type), intent(in) :: loading
+    type(segment_type), intent(in) :: segment
+
+    if (self%measures) then
+      self%time = self%time + segment%length
+      call measure_monitors(self, system, segment)
+      call measure_contacts(self, system, segment)
+      call measure_energies(self, system, segment)
+    end if
+    if (self%samples) call take_samples(self, system, loading, segment)
+  end subroutine record
+
+  pure subroutine measure_monitors(self, system, segment)
+    type(recorder_type), intent(inout) :: self
+    type(system_type), intent(in) :: system
+    type(segment_type), intent(in) :: segment
+    real(wp) :: polynomial(0:ubound(segment%motion, 2)), range(2)
+    integer :: monitor
+
+    do monitor = 1, size(self%low)
+      polynomial = matmul(system%monitors(:, monitor), segment%motion)
+      range = range_of(polynomial, segment)
+      self%low(monitor) = min(self%low(monitor), range(1))
+      self%high(monitor) = max(self%high(monitor), range(2))
+      self%integral(monitor) = self%integral(monitor) + product_integral(polynomial, [1.0_wp], segment%length)
+    end do
+  end subroutine measure_monitors
+
+  pure subroutine measure_contacts(self, system, segment)
+    type(recorder_type), intent(inout) :: self
+    type(system_type), intent(in) :: system
+    type(segment_type), intent(in) :: segment
+    real(wp) :: range(2), h
+    integer :: i, row
+
+    h = segment%length
+    do row = 1, size(self%force_integral)
+      self%force_integral(row) = self%force_integral(row) + product_integral(segment%force(:, row), [1.0_wp], h)
+    end do
+    do i = 1, size(system%law)
+      associate (law => system%law(i), spent => self%time_in(segment%regime(i), i))
+        spent = spent + h
+        range = range_of(segment%force(:, law%first_row + law%tangents), segment)
+        self%lowest_normal(i) = min(self%lowest_normal(i), max(range(1), 0.0_wp))
+        do row = law%first_row, law%first_row + law%tangents - 1
+          self%friction(i) = self%friction(i) + work_of(segment%force(:, row), segment%displacement(:, row), h) &
+                             - (value(segment%force(:, row), h)**2 - segment%force(0, row)**2)/(2.0_wp*law%tangential_stiffness)
+        end do
+      end associate
+    end do
+  end subroutine measure_contacts
+
+  pure subroutine measure_energies(self, system, segment)
+    type(recorder_type), intent(inout) :: self
+    type(system_type), intent(in) :: system
+    type(segment_type), intent(in) :: segment
+    real(wp) :: rate(size(segment%motion, 1), 0:ubound(segment%motion, 2)), damped(size(segment%motion, 1)), clock2
+    real(wp), allocatable :: drag(:, :)
+    integer :: r, k
+
+    clock2 = system%clock**2
+    rate = 0.0_wp
+    do k = 0, ubound(rate, 2) - 1
+      rate(:, k) = (k + 1)*segment%motion(:, k + 1)
+    end do
+    drag = rate*spread(system%damping, 2, size(rate, 2))
+    if (allocated(system%coupling)) drag = drag + matmul(system%coupling, rate)
+    do r = 1, size(damped)
+      self%damping = self%damping + clock2*product_integral(drag(r, :), rate(r, :), segment%length)
+      self%work = self%work + clock2*product_integral(segment%load(r, :), rate(r, :), segment%length)
+    end do
+  end subroutine measure_energies
+
+  !> Integral of force times rate of displacement over [0, h].
+  pure real(wp) function work_of(force, displacement, h)
+    real(wp), intent(in) :: force(0:), displacement(0:), h
+    real(wp) :: rate(0:ubound(displacement, 1))
+    integer :: k
+
+    rate = 0.0_wp
+    do k = 0, ubound(rate, 1) - 1
+      rate(k) = (k + 1)*displacement(k + 1)
+    end do
+    work_of = product_integral(force, rate, h)
+  end function work_of
+
+  !> Smallest and largest value of a polynomial on the segment, located.
+  pure function range_of(polynomial, segment) result(range)
+    real(wp), intent(in) :: polynomial(0:)
+    type(segment_type), intent(in) :: segment
+    real(wp) :: range(2), rate(0:ubound(polynomial, 1)), roots(ubound(polynomial, 1)), power, at
+    integer :: k, count
+
+    at = value(polynomial, segment%length)
+    range = [min(polynomial(0), at), max(polynomial(0), at)]
+    power = 1.0_wp
+    rate = 0.0_wp
+    do k = 0, ubound(rate, 1) - 1
+      rate(k) = (k + 1)*polynomial(k + 1)*power
+      power = power*segment%length
+    end do
+    call sign_changes(rate, segment%bernstein, roots, count)
+    do k = 1, count
+      at = value(polynomial, roots(k)*segment%length)
+      range = [min(range(1), at), max(range(2), at)]
+    end do
+  end function range_of
+
+  !> The samples that fall into the segment; a segment owns its beginning.
+  pure subroutine take_samples(self, system, loading, segment)
+    type(recorder_type), intent(inout) :: self
+    type(system_type), intent(in) :: system
+    type(loading_type), intent(in) :: loading
+    type(segment_type), intent(in) :: segment
+    real(wp) :: spacing, x, nearly
+    integer :: j, row
+
+    spacing = loading%period/self%per_period
+    nearly = 1.0e-10_wp*spacing
+    do j = ceiling((segment%theta - nearly)/spacing), self%per_period - 1
+      x = j*spacing - segment%theta
+      if (x >= segment%length - nearly .or. self%taken == size(self%time_of)) exit
+      x = max(x, 0.0_wp)
+      self%taken = self%taken + 1
+      self%time_of(self%taken) = (segment%cycle + real(j, wp)/self%per_period)*loading%period/system%clock
+      self%monitor(:, self%taken) = matmul(transpose(system%monitors), value_of_motion(segment, x))
+      do row = 1, size(self%force_integral)
+        self%displacement(row, self%taken) = value(segment%displacement(:, row), x)
+        self%force(row, self%taken) = value(segment%force(:, row), x)
+      end do
+      self%regime(:, self%taken) = segment%regime
+    end do
+  end subroutine take_samples
+
+  pure function value_of_motion(segment, x) result(motion)
+    type(segment_type), intent(in) :: segment
+    real(wp), intent(in) :: x
+    real(wp) :: motion(size(segment%motion, 1))
+    integer :: k
+
+    motion = segment%motion(:, ubound(segment%motion, 2))
+    do k = ubound(segment%motion, 2) - 1, 0, -1
+      motion = motion*x + segment%motion(:, k)
+    end do
+  end function value_of_motion
+end module attrito_integrate_recorder

@@ -1,0 +1,142 @@
+!> One step of a contact's law at given displacement: predictor and corrector, with the derivative of the forces.
+!>
+!> Predictor T^P = k_t (u - w) with the slider of the step before; corrector |T| <= mu N by return along T^P (one tangent: a clamp;
+!> two: radial), lift-off T = 0 and w = u. Radial return is of first order where the direction of slip turns; a contact with two
+!> tangents that slipped already is returned along the mean of its old and new direction, e_n and e_{n+1},
+!>   w_{n+1} = w_n + s (e_n + e_{n+1}), |z_{n+1}| = r:  s = (|z|^2 - r^2)/(2 (r + z.e_n)), z = u_{n+1} - w_n,
+!> which is of second order and still in closed form.
+!> Source: Zucca & Firrone 2014, eqs. (6)-(8), doi:10.1016/j.jsv.2013.09.032.
+module attrito_integrate_return_map
+  use attrito_core_kinds, only: wp
+  use attrito_contact_state, only: regime_stick, regime_slip, regime_open
+  use attrito_integrate_system, only: system_type
+  implicit none
+  private
+  public :: return_contacts, slip_directions
+
+contains
+
+  !> Forces of all contacts less their stuck springs, g, and what else is asked for.
+  subroutine return_contacts(system, displacement, slider, direction, g, stiffness, new_slider, regime)
+    type(system_type), intent(in) :: system
+    !> Of every row [rows], and sliders before the step [2, contacts]
+    real(wp), intent(in) :: displacement(:), slider(:, :)
+    !> Direction of slip at the beginning of the step, zero where it did not slip [2, contacts]
+    real(wp), intent(in) :: direction(:, :)
+    !> [rows]
+    real(wp), intent(out) :: g(:)
+    !> Its derivative [3, rows]: by the displacements of the contact's own rows
+    real(wp), intent(out) :: stiffness(:, :)
+    !> Sliders after the step [2, contacts], and regimes [contacts]
+    real(wp), intent(out) :: new_slider(:, :)
+    integer, intent(out) :: regime(:)
+    integer :: i
+
+    new_slider = 0.0_wp
+    do i = 1, size(system%law)
+      associate (first => system%law(i)%first_row, n => system%law(i)%tangents)
+        call return_one(i, first, n)
+      end associate
+    end do
+
+  contains
+
+    subroutine return_one(contact, first, tangents)
+      integer, intent(in) :: contact, first, tangents
+      real(wp) :: z(2), e(2), moved(2), by_z(2, 2), by_r(2), distance, normal, r
+      integer :: a
+
+      associate (law => system%law(contact), u => displacement(first:first + tangents - 1), last => first + tangents)
+        stiffness(:, first:last) = 0.0_wp
+        z(:tangents) = u - slider(:tangents, contact)
+        distance = norm2(z(:tangents))
+        normal = law%preload + law%normal_stiffness*(displacement(last) - law%gap)
+        r = law%friction_coefficient*normal/law%tangential_stiffness
+        g(last) = law%preload - law%normal_stiffness*law%gap
+        new_slider(:tangents, contact) = slider(:tangents, contact)
+        if (normal <= 0.0_wp) then
+          regime(contact) = regime_open
+          new_slider(:tangents, contact) = u
+          g(first:last - 1) = -law%tangential_stiffness*u
+          g(last) = -law%normal_stiffness*displacement(last)
+          do a = 1, tangents
+            stiffness(a, first + a - 1) = -law%tangential_stiffness
+          end do
+          stiffness(tangents + 1, last) = -law%normal_stiffness
+        else if (distance <= r) then
+          regime(contact) = regime_stick
+          g(first:last - 1) = -law%tangential_stiffness*slider(:tangents, contact)
+        else
+          regime(contact) = regime_slip
+          e = direction(:, contact)
+          if (tangents == 1 .or. dot_product(e(:tangents), z(:tangents)) <= 0.0_wp) then
+            call return_radially(z(:tangents), r, moved(:tangents), by_z(:tangents, :tangents), by_r(:tangents))
+          else
+            call return_along_the_way(z, r, e, moved, by_z, by_r)
+          end if
+          new_slider(:tangents, contact) = u - moved(:tangents)
+          g(first:last - 1) = law%tangential_stiffness*(moved(:tangents) - u)
+          do a = 1, tangents
+            stiffness(:tangents, first + a - 1) = law%tangential_stiffness*by_z(a, :tangents)
+            stiffness(a, first + a - 1) = stiffness(a, first + a - 1) - law%tangential_stiffness
+            stiffness(tangents + 1, first + a - 1) = law%friction_coefficient*law%normal_stiffness*by_r(a)
+          end do
+        end if
+      end associate
+    end subroutine return_one
+  end subroutine return_contacts
+
+  !> z <- r z/|z|, with its derivatives by z and r.
+  pure subroutine return_radially(z, r, moved, by_z, by_r)
+    real(wp), intent(in) :: z(:), r
+    real(wp), intent(out) :: moved(:), by_z(:, :), by_r(:)
+    real(wp) :: distance
+    integer :: a
+
+    distance = norm2(z)
+    by_r = z/distance
+    moved = r*by_r
+    do a = 1, size(z)
+      by_z(:, a) = -(r/distance)*by_r(a)*by_r
+      by_z(a, a) = by_z(a, a) + r/distance
+    end do
+  end subroutine return_radially
+
+  !> z <- r (z - s e)/(r + s), s = (|z|^2 - r^2)/(2 (r + z.e)): slip along the mean of old and new direction.
+  pure subroutine return_along_the_way(z, r, e, moved, by_z, by_r)
+    real(wp), intent(in) :: z(2), r, e(2)
+    real(wp), intent(out) :: moved(2), by_z(2, 2), by_r(2)
+    real(wp) :: s, s_by_z(2), s_by_r, d, way(2)
+    integer :: a
+
+    d = r + dot_product(z, e)
+    s = 0.5_wp*(dot_product(z, z) - r**2)/d
+    s_by_z = (z - s*e)/d
+    s_by_r = -(r + s)/d
+    way = (z - s*e)/(r + s)
+    moved = r*way
+    by_r = way - r*(e*s_by_r + way*(1.0_wp + s_by_r))/(r + s)
+    do a = 1, 2
+      by_z(:, a) = -r*(e + way)*s_by_z(a)/(r + s)
+      by_z(a, a) = by_z(a, a) + r/(r + s)
+    end do
+  end subroutine return_along_the_way
+
+  !> Directions of slip as contacts stand, zero where they do not slip or have one tangent [2, contacts].
+  pure function slip_directions(system, displacement, slider, regime) result(direction)
+    type(system_type), intent(in) :: system
+    real(wp), intent(in) :: displacement(:), slider(:, :)
+    integer, intent(in) :: regime(:)
+    real(wp) :: direction(2, size(regime))
+    integer :: i
+
+    direction = 0.0_wp
+    do i = 1, size(regime)
+      if (system%law(i)%tangents == 1 .or. regime(i) /= regime_slip) cycle
+      associate (first => system%law(i)%first_row)
+        direction(:, i) = displacement(first:first + 1) - slider(:, i)
+        direction(:, i) = direction(:, i)/max(norm2(direction(:, i)), tiny(1.0_wp))
+      end associate
+    end do
+  end function slip_directions
+end module attrito_integrate_return_map

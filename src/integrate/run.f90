@@ -1,0 +1,154 @@
+!> An integration from its start to its steady state, and what is told of it.
+module attrito_integrate_run
+  use attrito_core_errors, only: error_type, raise, fault_of_input
+  use attrito_core_kinds, only: wp, two_pi
+  use attrito_integrate_flow, only: flow_one_period
+  use attrito_integrate_loading, only: loading_type, new_loading, profile_type, last_knot
+  use attrito_integrate_march, only: march_one_period
+  use attrito_integrate_recorder, only: recorder_type, new_recorder
+  use attrito_integrate_schemes, only: scheme_type, new_scheme, start_scheme, scheme_event
+  use attrito_integrate_segment, only: segment_type, new_segment
+  use attrito_integrate_state, only: state_type, new_state
+  use attrito_integrate_steady, only: steady_type, new_steady, compare, is_settling
+  use attrito_integrate_system, only: system_type
+  use attrito_integrate_taylor, only: degree
+  implicit none
+  private
+  public :: run_options_type, orbit_type, integrate
+  public :: outcome_converged, outcome_no_period_one_orbit, outcome_not_converged
+
+  ! As the names of outcomes are counted in result.h5
+  integer, parameter :: outcome_converged = 0, outcome_no_period_one_orbit = 3, outcome_not_converged = 4
+
+  type :: run_options_type
+    !> Angular frequency, rad/s, and level of the harmonic load
+    real(wp) :: omega = two_pi, level = 1.0_wp
+    !> Final factors on the static loads [loads]; profiles multiply them
+    real(wp), allocatable :: static_factors(:)
+    type(profile_type) :: static_profile, harmonic_profile
+    !> One of `scheme_...`, and for all but the event-exact one
+    integer :: scheme = scheme_event, steps_per_period = 0
+    !> See `new_scheme`
+    real(wp) :: dissipation = -1.0_wp
+    !> Most cycles; fewest, steady or not; longest period looked for
+    integer :: cycles = 400, fewest = 0, multiples = 4
+    real(wp) :: tolerance = 1.0e-10_wp
+    !> Samples per period of the recorded history; the whole run, or its last period only
+    integer :: samples = 256
+    logical :: whole_run = .false.
+  end type run_options_type
+
+  !> What came of it
+  type :: orbit_type
+    integer :: outcome = outcome_not_converged
+    !> Multiple of the excitation's period, 0: none
+    integer :: period = 0
+    integer :: cycles = 0
+    !> Relative change over the period; ratio of the last two changes
+    real(wp) :: defect = huge(1.0_wp), contraction = huge(1.0_wp)
+    !> Half range of the motion in the norm of the mass matrix
+    real(wp) :: amplitude = 0.0_wp
+    !> Events in the recorded period; cut short over the whole run
+    integer :: events = 0, chatter = 0
+    type(recorder_type) :: recorded
+    !> Where it ended, and where the recorded period began
+    type(state_type) :: state
+  end type orbit_type
+
+contains
+
+  !> Integrate until steady, then once more over the period with everything measured.
+  subroutine integrate(system, options, motion, rate, slider, orbit, error)
+    type(system_type), intent(in) :: system
+    type(run_options_type), intent(in) :: options
+    !> Start: modal displacement, its rate by the clock [m], sliders [2, contacts]
+    real(wp), intent(in) :: motion(:), rate(:), slider(:, :)
+    type(orbit_type), intent(out) :: orbit
+    type(error_type), allocatable, intent(out) :: error
+    type(loading_type) :: loading
+    type(scheme_type) :: scheme
+    type(segment_type) :: segment
+    type(steady_type) :: steady
+    real(wp) :: low(size(motion)), high(size(motion))
+    integer :: cycle, room
+    logical :: converged
+
+    if (options%scheme == scheme_event .and. any(system%law%tangents > 1)) then
+      call raise(error, 'scheme event: contacts with two tangents have no closed form in slip: expected scheme exponential', &
+                 fault_of_input)
+      return
+    end if
+    loading = new_loading(options%omega, system%clock, matmul(system%static_loads, options%static_factors), &
+                          options%level*system%harmonic_load, options%static_profile, options%harmonic_profile)
+    orbit%state = new_state(system, motion, rate, slider)
+    segment = new_segment(size(motion), size(system%springs), size(system%law), merge(degree, 3, options%scheme == scheme_event))
+    if (options%scheme /= scheme_event) then
+      call new_scheme(system, options%scheme, options%steps_per_period, loading%period, options%dissipation, scheme)
+      call start_scheme(scheme, system, loading, orbit%state)
+    end if
+    room = options%samples*merge(options%cycles + options%multiples, options%multiples, options%whole_run)
+    orbit%recorded = new_recorder(system, options%samples, room)
+    orbit%recorded%samples = options%whole_run
+    steady = new_steady(system, options%multiples, options%cycles, options%tolerance)
+    do cycle = 1, options%cycles
+      call one_period()
+      if (.not. converged) exit
+      if (orbit%state%cycle*loading%period < last_knot(loading)*system%clock) cycle
+      call compare(steady, system, orbit%state, loading%nu, low, high, is_driven(loading))
+      if (steady%period > 0 .and. cycle >= options%fewest) exit
+    end do
+    orbit%cycles = min(cycle, options%cycles)
+    call judge(steady, converged, orbit)
+    if (.not. converged) return
+    orbit%recorded%measures = .true.
+    orbit%recorded%samples = .true.
+    orbit%events = orbit%state%events
+    do cycle = 1, max(1, orbit%period)
+      call one_period()
+    end do
+    orbit%events = orbit%state%events - orbit%events
+    orbit%chatter = orbit%state%chatter
+
+  contains
+
+    subroutine one_period()
+
+      if (options%scheme /= scheme_event) then
+        call march_one_period(system, loading, scheme, orbit%state, segment, orbit%recorded, low, high, converged)
+      else
+        call flow_one_period(system, loading, orbit%state, segment, orbit%recorded, low, high)
+        converged = .true.
+      end if
+    end subroutine one_period
+  end subroutine integrate
+
+  !> Does a harmonic load act in the end?
+  pure logical function is_driven(loading)
+    type(loading_type), intent(in) :: loading
+
+    is_driven = any(abs(loading%harmonic) > 0.0_wp) .and. &
+                abs(loading%harmonic_profile%factor(size(loading%harmonic_profile%factor))) > 0.0_wp
+  end function is_driven
+
+  !> Name what came of it.
+  pure subroutine judge(steady, converged, orbit)
+    type(steady_type), intent(in) :: steady
+    logical, intent(in) :: converged
+    type(orbit_type), intent(inout) :: orbit
+
+    orbit%amplitude = steady%amplitude
+    if (.not. converged .or. steady%seen < 2) return
+    orbit%period = steady%period
+    orbit%defect = steady%defect(max(1, steady%period))
+    if (orbit%cycles >= 2) then
+      associate (last => steady%history(orbit%cycles), before => steady%history(orbit%cycles - 1))
+        if (before < huge(1.0_wp) .and. before > 0.0_wp) orbit%contraction = last/before
+      end associate
+    end if
+    if (steady%period == 1) then
+      orbit%outcome = outcome_converged
+    else if (steady%period > 1 .or. .not. is_settling(steady, orbit%cycles)) then
+      orbit%outcome = outcome_no_period_one_orbit
+    end if
+  end subroutine judge
+end module attrito_integrate_run

@@ -1,0 +1,53 @@
+!> Static equilibrium along a load path with slider memory, walked in steps: where a time integration starts from.
+!>
+!> $$ \Lambda p + \Phi^T B^T g(B \Phi p, w) = f_s \sum_i s_i $$
+module attrito_integrate_static_walk
+  use attrito_core_errors, only: error_type, raise
+  use attrito_core_kinds, only: wp
+  use attrito_integrate_equilibrium, only: operator_type, new_operator, solve_equilibrium
+  use attrito_integrate_system, only: system_type
+  implicit none
+  private
+  public :: walk
+
+contains
+
+  !> Walk from the unloaded state over the corners.
+  subroutine walk(system, path, steps, motion, slider, error)
+    type(system_type), intent(in) :: system
+    !> Factors on the static loads at the corners [loads, corners]
+    real(wp), intent(in) :: path(:, :)
+    !> Steps from corner to corner
+    integer, intent(in) :: steps
+    !> Modal displacement [m] and sliders [2, contacts], at the end; the sliders on entry are where the walk starts
+    real(wp), intent(out) :: motion(:)
+    real(wp), intent(inout) :: slider(:, :)
+    type(error_type), allocatable, intent(out) :: error
+    type(operator_type) :: static
+    real(wp) :: from(size(path, 1)), displacement(size(system%springs)), g(size(system%springs)), &
+                new_slider(2, size(system%law)), free(size(motion))
+    integer :: corner, step, regime(size(system%law))
+    logical :: converged
+    character(120) :: text
+
+    call new_operator(system, system%eigenvalues, 0.0_wp, 1.0_wp, static)
+    from = 0.0_wp
+    motion = 0.0_wp
+    displacement = 0.0_wp
+    do corner = 1, size(path, 2)
+      if (corner == 1 .and. size(path, 2) > 1 .and. all(abs(path(:, 1)) <= 0.0_wp)) cycle
+      do step = 1, steps
+        free = matmul(system%static_loads, from + (path(:, corner) - from)*real(step, wp)/steps)/system%eigenvalues
+        call solve_equilibrium(system, static, free, slider, 0.0_wp*slider, displacement, g, new_slider, regime, motion, &
+                               converged)
+        if (.not. converged) then
+          write (text, '(a,i0,a,i0)') 'static load path, corner ', corner, ', step ', step
+          call raise(error, trim(text)//': no equilibrium found (do the loads open all contacts that hold a body?)')
+          return
+        end if
+        slider = new_slider
+      end do
+      from = path(:, corner)
+    end do
+  end subroutine walk
+end module attrito_integrate_static_walk

@@ -1,0 +1,182 @@
+!> Schemes of fixed steps against the event-exact integration: their orders on smooth motion and on stick-slip; two tangents.
+program test_integrate_schemes
+  use attrito_core_errors, only: error_type
+  use attrito_core_kinds, only: wp, pi
+  use attrito_integrate_run, only: run_options_type, orbit_type
+  use attrito_integrate_schemes, only: scheme_event, scheme_central_difference, scheme_newmark, scheme_hht, &
+                                       scheme_generalised_alpha, scheme_exponential
+  use attrito_integrate_system, only: system_type
+  use attrito_model_contacts, only: contact_type, new_contacts
+  use attrito_model_structure, only: damping_ratio
+  use integrations, only: choices, run_from_path, displacement_of
+  use scenes, only: scene_type, wedge, damp, damp_as_modes_ratio
+  use testing, only: test, run_suite, check, check_close
+  implicit none
+
+  integer, parameter :: schemes(5) = [scheme_central_difference, scheme_newmark, scheme_hht, scheme_generalised_alpha, &
+                                      scheme_exponential]
+  character(*), parameter :: names(5) = [character(19) :: 'central difference', 'Newmark', 'HHT', 'generalised alpha', &
+                                         'exponential']
+  real(wp), parameter :: no_slider(2, 1) = 0.0_wp
+
+  if (run_suite('integrate_schemes', [ &
+                test('every scheme is of second order on smooth motion', smooth_order), &
+                test('every scheme is close to second order on stick-slip', stick_slip_order), &
+                test('a second tangent that nothing moves changes nothing', idle_tangent), &
+                test('with two tangents the steps converge in second order', two_tangent_order), &
+                test('events are refused with two tangents', refused), &
+                test('a damping ratio is the viscous damping of the stuck modes', ratio)], quiet=.false.) > 0) error stop 1
+
+contains
+
+  !> Displacement after some periods from the static state.
+  function after(scene, frequency_hz, level, scheme, steps, periods) result(q)
+    type(scene_type), intent(in) :: scene
+    real(wp), intent(in) :: frequency_hz, level
+    integer, intent(in) :: scheme, steps, periods
+    real(wp), allocatable :: q(:)
+    type(run_options_type) :: options
+    type(system_type) :: system
+    type(orbit_type) :: orbit
+    type(error_type), allocatable :: error
+    real(wp) :: slider(2, size(scene%contacts%law))
+
+    options = choices(scene, frequency_hz, level)
+    options%cycles = periods - 1
+    options%fewest = options%cycles
+    options%multiples = 1
+    options%scheme = scheme
+    options%steps_per_period = steps
+    slider = 0.0_wp
+    call run_from_path(scene, options, [1.0_wp], slider, system, orbit, error)
+    allocate (q(size(scene%structure%mass, 1)), source=0.0_wp)
+    if (.not. allocated(error)) q = displacement_of(system, orbit)
+  end function after
+
+  !> Errors at 200, 400, ... steps a period, and the order of their fall over the whole.
+  subroutine measure_order(scene, level, scheme, coarsest, order, finest)
+    type(scene_type), intent(in) :: scene
+    real(wp), intent(in) :: level
+    integer, intent(in) :: scheme, coarsest
+    real(wp), intent(out) :: order, finest
+    real(wp), allocatable :: exact(:)
+    real(wp) :: errors(2)
+    integer, parameter :: finer = 16
+
+    exact = after(scene, 132.0_wp, level, scheme_event, 0, 4)
+    errors(1) = norm2(after(scene, 132.0_wp, level, scheme, coarsest, 4) - exact)
+    errors(2) = norm2(after(scene, 132.0_wp, level, scheme, finer*coarsest, 4) - exact)
+    order = log(errors(1)/errors(2))/log(real(finer, wp))
+    finest = errors(2)/norm2(exact)
+  end subroutine measure_order
+
+  subroutine smooth_order(error)
+    type(error_type), allocatable, intent(out) :: error
+    real(wp) :: order, finest
+    type(scene_type) :: scene
+    integer :: i
+
+    scene = wedge(45.0_wp)
+    ! Pressed so that it stays stuck.
+    scene%contacts%law%preload = 1.0e3_wp
+    do i = 1, size(schemes)
+      call measure_order(scene, 5.0_wp, schemes(i), 100, order, finest)
+      print '(7x,a,a,f6.2,a,es9.2)', names(i), ': order', order, ', error at 1600 steps', finest
+      call check_close(error, order, 2.0_wp, 0.1_wp, trim(names(i))//': order')
+    end do
+  end subroutine smooth_order
+
+  subroutine stick_slip_order(error)
+    type(error_type), allocatable, intent(out) :: error
+    real(wp) :: order, finest
+    integer :: i
+
+    do i = 1, size(schemes)
+      call measure_order(wedge(45.0_wp), 15.0_wp, schemes(i), 200, order, finest)
+      print '(7x,a,a,f6.2,a,es9.2)', names(i), ': order', order, ', error at 3200 steps', finest
+      call check(error, order > 1.8_wp .and. finest < 1.0e-5_wp, trim(names(i))//' does not converge')
+    end do
+  end subroutine stick_slip_order
+
+  !> The wedge as it is, and with a third coordinate along a second tangent.
+  subroutine idle_tangent(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_type) :: flat, deep
+    real(wp), allocatable :: two(:), three(:)
+
+    flat = wedge(45.0_wp)
+    deep = with_depth()
+    two = after(flat, 132.0_wp, 15.0_wp, scheme_exponential, 400, 4)
+    three = after(deep, 132.0_wp, 15.0_wp, scheme_exponential, 400, 4)
+    call check_close(error, three(:2), two, 1.0e-13_wp*maxval(abs(two)), 'displacement')
+    call check_close(error, three(3), 0.0_wp, 0.0_wp, 'depth')
+  end subroutine idle_tangent
+
+  !> The wedge with a third coordinate, along a second tangent of its contact.
+  function with_depth() result(deep)
+    type(scene_type) :: deep
+    type(contact_type) :: law
+    real(wp) :: eye(3, 3), rows(3, 3)
+
+    deep = wedge(45.0_wp)
+    law = deep%contacts%law(1)
+    law%tangents = 2
+    eye = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1]*1.0_wp, [3, 3])
+    rows = 0.0_wp
+    rows(:2, [1, 3]) = deep%contacts%directions
+    rows(3, 2) = 1.0_wp
+    deep%contacts = new_contacts([law], rows)
+    associate (s => deep%structure)
+      s%stiffness = reshape([s%stiffness(:, 1), 0.0_wp, s%stiffness(:, 2), 0.0_wp, 0.0_wp, 0.0_wp, 6.0e5_wp], [3, 3])
+      s%mass = eye
+      s%damping = 20.0_wp*pi*eye
+      s%static_loads = reshape([s%static_loads, 0.0_wp], [3, 1])
+      s%harmonic_load = reshape([s%harmonic_load(:, 1), 0.0_wp, s%harmonic_load(:, 2), 0.0_wp, s%harmonic_load(:, 3), 0.0_wp], [3, 3])
+      s%monitors = eye
+    end associate
+  end function with_depth
+
+  subroutine two_tangent_order(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_type) :: scene
+    real(wp), allocatable :: exact(:)
+    real(wp) :: errors(2), order
+
+    scene = with_depth()
+    ! A load that turns in the plane of contact, so that slip changes its direction.
+    scene%structure%harmonic_load(3, 3) = 1.0_wp
+    exact = after(scene, 132.0_wp, 15.0_wp, scheme_exponential, 25600, 4)
+    errors(1) = norm2(after(scene, 132.0_wp, 15.0_wp, scheme_exponential, 100, 4) - exact)
+    errors(2) = norm2(after(scene, 132.0_wp, 15.0_wp, scheme_exponential, 1600, 4) - exact)
+    order = log(errors(1)/errors(2))/log(16.0_wp)
+    print '(7x,a,f6.2,a,es9.2)', 'two tangents: order', order, ', error at 1600 steps', errors(2)/norm2(exact)
+    call check(error, abs(order - 2.0_wp) < 0.2_wp .and. errors(2) < 1.0e-5_wp*norm2(exact), 'it does not converge')
+  end subroutine two_tangent_order
+
+  subroutine refused(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(error_type), allocatable :: refusal
+    type(scene_type) :: scene
+    type(system_type) :: system
+    type(orbit_type) :: orbit
+
+    scene = with_depth()
+    call run_from_path(scene, choices(scene, 132.0_wp, 1.0_wp), [1.0_wp], no_slider, system, orbit, refusal)
+    call check(error, allocated(refusal), 'it is accepted')
+    if (allocated(refusal)) call check(error, index(refusal%message, 'two tangents') > 0, 'message')
+  end subroutine refused
+
+  subroutine ratio(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_type) :: scene, viscous
+    real(wp), allocatable :: q(:)
+
+    scene = wedge(45.0_wp)
+    scene%contacts%law%tangential_stiffness = 2.0e5_wp
+    viscous = scene
+    call damp(scene, damping_ratio, 0.05_wp)
+    viscous%structure%damping = damp_as_modes_ratio(viscous, 0.05_wp)
+    q = after(scene, 132.0_wp, 30.0_wp, scheme_event, 0, 4)
+    call check_close(error, after(viscous, 132.0_wp, 30.0_wp, scheme_event, 0, 4), q, 1.0e-12_wp*maxval(abs(q)), 'displacement')
+  end subroutine ratio
+end program test_integrate_schemes
