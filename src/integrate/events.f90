@@ -68,16 +68,16 @@ contains
                u => segment%displacement(:, system%law(contact)%first_row), &
                v => segment%displacement(:, system%law(contact)%first_row + 1))
       select case (state%regime(contact))
-      case (regime_stick)
+       case (regime_stick)
         polynomial = law%friction_coefficient*normal + merge(-1, 1, guard == 1)*t
-      case (regime_slip)
+       case (regime_slip)
         polynomial = normal
         if (guard == 2) return
         do k = 0, n - 1
           polynomial(k) = (k + 1)*(side*u(k + 2) - law%friction_coefficient*normal(k + 2)/law%tangential_stiffness)
         end do
         polynomial(n) = 0.0_wp
-      case default
+       case default
         polynomial = -law%normal_stiffness*v
         polynomial(0) = polynomial(0) - (law%preload - law%normal_stiffness*law%gap)
       end select
@@ -104,7 +104,7 @@ contains
 
     associate (regime => state%regime(contact), side => state%side(contact), zeros => state%zeros(:, contact))
       select case (regime)
-      case (regime_stick)
+       case (regime_stick)
         if (is_leaving(system, state, contact)) then
           regime = regime_open
           zeros = [1, 0]
@@ -114,7 +114,7 @@ contains
         side = merge(1, -1, guard == 1)
         ! Was it at the rim already, only just sticking? Then w' starts from zero.
         zeros = [max(zeros(guard) - 1, 0), 0]
-      case (regime_slip)
+       case (regime_slip)
         if (guard == 1) then
           regime = regime_stick
           zeros = 0
@@ -123,7 +123,7 @@ contains
           regime = regime_open
           zeros = [1, 0]
         end if
-      case default
+       case default
         call land(system, state, contact)
       end select
     end associate

@@ -104,13 +104,13 @@ contains
       real(wp) :: pair(2)
 
       select case (modulo(order, 4))
-      case (0)
+       case (0)
         pair = [cosine, sine]
-      case (1)
+       case (1)
         pair = [-sine, cosine]
-      case (2)
+       case (2)
         pair = [-cosine, -sine]
-      case default
+       case default
         pair = [sine, -cosine]
       end select
     end function turned

@@ -53,24 +53,24 @@ contains
     self%steps = steps
     self%h = period/steps
     select case (kind)
-    case (scheme_hht)
+     case (scheme_hht)
       self%alpha_f = merge(dissipation, 0.1_wp, dissipation >= 0.0_wp)
-    case (scheme_generalised_alpha)
+     case (scheme_generalised_alpha)
       rho = merge(dissipation, 0.8_wp, dissipation >= 0.0_wp)
       self%alpha_m = (2.0_wp*rho - 1.0_wp)/(rho + 1.0_wp)
       self%alpha_f = rho/(rho + 1.0_wp)
-    case default
+     case default
       ! The average acceleration.
     end select
     self%gamma = 0.5_wp - self%alpha_m + self%alpha_f
     self%beta = 0.25_wp*(1.0_wp - self%alpha_m + self%alpha_f)**2
     select case (kind)
-    case (scheme_central_difference)
+     case (scheme_central_difference)
       call new_operator(system, 1.0_wp + 0.5_wp*self%h*system%damping, 0.5_wp*self%h, 1.0_wp, self%implicit)
-    case (scheme_exponential)
+     case (scheme_exponential)
       call set_weights(system, self)
       call new_operator(system, 1.0_wp/self%weights(4, 1, :), 0.0_wp, 1.0_wp, self%implicit)
-    case default
+     case default
       associate (c => 1.0_wp - self%alpha_f, h => self%h)
         call new_operator(system, (1.0_wp - self%alpha_m)/(self%beta*h**2) + c*(self%gamma/(self%beta*h)*system%damping + &
                                                                system%eigenvalues), c*self%gamma/(self%beta*h), c, self%implicit)
@@ -119,12 +119,12 @@ contains
 
     load = load_at(loading, cycle, theta)
     select case (self%kind)
-    case (scheme_central_difference)
+     case (scheme_central_difference)
       call step_central(self, system, load, state)
       converged = .true.
-    case (scheme_exponential)
+     case (scheme_exponential)
       call step_exponential(self, system, load, state, converged)
-    case default
+     case default
       call step_alpha(self, system, load, state, converged)
     end select
     self%load = load

@@ -97,11 +97,11 @@ contains
                  segment%displacement(k, system%law(i)%first_row + 1))
         n = law%normal_stiffness*v + once*rest_force(system, i)
         select case (state%regime(i))
-        case (regime_stick)
+         case (regime_stick)
           t = law%tangential_stiffness*(u - once*state%slider(1, i))
-        case (regime_slip)
+         case (regime_slip)
           t = state%side(i)*law%friction_coefficient*n
-        case default
+         case default
           t = 0.0_wp
           n = 0.0_wp
         end select
