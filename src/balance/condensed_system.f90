@@ -138,7 +138,7 @@ contains
         call receptance_to(blocks, all, above, law%tangents + 1, k, receptance)
         receptance(:, n + 1) = reshape(balance%residual_omega(:, top:bottom), [k*(bottom - top + 1)])
         receptance(:, n + 2) = reshape(rho(:, top:bottom), [k*(bottom - top + 1)])
-        rows = matmul(forces%jacobian(kept, :), receptance)
+        rows = (1.0_wp - balance%stiffening)*matmul(forces%jacobian(kept, :), receptance)
         do i = 1, size(kept)
           rows(i, offset + column + i) = rows(i, offset + column + i) + 1.0_wp
         end do

@@ -41,6 +41,9 @@ module attrito_balance_harmonic_balance
     real(wp) :: level = 1.0_wp
     !> Marches over the period for contacts with two tangents
     integer :: passes = 3
+    !> Part of their springs that contacts keep in the Newton step when they slip or open: 0 is Newton's method; more holds a motion
+    !> that nothing but friction holds, at the price of a linear rate
+    real(wp) :: stiffening = 0.0_wp
     !> Sliders at the start of the march [2, contacts]
     real(wp), allocatable :: slider(:, :)
     !> Uncoupled: mean of the generalised coordinates [n]

@@ -15,6 +15,9 @@ module attrito_continuation_solver
   private
   public :: solver_type, solver_options_type, new_solver
 
+  !> Parts of their springs that contacts keep in the Newton step, one try after another
+  real(wp), parameter :: stiffenings(2) = [0.0_wp, 0.1_wp]
+
   type :: solver_options_type
     integer :: harmonics = 5
     !> Samples a period
@@ -98,7 +101,7 @@ contains
     slider = self%context%balance%slider
     iterations = 0
     do round = 1, self%options%rounds
-      call self%newton%solve(motion, omega, constraint, self%report)
+      call solve_stiffening(self, motion, omega, constraint)
       iterations = iterations + self%report%iterations
       if (.not. self%report%converged) exit
       if (largest_defect(self) <= self%options%tolerance*self%context%motion_scale) exit
@@ -117,6 +120,30 @@ contains
     if (self%options%reset_slider) self%context%balance%slider = self%static_slider
     call self%context%forget()
   end subroutine solve_with
+
+  !> Newton's method, and where it fails from the same start once more with contacts that keep some of their springs in the step: a
+  !> body that only friction holds has a singular Jacobian wherever all its contacts slip.
+  subroutine solve_stiffening(self, motion, omega, constraint)
+    class(solver_type), intent(inout) :: self
+    real(wp), intent(inout) :: motion(:, :), omega
+    type(constraint_type), intent(in) :: constraint
+    real(wp) :: start(size(motion, 1), size(motion, 2)), start_omega
+    integer :: attempt, iterations
+
+    start = motion
+    start_omega = omega
+    iterations = 0
+    do attempt = 1, size(stiffenings)
+      motion = start
+      omega = start_omega
+      self%context%balance%stiffening = stiffenings(attempt)
+      call self%newton%solve(motion, omega, constraint, self%report)
+      iterations = iterations + self%report%iterations
+      if (self%report%converged) exit
+    end do
+    self%context%balance%stiffening = 0.0_wp
+    self%report%iterations = iterations
+  end subroutine solve_stiffening
 
   !> Solve at a given angular frequency.
   subroutine solve_at(self, omega)

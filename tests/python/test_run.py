@@ -245,3 +245,33 @@ def test_a_reduced_model_is_made_once(tmp_path):
     job = blocks()
     job["reduction"]["modes"] = 3
     assert "reducing 81 dofs" in run(tmp_path, job).stdout
+
+
+@pytest.mark.parametrize("quadrature", ["event", "sampled"])
+def test_bodies_that_only_friction_holds_find_their_equilibrium(tmp_path, quadrature):
+    """Two masses joined by a spring k and pressed on the ground by P each are pushed apart by F > mu P: both slip.
+
+    Nothing else holds them along x, so the Jacobian of the slipping state is singular. Each moves by (F - mu P)/(2 k).
+    """
+    k, pressing, friction, pushing = 1.0e5, 100.0, 0.3, 80.0
+    contact = {"tangential_stiffness": 2.0e6, "normal_stiffness": 2.0e6, "friction_coefficient": friction}
+    stiffness = [[k, -k, 0.0, 0.0], [-k, k, 0.0, 0.0], [0.0] * 4, [0.0] * 4]
+    run(
+        tmp_path,
+        {
+            "model": {"mass": np.eye(4).tolist(), "stiffness": stiffness},
+            "damping": {"ratio": 0.01},
+            "contact": [contact | {"tangents": [[[i, 1.0]]], "normal": [[2 + i, 1.0]]} for i in range(2)],
+            "load": [
+                {"kind": "static", "dofs": [[0, -pushing], [1, pushing], [2, pressing], [3, pressing]]},
+                {"kind": "harmonic", "cosine": [[0, 1.0e-6], [1, 2.0e-6]]},
+            ],
+            "balance": {"quadrature": quadrature},
+            "sweep": {"frequencies_hz": [50.0]},
+            "output": {"file": "result.h5", "monitors": [{"name": "apart", "dofs": [[0, -0.5], [1, 0.5]]}]},
+        },
+    )
+    (row,) = table(tmp_path)
+    # The excitation of 1e-6 N moves the limit of friction, and so the means, by some 1e-8 of them.
+    assert row["outcome"] == "converged"
+    assert float(row["apart_mean"]) == pytest.approx((pushing - friction * pressing) / (2.0 * k), rel=1.0e-6)
