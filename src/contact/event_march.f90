@@ -23,9 +23,10 @@ module attrito_contact_event_march
     integer :: regime = regime_stick
     !> Slip: +1 along, -1 against the tangent
     integer :: side = 0
-    !> Stick: the slider, and its gradient by the coefficients of u and v [k] where it has one
+    !> Stick: the slider, and whether an event put it there: it moves with the motion at `origin`, dw = du + by_normal dv
     real(wp) :: slider = 0.0_wp
-    real(wp), allocatable :: by_u(:), by_v(:)
+    logical :: has_origin = .false.
+    real(wp) :: origin = 0.0_wp, by_normal = 0.0_wp
   end type interval_type
 
   type :: event_motion_type
@@ -72,7 +73,7 @@ contains
     end do
   end function new_event_motion
 
-  !> March one period; `state` is the slider at the start, then at the end, with its gradient.
+  !> March one period; `state` is the slider at the start, then at the end, with its origin.
   subroutine march_events(self, state, intervals, count)
     type(event_motion_type), intent(in) :: self
     type(interval_type), intent(inout) :: state
@@ -141,8 +142,9 @@ contains
     type(interval_type), intent(inout) :: state
 
     state%slider = slider
-    state%by_u = basis_at(theta, (size(self%u) - 1)/2)
-    state%by_v = -side*self%slope*state%by_u
+    state%has_origin = .true.
+    state%origin = theta
+    state%by_normal = -side*self%slope
   end subroutine follow
 
   !> The slider stands where the contact lands.
@@ -156,10 +158,11 @@ contains
     harmonics = (size(self%u) - 1)/2
     slope = slope_at(theta, harmonics)
     state%slider = value_of(self%u, theta)
-    state%by_u = basis_at(theta, harmonics)
-    state%by_v = 0.0_wp*state%by_u
+    state%has_origin = .true.
+    state%origin = theta
+    state%by_normal = 0.0_wp
     normal_slope = dot_product(self%normal, slope)
-    if (abs(normal_slope) > 0.0_wp) state%by_v = -self%normal_stiffness*dot_product(self%u, slope)/normal_slope*state%by_u
+    if (abs(normal_slope) > 0.0_wp) state%by_normal = -self%normal_stiffness*dot_product(self%u, slope)/normal_slope
   end subroutine land
 
   !> Value of a polynomial.

@@ -7,13 +7,12 @@
 !> and so is the Jacobian: g is continuous across events, so their motion leaves no term but that of landing.
 module attrito_contact_quadrature_event
   use attrito_core_kinds, only: wp, pi, two_pi
-  use attrito_core_trigonometric, only: extrema
   use attrito_model_contacts, only: contact_type
   use attrito_contact_event_march, only: event_motion_type, interval_type, new_event_motion, march_events
   use attrito_contact_quadrature_sampled, only: contact_forces_type
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open, state_stuck, state_shaken_down, state_slipping, &
                                    state_open
-  use attrito_contact_trigonometric_roots, only: trigonometric_grid_type
+  use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, basis_at
   implicit none
   private
   public :: evaluate_contact_by_events
@@ -35,6 +34,10 @@ contains
     type(interval_type) :: state, lowest, highest
     integer :: count
 
+    if (surely_stuck(law, motion, slider)) then
+      call stay_stuck(law, slider, size(motion), forces)
+      return
+    end if
     events = new_event_motion(law, grid, motion)
     allocate (intervals(2*size(events%closed)))
     state = interval_type(slider=slider)
@@ -51,6 +54,44 @@ contains
     call differentiate(forces, size(motion, 1))
   end subroutine evaluate_contact_by_events
 
+  !> Do bounds on the motion, from the amplitudes of its harmonics, keep |T| below mu N for good?
+  pure logical function surely_stuck(law, motion, slider)
+    type(contact_type), intent(in) :: law
+    real(wp), intent(in) :: motion(:, :), slider
+    real(wp) :: least_normal
+
+    least_normal = law%preload + law%normal_stiffness*(motion(1, 2) - law%gap - swing(motion(:, 2)))
+    surely_stuck = law%tangential_stiffness*(abs(motion(1, 1) - slider) + swing(motion(:, 1))) &
+                   < law%friction_coefficient*least_normal
+  end function surely_stuck
+
+  !> Sum of the amplitudes of the harmonics.
+  pure real(wp) function swing(coefficients)
+    real(wp), intent(in) :: coefficients(:)
+
+    swing = sum(hypot(coefficients(2::2), coefficients(3::2)))
+  end function swing
+
+  !> A contact that stays stuck: a constant deviation, no Jacobian, its slider where it was.
+  pure subroutine stay_stuck(law, slider, rows, forces)
+    type(contact_type), intent(in) :: law
+    real(wp), intent(in) :: slider
+    !> Of the Jacobian
+    integer, intent(in) :: rows
+    type(contact_forces_type), intent(inout) :: forces
+
+    forces%deviation = 0.0_wp
+    forces%deviation(1, :) = [-law%tangential_stiffness*slider, law%preload - law%normal_stiffness*law%gap]
+    forces%slider = [slider, 0.0_wp]
+    forces%state = state_stuck
+    forces%stick = 1.0_wp
+    forces%slip = 0.0_wp
+    forces%open = 0.0_wp
+    forces%unique = .false.
+    forces%active = spread(.false., 1, rows)
+    if (allocated(forces%jacobian)) deallocate (forces%jacobian)
+  end subroutine stay_stuck
+
   !> Coefficients of the deviation and its Jacobian, interval by interval.
   subroutine integrate(law, events, intervals, motion, forces)
     type(contact_type), intent(in) :: law
@@ -58,7 +99,7 @@ contains
     type(interval_type), intent(in) :: intervals(:)
     real(wp), intent(in) :: motion(:, :)
     type(contact_forces_type), intent(inout) :: forces
-    real(wp), allocatable :: products(:, :)
+    real(wp), allocatable :: products(:, :), moved(:, :)
     real(wp) :: closed_normal
     integer :: i, k
 
@@ -85,9 +126,10 @@ contains
             tn = tn + interval%side*kt*events%slope*products(:k, :)
            case default
             g_t = g_t - kt*interval%slider*products(:, 1)
-            if (allocated(interval%by_u)) then
-              tt = tt - kt*outer(products(:k, 1), interval%by_u)
-              tn = tn - kt*outer(products(:k, 1), interval%by_v)
+            if (interval%has_origin) then
+              moved = kt*outer(products(:k, 1), basis_at(interval%origin, (k - 1)/2))
+              tt = tt - moved
+              tn = tn - interval%by_normal*moved
             end if
           end select
           g_n = g_n + closed_normal*products(:, 1)
@@ -138,14 +180,14 @@ contains
     outer = spread(a, 2, size(b))*spread(b, 1, size(a))
   end function outer
 
-  !> State, fractions and normal force.
+  !> State and fractions.
   pure subroutine classify(events, intervals, moved, forces)
     type(event_motion_type), intent(in) :: events
     type(interval_type), intent(in) :: intervals(:)
     !> Did the first march move the slider?
     logical, intent(in) :: moved
     type(contact_forces_type), intent(inout) :: forces
-    real(wp) :: length(regime_stick:regime_open), range(2)
+    real(wp) :: length(regime_stick:regime_open)
     integer :: i
 
     length = 0.0_wp
@@ -157,9 +199,6 @@ contains
     forces%stick = length(regime_stick)/two_pi
     forces%slip = length(regime_slip)/two_pi
     forces%open = length(regime_open)/two_pi
-    forces%normal_mean = normal_mean(events, intervals)
-    range = extrema(events%normal)
-    forces%normal_least = max(range(1), 0.0_wp)
     if (all(.not. events%closed)) then
       forces%state = state_open
     else if (length(regime_slip) + length(regime_open) > 0.0_wp) then
@@ -168,21 +207,6 @@ contains
       forces%state = merge(state_shaken_down, state_stuck, moved)
     end if
   end subroutine classify
-
-  !> Mean of N over the period.
-  pure real(wp) function normal_mean(events, intervals)
-    type(event_motion_type), intent(in) :: events
-    type(interval_type), intent(in) :: intervals(:)
-    real(wp) :: products(1, size(events%normal))
-    integer :: i
-
-    normal_mean = 0.0_wp
-    do i = 1, size(intervals)
-      if (intervals(i)%regime == regime_open) cycle
-      products = basis_products(intervals(i)%from, intervals(i)%to, 1, size(events%normal))
-      normal_mean = normal_mean + dot_product(products(1, :), events%normal)
-    end do
-  end function normal_mean
 
   !> Keep of the Jacobian what the state leaves: nothing when stuck, the mean's row of T when shaken down, no row of N while closed.
   pure subroutine differentiate(forces, k)

@@ -32,8 +32,6 @@ module attrito_contact_quadrature_sampled
     integer :: state = state_stuck
     !> Fractions of the period
     real(wp) :: stick = 1.0_wp, slip = 0.0_wp, open = 0.0_wp
-    !> Normal force: mean and least
-    real(wp) :: normal_mean = 0.0_wp, normal_least = 0.0_wp
     !> Is the steady loop of this motion the same whatever the start slider?
     logical :: unique = .false.
   end type contact_forces_type
@@ -82,7 +80,7 @@ contains
     i = law%tangents + 1
     deviation(:, i) = samples%force(:, i) - law%normal_stiffness*samples%displacement(:, i)
     call fourier%to_coefficients(deviation, forces%deviation)
-    call classify(law, samples, forces)
+    call classify(samples, forces)
     call differentiate(law, fourier, samples, forces)
   end subroutine evaluate_contact
 
@@ -222,9 +220,8 @@ contains
     largest_singular_value = sqrt(0.5_wp*(square_sum + sqrt(max(square_sum**2 - 4.0_wp*determinant**2, 0.0_wp))))
   end function largest_singular_value
 
-  !> State, fractions and normal force of the period.
-  pure subroutine classify(law, samples, forces)
-    type(contact_type), intent(in) :: law
+  !> State and fractions of the period.
+  pure subroutine classify(samples, forces)
     type(contact_samples_type), intent(in) :: samples
     type(contact_forces_type), intent(inout) :: forces
     real(wp) :: total
@@ -233,8 +230,6 @@ contains
     forces%stick = count(samples%regimes == regime_stick)/total
     forces%slip = count(samples%regimes == regime_slip)/total
     forces%open = count(samples%regimes == regime_open)/total
-    forces%normal_mean = sum(samples%force(:, law%tangents + 1))/total
-    forces%normal_least = minval(samples%force(:, law%tangents + 1))
     forces%slider = samples%start
     forces%defect = samples%defect
     forces%resting = samples%resting

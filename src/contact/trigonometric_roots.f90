@@ -117,26 +117,29 @@ contains
   pure function root_between(coefficients, level, left, right) result(root)
     real(wp), intent(in) :: coefficients(:), level, left, right
     real(wp) :: root
-    real(wp) :: low, high, f, slope, step, sign_low
+    real(wp) :: basis(size(coefficients)), slopes(size(coefficients))
+    real(wp) :: low, high, f, f_low, f_high, step, newton
     integer :: iteration, harmonics
 
     harmonics = (size(coefficients) - 1)/2
+    slopes = differentiated(coefficients)
     low = left
     high = right
-    sign_low = sign(1.0_wp, dot_product(coefficients, basis_at(low, harmonics)) - level)
+    f_low = dot_product(coefficients, basis_at(low, harmonics)) - level
+    f_high = dot_product(coefficients, basis_at(high, harmonics)) - level
     root = 0.5_wp*(low + high)
+    if (f_low*f_high < 0.0_wp) root = low + (high - low)*f_low/(f_low - f_high)
     do iteration = 1, 100
-      f = dot_product(coefficients, basis_at(root, harmonics)) - level
-      slope = dot_product(coefficients, slope_at(root, harmonics))
-      if (f*sign_low > 0.0_wp) then
+      basis = basis_at(root, harmonics)
+      f = dot_product(coefficients, basis) - level
+      if (f*f_low > 0.0_wp) then
         low = root
       else
         high = root
       end if
       step = 0.5_wp*(low + high) - root
-      if (abs(slope) > 0.0_wp) then
-        if (root - f/slope > low .and. root - f/slope < high) step = -f/slope
-      end if
+      newton = -f/sign(max(abs(dot_product(slopes, basis)), tiny(f)), dot_product(slopes, basis))
+      if (root + newton > low .and. root + newton < high) step = newton
       root = root + step
       if (abs(step) <= 2.0_wp*epsilon(1.0_wp)*two_pi) exit
     end do

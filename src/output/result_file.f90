@@ -7,6 +7,8 @@ module attrito_output_result_file
   use attrito_core_hdf5_dataset, only: create_series, extend_series
   use attrito_core_hdf5_file, only: hdf5_file_type, append_file, close_file, flush_file
   use attrito_core_kinds, only: wp, pi
+  use attrito_core_trigonometric, only: extrema
+  use attrito_model_contacts, only: contact_type
   use attrito_continuation_solver, only: solver_type
   use attrito_balance_receptance, only: to_real
   use attrito_output_point_report, only: point_report_type, outcome_names, outcome_not_converged
@@ -254,7 +256,7 @@ contains
             force(:, place, i) = forces%deviation(:k, row) + motion(:, place, i) &
                                  *merge(law%normal_stiffness, law%tangential_stiffness, row > law%tangents)
           end do
-          numbers(i, 1:2) = [forces%normal_mean, forces%normal_least]
+          numbers(i, 1:2) = [force(1, 3, i), least_normal_force(law, motion(:, 3, i))]
           numbers(i, 5) = force(1, 1, i)
           if (law%tangents == 2) numbers(i, 8) = force(1, 2, i)
           if (report%unique == 1) then
@@ -268,6 +270,17 @@ contains
       end do
     end associate
   end subroutine gather_contacts
+
+  !> Least normal force over the period, located.
+  pure real(wp) function least_normal_force(law, closing)
+    type(contact_type), intent(in) :: law
+    !> Coefficients of v
+    real(wp), intent(in) :: closing(:)
+    real(wp) :: range(2)
+
+    range = extrema(closing)
+    least_normal_force = max(law%preload + law%normal_stiffness*(range(1) - law%gap), 0.0_wp)
+  end function least_normal_force
 
   !> Work of a force on a displacement over a period, pi sum_h h (F_c u_s - F_s u_c).
   pure real(wp) function work_per_period(force, displacement)

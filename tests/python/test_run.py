@@ -7,6 +7,7 @@ import re
 from itertools import pairwise
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 from jobs import attrito, blocks, chain, run, table, wedge, write_blocks, write_job
@@ -275,3 +276,21 @@ def test_bodies_that_only_friction_holds_find_their_equilibrium(tmp_path, quadra
     # The excitation of 1e-6 N moves the limit of friction, and so the means, by some 1e-8 of them.
     assert row["outcome"] == "converged"
     assert float(row["apart_mean"]) == pytest.approx((pushing - friction * pressing) / (2.0 * k), rel=1.0e-6)
+
+
+@pytest.mark.parametrize(("force", "opens"), [(5.0, False), (30.0, True)])
+def test_the_least_normal_force_is_located(tmp_path, force, opens):
+    stiffness = 3.0e5
+    run(tmp_path, wedge(stiffness, force))
+    (row,) = table(tmp_path, "--contacts")
+    with h5py.File(tmp_path / "result.h5") as file:
+        closing = file["contacts/displacement"][0, 0, 2]
+    angle = np.linspace(0.0, 2.0 * np.pi, 100_001)
+    orders = np.arange(1, (len(closing) + 1) // 2)
+    v = closing[0] + closing[1::2] @ np.cos(np.outer(orders, angle)) + closing[2::2] @ np.sin(np.outer(orders, angle))
+    assert (float(row["n_min"]) == 0.0) == opens
+    assert (float(row["open"]) > 0.0) == opens
+    # A grid of 1e5 points misses a minimum by some (2 pi / 1e5)^2 / 2 of the curvature, 1e-8 of N.
+    assert float(row["n_min"]) == pytest.approx(max(stiffness * v.min(), 0.0), rel=1.0e-6)
+    # Mean N is that of max(kn v, 0) but for the truncation of the series, which leaves the mean alone.
+    assert float(row["n_mean"]) == pytest.approx(stiffness * np.maximum(v[:-1], 0.0).mean(), rel=1.0e-6)
