@@ -33,6 +33,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         sys.stderr.close()
         return 0
+    except KeyboardInterrupt:
+        print("attrito: interrupted", file=sys.stderr)
+        return 130
     except Exception as error:
         if isinstance(error, OSError) and not parallel:
             return _tell(str(unusable_file(error)), 2, parallel)
@@ -231,6 +234,9 @@ def _point(result, options: argparse.Namespace, monitor: str) -> int:
 
     if options.point is not None:
         result.check_point(options.point)
+        if not result.converged[options.point]:
+            outcome = result.outcome[options.point]
+            raise InputError(Fault(options.result, "--point", f"{options.point}, {outcome}", "a point with a solution"))
         return options.point
     amplitude = result.monitor(monitor, "amplitude")
     if not np.any(np.isfinite(amplitude)):

@@ -98,6 +98,10 @@ def full_field(result: Result, point: int, dofs: int, rom_file: str | None) -> n
     try:
         with h5py.File(rom_file, "r") as rom:
             basis = rom["/recovery/basis"]
+            made_with = result.attribute("rom_fingerprint")
+            if made_with and str(rom.attrs.get("fingerprint", "")) != made_with:
+                expected = f"the reduced model that {result.path} was made with: run its job again"
+                raise InputError(Fault(rom_file, "fingerprint", "of another reduction", expected))
             if basis.shape != (len(coordinates), dofs):
                 expected = f"{len(coordinates)} x {dofs} to match {result.path} and the model"
                 raise InputError(Fault(rom_file, "/recovery/basis", " x ".join(map(str, basis.shape)), expected))

@@ -191,7 +191,11 @@ def _check_sweep(job: Job) -> list[Fault]:
     sweep = job["sweep"]
     ends = [key for key in ("start_hz", "stop_hz") if sweep[key] is not None]
     if sweep["frequencies_hz"] is not None:
-        return [job.fault(f"[sweep] {key}", sweep[key], "no such key beside frequencies_hz") for key in ends]
+        faults = [job.fault(f"[sweep] {key}", sweep[key], "no such key beside frequencies_hz") for key in ends]
+        for key, default in (("both_directions", False), ("max_points", 1000)):
+            if (value := job["continuation"][key]) != default:
+                faults.append(job.fault(f"[continuation] {key}", value, "no such key beside [sweep] frequencies_hz"))
+        return faults
     if len(ends) < 2:
         missing = "stop_hz" if ends == ["start_hz"] else "start_hz"
         return [job.fault(f"[sweep] {missing}", "missing", "start_hz and stop_hz, or frequencies_hz")]
@@ -205,6 +209,10 @@ def _check_balance(job: Job) -> list[Fault]:
     harmonics, samples = job["balance"]["harmonics"], job["balance"]["samples"]
     if not isinstance(harmonics, int):
         return faults
+    if job["balance"]["tolerance"] is not None:
+        faults.append(
+            job.fault("[balance] tolerance", job["balance"]["tolerance"], 'no such key but with harmonics = "auto"')
+        )
     if samples < 4 * harmonics + 2:
         expected = f"at least {4 * harmonics + 2} samples for {harmonics} harmonics"
         faults.append(job.fault("[balance] samples", samples, expected))

@@ -158,8 +158,11 @@ def monitor(value: Any) -> dict[str, Any]:
     if not isinstance(value, dict) or set(value) != {"name", "dofs"}:
         raise ValueError("a table { name = ..., dofs = [[dof, coefficient], ...] }")
     name = text(value["name"])
-    if "/" in name or "," in name or len(name) > 64 or name in (".", ".."):
-        raise ValueError("a name of at most 64 characters without slash or comma")
+    reserved = (".", "..", "frequency_hz", "natural_hz")
+    if "/" in name or "," in name or name != name.strip() or len(name.encode()) > 64 or name in reserved:
+        raise ValueError(
+            "a name of at most 64 bytes without slash, comma or outer blanks, other than " + ", ".join(reserved[2:])
+        )
     return {"name": name, "dofs": listing(term, 1)(value["dofs"])}
 
 

@@ -20,7 +20,7 @@ class Progress:
     def __init__(self, comm: Comm):
         self._speaks = comm.rank == 0
         self._terminal = self._speaks and sys.stdout.isatty()
-        self._count = 0
+        self.count = 0
         self._pending = False
 
     def say(self, line: str) -> None:
@@ -61,27 +61,22 @@ class Progress:
 
     def point(self, point: Point, monitor: str) -> None:
         """One line a point."""
+        self.count += 1
         if not self._speaks:
             return
         stuck, shaken_down, slipping, opened = point.states
         line = (
-            f"{self._count:5d}  {point.frequency_hz:11.5g} Hz  level {point.level:<8.4g}"
+            f"{self.count - 1:5d}  {point.frequency_hz:11.5g} Hz  level {point.level:<8.4g}"
             f" {monitor} {point.amplitude[0]:11.4e}"
             f"  stuck {stuck + shaken_down:3d} slipping {slipping:3d} open {opened:3d}"
             f"  {point.iterations:3d} iterations  {point.outcome}"
         )
-        self._count += 1
         if self._terminal:
             print("\r" + line, end="", flush=True)
             self._pending = True
         else:
             print(line, flush=True)
 
-    def stopped_early(self, point: Point, stop_hz: float) -> None:
-        """A sweep ended before its stop."""
-        self.say(f"this sweep ended at {point.frequency_hz:.5g} Hz, before its stop at {stop_hz:.5g} Hz "
-                 "(the branch turned back over its start, or [continuation] max_points was reached)")  # fmt: skip
-
     def end(self, result: str, seconds: float, failed: int) -> None:
         """Where the result is."""
-        self.say(f"{self._count} points, {failed} of them not converged, in {seconds:.1f} s: {result}")
+        self.say(f"{self.count} points, {failed} of them not converged, in {seconds:.1f} s: {result}")

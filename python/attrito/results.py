@@ -179,7 +179,7 @@ def contact_table(result: Result) -> str:
     }
     if nc:
         names = result.names("/contacts/state")
-        columns["state"] = (names[index] for index in result.array("/contacts/state").ravel())
+        columns["state"] = (names[index] if index >= 0 else "" for index in result.array("/contacts/state").ravel())
     for name in real:
         columns[name] = _numbers(result.array(f"/contacts/{name}").ravel()) if nc else []
     columns["unique"] = _booleans(result.array("/contacts/unique").ravel()) if nc else []

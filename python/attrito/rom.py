@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
 LARGEST_DENSE = 4000
+# Raised when the reduction of the same input changes, so that no older rom.h5 is taken for it.
+REDUCTION_VERSION = 1
 
 
 def make_rom(comm: Comm, job: Job, scene: Scene | None, say: Any = print) -> Report | None:
@@ -37,13 +39,17 @@ def make_rom(comm: Comm, job: Job, scene: Scene | None, say: Any = print) -> Rep
     def prepare() -> tuple[bool, str, np.ndarray]:
         _check_interior(job, scene)
         fingerprint = _fingerprint(job, scene)
-        fresh = _holds(path, fingerprint)
+        fresh = rom_fingerprint(path) == fingerprint
         if fresh:
             say(f"reduced model {path}: up to date")
         else:
             Path(path).parent.mkdir(parents=True, exist_ok=True)
             if job["model"]["file"] is None:
                 write_model(model, scene.model, [])
+            if Path(path).exists():
+                say(
+                    f"replacing {path}, which holds another reduced model: shapes of its results can be exported no longer"
+                )
             kept = (
                 f"{keys['modes']} modes" if keys["modes"] is not None else f"modes to {keys['max_frequency_hz']:g} Hz"
             )
@@ -144,7 +150,7 @@ def _vectors(scene: Scene) -> dict[str, np.ndarray]:
 
 
 def _fingerprint(job: Job, scene: Scene) -> str:
-    digest = hashlib.sha256()
+    digest = hashlib.sha256(f"reduction {REDUCTION_VERSION}".encode())
     for matrix in (scene.model.stiffness, scene.model.mass, scene.model.damping):
         if matrix is not None:
             for array in (matrix.indptr, matrix.indices, matrix.data):
@@ -156,9 +162,10 @@ def _fingerprint(job: Job, scene: Scene) -> str:
     return digest.hexdigest()
 
 
-def _holds(path: str, fingerprint: str) -> bool:
+def rom_fingerprint(path: str | None) -> str:
+    """Fingerprint of a rom.h5; empty where there is none."""
     try:
-        with h5py.File(path) as file:
-            return file.attrs.get("fingerprint") == fingerprint
-    except OSError:
-        return False
+        with h5py.File(path or "") as file:
+            return str(file.attrs.get("fingerprint", ""))
+    except (OSError, ValueError):
+        return ""

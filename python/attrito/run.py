@@ -17,7 +17,7 @@ from attrito.faults import InputError, NumericsError
 from attrito.job import Job, read_job
 from attrito.parallel import on_root
 from attrito.progress import Progress
-from attrito.rom import make_rom, model_path, reduced_scene, rom_path
+from attrito.rom import make_rom, model_path, reduced_scene, rom_fingerprint, rom_path
 from attrito.scene import Scene, build_scene
 from attrito.solver import Options, Point, Solver
 from attrito.uniqueness import write_bounds
@@ -70,6 +70,7 @@ def run_job(comm: Comm, path: str) -> str:
         by_events=balance["quadrature"] == "event",
     )
     failed = 0
+    incomplete: list[str] = []
     try:
         with Solver(comm, reduced, options) as solver:
             on_root(comm, lambda: _write_root(partial, job, scene))
@@ -77,20 +78,28 @@ def run_job(comm: Comm, path: str) -> str:
             on_root(comm, lambda: _write_linear(partial, linear, reduced.monitor_names))
             solver.open_result(partial)
             progress.begin(len(reduced.mass), len(reduced.laws["tangents"]), linear)
-            for point in _points(solver, job, load_path, progress):
+            for point in _points(solver, job, load_path, progress, incomplete):
                 solver.write_point()
                 progress.point(point, reduced.monitor_names[0])
                 failed += point.outcome == "not_converged"
-    except (InputError, NumericsError):
-        on_root(comm, lambda: Path(partial).unlink(missing_ok=True))
+    except (InputError, NumericsError) as error:
+        if progress.count == 0:
+            on_root(comm, lambda: Path(partial).unlink(missing_ok=True))
+        elif isinstance(error, NumericsError):
+            raise NumericsError(f"{error}; the {progress.count} points solved before are in {partial}") from None
         raise
+    except KeyboardInterrupt:
+        progress.say(f"interrupted: the {progress.count} points solved so far are in {partial}")
+        raise
+    on_root(comm, lambda: _write_incomplete(partial, incomplete))
     on_root(comm, lambda: write_bounds(partial, reduced))
     on_root(comm, lambda: os.replace(partial, result))
     progress.end(result, time.perf_counter() - started, failed)
+    complaints = list(incomplete)
     if failed:
-        raise NumericsError(
-            f"{result}: {failed} point(s) did not converge; they are in the file with outcome not_converged"
-        )
+        complaints.append(f"{failed} point(s) did not converge; they are in the file with outcome not_converged")
+    if complaints:
+        raise NumericsError(f"{result}: " + "; ".join(complaints))
     return result
 
 
@@ -101,7 +110,9 @@ def _on_root_only(comm: Comm, work) -> Scene | None:
     return kept[0] if kept else None
 
 
-def _points(solver: Solver, job: Job, load_path: np.ndarray, progress: Progress) -> Iterator[Point]:
+def _points(
+    solver: Solver, job: Job, load_path: np.ndarray, progress: Progress, incomplete: list[str]
+) -> Iterator[Point]:
     """Every point of the job: for each level the static path, then the sweep, and back if the job says so."""
     sweep = job["sweep"]
     listed = sweep["frequencies_hz"]
@@ -122,7 +133,11 @@ def _points(solver: Solver, job: Job, load_path: np.ndarray, progress: Progress)
                 branch = max(branch, point.branch)
                 yield point
             if point is not None and not listed and not point.reached_stop:
-                progress.stopped_early(point, stop)
+                incomplete.append(
+                    f"the sweep of level {level:g} from {start:g} Hz ended at {point.frequency_hz:.6g} Hz, before"
+                    f" its stop at {stop:g} Hz: the branch turned back over its start, or [continuation] max_points was reached"
+                )
+                progress.say(incomplete[-1])
             branch += 1
 
 
@@ -158,6 +173,7 @@ def _write_root(path: str, job: Job, scene: Scene) -> None:
         file.attrs["job_file"] = str(Path(job.path).resolve())
         file.attrs["model_file"] = _absolute(model_path(job))
         file.attrs["rom_file"] = _absolute(rom_path(job))
+        file.attrs["rom_fingerprint"] = rom_fingerprint(rom_path(job))
         units = {
             "tangential_stiffness": "user force/length",
             "normal_stiffness": "user force/length",
@@ -171,6 +187,12 @@ def _write_root(path: str, job: Job, scene: Scene) -> None:
             stored = file.create_dataset(f"contacts/parameters/{name}", data=values, dtype=kind)
             stored.attrs["description"] = name.replace("_", " ")
             stored.attrs["unit"] = units.get(name, "1")
+
+
+def _write_incomplete(path: str, incomplete: list[str]) -> None:
+    if incomplete:
+        with h5py.File(path, "r+") as file:
+            file["points"].attrs["incomplete"] = "; ".join(incomplete)
 
 
 def _write_linear(path: str, responses: dict, monitors: list[str]) -> None:

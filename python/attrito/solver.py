@@ -225,7 +225,7 @@ class Solver:
             raw.branch,
             raw.iterations,
             OUTCOMES[raw.outcome],
-            bool(raw.unique),
+            raw.unique == 1,
             raw.residual,
             raw.estimate,
             tuple(raw.states),

@@ -2,6 +2,7 @@
 !>
 !> Arrays are C's: the last index runs fastest, so a Fortran array here has its dimensions the other way round.
 module attrito_api_solver
+  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use, intrinsic :: iso_c_binding
   use attrito_core_communicator, only: new_communicator, communicator_type
   use attrito_core_errors, only: error_type
@@ -224,10 +225,14 @@ contains
     natural_hz(:n) = system%omega(:n)/two_pi
     harmonics = (size(session%structure%harmonic_load, 2) - 1)/2
     call new_receptance(session%structure, session%contacts, system, harmonics, receptance)
+    ! The mean carries no harmonic load, and without friction it may have no support.
+    receptance%lowest = 1
     load = to_complex(matmul(transpose(session%structure%harmonic_load), receptance%basis))
     allocate (response, mold=load)
     do i = 1, count
       call receptance%set_frequency(omega(i), status)
+      amplitude(i, :size(session%structure%monitors, 2)) = ieee_value(1.0_wp, ieee_quiet_nan)
+      if (status /= 0) cycle
       call receptance%respond(load, response)
       coefficients = matmul(to_real(response), matmul(transpose(receptance%basis), session%structure%monitors))
       coefficients(1, :) = 0.0_wp

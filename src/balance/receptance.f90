@@ -17,6 +17,8 @@ module attrito_balance_receptance
     real(wp), allocatable :: directions(:, :)
     !> Highest harmonic
     integer :: harmonics = 0
+    !> Lowest harmonic it answers for: 1 where the mean has no support
+    integer :: lowest = 0
     !> Angular frequency it is set to
     real(wp) :: omega = -1.0_wp
   contains

@@ -60,7 +60,7 @@ contains
 
     status = 0
     if (omega == self%omega) return
-    first = merge(0, 1, self%omega < 0.0_wp)
+    first = max(merge(0, 1, self%omega < 0.0_wp), self%lowest)
     ! Until all harmonics are factored the factors belong to no frequency.
     self%omega = -1.0_wp
     do h = first, self%harmonics
@@ -79,7 +79,8 @@ contains
     complex(wp) :: column(size(force, 1), 1)
     integer :: h
 
-    do h = 0, self%harmonics
+    response(:, :self%lowest - 1) = 0.0_wp
+    do h = self%lowest, self%harmonics
       column(:, 1) = force(:, h)
       call solve_factored_complex(self%factors(:, :, h), self%pivots(:, h), column)
       response(:, h) = column(:, 1)

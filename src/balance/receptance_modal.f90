@@ -49,7 +49,7 @@ contains
       self%stiffness(:, h) = cmplx(self%modal_stiffness - (h*omega)**2*self%modal_mass, h*omega*self%modal_damping, wp)
       self%stiffness_derivative(:, h) = cmplx(-2.0_wp*h**2*omega*self%modal_mass, h*self%modal_damping, wp)
     end do
-    if (any(abs(self%stiffness) <= 0.0_wp)) status = 1
+    if (any(abs(self%stiffness(:, self%lowest:)) <= 0.0_wp)) status = 1
     ! Refused as often as it is asked for.
     self%omega = merge(omega, -1.0_wp, status == 0)
   end subroutine set_frequency
@@ -59,7 +59,8 @@ contains
     complex(wp), intent(in) :: force(:, 0:)
     complex(wp), intent(out) :: response(:, 0:)
 
-    response = force/self%stiffness
+    response(:, :self%lowest - 1) = 0.0_wp
+    response(:, self%lowest:) = force(:, self%lowest:)/self%stiffness(:, self%lowest:)
   end subroutine respond
 
   subroutine respond_derivative(self, response, derivative)
@@ -67,7 +68,7 @@ contains
     complex(wp), intent(in) :: response(:, 0:)
     complex(wp), intent(out) :: derivative(:, 0:)
 
-    derivative = -self%stiffness_derivative*response/self%stiffness
+    call self%respond(-self%stiffness_derivative*response, derivative)
   end subroutine respond_derivative
 
   subroutine block_between(self, h, rows_a, rows_b, block)

@@ -18,8 +18,8 @@ module attrito_balance_stuck_system
   private
   public :: stuck_system_type, new_stuck_system, new_receptance
 
-  !> Ratio of eigenvalues beyond which the smallest counts as zero: what rounding leaves of a free motion is some 1e-15
-  real(wp), parameter :: most_spread = 1.0e13_wp
+  character(*), parameter :: not_positive_mass = &
+                             'mass: the (reduced) mass matrix is not positive definite: expected every degree of freedom to carry mass'
 
   type :: stuck_system_type
     !> K~ [m, m]
@@ -72,13 +72,16 @@ contains
     integer :: info, m
 
     m = size(mass, 1)
+    call check_nothing_is_free(self%stiffness, error)
+    if (allocated(error)) return
     call symmetric_eigenpairs(mass, self%stiffness, eigenvalues, modes, info)
-    ! Motions that are free but for rounding show as periods far beyond all others.
-    if (info == 0 .and. m > 0) then
-      if (eigenvalues(m) > most_spread*max(eigenvalues(1), tiny(1.0_wp))) info = m + 1
-    end if
     if (info /= 0) then
-      call raise_free_motion(mass, self, error)
+      call raise(error, 'stiffness: with every contact stuck, K + B^T K_c B is not positive definite: expected a structure that is'// &
+                 ' stable when its contacts stick', fault_of_input)
+      return
+    end if
+    if (eigenvalues(1) < -1.0e-12_wp*eigenvalues(m)) then
+      call raise(error, not_positive_mass, fault_of_input)
       return
     end if
     self%modes = modes(:, m:1:-1)
@@ -96,8 +99,7 @@ contains
 
     call symmetric_eigenpairs(self%stiffness, mass, self%modal_stiffness, self%modes, info)
     if (info /= 0) then
-      call raise(error, 'mass: the (reduced) mass matrix is not positive definite: expected every degree of freedom to carry'// &
-                 ' mass', fault_of_input)
+      call raise(error, not_positive_mass, fault_of_input)
       return
     end if
     self%modal_stiffness = max(self%modal_stiffness, 0.0_wp)
@@ -105,21 +107,30 @@ contains
     self%omega = sqrt(self%modal_stiffness)
   end subroutine modes_by_mass
 
-  !> K~ is not positive definite: count the motions that are left free.
-  subroutine raise_free_motion(mass, self, error)
-    real(wp), intent(in) :: mass(:, :)
-    type(stuck_system_type), intent(inout) :: self
+  !> Motions that neither structure nor stuck contacts hold: eigenvalues of K~, scaled to a unit diagonal, that are zero but for
+  !> rounding. Scaled, stiff contacts and small masses do not look like free motions.
+  subroutine check_nothing_is_free(stiffness, error)
+    real(wp), intent(in) :: stiffness(:, :)
     type(error_type), allocatable, intent(out) :: error
-    integer :: free
+    real(wp), allocatable :: scaled(:, :), unit(:, :), eigenvalues(:), modes(:, :)
+    real(wp) :: scale(size(stiffness, 1))
+    integer :: i, info, free
     character(12) :: text
 
-    call modes_by_mass(mass, self, error)
-    if (allocated(error)) return
-    free = max(count(self%modal_stiffness <= maxval(self%modal_stiffness)/most_spread), 1)
+    scale = [(stiffness(i, i), i=1, size(stiffness, 1))]
+    where (scale > 0.0_wp) scale = 1.0_wp/sqrt(scale)
+    scaled = stiffness*spread(scale, 1, size(scale))*spread(scale, 2, size(scale))
+    unit = 0.0_wp*scaled
+    do i = 1, size(scale)
+      unit(i, i) = 1.0_wp
+    end do
+    call symmetric_eigenpairs(scaled, unit, eigenvalues, modes, info)
+    free = count(eigenvalues <= 10.0_wp*epsilon(1.0_wp)*size(scale))
+    if (free == 0) return
     write (text, '(i0)') free
     call raise(error, 'stiffness: with every contact stuck, K + B^T K_c B leaves '//trim(text)//' motion(s) free: expected'// &
                ' supports or contacts that hold every body (one-tangent contacts may leave a direction free)', fault_of_input)
-  end subroutine raise_free_motion
+  end subroutine check_nothing_is_free
 
   !> The cheapest receptance that is exact for the structure's damping.
   subroutine new_receptance(structure, contacts, stuck, harmonics, receptance)

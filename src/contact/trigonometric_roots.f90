@@ -88,6 +88,8 @@ contains
 
     f = matmul(grid%values, coefficients)
     slope = matmul(grid%slopes, coefficients)
+    ! A root on a grid point belongs to the step before it: what counts there is the sign after it.
+    where (abs(f) <= 0.0_wp) f = sign(tiny(1.0_wp), slope)
     count = 0
     do j = 1, size(f) - 1
       if (f(j)*f(j + 1) < 0.0_wp) then

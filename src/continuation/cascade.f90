@@ -64,10 +64,13 @@ contains
     iterations = solver%report%iterations
 
     call solver%context%balance%receptance%set_frequency(omega, status)
-    solver%motion = solver%context%balance%linear_motion()
-    call solver%solve_at(omega)
-    iterations = iterations + solver%report%iterations
-    converged = solver%report%converged
+    converged = .false.
+    if (status == 0) then
+      solver%motion = solver%context%balance%linear_motion()
+      call solver%solve_at(omega)
+      iterations = iterations + solver%report%iterations
+      converged = solver%report%converged
+    end if
     if (.not. converged) then
       call restore()
       call march_along(frequency_way_type(from, omega), solver, iterations, converged)

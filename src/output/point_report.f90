@@ -5,7 +5,7 @@ module attrito_output_point_report
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_balance_receptance, only: to_complex, to_real
   use attrito_continuation_solver, only: solver_type
-  use attrito_contact_state, only: state_stuck, state_open
+  use attrito_contact_state, only: state_stuck, state_slipping, state_open
   implicit none
   private
   public :: point_report_type, report_point, outcome_names
@@ -19,11 +19,13 @@ module attrito_output_point_report
   real(wp), parameter :: accepted_defect = 1.0e-6_wp
   !> Damping ratio taken for the estimate where modes have none of their own
   real(wp), parameter :: nominal_ratio = 0.01_wp
+  !> Monitors below this part of the largest amplitude are measured against it: of what hardly moves no relative error is told
+  real(wp), parameter :: least_share = 1.0e-3_wp
 
   type :: point_report_type
     real(wp) :: frequency_hz = 0.0_wp, level = 1.0_wp
     integer :: branch = 0, iterations = 0, outcome = outcome_not_converged
-    !> 1 yes, 0 no
+    !> 1 yes, 0 no, -1 not examined
     integer :: unique = 0
     !> Norm of the residual relative to the stuck response; estimated relative error of the peak
     real(wp) :: residual = 0.0_wp, estimate = 0.0_wp
@@ -61,7 +63,7 @@ contains
       if (solver%report%converged) then
         report%outcome = merge(outcome_converged, outcome_indeterminate, solver%report%defect <= accepted_defect)
       end if
-      report%estimate = truncation_estimate(solver, report%amplitude)
+      report%estimate = truncation_estimate(solver, report%amplitude, sum(report%states(state_slipping:state_open)))
     end associate
   end subroutine report_point
 
@@ -82,13 +84,17 @@ contains
     call balance%ranks%sum(counts)
     report%states = nint(counts(:state_open))
     report%unique = merge(1, 0, nint(counts(state_open + 1)) == 0)
+    ! A frozen mean is one of many that the load path could have left.
+    if (allocated(balance%frozen_mean)) report%unique = -1
   end subroutine count_states
 
   !> Monitors' response to the contact forces at harmonics H + 1 ... 3 H, relative to their amplitude: the first correction of a
   !> longer series, through the receptance of the stuck modes.
-  real(wp) function truncation_estimate(solver, amplitude) result(estimate)
+  real(wp) function truncation_estimate(solver, amplitude, slipping_or_open) result(estimate)
     type(solver_type), intent(in) :: solver
     real(wp), intent(in) :: amplitude(:)
+    !> Contacts whose forces have harmonics of their own
+    integer, intent(in) :: slipping_or_open
     real(wp), allocatable :: generalised(:, :), monitors(:, :), damping(:)
     complex(wp), allocatable :: columns(:, :)
     real(wp) :: missing(size(amplitude))
@@ -99,6 +105,7 @@ contains
       harmonics = balance%receptance%harmonics
       extended = min(3*harmonics, (balance%fourier%samples - 1)/2)
       if (extended <= harmonics .or. size(amplitude) == 0) return
+      if (slipping_or_open == 0) return
       allocate (generalised(2*extended + 1, size(stuck%omega)), source=0.0_wp)
       do i = 1, size(balance%law)
         associate (directions => balance%directions(:, balance%law(i)%first_row:balance%law(i)%first_row + balance%law(i)%tangents))
@@ -119,7 +126,7 @@ contains
         missing = missing + abs(matmul(columns(:, h + 1)/cmplx(stuck%modal_stiffness - (h*solver%omega)**2*stuck%modal_mass, &
                                                                h*solver%omega*damping, wp), monitors))
       end do
-      if (maxval(amplitude) > 0.0_wp) estimate = maxval(missing/max(amplitude, tiny(1.0_wp)))
+      if (maxval(amplitude) > 0.0_wp) estimate = maxval(missing/max(amplitude, least_share*maxval(amplitude)))
     end associate
   end function truncation_estimate
 end module attrito_output_point_report

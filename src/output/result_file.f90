@@ -120,21 +120,22 @@ contains
     type(error_type), allocatable, intent(out) :: error
     real(wp) :: blank, bound
     integer :: i
-    logical :: mine
+    logical :: mine, solved
 
     self%points = self%points + 1
     mine = solver%context%balance%ranks%is_root()
     blank = ieee_value(blank, ieee_quiet_nan)
+    solved = report%outcome /= outcome_not_converged
     call put_real('/points/frequency_hz', report%frequency_hz)
     call put_real('/points/level', report%level)
     call put_integer('/points/branch', report%branch)
     call put_integer('/points/iterations', report%iterations)
-    call put_integer('/points/period', 1)
+    call put_integer('/points/period', merge(1, -1, solved))
     call put_integer('/points/outcome', report%outcome)
-    call put_integer('/points/unique', merge(-1, report%unique, report%outcome == outcome_not_converged))
+    call put_integer('/points/unique', merge(report%unique, -1, solved))
     call put_integer('/points/stable', -1)
     call put_real('/points/residual', report%residual)
-    call put_real('/points/estimate', report%estimate)
+    call put_real('/points/estimate', merge(report%estimate, blank, solved))
     call put_rows('/points/coordinates', [self%points - 1], &
                   matmul(to_real(solver%context%balance%response), transpose(solver%context%balance%receptance%basis)), mine)
     do i = 1, size(self%monitors)
@@ -158,7 +159,7 @@ contains
       real(wp) :: values(merge(1, 0, mine))
 
       values = value
-      if (report%outcome == outcome_not_converged .and. index(name, '/monitors/') == 1) values = blank
+      if (index(name, '/monitors/') == 1 .and. .not. solved) values = blank
       if (.not. allocated(error)) call extend_series(self%file, name, self%points, error)
       if (.not. allocated(error)) call write_block(self%file, name, [self%points - 1], values, error)
     end subroutine put_real
@@ -182,6 +183,7 @@ contains
 
       allocate (own(size(values, 1), merge(size(values, 2), 0, here)))
       own = values(:, :size(own, 2))
+      if (.not. solved) own = blank
       if (.not. allocated(error)) call extend_series(self%file, name, self%points, error)
       if (.not. allocated(error)) call write_block(self%file, name, start, own, error)
     end subroutine put_rows
@@ -195,16 +197,27 @@ contains
     type(error_type), allocatable, intent(out) :: error
     real(wp), allocatable :: numbers(:, :), motion(:, :, :), force(:, :, :), slider(:, :)
     integer, allocatable :: states(:), unique(:)
+    real(wp) :: blank
     integer :: start(2), i
 
+    blank = ieee_value(blank, ieee_quiet_nan)
     associate (balance => solver%context%balance)
       call gather_contacts(solver, report, numbers, motion, force)
       states = [(balance%forces(i)%state, i=1, size(balance%forces))]
       unique = [(merge(report%unique - 1, 0, balance%forces(i)%unique), i=1, size(balance%forces))]
-      if (report%unique == 1) unique = 1
+      if (report%unique /= 0) unique = report%unique
       slider = reshape([(balance%forces(i)%slider, i=1, size(balance%forces))], [2, size(balance%forces)])
       start = [self%points - 1, balance%first_contact - 1]
     end associate
+    if (report%outcome == outcome_not_converged) then
+      ! The last iterate is no solution.
+      states = -1
+      unique = -1
+      numbers = blank
+      motion = blank
+      force = blank
+      slider = blank
+    end if
     call extend_and('/contacts/state')
     if (.not. allocated(error)) call write_block(self%file, '/contacts/state', start, states, error)
     call extend_and('/contacts/unique')

@@ -272,7 +272,7 @@ JOB = [
     Case(
         "a monitor with a slash in its name",
         put("output", monitors=[{"name": "tip/x", "dofs": [[0, 1.0]]}]),
-        ("job.toml: [output] monitors = [{'name': 'tip/x'", "expected a name of at most 64 characters without slash"),
+        ("job.toml: [output] monitors = [{'name': 'tip/x'", "expected a name of at most 64 bytes without slash"),
     ),
     Case(
         "a dof without its coefficient, deep in a list",

@@ -294,3 +294,70 @@ def test_the_least_normal_force_is_located(tmp_path, force, opens):
     assert float(row["n_min"]) == pytest.approx(max(stiffness * v.min(), 0.0), rel=1.0e-6)
     # Mean N is that of max(kn v, 0) but for the truncation of the series, which leaves the mean alone.
     assert float(row["n_mean"]) == pytest.approx(stiffness * np.maximum(v[:-1], 0.0).mean(), rel=1.0e-6)
+
+
+@pytest.mark.parametrize(
+    "damping",
+    [
+        {"damping": {"ratio": 0.01}},
+        {"model": {"damping": [[10.0, 0.0], [0.0, 10.0]]}},
+        {"damping": {"rayleigh": [1.0, 1.0e-5]}},
+        {"damping": {"loss_factor": 0.01}},
+    ],
+    ids=["ratio", "viscous", "rayleigh", "loss factor"],
+)
+def test_a_mass_that_only_its_contact_holds_is_solved_with_every_damping(tmp_path, damping):
+    """Stuck at 1 N the mass moves along x by F / (kt - m omega^2), but for damping; without friction x is free."""
+    kt, frequency = 3.0e5, 20.0
+    job = wedge(kt, 1.0)
+    job["model"] = {"mass": [[1.0, 0.0], [0.0, 1.0]], "stiffness": [[0.0, 0.0], [0.0, 2.5e6]]} | damping.get(
+        "model", {}
+    )
+    job |= {name: value for name, value in damping.items() if name != "model"}
+    job["contact"][0] |= {"normal": [[1, 1.0]], "tangents": [[[0, 1.0]]]}
+    job["load"][1]["cosine"] = [[0, 1.0]]
+    job["sweep"] = {"frequencies_hz": [frequency]}
+    run(tmp_path, job)
+    (row,) = table(tmp_path)
+    omega = 2.0 * np.pi * frequency
+    assert row["outcome"] == "converged"
+    # Damping of at most 1 % at a sixth of the resonance changes the amplitude by less than (2 * 0.01 / 6)^2.
+    assert float(row["x_amplitude"]) == pytest.approx(1.0 / (kt - omega**2), rel=2.0e-5)
+    with h5py.File(tmp_path / "result.h5") as file:
+        free = file["linear/frictionless/x"][:]
+    # A free mass: F / (m omega^2), a little less with damping.
+    assert free == pytest.approx(1.0 / omega**2, rel=1.0e-2)
+
+
+@pytest.mark.parametrize("quadrature", ["event", "sampled"])
+def test_a_static_path_passes_the_closing_of_a_gap(tmp_path, quadrature):
+    """One step ends where the contact just closes, N = 0 to the last digit, and the next begins to slip."""
+    job = wedge(1.0e6, 1.0)
+    job["contact"][0]["gap"] = 9.0e-6
+    job["load"][0]["dofs"] = [[0, 30.0], [1, 100.0]]
+    job["static"] = {"load_path": [0.0, 0.22500000000000003, 0.23, 1.0]}
+    job["balance"]["quadrature"] = quadrature
+    run(tmp_path, job)
+    (row,) = table(tmp_path)
+    assert row["outcome"] == "converged"
+
+
+def test_a_sweep_that_does_not_reach_its_stop_says_so(tmp_path):
+    job = wedge()
+    job["sweep"] = {"start_hz": 140.0, "stop_hz": 100.0}
+    job["continuation"] = {"max_points": 5}
+    done = run(tmp_path, job, code=1)
+    assert "before its stop at 100 Hz" in done.stderr
+    assert len(table(tmp_path)) == 5
+    with h5py.File(tmp_path / "result.h5") as file:
+        assert "before its stop" in file["points"].attrs["incomplete"]
+
+
+def test_an_uncoupled_point_does_not_claim_to_be_unique(tmp_path):
+    job = wedge(3.0e5, 20.0)
+    job["balance"]["approach"] = "uncoupled"
+    run(tmp_path, job)
+    (row,) = table(tmp_path)
+    assert row["unique"] == "" and row["x_low"] == ""
+    (contact,) = table(tmp_path, "--contacts")
+    assert contact["unique"] == "" and contact["n_low"] == ""
