@@ -47,9 +47,7 @@ def make_rom(comm: Comm, job: Job, scene: Scene | None, say: Any = print) -> Rep
             if job["model"]["file"] is None:
                 write_model(model, scene.model, [])
             if Path(path).exists():
-                say(
-                    f"replacing {path}, which holds another reduced model: shapes of its results can be exported no longer"
-                )
+                say(f"replacing {path}, another reduced model: shapes of its results can be exported no longer")
             kept = (
                 f"{keys['modes']} modes" if keys["modes"] is not None else f"modes to {keys['max_frequency_hz']:g} Hz"
             )

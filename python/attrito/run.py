@@ -134,8 +134,9 @@ def _points(
                 yield point
             if point is not None and not listed and not point.reached_stop:
                 incomplete.append(
-                    f"the sweep of level {level:g} from {start:g} Hz ended at {point.frequency_hz:.6g} Hz, before"
-                    f" its stop at {stop:g} Hz: the branch turned back over its start, or [continuation] max_points was reached"
+                    f"the sweep of level {level:g} from {start:g} Hz ended at {point.frequency_hz:.6g} Hz,"
+                    f" before its stop at {stop:g} Hz: the branch turned back over its start, or [continuation]"
+                    " max_points was reached"
                 )
                 progress.say(incomplete[-1])
             branch += 1

@@ -19,7 +19,7 @@ module attrito_balance_stuck_system
   public :: stuck_system_type, new_stuck_system, new_receptance
 
   character(*), parameter :: not_positive_mass = &
-                             'mass: the (reduced) mass matrix is not positive definite: expected every degree of freedom to carry mass'
+                             'mass: the (reduced) mass matrix is not positive definite: expected every dof to carry mass'
 
   type :: stuck_system_type
     !> K~ [m, m]
@@ -76,8 +76,8 @@ contains
     if (allocated(error)) return
     call symmetric_eigenpairs(mass, self%stiffness, eigenvalues, modes, info)
     if (info /= 0) then
-      call raise(error, 'stiffness: with every contact stuck, K + B^T K_c B is not positive definite: expected a structure that is'// &
-                 ' stable when its contacts stick', fault_of_input)
+      call raise(error, 'stiffness: with every contact stuck, K + B^T K_c B is not positive definite: expected a structure that'// &
+                 ' is stable when its contacts stick', fault_of_input)
       return
     end if
     if (eigenvalues(1) < -1.0e-12_wp*eigenvalues(m)) then

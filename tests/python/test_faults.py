@@ -433,7 +433,7 @@ MODEL = [
     Case(
         "a mass that is not positive, found by the library",
         put("model", mass=(1.4 * np.eye(4) - 0.7).tolist()),
-        ("job.toml: mass: ", "is not positive definite: expected every degree of freedom to carry mass"),
+        ("job.toml: mass: ", "is not positive definite: expected every dof to carry mass"),
         lambda: chain(contacts=2),
     ),
     Case(
