@@ -233,7 +233,6 @@ TABLES: dict[str, dict[str, Key]] = {
         "tolerance": Key(number(0, 1, above=True)),
         "quadrature": Key(choice("event", "sampled", later=("auto",)), "event"),
         "samples": Key(integer(8, 2**20), 128),
-        "passes": Key(integer(2), 3),
         "residual_tolerance": Key(number(1e-14, 1e-3), 1e-10),
         "max_iterations": Key(integer(1), 30),
     },

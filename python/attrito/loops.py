@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,13 +12,14 @@ from attrito.results import Result
 from attrito.solver import make_law, sample_contact
 
 SAMPLES = 1024
+# Two tangents: periods until the slider repeats at other samples than the point was solved with.
+PASSES = 20
 
 
 def contact_loops(result: Result, point: int, contacts: Sequence[int]) -> list[Loop]:
     """Loops T(u) with N over a period for some contacts of a point; two tangents: along the largest motion."""
     result.check_point(point)
     laws = {name: result.array(f"contacts/parameters/{name}") for name in _laws()}
-    passes = json.loads(result.attribute("job"))["balance"]["passes"]
     loops = []
     for contact in contacts:
         if not 0 <= contact < result.contacts:
@@ -28,7 +28,7 @@ def contact_loops(result: Result, point: int, contacts: Sequence[int]) -> list[L
         rows = [*range(tangents), 2]
         coefficients = result.dataset("contacts/displacement")[point, contact][rows]
         slider = result.dataset("contacts/slider")[point, contact]
-        u, force = sample_contact(make_law(laws, contact), coefficients, slider, SAMPLES, passes)
+        u, force = sample_contact(make_law(laws, contact), coefficients, slider, SAMPLES, PASSES)
         friction = float(laws["friction_coefficient"][contact])
         along = _main_direction(u[:tangents])
         loops.append(Loop(f"contact {contact}", along @ u[:tangents], along @ force[:tangents], force[-1], friction))

@@ -62,7 +62,6 @@ def run_job(comm: Comm, path: str) -> str:
     options = Options(
         harmonics=balance["harmonics"],
         samples=balance["samples"],
-        passes=balance["passes"],
         max_iterations=balance["max_iterations"],
         tolerance=balance["residual_tolerance"],
         reset_slider=job["static"]["slider"] == "reset",

@@ -20,7 +20,7 @@ DAMPING_KINDS = {"none": 0, "viscous": 1, "ratio": 2, "mass": 3, "loss_factor": 
 
 class _Options(ctypes.Structure):
     _fields_ = [
-        *((name, ctypes.c_int) for name in ("harmonics", "samples", "passes", "rounds", "max_iterations")),
+        *((name, ctypes.c_int) for name in ("harmonics", "samples", "rounds", "max_iterations")),
         ("reset_slider", ctypes.c_int),
         ("uncoupled", ctypes.c_int),
         ("by_events", ctypes.c_int),
@@ -52,7 +52,6 @@ class Options:
 
     harmonics: int = 5
     samples: int = 128
-    passes: int = 3
     rounds: int = 20
     max_iterations: int = 30
     reset_slider: bool = False

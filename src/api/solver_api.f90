@@ -36,7 +36,7 @@ module attrito_api_solver
   end type session_type
 
   type, bind(c) :: options_type
-    integer(c_int) :: harmonics, samples, passes, rounds, max_iterations, reset_slider, uncoupled, by_events
+    integer(c_int) :: harmonics, samples, rounds, max_iterations, reset_slider, uncoupled, by_events
     real(c_double) :: tolerance
   end type options_type
 
@@ -120,7 +120,7 @@ contains
     attrito_prepare = tell(error, message)
     if (allocated(error)) return
     call new_solver(session%structure, session%contacts, session%ranks, solver_options_type( &
-                    harmonics=options%harmonics, samples=options%samples, passes=options%passes, rounds=options%rounds, &
+                    harmonics=options%harmonics, samples=options%samples, rounds=options%rounds, &
                     max_iterations=options%max_iterations, reset_slider=options%reset_slider /= 0, &
                     uncoupled=options%uncoupled /= 0, by_events=options%by_events /= 0, tolerance=options%tolerance), &
                     session%solver, error)

@@ -39,13 +39,12 @@ module attrito_balance_harmonic_balance
     !> Factors on them
     real(wp), allocatable :: static_factors(:)
     real(wp) :: level = 1.0_wp
-    !> Marches over the period for contacts with two tangents
-    integer :: passes = 3
     !> Part of their springs that contacts keep in the Newton step when they slip or open: 0 is Newton's method; more holds a motion
     !> that nothing but friction holds, at the price of a linear rate
     real(wp) :: stiffening = 0.0_wp
-    !> Sliders at the start of the march [2, contacts]
+    !> Sliders at the start of the march [2, contacts]; contacts with two tangents whose slider is to be where a period leaves it
     real(wp), allocatable :: slider(:, :)
+    logical, allocatable :: periodic(:)
     !> Uncoupled: mean of the generalised coordinates [n]
     complex(wp), allocatable :: frozen_mean(:)
     !> Of the last evaluation: contacts' forces, residual and its derivative by omega [2 H + 1, rows], response [n, 0:H]
@@ -59,27 +58,25 @@ module attrito_balance_harmonic_balance
     procedure :: respond_to_deviation
     procedure :: recover
     procedure :: linear_motion
-    procedure :: keep_slider
     procedure :: destroy
   end type balance_type
 
 contains
 
   !> Spread the contacts over ranks and make room.
-  subroutine new_balance(structure, contacts, receptance, ranks, samples, passes, self)
+  subroutine new_balance(structure, contacts, receptance, ranks, samples, self)
     type(structure_type), intent(in) :: structure
     type(contacts_type), intent(in) :: contacts
     !> Moved into the balance
     class(receptance_type), allocatable, intent(inout) :: receptance
     type(communicator_type), intent(in) :: ranks
-    !> Samples a period; marches for two tangents
-    integer, intent(in) :: samples, passes
+    !> Samples a period
+    integer, intent(in) :: samples
     type(balance_type), intent(out) :: self
     integer :: last, last_row, i, extended, n
 
     call move_alloc(receptance, self%receptance)
     self%ranks = ranks
-    self%passes = passes
     self%fourier = new_fourier(self%receptance%harmonics, samples)
     self%grid = new_grid(self%receptance%harmonics)
     call ranks%share(size(contacts%law), self%first_contact, last)
@@ -102,6 +99,7 @@ contains
     i = min(size(structure%harmonic_load, 2), self%coefficients())
     self%harmonic_load(:, 0:i/2) = to_complex(matmul(transpose(structure%harmonic_load(:, :i)), self%receptance%basis))
     allocate (self%slider(2, size(self%law)), source=0.0_wp)
+    allocate (self%periodic(size(self%law)), source=.false.)
     allocate (self%forces(size(self%law)))
     extended = min(3*self%receptance%harmonics, (samples - 1)/2)
     do i = 1, size(self%law)
@@ -147,7 +145,7 @@ contains
           if (self%by_events .and. law%tangents == 1) then
             call evaluate_contact_by_events(law, self%grid, own, self%slider(1, i), self%forces(i))
           else
-            call evaluate_contact(law, self%fourier, own, self%slider(:, i), self%passes, self%forces(i))
+            call evaluate_contact(law, self%fourier, own, self%slider(:, i), self%periodic(i), self%forces(i))
           end if
         end associate
         self%residual(:, law%first_row:law%first_row + law%tangents) = self%forces(i)%deviation(:k, :)
@@ -203,17 +201,6 @@ contains
 
     motion = self%recover(linear_response(self))
   end function linear_motion
-
-  !> Let the sliders of the last evaluation, or where they would come to rest, be the start of the next march.
-  pure subroutine keep_slider(self, resting)
-    class(balance_type), intent(inout) :: self
-    logical, intent(in) :: resting
-    integer :: i
-
-    do i = 1, size(self%law)
-      self%slider(:, i) = merge(self%forces(i)%resting, self%forces(i)%slider, resting)
-    end do
-  end subroutine keep_slider
 
   !> Give the transforms back.
   subroutine destroy(self)

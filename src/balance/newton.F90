@@ -1,19 +1,20 @@
 #include <petsc/finclude/petscsnes.h>
 #include "petsc_compatibility.h"
-!> Newton's method on the bordered balance, by PETSc SNES: unknowns are the contacts' motion and omega, the last equation is the
-!> constraint that picks the point (a frequency, or a plane across the branch).
+!> Newton's method on the bordered balance, by PETSc SNES: unknowns are the contacts' motion, periodic sliders and omega; equations are
+!> the balance, w = P(w, d), and the constraint that picks the point (a frequency, or a plane across the branch).
 !>
 !> Unknowns are scaled by `motion_scale` and `frequency_scale`, residuals by `motion_scale`. The Jacobian is a shell, its inverse the
-!> condensed system (exact), so the linear solver only applies it. Backtracking guards the step.
+!> condensed system, so SNES's own linear solver only applies it. Backtracking guards the step.
 !> Source: Balay et al., PETSc users manual, chapter SNES.
 module attrito_balance_newton
   use petscsnes
   use attrito_core_errors, only: error_type, raise
   use attrito_core_kinds, only: wp
-  use attrito_balance_condensed_system, only: constraint_type, solve_linearised, inner_product
-  use attrito_balance_harmonic_balance, only: balance_type
+  use attrito_balance_border, only: constraint_type, inner_product
+  use attrito_balance_linearised_step, only: solve_linearised, apply_linearised
   use attrito_balance_newton_context, only: newton_context_type, MatCreateShell, MatShellGetContext, PCShellSetContext, &
                                             PCShellGetContext
+  use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   implicit none
   private
   public :: newton_type, newton_report_type, new_newton
@@ -33,6 +34,8 @@ module attrito_balance_newton
   type :: newton_report_type
     logical :: converged = .false.
     integer :: iterations = 0
+    !> Of GMRES, where the linear systems are large
+    integer :: linear_iterations = 0
     !> Norm of the scaled residual
     real(wp) :: residual = huge(1.0_wp)
     !> What one more period would move a slider by, relative to the motion's scale
@@ -64,7 +67,7 @@ contains
     PetscInt :: n
 
     associate (balance => self%context%balance)
-      n = balance%coefficients()*balance%rows()
+      n = balance%coefficients()*balance%rows() + 2*size(balance%law)
       if (balance%ranks%is_root()) n = n + 1
       self%max_iterations = max_iterations
       PetscCall(VecCreateMPI(balance%ranks%handle, n, PETSC_DETERMINE, self%unknowns, ierr))
@@ -89,98 +92,109 @@ contains
   end subroutine create
 
   !> Solve from a start; the start is overwritten by the last iterate, converged or not.
-  subroutine solve(self, motion, omega, constraint, report)
+  subroutine solve(self, unknowns, constraint, report)
     class(newton_type), intent(inout) :: self
-    !> Relative displacements [2 H + 1, rows]
-    real(wp), intent(inout) :: motion(:, :)
-    !> Angular frequency
-    real(wp), intent(inout) :: omega
+    type(unknowns_type), intent(inout) :: unknowns
     !> Constraint on physical motion and omega; it is met exactly by a converged solve
     type(constraint_type), intent(in) :: constraint
     type(newton_report_type), intent(out) :: report
     PetscErrorCode :: ierr
 
     self%context%constraint = constraint
-    call run(self, motion, omega, report, ierr)
+    self%context%linear_iterations = 0
+    call run(self, unknowns, report, ierr)
+    report%linear_iterations = self%context%linear_iterations
     if (ierr /= 0) report%converged = .false.
   end subroutine solve
 
-  subroutine run(self, motion, omega, report, ierr)
+  subroutine run(self, unknowns, report, ierr)
     class(newton_type), intent(inout) :: self
-    real(wp), intent(inout) :: motion(:, :), omega
+    type(unknowns_type), intent(inout) :: unknowns
     type(newton_report_type), intent(inout) :: report
     PetscErrorCode, intent(out) :: ierr
-    SNESConvergedReason :: reason
     PetscInt :: iterations
     PetscReal :: norm
     PetscReal, parameter :: none = 0.0
-    real(wp), allocatable :: final_motion(:, :)
-    real(wp) :: final_omega
     integer :: status
 
-    PetscCall(store(self%context, self%unknowns, motion, omega, ierr))
+    PetscCall(store(self%context, self%unknowns, unknowns, ierr))
     PetscCall(SNESSetTolerances(self%snes, self%context%tolerance, none, none, self%max_iterations, 10*self%max_iterations, ierr))
     PetscCall(SNESSolve(self%snes, PETSC_NULL_VEC, self%unknowns, ierr))
-    PetscCall(SNESGetConvergedReason(self%snes, reason, ierr))
     PetscCall(SNESGetIterationNumber(self%snes, iterations, ierr))
     PetscCall(SNESGetFunctionNorm(self%snes, norm, ierr))
-    allocate (final_motion, mold=motion)
-    PetscCall(load(self%context, self%unknowns, final_motion, final_omega, ierr))
-    motion = final_motion
-    omega = final_omega
+    PetscCall(load(self%context, self%unknowns, unknowns, ierr))
     report%converged = norm <= self%context%tolerance
     report%iterations = iterations
     report%residual = norm
     ! The balance keeps forces and Jacobian of the answer, whatever the line search tried last.
-    call ensure_evaluated(self%context, motion, omega, status)
+    call ensure_evaluated(self%context, unknowns, status)
     if (status /= 0) report%converged = .false.
   end subroutine run
 
-  !> SNES: residual of balance and constraint.
+  !> Unknowns of the balance's size.
+  function room(context) result(unknowns)
+    type(newton_context_type), intent(in) :: context
+    type(unknowns_type) :: unknowns
+
+    associate (balance => context%balance)
+      unknowns = new_unknowns(balance%coefficients(), balance%rows(), size(balance%law))
+    end associate
+  end function room
+
+  !> SNES: residual of balance, sliders and constraint.
   subroutine evaluate(snes, x, f, context, ierr)
     type(tSNES) :: snes
     type(tVec) :: x, f
     type(newton_context_type) :: context
     PetscErrorCode :: ierr
-    real(wp), allocatable :: motion(:, :), rest(:, :)
-    real(wp) :: omega, mismatch
-    integer :: status
+    type(unknowns_type) :: at, rest
+    integer :: i, status
 
-    allocate (motion, mold=context%balance%residual)
-    PetscCall(load(context, x, motion, omega, ierr))
-    call ensure_evaluated(context, motion, omega, status)
+    at = room(context)
+    rest = room(context)
+    PetscCall(load(context, x, at, ierr))
+    call ensure_evaluated(context, at, status)
     if (status /= 0) then
       PetscCall(SNESSetFunctionDomainError(snes, ierr))
       return
     end if
-    associate (constraint => context%constraint)
-      mismatch = inner_product(context%balance, constraint%motion, motion) + constraint%frequency*omega - constraint%value
+    associate (constraint => context%constraint, balance => context%balance)
+      rest%motion = balance%residual
+      do i = 1, size(balance%forces)
+        if (balance%forces(i)%periodic) rest%slider(:, i) = -balance%forces(i)%moved
+      end do
+      rest%omega = context%frequency_scale &
+                   *(inner_product(balance, constraint%motion, at%motion) + constraint%frequency*at%omega - constraint%value)
     end associate
-    rest = context%balance%residual
-    PetscCall(store(context, f, rest, mismatch*context%frequency_scale, ierr))
+    PetscCall(store(context, f, rest, ierr))
   end subroutine evaluate
 
   !> Evaluate the balance unless its last evaluation was here.
-  subroutine ensure_evaluated(context, motion, omega, status)
+  subroutine ensure_evaluated(context, at, status)
     type(newton_context_type), intent(inout) :: context
-    real(wp), intent(in) :: motion(:, :), omega
+    type(unknowns_type), intent(in) :: at
     integer, intent(out) :: status
     real(wp) :: difference
+    integer :: i
 
     status = 0
-    if (allocated(context%evaluated_motion)) then
+    if (context%is_evaluated) then
       difference = 0.0_wp
-      if (size(motion) > 0) difference = maxval(abs(motion - context%evaluated_motion))
+      if (size(at%motion) > 0) difference = max(maxval(abs(at%motion - context%evaluated%motion)), &
+                                                maxval(abs(at%slider - context%evaluated%slider)))
       difference = context%balance%ranks%largest(difference)
-      if (difference <= 0.0_wp .and. abs(omega - context%evaluated_omega) <= 0.0_wp) return
+      if (difference <= 0.0_wp .and. abs(at%omega - context%evaluated%omega) <= 0.0_wp) return
     end if
-    if (.not. abs(omega) < huge(omega)) then
+    if (.not. abs(at%omega) < huge(at%omega)) then
       status = 1
       return
     end if
-    call context%balance%evaluate(motion, omega, status)
-    context%evaluated_motion = motion
-    context%evaluated_omega = omega
+    do i = 1, size(at%slider, 2)
+      if (context%balance%periodic(i)) context%balance%slider(:, i) = at%slider(:, i)
+    end do
+    call context%balance%evaluate(at%motion, at%omega, status)
+    context%evaluated = at
+    context%is_evaluated = status == 0
   end subroutine ensure_evaluated
 
   !> SNES: the Jacobian is that of the last evaluation; make sure that it was here.
@@ -190,13 +204,12 @@ contains
     type(tMat) :: jacobian, preconditioner
     type(newton_context_type) :: context
     PetscErrorCode :: ierr
-    real(wp), allocatable :: motion(:, :)
-    real(wp) :: omega
+    type(unknowns_type) :: at
     integer :: status
 
-    allocate (motion, mold=context%balance%residual)
-    PetscCall(load(context, x, motion, omega, ierr))
-    call ensure_evaluated(context, motion, omega, status)
+    at = room(context)
+    PetscCall(load(context, x, at, ierr))
+    call ensure_evaluated(context, at, status)
     if (status /= 0) then
       PetscCall(SNESSetJacobianDomainError(snes, ierr))
     end if
@@ -204,90 +217,78 @@ contains
     PetscCall(MatAssemblyEnd(jacobian, MAT_FINAL_ASSEMBLY, ierr))
   end subroutine differentiate
 
-  !> Shell Jacobian times a vector: d + R D d + b omega; p . d + q omega.
+  !> Shell Jacobian times a vector.
   subroutine multiply(jacobian, x, y, ierr)
     type(tMat) :: jacobian
     type(tVec) :: x, y
     PetscErrorCode :: ierr
     type(newton_context_type), pointer :: context
-    real(wp), allocatable :: motion(:, :), deviation(:, :)
-    complex(wp), allocatable :: response(:, :)
-    real(wp) :: omega, mismatch
-    integer :: contact, k
+    type(unknowns_type) :: step, product
 
     PetscCall(MatShellGetContext(jacobian, context, ierr))
-    associate (balance => context%balance)
-      allocate (motion, deviation, mold=balance%residual)
-      allocate (response, mold=balance%response)
-      PetscCall(load(context, x, motion, omega, ierr))
-      k = balance%coefficients()
-      deviation = 0.0_wp
-      do contact = 1, size(balance%law)
-        associate (forces => balance%forces(contact), law => balance%law(contact))
-          if (.not. allocated(forces%jacobian)) cycle
-          associate (columns => motion(:, law%first_row:law%first_row + law%tangents))
-            deviation(:, law%first_row:law%first_row + law%tangents) = &
-              reshape(matmul(forces%jacobian, reshape(columns, [size(columns)])), shape(columns))
-          end associate
-        end associate
-      end do
-      call balance%respond_to_deviation(deviation, response)
-      mismatch = inner_product(balance, context%constraint%motion, motion) + context%constraint%frequency*omega
-      motion = motion - balance%recover(response) + balance%residual_omega*omega
-      PetscCall(store(context, y, motion, mismatch*context%frequency_scale, ierr))
-    end associate
+    step = room(context)
+    product = room(context)
+    PetscCall(load(context, x, step, ierr))
+    call apply_linearised(context%balance, context%constraint, step, product)
+    product%omega = context%frequency_scale*product%omega
+    PetscCall(store(context, y, product, ierr))
   end subroutine multiply
 
-  !> Shell preconditioner: the condensed system, exact.
+  !> Shell preconditioner: the inverse.
   subroutine apply_inverse(pc, x, y, ierr)
     type(tPC) :: pc
     type(tVec) :: x, y
     PetscErrorCode :: ierr
     type(newton_context_type), pointer :: context
-    real(wp), allocatable :: rho(:, :), step(:, :)
-    real(wp) :: sigma, step_omega
-    integer :: status
+    type(unknowns_type) :: right, step
+    integer :: iterations, status
 
     PetscCall(PCShellGetContext(pc, context, ierr))
-    allocate (rho, step, mold=context%balance%residual)
-    PetscCall(load(context, x, rho, sigma, ierr))
-    call solve_linearised(context%balance, context%constraint, rho, sigma/context%frequency_scale, step, step_omega, status)
-    if (status /= 0) then
-      step = 0.0_wp
-      step_omega = 0.0_wp
-    end if
-    PetscCall(store(context, y, step, step_omega, ierr))
+    right = room(context)
+    step = room(context)
+    PetscCall(load(context, x, right, ierr))
+    right%omega = right%omega/context%frequency_scale
+    call solve_linearised(context%balance, context%constraint, right, context%linear, step, iterations, status)
+    context%linear_iterations = context%linear_iterations + iterations
+    if (status /= 0) step = room(context)
+    PetscCall(store(context, y, step, ierr))
   end subroutine apply_inverse
 
-  !> Physical motion and omega from a scaled vector; omega on every rank.
-  subroutine load(context, x, motion, omega, ierr)
+  !> Physical unknowns from a scaled vector; omega on every rank.
+  subroutine load(context, x, unknowns, ierr)
     type(newton_context_type), intent(in) :: context
     type(tVec) :: x
-    real(wp), intent(out) :: motion(:, :), omega
+    type(unknowns_type), intent(inout) :: unknowns
     PetscErrorCode, intent(out) :: ierr
     PetscScalar, pointer :: values(:)
     real(wp) :: last(1)
+    integer :: n
 
     PetscCall(VecGetArrayRead(x, values, ierr))
-    motion = context%motion_scale*reshape(values(:size(motion)), shape(motion))
+    n = size(unknowns%motion)
+    unknowns%motion = context%motion_scale*reshape(values(:n), shape(unknowns%motion))
+    unknowns%slider = context%motion_scale*reshape(values(n + 1:n + size(unknowns%slider)), shape(unknowns%slider))
     last = 0.0_wp
     if (context%balance%ranks%is_root()) last = context%frequency_scale*values(size(values))
     PetscCall(VecRestoreArrayRead(x, values, ierr))
     call context%balance%ranks%broadcast(last)
-    omega = last(1)
+    unknowns%omega = last(1)
   end subroutine load
 
-  !> A scaled vector from physical motion and omega.
-  subroutine store(context, x, motion, omega, ierr)
+  !> A scaled vector from physical unknowns.
+  subroutine store(context, x, unknowns, ierr)
     type(newton_context_type), intent(in) :: context
     type(tVec) :: x
-    real(wp), intent(in) :: motion(:, :), omega
+    type(unknowns_type), intent(in) :: unknowns
     PetscErrorCode, intent(out) :: ierr
     PetscScalar, pointer :: values(:)
+    integer :: n
 
     PetscCall(VecGetArray(x, values, ierr))
-    values(:size(motion)) = reshape(motion/context%motion_scale, [size(motion)])
-    if (context%balance%ranks%is_root()) values(size(values)) = omega/context%frequency_scale
+    n = size(unknowns%motion)
+    values(:n) = reshape(unknowns%motion/context%motion_scale, [n])
+    values(n + 1:n + size(unknowns%slider)) = reshape(unknowns%slider/context%motion_scale, [size(unknowns%slider)])
+    if (context%balance%ranks%is_root()) values(size(values)) = unknowns%omega/context%frequency_scale
     PetscCall(VecRestoreArray(x, values, ierr))
   end subroutine store
 

@@ -3,8 +3,10 @@
 module attrito_balance_newton_context
   use petscksp
   use attrito_core_kinds, only: wp
-  use attrito_balance_condensed_system, only: constraint_type
+  use attrito_balance_border, only: constraint_type
   use attrito_balance_harmonic_balance, only: balance_type
+  use attrito_balance_linearised_step, only: linear_options_type
+  use attrito_balance_unknowns, only: unknowns_type
   implicit none
   private
   public :: newton_context_type, MatCreateShell, MatShellGetContext, PCShellSetContext, PCShellGetContext
@@ -17,9 +19,12 @@ module attrito_balance_newton_context
     real(wp) :: motion_scale = 1.0_wp, frequency_scale = 1.0_wp
     !> Norm of the scaled residual that counts as converged
     real(wp) :: tolerance = 1.0e-10_wp
+    type(linear_options_type) :: linear
+    !> Iterations of GMRES since the solve began
+    integer :: linear_iterations = 0
     !> Where the balance was last evaluated
-    real(wp), allocatable :: evaluated_motion(:, :)
-    real(wp) :: evaluated_omega = -1.0_wp
+    type(unknowns_type) :: evaluated
+    logical :: is_evaluated = .false.
   contains
     procedure :: forget
   end type newton_context_type
@@ -59,6 +64,6 @@ contains
   pure subroutine forget(self)
     class(newton_context_type), intent(inout) :: self
 
-    if (allocated(self%evaluated_motion)) deallocate (self%evaluated_motion)
+    self%is_evaluated = .false.
   end subroutine forget
 end module attrito_balance_newton_context

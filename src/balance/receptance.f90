@@ -26,6 +26,9 @@ module attrito_balance_receptance
     procedure(respond), deferred :: respond
     procedure(respond_derivative), deferred :: respond_derivative
     procedure(block_between), deferred :: block_between
+    procedure(low_shapes), deferred :: low_shapes
+    procedure(low_stiffness), deferred :: low_stiffness
+    procedure(remainder), deferred :: remainder
   end type receptance_type
 
   abstract interface
@@ -69,6 +72,36 @@ module attrito_balance_receptance
       !> [size(rows_a), size(rows_b)]
       complex(wp), intent(out) :: block(:, :)
     end subroutine block_between
+
+    !> The lowest modes of the stuck system at some rows of B: all that the following two take as low.
+    function low_shapes(self, low, directions) result(shapes)
+      import :: receptance_type, wp
+      class(receptance_type), intent(in) :: self
+      integer, intent(in) :: low
+      !> Rows of B in generalised coordinates, in columns [n, rows]
+      real(wp), intent(in) :: directions(:, :)
+      !> [low, rows]
+      real(wp) :: shapes(low, size(directions, 2))
+    end function low_shapes
+
+    !> Dynamic stiffness of the lowest modes at one harmonic, what couples them left out.
+    function low_stiffness(self, h, low) result(stiffness)
+      import :: receptance_type, wp
+      class(receptance_type), intent(in) :: self
+      integer, intent(in) :: h, low
+      complex(wp) :: stiffness(low)
+    end function low_stiffness
+
+    !> Receptance among a few rows of B at one harmonic, less what the lowest modes carry.
+    subroutine remainder(self, h, low, directions, block)
+      import :: receptance_type, wp
+      class(receptance_type), intent(in) :: self
+      integer, intent(in) :: h, low
+      !> Rows of B in generalised coordinates, in columns [n, rows]
+      real(wp), intent(in) :: directions(:, :)
+      !> [rows, rows]
+      complex(wp), intent(out) :: block(:, :)
+    end subroutine remainder
   end interface
 
 contains

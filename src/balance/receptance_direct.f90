@@ -15,6 +15,8 @@ module attrito_balance_receptance_direct
   type, extends(receptance_type) :: receptance_direct_type
     !> K~, M and viscous C [m, m]
     real(wp), allocatable :: stuck_stiffness(:, :), mass(:, :), viscous(:, :)
+    !> Modes of (K~, M) [m, m]
+    real(wp), allocatable :: modes(:, :)
     !> eta K [m, m]
     real(wp), allocatable :: structural(:, :)
     !> Factors of Z_h [m, m, 0:H] and their row interchanges [m, 0:H]
@@ -25,20 +27,24 @@ module attrito_balance_receptance_direct
     procedure :: respond
     procedure :: respond_derivative
     procedure :: block_between
+    procedure :: low_shapes
+    procedure :: low_stiffness
+    procedure :: remainder
   end type receptance_direct_type
 
 contains
 
-  !> From the structure, K~ [m, m] and the rows of B in columns [m, rows].
-  function new_receptance_direct(structure, stuck_stiffness, directions, harmonics) result(self)
+  !> From the structure, K~ [m, m], its modes [m, m] and the rows of B in columns [m, rows].
+  function new_receptance_direct(structure, stuck_stiffness, modes, directions, harmonics) result(self)
     type(structure_type), intent(in) :: structure
-    real(wp), intent(in) :: stuck_stiffness(:, :), directions(:, :)
+    real(wp), intent(in) :: stuck_stiffness(:, :), modes(:, :), directions(:, :)
     integer, intent(in) :: harmonics
     type(receptance_direct_type) :: self
     integer :: i, m
 
     m = size(stuck_stiffness, 1)
     self%stuck_stiffness = stuck_stiffness
+    self%modes = modes
     self%mass = structure%mass
     allocate (self%viscous(m, m), self%structural(m, m), self%basis(m, m), source=0.0_wp)
     if (structure%damping_kind == damping_viscous) self%viscous = structure%damping
@@ -111,4 +117,47 @@ contains
     call solve_factored_complex(self%factors(:, :, h), self%pivots(:, h), columns)
     block = matmul(transpose(self%directions(:, rows_a)), columns)
   end subroutine block_between
+
+  function low_shapes(self, low, directions) result(shapes)
+    class(receptance_direct_type), intent(in) :: self
+    integer, intent(in) :: low
+    real(wp), intent(in) :: directions(:, :)
+    real(wp) :: shapes(low, size(directions, 2))
+
+    shapes = matmul(transpose(self%modes(:, :low)), directions)
+  end function low_shapes
+
+  function low_stiffness(self, h, low) result(stiffness)
+    class(receptance_direct_type), intent(in) :: self
+    integer, intent(in) :: h, low
+    complex(wp) :: stiffness(low)
+    integer :: i
+
+    do i = 1, low
+      associate (x => self%modes(:, i), frequency => h*self%omega)
+        stiffness(i) = cmplx(dot_product(x, matmul(self%stuck_stiffness, x)) - frequency**2*dot_product(x, matmul(self%mass, x)), &
+                             frequency*dot_product(x, matmul(self%viscous, x)), wp)
+        if (h > 0) stiffness(i) = stiffness(i) + (0.0_wp, 1.0_wp)*dot_product(x, matmul(self%structural, x))
+      end associate
+    end do
+  end function low_stiffness
+
+  subroutine remainder(self, h, low, directions, block)
+    class(receptance_direct_type), intent(in) :: self
+    integer, intent(in) :: h, low
+    real(wp), intent(in) :: directions(:, :)
+    complex(wp), intent(out) :: block(:, :)
+    complex(wp) :: columns(size(directions, 1), size(directions, 2)), stiffness(low)
+    real(wp) :: shapes(low, size(directions, 2))
+    integer :: i
+
+    columns = directions
+    call solve_factored_complex(self%factors(:, :, h), self%pivots(:, h), columns)
+    block = matmul(transpose(directions), columns)
+    shapes = self%low_shapes(low, directions)
+    stiffness = self%low_stiffness(h, low)
+    do i = 1, low
+      block = block - spread(shapes(i, :), 2, size(block, 2))*spread(shapes(i, :), 1, size(block, 1))/stiffness(i)
+    end do
+  end subroutine remainder
 end module attrito_balance_receptance_direct

@@ -18,6 +18,9 @@ module attrito_balance_receptance_modal
     procedure :: respond
     procedure :: respond_derivative
     procedure :: block_between
+    procedure :: low_shapes
+    procedure :: low_stiffness
+    procedure :: remainder
   end type receptance_modal_type
 
 contains
@@ -90,4 +93,36 @@ contains
     end if
     block = cmplx(re, im, wp)
   end subroutine block_between
+
+  function low_shapes(self, low, directions) result(shapes)
+    class(receptance_modal_type), intent(in) :: self
+    integer, intent(in) :: low
+    real(wp), intent(in) :: directions(:, :)
+    real(wp) :: shapes(low, size(directions, 2))
+
+    shapes = directions(:low, :)
+  end function low_shapes
+
+  function low_stiffness(self, h, low) result(stiffness)
+    class(receptance_modal_type), intent(in) :: self
+    integer, intent(in) :: h, low
+    complex(wp) :: stiffness(low)
+
+    stiffness = self%stiffness(:low, h)
+  end function low_stiffness
+
+  subroutine remainder(self, h, low, directions, block)
+    class(receptance_modal_type), intent(in) :: self
+    integer, intent(in) :: h, low
+    real(wp), intent(in) :: directions(:, :)
+    complex(wp), intent(out) :: block(:, :)
+    integer :: i, j
+
+    do j = 1, size(block, 2)
+      do i = 1, j
+        block(i, j) = sum(directions(low + 1:, i)*directions(low + 1:, j)/self%stiffness(low + 1:, h))
+        block(j, i) = block(i, j)
+      end do
+    end do
+  end subroutine remainder
 end module attrito_balance_receptance_modal

@@ -144,7 +144,7 @@ contains
       receptance = new_receptance_modal(stuck%modal_stiffness, stuck%modal_mass, stuck%modal_damping, stuck%modes, &
                                         contacts%directions, harmonics)
     else
-      receptance = new_receptance_direct(structure, stuck%stiffness, contacts%directions, harmonics)
+      receptance = new_receptance_direct(structure, stuck%stiffness, stuck%modes, contacts%directions, harmonics)
     end if
   end subroutine new_receptance
 end module attrito_balance_stuck_system

@@ -16,24 +16,39 @@ module attrito_contact_quadrature_sampled
                                    state_open
   implicit none
   private
-  public :: contact_forces_type, evaluate_contact, contact_samples_type, sample_contact
+  public :: contact_forces_type, periodic_slider_type, evaluate_contact, contact_samples_type, sample_contact, released
+
+  !> Two tangents: the start slider w of a period that is to leave it where it was, w = P(w, d). A change of motion moves it by
+  !> holding^-1 P_d delta d, holding = I - dP/dw, and the forces g by g_w times that.
+  type :: periodic_slider_type
+    !> I - dP/dw [2, 2], a little larger where a period keeps the slider (dP/dw = 1)
+    real(wp) :: holding(2, 2) = 0.0_wp
+    !> P_d [2, k rows] and g_w [k rows, 2]
+    real(wp), allocatable :: by_motion(:, :), force(:, :)
+  end type periodic_slider_type
 
   !> Forces of one contact over one period, with k coefficients of motion and e >= k of force
   type :: contact_forces_type
     !> Deviation g [e, rows]
     real(wp), allocatable :: deviation(:, :)
-    !> d g / d d [k rows, k rows], if any entry is active; a row of the contact has its k coefficients together
+    !> d g / d d [k rows, k rows], if any entry is active, a periodic slider following the motion; a row of the contact has its k
+    !> coefficients together
     real(wp), allocatable :: jacobian(:, :)
     !> Which rows of the Jacobian are not zero [k rows]
     logical, allocatable :: active(:)
-    !> Slider at the start of the period [2]; two tangents: what the period moves it by, and where it would come to rest
-    real(wp) :: slider(2) = 0.0_wp, defect = 0.0_wp, resting(2) = 0.0_wp
+    !> Slider at the start of the period, and what the period moves it by [2]
+    real(wp) :: slider(2) = 0.0_wp, moved(2) = 0.0_wp
+    !> Is the slider at the start of the period to be found with the motion, and how does it depend on it?
+    logical :: periodic = .false.
+    type(periodic_slider_type) :: link
     !> One of `state_...`
     integer :: state = state_stuck
     !> Fractions of the period
     real(wp) :: stick = 1.0_wp, slip = 0.0_wp, open = 0.0_wp
     !> Is the steady loop of this motion the same whatever the start slider?
     logical :: unique = .false.
+  contains
+    procedure :: follows
   end type contact_forces_type
 
   !> What happens at the samples of one period
@@ -48,31 +63,39 @@ module attrito_contact_quadrature_sampled
     integer, allocatable :: origins(:), sides(:)
     !> Two tangents: gradient of the slider by coefficients (t1, t2, n) and start slider [3 k + 2, 2, J]
     real(wp), allocatable :: gradients(:, :, :)
-    !> Slider at the start of the last march, what that march moves it by, and where it would come to rest for this motion
-    real(wp) :: start(2) = 0.0_wp, defect = 0.0_wp, resting(2) = 0.0_wp
+    !> Slider at the start of the last march, and what that march moves it by
+    real(wp) :: start(2) = 0.0_wp, moved_by(2) = 0.0_wp
     !> Did the slider move before the last march, has it come to rest since, and does the loop forget its start?
     logical :: moved = .false., rests = .false., forgets = .false.
   end type contact_samples_type
 
 contains
 
-  !> Forces and Jacobian of one contact.
-  subroutine evaluate_contact(law, fourier, motion, slider, passes, forces)
+  !> Does a periodic slider move with the motion? At rest it does not.
+  pure logical function follows(self)
+    class(contact_forces_type), intent(in) :: self
+
+    follows = self%periodic .and. allocated(self%jacobian)
+  end function follows
+
+  !> Forces and Jacobian of one contact. Two tangents: a slider that is not periodic is marched from where it is, once to where it
+  !> goes and once for the record; a periodic one is the unknown start of one march.
+  subroutine evaluate_contact(law, fourier, motion, slider, periodic, forces)
     type(contact_type), intent(in) :: law
     type(fourier_type), intent(in) :: fourier
     !> Coefficients of relative displacement [k, rows]
     real(wp), intent(in) :: motion(:, :)
     !> Slider at the start of the first march [2]
     real(wp), intent(in) :: slider(2)
-    !> Marches over the period (one tangent needs just two)
-    integer, intent(in) :: passes
+    logical, intent(in) :: periodic
     !> Forces; `deviation` is allocated by the caller, for as many coefficients as it wants
     type(contact_forces_type), intent(inout) :: forces
     type(contact_samples_type) :: samples
     real(wp), allocatable :: deviation(:, :)
     integer :: i
 
-    call sample_contact(law, fourier, motion, slider, passes, samples)
+    forces%periodic = periodic .and. law%tangents == 2
+    call sample_contact(law, fourier, motion, slider, merge(1, 2, forces%periodic), samples)
     deviation = samples%force
     do i = 1, law%tangents
       deviation(:, i) = -law%tangential_stiffness*samples%slider(:, i)
@@ -139,7 +162,6 @@ contains
       call slide_along_line(u, radius, w, origin, side, samples%slider(:, 1), samples%origins, samples%sides, samples%regimes)
       samples%moved = origin > 0
       samples%start(1) = w
-      samples%resting = samples%start
       call slide_along_line(u, radius, w, origin, side, samples%slider(:, 1), samples%origins, samples%sides, samples%regimes)
       call slider_interval(u, radius, low, high)
     end associate
@@ -179,10 +201,12 @@ contains
                          samples%slider, samples%gradients, samples%regimes)
       if (pass < passes) samples%moved = samples%moved .or. any(samples%regimes /= regime_stick)
     end do
-    samples%defect = norm2(w - samples%start)
-    samples%resting = samples%start + resting_step(transpose(gradient(3*k + 1:, :)), w - samples%start)
+    samples%moved_by = w - samples%start
     samples%rests = all(samples%closed) .and. path_length(samples%slider) <= 1.0e-10_wp*maxval(radius)
-    if (samples%rests) samples%regimes = regime_stick
+    if (samples%rests) then
+      samples%regimes = regime_stick
+      samples%moved_by = 0.0_wp
+    end if
     samples%forgets = .not. samples%rests .and. largest_singular_value(gradient(3*k + 1:, :)) < 1.0_wp - 1.0e-9_wp
   end subroutine march_disc
 
@@ -193,22 +217,6 @@ contains
 
     path_length = sum(norm2(slider - cshift(slider, -1), 2))
   end function path_length
-
-  !> Step from a slider to where it repeats: (I - G) step = moved, with G its gradient over a period. Where the period nearly keeps
-  !> a direction (G near 1 there) the step is at most `longest` times what the period moves.
-  pure function resting_step(gradient, moved) result(step)
-    !> G = d w_end / d w_start [2, 2]
-    real(wp), intent(in) :: gradient(2, 2), moved(2)
-    real(wp) :: step(2)
-    real(wp), parameter :: longest = 1.0e4_wp
-    real(wp) :: a(2, 2), determinant
-
-    a = -gradient
-    a(1, 1) = a(1, 1) + 1.0_wp + 1.0_wp/longest
-    a(2, 2) = a(2, 2) + 1.0_wp + 1.0_wp/longest
-    determinant = a(1, 1)*a(2, 2) - a(1, 2)*a(2, 1)
-    step = [a(2, 2)*moved(1) - a(1, 2)*moved(2), a(1, 1)*moved(2) - a(2, 1)*moved(1)]/determinant
-  end function resting_step
 
   !> Largest singular value of a 2 x 2 matrix.
   pure real(wp) function largest_singular_value(a)
@@ -231,8 +239,7 @@ contains
     forces%slip = count(samples%regimes == regime_slip)/total
     forces%open = count(samples%regimes == regime_open)/total
     forces%slider = samples%start
-    forces%defect = samples%defect
-    forces%resting = samples%resting
+    forces%moved = samples%moved_by
     forces%unique = samples%forgets
     if (.not. any(samples%closed)) then
       forces%state = state_open
@@ -259,10 +266,10 @@ contains
     allocate (forces%jacobian(n + k, n + k), source=0.0_wp)
     if (law%tangents == 1) then
       call slider_gradient_line(law, fourier, samples, forces%jacobian(:k, :))
+      forces%jacobian(:n, :) = -law%tangential_stiffness*forces%jacobian(:n, :)
     else
-      call slider_gradient_disc(fourier, samples, forces%jacobian(:2*k, :))
+      call slider_gradient_disc(law, fourier, samples, forces)
     end if
-    forces%jacobian(:n, :) = -law%tangential_stiffness*forces%jacobian(:n, :)
     forces%active(:n) = .true.
     if (forces%state == state_shaken_down) then
       forces%active(:n) = [(modulo(row - 1, k) == 0, row=1, n)]
@@ -305,19 +312,45 @@ contains
     gradient(:, k + 1:) = matmul(fourier%analysis, of_v)
   end subroutine slider_gradient_line
 
-  !> Coefficients of the slider per coefficient of (u1, u2, v), from the march.
-  subroutine slider_gradient_disc(fourier, samples, gradient)
+  !> Tangential rows of the Jacobian from the march's gradient by (u1, u2, v) and start slider; a periodic slider follows the motion.
+  subroutine slider_gradient_disc(law, fourier, samples, forces)
+    type(contact_type), intent(in) :: law
     type(fourier_type), intent(in) :: fourier
     type(contact_samples_type), intent(in) :: samples
-    !> Gradient [2 k, 3 k]
-    real(wp), intent(out) :: gradient(:, :)
+    type(contact_forces_type), intent(inout) :: forces
+    ! What a period keeps but for rounding stays where it is, rather than moving without limit.
+    real(wp), parameter :: kept = 1.0_wp - 1.0e-8_wp
+    real(wp), allocatable :: gradient(:, :)
     integer :: i, k
 
     k = fourier%coefficients
+    allocate (gradient(2*k, 3*k + 2))
     do i = 1, 2
-      gradient((i - 1)*k + 1:i*k, :) = matmul(fourier%analysis, transpose(samples%gradients(:3*k, i, :)))
+      gradient((i - 1)*k + 1:i*k, :) = matmul(fourier%analysis, transpose(samples%gradients(:, i, :)))
     end do
+    gradient = -law%tangential_stiffness*gradient
+    forces%jacobian(:2*k, :) = gradient(:, :3*k)
+    if (.not. forces%periodic) return
+    associate (link => forces%link, last => samples%gradients(:, :, fourier%samples))
+      link%by_motion = transpose(last(:3*k, :))
+      link%force = gradient(:, 3*k + 1:)
+      link%holding = -kept*transpose(last(3*k + 1:, :))
+      do i = 1, 2
+        link%holding(i, i) = link%holding(i, i) + 1.0_wp
+      end do
+      forces%jacobian(:2*k, :) = forces%jacobian(:2*k, :) + matmul(link%force, released(link%holding, link%by_motion))
+    end associate
   end subroutine slider_gradient_disc
+
+  !> holding^-1 columns, of a 2 x 2 matrix.
+  pure function released(holding, columns)
+    real(wp), intent(in) :: holding(2, 2), columns(:, :)
+    real(wp) :: released(2, size(columns, 2))
+    real(wp) :: inverse(2, 2)
+
+    inverse = reshape([holding(2, 2), -holding(2, 1), -holding(1, 2), holding(1, 1)], [2, 2])
+    released = matmul(inverse, columns)/(holding(1, 1)*holding(2, 2) - holding(1, 2)*holding(2, 1))
+  end function released
 
   !> Each row of a matrix times its factor.
   pure function masked_rows(matrix, factor) result(product)

@@ -7,7 +7,9 @@
 !> Source: Keller 1977; Seydel 2010, doi:10.1007/978-1-4419-1740-9.
 module attrito_continuation_arc_length
   use attrito_core_kinds, only: wp
-  use attrito_balance_condensed_system, only: constraint_type, solve_linearised, inner_product
+  use attrito_balance_border, only: constraint_type, inner_product
+  use attrito_balance_linearised_step, only: solve_linearised
+  use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_continuation_cascade, only: solve_by_cascade
   use attrito_continuation_solver, only: solver_type
   implicit none
@@ -32,8 +34,8 @@ module attrito_continuation_arc_length
     !> Did it end at its stop?
     logical :: reached_stop = .false.
     real(wp), private :: step = first_step
-    !> Unit tangent: scaled motion [2 H + 1, rows] and frequency
-    real(wp), allocatable, private :: tangent(:, :)
+    !> Unit tangent: scaled motion [2 H + 1, rows] and frequency; what periodic sliders do along it [2, contacts]
+    real(wp), allocatable, private :: tangent(:, :), tangent_slider(:, :)
     real(wp), private :: tangent_omega = 0.0_wp
     !> Last step taken, scaled, of unit length
     real(wp), allocatable, private :: secant(:, :)
@@ -100,6 +102,7 @@ contains
     type(sweep_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
     real(wp), allocatable :: motion(:, :), slider(:, :)
+    logical, allocatable :: periodic(:)
     real(wp) :: omega, error
     integer :: iterations, status
     logical :: accepted, flipped
@@ -112,6 +115,7 @@ contains
     motion = solver%motion
     omega = solver%omega
     slider = solver%context%balance%slider
+    periodic = solver%context%balance%periodic
     iterations = 0
     flipped = .false.
     do
@@ -124,12 +128,13 @@ contains
         ! It runs back on itself: at a kink sharper than a right angle the tangent was turned the wrong way.
         flipped = .true.
         self%tangent = -self%tangent
+        self%tangent_slider = -self%tangent_slider
         self%tangent_omega = -self%tangent_omega
         self%step = 2.0_wp*self%step
       end if
       solver%motion = motion
       solver%omega = omega
-      call solver%set_slider(slider)
+      call solver%set_slider(slider, periodic)
       self%step = 0.5_wp*self%step
       if (self%step < smallest_step) exit
     end do
@@ -140,7 +145,7 @@ contains
       call lose_branch(self, solver)
     end if
     solver%report%iterations = iterations
-    if (accepted) call end_at_range(self, solver, motion, omega, slider)
+    if (accepted) call end_at_range(self, solver, motion, omega, slider, periodic)
   end subroutine follow
 
   !> No step from here converges: report a point just beyond as not converged; the sweep moves on from there.
@@ -160,27 +165,31 @@ contains
     !> 0, or not: the bordered system is singular
     integer, intent(out) :: status
     type(constraint_type) :: constraint
-    real(wp), allocatable :: step(:, :), zero(:, :)
-    real(wp) :: step_omega, length
+    type(unknowns_type) :: right, step
+    real(wp) :: length
+    integer :: iterations
 
     associate (context => solver%context)
-      allocate (step, zero, mold=solver%motion)
-      zero = 0.0_wp
+      right = new_unknowns(size(solver%motion, 1), size(solver%motion, 2), size(context%balance%law))
+      step = right
       if (allocated(self%tangent)) then
         constraint%motion = self%tangent/context%motion_scale
         constraint%frequency = self%tangent_omega/context%frequency_scale
       else
-        constraint%motion = zero
+        constraint%motion = right%motion
         constraint%frequency = sign(1.0_wp, self%stop - self%start)/context%frequency_scale
       end if
       call context%balance%evaluate(solver%motion, solver%omega, status)
-      call solve_linearised(context%balance, constraint, zero, 1.0_wp, step, step_omega, status)
+      right%omega = 1.0_wp
+      call solve_linearised(context%balance, constraint, right, context%linear, step, iterations, status)
       if (status /= 0) return
-      step = step/context%motion_scale
-      step_omega = step_omega/context%frequency_scale
-      length = sqrt(inner_product(context%balance, step, step) + step_omega**2)
-      self%tangent = step/length
-      self%tangent_omega = step_omega/length
+      step%motion = step%motion/context%motion_scale
+      step%slider = step%slider/context%motion_scale
+      step%omega = step%omega/context%frequency_scale
+      length = sqrt(inner_product(context%balance, step%motion, step%motion) + step%omega**2)
+      self%tangent = step%motion/length
+      self%tangent_slider = step%slider/length
+      self%tangent_omega = step%omega/length
     end associate
   end subroutine find_tangent
 
@@ -201,6 +210,7 @@ contains
       constraint%value = inner_product(balance, constraint%motion, predicted) + constraint%frequency*predicted_omega
       solver%motion = predicted
       solver%omega = predicted_omega
+      balance%slider = balance%slider + self%step*context%motion_scale*self%tangent_slider
       call solver%solve_with(constraint)
       ! The mean may jump from point to point as sliders shake down, however small the step: it does not steer it.
       moved = solver%motion - predicted
@@ -254,11 +264,12 @@ contains
   end subroutine remember_step
 
   !> A step over an end of the range is taken back to the end itself.
-  subroutine end_at_range(self, solver, motion, omega, slider)
+  subroutine end_at_range(self, solver, motion, omega, slider, periodic)
     type(sweep_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
     !> Motion, frequency and sliders of the point before the step
     real(wp), intent(in) :: motion(:, :), omega, slider(:, :)
+    logical, intent(in) :: periodic(:)
     real(wp) :: target
     integer :: iterations
 
@@ -274,7 +285,7 @@ contains
     iterations = solver%report%iterations
     solver%motion = motion + (target - omega)/(solver%omega - omega)*(solver%motion - motion)
     solver%omega = omega
-    call solver%set_slider(slider)
+    call solver%set_slider(slider, periodic)
     call solve_by_cascade(solver, target)
     solver%omega = target
     solver%report%iterations = iterations + solver%report%iterations

@@ -51,12 +51,14 @@ contains
     !> Target
     real(wp), intent(in) :: omega
     real(wp), allocatable :: motion(:, :), slider(:, :)
+    logical, allocatable :: periodic(:)
     real(wp) :: from, level
     integer :: iterations, status
     logical :: converged
 
     motion = solver%motion
     slider = solver%context%balance%slider
+    periodic = solver%context%balance%periodic
     from = solver%omega
     level = solver%context%balance%level
     call solver%solve_at(omega)
@@ -89,7 +91,7 @@ contains
     subroutine restore()
       solver%motion = motion
       solver%omega = from
-      call solver%set_slider(slider)
+      call solver%set_slider(slider, periodic)
     end subroutine restore
   end subroutine solve_by_cascade
 

@@ -5,12 +5,14 @@ module attrito_continuation_solver
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contacts_type
   use attrito_model_structure, only: structure_type
-  use attrito_balance_condensed_system, only: constraint_type
+  use attrito_balance_border, only: constraint_type
   use attrito_balance_harmonic_balance, only: new_balance
   use attrito_balance_newton, only: newton_type, newton_report_type, new_newton
   use attrito_balance_newton_context, only: newton_context_type
   use attrito_balance_receptance, only: receptance_type
   use attrito_balance_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
+  use attrito_balance_unknowns, only: unknowns_type
+  use attrito_contact_state, only: state_stuck, state_shaken_down
   implicit none
   private
   public :: solver_type, solver_options_type, new_solver
@@ -25,8 +27,8 @@ module attrito_continuation_solver
     integer :: harmonics = 5
     !> Samples a period
     integer :: samples = 128
-    !> Marches over the period for two tangents, and times that a solve is repeated until their sliders repeat
-    integer :: passes = 3, rounds = 20
+    !> Solves of a point while sliders of two tangents turn out to move on
+    integer :: rounds = 20
     integer :: max_iterations = 30
     !> Norm of the residual, relative to the stuck response, that counts as converged
     real(wp) :: tolerance = 1.0e-10_wp
@@ -80,7 +82,7 @@ contains
     if (allocated(error)) return
     call new_receptance(structure, contacts, self%stuck, options%harmonics, receptance)
     allocate (self%context)
-    call new_balance(structure, contacts, receptance, ranks, options%samples, options%passes, self%context%balance)
+    call new_balance(structure, contacts, receptance, ranks, options%samples, self%context%balance)
     self%context%balance%by_events = options%by_events
     self%context%tolerance = options%tolerance
     call new_newton(self%context, options%max_iterations, self%newton, error)
@@ -89,63 +91,118 @@ contains
     self%static_slider = self%context%balance%slider
   end subroutine new_solver
 
-  !> Solve from the present motion and frequency; sliders of contacts with two tangents are carried on until they repeat.
-  !> Motion, frequency and sliders change only if it converges.
+  !> Solve from the present motion and frequency. Motion, frequency and sliders change only if it converges.
+  !>
+  !> A slider with two tangents is marched from where the point before left it; one that then still moves is a periodic one, to be
+  !> found with the motion, and the solve is repeated.
   subroutine solve_with(self, constraint)
     class(solver_type), intent(inout) :: self
     !> The equation that picks the point
     type(constraint_type), intent(in) :: constraint
-    real(wp) :: motion(size(self%motion, 1), size(self%motion, 2)), omega
+    type(unknowns_type) :: unknowns
     real(wp), allocatable :: slider(:, :)
-    integer :: round, iterations
+    logical, allocatable :: periodic(:)
+    integer :: round, iterations, linear_iterations
 
-    motion = self%motion
-    omega = self%omega
-    slider = self%context%balance%slider
-    iterations = 0
-    do round = 1, self%options%rounds
-      call solve_stiffening(self, motion, omega, constraint)
-      iterations = iterations + self%report%iterations
-      if (.not. self%report%converged) exit
-      if (largest_defect(self) <= self%options%tolerance*self%context%motion_scale) exit
-      call self%context%balance%keep_slider(resting=.true.)
-      call self%context%forget()
-    end do
-    self%report%iterations = iterations
-    self%report%defect = largest_defect(self)/self%context%motion_scale
-    if (self%report%converged) then
-      self%motion = motion
-      self%omega = omega
-      call self%context%balance%keep_slider(resting=.false.)
-    else
-      self%context%balance%slider = slider
-    end if
-    if (self%options%reset_slider) self%context%balance%slider = self%static_slider
+    associate (balance => self%context%balance)
+      slider = balance%slider
+      periodic = balance%periodic
+      unknowns = unknowns_type(self%motion, slider, self%omega)
+      iterations = 0
+      linear_iterations = 0
+      do round = 1, self%options%rounds
+        call solve_stiffening(self, unknowns, constraint)
+        iterations = iterations + self%report%iterations
+        linear_iterations = linear_iterations + self%report%linear_iterations
+        if (.not. self%report%converged) exit
+        if (.not. found_moving(self)) exit
+        unknowns%slider = balance%slider
+        call self%context%forget()
+      end do
+      self%report%iterations = iterations
+      self%report%linear_iterations = linear_iterations
+      self%report%defect = largest_defect(self)/self%context%motion_scale
+      if (self%report%converged) then
+        self%motion = unknowns%motion
+        self%omega = unknowns%omega
+        call keep_slider(self, slider)
+      else
+        balance%slider = slider
+        balance%periodic = periodic
+      end if
+      if (self%options%reset_slider) then
+        balance%slider = self%static_slider
+        balance%periodic = .false.
+      end if
+    end associate
     call self%context%forget()
   end subroutine solve_with
 
+  !> Sliders that a further period would move become periodic, from where it would move them; says whether there were any.
+  logical function found_moving(self)
+    class(solver_type), intent(inout) :: self
+    real(wp) :: found
+    integer :: i
+
+    found = 0.0_wp
+    associate (balance => self%context%balance)
+      do i = 1, size(balance%forces)
+        associate (forces => balance%forces(i))
+          if (balance%periodic(i)) cycle
+          if (norm2(forces%moved) <= self%options%tolerance*self%context%motion_scale) cycle
+          balance%periodic(i) = .true.
+          balance%slider(:, i) = forces%slider + forces%moved
+          found = 1.0_wp
+        end associate
+      end do
+      found_moving = balance%ranks%largest(found) > 0.0_wp
+    end associate
+  end function found_moving
+
+  !> Let the sliders of the last evaluation be the start of the next point; a periodic one that has come to rest was shaken down.
+  subroutine keep_slider(self, before)
+    class(solver_type), intent(inout) :: self
+    !> Sliders at the point before [2, contacts]
+    real(wp), intent(in) :: before(:, :)
+    integer :: i
+
+    associate (balance => self%context%balance)
+      do i = 1, size(balance%forces)
+        associate (forces => balance%forces(i))
+          if (balance%periodic(i) .and. forces%state == state_stuck) then
+            balance%periodic(i) = .false.
+            if (norm2(forces%slider - before(:, i)) > self%options%tolerance*self%context%motion_scale) &
+              forces%state = state_shaken_down
+          end if
+          balance%slider(:, i) = forces%slider
+        end associate
+      end do
+    end associate
+  end subroutine keep_slider
+
   !> Newton's method, and where it fails from the same start once more with contacts that keep some of their springs in the step: a
   !> body that only friction holds has a singular Jacobian wherever all its contacts slip.
-  subroutine solve_stiffening(self, motion, omega, constraint)
+  subroutine solve_stiffening(self, unknowns, constraint)
     class(solver_type), intent(inout) :: self
-    real(wp), intent(inout) :: motion(:, :), omega
+    type(unknowns_type), intent(inout) :: unknowns
     type(constraint_type), intent(in) :: constraint
-    real(wp) :: start(size(motion, 1), size(motion, 2)), start_omega
-    integer :: attempt, iterations
+    type(unknowns_type) :: start
+    integer :: attempt, iterations, linear_iterations
 
-    start = motion
-    start_omega = omega
+    start = unknowns
     iterations = 0
+    linear_iterations = 0
     do attempt = 1, size(stiffenings)
-      motion = start
-      omega = start_omega
+      unknowns = start
       self%context%balance%stiffening = stiffenings(attempt)
-      call self%newton%solve(motion, omega, constraint, self%report)
+      call self%newton%solve(unknowns, constraint, self%report)
       iterations = iterations + self%report%iterations
+      linear_iterations = linear_iterations + self%report%linear_iterations
       if (self%report%converged) exit
     end do
     self%context%balance%stiffening = 0.0_wp
     self%report%iterations = iterations
+    self%report%linear_iterations = linear_iterations
   end subroutine solve_stiffening
 
   !> Solve at a given angular frequency.
@@ -172,7 +229,7 @@ contains
     associate (balance => self%context%balance)
       largest_defect = 0.0_wp
       do i = 1, size(balance%forces)
-        largest_defect = max(largest_defect, balance%forces(i)%defect)
+        largest_defect = max(largest_defect, norm2(balance%forces(i)%moved))
       end do
       largest_defect = balance%ranks%largest(largest_defect)
     end associate
@@ -238,12 +295,16 @@ contains
   end subroutine set_loads
 
   !> Start the march of every contact from these sliders.
-  subroutine set_slider(self, slider)
+  subroutine set_slider(self, slider, periodic)
     class(solver_type), intent(inout) :: self
     !> [2, contacts of this rank]
     real(wp), intent(in) :: slider(:, :)
+    !> Those to be found with the motion rather than marched from here; none unless given
+    logical, intent(in), optional :: periodic(:)
 
     self%context%balance%slider = slider
+    self%context%balance%periodic = .false.
+    if (present(periodic)) self%context%balance%periodic = periodic
     call self%context%forget()
   end subroutine set_slider
 

@@ -3,7 +3,7 @@ module attrito_core_lapack
   use attrito_core_kinds, only: wp
   implicit none
   private
-  public :: solve_dense, factor_complex, solve_factored_complex, symmetric_eigenpairs
+  public :: solve_dense, factor, solve_factored, factor_complex, solve_factored_complex, symmetric_eigenpairs
 
   interface
     subroutine dgesv(n, nrhs, a, lda, ipiv, b, ldb, info)
@@ -12,6 +12,20 @@ module attrito_core_lapack
       real(wp), intent(inout) :: a(lda, *), b(ldb, *)
       integer, intent(out) :: ipiv(*), info
     end subroutine dgesv
+    subroutine dgetrf(m, n, a, lda, ipiv, info)
+      import :: wp
+      integer, intent(in) :: m, n, lda
+      real(wp), intent(inout) :: a(lda, *)
+      integer, intent(out) :: ipiv(*), info
+    end subroutine dgetrf
+    subroutine dgetrs(trans, n, nrhs, a, lda, ipiv, b, ldb, info)
+      import :: wp
+      character, intent(in) :: trans
+      integer, intent(in) :: n, nrhs, lda, ldb, ipiv(*)
+      real(wp), intent(in) :: a(lda, *)
+      real(wp), intent(inout) :: b(ldb, *)
+      integer, intent(out) :: info
+    end subroutine dgetrs
     subroutine zgetrf(m, n, a, lda, ipiv, info)
       import :: wp
       integer, intent(in) :: m, n, lda
@@ -54,6 +68,32 @@ contains
     allocate (pivots(size(a, 1)))
     call dgesv(size(a, 1), size(b, 2), a, size(a, 1), pivots, b, size(b, 1), info)
   end subroutine solve_dense
+
+  !> LU factors of a matrix, in place.
+  subroutine factor(a, pivots, info)
+    !> Matrix [n, n], then its factors
+    real(wp), intent(inout), contiguous :: a(:, :)
+    !> Row interchanges [n]
+    integer, intent(out), contiguous :: pivots(:)
+    !> 0, or the number of the zero pivot
+    integer, intent(out) :: info
+
+    call dgetrf(size(a, 1), size(a, 1), a, size(a, 1), pivots, info)
+  end subroutine factor
+
+  !> Solution with the factors of `factor`, of one right-hand side [n].
+  function solve_factored(factors, pivots, b) result(x)
+    !> Factors [n, n]
+    real(wp), intent(in), contiguous :: factors(:, :)
+    !> Row interchanges [n]
+    integer, intent(in), contiguous :: pivots(:)
+    real(wp), intent(in) :: b(:)
+    real(wp) :: x(size(b))
+    integer :: info
+
+    x = b
+    call dgetrs('N', size(b), 1, factors, size(factors, 1), pivots, x, size(b), info)
+  end function solve_factored
 
   !> LU factors of a complex matrix, in place.
   subroutine factor_complex(a, pivots, info)

@@ -37,7 +37,7 @@ contains
     type(error_type), allocatable :: fault
 
     call new_solver(scene%structure, scene%contacts, ranks, &
-                    solver_options_type(harmonics=3, samples=64, passes=20, tolerance=1.0e-12_wp), solver, fault)
+                    solver_options_type(harmonics=3, samples=64, tolerance=1.0e-12_wp), solver, fault)
     if (.not. allocated(fault)) call walk_static_path(solver, reshape([1.0_wp], [1, 1]), 2, omega, fault)
     if (allocated(fault)) call check(error, .false., fault%message)
     call solver%set_loads([1.0_wp], 1.0_wp)

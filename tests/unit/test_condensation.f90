@@ -39,9 +39,8 @@ contains
     type(solver_type) :: solver
     type(error_type), allocatable :: fault
 
-    ! Enough marches for the sliders of two tangents to repeat, so that one round of Newton's method is the answer.
     call new_solver(scene%structure, scene%contacts, only_me(), &
-                    solver_options_type(harmonics=harmonics, samples=samples, passes=60, max_iterations=60, &
+                    solver_options_type(harmonics=harmonics, samples=samples, max_iterations=60, &
                                         tolerance=1.0e-12_wp, uncoupled=uncoupled), solver, fault)
     if (allocated(fault)) error stop 'the scene is refused'
   end function solver_of

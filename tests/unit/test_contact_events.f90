@@ -77,7 +77,7 @@ contains
         fourier = new_fourier(harmonics, 1024*16**(i - 1))
         if (allocated(sampled%deviation)) deallocate (sampled%deviation)
         allocate (sampled%deviation(k, 2))
-        call evaluate_contact(law, fourier, motion, [0.0_wp, 0.0_wp], 2, sampled)
+        call evaluate_contact(law, fourier, motion, [0.0_wp, 0.0_wp], .false., sampled)
         distance(i) = maxval(abs(sampled%deviation - exact%deviation))
         call fourier%destroy()
       end do

@@ -55,7 +55,7 @@ contains
 
     fourier = new_fourier(harmonics, samples)
     allocate (forces%deviation(size(motion, 1), size(motion, 2)))
-    call evaluate_contact(lively_law(size(motion, 2) - 1), fourier, motion, slider, 3, forces)
+    call evaluate_contact(lively_law(size(motion, 2) - 1), fourier, motion, slider, .false., forces)
     call fourier%destroy()
   end function forces_of
 

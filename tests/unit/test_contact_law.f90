@@ -49,7 +49,7 @@ contains
 
     fourier = new_fourier((size(motion, 1) - 1)/2, samples)
     allocate (forces%deviation(size(motion, 1), size(motion, 2)))
-    call evaluate_contact(law, fourier, motion, slider, 2, forces)
+    call evaluate_contact(law, fourier, motion, slider, .false., forces)
     call fourier%destroy()
   end function forces_of
 

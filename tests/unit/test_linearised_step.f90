@@ -3,18 +3,21 @@ program test_linearised_step
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: solve_dense
-  use attrito_model_structure, only: damping_viscous
-  use attrito_balance_condensed_system, only: constraint_type, solve_linearised
+  use attrito_model_structure, only: damping_viscous, damping_ratio
+  use attrito_balance_border, only: constraint_type
+  use attrito_balance_condensed_krylov, only: krylov_options_type
   use attrito_balance_harmonic_balance, only: balance_type, new_balance
+  use attrito_balance_linearised_step, only: linear_options_type, solve_linearised, apply_linearised
   use attrito_balance_receptance, only: receptance_type
   use attrito_balance_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
+  use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_contact_state, only: state_stuck
   use scenes, only: scene_type, rubbing_frame, damp, noise
   use session, only: run_in_session, only_me
   use testing, only: test, check, check_close
   implicit none
 
-  integer, parameter :: harmonics = 2, k = 2*harmonics + 1, rows = 10
+  integer, parameter :: harmonics = 2, k = 2*harmonics + 1, rows = 10, contacts = 4, n = k*rows + 2*contacts
   real(wp), parameter :: omega = 1.3_wp
   ! A difference over 1e-6 of residuals of order one: rounding 1e-10, curvature of two-tangent slip times the step squared below that;
   ! the condition of the system, some 1e2, is between this and the step.
@@ -22,7 +25,10 @@ program test_linearised_step
 
   call run_in_session('linearised step', [ &
                       test('the bordered step is that of a dense solve, contacts slipping and opening', lively), &
+                      test('with sliders that are found with the motion it is that of a dense solve', periodic_sliders), &
                       test('the bordered step is that of a dense solve, the mean frozen', frozen), &
+                      test('by GMRES the step is the same, modes uncoupled or not, the mean frozen or not', by_krylov), &
+                      test('the preconditioner of all modes is the inverse', exact_preconditioner), &
                       test('with every contact stuck the step is the residual itself', all_stuck), &
                       test('a constraint on omega alone keeps omega', fixed_frequency), &
                       test('the residual''s derivative by omega is that of differences', by_omega)])
@@ -30,11 +36,13 @@ program test_linearised_step
 contains
 
   !> A balance evaluated at a random motion.
-  subroutine prepare(preload, balance, motion)
+  subroutine prepare(preload, balance, motion, kind)
     !> Added to every contact
     real(wp), intent(in) :: preload
     type(balance_type), intent(out) :: balance
     real(wp), intent(out) :: motion(k, rows)
+    !> Of damping; viscous, coupling the modes, unless given
+    integer, intent(in), optional :: kind
     type(scene_type) :: scene
     type(stuck_system_type) :: stuck
     class(receptance_type), allocatable :: receptance
@@ -43,11 +51,16 @@ contains
 
     scene = rubbing_frame()
     scene%contacts%law%preload = scene%contacts%law%preload + preload
-    call damp(scene, damping_viscous, 0.05_wp)
+    if (present(kind)) then
+      call damp(scene, kind, 0.05_wp)
+    else
+      call damp(scene, damping_viscous, 0.05_wp)
+    end if
     call new_stuck_system(scene%structure, scene%contacts, .true., stuck, fault)
     call new_receptance(scene%structure, scene%contacts, stuck, harmonics, receptance)
-    call new_balance(scene%structure, scene%contacts, receptance, only_me(), 64, 3, balance)
+    call new_balance(scene%structure, scene%contacts, receptance, only_me(), 64, balance)
     motion = 0.7_wp*reshape(noise(k*rows, 11), [k, rows])
+    balance%slider = 0.1_wp*reshape(noise(2*contacts, 14), [2, contacts])
     call balance%evaluate(motion, omega, status)
   end subroutine prepare
 
@@ -58,46 +71,143 @@ contains
     constraint%frequency = 0.8_wp
   end function random_constraint
 
+  !> A right-hand side; only periodic sliders have one.
+  function random_right(balance) result(right)
+    type(balance_type), intent(in) :: balance
+    type(unknowns_type) :: right
+    integer :: i
+
+    right%motion = reshape(noise(k*rows, 13), [k, rows])
+    right%slider = reshape(noise(2*contacts, 15), [2, contacts])
+    do i = 1, contacts
+      if (.not. balance%periodic(i)) right%slider(:, i) = 0.0_wp
+    end do
+    right%omega = 0.4_wp
+  end function random_right
+
+  pure function packed(unknowns)
+    type(unknowns_type), intent(in) :: unknowns
+    real(wp) :: packed(n + 1)
+
+    packed = [unknowns%motion, unknowns%slider, unknowns%omega]
+  end function packed
+
   subroutine compare(error, balance, motion)
     type(error_type), allocatable, intent(inout) :: error
     type(balance_type), intent(inout) :: balance
     real(wp), intent(in) :: motion(k, rows)
-    integer, parameter :: n = k*rows
     type(constraint_type) :: constraint
-    real(wp) :: rho(k, rows), step(k, rows), sigma, step_omega, dense(n + 1, n + 1), solution(n + 1, 1)
-    integer :: status
+    type(unknowns_type) :: right, step, back
+    real(wp) :: dense(n + 1, n + 1), solution(n + 1, 1)
+    integer :: iterations, status
 
     constraint = random_constraint()
-    rho = reshape(noise(n, 13), [k, rows])
-    sigma = 0.4_wp
-    call solve_linearised(balance, constraint, rho, sigma, step, step_omega, status)
+    right = random_right(balance)
+    step = right
+    back = right
+    call solve_linearised(balance, constraint, right, linear_options_type(), step, iterations, status)
     call check(error, status == 0, 'the condensed system is singular')
+    call apply_linearised(balance, constraint, step, back)
+    ! The condition of the system, some 1e2, times rounding.
+    call check_close(error, packed(back), packed(right), 1.0e-12_wp*maxval(abs(packed(step))), 'the step put back')
     call difference(balance, motion, dense(:n, :))
-    dense(n + 1, :) = [constraint%motion, constraint%frequency]
-    solution(:, 1) = [rho, sigma]
+    dense(n + 1, :) = 0.0_wp
+    dense(n + 1, :k*rows) = reshape(constraint%motion, [k*rows])
+    dense(n + 1, n + 1) = constraint%frequency
+    solution(:, 1) = packed(right)
     call solve_dense(dense, solution, status)
-    call check_close(error, [step, step_omega], solution(:, 1), tolerance*maxval(abs(solution)), 'step')
+    call check_close(error, packed(step), solution(:, 1), tolerance*maxval(abs(solution)), 'step')
   end subroutine compare
 
-  !> The residual's Jacobian by motion and, last, omega.
+  !> The residual's Jacobian by motion, sliders and, last, omega.
   subroutine difference(balance, motion, jacobian)
     type(balance_type), intent(inout) :: balance
     real(wp), intent(in) :: motion(k, rows)
     real(wp), intent(out) :: jacobian(:, :)
-    real(wp) :: moved(k*rows + 1), sides(k*rows, 2), shift
-    integer :: i, side, status
+    real(wp) :: moved(n + 1), sides(n, 2), shift, sliders(2, contacts), rest(2, contacts)
+    integer :: i, j, side, status
 
-    do i = 1, k*rows + 1
+    sliders = balance%slider
+    do i = 1, n + 1
       do side = 1, 2
         shift = (3 - 2*side)*increment
-        moved = [motion, omega]
+        moved = [motion, sliders, omega]
         moved(i) = moved(i) + shift
-        call balance%evaluate(reshape(moved, [k, rows]), moved(k*rows + 1), status)
-        sides(:, side) = reshape(balance%residual, [k*rows])
+        rest = reshape(moved(k*rows + 1:n), [2, contacts])
+        do j = 1, contacts
+          balance%slider(:, j) = merge(rest(:, j), sliders(:, j), balance%periodic(j))
+        end do
+        call balance%evaluate(reshape(moved(:k*rows), [k, rows]), moved(n + 1), status)
+        do j = 1, contacts
+          if (balance%periodic(j)) rest(:, j) = -balance%forces(j)%moved
+        end do
+        sides(:, side) = [balance%residual, rest]
       end do
       jacobian(:, i) = (sides(:, 1) - sides(:, 2))/(2.0_wp*increment)
     end do
+    balance%slider = sliders
+    call balance%evaluate(motion, omega, status)
   end subroutine difference
+
+  subroutine periodic_sliders(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(balance_type) :: balance
+    real(wp) :: motion(k, rows)
+    integer :: i, status
+
+    call prepare(0.0_wp, balance, motion)
+    balance%periodic = balance%law%tangents == 2
+    call balance%evaluate(motion, omega, status)
+    call check(error, all([(balance%forces(i)%follows() .eqv. balance%periodic(i), i=1, contacts)]), &
+               'not all follow: the test is void')
+    call compare(error, balance, motion)
+    call balance%destroy()
+  end subroutine periodic_sliders
+
+  !> GMRES to a tight tolerance against elimination.
+  subroutine by_krylov(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(balance_type) :: balance
+    type(unknowns_type) :: right, eliminated, step
+    real(wp) :: motion(k, rows)
+    integer :: kind, i, iterations, status
+
+    do i = 1, 4
+      kind = merge(damping_viscous, damping_ratio, i <= 2)
+      call prepare(0.0_wp, balance, motion, kind)
+      balance%periodic = balance%law%tangents == 2
+      call balance%evaluate(motion, omega, status)
+      if (modulo(i, 2) == 0) balance%frozen_mean = balance%response(:, lbound(balance%response, 2))
+      call balance%evaluate(motion, omega, status)
+      right = random_right(balance)
+      eliminated = right
+      step = right
+      call solve_linearised(balance, random_constraint(), right, linear_options_type(), eliminated, iterations, status)
+      call check(error, iterations == 0, 'elimination does not iterate')
+      call solve_linearised(balance, random_constraint(), right, linear_options_type( &
+                            dense_limit=0, krylov=krylov_options_type(tolerance=1.0e-13_wp, low_modes=2)), step, iterations, status)
+      call check(error, status == 0 .and. iterations > 3, 'GMRES was not needed: the test is void')
+      call check_close(error, packed(step), packed(eliminated), 1.0e-10_wp*maxval(abs(packed(eliminated))), 'step')
+      call balance%destroy()
+    end do
+  end subroutine by_krylov
+
+  !> With all modes in the coarse system nothing is left to iterate for.
+  subroutine exact_preconditioner(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(balance_type) :: balance
+    type(unknowns_type) :: right, step
+    real(wp) :: motion(k, rows)
+    integer :: iterations, status
+
+    call prepare(0.0_wp, balance, motion, damping_ratio)
+    right = random_right(balance)
+    step = right
+    call solve_linearised(balance, random_constraint(), right, linear_options_type( &
+                          dense_limit=0, krylov=krylov_options_type(tolerance=1.0e-10_wp, low_modes=8)), step, iterations, status)
+    call check(error, status == 0 .and. iterations == 1, 'it iterates')
+    call balance%destroy()
+  end subroutine exact_preconditioner
 
   subroutine lively(error)
     type(error_type), allocatable, intent(out) :: error
@@ -128,16 +238,19 @@ contains
     type(error_type), allocatable, intent(out) :: error
     type(balance_type) :: balance
     type(constraint_type) :: constraint
-    real(wp) :: motion(k, rows), rho(k, rows), step(k, rows), step_omega
-    integer :: status
+    type(unknowns_type) :: right, step
+    real(wp) :: motion(k, rows)
+    integer :: iterations, status
 
     call prepare(100.0_wp, balance, motion)
     call check(error, all(balance%forces%state == state_stuck), 'a contact moves: the test is void')
     constraint = random_constraint()
     constraint%motion = 0.0_wp
-    rho = reshape(noise(k*rows, 13), [k, rows])
-    call solve_linearised(balance, constraint, rho, 0.0_wp, step, step_omega, status)
-    call check_close(error, step, rho, 0.0_wp, 'step')
+    right = random_right(balance)
+    right%omega = 0.0_wp
+    step = right
+    call solve_linearised(balance, constraint, right, linear_options_type(), step, iterations, status)
+    call check_close(error, packed(step), packed(right), 0.0_wp, 'step')
     call compare(error, balance, motion)
     call balance%destroy()
   end subroutine all_stuck
@@ -146,26 +259,30 @@ contains
     type(error_type), allocatable, intent(out) :: error
     type(balance_type) :: balance
     type(constraint_type) :: constraint
-    real(wp) :: motion(k, rows), step(k, rows), step_omega
-    integer :: status
+    type(unknowns_type) :: right, step
+    real(wp) :: motion(k, rows)
+    integer :: iterations, status
 
     call prepare(0.0_wp, balance, motion)
     constraint = random_constraint()
     constraint%motion = 0.0_wp
-    call solve_linearised(balance, constraint, reshape(noise(k*rows, 13), [k, rows]), 0.0_wp, step, step_omega, status)
-    call check_close(error, step_omega, 0.0_wp, 0.0_wp, 'step of omega')
+    right = random_right(balance)
+    right%omega = 0.0_wp
+    step = right
+    call solve_linearised(balance, constraint, right, linear_options_type(), step, iterations, status)
+    call check_close(error, step%omega, 0.0_wp, 0.0_wp, 'step of omega')
     call balance%destroy()
   end subroutine fixed_frequency
 
   subroutine by_omega(error)
     type(error_type), allocatable, intent(out) :: error
     type(balance_type) :: balance
-    real(wp) :: motion(k, rows), expected(k, rows), jacobian(k*rows, k*rows + 1)
+    real(wp) :: motion(k, rows), expected(k, rows), jacobian(n, n + 1)
 
     call prepare(0.0_wp, balance, motion)
     expected = balance%residual_omega
     call difference(balance, motion, jacobian)
-    call check_close(error, expected, reshape(jacobian(:, k*rows + 1), [k, rows]), tolerance, 'derivative')
+    call check_close(error, expected, reshape(jacobian(:k*rows, n + 1), [k, rows]), tolerance, 'derivative')
     call balance%destroy()
   end subroutine by_omega
 end program test_linearised_step

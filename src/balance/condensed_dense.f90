@@ -1,29 +1,18 @@
-!> One linearised step of the condensed balance, exact, on the active rows only.
-!>
-!> $$ (I + R D) \delta d + b \, \delta\omega = \rho, \qquad p^T \delta d + q \, \delta\omega = \sigma $$
-!>
-!> with D = dg/dd block-diagonal over contacts and zero for every contact that stays stuck. With y = D delta d restricted to the
-!> rows A where D is not zero, this is a small dense system
+!> The condensed linear system of a Newton step, formed on the active rows only and solved by LU:
 !>
 !>   [ I + (D R)_AA     (D b)_A ] [ y            ]   [ (D rho)_A         ]
 !>   [ -p^T R_A         q - p^T b ] [ delta omega ] = [ sigma - p^T rho  ]
 !>
-!> and delta d = rho - R y - b delta omega. A stuck contact costs nothing, one that slips without opening its tangents only; the
-!> bordered form is regular at simple folds.
-module attrito_balance_condensed_system
+!> A are the rows where D = dg/dd is not zero: a stuck contact costs nothing, one that slips without opening its tangents only; the
+!> bordered form is regular at simple folds. Ranks bring their rows; the first solves.
+module attrito_balance_condensed_dense
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: solve_dense
+  use attrito_balance_border, only: border_type
   use attrito_balance_harmonic_balance, only: balance_type
   implicit none
   private
-  public :: constraint_type, solve_linearised, inner_product
-
-  !> The scalar equation that picks the point on the branch: p . d + q omega = value
-  type :: constraint_type
-    !> p of this rank's rows [2 H + 1, rows]
-    real(wp), allocatable :: motion(:, :)
-    real(wp) :: frequency = 1.0_wp, value = 0.0_wp
-  end type constraint_type
+  public :: solve_by_elimination
 
   !> An active entry of D's rows
   type :: entry_type
@@ -41,56 +30,44 @@ module attrito_balance_condensed_system
 
 contains
 
-  !> Solve for the step; the balance holds the Jacobian of its last evaluation.
-  subroutine solve_linearised(balance, constraint, rho, sigma, step, step_omega, status)
+  !> Solve for y and omega; the balance holds the Jacobian of its last evaluation.
+  subroutine solve_by_elimination(balance, border, rho, last, y, omega, status)
     type(balance_type), intent(in) :: balance
-    type(constraint_type), intent(in) :: constraint
-    !> Right-hand side of the balance [2 H + 1, rows] and of the constraint
-    real(wp), intent(in) :: rho(:, :), sigma
-    !> Step of the motion [2 H + 1, rows] and of omega
-    real(wp), intent(out) :: step(:, :), step_omega
+    type(border_type), intent(in) :: border
+    !> Right-hand side of the balance [2 H + 1, rows], and sigma - p^T rho
+    real(wp), intent(in) :: rho(:, :), last
+    !> D delta d [2 H + 1, rows] and step of omega
+    real(wp), intent(out) :: y(:, :), omega
     !> 0, or not: singular
     integer, intent(out) :: status
     type(entry_type), allocatable :: mine(:), all(:)
-    real(wp), allocatable :: transposed_rows(:, :), everyone(:, :), system(:, :), solution(:, :), border(:), y(:, :)
-    complex(wp), allocatable :: response(:, :)
-    integer :: n
+    real(wp), allocatable :: transposed_rows(:, :), everyone(:, :), system(:, :), solution(:, :), bottom(:, :)
+    integer :: i, n
 
     call list_active(balance, mine, all)
     n = size(all)
     call assemble_rows(balance, mine, all, rho, transposed_rows)
     call balance%ranks%gather_columns(transposed_rows, everyone)
-    call border_row(balance, constraint, mine, rho, sigma, border)
+    call balance%ranks%gather_columns(reshape([(border%row(mine(i)%coefficient, mine(i)%row - balance%first_row + 1), &
+                                                i=1, size(mine))], [1, size(mine)]), bottom)
     allocate (solution(n + 1, 1), source=0.0_wp)
     status = 0
     if (balance%ranks%is_root()) then
       allocate (system(n + 1, n + 1))
       system(:n, :) = transpose(everyone(:n + 1, :))
       solution(:n, 1) = everyone(n + 2, :)
-      system(n + 1, :) = border(:n + 1)
-      solution(n + 1, 1) = border(n + 2)
+      system(n + 1, :) = [-bottom, border%corner]
+      solution(n + 1, 1) = last
       call solve_dense(system, solution, status)
     end if
     call balance%ranks%broadcast_integer(status)
+    y = 0.0_wp
+    omega = 0.0_wp
     if (status /= 0) return
     call balance%ranks%broadcast(solution(:, 1))
-    allocate (y, mold=rho)
-    y = 0.0_wp
     call scatter(balance, all, solution(:n, 1), y)
-    allocate (response, mold=balance%response)
-    call balance%respond_to_deviation(y, response)
-    step_omega = solution(n + 1, 1)
-    step = rho + balance%recover(response) - balance%residual_omega*step_omega
-  end subroutine solve_linearised
-
-  !> Sum over ranks of the products of two fields on contact rows.
-  real(wp) function inner_product(balance, a, b)
-    type(balance_type), intent(in) :: balance
-    real(wp), intent(in) :: a(:, :), b(:, :)
-
-    inner_product = sum(a*b)
-    call balance%ranks%sum(inner_product)
-  end function inner_product
+    omega = solution(n + 1, 1)
+  end subroutine solve_by_elimination
 
   !> Active rows of this rank and of all, in the order of ranks.
   subroutine list_active(balance, mine, all)
@@ -217,39 +194,6 @@ contains
     end do
   end subroutine receptance_to
 
-  !> Last row of the dense system and its right-hand side, at the root [n + 2].
-  subroutine border_row(balance, constraint, mine, rho, sigma, border)
-    type(balance_type), intent(in) :: balance
-    type(constraint_type), intent(in) :: constraint
-    type(entry_type), intent(in) :: mine(:)
-    real(wp), intent(in) :: rho(:, :), sigma
-    real(wp), allocatable, intent(out) :: border(:)
-    real(wp), allocatable :: mirrored(:, :), values(:, :), everyone(:, :)
-    complex(wp), allocatable :: response(:, :)
-    real(wp) :: p_b, p_rho
-    integer :: i
-
-    p_b = inner_product(balance, constraint%motion, balance%residual_omega)
-    p_rho = inner_product(balance, constraint%motion, rho)
-    ! R^T p = mirror R mirror p, where mirror changes the sign of sines: receptances are complex symmetric.
-    mirrored = mirror(constraint%motion)
-    allocate (response, mold=balance%response)
-    call balance%respond_to_deviation(mirrored, response)
-    mirrored = mirror(balance%recover(response))
-    values = reshape([(mirrored(mine(i)%coefficient, mine(i)%row - balance%first_row + 1), i=1, size(mine))], [1, size(mine)])
-    call balance%ranks%gather_columns(values, everyone)
-    border = [everyone, constraint%frequency - p_b, sigma - p_rho]
-  end subroutine border_row
-
-  !> Change the sign of sines.
-  pure function mirror(field) result(mirrored)
-    real(wp), intent(in) :: field(:, :)
-    real(wp) :: mirrored(size(field, 1), size(field, 2))
-
-    mirrored = field
-    mirrored(3::2, :) = -field(3::2, :)
-  end function mirror
-
   !> Put the solution of all active entries into the field of this rank's rows.
   pure subroutine scatter(balance, all, solution, field)
     type(balance_type), intent(in) :: balance
@@ -263,4 +207,4 @@ contains
       if (row >= 1 .and. row <= size(field, 2)) field(all(i)%coefficient, row) = solution(i)
     end do
   end subroutine scatter
-end module attrito_balance_condensed_system
+end module attrito_balance_condensed_dense

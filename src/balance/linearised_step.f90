@@ -1,0 +1,145 @@
+!> One linearised step of the balance, bordered by the constraint that picks the point:
+!>
+!> $$ (I + R D) \delta d + b \, \delta\omega = \rho - R g_w (I - P_w)^{-1} \rho_w, $$
+!> $$ p^T \delta d + q \, \delta\omega = \sigma, \qquad \delta w = (I - P_w)^{-1} (P_d \, \delta d + \rho_w) $$
+!>
+!> D = dg/dd is block-diagonal over contacts, zero for one that stays stuck, and holds that periodic sliders w = P(w, d) follow the
+!> motion. With y = D delta d a small system on the rows of contacts that slip or open is left, solved by elimination or, when large,
+!> by GMRES; then delta d = rho - R y - b delta omega.
+module attrito_balance_linearised_step
+  use attrito_core_kinds, only: wp
+  use attrito_contact_quadrature_sampled, only: released
+  use attrito_balance_border, only: constraint_type, border_type, new_border, inner_product
+  use attrito_balance_condensed_dense, only: solve_by_elimination
+  use attrito_balance_condensed_krylov, only: krylov_options_type, solve_by_krylov
+  use attrito_balance_harmonic_balance, only: balance_type
+  use attrito_balance_unknowns, only: unknowns_type
+  implicit none
+  private
+  public :: linear_options_type, solve_linearised, apply_linearised
+
+  type :: linear_options_type
+    !> Active unknowns up to which the system is formed and eliminated
+    integer :: dense_limit = 800
+    type(krylov_options_type) :: krylov
+  end type linear_options_type
+
+contains
+
+  !> Solve for the step; the balance holds the Jacobian of its last evaluation.
+  subroutine solve_linearised(balance, constraint, right, options, step, iterations, status)
+    type(balance_type), intent(in) :: balance
+    type(constraint_type), intent(in) :: constraint
+    !> Right-hand sides of balance and sliders; `omega` is the constraint's
+    type(unknowns_type), intent(in) :: right
+    type(linear_options_type), intent(in) :: options
+    type(unknowns_type), intent(inout) :: step
+    !> Of GMRES
+    integer, intent(out) :: iterations
+    !> 0, or not: singular
+    integer, intent(out) :: status
+    type(border_type) :: border
+    real(wp), allocatable :: rho(:, :), y(:, :)
+    complex(wp), allocatable :: response(:, :)
+    real(wp) :: last
+
+    iterations = 0
+    rho = right%motion
+    allocate (y, mold=rho)
+    allocate (response, mold=balance%response)
+    call release_sliders(balance, right%slider, y)
+    call balance%respond_to_deviation(y, response)
+    rho = rho + balance%recover(response)
+    border = new_border(balance, constraint)
+    last = right%omega - inner_product(balance, constraint%motion, rho)
+    if (active_unknowns(balance) > options%dense_limit) then
+      call solve_by_krylov(balance, border, rho, last, options%krylov, y, step%omega, iterations, status)
+    else
+      call solve_by_elimination(balance, border, rho, last, y, step%omega, status)
+    end if
+    if (status /= 0) return
+    call balance%respond_to_deviation(y, response)
+    step%motion = rho + balance%recover(response) - balance%residual_omega*step%omega
+    call follow_sliders(balance, right%slider, step)
+  end subroutine solve_linearised
+
+  !> The linearised equations times a step: what `solve_linearised` inverts.
+  subroutine apply_linearised(balance, constraint, step, product)
+    type(balance_type), intent(in) :: balance
+    type(constraint_type), intent(in) :: constraint
+    type(unknowns_type), intent(in) :: step
+    type(unknowns_type), intent(inout) :: product
+    real(wp) :: deviation(size(step%motion, 1), size(step%motion, 2)), motion(3*size(step%motion, 1), 1), followed(2, 1)
+    complex(wp), allocatable :: response(:, :)
+    integer :: i, k
+
+    k = size(step%motion, 1)
+    deviation = 0.0_wp
+    product%slider = step%slider
+    do i = 1, size(balance%law)
+      associate (forces => balance%forces(i), first => balance%law(i)%first_row, rows => balance%law(i)%tangents + 1)
+        if (.not. allocated(forces%jacobian)) cycle
+        motion(:k*rows, 1) = reshape(step%motion(:, first:first + rows - 1), [k*rows])
+        deviation(:, first:first + rows - 1) = reshape(matmul(forces%jacobian, motion(:k*rows, 1)), [k, rows])
+        if (.not. forces%follows()) cycle
+        followed = matmul(forces%link%by_motion, motion)
+        product%slider(:, i) = matmul(forces%link%holding, step%slider(:, i)) - followed(:, 1)
+        followed = step%slider(:, i:i) - released(forces%link%holding, followed)
+        deviation(:, first:first + 1) = deviation(:, first:first + 1) + reshape(matmul(forces%link%force, followed), [k, 2])
+      end associate
+    end do
+    allocate (response, mold=balance%response)
+    call balance%respond_to_deviation(deviation, response)
+    product%motion = step%motion - balance%recover(response) + balance%residual_omega*step%omega
+    product%omega = inner_product(balance, constraint%motion, step%motion) + constraint%frequency*step%omega
+  end subroutine apply_linearised
+
+  !> Rows of D that are not zero, over all ranks.
+  integer function active_unknowns(balance)
+    type(balance_type), intent(in) :: balance
+    real(wp) :: total
+    integer :: i
+
+    total = real(sum([(count(balance%forces(i)%active), i=1, size(balance%forces))]), wp)
+    call balance%ranks%sum(total)
+    active_unknowns = nint(total)
+  end function active_unknowns
+
+  !> Change g_w (I - P_w)^-1 rho_w of the forces by what sliders have yet to go [2 H + 1, rows].
+  pure subroutine release_sliders(balance, rho_slider, deviation)
+    type(balance_type), intent(in) :: balance
+    !> [2, contacts]
+    real(wp), intent(in) :: rho_slider(:, :)
+    real(wp), intent(out) :: deviation(:, :)
+    real(wp) :: moved(2, 1)
+    integer :: i, k
+
+    k = size(deviation, 1)
+    deviation = 0.0_wp
+    do i = 1, size(balance%law)
+      associate (forces => balance%forces(i), first => balance%law(i)%first_row)
+        if (.not. forces%follows()) cycle
+        moved = released(forces%link%holding, rho_slider(:, i:i))
+        deviation(:, first:first + 1) = reshape(matmul(forces%link%force, moved), [k, 2])
+      end associate
+    end do
+  end subroutine release_sliders
+
+  !> Step of the sliders; those that are no unknowns take their right-hand side.
+  pure subroutine follow_sliders(balance, rho_slider, step)
+    type(balance_type), intent(in) :: balance
+    real(wp), intent(in) :: rho_slider(:, :)
+    type(unknowns_type), intent(inout) :: step
+    real(wp) :: motion(3*size(step%motion, 1), 1)
+    integer :: i
+
+    step%slider = rho_slider
+    do i = 1, size(balance%law)
+      associate (forces => balance%forces(i), first => balance%law(i)%first_row)
+        if (.not. forces%follows()) cycle
+        motion(:, 1) = reshape(step%motion(:, first:first + 2), [size(motion)])
+        step%slider(:, i:i) = released(forces%link%holding, rho_slider(:, i:i) + matmul(forces%link%by_motion, motion))
+      end associate
+    end do
+  end subroutine follow_sliders
+end module attrito_balance_linearised_step
