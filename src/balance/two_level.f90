@@ -1,7 +1,7 @@
 !> Preconditioner of the condensed system, from the present state of the contacts: what the lowest modes of the stuck system carry
 !> from contact to contact, exactly, and of the rest what each contact feels of itself.
 !>
-!> $$ R \approx R_{local} + U Z^{-1} U^T, \quad (I + D R_{local} + D U Z^{-1} U^T)^{-1} = A^{-1} - E U (Z + U^T E U)^{-1} U^T A^{-1}, $$
+!> $$ R \approx R_{local} + U Z^{-1} U^T, \qquad (I + D R)^{-1} \approx A^{-1} - E U (Z + U^T E U)^{-1} U^T A^{-1}, $$
 !> $$ A = I + D R_{local}, \qquad E = A^{-1} D, \qquad A^{-1} = I - E R_{local} $$
 !>
 !> U are the lowest modes at the contacts, Z their dynamic stiffness per harmonic (Woodbury's identity). The blocks of A couple the

@@ -171,8 +171,9 @@ contains
         associate (forces => balance%forces(i))
           if (balance%periodic(i) .and. forces%state == state_stuck) then
             balance%periodic(i) = .false.
-            if (norm2(forces%slider - before(:, i)) > self%options%tolerance*self%context%motion_scale) &
+            if (norm2(forces%slider - before(:, i)) > self%options%tolerance*self%context%motion_scale) then
               forces%state = state_shaken_down
+            end if
           end if
           balance%slider(:, i) = forces%slider
         end associate
