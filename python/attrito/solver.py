@@ -40,7 +40,10 @@ class _Law(ctypes.Structure):
 
 class _Point(ctypes.Structure):
     _fields_ = [
-        *((name, ctypes.c_int) for name in ("branch", "iterations", "outcome", "unique", "finished", "reached_stop")),
+        *(
+            (name, ctypes.c_int)
+            for name in ("branch", "iterations", "linear_iterations", "outcome", "unique", "finished", "reached_stop")
+        ),
         ("states", ctypes.c_int * 4),
         *((name, ctypes.c_double) for name in ("frequency_hz", "level", "residual", "estimate")),
     ]
@@ -99,6 +102,7 @@ class Point:
     level: float
     branch: int
     iterations: int
+    linear_iterations: int
     outcome: str
     unique: bool
     residual: float
@@ -223,6 +227,7 @@ class Solver:
             raw.level,
             raw.branch,
             raw.iterations,
+            raw.linear_iterations,
             OUTCOMES[raw.outcome],
             raw.unique == 1,
             raw.residual,

@@ -46,7 +46,7 @@ module attrito_api_solver
   end type contact_law_type
 
   type, bind(c) :: point_type
-    integer(c_int) :: branch, iterations, outcome, unique, finished, reached_stop
+    integer(c_int) :: branch, iterations, linear_iterations, outcome, unique, finished, reached_stop
     integer(c_int) :: states(4)
     real(c_double) :: frequency_hz, level, residual, estimate
   end type point_type
@@ -342,8 +342,8 @@ contains
     type(point_report_type), intent(in) :: report
     type(point_type) :: point
 
-    point = point_type(report%branch, report%iterations, report%outcome, report%unique, 0, 0, report%states, &
-                       report%frequency_hz, report%level, report%residual, report%estimate)
+    point = point_type(report%branch, report%iterations, report%linear_iterations, report%outcome, report%unique, 0, 0, &
+                       report%states, report%frequency_hz, report%level, report%residual, report%estimate)
   end function point_of
 
   pure function lines_of(text, count) result(lines)

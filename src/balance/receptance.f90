@@ -92,15 +92,15 @@ module attrito_balance_receptance
       complex(wp) :: stiffness(low)
     end function low_stiffness
 
-    !> Receptance among a few rows of B at one harmonic, less what the lowest modes carry.
-    subroutine remainder(self, h, low, directions, block)
+    !> Receptance among a few rows of B, less what the lowest modes carry.
+    subroutine remainder(self, low, directions, blocks)
       import :: receptance_type, wp
       class(receptance_type), intent(in) :: self
-      integer, intent(in) :: h, low
+      integer, intent(in) :: low
       !> Rows of B in generalised coordinates, in columns [n, rows]
       real(wp), intent(in) :: directions(:, :)
-      !> [rows, rows]
-      complex(wp), intent(out) :: block(:, :)
+      !> [rows, rows, 0:H]
+      complex(wp), intent(out) :: blocks(:, :, 0:)
     end subroutine remainder
   end interface
 

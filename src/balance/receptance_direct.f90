@@ -142,22 +142,25 @@ contains
     end do
   end function low_stiffness
 
-  subroutine remainder(self, h, low, directions, block)
+  subroutine remainder(self, low, directions, blocks)
     class(receptance_direct_type), intent(in) :: self
-    integer, intent(in) :: h, low
+    integer, intent(in) :: low
     real(wp), intent(in) :: directions(:, :)
-    complex(wp), intent(out) :: block(:, :)
+    complex(wp), intent(out) :: blocks(:, :, 0:)
     complex(wp) :: columns(size(directions, 1), size(directions, 2)), stiffness(low)
     real(wp) :: shapes(low, size(directions, 2))
-    integer :: i
+    integer :: h, i, rows
 
-    columns = directions
-    call solve_factored_complex(self%factors(:, :, h), self%pivots(:, h), columns)
-    block = matmul(transpose(directions), columns)
+    rows = size(directions, 2)
     shapes = self%low_shapes(low, directions)
-    stiffness = self%low_stiffness(h, low)
-    do i = 1, low
-      block = block - spread(shapes(i, :), 2, size(block, 2))*spread(shapes(i, :), 1, size(block, 1))/stiffness(i)
+    do h = self%lowest, self%harmonics
+      columns = directions
+      call solve_factored_complex(self%factors(:, :, h), self%pivots(:, h), columns)
+      blocks(:, :, h) = matmul(transpose(directions), columns)
+      stiffness = self%low_stiffness(h, low)
+      do i = 1, low
+        blocks(:, :, h) = blocks(:, :, h) - spread(shapes(i, :), 2, rows)*spread(shapes(i, :), 1, rows)/stiffness(i)
+      end do
     end do
   end subroutine remainder
 end module attrito_balance_receptance_direct

@@ -13,6 +13,8 @@ module attrito_balance_receptance_modal
     real(wp), allocatable :: modal_stiffness(:), modal_mass(:), modal_damping(:)
     !> Dynamic stiffness at this frequency, and its derivative by omega [n, 0:H]
     complex(wp), allocatable, private :: stiffness(:, :), stiffness_derivative(:, :)
+    !> Its inverse, real and imaginary parts in turn [n, 2 H + 1]
+    real(wp), allocatable, private :: flexibility(:, :)
   contains
     procedure :: set_frequency
     procedure :: respond
@@ -38,6 +40,7 @@ contains
     self%directions = matmul(transpose(modes), directions)
     self%harmonics = harmonics
     allocate (self%stiffness(size(modal_mass), 0:harmonics), self%stiffness_derivative(size(modal_mass), 0:harmonics))
+    allocate (self%flexibility(size(modal_mass), 2*harmonics + 1))
   end function new_receptance_modal
 
   subroutine set_frequency(self, omega, status)
@@ -52,7 +55,14 @@ contains
       self%stiffness(:, h) = cmplx(self%modal_stiffness - (h*omega)**2*self%modal_mass, h*omega*self%modal_damping, wp)
       self%stiffness_derivative(:, h) = cmplx(-2.0_wp*h**2*omega*self%modal_mass, h*self%modal_damping, wp)
     end do
-    if (any(abs(self%stiffness(:, self%lowest:)) <= 0.0_wp)) status = 1
+    if (any(abs(self%stiffness(:, self%lowest:)) <= 0.0_wp)) then
+      status = 1
+    else
+      do h = self%lowest, self%harmonics
+        if (h > 0) self%flexibility(:, 2*h + 1) = aimag(1.0_wp/self%stiffness(:, h))
+        self%flexibility(:, max(2*h, 1)) = real(1.0_wp/self%stiffness(:, h), wp)
+      end do
+    end if
     ! Refused as often as it is asked for.
     self%omega = merge(omega, -1.0_wp, status == 0)
   end subroutine set_frequency
@@ -111,17 +121,32 @@ contains
     stiffness = self%stiffness(:low, h)
   end function low_stiffness
 
-  subroutine remainder(self, h, low, directions, block)
+  subroutine remainder(self, low, directions, blocks)
     class(receptance_modal_type), intent(in) :: self
-    integer, intent(in) :: h, low
+    integer, intent(in) :: low
     real(wp), intent(in) :: directions(:, :)
-    complex(wp), intent(out) :: block(:, :)
-    integer :: i, j
+    complex(wp), intent(out) :: blocks(:, :, 0:)
+    real(wp) :: pairs(size(directions, 1) - low, size(directions, 2)*(size(directions, 2) + 1)/2)
+    real(wp) :: sums(size(pairs, 2), 2*self%harmonics + 1)
+    integer :: h, i, j, pair
 
-    do j = 1, size(block, 2)
+    pair = 0
+    do j = 1, size(directions, 2)
       do i = 1, j
-        block(i, j) = sum(directions(low + 1:, i)*directions(low + 1:, j)/self%stiffness(low + 1:, h))
-        block(j, i) = block(i, j)
+        pair = pair + 1
+        pairs(:, pair) = directions(low + 1:, i)*directions(low + 1:, j)
+      end do
+    end do
+    sums = matmul(transpose(pairs), self%flexibility(low + 1:, :))
+    pair = 0
+    do j = 1, size(directions, 2)
+      do i = 1, j
+        pair = pair + 1
+        blocks(i, j, 0) = sums(pair, 1)
+        do h = 1, self%harmonics
+          blocks(i, j, h) = cmplx(sums(pair, 2*h), sums(pair, 2*h + 1), wp)
+        end do
+        blocks(j, i, :) = blocks(i, j, :)
       end do
     end do
   end subroutine remainder

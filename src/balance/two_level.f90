@@ -16,7 +16,7 @@ module attrito_balance_two_level
   public :: two_level_type, new_two_level
 
   !> Contacts taken together in the coarse system, to bound its memory
-  integer, parameter :: bunch = 64
+  integer, parameter :: bunch = 32
 
   type :: two_level_type
     type(condensed_operator_type), pointer :: system => null()
@@ -123,25 +123,25 @@ contains
   !> R_local of every active contact: its own receptance without the lowest modes.
   subroutine new_local(self)
     type(two_level_type), intent(inout) :: self
-    integer :: i, h
+    integer :: i
 
     associate (active => self%system%active, balance => self%system%balance)
       allocate (self%local(3, 3, 0:balance%receptance%harmonics, size(active%contacts)), source=(0.0_wp, 0.0_wp))
       do i = 1, size(active%contacts)
         associate (n => active%rows(i), directions => active%directions(:, active%first(i):active%first(i) + active%rows(i) - 1))
-          do h = merge(1, 0, allocated(balance%frozen_mean)), balance%receptance%harmonics
-            call balance%receptance%remainder(h, size(self%shapes, 1), directions, self%local(:n, :n, h, i))
-          end do
+          call balance%receptance%remainder(size(self%shapes, 1), directions, self%local(:n, :n, :, i))
         end associate
       end do
+      if (allocated(balance%frozen_mean)) self%local(:, :, 0, :) = 0.0_wp
     end associate
   end subroutine new_local
 
-  !> E = (I + D R_local)^-1 D, contact by contact.
+  !> E = (I + D R_local)^-1 D, contact by contact, on the rows where D is not zero.
   subroutine new_blocks(self, status)
     type(two_level_type), intent(inout) :: self
     integer, intent(out) :: status
-    real(wp), allocatable :: jacobian(:, :), matrix(:, :)
+    real(wp), allocatable :: jacobian(:, :), product(:, :), matrix(:, :), rows(:, :)
+    integer, allocatable :: kept(:)
     integer :: i, j, k, m
 
     status = 0
@@ -151,15 +151,18 @@ contains
       do i = 1, size(active%contacts)
         m = k*active%rows(i)
         jacobian = (1.0_wp - balance%stiffening)*balance%forces(active%contacts(i))%jacobian
-        allocate (matrix(m, m))
-        call times_local(jacobian, self%local(:, :, :, i), active%rows(i), matrix)
-        do j = 1, m
+        if (allocated(product)) deallocate (product)
+        allocate (product(m, m))
+        call times_local(jacobian, self%local(:, :, :, i), active%rows(i), product)
+        kept = pack([(j, j=1, m)], balance%forces(active%contacts(i))%active)
+        matrix = product(kept, kept)
+        rows = jacobian(kept, :)
+        do j = 1, size(kept)
           matrix(j, j) = matrix(j, j) + 1.0_wp
         end do
-        call solve_dense(matrix, jacobian, status)
-        deallocate (matrix)
+        call solve_dense(matrix, rows, status)
         if (status /= 0) return
-        self%blocks(:m, :m, i) = jacobian
+        self%blocks(kept, :m, i) = rows
       end do
     end associate
   end subroutine new_blocks
@@ -292,22 +295,22 @@ contains
     integer, intent(in) :: from, to
     real(wp), intent(inout) :: coarse(:, :, :, :)
     real(wp), allocatable :: carried(:, :), stacked(:, :, :, :), sums(:, :)
-    integer :: k, low, i, a, b, row, rows, place
+    integer :: k, low, i, j, b, row, rows, place
 
     k = size(coarse, 1)
     low = size(coarse, 2)
     associate (active => self%system%active)
       rows = sum(active%rows(from:to))
-      allocate (stacked(rows, k, k, low))
+      allocate (stacked(k, k, low, rows))
       place = 0
       do i = from, to
         associate (n => active%rows(i), shapes => self%shapes(:, active%first(i):active%first(i) + active%rows(i) - 1))
-          ! E as [(a, row, b), row'], a and b coefficients
+          ! E as [(a, row, b), row'], a and b coefficients, to [(a, b), mode, row]
           carried = matmul(reshape(self%blocks(:k*n, :k*n, i), [k*n*k, n]), transpose(shapes))
-          do b = 1, k
-            do row = 1, n
-              do a = 1, k
-                stacked(place + row, a, b, :) = carried(a + k*(row - 1) + k*n*(b - 1), :)
+          do row = 1, n
+            do j = 1, low
+              do b = 1, k
+                stacked(:, b, j, place + row) = carried(1 + k*(row - 1) + k*n*(b - 1):k*row + k*n*(b - 1), j)
               end do
             end do
           end do
@@ -315,11 +318,13 @@ contains
         end associate
       end do
       associate (first => active%first(from))
-        sums = matmul(self%shapes(:, first:first + rows - 1), reshape(stacked, [rows, k*k*low]))
+        sums = matmul(reshape(stacked, [k*k*low, rows]), transpose(self%shapes(:, first:first + rows - 1)))
       end associate
-      do i = 1, low
+      do j = 1, low
         do b = 1, k
-          coarse(:, :, b, i) = coarse(:, :, b, i) + transpose(sums(:, 1 + k*(b - 1) + k*k*(i - 1):k*b + k*k*(i - 1)))
+          do i = 1, low
+            coarse(:, i, b, j) = coarse(:, i, b, j) + sums(1 + k*(b - 1) + k*k*(j - 1):k*b + k*k*(j - 1), i)
+          end do
         end do
       end do
     end associate

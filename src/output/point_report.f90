@@ -24,7 +24,7 @@ module attrito_output_point_report
 
   type :: point_report_type
     real(wp) :: frequency_hz = 0.0_wp, level = 1.0_wp
-    integer :: branch = 0, iterations = 0, outcome = outcome_not_converged
+    integer :: branch = 0, iterations = 0, linear_iterations = 0, outcome = outcome_not_converged
     !> 1 yes, 0 no, -1 not examined
     integer :: unique = 0
     !> Norm of the residual relative to the stuck response; estimated relative error of the peak
@@ -50,6 +50,7 @@ contains
       report%level = balance%level
       report%branch = branch
       report%iterations = solver%report%iterations
+      report%linear_iterations = solver%report%linear_iterations
       report%residual = solver%report%residual
       report%harmonics = matmul(to_real(balance%response), matmul(transpose(balance%receptance%basis), monitors))
       allocate (report%amplitude(size(monitors, 2)))
