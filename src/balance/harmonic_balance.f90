@@ -14,6 +14,7 @@ module attrito_balance_harmonic_balance
   use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_quadrature_event, only: evaluate_contact_by_events
   use attrito_contact_quadrature_sampled, only: contact_forces_type, evaluate_contact
+  use attrito_contact_state, only: state_stuck
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, new_grid
   use attrito_balance_receptance, only: receptance_type, to_complex, to_real
   implicit none
@@ -55,6 +56,7 @@ module attrito_balance_harmonic_balance
     procedure :: rows
     procedure :: coefficients
     procedure :: evaluate
+    procedure :: evaluate_stuck
     procedure :: respond_to_deviation
     procedure :: recover
     procedure :: linear_motion
@@ -140,14 +142,8 @@ contains
     if (status /= 0) return
     allocate (derivative, mold=self%response)
     do i = 1, size(self%law)
+      call evaluate_forces(self, i, motion)
       associate (law => self%law(i))
-        associate (own => motion(:, law%first_row:law%first_row + law%tangents))
-          if (self%by_events .and. law%tangents == 1) then
-            call evaluate_contact_by_events(law, self%grid, own, self%slider(1, i), self%forces(i))
-          else
-            call evaluate_contact(law, self%fourier, own, self%slider(:, i), self%periodic(i), self%forces(i))
-          end if
-        end associate
         self%residual(:, law%first_row:law%first_row + law%tangents) = self%forces(i)%deviation(:k, :)
       end associate
     end do
@@ -158,6 +154,83 @@ contains
     self%residual = motion - self%recover(self%response)
     self%residual_omega = -self%recover(derivative)
   end subroutine evaluate
+
+  !> Forces and Jacobian of one contact of this rank.
+  subroutine evaluate_forces(self, contact, motion)
+    type(balance_type), intent(inout) :: self
+    integer, intent(in) :: contact
+    !> Of all rows [2 H + 1, rows]
+    real(wp), intent(in) :: motion(:, :)
+
+    associate (law => self%law(contact), forces => self%forces(contact))
+      associate (own => motion(:, law%first_row:law%first_row + law%tangents))
+        if (self%by_events .and. law%tangents == 1) then
+          call evaluate_contact_by_events(law, self%grid, own, self%slider(1, contact), forces)
+        else
+          call evaluate_contact(law, self%fourier, own, self%slider(:, contact), self%periodic(contact), forces)
+        end if
+      end associate
+    end associate
+  end subroutine evaluate_forces
+
+  !> The linear response at a frequency, with sliders where they are: the solution if it leaves every contact stuck. Residual and
+  !> derivative are not evaluated.
+  subroutine evaluate_stuck(self, omega, motion, stuck)
+    class(balance_type), intent(inout) :: self
+    real(wp), intent(in) :: omega
+    !> [2 H + 1, rows]
+    real(wp), intent(out) :: motion(:, :)
+    logical, intent(out) :: stuck
+    real(wp) :: moving
+    integer :: i, h, status
+
+    stuck = .false.
+    motion = 0.0_wp
+    call self%receptance%set_frequency(omega, status)
+    if (status /= 0) return
+    self%response = linear_response(self)
+    if (allocated(self%frozen_mean)) then
+      self%response(:, 0) = self%frozen_mean
+    else
+      self%response(:, 0) = self%response(:, 0) + mean_response(self)
+    end if
+    motion(1, :) = matmul(real(self%response(:, 0), wp), self%directions)
+    do h = 1, self%receptance%harmonics
+      ! Where no load acts nothing moves.
+      if (all(abs(self%harmonic_load(:, h)) <= 0.0_wp)) cycle
+      motion(2*h:2*h + 1, :) = matmul(transpose(reshape([real(self%response(:, h), wp), -aimag(self%response(:, h))], &
+                                                        [size(self%response, 1), 2])), self%directions)
+    end do
+    moving = 0.0_wp
+    do i = 1, size(self%law)
+      call evaluate_forces(self, i, motion)
+      if (self%forces(i)%state /= state_stuck) moving = 1.0_wp
+      if (moving > 0.0_wp) exit
+    end do
+    stuck = self%ranks%largest(moving) <= 0.0_wp
+  end subroutine evaluate_stuck
+
+  !> Mean of the response to what stuck contacts add to their springs: sliders, preloads, gaps [n].
+  function mean_response(self) result(mean)
+    type(balance_type), intent(in) :: self
+    real(wp), allocatable :: mean(:)
+    real(wp) :: deviation(1, size(self%directions, 2))
+    complex(wp) :: force(size(self%directions, 1), 0:self%receptance%harmonics), response(size(force, 1), size(force, 2))
+    integer :: i
+
+    do i = 1, size(self%law)
+      associate (law => self%law(i))
+        deviation(1, law%first_row:law%first_row + law%tangents) = &
+          [-law%tangential_stiffness*self%slider(:law%tangents, i), law%preload - law%normal_stiffness*law%gap]
+      end associate
+    end do
+    mean = -matmul(self%directions, deviation(1, :))
+    call self%ranks%sum(mean)
+    force = 0.0_wp
+    force(:, 0) = mean
+    call self%receptance%respond(force, response)
+    mean = real(response(:, 1), wp)
+  end function mean_response
 
   !> Response to the loads alone, every contact stuck at zero slider [n, 0:H].
   function linear_response(self) result(response)

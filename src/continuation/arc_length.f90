@@ -40,6 +40,8 @@ module attrito_continuation_arc_length
     !> Last step taken, scaled, of unit length
     real(wp), allocatable, private :: secant(:, :)
     real(wp), private :: secant_omega = 0.0_wp
+    !> While every contact sticks: the last step's change of motion with omega [2 H + 1, rows]
+    real(wp), allocatable, private :: slope(:, :)
     logical, private :: on_branch = .false.
   contains
     procedure :: advance
@@ -107,6 +109,8 @@ contains
     integer :: iterations, status
     logical :: accepted, flipped
 
+    call follow_stuck(self, solver, accepted)
+    if (accepted) return
     call find_tangent(self, solver, status)
     if (status /= 0) then
       call lose_branch(self, solver)
@@ -140,13 +144,67 @@ contains
     end do
     if (accepted) then
       call remember_step(self, solver, motion, omega)
-      self%step = min(self%step*min(max(sqrt(aimed_error/max(error, 1.0e-12_wp)), 0.4_wp), 1.6_wp), self%largest_step)
+      call adapt_step(self, error)
     else
       call lose_branch(self, solver)
     end if
     solver%report%iterations = iterations
     if (accepted) call end_at_range(self, solver, motion, omega, slider, periodic)
   end subroutine follow
+
+  !> Where every contact sticks the branch is the linear response: a step in frequency, its error that of a straight line through the
+  !> last two points.
+  subroutine follow_stuck(self, solver, accepted)
+    type(sweep_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+    !> .false.: a contact would slip or open, and nothing has changed
+    logical, intent(out) :: accepted
+    real(wp), allocatable :: motion(:, :), moved(:, :)
+    real(wp) :: omega, target, way, error, step
+
+    motion = solver%motion
+    omega = solver%omega
+    step = self%step
+    way = sign(1.0_wp, self%stop - self%start)
+    if (allocated(self%secant)) way = sign(1.0_wp, self%secant_omega)
+    if (.not. allocated(self%slope)) self%step = min(self%step, first_step)
+    do
+      target = omega + way*self%step*solver%context%frequency_scale
+      if (beyond_stop(self, target)) target = self%stop
+      if ((target - self%start)*(self%stop - self%start) < 0.0_wp) target = self%start
+      call solver%solve_stuck_at(target, accepted)
+      if (.not. accepted) exit
+      error = aimed_error
+      if (allocated(self%slope)) then
+        moved = solver%motion - motion - (target - omega)*self%slope
+        error = sqrt(inner_product(solver%context%balance, moved, moved)/size_of_response(solver))
+      end if
+      if (error < accepted_error .or. self%step <= smallest_step) exit
+      solver%motion = motion
+      solver%omega = omega
+      self%step = 0.5_wp*self%step
+    end do
+    if (.not. accepted) then
+      self%step = step
+      if (allocated(self%slope)) deallocate (self%slope)
+      return
+    end if
+    self%slope = (solver%motion - motion)/(target - omega)
+    call remember_step(self, solver, motion, omega)
+    self%tangent = self%secant
+    self%tangent_omega = self%secant_omega
+    self%reached_stop = abs(target - self%stop) <= 0.0_wp
+    self%finished = self%reached_stop .or. abs(target - self%start) <= 0.0_wp
+    call adapt_step(self, error)
+  end subroutine follow_stuck
+
+  !> The next step aims at the same error.
+  pure subroutine adapt_step(self, error)
+    type(sweep_type), intent(inout) :: self
+    real(wp), intent(in) :: error
+
+    self%step = min(self%step*min(max(sqrt(aimed_error/max(error, 1.0e-12_wp)), 0.4_wp), 1.6_wp), self%largest_step)
+  end subroutine adapt_step
 
   !> No step from here converges: report a point just beyond as not converged; the sweep moves on from there.
   subroutine lose_branch(self, solver)

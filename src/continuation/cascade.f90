@@ -61,6 +61,8 @@ contains
     periodic = solver%context%balance%periodic
     from = solver%omega
     level = solver%context%balance%level
+    call solver%solve_stuck_at(omega, converged)
+    if (converged) return
     call solver%solve_at(omega)
     if (solver%report%converged) return
     iterations = solver%report%iterations

@@ -54,9 +54,12 @@ module attrito_continuation_solver
     real(wp), allocatable :: static_slider(:, :)
     !> How the last solve ended, with the iterations of all its tries
     type(newton_report_type) :: report
+    !> Did every contact stick at the last point that converged?
+    logical :: all_stick = .false.
   contains
     procedure :: solve_with
     procedure :: solve_at
+    procedure :: solve_stuck_at
     procedure :: set_scales
     procedure :: set_loads
     procedure :: set_slider
@@ -134,6 +137,7 @@ contains
         self%motion = unknowns%motion
         self%omega = unknowns%omega
         call keep_slider(self, slider)
+        self%all_stick = none_moves(self)
       else
         balance%slider = slider
         balance%periodic = periodic
@@ -145,6 +149,15 @@ contains
     end associate
     call self%context%forget()
   end subroutine solve_with
+
+  !> Has every contact stuck all over the period?
+  logical function none_moves(self)
+    class(solver_type), intent(in) :: self
+    real(wp) :: moving
+
+    moving = merge(1.0_wp, 0.0_wp, any(self%context%balance%forces%state > state_shaken_down))
+    none_moves = self%context%balance%ranks%largest(moving) <= 0.0_wp
+  end function none_moves
 
   !> Tolerance that tells which sliders move on: with one tangent there are none, and the first solve is the last.
   real(wp) function loose_tolerance(self, tight)
@@ -243,6 +256,24 @@ contains
     call self%solve_with(constraint)
     if (.not. self%report%converged) self%omega = before
   end subroutine solve_at
+
+  !> At a given angular frequency, where every contact stuck at the point before, the linear response if it leaves them stuck with
+  !> sliders where they are: no iteration is needed. Nothing changes if it does not.
+  subroutine solve_stuck_at(self, omega, stuck)
+    class(solver_type), intent(inout) :: self
+    real(wp), intent(in) :: omega
+    logical, intent(out) :: stuck
+    real(wp) :: motion(size(self%motion, 1), size(self%motion, 2))
+
+    stuck = .false.
+    if (.not. self%all_stick) return
+    call self%context%balance%evaluate_stuck(omega, motion, stuck)
+    call self%context%forget()
+    if (.not. stuck) return
+    self%motion = motion
+    self%omega = omega
+    self%report = newton_report_type(converged=.true., residual=0.0_wp)
+  end subroutine solve_stuck_at
 
   !> The farthest that one more period would move a slider.
   real(wp) function largest_defect(self)
