@@ -226,6 +226,7 @@ TABLES: dict[str, dict[str, Key]] = {
         "load_path": Key(listing(corner, 1), [0.0, 1.0]),
         "slider": Key(choice("keep", "reset"), "keep"),
         "steps": Key(integer(1), 20),
+        "bounds": Key(choice("auto", "sampled", "none"), "auto"),
     },
     "balance": {
         "approach": Key(choice("coupled", "uncoupled"), "coupled"),

@@ -44,19 +44,42 @@ class DualSimplex:
             self._invert()
             return np.nan
 
+    def maximizer(self, b: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """Where the maximum is, `[n]`, and the rows of A that hold it there; None if none was found."""
+        try:
+            x = self._solve(b)
+        except np.linalg.LinAlgError:
+            x = None
+        return None if x is None else (x, self._basis[self._holds()])
+
+    def add(self, a: np.ndarray) -> None:
+        """Further rows of A, `[k, n]`, after those there are; the next maximum starts where the last one was."""
+        self._rows = np.insert(self._rows, self._own, a, axis=0)
+        self._basis[self._basis >= self._own] += len(a)
+        self._own += len(a)
+
     def _maximum(self, b: np.ndarray) -> float:
+        x = self._solve(b)
+        if x is None:
+            return np.nan
+        return np.inf if (self._basis[self._holds()] >= self._own).any() else float(self._c @ x)
+
+    def _holds(self) -> np.ndarray:
+        """Which rows of the basis the maximum leans on."""
+        return self._c @ self._inverse > TOLERANCE * np.abs(self._c).max()
+
+    def _solve(self, b: np.ndarray) -> np.ndarray | None:
         largest = max(float(np.abs(b).max(initial=0.0)), np.finfo(float).tiny)
         limit = np.concatenate([b, np.full(2 * len(self._c), BOX * largest)])
-        for _ in range(100 * len(limit)):
+        for _ in range(10 * len(limit)):
             x = self._inverse @ limit[self._basis]
             excess = self._rows @ x - limit
             entering = int(excess.argmax())
             if excess[entering] <= TOLERANCE * max(largest, float(np.abs(x).max())):
-                leans = (self._basis >= self._own) & (self._c @ self._inverse > TOLERANCE * np.abs(self._c).max())
-                return np.inf if leans.any() else float(self._c @ x)
+                return x
             if not self._pivot(entering):
                 break
-        return np.nan
+        return None
 
     def _begin(self, n: int) -> np.ndarray:
         """A dual feasible basis: one row of each pair (i, n + i) of A, if a few changes of side make it one."""

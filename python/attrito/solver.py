@@ -203,6 +203,10 @@ class Solver:
         """Append the last point to the result file."""
         self._call("attrito_write_point")
 
+    def call(self, name: str, *arguments: object) -> int:
+        """A function of the library that takes this session and returns a number; see `attrito.family`."""
+        return getattr(self._library, name)(self._handle, *arguments)
+
     def close(self) -> None:
         """Give everything back."""
         if self._handle:

@@ -1,7 +1,7 @@
-"""Bounds of points that are not unique: the family over the free start sliders, where every contact sticks.
+"""Bounds of points that are not unique: the family over the free start sliders.
 
-Then the harmonics do not depend on the sliders w, and the mean contact forces do so linearly. With K~ the stuck system,
-R = B K~^-1 B^T, and a change s of -kt w of every contact,
+Where every contact sticks on its one tangent, the harmonics do not depend on the sliders w, and the mean contact forces
+do so linearly. With K~ the stuck system, R = B K~^-1 B^T, and a change s of -kt w of every contact,
 
     T_0 = T_0* + (1 - kt R_tt) s,        N_0 = N_0* - kn R_nt s,        q_0 = q_0* - K~^-1 B_t^T s,
 
@@ -10,53 +10,126 @@ where * is the member that the load path chose. The members are the s for which 
     +-T_0 + max_t (+-T~(t) - mu N~(t)) <= mu N_0,        N_0 + min_t N~(t) >= 0,
 
 a polytope, and the bounds of mean T and N of every contact, and of the monitors' means, are linear programs. Amplitudes
-are the same in all members. Points where some contacts slip and others are free, contacts with two tangents and the
-uncoupled approach are not examined: their bounds stay NaN. See docs/method.md, "Points that are not unique".
+are the same in all members. Elsewhere, where some contacts slip or have two tangents, members are visited one by one
+(`attrito.members`). See docs/method.md, "Points that are not unique".
 """
 
 from __future__ import annotations
 
 import json
+from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
 
+from attrito.family import Family
 from attrito.linear_programs import DualSimplex
-from attrito.solver import ReducedScene, extrema
+from attrito.members import Hull, Search
+from attrito.solver import Options, Point, ReducedScene, Solver, extrema
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
 
 EXAMINED = ("stuck", "shaken_down")
 SOLVED = ("converged", "unstable", "indeterminate")
-# More contacts than this would cost more than the solve.
+# How the bounds of a point came about, by number.
+KINDS = ("none", "exact", "sampled")
+# More contacts than this would cost more than the solve: by linear programs; and by visiting members, unless asked for,
+# where one with two tangents counts as three with one.
 MOST_CONTACTS = 120
+MOST_SAMPLED = 12
 # Of the forces: what residual (1e-10), extrema and linear programs leave, with a margin of two orders.
 SINGLE_VALUED = 1e-8
 ROUNDING = 1e-12
+DIRECTIONS = ("t1", "t2", "n")
 
 
-def write_bounds(path: str, scene: ReducedScene) -> None:
-    """Fill in the bounds of a result file's points that are one of a family with every contact stuck.
+class Sampler:
+    """Visits the families of points as they are solved, and keeps what it found at the root.
+
+    Parameters
+    ----------
+    comm, solver, scene, options : what solves, and what is solved
+    bounds : "auto", "sampled" or "none", as in the job
+    """
+
+    def __init__(self, comm: Comm, solver: Solver, scene: ReducedScene, options: Options, bounds: str):
+        tangents = scene.laws["tangents"]
+        few = int((2 * tangents - 1).sum()) <= MOST_SAMPLED
+        self.programs = bounds == "auto" and len(tangents) <= MOST_CONTACTS and bool(np.all(tangents == 1))
+        self.hulls: dict[int, Hull] = {}
+        self._samples = not options.uncoupled and (bounds == "sampled" or (bounds == "auto" and few))
+        self._search = Search(scene.laws)
+        self._family = Family(comm, solver, len(tangents), len(scene.monitors), options.harmonics)
+        self._points = 0
+
+    def visit(self, point: Point) -> None:
+        """The solver stands at the next point, and does so again afterwards. Collective."""
+        place = self._points
+        self._points += 1
+        slips = sum(point.states[len(EXAMINED) :]) > 0
+        if not self._samples or point.unique or point.outcome != "converged" or (self.programs and not slips):
+            return
+        hull = self._family.visit(self._search)
+        if hull is not None:
+            self.hulls[place] = hull
+
+
+def write_bounds(path: str, scene: ReducedScene, sampler: Sampler) -> None:
+    """Fill in the bounds of a result file's points.
 
     Parameters
     ----------
     path : result file with its points, closed
     scene : the reduced scene that was solved
+    sampler : has visited every point
     """
     with h5py.File(path, "r+") as file:
         _write_mean_bounds(file)
-        points = _families(file, scene)
-        if len(points) == 0 or len(scene.laws["tangents"]) > MOST_CONTACTS:
-            return
-        family = _Family(file, scene, points)
-        _put(file, "/contacts/t1", points, family.bounds(family.tangential))
-        _put(file, "/contacts/n", points, family.bounds(family.normal))
-        _put_unique(file, points, family.accuracy)
-        means = family.bounds(family.monitors)
-        for i, name in enumerate(scene.monitor_names):
-            monitor = file[f"/monitors/{name}"]
-            for side in ("low", "high"):
-                monitor[side][points] = monitor["amplitude"][points]
-            for side, values in zip(("mean_low", "mean_high"), means, strict=True):
-                monitor[side][points] = monitor["mean"][points] + values[:, i]
+        kinds = np.where(file["/points/unique"][:] == 1, KINDS.index("exact"), KINDS.index("none"))
+        points = _families(file) if sampler.programs else np.empty(0, dtype=int)
+        if len(points):
+            _write_exact(file, scene, points)
+            kinds[points] = KINDS.index("exact")
+        for point, hull in sampler.hulls.items():
+            _write_sampled(file, scene, point, hull)
+            kinds[point] = KINDS.index("sampled")
+        stored = file.create_dataset("/points/bounds", data=kinds.astype(np.int32))
+        stored.attrs["description"] = "where the bounds come from: index into the attribute names"
+        stored.attrs["unit"] = "1"
+        stored.attrs["names"] = np.array(KINDS, dtype="S7")
+
+
+def _write_exact(file: h5py.File, scene: ReducedScene, points: np.ndarray) -> None:
+    """Every contact sticks on its one tangent: linear programs."""
+    family = _Family(file, scene, points)
+    _put(file, "/contacts/t1", points, family.bounds(family.tangential))
+    _put(file, "/contacts/n", points, family.bounds(family.normal))
+    _put_unique(file, points, family.accuracy)
+    means = family.bounds(family.monitors)
+    for i, name in enumerate(scene.monitor_names):
+        monitor = file[f"/monitors/{name}"]
+        for side in ("low", "high"):
+            monitor[side][points] = monitor["amplitude"][points]
+        for side, values in zip(("mean_low", "mean_high"), means, strict=True):
+            monitor[side][points] = monitor["mean"][points] + values[:, i]
+
+
+def _write_sampled(file: h5py.File, scene: ReducedScene, point: int, hull: Hull) -> None:
+    """The hull of the members visited, which the member shown is one of."""
+    for row, direction in enumerate(DIRECTIONS):
+        applies = scene.laws["tangents"] == 2 if direction == "t2" else np.full(hull.force.shape[1], True)
+        shown = file[f"/contacts/{direction}_mean"][point]
+        for side, merge, values in zip(("low", "high"), (np.fmin, np.fmax), hull.force[:, :, row], strict=True):
+            file[f"/contacts/{direction}_{side}"][point] = np.where(applies, merge(values, shown), np.nan)
+    for i, name in enumerate(scene.monitor_names):
+        monitor = file[f"/monitors/{name}"]
+        for prefix, shown, values in (("mean_", "mean", hull.mean), ("", "amplitude", hull.amplitude)):
+            for side, merge, bound in zip(("low", "high"), (min, max), values[:, i], strict=True):
+                monitor[f"{prefix}{side}"][point] = merge(bound, monitor[shown][point])
+    # What no member visited shows to be several-valued may be so all the same.
+    wide = (hull.force[1] - hull.force[0]).max(axis=1) > hull.accuracy
+    file["/contacts/unique"][point] = np.where(wide, 0, -1).astype(np.int32)
 
 
 class _Family:
@@ -108,9 +181,9 @@ def _product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return product
 
 
-def _families(file: h5py.File, scene: ReducedScene) -> np.ndarray:
+def _families(file: h5py.File) -> np.ndarray:
     """Points that are solved and not unique, with every contact stuck on its one tangent."""
-    if json.loads(file.attrs["job"])["balance"]["approach"] != "coupled" or np.any(scene.laws["tangents"] != 1):
+    if json.loads(file.attrs["job"])["balance"]["approach"] != "coupled":
         return np.empty(0, dtype=int)
     outcomes, states = (list(np.char.strip(_names(file[name]))) for name in ("/points/outcome", "/contacts/state"))
     solved = np.isin(file["/points/outcome"][:], [outcomes.index(name) for name in SOLVED])

@@ -17,6 +17,7 @@ module attrito_api_solver
   use attrito_balance_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
   use attrito_continuation_arc_length, only: sweep_type, new_sweep
   use attrito_continuation_cascade, only: solve_by_cascade
+  use attrito_continuation_members, only: family_type, member_type
   use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
   use attrito_continuation_static_path, only: walk_static_path
   use attrito_output_point_report, only: point_report_type, report_point
@@ -24,6 +25,7 @@ module attrito_api_solver
   use attrito_api_message, only: tell, text_of
   implicit none
   private
+  public :: session_type, session_of
 
   type :: session_type
     type(communicator_type) :: ranks
@@ -33,6 +35,9 @@ module attrito_api_solver
     type(sweep_type) :: sweep
     type(point_report_type) :: point
     type(result_file_type) :: result
+    !> While other members of the last point's family are visited: the point, and two of them to return to
+    type(family_type) :: family
+    type(member_type) :: members(0:1)
   end type session_type
 
   type, bind(c) :: options_type

@@ -5,36 +5,65 @@ from __future__ import annotations
 import h5py
 import numpy as np
 import pytest
-from jobs import chain, run, wedge
+from jobs import attrito, chain, run, wedge, write_job
+from mpi4py import MPI
 from scipy.optimize import linprog
 
+from attrito.family import Family
 from attrito.integrator import Integrator, Run
 from attrito.job import read_job
 from attrito.linear_programs import DualSimplex
+from attrito.members import Search
+from attrito.results import Result
 from attrito.rom import reduced_scene
 from attrito.scene import build_scene
+from attrito.solver import Options, Solver
 
 FREQUENCY = 132.0
 # Printed digits of docs and design.
 DIGITS = 0.005
 
 
-def solved(folder, job):
-    """Arrays of a job's result by their path, for the quantities of interest."""
-    run(folder, job)
+def everything(folder, job, ranks=None):
+    """Arrays of a job's result by their path."""
+    run(folder, job, ranks)
+    data = {}
     with h5py.File(folder / "result.h5") as file:
-        names = [
-            f"{group}/{name}" for group in ("contacts", "monitors/x", "monitors/end") for name in file.get(group, ())
-        ]
-        return {name: file[name][:] for name in names if isinstance(file[name], h5py.Dataset)}
+        file.visititems(lambda name, item: data.update({name: item[()]} if isinstance(item, h5py.Dataset) else {}))
+    return data
+
+
+def solved(folder, job, ranks=None):
+    """The quantities of interest of them."""
+    groups = "contacts/", "monitors/x/", "monitors/end/", "points/bounds"
+    data = everything(folder, job, ranks).items()
+    return {name: values for name, values in data if name.startswith(groups) and "parameters" not in name}
 
 
 def bounds(data, name):
     return data[f"contacts/{name}_low"], data[f"contacts/{name}_mean"], data[f"contacts/{name}_high"]
 
 
-def settled_means(folder, path, sliders, frequency):
-    """Mean contact forces `[rows]` that integration in time ends in, from the end of a load path and moved sliders."""
+def tilted_chain():
+    """Three contacts whose normal and tangent stand at an angle, so that a slider moves the normal forces too."""
+    job = chain(contacts=3)
+    for contact in job["contact"]:
+        contact["normal"] = [[contact["normal"][0][0], 1.0], [contact["normal"][1][0], 0.5]]
+    return job
+
+
+def stuck_chain():
+    job = tilted_chain()
+    job["load"][1] |= {"cosine": [[0, 1.0]], "sine": [[0, 0.5]]}
+    job["sweep"] = {"frequencies_hz": [40.0]}
+    return job
+
+
+def settled_means(folder, path, sliders, frequency, ramp=0):
+    """Mean contact forces `[rows]` that integration in time ends in, from the end of a load path and moved sliders.
+
+    The harmonic load rises over `ramp` periods, so that its onset moves fewer sliders.
+    """
     job = read_job(folder / "job.toml")
     scene = reduced_scene(job, build_scene(job))
     with Integrator(scene) as integrator:
@@ -42,7 +71,9 @@ def settled_means(folder, path, sliders, frequency):
         displacement, velocity, own = integrator.state()
         moved = own + np.column_stack([sliders, np.zeros(len(sliders))])
         integrator.start(displacement, velocity, moved, np.ones(len(scene.static)))
-        orbit = integrator.run(Run(frequency, cycles=4000, periodicity_tolerance=1e-12))
+        profile = np.array([[0.0, 0.0], [ramp / frequency, 1.0]]) if ramp else None
+        choices = Run(frequency, cycles=4000, periodicity_tolerance=1e-12, fewest_cycles=ramp, harmonic_profile=profile)
+        orbit = integrator.run(choices)
     assert orbit.outcome == "converged"
     return orbit.force_mean
 
@@ -108,13 +139,7 @@ def test_on_a_level_wall_the_normal_force_is_unique_and_the_tangential_one_has_a
 
 
 def test_many_contacts_feel_each_other_and_integration_in_time_stays_within_their_bounds(tmp_path):
-    job = chain(contacts=3)
-    for contact in job["contact"]:
-        # Normal and tangent at an angle, so that a slider moves the normal forces too.
-        contact["normal"] = [[contact["normal"][0][0], 1.0], [contact["normal"][1][0], 0.5]]
-    job["load"][1] |= {"cosine": [[0, 1.0]], "sine": [[0, 0.5]]}
-    job["sweep"] = {"frequencies_hz": [40.0]}
-    data = solved(tmp_path, job)
+    data = solved(tmp_path, stuck_chain())
     assert np.all(data["contacts/state"] <= 1)
     generator = np.random.default_rng(3)
     starts = generator.uniform(-1e-3, 1e-3, (6, 3))
@@ -126,18 +151,246 @@ def test_many_contacts_feel_each_other_and_integration_in_time_stays_within_thei
         assert np.all(np.ptp(reached, axis=0) > 0.1 * (high - low))
 
 
-def test_where_a_contact_slips_or_the_approach_is_uncoupled_bounds_are_left_open(tmp_path):
+def mixed_chain(harmonics=3, bounds="auto"):
+    """Three contacts of which one slips and two are free: what these hold presses on it and moves its amplitude."""
+    job = tilted_chain()
+    job["load"][1] |= {"cosine": [[0, 12.0]], "sine": [[0, 6.0]]}
+    job["balance"] = {"harmonics": harmonics, "samples": 128 + 4 * harmonics}
+    job["static"] = {"bounds": bounds}
+    job["sweep"] = {"frequencies_hz": [85.0]}
+    return job
+
+
+def all_bounds(data):
+    """Every bound of a result but those that do not apply, contacts' then monitors': `[low or high, ...]`."""
+    both = [np.concatenate([data[name].ravel() for name in sorted(data) if name.endswith(s)]) for s in ("low", "high")]
+    return np.array(both)[:, ~np.isnan(both[0])]
+
+
+def at_the_point(folder, job, work):
+    """What some work on the family of a job's one point returns."""
+    checked = read_job(folder / write_job(folder, job))
+    scene = reduced_scene(checked, build_scene(checked))
+    options = Options(harmonics=checked["balance"]["harmonics"], by_events=True)
+    with Solver(MPI.COMM_WORLD, scene, options) as solver:
+        frequency = checked["sweep"]["frequencies_hz"]
+        solver.walk_static_path(np.array([[0.0], [1.0]]), 20, frequency[0])
+        assert [point.outcome for point in solver.solve_at(frequency, 1.0, 0)] == ["converged"]
+        sizes = len(scene.laws["tangents"]), len(scene.monitors), options.harmonics
+        return Family(MPI.COMM_WORLD, solver, *sizes).visit(lambda family: work(family, scene))
+
+
+def test_where_every_contact_sticks_visiting_members_reaches_the_exact_bounds_and_not_beyond(tmp_path):
+    exact, sampled = (solved(tmp_path, stuck_chain() | {"static": {"bounds": how}}) for how in ("auto", "sampled"))
+    assert (exact["points/bounds"], sampled["points/bounds"]) == ([1], [2])
+    (low, high), (least, greatest) = all_bounds(exact), all_bounds(sampled)
+    width = high - low
+    assert np.all(least - low <= 1e-6 * width)
+    assert np.all(high - greatest <= 1e-6 * width)
+    # Forces of some 50 that are solved to 1e-10.
+    assert np.all(least >= low - 1e-8)
+    assert np.all(greatest <= high + 1e-8)
+
+
+def test_where_some_contacts_slip_integration_in_time_ends_within_the_sampled_bounds_and_near_both(tmp_path):
+    coarse, data = (solved(tmp_path, mixed_chain(harmonics)) for harmonics in (20, 40))
+    assert data["contacts/state"].tolist()[0][0] == 2
+    assert np.all(data["contacts/state"][0, 1:] <= 1)
+    assert data["points/bounds"] == [2]
+    assert data["contacts/unique"].tolist() == [[0, 0, 0]]
+    # Truncation falls with the harmonics: what is left at 40 is less than what half of them change.
+    truncation = np.nanmax(np.abs(all_bounds(coarse) - all_bounds(data)))
+    assert truncation < 1e-3
+    generator = np.random.default_rng(3)
+    reached = np.array(
+        [
+            settled_means(tmp_path, [0.0, 1.0], sliders, 85.0, ramp=50)
+            for sliders in generator.uniform(-2e-4, 2e-4, (120, 3))
+        ]
+    )
+    for column, name in enumerate(("t1", "n")):
+        low, _, high = (values[0] for values in bounds(data, name))
+        means = reached[:, column::2]
+        assert np.all((means >= low - truncation) & (means <= high + truncation))
+        assert np.all(np.ptp(means, axis=0) > 0.85 * (high - low))
+
+
+def test_where_some_contacts_slip_the_amplitude_has_bounds_of_its_own(tmp_path):
+    data = solved(tmp_path, mixed_chain())
+    low, shown, high = (data[f"monitors/end/{name}"][0] for name in ("low", "amplitude", "high"))
+    assert low <= shown <= high
+    assert high - low > 0.01 * shown
+
+
+@pytest.mark.parametrize("tangents", [1, 2])
+def test_no_member_that_the_solver_reaches_from_random_sliders_is_outside_the_bounds(tmp_path, tangents):
+    job = mixed_chain() if tangents == 1 else chain(tangents=2) | {"sweep": {"frequencies_hz": [76.0]}}
+    if tangents == 2:
+        job["load"][1] |= {"cosine": [[0, 30.0]], "sine": [[3, 15.0]]}
+    generator = np.random.default_rng(5)
+
+    def visit(family, scene):
+        hull = Search(scene.laws)(family)
+        assert hull.members > 1
+        shown = family.describe()
+        assert 0 < shown.free.sum() < 3
+        # Two tangents: the solver holds |T| <= mu N at 128 samples, of which a peak may be half a spacing away.
+        order = np.repeat(np.arange(4), 2)[1:]
+        between = (np.pi / 128) ** 2 / 2 * (order**2 * np.abs(shown.force)).sum(axis=2).max()
+        allowance = hull.accuracy * 100.0 + (between if tangents == 2 else 0.0)
+        family.keep(0)
+        for size in np.tile([1e-5, 5e-5, 3e-4], 15):
+            moved = shown.slider + generator.normal(0.0, size, (3, 2)) * [1.0, tangents - 1.0]
+            assert family.move(moved)
+            mean = family.describe().force[:, :, 0]
+            assert np.all((mean >= hull.force[0] - allowance) & (mean <= hull.force[1] + allowance))
+            family.go_back(0)
+        return True
+
+    assert at_the_point(tmp_path, job, visit)
+
+
+@pytest.mark.parametrize("tangents", [1, 2])
+def test_the_derivative_of_a_member_is_the_difference_of_its_neighbours(tmp_path, tangents):
+    job = mixed_chain() if tangents == 1 else chain(tangents=2) | {"sweep": {"frequencies_hz": [76.0]}}
+    if tangents == 2:
+        job["load"][1] |= {"cosine": [[0, 30.0]], "sine": [[3, 15.0]]}
+
+    def visit(family, scene):
+        shown = family.describe()
+        # Half way to where nothing pulls: off every limit.
+        middle = shown.slider + 0.5 * shown.force[:, :2, 0] / scene.laws["tangential_stiffness"][:, None]
+        assert family.move(middle)
+        shown = family.describe()
+        family.keep(0)
+        contact, tangent = int(np.flatnonzero(shown.free)[-1]), tangents - 1
+        derivative = family.differentiate(contact, tangent)
+        # Second-order terms of a force of 1e-3 among some 30, and a residual of 1e-10 of them over it.
+        force, sides = 1e-3, []
+        for sign in (1.0, -1.0):
+            moved = shown.slider.copy()
+            moved[contact, tangent] -= sign * force / scene.laws["tangential_stiffness"][contact]
+            assert family.move(moved)
+            sides.append(family.describe())
+            family.go_back(0)
+        difference = (sides[0].force - sides[1].force) / (2.0 * force)
+        assert np.abs(difference - derivative.force).max() < 1e-4
+        length = (sides[0].monitors - sides[1].monitors) / (2.0 * force)
+        assert np.abs(length - derivative.monitors).max() < 1e-4 * np.abs(derivative.monitors).max()
+        return True
+
+    assert at_the_point(tmp_path, job, visit)
+
+
+def test_a_stuck_contact_with_two_tangents_on_a_level_wall_has_closed_form_bounds(tmp_path):
+    job = wedge(force=1.0)
+    stiffness = 3.0e5
+    job["model"] = {"mass": np.eye(3).tolist(), "stiffness": np.diag([4.0e5, 2.5e6, stiffness]).tolist()}
+    job["damping"] = {"ratio": 0.01}
+    job["contact"][0] |= {"normal": [[1, 1.0]], "tangents": [[[0, 1.0]], [[2, 1.0]]]}
+    job["load"][1]["cosine"] = [[0, 1.0]]
+    job["output"]["monitors"] = [{"name": "x", "dofs": [[0, 1.0]]}, {"name": "end", "dofs": [[2, 1.0]]}]
+    data = solved(tmp_path, job)
+    assert data["points/bounds"] == [2]
+    low, shown, high = (values[0, 0] for values in bounds(data, "n"))
+    assert (low, high) == (pytest.approx(shown, rel=1e-12), pytest.approx(shown, rel=1e-12))
+    # Discs of radius mu N0 whose centres go to and fro by kt times the amplitude: their lens. Visits stay 1e-9 within.
+    limit, swing = 0.5 * shown, 3.0e5 * data["monitors/x/amplitude"][0]
+    for name, half in (("t1", limit - swing), ("t2", np.sqrt(limit**2 - swing**2))):
+        low, _, high = (values[0, 0] for values in bounds(data, name))
+        assert (low, high) == (pytest.approx(-half, rel=1e-7), pytest.approx(half, rel=1e-7))
+    # The spring across takes what the contact holds.
+    half /= stiffness
+    ends = data["monitors/end/mean_low"][0], data["monitors/end/mean_high"][0]
+    assert ends == (pytest.approx(-half, rel=1e-7), pytest.approx(half, rel=1e-7))
+
+
+@pytest.mark.parametrize(("tangents", "slider"), [(1, "keep"), (1, "reset"), (2, "keep")])
+def test_points_are_the_same_to_the_last_bit_with_and_without_visits(tmp_path, tangents, slider):
+    job = chain(contacts=2, tangents=tangents)
+    job["load"][1]["cosine"] = [[0, 30.0]]
+    job["sweep"] = {"start_hz": 79.0, "stop_hz": 77.5}
+    without, visited = (
+        everything(tmp_path, job | {"static": {"slider": slider, "bounds": how}}) for how in ("none", "sampled")
+    )
+    mixed = (visited["contacts/state"] >= 2).any(axis=1) & (visited["points/unique"] == 0)
+    assert np.all(visited["points/bounds"][mixed] == 2)
+    assert mixed.any()
+    assert 2 not in without["points/bounds"]
+    for name in without.keys() - {"points/bounds", "contacts/unique"}:
+        if not name.endswith(("low", "high")):
+            assert np.array_equal(without[name], visited[name], equal_nan=without[name].dtype.kind == "f"), name
+
+
+def test_one_two_and_four_ranks_find_the_same_sampled_bounds(tmp_path):
+    job = chain(tangents=2)
+    job["contact"][2]["tangents"].pop()
+    job["load"][1]["cosine"] = [[0, 30.0]]
+    job["sweep"] = {"frequencies_hz": [78.0, 76.0]}
+    job["static"] = {"bounds": "sampled"}
+    one, two, four = (solved(tmp_path, job, ranks) for ranks in (1, 2, 4))
+    assert one["points/bounds"].tolist() == [2, 2]
+    assert np.any(one["contacts/state"] == 2)
+    for other in (two, four):
+        assert np.allclose(all_bounds(one), all_bounds(other), rtol=1e-9, atol=1e-10)
+
+
+def test_bounds_without_an_end_are_infinite(tmp_path):
+    # With mu kt R_nt above 1 - kt R_tt a slider that is pushed presses harder than it pulls: the contact jams.
+    job = wedge(force=1.0)
+    job["contact"][0]["friction_coefficient"] = 5.0
+    exact, sampled = (solved(tmp_path, job | {"static": {"bounds": how}}) for how in ("auto", "sampled"))
+    assert np.isinf(all_bounds(exact)).any()
+    assert np.array_equal(np.isinf(all_bounds(exact)), np.isinf(all_bounds(sampled)))
+
+
+def test_bounds_are_left_open_where_the_approach_is_uncoupled_or_the_job_wants_none(tmp_path):
     stuck = wedge(force=1.0)
     stuck["balance"]["approach"] = "uncoupled"
-    assert np.isnan(solved(tmp_path, stuck)["contacts/n_low"]).all()
-    mixed = chain(contacts=3)
-    mixed["load"][1] |= {"cosine": [[0, 12.0]], "sine": [[0, 6.0]]}
-    mixed["sweep"] = {"frequencies_hz": [85.0]}
-    data = solved(tmp_path, mixed)
-    assert np.any(data["contacts/state"] == 2)
-    assert np.any(data["contacts/state"] <= 1)
-    assert np.isnan(data["contacts/n_low"]).all()
-    assert np.isnan(data["monitors/end/mean_low"]).all()
+    for job in (stuck, mixed_chain(bounds="none"), wedge(force=1.0) | {"static": {"bounds": "none"}}):
+        data = solved(tmp_path, job)
+        assert data["points/bounds"] == [0]
+        assert np.isnan(data["contacts/n_low"]).all()
+        assert np.isnan(data["contacts/t1_high"]).all()
+
+
+def test_ordinary_large_jobs_do_not_pay_for_visits_unless_asked_to(tmp_path):
+    job = chain(contacts=5, tangents=2)
+    job["sweep"] = {"frequencies_hz": [60.0]}
+    assert solved(tmp_path, job)["points/bounds"] == [0]
+    assert solved(tmp_path, job | {"static": {"bounds": "sampled"}})["points/bounds"] == [2]
+
+
+def test_where_the_bounds_come_from_has_names(tmp_path):
+    run(tmp_path, wedge(force=5.0))
+    with Result(tmp_path / "result.h5") as result:
+        assert result.names("/points/bounds") == ["none", "exact", "sampled"]
+        # It slips: unique.
+        assert result.array("/points/bounds").tolist() == [1]
+
+
+def test_a_way_to_bounds_that_is_not_known_is_refused(tmp_path):
+    done = attrito(tmp_path, "run", write_job(tmp_path, wedge() | {"static": {"bounds": "guessed"}}))
+    assert done.returncode == 2
+    expected = 'expected one of "auto", "sampled", "none"'
+    assert "job.toml: [static] bounds" in done.stderr
+    assert "guessed" in done.stderr
+    assert expected in done.stderr
+
+
+def test_rows_may_be_added_to_a_linear_program_that_was_solved():
+    generator = np.random.default_rng(11)
+    a, b, c = generator.normal(size=(30, 4)), generator.uniform(0.1, 1.0, 30), generator.normal(size=4)
+    box = np.vstack([np.eye(4), -np.eye(4)])
+    program, added = DualSimplex(box, c), 0
+    for rows in (5, 17, 30):
+        program.add(a[added:rows])
+        added = rows
+        full, limits = np.vstack([box, a[:rows]]), np.concatenate([np.full(8, 10.0), b[:rows]])
+        x, held = program.maximizer(limits)
+        oracle = linprog(-c, full, limits, bounds=(None, None))
+        assert c @ x == pytest.approx(-oracle.fun, rel=1e-9)
+        assert np.abs(full[held] @ x - limits[held]).max() < 1e-9
 
 
 @pytest.mark.parametrize("size", [1, 2, 7, 30])

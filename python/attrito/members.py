@@ -1,0 +1,143 @@
+"""Bounds of a point that is not unique by visiting other members of its family: bounds marked `sampled`.
+
+The linear model of the family at a member (`attrito.linear_family`) says which sliders take a quantity farthest, and
+the solver goes there. Where every contact sticks the model is exact and that is the bound; elsewhere the next step
+starts from the member found, half as long where the solver does not follow or nothing is gained, until there is nothing
+to gain. The contact law takes sliders back that were moved too far, so whatever the solver returns is a member: bounds
+are never too wide. They are too narrow where the family bends so much that the way uphill ends before its top.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from attrito.family import Family, Member
+from attrito.linear_family import LinearFamily, scale_of, values_of
+
+# Part of the forces that is no width, nor worth a step: residual (1e-10) and cones drawn in (1e-9), with a margin.
+WORTHLESS = 1e-8
+# Steps gain ten to a hundred times less than the one before: after one that gains less than this comes none of worth.
+LAST = 1e-6
+MOST_STEPS = 12
+MOST_HALVINGS = 6
+# Places where the family remembers members.
+SHOWN, BEST = 0, 1
+
+
+@dataclass
+class Hull:
+    """Least and greatest value over the members visited.
+
+    Parameters
+    ----------
+    force : mean forces t1, t2, n, `[2, nc, 3]`
+    mean, amplitude : of the monitors, `[2, monitors]`
+    members : how many were visited
+    accuracy : force below which a width is none
+    """
+
+    force: np.ndarray
+    mean: np.ndarray
+    amplitude: np.ndarray
+    members: int
+    accuracy: float
+
+
+class _Extremes:
+    """Least and greatest values so far, `[quantities]` each."""
+
+    def __init__(self, values: np.ndarray):
+        self.lowest, self.highest, self.count = values.copy(), values.copy(), 1
+
+    def add(self, values: np.ndarray) -> None:
+        self.lowest, self.highest = np.minimum(self.lowest, values), np.maximum(self.highest, values)
+        self.count += 1
+
+    def open(self, quantity: int, side: float) -> None:
+        """There is no end on this side."""
+        (self.highest if side > 0.0 else self.lowest)[quantity] = side * np.inf
+
+
+class Search:
+    """The search for the bounds of one point after another, on contacts of some laws, `[nc]` by key."""
+
+    def __init__(self, laws: dict[str, np.ndarray]):
+        self._laws = laws
+
+    def __call__(self, family: Family) -> Hull | None:
+        """Visit members; None where the point itself cannot be described. The family ends where it began."""
+        shown = family.describe()
+        if shown is None:
+            return None
+        family.keep(SHOWN)
+        hull = _Extremes(values_of(shown))
+        model = self._model(family, shown)
+        for quantity in range(len(hull.lowest) if model is not None else 0):
+            for side in (1.0, -1.0):
+                self._climb(family, model, quantity, side, hull)
+        count, monitors = len(shown.force), len(shown.monitors)
+        both = np.array([hull.lowest, hull.highest])
+        force, mean, amplitude = np.split(both, [3 * count, 3 * count + monitors], axis=1)
+        return Hull(force.reshape(2, count, 3), mean, amplitude, hull.count, WORTHLESS * scale_of(shown))
+
+    def _climb(self, family: Family, model: LinearFamily, quantity: int, side: float, hull: _Extremes) -> None:
+        """From the member shown towards the greatest value of `side` times a quantity, and back."""
+        place, endless = SHOWN, False
+        for _ in range(MOST_STEPS):
+            gradient = side * model.gradients[quantity]
+            worthless = WORTHLESS * model.scale * model.units[quantity]
+            step, leans = model.farthest(gradient)
+            expected = gradient @ step
+            endless = False
+            if expected <= worthless:
+                break
+            gain, part, member = self._advance(family, model, place, step, (quantity, side), hull)
+            if gain <= worthless:
+                break
+            endless = leans
+            last = LAST * model.scale * model.units[quantity]
+            if part == 1.0 and (gain <= last or abs(gain - expected) <= worthless):
+                break
+            place = BEST
+            family.keep(place)
+            model = self._model(family, member)
+            if model is None:
+                break
+        if endless:
+            hull.open(quantity, side)
+        family.go_back(SHOWN)
+
+    def _advance(
+        self,
+        family: Family,
+        model: LinearFamily,
+        place: int,
+        step: np.ndarray,
+        aim: tuple[int, float],
+        hull: _Extremes,
+    ) -> tuple[float, float, Member | None]:
+        """Go as much of a step as gains something: what it gains, the part, and the member reached."""
+        quantity, side = aim
+        before = side * values_of(model.member)[quantity]
+        part = 1.0
+        for _ in range(MOST_HALVINGS):
+            if family.move(model.slider(part * step)):
+                member = family.describe()
+                if member is not None:
+                    values = values_of(member)
+                    hull.add(values)
+                    if side * values[quantity] > before:
+                        return side * values[quantity] - before, part, member
+                family.go_back(place)
+            part *= 0.5
+        return 0.0, part, None
+
+    def _model(self, family: Family, member: Member) -> LinearFamily | None:
+        """The linear model at the member that the family stands at; None where no slider is free, or it is singular."""
+        moves = [(int(i), t) for i in np.flatnonzero(member.free) for t in range(self._laws["tangents"][i])]
+        changes = [family.differentiate(*move) for move in moves]
+        if not moves or any(change is None for change in changes):
+            return None
+        return LinearFamily(member, moves, changes, self._laws)

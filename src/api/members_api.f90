@@ -1,0 +1,107 @@
+!> C interface of the members of a family: between `attrito_enter_family` and `attrito_leave_family` the session stands at one after
+!> another. All calls are collective and give every rank the same.
+module attrito_api_members
+  use, intrinsic :: iso_c_binding
+  use attrito_core_kinds, only: wp
+  use attrito_continuation_members, only: description_type, enter_family, leave_family, keep_member, return_to_member, &
+                                          solve_member, describe_member, differentiate_member
+  use attrito_api_solver, only: session_type, session_of
+  implicit none
+  private
+
+contains
+
+  !> Begin at the last point.
+  subroutine attrito_enter_family(handle) bind(c)
+    type(c_ptr), value :: handle
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    call enter_family(session%solver, session%family)
+  end subroutine attrito_enter_family
+
+  !> Leave the session as it was.
+  subroutine attrito_leave_family(handle) bind(c)
+    type(c_ptr), value :: handle
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    call leave_family(session%solver, session%family)
+  end subroutine attrito_leave_family
+
+  !> Remember the present member in a place, 0 or 1.
+  subroutine attrito_keep_member(handle, place) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: place
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    call keep_member(session%solver, session%members(place))
+  end subroutine attrito_keep_member
+
+  !> Go back to the one remembered there.
+  subroutine attrito_return_to_member(handle, place) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: place
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    call return_to_member(session%solver, session%members(place))
+  end subroutine attrito_return_to_member
+
+  !> Move the sliders [contacts, 2]; 1 if that gave a member, else 0 and nothing has changed.
+  integer(c_int) function attrito_solve_member(handle, slider) bind(c)
+    type(c_ptr), value :: handle
+    real(c_double), intent(in) :: slider(*)
+    type(session_type), pointer :: session
+    logical :: found
+    integer :: contacts
+
+    session => session_of(handle)
+    contacts = size(session%contacts%law)
+    call solve_member(session%solver, reshape(slider(:2*contacts), [2, contacts]), found)
+    attrito_solve_member = merge(1, 0, found)
+  end function attrito_solve_member
+
+  !> The present member: forces [contacts, 3, 2 H + 1], monitors [monitors, 2 H + 1] with amplitudes, sliders [contacts, 2] and
+  !> whether they are free (1.0 or 0.0). 0, or not: it cannot be evaluated.
+  integer(c_int) function attrito_describe_member(handle, force, monitors, amplitude, slider, free) bind(c)
+    type(c_ptr), value :: handle
+    real(c_double), intent(out) :: force(*), monitors(*), amplitude(*), slider(*), free(*)
+    type(session_type), pointer :: session
+    type(description_type) :: member
+    integer :: status
+
+    session => session_of(handle)
+    call describe_member(session%solver, member, status)
+    attrito_describe_member = status
+    if (status /= 0) return
+    call copy(member, force, monitors)
+    amplitude(:size(member%amplitude)) = member%amplitude
+    slider(:size(member%slider)) = reshape(member%slider, [size(member%slider)])
+    free(:size(member%free)) = member%free
+  end function attrito_describe_member
+
+  !> Change of the member described last with component `tangent` (from 0) of -k_t w of a contact (from 0); 0, or not: singular.
+  integer(c_int) function attrito_differentiate_member(handle, contact, tangent, force, monitors) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: contact, tangent
+    real(c_double), intent(out) :: force(*), monitors(*)
+    type(session_type), pointer :: session
+    type(description_type) :: change
+    integer :: status
+
+    session => session_of(handle)
+    call differentiate_member(session%solver, contact + 1, tangent + 1, change, status)
+    attrito_differentiate_member = status
+    if (status == 0) call copy(change, force, monitors)
+  end function attrito_differentiate_member
+
+  pure subroutine copy(member, force, monitors)
+    type(description_type), intent(in) :: member
+    real(wp), intent(inout) :: force(*), monitors(*)
+
+    force(:size(member%force)) = reshape(member%force, [size(member%force)])
+    monitors(:size(member%monitors)) = reshape(member%monitors, [size(member%monitors)])
+  end subroutine copy
+end module attrito_api_members
