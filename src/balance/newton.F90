@@ -19,6 +19,9 @@ module attrito_balance_newton
   private
   public :: newton_type, newton_report_type, new_newton
 
+  !> Relative to the scales, beyond which a step says that the Jacobian is singular
+  real(wp), parameter :: longest_step = 1.0e3_wp
+
   type :: newton_type
     type(newton_context_type), pointer :: context => null()
     type(tSNES) :: snes
@@ -63,7 +66,6 @@ contains
     PetscErrorCode, intent(out) :: ierr
     type(tKSP) :: ksp
     type(tPC) :: pc
-    SNESLineSearch :: search
     PetscInt :: n
 
     associate (balance => self%context%balance)
@@ -81,8 +83,6 @@ contains
     PetscCall(SNESSetJacobian(self%snes, self%jacobian, self%jacobian, differentiate, self%context, ierr))
     PetscCall(SNESSetDivergenceTolerance(self%snes, -1.0_wp, ierr))
     PetscCall(SNESSetErrorIfNotConverged(self%snes, PETSC_FALSE, ierr))
-    PetscCall(SNESGetLineSearch(self%snes, search, ierr))
-    PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHBT, ierr))
     PetscCall(SNESGetKSP(self%snes, ksp, ierr))
     PetscCall(KSPSetType(ksp, KSPPREONLY, ierr))
     PetscCall(KSPGetPC(ksp, pc, ierr))
@@ -92,32 +92,46 @@ contains
   end subroutine create
 
   !> Solve from a start; the start is overwritten by the last iterate, converged or not.
-  subroutine solve(self, unknowns, constraint, report)
+  subroutine solve(self, unknowns, constraint, stiffening, report)
     class(newton_type), intent(inout) :: self
     type(unknowns_type), intent(inout) :: unknowns
     !> Constraint on physical motion and omega; it is met exactly by a converged solve
     type(constraint_type), intent(in) :: constraint
+    !> Part of their springs that contacts keep in the step to begin with: 0 is Newton's method, with backtracking
+    real(wp), intent(in) :: stiffening
     type(newton_report_type), intent(out) :: report
     PetscErrorCode :: ierr
 
     self%context%constraint = constraint
     self%context%linear_iterations = 0
-    call run(self, unknowns, report, ierr)
+    self%context%last_norm = huge(1.0_wp)
+    self%context%stiffening = stiffening
+    self%context%balance%stiffening = stiffening
+    call run(self, unknowns, stiffening <= 0.0_wp, report, ierr)
+    self%context%balance%stiffening = 0.0_wp
     report%linear_iterations = self%context%linear_iterations
     if (ierr /= 0) report%converged = .false.
   end subroutine solve
 
-  subroutine run(self, unknowns, report, ierr)
+  subroutine run(self, unknowns, backtrack, report, ierr)
     class(newton_type), intent(inout) :: self
     type(unknowns_type), intent(inout) :: unknowns
+    logical, intent(in) :: backtrack
     type(newton_report_type), intent(inout) :: report
     PetscErrorCode, intent(out) :: ierr
     PetscInt :: iterations
     PetscReal :: norm
     PetscReal, parameter :: none = 0.0
+    SNESLineSearch :: search
     integer :: status
 
     PetscCall(store(self%context, self%unknowns, unknowns, ierr))
+    PetscCall(SNESGetLineSearch(self%snes, search, ierr))
+    if (backtrack) then
+      PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHBT, ierr))
+    else
+      PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHBASIC, ierr))
+    end if
     PetscCall(SNESSetTolerances(self%snes, self%context%tolerance, none, none, self%max_iterations, 10*self%max_iterations, ierr))
     PetscCall(SNESSolve(self%snes, PETSC_NULL_VEC, self%unknowns, ierr))
     PetscCall(SNESGetIterationNumber(self%snes, iterations, ierr))
@@ -205,6 +219,7 @@ contains
     type(newton_context_type) :: context
     PetscErrorCode :: ierr
     type(unknowns_type) :: at
+    PetscReal :: norm
     integer :: status
 
     at = room(context)
@@ -213,9 +228,29 @@ contains
     if (status /= 0) then
       PetscCall(SNESSetJacobianDomainError(snes, ierr))
     end if
+    PetscCall(SNESGetFunctionNorm(snes, norm, ierr))
+    call adapt_stiffening(context, real(norm, wp))
     PetscCall(MatAssemblyBegin(jacobian, MAT_FINAL_ASSEMBLY, ierr))
     PetscCall(MatAssemblyEnd(jacobian, MAT_FINAL_ASSEMBLY, ierr))
   end subroutine differentiate
+
+  !> Springs that contacts keep in the step hold what nothing else does. Where the residual stalls they hinder: all contacts give way
+  !> together until one of them sticks again, which fewer springs reach sooner. Where it grows that went too far.
+  pure subroutine adapt_stiffening(context, norm)
+    type(newton_context_type), intent(inout) :: context
+    !> Of the residual
+    real(wp), intent(in) :: norm
+    real(wp), parameter :: stalls = 0.5_wp, grows = 1.5_wp
+
+    associate (stiffening => context%balance%stiffening)
+      if (norm > grows*context%last_norm) then
+        stiffening = context%stiffening
+      else if (norm > stalls*context%last_norm) then
+        stiffening = 0.1_wp*stiffening
+      end if
+    end associate
+    context%last_norm = norm
+  end subroutine adapt_stiffening
 
   !> Shell Jacobian times a vector.
   subroutine multiply(jacobian, x, y, ierr)
@@ -241,6 +276,8 @@ contains
     PetscErrorCode :: ierr
     type(newton_context_type), pointer :: context
     type(unknowns_type) :: right, step
+    PetscReal :: longest
+    PetscScalar, parameter :: zero = 0.0
     integer :: iterations, status
 
     PetscCall(PCShellGetContext(pc, context, ierr))
@@ -252,6 +289,11 @@ contains
     context%linear_iterations = context%linear_iterations + iterations
     if (status /= 0) step = room(context)
     PetscCall(store(context, y, step, ierr))
+    PetscCall(VecNorm(y, NORM_INFINITY, longest, ierr))
+    if (longest > longest_step) then
+      ! Nearly singular: no part of this step leads anywhere, and none at all ends the line search at once.
+      PetscCall(VecSet(y, zero, ierr))
+    end if
   end subroutine apply_inverse
 
   !> Physical unknowns from a scaled vector; omega on every rank.

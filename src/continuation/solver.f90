@@ -230,13 +230,11 @@ contains
     linear_iterations = 0
     do attempt = 1, size(stiffenings)
       unknowns = start
-      self%context%balance%stiffening = stiffenings(attempt)
-      call self%newton%solve(unknowns, constraint, self%report)
+      call self%newton%solve(unknowns, constraint, stiffenings(attempt), self%report)
       iterations = iterations + self%report%iterations
       linear_iterations = linear_iterations + self%report%linear_iterations
       if (self%report%converged) exit
     end do
-    self%context%balance%stiffening = 0.0_wp
     self%report%iterations = iterations
     self%report%linear_iterations = linear_iterations
   end subroutine solve_stiffening
