@@ -95,7 +95,10 @@ def theirs(python: Path, arrays: dict[str, np.ndarray]) -> dict:
         single["JAX_ENABLE_X64"] = "1"
         single["XLA_FLAGS"] = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
         command = [python, Path(__file__).with_name("peer_pyharm.py"), path]
-        run = subprocess.run(command, env=os.environ | single, check=True, stdout=subprocess.PIPE)
+        # It leaves its settings in the home and in the present folder.
+        run = subprocess.run(
+            command, env=os.environ | single, cwd=ROOT / "out" / "peer", check=True, stdout=subprocess.PIPE
+        )
     return json.loads(run.stdout.splitlines()[-1])
 
 

@@ -91,6 +91,8 @@ def draw(series: dict[str, dict], path: str) -> None:
         for cost, label in (("seconds_a_point", "point"), ("seconds_an_iteration", "Newton iteration")):
             y = [row[cost] for row in found["rows"]]
             axes.loglog(x, y, "o-", label=f"{label}: power {found['exponents'][cost]:.1f}")
+        axes.set_xticks(x, [f"{value:.0f}" for value in x])
+        axes.set_xticks([], minor=True)
         axes.set_xlabel(TITLES[quantity])
         axes.legend()
         axes.grid(alpha=0.3, which="both")
