@@ -5,7 +5,7 @@ module attrito_api_members
   use attrito_core_kinds, only: wp
   use attrito_continuation_members, only: description_type, enter_family, leave_family, keep_member, return_to_member, &
                                           solve_member, describe_member, differentiate_member
-  use attrito_api_solver, only: session_type, session_of
+  use attrito_api_session, only: session_type, session_of
   implicit none
   private
 

@@ -4,51 +4,31 @@
 module attrito_api_solver
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use, intrinsic :: iso_c_binding
-  use attrito_core_communicator, only: new_communicator, communicator_type
+  use attrito_core_communicator, only: new_communicator
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp, two_pi
   use attrito_core_petsc_session, only: start_petsc, stop_petsc
   use attrito_core_trigonometric, only: extrema
-  use attrito_model_contacts, only: contact_type, contacts_type, new_contacts
-  use attrito_model_structure, only: structure_type
+  use attrito_model_contacts, only: new_contacts
   use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_quadrature_sampled, only: contact_samples_type, sample_contact
   use attrito_balance_receptance, only: receptance_type, to_complex, to_real
   use attrito_balance_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
-  use attrito_continuation_arc_length, only: sweep_type, new_sweep
+  use attrito_continuation_arc_length, only: new_sweep
   use attrito_continuation_cascade, only: solve_by_cascade
-  use attrito_continuation_members, only: family_type, member_type
-  use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
+  use attrito_continuation_solver, only: solver_options_type, new_solver
   use attrito_continuation_static_path, only: walk_static_path
   use attrito_output_point_report, only: point_report_type, report_point
-  use attrito_output_result_file, only: result_file_type, open_result, write_point, close_result
+  use attrito_output_result_file, only: open_result, write_point, close_result
   use attrito_api_message, only: tell, text_of
+  use attrito_api_session, only: session_type, session_of, contact_law_type, law_of
   implicit none
   private
-  public :: session_type, session_of
-
-  type :: session_type
-    type(communicator_type) :: ranks
-    type(structure_type) :: structure
-    type(contacts_type) :: contacts
-    type(solver_type) :: solver
-    type(sweep_type) :: sweep
-    type(point_report_type) :: point
-    type(result_file_type) :: result
-    !> While other members of the last point's family are visited: the point, and two of them to return to
-    type(family_type) :: family
-    type(member_type) :: members(0:1)
-  end type session_type
 
   type, bind(c) :: options_type
     integer(c_int) :: harmonics, samples, rounds, max_iterations, reset_slider, uncoupled, by_events
     real(c_double) :: tolerance
   end type options_type
-
-  type, bind(c) :: contact_law_type
-    integer(c_int) :: tangents
-    real(c_double) :: tangential_stiffness, normal_stiffness, friction_coefficient, gap, preload
-  end type contact_law_type
 
   type, bind(c) :: point_type
     integer(c_int) :: branch, iterations, linear_iterations, outcome, unique, finished, reached_stop
@@ -323,25 +303,6 @@ contains
       highest(i) = range(2)
     end do
   end subroutine attrito_extrema
-
-  function session_of(handle) result(session)
-    type(c_ptr), intent(in) :: handle
-    type(session_type), pointer :: session
-
-    call c_f_pointer(handle, session)
-  end function session_of
-
-  pure function law_of(law) result(contact)
-    type(contact_law_type), intent(in) :: law
-    type(contact_type) :: contact
-
-    contact%tangents = law%tangents
-    contact%tangential_stiffness = law%tangential_stiffness
-    contact%normal_stiffness = law%normal_stiffness
-    contact%friction_coefficient = law%friction_coefficient
-    contact%gap = law%gap
-    contact%preload = law%preload
-  end function law_of
 
   pure function point_of(report) result(point)
     type(point_report_type), intent(in) :: report

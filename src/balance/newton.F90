@@ -104,7 +104,7 @@ contains
 
     self%context%constraint = constraint
     self%context%linear_iterations = 0
-    self%context%last_norm = huge(1.0_wp)
+    self%context%last_norm = sqrt(huge(1.0_wp))
     self%context%stiffening = stiffening
     self%context%balance%stiffening = stiffening
     call run(self, unknowns, stiffening <= 0.0_wp, report, ierr)

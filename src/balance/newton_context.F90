@@ -23,7 +23,7 @@ module attrito_balance_newton_context
     !> Iterations of GMRES since the solve began
     integer :: linear_iterations = 0
     !> Springs that contacts keep at first, and norm of the residual at the last Jacobian
-    real(wp) :: stiffening = 0.0_wp, last_norm = huge(1.0_wp)
+    real(wp) :: stiffening = 0.0_wp, last_norm = 0.0_wp
     !> Where the balance was last evaluated
     type(unknowns_type) :: evaluated
     logical :: is_evaluated = .false.

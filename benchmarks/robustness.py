@@ -1,0 +1,115 @@
+"""Points over force levels, frequencies and contact stiffnesses of a hexahedral block: which are solved, at what cost.
+
+    .venv/bin/python benchmarks/robustness.py > robustness.json
+    .venv/bin/python benchmarks/robustness.py --contacts 10 --levels 5 --frequencies 4 --stiffnesses 2e10
+
+Every level, from a hundredth to a hundred times the one at which half the contacts would slip, and every stiffness
+starts from the static solution; its frequencies, from 0.8 of the first stuck one to 1.05 of the third, are solved from
+one to the next, or each from the static solution (`--alone`). Prints JSON: the share solved, iterations, the seconds of
+the hardest point relative to the median, and every point that was not solved, with the command's own arguments.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections import Counter
+
+import common  # isort: skip (sets the threads of BLAS before numpy is loaded)
+import numpy as np
+import scenes
+
+from attrito.solver import Options
+
+
+def measure(contacts: int, stiffness: float, arguments: argparse.Namespace) -> list[dict]:
+    """All points of one stiffness."""
+    scene = scenes.hexahedral_block(contacts, arguments.modes, stiffness)
+    stuck = scenes.stuck_system(scene)
+    first, third = stuck.frequencies_hz[[0, 2]]
+    median = float(np.median(scenes.slip_thresholds(scene, stuck, 0.9 * first)))
+    frequencies = np.linspace(0.8 * first, 1.05 * third, arguments.frequencies)
+    rows = []
+    with common.TimedSolver(scene, Options(harmonics=arguments.harmonics, samples=arguments.samples)) as solver:
+        for part in np.geomspace(0.01, 100.0, arguments.levels):
+            rows += [
+                {"stiffness": stiffness, **row} for row in level(solver, frequencies, part, median, arguments.alone)
+            ]
+            unsolved = sum(row["outcome"] != "converged" for row in rows)
+            common.progress(f"stiffness {stiffness:g}, level {part:.3g}: {unsolved} of {len(rows)} not solved so far")
+    return rows
+
+
+def level(solver: common.TimedSolver, frequencies: np.ndarray, part: float, median: float, alone: bool) -> list[dict]:
+    """The frequencies at one level."""
+    solver.walk_static_path(np.array([[0.0], [1.0]]), 10, frequencies[0])
+    rows = []
+    points = solver.solve_at(list(frequencies), part * median, 0)
+    for frequency in frequencies:
+        if alone:
+            solver.walk_static_path(np.array([[0.0], [1.0]]), 10, frequency)
+            points = solver.solve_at([frequency], part * median, 0)
+        started = time.perf_counter()
+        point = next(points)
+        rows.append(
+            {
+                "level": float(part),
+                "frequency_hz": float(frequency),
+                "outcome": point.outcome,
+                "iterations": point.iterations,
+                "seconds": time.perf_counter() - started,
+                "residual": point.residual,
+                **common.states(point),
+            }
+        )
+    return rows
+
+
+def summary(rows: list[dict]) -> dict:
+    """Share solved and cost."""
+    seconds = np.array([row["seconds"] for row in rows])
+    iterations = np.array([row["iterations"] for row in rows])
+    solved = np.array([row["outcome"] == "converged" for row in rows])
+    return {
+        "points": len(rows),
+        "solved": int(solved.sum()),
+        "share_solved": float(solved.mean()),
+        "outcomes": dict(Counter(row["outcome"] for row in rows)),
+        "iterations_median": float(np.median(iterations)),
+        "iterations_99_percent": float(np.quantile(iterations, 0.99)),
+        "iterations_most": int(iterations.max()),
+        "seconds_median": float(np.median(seconds)),
+        "seconds_total": float(seconds.sum()),
+        "hardest_to_median": float(seconds.max() / np.median(seconds)),
+        "hardest_solved_to_median": float(seconds[solved].max() / np.median(seconds)) if solved.any() else None,
+    }
+
+
+def main() -> None:
+    """Solve them all."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
+    parser.add_argument("--contacts", type=int, default=30)
+    parser.add_argument("--modes", type=int, default=100)
+    parser.add_argument("--harmonics", type=int, default=5)
+    parser.add_argument("--samples", type=int, default=128)
+    parser.add_argument("--levels", type=int, default=20)
+    parser.add_argument("--frequencies", type=int, default=10)
+    parser.add_argument("--stiffnesses", type=float, nargs="+", default=[2e9, 6e9, 2e10, 6e10, 2e11])
+    parser.add_argument("--alone", action="store_true", help="every point from the static solution")
+    arguments = parser.parse_args()
+    rows = [row for stiffness in arguments.stiffnesses for row in measure(arguments.contacts, stiffness, arguments)]
+    common.report(
+        {
+            "arguments": vars(arguments),
+            "summary": summary(rows),
+            "by_level": {
+                f"{part:.3g}": summary([row for row in rows if row["level"] == part])
+                for part in sorted({row["level"] for row in rows})
+            },
+            "not_solved": [row for row in rows if row["outcome"] != "converged"],
+        }
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,147 @@
+"""Sweeps of plane blocks that only friction holds, up and down, from hardly loaded to sliding: what is followed?
+
+    .venv/bin/python benchmarks/sliding.py --picture out/sliding.png > sliding.json
+    .venv/bin/python benchmarks/sliding.py --contacts 10 --parts 0.5 2 --sampled
+
+Levels are parts of the one at which half the contacts would slip at 0.9 of the first stuck frequency; sweeps go from
+0.75 to 1.25 of that frequency and back, and are given up after a number of points or of seconds. Prints JSON: for each
+sweep points, branches (each a loss of the one before), points that failed with their frequency, the largest states, and
+whether the end was reached; in it, too, the band in which the ways up and down differ. Known at high levels with 10
+contacts: the stuck branch, which is linear, ends where the first contact opens and folds just beyond without a smooth
+extremum, and a branch on which all contacts lift off for a quarter to half of the period coexists with it over a band.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+import common  # isort: skip (sets the threads of BLAS before numpy is loaded)
+import numpy as np
+import scenes
+
+from attrito.solver import Options, Point
+
+DIFFERENT = 0.05
+
+
+def sweep(
+    solver: common.TimedSolver, start: float, stop: float, level: float, limits: tuple[int, float]
+) -> tuple[dict, list[Point]]:
+    """One way, from the static solution, for so many points and seconds."""
+    solver.walk_static_path(np.array([[0.0], [1.0]]), 10, start)
+    started = time.perf_counter()
+    points = []
+    for point in solver.sweep(start, stop, level, 0, limits[0]):
+        points.append(point)
+        if time.perf_counter() - started > limits[1]:
+            break
+    seconds = time.perf_counter() - started
+    failed = [point for point in points if point.outcome != "converged"]
+    solved = [point for point in points if point.outcome == "converged"]
+    frequencies = np.array([point.frequency_hz for point in solved])
+    return {
+        "from_hz": start,
+        "to_hz": stop,
+        "points": len(points),
+        "last_hz": points[-1].frequency_hz,
+        "reached_stop": points[-1].reached_stop,
+        "branches": len({point.branch for point in points}),
+        "folds": int(np.sum(np.diff(np.sign(np.diff(frequencies))) != 0)) if len(frequencies) > 2 else 0,
+        "failed": len(failed),
+        "failed_at": [
+            {
+                "frequency_hz": point.frequency_hz,
+                "branch": point.branch,
+                "outcome": point.outcome,
+                **common.states(point),
+            }
+            for point in failed
+        ],
+        "most_slipping": max((point.states[2] for point in solved), default=0),
+        "most_open": max((point.states[3] for point in solved), default=0),
+        "largest_amplitude": max((float(point.amplitude[0]) for point in solved), default=None),
+        "iterations": sum(point.iterations for point in points),
+        "seconds": seconds,
+    }, points
+
+
+def band(up: list[Point], down: list[Point]) -> list[float] | None:
+    """Range of frequencies over which both ways are solved and differ by more than a twentieth."""
+    curves = []
+    for points in (up, down):
+        solved = sorted((p.frequency_hz, p.amplitude[0]) for p in points if p.outcome == "converged")
+        if len(solved) < 2:
+            return None
+        curves.append(np.array(solved).T)
+    low, high = max(c[0][0] for c in curves), min(c[0][-1] for c in curves)
+    if high <= low:
+        return None
+    grid = np.linspace(low, high, 400)
+    a, b = (np.interp(grid, *curve) for curve in curves)
+    apart = grid[np.abs(a - b) > DIFFERENT * np.maximum(a, b)]
+    return [float(apart[0]), float(apart[-1])] if len(apart) else None
+
+
+def measure(contacts: int, parts: list[float], options: dict, limits: tuple[int, float]) -> tuple[list[dict], list]:
+    """Both ways at each level."""
+    scene = scenes.plane_block(contacts)
+    stuck = scenes.stuck_system(scene)
+    first = stuck.frequencies_hz[0]
+    median = float(np.median(scenes.slip_thresholds(scene, stuck, 0.9 * first)))
+    rows, curves = [], []
+    for part in parts:
+        with common.TimedSolver(scene, Options(**options)) as solver:
+            up, upward = sweep(solver, 0.75 * first, 1.25 * first, part * median, limits)
+            down, downward = sweep(solver, 1.25 * first, 0.75 * first, part * median, limits)
+        ways = {"up": up, "down": down, "apart_hz": band(upward, downward)}
+        rows.append({"contacts": contacts, "level": part, "force": part * median, **options, **ways})
+        curves.append((contacts, part, upward, downward))
+        common.progress(f"{contacts} contacts, level {part:g}: failed {up['failed']} up, {down['failed']} down")
+    return rows, curves
+
+
+def draw(curves: list, path: str) -> None:
+    """Amplitude over level against frequency, a panel for each number of contacts."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    sizes = sorted({curve[0] for curve in curves})
+    figure, panels = plt.subplots(1, len(sizes), figsize=(5 * len(sizes), 4.5), layout="constrained", squeeze=False)
+    for axes, contacts in zip(panels.flat, sizes, strict=True):
+        for i, (_, part, upward, downward) in enumerate(curve for curve in curves if curve[0] == contacts):
+            for points, style in ((upward, "-"), (downward, "--")):
+                solved = [(p.frequency_hz, p.amplitude[0] / part) for p in points if p.outcome == "converged"]
+                if solved:
+                    axes.semilogy(*zip(*solved, strict=True), style, color=f"C{i % 10}", label=f"{part:g} {style}")
+        axes.set(title=f"{contacts} contacts", xlabel="frequency, Hz", ylabel="amplitude / level")
+        axes.legend(fontsize=7, ncol=2)
+    figure.savefig(path, dpi=150)
+
+
+def main() -> None:
+    """Sweep the sizes and levels asked for."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
+    parser.add_argument("--contacts", type=int, nargs="+", default=[10, 30, 100])
+    parser.add_argument("--parts", type=float, nargs="+", default=[0.01, 0.5, 1.0, 1.5, 2.0, 5.0, 20.0, 100.0])
+    parser.add_argument("--max-points", type=int, default=300)
+    parser.add_argument("--max-seconds", type=float, default=20.0, help="for a sweep")
+    parser.add_argument("--sampled", action="store_true", help="contacts by samples rather than by events")
+    parser.add_argument("--picture", help="file to draw to")
+    arguments = parser.parse_args()
+    options = {"by_events": not arguments.sampled}
+    limits = (arguments.max_points, arguments.max_seconds)
+    rows, curves = [], []
+    for contacts in arguments.contacts:
+        found, drawn = measure(contacts, arguments.parts, options, limits)
+        rows += found
+        curves += drawn
+    if arguments.picture:
+        draw(curves, arguments.picture)
+    common.report(rows)
+
+
+if __name__ == "__main__":
+    main()

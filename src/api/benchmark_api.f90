@@ -1,0 +1,138 @@
+!> C interface of the benchmarks: wall time of what a Newton iteration is made of, at the point where a session stands.
+module attrito_api_benchmark
+  use, intrinsic :: iso_c_binding
+  use, intrinsic :: iso_fortran_env, only: int64
+  use attrito_core_kinds, only: wp
+  use attrito_model_contacts, only: contact_type
+  use attrito_contact_fourier, only: fourier_type, new_fourier
+  use attrito_contact_quadrature_event, only: evaluate_contact_by_events
+  use attrito_contact_quadrature_sampled, only: contact_forces_type, evaluate_contact
+  use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, new_grid
+  use attrito_balance_border, only: constraint_type
+  use attrito_balance_linearised_step, only: solve_linearised
+  use attrito_balance_unknowns, only: unknowns_type, new_unknowns
+  use attrito_api_session, only: session_type, session_of, contact_law_type, law_of
+  implicit none
+  private
+
+contains
+
+  !> Stand at the response of the stuck system to the harmonic loads at a level, where what slips depends on no solve; static loads
+  !> in full, sliders at zero.
+  integer(c_int) function attrito_stand_at_stuck_response(handle, omega, level) result(status) bind(c)
+    type(c_ptr), value :: handle
+    real(c_double), value :: omega, level
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    associate (solver => session%solver, balance => session%solver%context%balance)
+      call solver%set_loads(spread(1.0_wp, 1, size(balance%static_factors)), level)
+      call solver%set_slider(0.0_wp*solver%static_slider)
+      call balance%receptance%set_frequency(omega, status)
+      if (status /= 0) return
+      solver%motion = balance%linear_motion()
+      solver%omega = omega
+    end associate
+  end function attrito_stand_at_stuck_response
+
+  !> Residual and Jacobian at the present point: mean seconds of an evaluation, norm of the residual relative to that of the motion,
+  !> and the rows of the Jacobian that are not zero. Collective; times of this rank.
+  integer(c_int) function attrito_time_evaluation(handle, repeats, seconds, residual, active) result(status) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: repeats
+    real(c_double), intent(out) :: seconds, residual
+    integer(c_int), intent(out) :: active
+    type(session_type), pointer :: session
+    integer(int64) :: started
+    integer :: i
+
+    session => session_of(handle)
+    associate (balance => session%solver%context%balance)
+      started = clock()
+      do i = 1, repeats
+        call balance%evaluate(session%solver%motion, session%solver%omega, status)
+        if (status /= 0) exit
+      end do
+      seconds = seconds_since(started)/repeats
+      residual = norm2(balance%residual)/max(norm2(session%solver%motion), tiny(1.0_wp))
+      active = sum([(count(balance%forces(i)%active), i=1, size(balance%forces))])
+    end associate
+    call session%solver%context%forget()
+  end function attrito_time_evaluation
+
+  !> One linearised step at the present point, frequency held: mean seconds of a solve, and iterations of GMRES. Collective; times of
+  !> this rank.
+  integer(c_int) function attrito_time_step(handle, repeats, seconds, iterations) result(status) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: repeats
+    real(c_double), intent(out) :: seconds
+    integer(c_int), intent(out) :: iterations
+    type(session_type), pointer :: session
+    type(constraint_type) :: constraint
+    type(unknowns_type) :: right, step
+    integer(int64) :: started
+    integer :: i
+
+    session => session_of(handle)
+    associate (balance => session%solver%context%balance, motion => session%solver%motion)
+      call balance%evaluate(motion, session%solver%omega, status)
+      if (status /= 0) return
+      right = new_unknowns(size(motion, 1), size(motion, 2), size(balance%law))
+      step = right
+      constraint%motion = right%motion
+      right%motion = motion
+      started = clock()
+      do i = 1, repeats
+        call solve_linearised(balance, constraint, right, session%solver%context%linear, step, iterations, status)
+        if (status /= 0) exit
+      end do
+      seconds = seconds_since(started)/repeats
+    end associate
+    call session%solver%context%forget()
+  end function attrito_time_step
+
+  !> Forces and Jacobian of one contact for coefficients [tangents + 1, coefficients]: mean seconds of an evaluation, and the fraction
+  !> of the period that it does not stick. By events (one tangent) or by samples; two tangents marched once as a periodic slider or twice.
+  subroutine attrito_time_contact(law, coefficients, samples, motion, by_events, periodic, repeats, seconds, moving) bind(c)
+    type(contact_law_type), intent(in) :: law
+    integer(c_int), value :: coefficients, samples, by_events, periodic, repeats
+    real(c_double), intent(in) :: motion(coefficients, law%tangents + 1)
+    real(c_double), intent(out) :: seconds, moving
+    type(contact_type) :: contact
+    type(fourier_type) :: fourier
+    type(trigonometric_grid_type) :: grid
+    type(contact_forces_type) :: forces
+    real(wp), parameter :: slider(2) = 0.0_wp
+    integer(int64) :: started
+    integer :: i
+
+    contact = law_of(law)
+    fourier = new_fourier((coefficients - 1)/2, samples)
+    grid = new_grid((coefficients - 1)/2)
+    allocate (forces%deviation(coefficients, law%tangents + 1))
+    started = clock()
+    do i = 1, repeats
+      if (by_events /= 0) then
+        call evaluate_contact_by_events(contact, grid, motion, slider(1), forces)
+      else
+        call evaluate_contact(contact, fourier, motion, slider, periodic /= 0, forces)
+      end if
+    end do
+    seconds = seconds_since(started)/repeats
+    moving = forces%slip + forces%open
+    call fourier%destroy()
+  end subroutine attrito_time_contact
+
+  integer(int64) function clock()
+
+    call system_clock(clock)
+  end function clock
+
+  real(wp) function seconds_since(started)
+    integer(int64), intent(in) :: started
+    integer(int64) :: now, rate
+
+    call system_clock(now, rate)
+    seconds_since = real(now - started, wp)/rate
+  end function seconds_since
+end module attrito_api_benchmark

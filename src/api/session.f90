@@ -1,0 +1,56 @@
+!> What an opaque handle of the solver stands for, and a contact's law as C hands it over.
+module attrito_api_session
+  use, intrinsic :: iso_c_binding
+  use attrito_core_communicator, only: communicator_type
+  use attrito_model_contacts, only: contact_type, contacts_type
+  use attrito_model_structure, only: structure_type
+  use attrito_continuation_arc_length, only: sweep_type
+  use attrito_continuation_members, only: family_type, member_type
+  use attrito_continuation_solver, only: solver_type
+  use attrito_output_point_report, only: point_report_type
+  use attrito_output_result_file, only: result_file_type
+  implicit none
+  private
+  public :: session_type, session_of, contact_law_type, law_of
+
+  type :: session_type
+    type(communicator_type) :: ranks
+    type(structure_type) :: structure
+    type(contacts_type) :: contacts
+    type(solver_type) :: solver
+    type(sweep_type) :: sweep
+    type(point_report_type) :: point
+    type(result_file_type) :: result
+    !> While other members of the last point's family are visited: the point, and two of them to return to
+    type(family_type) :: family
+    type(member_type) :: members(0:1)
+  end type session_type
+
+  type, bind(c) :: contact_law_type
+    integer(c_int) :: tangents
+    real(c_double) :: tangential_stiffness, normal_stiffness, friction_coefficient, gap, preload
+  end type contact_law_type
+
+contains
+
+  !> The session behind a handle.
+  function session_of(handle) result(session)
+    type(c_ptr), intent(in) :: handle
+    type(session_type), pointer :: session
+
+    call c_f_pointer(handle, session)
+  end function session_of
+
+  !> A contact's law out of C's.
+  pure function law_of(law) result(contact)
+    type(contact_law_type), intent(in) :: law
+    type(contact_type) :: contact
+
+    contact%tangents = law%tangents
+    contact%tangential_stiffness = law%tangential_stiffness
+    contact%normal_stiffness = law%normal_stiffness
+    contact%friction_coefficient = law%friction_coefficient
+    contact%gap = law%gap
+    contact%preload = law%preload
+  end function law_of
+end module attrito_api_session
