@@ -92,7 +92,8 @@ contains
   end function attrito_time_step
 
   !> Forces and Jacobian of one contact for coefficients [tangents + 1, coefficients]: mean seconds of an evaluation, and the fraction
-  !> of the period that it does not stick. By events (one tangent) or by samples; two tangents marched once as a periodic slider or twice.
+  !> of the period that it does not stick. By events (one tangent) or by samples; two tangents marched once as a periodic slider, or
+  !> twice.
   subroutine attrito_time_contact(law, coefficients, samples, motion, by_events, periodic, repeats, seconds, moving) bind(c)
     type(contact_law_type), intent(in) :: law
     integer(c_int), value :: coefficients, samples, by_events, periodic, repeats

@@ -12,7 +12,7 @@ module attrito_balance_newton
   use attrito_core_kinds, only: wp
   use attrito_balance_border, only: constraint_type, inner_product
   use attrito_balance_linearised_step, only: solve_linearised, apply_linearised
-  use attrito_balance_newton_context, only: newton_context_type, MatCreateShell, MatShellGetContext, PCShellSetContext, &
+  use attrito_balance_newton_context, only: newton_context_type, least_stiffening, MatCreateShell, MatShellGetContext, PCShellSetContext, &
                                             PCShellGetContext
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   implicit none
@@ -97,7 +97,7 @@ contains
     type(unknowns_type), intent(inout) :: unknowns
     !> Constraint on physical motion and omega; it is met exactly by a converged solve
     type(constraint_type), intent(in) :: constraint
-    !> Part of their springs that contacts keep in the step to begin with: 0 is Newton's method, with backtracking
+    !> Part of their springs that contacts keep in the step to begin with: the least is Newton's method, with backtracking
     real(wp), intent(in) :: stiffening
     type(newton_report_type), intent(out) :: report
     PetscErrorCode :: ierr
@@ -107,7 +107,7 @@ contains
     self%context%last_norm = sqrt(huge(1.0_wp))
     self%context%stiffening = stiffening
     self%context%balance%stiffening = stiffening
-    call run(self, unknowns, stiffening <= 0.0_wp, report, ierr)
+    call run(self, unknowns, stiffening <= least_stiffening, report, ierr)
     self%context%balance%stiffening = 0.0_wp
     report%linear_iterations = self%context%linear_iterations
     if (ierr /= 0) report%converged = .false.
@@ -246,7 +246,7 @@ contains
       if (norm > grows*context%last_norm) then
         stiffening = context%stiffening
       else if (norm > stalls*context%last_norm) then
-        stiffening = 0.1_wp*stiffening
+        stiffening = max(0.1_wp*stiffening, least_stiffening)
       end if
     end associate
     context%last_norm = norm

@@ -9,7 +9,11 @@ module attrito_balance_newton_context
   use attrito_balance_unknowns, only: unknowns_type
   implicit none
   private
-  public :: newton_context_type, MatCreateShell, MatShellGetContext, PCShellSetContext, PCShellGetContext
+  public :: newton_context_type, least_stiffening, MatCreateShell, MatShellGetContext, PCShellSetContext, PCShellGetContext
+
+  !> Part of their springs that contacts keep in every step: where all of them slip and nothing else holds a body, its mean position is
+  !> free, and stays where it was. Newton's method is hindered only below this part of the residual.
+  real(wp), parameter :: least_stiffening = 1.0e-7_wp
 
   type :: newton_context_type
     type(balance_type) :: balance

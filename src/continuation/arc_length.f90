@@ -9,6 +9,7 @@ module attrito_continuation_arc_length
   use attrito_core_kinds, only: wp
   use attrito_balance_border, only: constraint_type, inner_product
   use attrito_balance_linearised_step, only: solve_linearised
+  use attrito_balance_newton_context, only: least_stiffening
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_continuation_cascade, only: solve_by_cascade
   use attrito_continuation_solver, only: solver_type
@@ -239,7 +240,9 @@ contains
       end if
       call context%balance%evaluate(solver%motion, solver%omega, status)
       right%omega = 1.0_wp
+      context%balance%stiffening = least_stiffening
       call solve_linearised(context%balance, constraint, right, context%linear, step, iterations, status)
+      context%balance%stiffening = 0.0_wp
       if (status /= 0) return
       step%motion = step%motion/context%motion_scale
       step%slider = step%slider/context%motion_scale

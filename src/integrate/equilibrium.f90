@@ -82,6 +82,8 @@ contains
     !> [m]
     real(wp), intent(out) :: motion(:)
     logical, intent(out) :: converged
+    !> Displacement relative to that of the stuck contacts that is taken for an equilibrium
+    real(wp), parameter :: farthest = 1.0e8_wp
     real(wp) :: target(size(g)), residual(size(g)), trial(size(g)), step(size(g), 1), jacobian(size(g), size(g)), &
                 stiffness(3, size(g)), norm, length
     integer :: iteration, halving, info
@@ -113,6 +115,8 @@ contains
         exit
       end if
     end do
+    ! A body that its contacts have left comes to rest nowhere, but for rounding of its stiffness.
+    converged = converged .and. norm2(displacement) <= farthest*norm2(target)
     motion = free - matmul(self%pushes, g)
 
   contains
