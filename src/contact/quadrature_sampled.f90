@@ -11,7 +11,7 @@ module attrito_contact_quadrature_sampled
   use attrito_model_contacts, only: contact_type
   use attrito_contact_fourier, only: fourier_type
   use attrito_contact_friction_disc, only: slide_on_disc
-  use attrito_contact_friction_line, only: slide_along_line, slider_interval
+  use attrito_contact_friction_line, only: slide_along_line, slider_interval, side_landed
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open, state_stuck, state_shaken_down, state_slipping, &
                                    state_open
   implicit none
@@ -130,8 +130,9 @@ contains
       normal = law%preload + law%normal_stiffness*(samples%displacement(:, n) - law%gap)
       ! A contact that just touches counts as closed: unloaded bodies that only contacts hold have a regular Jacobian.
       samples%closed = normal >= 0.0_wp
-      normal = max(normal, 0.0_wp)
+      ! Negative where it is open: the marches find landing between samples.
       radius = law%friction_coefficient*normal/law%tangential_stiffness
+      normal = max(normal, 0.0_wp)
     end associate
     if (law%tangents == 1) then
       call march_line(samples, radius, slider(1))
@@ -147,7 +148,7 @@ contains
   !> One tangent: the first march reaches the steady loop, the second records it.
   subroutine march_line(samples, radius, slider)
     type(contact_samples_type), intent(inout) :: samples
-    !> Slip radius [J]
+    !> Slip radius, negative where open [J]
     real(wp), intent(in) :: radius(:)
     !> Slider at the start
     real(wp), intent(in) :: slider
@@ -175,29 +176,25 @@ contains
     type(contact_type), intent(in) :: law
     type(fourier_type), intent(in) :: fourier
     type(contact_samples_type), intent(inout) :: samples
-    !> Slip radius [J]
+    !> Slip radius, negative where open [J]
     real(wp), intent(in) :: radius(:)
     !> Slider at the start
     real(wp), intent(in) :: slider(2)
     integer, intent(in) :: passes
-    real(wp), allocatable :: gradient(:, :), motion_gradient(:, :), radius_gradient(:, :)
+    real(wp), allocatable :: gradient(:, :), motion_gradient(:, :)
     real(wp) :: w(2)
-    integer :: pass, j, k
+    integer :: pass, k
 
     k = fourier%coefficients
     motion_gradient = transpose(fourier%synthesis)
-    radius_gradient = motion_gradient
-    do j = 1, fourier%samples
-      radius_gradient(:, j) = merge(law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness, 0.0_wp, &
-                                    samples%closed(j))*motion_gradient(:, j)
-    end do
     allocate (gradient(3*k + 2, 2), source=0.0_wp)
     allocate (samples%gradients(3*k + 2, 2, fourier%samples))
     w = slider
     do pass = 1, passes
       samples%start = w
       gradient(3*k + 1:, :) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [2, 2])
-      call slide_on_disc(samples%displacement(:, 1:2), radius, motion_gradient, radius_gradient, w, gradient, &
+      call slide_on_disc(samples%displacement(:, 1:2), radius, motion_gradient, &
+                         law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness, w, gradient, &
                          samples%slider, samples%gradients, samples%regimes)
       if (pass < passes) samples%moved = samples%moved .or. any(samples%regimes /= regime_stick)
     end do
@@ -283,7 +280,8 @@ contains
                                       masked_rows(fourier%synthesis, merge(0.0_wp, 1.0_wp, samples%closed)))
   end subroutine differentiate
 
-  !> Coefficients of the slider per coefficient of (u, v): w_j = u_k + side_k r_k, k the sample of its last clamp.
+  !> Coefficients of the slider per coefficient of (u, v): w_j = u_k + side_k r_k, k the sample of its last clamp; or where it
+  !> landed before k, u(t) at N(t) = 0, t = -N_a/(N_k - N_a): dw = du(t) - (u_k - u_a)/(v_k - v_a) dv(t).
   subroutine slider_gradient_line(law, fourier, samples, gradient)
     type(contact_type), intent(in) :: law
     type(fourier_type), intent(in) :: fourier
@@ -292,15 +290,20 @@ contains
     real(wp), intent(out) :: gradient(:, :)
     real(wp), allocatable :: of_u(:, :), of_v(:, :)
     real(wp) :: slope
-    integer :: j, k
+    integer :: j, k, before
 
     allocate (of_u, of_v, mold=fourier%synthesis)
     slope = law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness
     do j = 1, fourier%samples
-      associate (origin => samples%origins(j))
+      associate (origin => samples%origins(j), u => samples%displacement(:, 1), v => samples%displacement(:, 2))
         if (origin == 0) then
           of_u(j, :) = 0.0_wp
           of_v(j, :) = 0.0_wp
+        else if (samples%sides(j) == side_landed) then
+          before = modulo(origin - 2, fourier%samples) + 1
+          of_u(j, :) = fourier%synthesis(before, :) + landing_time(law, v(before), v(origin)) &
+                       *(fourier%synthesis(origin, :) - fourier%synthesis(before, :))
+          of_v(j, :) = -((u(origin) - u(before))/(v(origin) - v(before)))*of_u(j, :)
         else
           of_u(j, :) = fourier%synthesis(origin, :)
           of_v(j, :) = merge(samples%sides(j)*slope, 0.0_wp, samples%closed(origin))*fourier%synthesis(origin, :)
@@ -311,6 +314,14 @@ contains
     gradient(:, :k) = matmul(fourier%analysis, of_u)
     gradient(:, k + 1:) = matmul(fourier%analysis, of_v)
   end subroutine slider_gradient_line
+
+  !> Part of the step, from 0 to 1, after which a contact that closes linearly from a to b touches.
+  pure real(wp) function landing_time(law, a, b)
+    type(contact_type), intent(in) :: law
+    real(wp), intent(in) :: a, b
+
+    landing_time = (law%gap - law%preload/law%normal_stiffness - a)/(b - a)
+  end function landing_time
 
   !> Tangential rows of the Jacobian from the march's gradient by (u1, u2, v) and start slider; a periodic slider follows the motion.
   subroutine slider_gradient_disc(law, fourier, samples, forces)

@@ -264,7 +264,8 @@ contains
     wide = 0
     do seed = 1, 20
       u = 0.2_wp*noise(48, seed)
-      r = max(0.15_wp + 0.1_wp*noise(48, seed + 100), 0.0_wp)
+      ! Negative where it is open
+      r = merge(0.15_wp, 0.05_wp, modulo(seed, 3) > 0) + 0.1_wp*noise(48, seed + 100)
       if (modulo(seed, 2) == 0) r = r + 0.3_wp
       call slider_interval(u, r, low, high)
       if (high > low) wide = wide + 1
