@@ -77,7 +77,7 @@ contains
         regimes(b) = regime_open
         w = u(b, :)
         call follow(basis(:, b), gradients(:, :, b))
-      else if (r(a) <= 0.0_wp .and. norm2(d) <= r(b) - r(a)) then
+      else if (r(a) <= 0.0_wp .and. length(d) <= r(b) - r(a)) then
         regimes(b) = regime_stick
         w = u(b, :) - (r(b)/(r(b) - r(a)))*d
         call land(d, r(a), r(b), basis(:, a), basis(:, b), slope, gradients(:, :, b))
@@ -108,7 +108,7 @@ contains
     logical, intent(out) :: entered
     real(wp) :: distance
 
-    distance = norm2(u - w)
+    distance = length(u - w)
     entered = r > 0.0_wp .and. distance > r + rounding(u, r)
     if (.not. entered) return
     slip%e = (u - w)/distance
@@ -130,11 +130,11 @@ contains
     d = u_b - u_a
     slip%radius = r_b
     if (r_a <= 0.0_wp) then
-      distance = norm2(d)
+      distance = length(d)
       slip%e = d/distance
       slip%by_to = across(slip%e)/distance
       slip%by_from = -slip%by_to
-    else if (norm2(u_b - w) <= r_b + rounding(u_b, r_b)) then
+    else if (length(u_b - w) <= r_b + rounding(u_b, r_b)) then
       ! Inside at both ends: inside all the way, |z| - r being convex.
       regime = regime_stick
       return
@@ -143,7 +143,7 @@ contains
       part = 1.0_wp - onset
       r_onset = r_a + onset*(r_b - r_a)
       z = u_a - w + onset*d
-      distance = norm2(z)
+      distance = length(z)
       call turn(z/distance, d, part, r_onset, r_b, slip)
       slip%by_radii = [part*slip%by_radii(1), onset*slip%by_radii(1) + slip%by_radii(2)]
       slip%by_slider = slip%by_slider/distance
@@ -263,31 +263,34 @@ contains
     !> Gradients of the slider [3 k + 2, 2]
     real(wp), intent(in), contiguous :: before(:, :)
     real(wp), intent(out), contiguous :: after(:, :)
-    real(wp) :: s(2), r, e(2)
+    real(wp) :: angle, p(2), s(2), c(2), e(2)
     integer :: i, k
 
     k = size(from)
-    e = slip%e
-    r = slip%radius
-    ! The angle's derivative first, in the column of the first component.
-    do i = 1, size(before, 1)
-      after(i, 1) = slip%by_slider(1)*before(i, 1) + slip%by_slider(2)*before(i, 2)
+    p = slip%by_slider
+    c = -slip%radius*across(slip%e)
+    ! One pass a block of parameters: how the angle follows each, then the slider.
+    do i = 1, k
+      angle = p(1)*before(i, 1) + p(2)*before(i, 2) + slip%by_from(1)*from(i) + slip%by_to(1)*to(i)
+      after(i, 1) = c(1)*angle + to(i)
+      after(i, 2) = c(2)*angle
+    end do
+    do i = 1, k
+      angle = p(1)*before(k + i, 1) + p(2)*before(k + i, 2) + slip%by_from(2)*from(i) + slip%by_to(2)*to(i)
+      after(k + i, 1) = c(1)*angle
+      after(k + i, 2) = c(2)*angle + to(i)
     end do
     s = slope*slip%by_radii
+    e = slope*slip%e
     do i = 1, k
-      after(i, 1) = after(i, 1) + (slip%by_from(1)*from(i) + slip%by_to(1)*to(i))
-      after(k + i, 1) = after(k + i, 1) + (slip%by_from(2)*from(i) + slip%by_to(2)*to(i))
-      after(2*k + i, 1) = after(2*k + i, 1) + (s(1)*from(i) + s(2)*to(i))
+      angle = p(1)*before(2*k + i, 1) + p(2)*before(2*k + i, 2) + s(1)*from(i) + s(2)*to(i)
+      after(2*k + i, 1) = c(1)*angle - e(1)*to(i)
+      after(2*k + i, 2) = c(2)*angle - e(2)*to(i)
     end do
-    do i = 1, size(before, 1)
-      after(i, 2) = -(r*e(1))*after(i, 1)
-      after(i, 1) = (r*e(2))*after(i, 1)
-    end do
-    do i = 1, k
-      after(i, 1) = after(i, 1) + to(i)
-      after(k + i, 2) = after(k + i, 2) + to(i)
-      after(2*k + i, 1) = after(2*k + i, 1) - (slope*e(1))*to(i)
-      after(2*k + i, 2) = after(2*k + i, 2) - (slope*e(2))*to(i)
+    do i = 3*k + 1, size(before, 1)
+      angle = p(1)*before(i, 1) + p(2)*before(i, 2)
+      after(i, 1) = c(1)*angle
+      after(i, 2) = c(2)*angle
     end do
   end subroutine carry
 
@@ -318,6 +321,13 @@ contains
     gradient(1:k, 1) = displacement
     gradient(k + 1:2*k, 2) = displacement
   end subroutine follow
+
+  !> Of a plane vector.
+  pure real(wp) function length(a)
+    real(wp), intent(in) :: a(2)
+
+    length = sqrt(a(1)**2 + a(2)**2)
+  end function length
 
   !> A direction turned by a right angle.
   pure function across(e)

@@ -9,9 +9,10 @@ module attrito_contact_quadrature_event
   use attrito_core_kinds, only: wp, pi, two_pi
   use attrito_model_contacts, only: contact_type
   use attrito_contact_event_march, only: event_motion_type, interval_type, new_event_motion, march_events
-  use attrito_contact_quadrature_sampled, only: contact_forces_type
+  use attrito_contact_quadrature_sampled, only: contact_forces_type, stay_stuck
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open, state_stuck, state_shaken_down, state_slipping, &
                                    state_open
+  use attrito_contact_stuck, only: surely_stuck
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, basis_at
   implicit none
   private
@@ -34,8 +35,8 @@ contains
     type(interval_type) :: state, lowest, highest
     integer :: count
 
-    if (surely_stuck(law, motion, slider)) then
-      call stay_stuck(law, slider, size(motion), forces)
+    if (surely_stuck(law, motion, [slider])) then
+      call stay_stuck(law, [slider, 0.0_wp], size(motion, 1), forces)
       return
     end if
     events = new_event_motion(law, grid, motion)
@@ -53,44 +54,6 @@ contains
     forces%unique = lowest%slider >= highest%slider - 1.0e-13_wp*(abs(lowest%slider) + abs(highest%slider))
     call differentiate(forces, size(motion, 1))
   end subroutine evaluate_contact_by_events
-
-  !> Do bounds on the motion, from the amplitudes of its harmonics, keep |T| below mu N for good?
-  pure logical function surely_stuck(law, motion, slider)
-    type(contact_type), intent(in) :: law
-    real(wp), intent(in) :: motion(:, :), slider
-    real(wp) :: least_normal
-
-    least_normal = law%preload + law%normal_stiffness*(motion(1, 2) - law%gap - swing(motion(:, 2)))
-    surely_stuck = law%tangential_stiffness*(abs(motion(1, 1) - slider) + swing(motion(:, 1))) &
-                   < law%friction_coefficient*least_normal
-  end function surely_stuck
-
-  !> Sum of the amplitudes of the harmonics.
-  pure real(wp) function swing(coefficients)
-    real(wp), intent(in) :: coefficients(:)
-
-    swing = sum(hypot(coefficients(2::2), coefficients(3::2)))
-  end function swing
-
-  !> A contact that stays stuck: a constant deviation, no Jacobian, its slider where it was.
-  pure subroutine stay_stuck(law, slider, rows, forces)
-    type(contact_type), intent(in) :: law
-    real(wp), intent(in) :: slider
-    !> Of the Jacobian
-    integer, intent(in) :: rows
-    type(contact_forces_type), intent(inout) :: forces
-
-    forces%deviation = 0.0_wp
-    forces%deviation(1, :) = [-law%tangential_stiffness*slider, law%preload - law%normal_stiffness*law%gap]
-    forces%slider = [slider, 0.0_wp]
-    forces%state = state_stuck
-    forces%stick = 1.0_wp
-    forces%slip = 0.0_wp
-    forces%open = 0.0_wp
-    forces%unique = .false.
-    forces%active = spread(.false., 1, rows)
-    if (allocated(forces%jacobian)) deallocate (forces%jacobian)
-  end subroutine stay_stuck
 
   !> Coefficients of the deviation and its Jacobian, interval by interval.
   subroutine integrate(law, events, intervals, motion, forces)

@@ -14,9 +14,10 @@ module attrito_contact_quadrature_sampled
   use attrito_contact_friction_line, only: slide_along_line, slider_interval, side_landed
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open, state_stuck, state_shaken_down, state_slipping, &
                                    state_open
+  use attrito_contact_stuck, only: surely_stuck
   implicit none
   private
-  public :: contact_forces_type, periodic_slider_type, evaluate_contact, contact_samples_type, sample_contact, released
+  public :: stay_stuck, contact_forces_type, periodic_slider_type, evaluate_contact, contact_samples_type, sample_contact, released
 
   !> Two tangents: the start slider w of a period that is to leave it where it was, w = P(w, d). A change of motion moves it by
   !> holding^-1 P_d delta d, holding = I - dP/dw, and the forces g by g_w times that.
@@ -95,6 +96,10 @@ contains
     integer :: i
 
     forces%periodic = periodic .and. law%tangents == 2
+    if (surely_stuck(law, motion, slider)) then
+      call stay_stuck(law, slider, size(motion, 1), forces)
+      return
+    end if
     call sample_contact(law, fourier, motion, slider, merge(1, 2, forces%periodic), samples)
     deviation = samples%force
     do i = 1, law%tangents
@@ -106,6 +111,30 @@ contains
     call classify(samples, forces)
     call differentiate(law, fourier, samples, forces)
   end subroutine evaluate_contact
+
+  !> A contact that stays stuck: a constant deviation, no Jacobian, its slider where it was.
+  pure subroutine stay_stuck(law, slider, coefficients, forces)
+    type(contact_type), intent(in) :: law
+    real(wp), intent(in) :: slider(2)
+    !> Of motion a row
+    integer, intent(in) :: coefficients
+    type(contact_forces_type), intent(inout) :: forces
+    integer :: n
+
+    n = law%tangents
+    forces%deviation = 0.0_wp
+    forces%deviation(1, :n) = -law%tangential_stiffness*slider(:n)
+    forces%deviation(1, n + 1) = law%preload - law%normal_stiffness*law%gap
+    forces%slider = slider
+    forces%moved = 0.0_wp
+    forces%state = state_stuck
+    forces%stick = 1.0_wp
+    forces%slip = 0.0_wp
+    forces%open = 0.0_wp
+    forces%unique = .false.
+    forces%active = spread(.false., 1, coefficients*(n + 1))
+    if (allocated(forces%jacobian)) deallocate (forces%jacobian)
+  end subroutine stay_stuck
 
   !> March the law over the samples of one period until its slider repeats.
   subroutine sample_contact(law, fourier, motion, slider, passes, samples)
@@ -181,19 +210,18 @@ contains
     !> Slider at the start
     real(wp), intent(in) :: slider(2)
     integer, intent(in) :: passes
-    real(wp), allocatable :: gradient(:, :), motion_gradient(:, :)
+    real(wp), allocatable :: gradient(:, :)
     real(wp) :: w(2)
     integer :: pass, k
 
     k = fourier%coefficients
-    motion_gradient = transpose(fourier%synthesis)
     allocate (gradient(3*k + 2, 2), source=0.0_wp)
     allocate (samples%gradients(3*k + 2, 2, fourier%samples))
     w = slider
     do pass = 1, passes
       samples%start = w
       gradient(3*k + 1:, :) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [2, 2])
-      call slide_on_disc(samples%displacement(:, 1:2), radius, motion_gradient, &
+      call slide_on_disc(samples%displacement(:, 1:2), radius, fourier%basis, &
                          law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness, w, gradient, &
                          samples%slider, samples%gradients, samples%regimes)
       if (pass < passes) samples%moved = samples%moved .or. any(samples%regimes /= regime_stick)
@@ -331,20 +359,20 @@ contains
     type(contact_forces_type), intent(inout) :: forces
     ! What a period keeps but for rounding stays where it is, rather than moving without limit.
     real(wp), parameter :: kept = 1.0_wp - 1.0e-8_wp
-    real(wp), allocatable :: gradient(:, :)
+    real(wp), allocatable :: gradient(:, :, :)
     integer :: i, k
 
     k = fourier%coefficients
-    allocate (gradient(2*k, 3*k + 2))
-    do i = 1, 2
-      gradient((i - 1)*k + 1:i*k, :) = matmul(fourier%analysis, transpose(samples%gradients(:, i, :)))
-    end do
+    allocate (gradient(k, 3*k + 2, 2))
+    call fourier%analyse_gradients(samples%gradients, gradient)
     gradient = -law%tangential_stiffness*gradient
-    forces%jacobian(:2*k, :) = gradient(:, :3*k)
+    do i = 1, 2
+      forces%jacobian((i - 1)*k + 1:i*k, :) = gradient(:, :3*k, i)
+    end do
     if (.not. forces%periodic) return
     associate (link => forces%link, last => samples%gradients(:, :, fourier%samples))
       link%by_motion = transpose(last(:3*k, :))
-      link%force = gradient(:, 3*k + 1:)
+      link%force = reshape([gradient(:, 3*k + 1, :), gradient(:, 3*k + 2, :)], [2*k, 2])
       link%holding = -kept*transpose(last(3*k + 1:, :))
       do i = 1, 2
         link%holding(i, i) = link%holding(i, i) + 1.0_wp
