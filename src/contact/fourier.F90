@@ -18,9 +18,7 @@ module attrito_contact_fourier
     integer :: samples = 0
     !> Coefficients of the motion, 2 H + 1
     integer :: coefficients = 0
-    !> Motion at the samples per unit coefficient [J, coefficients]
-    real(wp), allocatable :: synthesis(:, :)
-    !> The same by sample [coefficients, J]
+    !> Motion at the samples per unit coefficient [coefficients, J]
     real(wp), allocatable :: basis(:, :)
     !> Coefficients per unit sample [coefficients, J]
     real(wp), allocatable :: analysis(:, :)
@@ -46,13 +44,12 @@ contains
     self%coefficients = 2*harmonics + 1
     self%to_samples_plan = fftw_plan_dft_c2r_1d(samples, z, x, ior(FFTW_ESTIMATE, FFTW_UNALIGNED))
     self%to_coefficients_plan = fftw_plan_dft_r2c_1d(samples, x, z, ior(FFTW_ESTIMATE, FFTW_UNALIGNED))
-    allocate (self%synthesis(samples, self%coefficients))
-    self%synthesis(:, 1) = 1.0_wp
+    allocate (self%basis(self%coefficients, samples))
+    self%basis(1, :) = 1.0_wp
     do h = 1, harmonics
-      self%synthesis(:, 2*h) = [(cos(two_pi*modulo(h*j, samples)/samples), j=0, samples - 1)]
-      self%synthesis(:, 2*h + 1) = [(sin(two_pi*modulo(h*j, samples)/samples), j=0, samples - 1)]
+      self%basis(2*h, :) = [(cos(two_pi*modulo(h*j, samples)/samples), j=0, samples - 1)]
+      self%basis(2*h + 1, :) = [(sin(two_pi*modulo(h*j, samples)/samples), j=0, samples - 1)]
     end do
-    self%basis = transpose(self%synthesis)
     self%analysis = self%basis*2.0_wp/samples
     self%analysis(1, :) = 1.0_wp/samples
   end function new_fourier

@@ -304,8 +304,7 @@ contains
     end if
     if (all(samples%closed)) return
     forces%active(n + 1:) = .true.
-    forces%jacobian(n + 1:, n + 1:) = -law%normal_stiffness*matmul(fourier%analysis, &
-                                      masked_rows(fourier%synthesis, merge(0.0_wp, 1.0_wp, samples%closed)))
+    call add_open_springs(law, fourier, samples, forces%jacobian(n + 1:, n + 1:))
   end subroutine differentiate
 
   !> Coefficients of the slider per coefficient of (u, v): w_j = u_k + side_k r_k, k the sample of its last clamp; or where it
@@ -316,31 +315,31 @@ contains
     type(contact_samples_type), intent(in) :: samples
     !> Gradient [k, 2 k]
     real(wp), intent(out) :: gradient(:, :)
-    real(wp), allocatable :: of_u(:, :), of_v(:, :)
+    real(wp), allocatable :: gradients(:, :, :), analysed(:, :, :)
     real(wp) :: slope
     integer :: j, k, before
 
-    allocate (of_u, of_v, mold=fourier%synthesis)
+    k = fourier%coefficients
+    allocate (gradients(k, 2, fourier%samples), analysed(k, k, 2))
     slope = law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness
     do j = 1, fourier%samples
-      associate (origin => samples%origins(j), u => samples%displacement(:, 1), v => samples%displacement(:, 2))
+      associate (origin => samples%origins(j), u => samples%displacement(:, 1), v => samples%displacement(:, 2), &
+                 of_u => gradients(:, 1, j), of_v => gradients(:, 2, j), basis => fourier%basis)
         if (origin == 0) then
-          of_u(j, :) = 0.0_wp
-          of_v(j, :) = 0.0_wp
+          gradients(:, :, j) = 0.0_wp
         else if (samples%sides(j) == side_landed) then
           before = modulo(origin - 2, fourier%samples) + 1
-          of_u(j, :) = fourier%synthesis(before, :) + landing_time(law, v(before), v(origin)) &
-                       *(fourier%synthesis(origin, :) - fourier%synthesis(before, :))
-          of_v(j, :) = -((u(origin) - u(before))/(v(origin) - v(before)))*of_u(j, :)
+          of_u = basis(:, before) + landing_time(law, v(before), v(origin))*(basis(:, origin) - basis(:, before))
+          of_v = -((u(origin) - u(before))/(v(origin) - v(before)))*of_u
         else
-          of_u(j, :) = fourier%synthesis(origin, :)
-          of_v(j, :) = merge(samples%sides(j)*slope, 0.0_wp, samples%closed(origin))*fourier%synthesis(origin, :)
+          of_u = basis(:, origin)
+          of_v = merge(samples%sides(j)*slope, 0.0_wp, samples%closed(origin))*of_u
         end if
       end associate
     end do
-    k = fourier%coefficients
-    gradient(:, :k) = matmul(fourier%analysis, of_u)
-    gradient(:, k + 1:) = matmul(fourier%analysis, of_v)
+    call fourier%analyse_gradients(gradients, analysed)
+    gradient(:, :k) = analysed(:, :, 1)
+    gradient(:, k + 1:) = analysed(:, :, 2)
   end subroutine slider_gradient_line
 
   !> Part of the step, from 0 to 1, after which a contact that closes linearly from a to b touches.
@@ -391,11 +390,22 @@ contains
     released = matmul(inverse, columns)/(holding(1, 1)*holding(2, 2) - holding(1, 2)*holding(2, 1))
   end function released
 
-  !> Each row of a matrix times its factor.
-  pure function masked_rows(matrix, factor) result(product)
-    real(wp), intent(in) :: matrix(:, :), factor(:)
-    real(wp) :: product(size(matrix, 1), size(matrix, 2))
+  !> Normal rows of the Jacobian: minus the spring wherever open.
+  subroutine add_open_springs(law, fourier, samples, jacobian)
+    type(contact_type), intent(in) :: law
+    type(fourier_type), intent(in) :: fourier
+    type(contact_samples_type), intent(in) :: samples
+    !> [k, k]
+    real(wp), intent(inout) :: jacobian(:, :)
+    real(wp), allocatable :: gradients(:, :, :), analysed(:, :, :)
+    integer :: j, k
 
-    product = matrix*spread(factor, 2, size(matrix, 2))
-  end function masked_rows
+    k = fourier%coefficients
+    allocate (gradients(k, 1, fourier%samples), analysed(k, k, 1))
+    do j = 1, fourier%samples
+      gradients(:, 1, j) = merge(0.0_wp, -law%normal_stiffness, samples%closed(j))*fourier%basis(:, j)
+    end do
+    call fourier%analyse_gradients(gradients, analysed)
+    jacobian = jacobian + analysed(:, :, 1)
+  end subroutine add_open_springs
 end module attrito_contact_quadrature_sampled
