@@ -11,7 +11,7 @@ module attrito_contact_event_march
   use attrito_core_kinds, only: wp, two_pi
   use attrito_model_contacts, only: contact_type
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open
-  use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, roots_of, basis_at, slope_at, root_between, &
+  use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, roots_by_column, basis_at, root_between, &
                                                  differentiated
   implicit none
   private
@@ -30,12 +30,12 @@ module attrito_contact_event_march
   end type interval_type
 
   type :: event_motion_type
-    !> Coefficients [k]: u, N where closed, L, U
-    real(wp), allocatable :: u(:), normal(:), lower(:), upper(:)
-    !> dr/dv = mu k_n / k_t, and k_n
-    real(wp) :: slope = 0.0_wp, normal_stiffness = 0.0_wp
-    !> Ends of the segments, ascending, 0 and 2 pi included
-    real(wp), allocatable :: cuts(:)
+    !> Coefficients [k]: L, U
+    real(wp), allocatable :: lower(:), upper(:)
+    !> dr/dv = mu k_n / k_t
+    real(wp) :: slope = 0.0_wp
+    !> Ends of the segments, ascending, 0 and 2 pi included; L and U there; u, and where N vanishes -u'/v'
+    real(wp), allocatable :: cuts(:), lower_at(:), upper_at(:), u_at(:), landing_slope(:)
     !> By segment: does it touch; do L rise and U fall there?
     logical, allocatable :: closed(:), lower_rises(:), upper_falls(:)
   end type event_motion_type
@@ -48,28 +48,41 @@ contains
     type(trigonometric_grid_type), intent(in) :: grid
     real(wp), intent(in) :: motion(:, :)
     type(event_motion_type) :: self
-    real(wp) :: middle, slope(size(motion, 1)), least
-    integer :: i, harmonics
+    real(wp) :: radius(size(motion, 1)), normal(size(motion, 1)), slopes(size(motion, 1), 4), basis(size(motion, 1)), least
+    integer :: i, harmonics, segments
 
     harmonics = (size(motion, 1) - 1)/2
-    self%u = motion(:, 1)
-    self%normal_stiffness = law%normal_stiffness
-    self%normal = law%normal_stiffness*motion(:, 2)
-    self%normal(1) = self%normal(1) + law%preload - law%normal_stiffness*law%gap
+    normal = law%normal_stiffness*motion(:, 2)
+    normal(1) = normal(1) + law%preload - law%normal_stiffness*law%gap
+    radius = law%friction_coefficient/law%tangential_stiffness*normal
     self%slope = law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness
-    self%lower = self%u - law%friction_coefficient/law%tangential_stiffness*self%normal
-    self%upper = self%u + law%friction_coefficient/law%tangential_stiffness*self%normal
-    self%cuts = sorted([0.0_wp, two_pi, roots_of(self%normal, grid), roots_of(differentiated(self%lower), grid), &
-                        roots_of(differentiated(self%upper), grid)])
-    allocate (self%closed(size(self%cuts) - 1), self%lower_rises(size(self%cuts) - 1), self%upper_falls(size(self%cuts) - 1))
+    self%lower = motion(:, 1) - radius
+    self%upper = motion(:, 1) + radius
+    slopes(:, 1) = differentiated(self%lower)
+    slopes(:, 2) = differentiated(self%upper)
+    slopes(:, 3) = differentiated(motion(:, 1))
+    slopes(:, 4) = differentiated(motion(:, 2))
+    self%cuts = sorted([0.0_wp, two_pi, roots_by_column(reshape([normal, slopes(:, :2)], [size(normal), 3]), grid)])
+    segments = size(self%cuts) - 1
+    allocate (self%closed(segments), self%lower_rises(segments), self%upper_falls(segments))
+    allocate (self%lower_at(segments + 1), self%upper_at(segments + 1), self%u_at(segments + 1))
+    allocate (self%landing_slope(segments + 1), source=0.0_wp)
     ! A contact that just touches counts as closed, as with samples.
-    least = -1.0e-14_wp*sum(abs(self%normal))
-    do i = 1, size(self%closed)
-      middle = 0.5_wp*(self%cuts(i) + self%cuts(i + 1))
-      slope = slope_at(middle, harmonics)
-      self%closed(i) = dot_product(self%normal, basis_at(middle, harmonics)) >= least
-      self%lower_rises(i) = dot_product(self%lower, slope) > 0.0_wp
-      self%upper_falls(i) = dot_product(self%upper, slope) < 0.0_wp
+    least = -1.0e-14_wp*sum(abs(normal))
+    do i = 1, segments
+      basis = basis_at(0.5_wp*(self%cuts(i) + self%cuts(i + 1)), harmonics)
+      self%closed(i) = dot_product(normal, basis) >= least
+      self%lower_rises(i) = dot_product(slopes(:, 1), basis) > 0.0_wp
+      self%upper_falls(i) = dot_product(slopes(:, 2), basis) < 0.0_wp
+    end do
+    do i = 1, segments + 1
+      basis = basis_at(self%cuts(i), harmonics)
+      self%lower_at(i) = dot_product(self%lower, basis)
+      self%upper_at(i) = dot_product(self%upper, basis)
+      self%u_at(i) = dot_product(motion(:, 1), basis)
+      if (self%closed(max(i - 1, 1))) cycle
+      self%landing_slope(i) = dot_product(slopes(:, 4), basis)
+      if (abs(self%landing_slope(i)) > 0.0_wp) self%landing_slope(i) = -dot_product(slopes(:, 3), basis)/self%landing_slope(i)
     end do
   end function new_event_motion
 
@@ -77,48 +90,53 @@ contains
   subroutine march_events(self, state, intervals, count)
     type(event_motion_type), intent(in) :: self
     type(interval_type), intent(inout) :: state
-    !> What happens, in order; at most two a segment [>= 2 segments]
-    type(interval_type), intent(inout) :: intervals(:)
-    integer, intent(out) :: count
-    real(wp) :: lower, upper, hit
+    !> What happens, in order, if asked for; at most two a segment [>= 2 segments]
+    type(interval_type), intent(inout), optional :: intervals(:)
+    integer, intent(out), optional :: count
     integer :: i
 
-    count = 0
+    if (present(count)) count = 0
     do i = 1, size(self%closed)
-      associate (from => self%cuts(i), to => self%cuts(i + 1))
-        if (.not. self%closed(i)) then
-          call add(from, to, regime_open, 0)
-          call land(self, to, state)
-          cycle
-        end if
-        if (i == 1) call clamp_at_start()
-        lower = value_of(self%lower, to)
-        upper = value_of(self%upper, to)
-        if (self%lower_rises(i) .and. lower > state%slider) then
-          hit = from
-          if (value_of(self%lower, from) < state%slider) hit = root_between(self%lower, state%slider, from, to)
-          call add(from, hit, regime_stick, 0)
-          call add(hit, to, regime_slip, 1)
-          call follow(self, to, 1, lower, state)
-        else if (self%upper_falls(i) .and. upper < state%slider) then
-          hit = from
-          if (value_of(self%upper, from) > state%slider) hit = root_between(self%upper, state%slider, from, to)
-          call add(from, hit, regime_stick, 0)
-          call add(hit, to, regime_slip, -1)
-          call follow(self, to, -1, upper, state)
-        else
-          call add(from, to, regime_stick, 0)
-        end if
-      end associate
+      if (.not. self%closed(i)) then
+        call add(self%cuts(i), self%cuts(i + 1), regime_open, 0)
+        call land(self, i + 1, state)
+        cycle
+      end if
+      ! A start slider outside [L, U] at 0 is taken to the nearer end.
+      if (i == 1 .and. state%slider < self%lower_at(1)) call follow(self, 1, 1, state)
+      if (i == 1 .and. state%slider > self%upper_at(1)) call follow(self, 1, -1, state)
+      if (self%lower_rises(i) .and. self%lower_at(i + 1) > state%slider) then
+        call slip(i, 1, self%lower, self%lower_at(i) < state%slider)
+      else if (self%upper_falls(i) .and. self%upper_at(i + 1) < state%slider) then
+        call slip(i, -1, self%upper, self%upper_at(i) > state%slider)
+      else
+        call add(self%cuts(i), self%cuts(i + 1), regime_stick, 0)
+      end if
     end do
 
   contains
+
+    !> Stick until an end of the clamp meets the slider, and then slip with it.
+    subroutine slip(segment, side, clamp_end, sticks_first)
+      integer, intent(in) :: segment, side
+      real(wp), intent(in) :: clamp_end(:)
+      logical, intent(in) :: sticks_first
+      real(wp) :: hit
+
+      associate (from => self%cuts(segment), to => self%cuts(segment + 1))
+        hit = from
+        if (sticks_first .and. present(intervals)) hit = root_between(clamp_end, state%slider, from, to)
+        call add(from, hit, regime_stick, 0)
+        call add(hit, to, regime_slip, side)
+      end associate
+      call follow(self, segment + 1, side, state)
+    end subroutine slip
 
     subroutine add(from, to, regime, side)
       real(wp), intent(in) :: from, to
       integer, intent(in) :: regime, side
 
-      if (to <= from) return
+      if (.not. present(intervals) .or. to <= from) return
       count = count + 1
       intervals(count) = state
       intervals(count)%from = from
@@ -126,51 +144,31 @@ contains
       intervals(count)%regime = regime
       intervals(count)%side = side
     end subroutine add
-
-    !> A start slider outside [L, U] at 0 is taken to the nearer end.
-    subroutine clamp_at_start()
-      if (state%slider < value_of(self%lower, 0.0_wp)) call follow(self, 0.0_wp, 1, value_of(self%lower, 0.0_wp), state)
-      if (state%slider > value_of(self%upper, 0.0_wp)) call follow(self, 0.0_wp, -1, value_of(self%upper, 0.0_wp), state)
-    end subroutine clamp_at_start
   end subroutine march_events
 
-  !> The slider stands on an end of the clamp.
-  subroutine follow(self, theta, side, slider, state)
+  !> The slider stands on an end of the clamp, at a cut.
+  pure subroutine follow(self, cut, side, state)
     type(event_motion_type), intent(in) :: self
-    real(wp), intent(in) :: theta, slider
-    integer, intent(in) :: side
+    integer, intent(in) :: cut, side
     type(interval_type), intent(inout) :: state
 
-    state%slider = slider
+    state%slider = merge(self%lower_at(cut), self%upper_at(cut), side > 0)
     state%has_origin = .true.
-    state%origin = theta
+    state%origin = self%cuts(cut)
     state%by_normal = -side*self%slope
   end subroutine follow
 
-  !> The slider stands where the contact lands.
-  subroutine land(self, theta, state)
+  !> The slider stands where the contact lands, at a cut.
+  pure subroutine land(self, cut, state)
     type(event_motion_type), intent(in) :: self
-    real(wp), intent(in) :: theta
+    integer, intent(in) :: cut
     type(interval_type), intent(inout) :: state
-    real(wp) :: slope(size(self%u)), normal_slope
-    integer :: harmonics
 
-    harmonics = (size(self%u) - 1)/2
-    slope = slope_at(theta, harmonics)
-    state%slider = value_of(self%u, theta)
+    state%slider = self%u_at(cut)
     state%has_origin = .true.
-    state%origin = theta
-    state%by_normal = 0.0_wp
-    normal_slope = dot_product(self%normal, slope)
-    if (abs(normal_slope) > 0.0_wp) state%by_normal = -self%normal_stiffness*dot_product(self%u, slope)/normal_slope
+    state%origin = self%cuts(cut)
+    state%by_normal = self%landing_slope(cut)
   end subroutine land
-
-  !> Value of a polynomial.
-  pure real(wp) function value_of(coefficients, theta)
-    real(wp), intent(in) :: coefficients(:), theta
-
-    value_of = dot_product(coefficients, basis_at(theta, (size(coefficients) - 1)/2))
-  end function value_of
 
   !> Ascending order, by insertion: a handful of numbers.
   pure function sorted(values)

@@ -6,6 +6,7 @@
 module attrito_contact_fourier
   use, intrinsic :: iso_c_binding
   use attrito_core_kinds, only: wp, two_pi
+  use attrito_core_lapack, only: multiply_by_transpose
   implicit none
   private
   public :: fourier_type, new_fourier
@@ -17,14 +18,15 @@ module attrito_contact_fourier
     integer :: samples = 0
     !> Coefficients of the motion, 2 H + 1
     integer :: coefficients = 0
-    !> Motion at the samples per unit coefficient [J, coefficients]
-    real(wp), allocatable :: synthesis(:, :)
+    !> Motion at the samples per unit coefficient [coefficients, J]
+    real(wp), allocatable :: basis(:, :)
     !> Coefficients per unit sample [coefficients, J]
     real(wp), allocatable :: analysis(:, :)
     type(c_ptr), private :: to_samples_plan = c_null_ptr, to_coefficients_plan = c_null_ptr
   contains
     procedure :: to_samples
     procedure :: to_coefficients
+    procedure :: analyse_gradients
     procedure :: destroy
   end type fourier_type
 
@@ -42,13 +44,13 @@ contains
     self%coefficients = 2*harmonics + 1
     self%to_samples_plan = fftw_plan_dft_c2r_1d(samples, z, x, ior(FFTW_ESTIMATE, FFTW_UNALIGNED))
     self%to_coefficients_plan = fftw_plan_dft_r2c_1d(samples, x, z, ior(FFTW_ESTIMATE, FFTW_UNALIGNED))
-    allocate (self%synthesis(samples, self%coefficients))
-    self%synthesis(:, 1) = 1.0_wp
+    allocate (self%basis(self%coefficients, samples))
+    self%basis(1, :) = 1.0_wp
     do h = 1, harmonics
-      self%synthesis(:, 2*h) = [(cos(two_pi*modulo(h*j, samples)/samples), j=0, samples - 1)]
-      self%synthesis(:, 2*h + 1) = [(sin(two_pi*modulo(h*j, samples)/samples), j=0, samples - 1)]
+      self%basis(2*h, :) = [(cos(two_pi*modulo(h*j, samples)/samples), j=0, samples - 1)]
+      self%basis(2*h + 1, :) = [(sin(two_pi*modulo(h*j, samples)/samples), j=0, samples - 1)]
     end do
-    self%analysis = transpose(self%synthesis)*2.0_wp/samples
+    self%analysis = self%basis*2.0_wp/samples
     self%analysis(1, :) = 1.0_wp/samples
   end function new_fourier
 
@@ -93,6 +95,18 @@ contains
       end do
     end do
   end subroutine to_coefficients
+
+  !> The coefficients' gradients from those of the samples, all at once.
+  subroutine analyse_gradients(self, samples, coefficients)
+    class(fourier_type), intent(in) :: self
+    !> Gradients by p parameters of c columns of samples [p, c, J]
+    real(wp), intent(in), contiguous :: samples(:, :, :)
+    !> [coefficients, p, c]
+    real(wp), intent(out), contiguous :: coefficients(:, :, :)
+
+    call multiply_by_transpose(self%coefficients, size(samples, 1)*size(samples, 2), self%samples, self%analysis, samples, &
+                               coefficients)
+  end subroutine analyse_gradients
 
   !> Give FFTW's plans back.
   subroutine destroy(self)

@@ -6,12 +6,14 @@
 !>
 !> and so is the Jacobian: g is continuous across events, so their motion leaves no term but that of landing.
 module attrito_contact_quadrature_event
-  use attrito_core_kinds, only: wp, pi, two_pi
+  use attrito_core_kinds, only: wp, two_pi
   use attrito_model_contacts, only: contact_type
+  use attrito_contact_moments, only: moments_type, new_moments, ends_type, new_ends
   use attrito_contact_event_march, only: event_motion_type, interval_type, new_event_motion, march_events
-  use attrito_contact_quadrature_sampled, only: contact_forces_type
+  use attrito_contact_quadrature_sampled, only: contact_forces_type, stay_stuck
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open, state_stuck, state_shaken_down, state_slipping, &
                                    state_open
+  use attrito_contact_stuck, only: surely_stuck
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, basis_at
   implicit none
   private
@@ -34,151 +36,117 @@ contains
     type(interval_type) :: state, lowest, highest
     integer :: count
 
-    if (surely_stuck(law, motion, slider)) then
-      call stay_stuck(law, slider, size(motion), forces)
+    if (surely_stuck(law, motion, [slider])) then
+      call stay_stuck(law, [slider, 0.0_wp], size(motion, 1), forces)
       return
     end if
     events = new_event_motion(law, grid, motion)
     allocate (intervals(2*size(events%closed)))
     state = interval_type(slider=slider)
-    call march_events(events, state, intervals, count)
-    forces%slider = [state%slider, 0.0_wp]
-    call march_events(events, state, intervals, count)
     lowest = interval_type(slider=-huge(1.0_wp))
     highest = interval_type(slider=huge(1.0_wp))
+    call march_events(events, state)
+    call march_events(events, lowest)
+    call march_events(events, highest)
+    forces%slider = [state%slider, 0.0_wp]
+    forces%unique = lowest%slider >= highest%slider - 1.0e-13_wp*(abs(lowest%slider) + abs(highest%slider))
+    call march_events(events, state, intervals, count)
     call integrate(law, events, intervals(:count), motion, forces)
     call classify(events, intervals(:count), abs(forces%slider(1) - slider) > 0.0_wp, forces)
-    call march_events(events, lowest, intervals, count)
-    call march_events(events, highest, intervals, count)
-    forces%unique = lowest%slider >= highest%slider - 1.0e-13_wp*(abs(lowest%slider) + abs(highest%slider))
     call differentiate(forces, size(motion, 1))
   end subroutine evaluate_contact_by_events
 
-  !> Do bounds on the motion, from the amplitudes of its harmonics, keep |T| below mu N for good?
-  pure logical function surely_stuck(law, motion, slider)
-    type(contact_type), intent(in) :: law
-    real(wp), intent(in) :: motion(:, :), slider
-    real(wp) :: least_normal
-
-    least_normal = law%preload + law%normal_stiffness*(motion(1, 2) - law%gap - swing(motion(:, 2)))
-    surely_stuck = law%tangential_stiffness*(abs(motion(1, 1) - slider) + swing(motion(:, 1))) &
-                   < law%friction_coefficient*least_normal
-  end function surely_stuck
-
-  !> Sum of the amplitudes of the harmonics.
-  pure real(wp) function swing(coefficients)
-    real(wp), intent(in) :: coefficients(:)
-
-    swing = sum(hypot(coefficients(2::2), coefficients(3::2)))
-  end function swing
-
-  !> A contact that stays stuck: a constant deviation, no Jacobian, its slider where it was.
-  pure subroutine stay_stuck(law, slider, rows, forces)
-    type(contact_type), intent(in) :: law
-    real(wp), intent(in) :: slider
-    !> Of the Jacobian
-    integer, intent(in) :: rows
-    type(contact_forces_type), intent(inout) :: forces
-
-    forces%deviation = 0.0_wp
-    forces%deviation(1, :) = [-law%tangential_stiffness*slider, law%preload - law%normal_stiffness*law%gap]
-    forces%slider = [slider, 0.0_wp]
-    forces%state = state_stuck
-    forces%stick = 1.0_wp
-    forces%slip = 0.0_wp
-    forces%open = 0.0_wp
-    forces%unique = .false.
-    forces%active = spread(.false., 1, rows)
-    if (allocated(forces%jacobian)) deallocate (forces%jacobian)
-  end subroutine stay_stuck
-
-  !> Coefficients of the deviation and its Jacobian, interval by interval.
+  !> Coefficients of the deviation and its Jacobian, from the moments of where the slider moves and where the contact is open.
   subroutine integrate(law, events, intervals, motion, forces)
     type(contact_type), intent(in) :: law
     type(event_motion_type), intent(in) :: events
     type(interval_type), intent(in) :: intervals(:)
     real(wp), intent(in) :: motion(:, :)
     type(contact_forces_type), intent(inout) :: forces
-    real(wp), allocatable :: products(:, :), moved(:, :)
+    !> Where the slider goes with u; where with the radius, less where against it; and where open
+    type(moments_type) :: moving, along, opened
+    type(ends_type) :: ends
     real(wp) :: closed_normal
-    integer :: i, k
+    integer :: i, k, order
 
     k = size(motion, 1)
+    order = (size(forces%deviation, 1) + k)/2 - 1
+    ends = new_ends([intervals(1)%from, intervals%to], order)
+    moving = new_moments(order)
+    along = new_moments(order)
+    opened = new_moments(order)
+    do i = 1, size(intervals)
+      if (intervals(i)%regime /= regime_stick) call moving%add(ends, i, 1.0_wp)
+      if (intervals(i)%regime == regime_slip) call along%add(ends, i, real(intervals(i)%side, wp))
+      if (intervals(i)%regime == regime_open) call opened%add(ends, i, 1.0_wp)
+    end do
+    call moving%complete()
+    call along%complete()
+    call opened%complete()
     closed_normal = law%preload - law%normal_stiffness*law%gap
-    if (allocated(forces%jacobian)) deallocate (forces%jacobian)
-    allocate (forces%jacobian(2*k, 2*k), source=0.0_wp)
     forces%deviation = 0.0_wp
+    forces%deviation(1, 2) = closed_normal
+    if (allocated(forces%jacobian)) deallocate (forces%jacobian)
+    allocate (forces%jacobian(2*k, 2*k))
     associate (g_t => forces%deviation(:, 1), g_n => forces%deviation(:, 2), kt => law%tangential_stiffness, &
-               tt => forces%jacobian(:k, :k), tn => forces%jacobian(:k, k + 1:), nn => forces%jacobian(k + 1:, k + 1:))
-      do i = 1, size(intervals)
-        associate (interval => intervals(i))
-          products = basis_products(interval%from, interval%to, size(forces%deviation, 1), k)
-          select case (interval%regime)
-           case (regime_open)
-            g_t = g_t - kt*matmul(products, motion(:, 1))
-            g_n = g_n - law%normal_stiffness*matmul(products, motion(:, 2))
-            tt = tt - kt*products(:k, :)
-            nn = nn - law%normal_stiffness*products(:k, :)
-            cycle
-           case (regime_slip)
-            g_t = g_t - kt*matmul(products, merge(events%lower, events%upper, interval%side > 0))
-            tt = tt - kt*products(:k, :)
-            tn = tn + interval%side*kt*events%slope*products(:k, :)
-           case default
-            g_t = g_t - kt*interval%slider*products(:, 1)
-            if (interval%has_origin) then
-              moved = kt*outer(products(:k, 1), basis_at(interval%origin, (k - 1)/2))
-              tt = tt - moved
-              tn = tn - interval%by_normal*moved
-            end if
-          end select
-          g_n = g_n + closed_normal*products(:, 1)
-        end associate
-      end do
+               kn => law%normal_stiffness, j => forces%jacobian)
+      ! w = u - r along the tangent, u + r against it
+      call moving%add_product(motion(:, 1), -kt, g_t)
+      call along%add_product(0.5_wp*(events%upper - events%lower), kt, g_t)
+      call opened%add_column(-closed_normal, g_n)
+      call opened%add_product(motion(:, 2), -kn, g_n)
+      call moving%write_matrix(-kt, j(:k, :k))
+      call along%write_matrix(kt*events%slope, j(:k, k + 1:))
+      j(k + 1:, :k) = 0.0_wp
+      call opened%write_matrix(-kn, j(k + 1:, k + 1:))
     end associate
+    call integrate_rest(law, intervals, ends, k, forces)
   end subroutine integrate
 
-  !> Integrals of e_m e_n over an interval, scaled so that they turn a series into its coefficients [e, k].
-  pure function basis_products(from, to, rows, columns) result(products)
-    real(wp), intent(in) :: from, to
-    integer, intent(in) :: rows, columns
-    real(wp) :: products(rows, columns)
-    real(wp) :: c(-(columns/2):(rows + columns)/2), s(-(columns/2):(rows + columns)/2)
-    integer :: p, m, n
+  !> What sliders at rest add: a constant, which follows the motion at the instant that put it there.
+  subroutine integrate_rest(law, intervals, ends, k, forces)
+    type(contact_type), intent(in) :: law
+    type(interval_type), intent(in) :: intervals(:)
+    type(ends_type), intent(in) :: ends
+    !> Coefficients a row
+    integer, intent(in) :: k
+    type(contact_forces_type), intent(inout) :: forces
+    type(moments_type) :: resting
+    real(wp) :: force(size(forces%deviation, 1)), basis(k)
+    integer :: i, n
 
-    c(0) = to - from
-    s(0) = 0.0_wp
-    do p = 1, ubound(c, 1)
-      c(p) = (sin(p*to) - sin(p*from))/p
-      s(p) = (cos(p*from) - cos(p*to))/p
-    end do
-    do p = 1, -lbound(c, 1)
-      c(-p) = c(p)
-      s(-p) = -s(p)
-    end do
-    products(1, 1) = c(0)
-    do n = 1, (columns - 1)/2
-      products(1, 2*n:2*n + 1) = [c(n), s(n)]
-    end do
-    do m = 1, (rows - 1)/2
-      products(2*m:2*m + 1, 1) = [c(m), s(m)]
-      do n = 1, (columns - 1)/2
-        products(2*m, 2*n) = 0.5_wp*(c(m - n) + c(m + n))
-        products(2*m + 1, 2*n + 1) = 0.5_wp*(c(m - n) - c(m + n))
-        products(2*m, 2*n + 1) = 0.5_wp*(s(m + n) - s(m - n))
-        products(2*m + 1, 2*n) = 0.5_wp*(s(m + n) + s(m - n))
+    resting = new_moments(size(ends%c, 1) - 1)
+    do i = 1, size(intervals)
+      if (intervals(i)%regime /= regime_stick) cycle
+      call resting%add(ends, i, 1.0_wp)
+      if (goes_on(i)) cycle
+      force = 0.0_wp
+      call resting%add_column(-law%tangential_stiffness, force)
+      resting%c = 0.0_wp
+      resting%s = 0.0_wp
+      forces%deviation(:, 1) = forces%deviation(:, 1) + intervals(i)%slider*force
+      if (.not. intervals(i)%has_origin) cycle
+      basis = basis_at(intervals(i)%origin, (k - 1)/2)
+      do n = 1, k
+        forces%jacobian(:k, n) = forces%jacobian(:k, n) + basis(n)*force(:k)
+        forces%jacobian(:k, k + n) = forces%jacobian(:k, k + n) + (intervals(i)%by_normal*basis(n))*force(:k)
       end do
     end do
-    products(1, :) = products(1, :)/two_pi
-    products(2:, :) = products(2:, :)/pi
-  end function basis_products
 
-  pure function outer(a, b)
-    real(wp), intent(in) :: a(:), b(:)
-    real(wp) :: outer(size(a), size(b))
+  contains
 
-    outer = spread(a, 2, size(b))*spread(b, 1, size(a))
-  end function outer
+    !> Does the same rest go on in the next interval?
+    pure logical function goes_on(i)
+      integer, intent(in) :: i
+
+      goes_on = .false.
+      if (i == size(intervals)) return
+      associate (here => intervals(i), next => intervals(i + 1))
+        goes_on = next%regime == regime_stick .and. (next%has_origin .eqv. here%has_origin) &
+                  .and. abs(next%origin - here%origin) <= 0.0_wp
+      end associate
+    end function goes_on
+  end subroutine integrate_rest
 
   !> State and fractions.
   pure subroutine classify(events, intervals, moved, forces)

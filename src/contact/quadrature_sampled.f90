@@ -11,12 +11,13 @@ module attrito_contact_quadrature_sampled
   use attrito_model_contacts, only: contact_type
   use attrito_contact_fourier, only: fourier_type
   use attrito_contact_friction_disc, only: slide_on_disc
-  use attrito_contact_friction_line, only: slide_along_line, slider_interval
+  use attrito_contact_friction_line, only: slide_along_line, slider_interval, side_landed
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open, state_stuck, state_shaken_down, state_slipping, &
                                    state_open
+  use attrito_contact_stuck, only: surely_stuck
   implicit none
   private
-  public :: contact_forces_type, periodic_slider_type, evaluate_contact, contact_samples_type, sample_contact, released
+  public :: stay_stuck, contact_forces_type, periodic_slider_type, evaluate_contact, contact_samples_type, sample_contact, released
 
   !> Two tangents: the start slider w of a period that is to leave it where it was, w = P(w, d). A change of motion moves it by
   !> holding^-1 P_d delta d, holding = I - dP/dw, and the forces g by g_w times that.
@@ -95,6 +96,10 @@ contains
     integer :: i
 
     forces%periodic = periodic .and. law%tangents == 2
+    if (surely_stuck(law, motion, slider)) then
+      call stay_stuck(law, slider, size(motion, 1), forces)
+      return
+    end if
     call sample_contact(law, fourier, motion, slider, merge(1, 2, forces%periodic), samples)
     deviation = samples%force
     do i = 1, law%tangents
@@ -106,6 +111,30 @@ contains
     call classify(samples, forces)
     call differentiate(law, fourier, samples, forces)
   end subroutine evaluate_contact
+
+  !> A contact that stays stuck: a constant deviation, no Jacobian, its slider where it was.
+  pure subroutine stay_stuck(law, slider, coefficients, forces)
+    type(contact_type), intent(in) :: law
+    real(wp), intent(in) :: slider(2)
+    !> Of motion a row
+    integer, intent(in) :: coefficients
+    type(contact_forces_type), intent(inout) :: forces
+    integer :: n
+
+    n = law%tangents
+    forces%deviation = 0.0_wp
+    forces%deviation(1, :n) = -law%tangential_stiffness*slider(:n)
+    forces%deviation(1, n + 1) = law%preload - law%normal_stiffness*law%gap
+    forces%slider = slider
+    forces%moved = 0.0_wp
+    forces%state = state_stuck
+    forces%stick = 1.0_wp
+    forces%slip = 0.0_wp
+    forces%open = 0.0_wp
+    forces%unique = .false.
+    forces%active = spread(.false., 1, coefficients*(n + 1))
+    if (allocated(forces%jacobian)) deallocate (forces%jacobian)
+  end subroutine stay_stuck
 
   !> March the law over the samples of one period until its slider repeats.
   subroutine sample_contact(law, fourier, motion, slider, passes, samples)
@@ -130,8 +159,9 @@ contains
       normal = law%preload + law%normal_stiffness*(samples%displacement(:, n) - law%gap)
       ! A contact that just touches counts as closed: unloaded bodies that only contacts hold have a regular Jacobian.
       samples%closed = normal >= 0.0_wp
-      normal = max(normal, 0.0_wp)
+      ! Negative where it is open: the marches find landing between samples.
       radius = law%friction_coefficient*normal/law%tangential_stiffness
+      normal = max(normal, 0.0_wp)
     end associate
     if (law%tangents == 1) then
       call march_line(samples, radius, slider(1))
@@ -147,7 +177,7 @@ contains
   !> One tangent: the first march reaches the steady loop, the second records it.
   subroutine march_line(samples, radius, slider)
     type(contact_samples_type), intent(inout) :: samples
-    !> Slip radius [J]
+    !> Slip radius, negative where open [J]
     real(wp), intent(in) :: radius(:)
     !> Slider at the start
     real(wp), intent(in) :: slider
@@ -175,29 +205,24 @@ contains
     type(contact_type), intent(in) :: law
     type(fourier_type), intent(in) :: fourier
     type(contact_samples_type), intent(inout) :: samples
-    !> Slip radius [J]
+    !> Slip radius, negative where open [J]
     real(wp), intent(in) :: radius(:)
     !> Slider at the start
     real(wp), intent(in) :: slider(2)
     integer, intent(in) :: passes
-    real(wp), allocatable :: gradient(:, :), motion_gradient(:, :), radius_gradient(:, :)
+    real(wp), allocatable :: gradient(:, :)
     real(wp) :: w(2)
-    integer :: pass, j, k
+    integer :: pass, k
 
     k = fourier%coefficients
-    motion_gradient = transpose(fourier%synthesis)
-    radius_gradient = motion_gradient
-    do j = 1, fourier%samples
-      radius_gradient(:, j) = merge(law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness, 0.0_wp, &
-                                    samples%closed(j))*motion_gradient(:, j)
-    end do
     allocate (gradient(3*k + 2, 2), source=0.0_wp)
     allocate (samples%gradients(3*k + 2, 2, fourier%samples))
     w = slider
     do pass = 1, passes
       samples%start = w
       gradient(3*k + 1:, :) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [2, 2])
-      call slide_on_disc(samples%displacement(:, 1:2), radius, motion_gradient, radius_gradient, w, gradient, &
+      call slide_on_disc(samples%displacement(:, 1:2), radius, fourier%basis, &
+                         law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness, w, gradient, &
                          samples%slider, samples%gradients, samples%regimes)
       if (pass < passes) samples%moved = samples%moved .or. any(samples%regimes /= regime_stick)
     end do
@@ -279,38 +304,51 @@ contains
     end if
     if (all(samples%closed)) return
     forces%active(n + 1:) = .true.
-    forces%jacobian(n + 1:, n + 1:) = -law%normal_stiffness*matmul(fourier%analysis, &
-                                      masked_rows(fourier%synthesis, merge(0.0_wp, 1.0_wp, samples%closed)))
+    call add_open_springs(law, fourier, samples, forces%jacobian(n + 1:, n + 1:))
   end subroutine differentiate
 
-  !> Coefficients of the slider per coefficient of (u, v): w_j = u_k + side_k r_k, k the sample of its last clamp.
+  !> Coefficients of the slider per coefficient of (u, v): w_j = u_k + side_k r_k, k the sample of its last clamp; or where it
+  !> landed before k, u(t) at N(t) = 0, t = -N_a/(N_k - N_a): dw = du(t) - (u_k - u_a)/(v_k - v_a) dv(t).
   subroutine slider_gradient_line(law, fourier, samples, gradient)
     type(contact_type), intent(in) :: law
     type(fourier_type), intent(in) :: fourier
     type(contact_samples_type), intent(in) :: samples
     !> Gradient [k, 2 k]
     real(wp), intent(out) :: gradient(:, :)
-    real(wp), allocatable :: of_u(:, :), of_v(:, :)
+    real(wp), allocatable :: gradients(:, :, :), analysed(:, :, :)
     real(wp) :: slope
-    integer :: j, k
+    integer :: j, k, before
 
-    allocate (of_u, of_v, mold=fourier%synthesis)
+    k = fourier%coefficients
+    allocate (gradients(k, 2, fourier%samples), analysed(k, k, 2))
     slope = law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness
     do j = 1, fourier%samples
-      associate (origin => samples%origins(j))
+      associate (origin => samples%origins(j), u => samples%displacement(:, 1), v => samples%displacement(:, 2), &
+                 of_u => gradients(:, 1, j), of_v => gradients(:, 2, j), basis => fourier%basis)
         if (origin == 0) then
-          of_u(j, :) = 0.0_wp
-          of_v(j, :) = 0.0_wp
+          gradients(:, :, j) = 0.0_wp
+        else if (samples%sides(j) == side_landed) then
+          before = modulo(origin - 2, fourier%samples) + 1
+          of_u = basis(:, before) + landing_time(law, v(before), v(origin))*(basis(:, origin) - basis(:, before))
+          of_v = -((u(origin) - u(before))/(v(origin) - v(before)))*of_u
         else
-          of_u(j, :) = fourier%synthesis(origin, :)
-          of_v(j, :) = merge(samples%sides(j)*slope, 0.0_wp, samples%closed(origin))*fourier%synthesis(origin, :)
+          of_u = basis(:, origin)
+          of_v = merge(samples%sides(j)*slope, 0.0_wp, samples%closed(origin))*of_u
         end if
       end associate
     end do
-    k = fourier%coefficients
-    gradient(:, :k) = matmul(fourier%analysis, of_u)
-    gradient(:, k + 1:) = matmul(fourier%analysis, of_v)
+    call fourier%analyse_gradients(gradients, analysed)
+    gradient(:, :k) = analysed(:, :, 1)
+    gradient(:, k + 1:) = analysed(:, :, 2)
   end subroutine slider_gradient_line
+
+  !> Part of the step, from 0 to 1, after which a contact that closes linearly from a to b touches.
+  pure real(wp) function landing_time(law, a, b)
+    type(contact_type), intent(in) :: law
+    real(wp), intent(in) :: a, b
+
+    landing_time = (law%gap - law%preload/law%normal_stiffness - a)/(b - a)
+  end function landing_time
 
   !> Tangential rows of the Jacobian from the march's gradient by (u1, u2, v) and start slider; a periodic slider follows the motion.
   subroutine slider_gradient_disc(law, fourier, samples, forces)
@@ -320,20 +358,20 @@ contains
     type(contact_forces_type), intent(inout) :: forces
     ! What a period keeps but for rounding stays where it is, rather than moving without limit.
     real(wp), parameter :: kept = 1.0_wp - 1.0e-8_wp
-    real(wp), allocatable :: gradient(:, :)
+    real(wp), allocatable :: gradient(:, :, :)
     integer :: i, k
 
     k = fourier%coefficients
-    allocate (gradient(2*k, 3*k + 2))
-    do i = 1, 2
-      gradient((i - 1)*k + 1:i*k, :) = matmul(fourier%analysis, transpose(samples%gradients(:, i, :)))
-    end do
+    allocate (gradient(k, 3*k + 2, 2))
+    call fourier%analyse_gradients(samples%gradients, gradient)
     gradient = -law%tangential_stiffness*gradient
-    forces%jacobian(:2*k, :) = gradient(:, :3*k)
+    do i = 1, 2
+      forces%jacobian((i - 1)*k + 1:i*k, :) = gradient(:, :3*k, i)
+    end do
     if (.not. forces%periodic) return
     associate (link => forces%link, last => samples%gradients(:, :, fourier%samples))
       link%by_motion = transpose(last(:3*k, :))
-      link%force = gradient(:, 3*k + 1:)
+      link%force = reshape([gradient(:, 3*k + 1, :), gradient(:, 3*k + 2, :)], [2*k, 2])
       link%holding = -kept*transpose(last(3*k + 1:, :))
       do i = 1, 2
         link%holding(i, i) = link%holding(i, i) + 1.0_wp
@@ -352,11 +390,22 @@ contains
     released = matmul(inverse, columns)/(holding(1, 1)*holding(2, 2) - holding(1, 2)*holding(2, 1))
   end function released
 
-  !> Each row of a matrix times its factor.
-  pure function masked_rows(matrix, factor) result(product)
-    real(wp), intent(in) :: matrix(:, :), factor(:)
-    real(wp) :: product(size(matrix, 1), size(matrix, 2))
+  !> Normal rows of the Jacobian: minus the spring wherever open.
+  subroutine add_open_springs(law, fourier, samples, jacobian)
+    type(contact_type), intent(in) :: law
+    type(fourier_type), intent(in) :: fourier
+    type(contact_samples_type), intent(in) :: samples
+    !> [k, k]
+    real(wp), intent(inout) :: jacobian(:, :)
+    real(wp), allocatable :: gradients(:, :, :), analysed(:, :, :)
+    integer :: j, k
 
-    product = matrix*spread(factor, 2, size(matrix, 2))
-  end function masked_rows
+    k = fourier%coefficients
+    allocate (gradients(k, 1, fourier%samples), analysed(k, k, 1))
+    do j = 1, fourier%samples
+      gradients(:, 1, j) = merge(0.0_wp, -law%normal_stiffness, samples%closed(j))*fourier%basis(:, j)
+    end do
+    call fourier%analyse_gradients(gradients, analysed)
+    jacobian = jacobian + analysed(:, :, 1)
+  end subroutine add_open_springs
 end module attrito_contact_quadrature_sampled

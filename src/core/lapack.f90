@@ -3,9 +3,16 @@ module attrito_core_lapack
   use attrito_core_kinds, only: wp
   implicit none
   private
-  public :: solve_dense, factor, solve_factored, factor_complex, solve_factored_complex, symmetric_eigenpairs
+  public :: multiply_by_transpose, solve_dense, factor, solve_factored, factor_complex, solve_factored_complex, symmetric_eigenpairs
 
   interface
+    subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
+      import :: wp
+      character, intent(in) :: transa, transb
+      integer, intent(in) :: m, n, k, lda, ldb, ldc
+      real(wp), intent(in) :: alpha, beta, a(lda, *), b(ldb, *)
+      real(wp), intent(inout) :: c(ldc, *)
+    end subroutine dgemm
     subroutine dgesv(n, nrhs, a, lda, ipiv, b, ldb, info)
       import :: wp
       integer, intent(in) :: n, nrhs, lda, ldb
@@ -52,6 +59,16 @@ module attrito_core_lapack
   end interface
 
 contains
+
+  !> c = a b^T, of arrays whose leading dimensions may be several at once.
+  subroutine multiply_by_transpose(m, n, k, a, b, c)
+    integer, intent(in) :: m, n, k
+    !> [m, k], [n, k] and [m, n]
+    real(wp), intent(in) :: a(m, k), b(n, k)
+    real(wp), intent(out) :: c(m, n)
+
+    call dgemm('N', 'T', m, n, k, 1.0_wp, a, m, b, n, 0.0_wp, c, m)
+  end subroutine multiply_by_transpose
 
   !> Solve a x = b by LU with partial pivoting; `a` and `b` are overwritten, `b` by x.
   subroutine solve_dense(a, b, info)

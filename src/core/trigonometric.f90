@@ -3,9 +3,30 @@ module attrito_core_trigonometric
   use attrito_core_kinds, only: wp, two_pi
   implicit none
   private
-  public :: value_at, extrema
+  public :: harmonics_at, value_at, extrema
 
 contains
+
+  !> cos h theta and sin h theta, h = 1 ... H, by products: four at a time, each of which waits for none of the others.
+  pure subroutine harmonics_at(theta, cosines, sines)
+    real(wp), intent(in) :: theta
+    !> [H]
+    real(wp), intent(out), contiguous :: cosines(:), sines(:)
+    integer, parameter :: stride = 4
+    integer :: h
+
+    if (size(cosines) == 0) return
+    cosines(1) = cos(theta)
+    sines(1) = sin(theta)
+    do h = 2, min(stride, size(cosines))
+      cosines(h) = cosines(h - 1)*cosines(1) - sines(h - 1)*sines(1)
+      sines(h) = sines(h - 1)*cosines(1) + cosines(h - 1)*sines(1)
+    end do
+    do h = stride + 1, size(cosines)
+      cosines(h) = cosines(h - stride)*cosines(stride) - sines(h - stride)*sines(stride)
+      sines(h) = sines(h - stride)*cosines(stride) + cosines(h - stride)*sines(stride)
+    end do
+  end subroutine harmonics_at
 
   !> Value and its first two derivatives by theta.
   pure function value_at(coefficients, theta) result(jet)
@@ -14,16 +35,17 @@ contains
     real(wp), intent(in) :: theta
     !> [x, x', x'']
     real(wp) :: jet(3)
-    complex(wp) :: turn, turned, term
+    real(wp) :: cosines(size(coefficients)/2), sines(size(coefficients)/2), along, across
     integer :: h
 
+    call harmonics_at(theta, cosines, sines)
     jet = [coefficients(1), 0.0_wp, 0.0_wp]
-    turn = cmplx(cos(theta), sin(theta), wp)
-    turned = 1.0_wp
-    do h = 1, (size(coefficients) - 1)/2
-      turned = turned*turn
-      term = cmplx(coefficients(2*h), -coefficients(2*h + 1), wp)*turned
-      jet = jet + [term%re, -h*term%im, -h*h*term%re]
+    do h = 1, size(cosines)
+      along = coefficients(2*h)*cosines(h) + coefficients(2*h + 1)*sines(h)
+      across = coefficients(2*h + 1)*cosines(h) - coefficients(2*h)*sines(h)
+      jet(1) = jet(1) + along
+      jet(2) = jet(2) + h*across
+      jet(3) = jet(3) - (h*h)*along
     end do
   end function value_at
 

@@ -14,7 +14,7 @@ program test_condensation
   implicit none
 
   integer, parameter :: harmonics = 3, samples = 32
-  real(wp), parameter :: omega = 1.3_wp
+  real(wp), parameter :: omega = 1.2_wp
   ! Both are solved to 1e-12 in forces of order one; the stiffness of the contacts closed on average is above 0.01.
   real(wp), parameter :: tolerance = 1.0e-10_wp
 

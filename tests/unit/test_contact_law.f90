@@ -6,7 +6,9 @@ program test_contact_law
   use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_friction_line, only: slide_along_line, slider_interval
   use attrito_contact_quadrature_sampled, only: contact_forces_type, contact_samples_type, evaluate_contact, sample_contact
-  use attrito_contact_state, only: state_stuck, state_shaken_down, state_slipping, state_open, regime_open
+  use attrito_contact_state, only: state_stuck, state_shaken_down, state_slipping, state_open, regime_open, &
+                                   regime_stick
+  use attrito_contact_stuck, only: surely_stuck
   use scenes, only: noise
   use testing, only: test, run_suite, check, check_close
   implicit none
@@ -18,6 +20,7 @@ program test_contact_law
                 test('a Jenkins element dissipates 4 mu N (a - mu N / kt) a cycle, to the kinks'' quadrature error', energy), &
                 test('the energy converges as the number of samples squared', energy_order), &
                 test('a contact that never slips has a constant deviation and no Jacobian', stuck), &
+                test('a contact whose amplitudes say that it sticks does stick at every sample', amplitudes_tell), &
                 test('a stuck contact keeps the slider it was given', stuck_keeps_slider), &
                 test('a shaken-down slider stops at the near end of its interval', shaken_down), &
                 test('friction never exceeds mu N, the wall never pulls, an open contact carries nothing', limits), &
@@ -110,6 +113,37 @@ contains
       call check_close(error, forces%deviation, 0.0_wp*motion(:, :tangents + 1), 1.0e-14_wp, 'deviation')
     end do
   end subroutine stuck
+
+  subroutine amplitudes_tell(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(contact_type) :: law
+    type(contact_samples_type) :: samples
+    type(fourier_type) :: fourier
+    real(wp) :: motion(k, 3), slider(2)
+    integer :: seed, tangents, told, sticking
+
+    fourier = new_fourier(harmonics, 64)
+    told = 0
+    sticking = 0
+    do seed = 1, 200
+      tangents = 1 + modulo(seed, 2)
+      law = plain_law(tangents)
+      motion = 0.02_wp*reshape(noise(3*k, seed), [k, 3])
+      motion(1, tangents + 1) = 0.005_wp*seed
+      slider = 0.1_wp*noise(2, seed + 500)
+      if (allocated(samples%displacement)) deallocate (samples%displacement, samples%slider, samples%regimes)
+      if (allocated(samples%gradients)) deallocate (samples%gradients)
+      if (allocated(samples%origins)) deallocate (samples%origins, samples%sides)
+      samples%moved = .false.
+      call sample_contact(law, fourier, motion(:, :tangents + 1), slider, 2, samples)
+      if (.not. samples%moved) sticking = sticking + 1
+      if (.not. surely_stuck(law, motion(:, :tangents + 1), slider)) cycle
+      told = told + 1
+      call check(error, .not. samples%moved .and. all(samples%regimes == regime_stick), 'it is said to stick, and slips')
+    end do
+    call check(error, told > 50 .and. sticking > told .and. sticking < 190, 'all or none stick: the test is void')
+    call fourier%destroy()
+  end subroutine amplitudes_tell
 
   subroutine stuck_keeps_slider(error)
     type(error_type), allocatable, intent(out) :: error
@@ -264,7 +298,8 @@ contains
     wide = 0
     do seed = 1, 20
       u = 0.2_wp*noise(48, seed)
-      r = max(0.15_wp + 0.1_wp*noise(48, seed + 100), 0.0_wp)
+      ! Negative where it is open
+      r = merge(0.15_wp, 0.05_wp, modulo(seed, 3) > 0) + 0.1_wp*noise(48, seed + 100)
       if (modulo(seed, 2) == 0) r = r + 0.3_wp
       call slider_interval(u, r, low, high)
       if (high > low) wide = wide + 1

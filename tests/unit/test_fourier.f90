@@ -63,7 +63,7 @@ contains
     fourier = new_fourier(7, 48)
     coefficients = reshape(noise(30, 2), [15, 2])
     call fourier%to_samples(coefficients, x)
-    call check_close(error, matmul(fourier%synthesis, coefficients), x, rounding, 'samples')
+    call check_close(error, matmul(transpose(fourier%basis), coefficients), x, rounding, 'samples')
     call fourier%destroy()
   end subroutine synthesis_agrees
 

@@ -58,8 +58,8 @@ contains
     integer, parameter :: most_periods = 2000
     real(wp) :: coefficients(size(motion, 1), size(motion, 2))
     real(wp) :: x(samples, size(motion, 2)), force(samples, size(motion, 2)), basis(samples, size(motion, 1))
-    real(wp) :: w(law%tangents), before(law%tangents), elastic(law%tangents), limit
-    integer :: h, j, period, n
+    real(wp) :: u(samples, 2), r(samples), w(2), before(2)
+    integer :: h, i, j, period, n
 
     n = law%tangents + 1
     do j = 1, samples
@@ -70,29 +70,79 @@ contains
       end do
     end do
     x = matmul(basis, motion)
+    u = 0.0_wp
+    u(:, :n - 1) = x(:, :n - 1)
+    force(:, n) = law%preload + law%normal_stiffness*(x(:, n) - law%gap)
+    r = law%friction_coefficient*force(:, n)/law%tangential_stiffness
+    force(:, n) = max(force(:, n), 0.0_wp)
     w = 0.0_wp
     do period = 1, most_periods
       before = w
+      i = samples
       do j = 1, samples
-        force(j, n) = law%preload + law%normal_stiffness*(x(j, n) - law%gap)
-        if (force(j, n) <= 0.0_wp) then
-          force(j, :) = 0.0_wp
-          w = x(j, :n - 1)
-          cycle
-        end if
-        limit = law%friction_coefficient*force(j, n)
-        elastic = law%tangential_stiffness*(x(j, :n - 1) - w)
-        if (norm2(elastic) > limit) then
-          elastic = limit*elastic/norm2(elastic)
-          w = x(j, :n - 1) - elastic/law%tangential_stiffness
-        end if
-        force(j, :n - 1) = elastic
+        call step(u(i, :), u(j, :), r(i), r(j), w)
+        force(j, :n - 1) = law%tangential_stiffness*(u(j, :n - 1) - w(:n - 1))
+        i = j
       end do
       if (maxval(abs(w - before)) <= epsilon(1.0_wp)*maxval(abs(x))) exit
     end do
     coefficients = matmul(transpose(basis), force)*2.0_wp/samples
     coefficients(1, :) = 0.5_wp*coefficients(1, :)
   end function periodic_forces
+
+  !> The slider from one sample to the next, u and r linear in between. Events by bisection; in slip, e = (u - w)/r makes an angle phi
+  !> with d = u_b - u_a that falls by r phi' = -|d| sin(phi): tan(phi/2) goes with exp(-|d| int dt/r).
+  pure subroutine step(u_a, u_b, r_a, r_b, w)
+    real(wp), intent(in) :: u_a(2), u_b(2), r_a, r_b
+    real(wp), intent(inout) :: w(2)
+    ! What the slider may lie outside by rounding
+    real(wp), parameter :: rounding = 1.0e-14_wp
+    real(wp) :: d(2), e(2), start, onset, beyond, middle, angle, exponent
+    integer :: i
+
+    d = u_b - u_a
+    if (r_b <= 0.0_wp) then
+      w = u_b
+      return
+    end if
+    start = 0.0_wp
+    if (r_a <= 0.0_wp) then
+      start = r_a/(r_a - r_b)
+      w = u_a + start*d
+    else if (norm2(u_a - w) > r_a) then
+      w = u_a - r_a*(u_a - w)/norm2(u_a - w)
+    end if
+    if (norm2(u_b - w) <= r_b + rounding) return
+    onset = start
+    beyond = 1.0_wp
+    do i = 1, 60
+      middle = 0.5_wp*(onset + beyond)
+      if (norm2(u_a + middle*d - w) <= r_a + middle*(r_b - r_a) + rounding) then
+        onset = middle
+      else
+        beyond = middle
+      end if
+    end do
+    e = u_a + onset*d - w
+    if (r_a <= 0.0_wp) e = d
+    angle = atan2(d(1)*e(2) - d(2)*e(1), dot_product(d, e))
+    exponent = 0.0_wp
+    if (r_a > 0.0_wp) exponent = norm2(d)*time_over_radius(r_a + onset*(r_b - r_a), r_b, 1.0_wp - onset)
+    angle = 2.0_wp*atan(tan(0.5_wp*angle)*exp(-exponent))
+    e = d/norm2(d)
+    w = u_b - r_b*[cos(angle)*e(1) - sin(angle)*e(2), sin(angle)*e(1) + cos(angle)*e(2)]
+  end subroutine step
+
+  !> Integral of dt/r where r goes linearly from a to b in a time.
+  pure real(wp) function time_over_radius(a, b, time)
+    real(wp), intent(in) :: a, b, time
+
+    if (abs(b - a) > 1.0e-5_wp*a) then
+      time_over_radius = time*log(b/a)/(b - a)
+    else
+      time_over_radius = time*(1.0_wp - 0.5_wp*(b - a)/a + (b - a)**2/(3.0_wp*a**2))/a
+    end if
+  end function time_over_radius
 
   !> Newton's method with a differenced Jacobian and backtracking, from `q` to the solution; harmonics' `level` raised in steps.
   subroutine solve_uncondensed(scene, omega, samples, steps, q, converged)
