@@ -19,7 +19,7 @@ module attrito_balance_condensed_krylov
     !> Residual of the linear system, relative to its right-hand side
     real(wp) :: tolerance = 1.0e-4_wp
     !> Modes of the coarse system
-    integer :: low_modes = 30
+    integer :: low_modes = 20
     integer :: max_iterations = 300
   end type krylov_options_type
 

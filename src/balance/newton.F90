@@ -230,9 +230,22 @@ contains
     end if
     PetscCall(SNESGetFunctionNorm(snes, norm, ierr))
     call adapt_stiffening(context, real(norm, wp))
+    call settle_sliders(context)
     PetscCall(MatAssemblyBegin(jacobian, MAT_FINAL_ASSEMBLY, ierr))
     PetscCall(MatAssemblyEnd(jacobian, MAT_FINAL_ASSEMBLY, ierr))
   end subroutine differentiate
+
+  !> A periodic slider that can come to rest does so from where it is.
+  pure subroutine settle_sliders(context)
+    type(newton_context_type), intent(inout) :: context
+    integer :: i
+
+    associate (balance => context%balance)
+      do i = 1, size(balance%forces)
+        if (balance%forces(i)%could_rest) balance%periodic(i) = .false.
+      end do
+    end associate
+  end subroutine settle_sliders
 
   !> Springs that contacts keep in the step hold what nothing else does. Where the residual stalls they hinder: all contacts give way
   !> together until one of them sticks again, which fewer springs reach sooner. Where it grows that went too far.

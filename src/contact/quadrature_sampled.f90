@@ -12,6 +12,7 @@ module attrito_contact_quadrature_sampled
   use attrito_contact_fourier, only: fourier_type
   use attrito_contact_friction_disc, only: slide_on_disc
   use attrito_contact_friction_line, only: slide_along_line, slider_interval, side_landed
+  use attrito_contact_resting_place, only: resting_place_type, find_resting_place, resting_gradient
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open, state_stuck, state_shaken_down, state_slipping, &
                                    state_open
   use attrito_contact_stuck, only: surely_stuck
@@ -42,6 +43,8 @@ module attrito_contact_quadrature_sampled
     !> Is the slider at the start of the period to be found with the motion, and how does it depend on it?
     logical :: periodic = .false.
     type(periodic_slider_type) :: link
+    !> Two tangents: is there a place where the slider would rest all over the period?
+    logical :: could_rest = .false.
     !> One of `state_...`
     integer :: state = state_stuck
     !> Fractions of the period
@@ -66,6 +69,9 @@ module attrito_contact_quadrature_sampled
     real(wp), allocatable :: gradients(:, :, :)
     !> Slider at the start of the last march, and what that march moves it by
     real(wp) :: start(2) = 0.0_wp, moved_by(2) = 0.0_wp
+    !> Two tangents: where the slider can rest, if anywhere, and if it does the derivative of that place [2, 3 k]
+    type(resting_place_type) :: place
+    real(wp), allocatable :: resting_gradient(:, :)
     !> Did the slider move before the last march, has it come to rest since, and does the loop forget its start?
     logical :: moved = .false., rests = .false., forgets = .false.
   end type contact_samples_type
@@ -79,8 +85,8 @@ contains
     follows = self%periodic .and. allocated(self%jacobian)
   end function follows
 
-  !> Forces and Jacobian of one contact. Two tangents: a slider that is not periodic is marched from where it is, once to where it
-  !> goes and once for the record; a periodic one is the unknown start of one march.
+  !> Forces and Jacobian of one contact. Two tangents: a slider that is not periodic goes to the nearest place where it can rest; if there
+  !> is none it is marched from where it is, once on its way and once for the record. A periodic one is the unknown start of one march.
   subroutine evaluate_contact(law, fourier, motion, slider, periodic, forces)
     type(contact_type), intent(in) :: law
     type(fourier_type), intent(in) :: fourier
@@ -127,6 +133,7 @@ contains
     forces%deviation(1, n + 1) = law%preload - law%normal_stiffness*law%gap
     forces%slider = slider
     forces%moved = 0.0_wp
+    forces%could_rest = .true.
     forces%state = state_stuck
     forces%stick = 1.0_wp
     forces%slip = 0.0_wp
@@ -166,7 +173,13 @@ contains
     if (law%tangents == 1) then
       call march_line(samples, radius, slider(1))
     else
-      call march_disc(law, fourier, samples, radius, slider, passes)
+      samples%place = find_resting_place(samples%displacement(:, 1:2), radius, slider)
+      ! A periodic slider that could rest elsewhere is marched all the same: it rests once it is marched from where it is.
+      if (samples%place%exists .and. (passes > 1 .or. samples%place%count == 0)) then
+        call rest(law, fourier, samples, radius, slider)
+      else
+        call march_disc(law, fourier, samples, radius, slider, passes)
+      end if
     end if
     where (samples%closed .and. samples%regimes == regime_open) samples%regimes = regime_slip
     do i = 1, law%tangents
@@ -198,9 +211,26 @@ contains
     samples%forgets = low >= high
   end subroutine march_line
 
-  !> Two tangents: a fixed number of marches; the last is the answer. A slider comes to rest where every disc over the period
-  !> holds it, and may approach that place without end (projections onto convex sets): what is left to go below rounding of the
-  !> slip radius counts as rest.
+  !> Two tangents: the slider rests all over the period, at the nearest place where it can.
+  subroutine rest(law, fourier, samples, radius, slider)
+    type(contact_type), intent(in) :: law
+    type(fourier_type), intent(in) :: fourier
+    type(contact_samples_type), intent(inout) :: samples
+    !> Slip radius [J]
+    real(wp), intent(in) :: radius(:)
+    !> Where it was
+    real(wp), intent(in) :: slider(2)
+
+    samples%start = samples%place%slider
+    samples%slider = spread(samples%start, 1, size(radius))
+    samples%regimes = regime_stick
+    samples%moved = samples%place%count > 0
+    samples%rests = .true.
+    samples%resting_gradient = resting_gradient(samples%place, samples%displacement(:, 1:2), radius, fourier%basis, &
+                                                law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness, slider)
+  end subroutine rest
+
+  !> Two tangents, slipping: a fixed number of marches; the last is the answer.
   subroutine march_disc(law, fourier, samples, radius, slider, passes)
     type(contact_type), intent(in) :: law
     type(fourier_type), intent(in) :: fourier
@@ -227,21 +257,8 @@ contains
       if (pass < passes) samples%moved = samples%moved .or. any(samples%regimes /= regime_stick)
     end do
     samples%moved_by = w - samples%start
-    samples%rests = all(samples%closed) .and. path_length(samples%slider) <= 1.0e-10_wp*maxval(radius)
-    if (samples%rests) then
-      samples%regimes = regime_stick
-      samples%moved_by = 0.0_wp
-    end if
-    samples%forgets = .not. samples%rests .and. largest_singular_value(gradient(3*k + 1:, :)) < 1.0_wp - 1.0e-9_wp
+    samples%forgets = largest_singular_value(gradient(3*k + 1:, :)) < 1.0_wp - 1.0e-9_wp
   end subroutine march_disc
-
-  !> How far a slider travels over one period.
-  pure real(wp) function path_length(slider)
-    !> [J, 2]
-    real(wp), intent(in) :: slider(:, :)
-
-    path_length = sum(norm2(slider - cshift(slider, -1), 2))
-  end function path_length
 
   !> Largest singular value of a 2 x 2 matrix.
   pure real(wp) function largest_singular_value(a)
@@ -265,6 +282,7 @@ contains
     forces%open = count(samples%regimes == regime_open)/total
     forces%slider = samples%start
     forces%moved = samples%moved_by
+    forces%could_rest = samples%place%exists
     forces%unique = samples%forgets
     if (.not. any(samples%closed)) then
       forces%state = state_open
@@ -289,7 +307,9 @@ contains
     if (allocated(forces%jacobian)) deallocate (forces%jacobian)
     if (forces%state == state_stuck) return
     allocate (forces%jacobian(n + k, n + k), source=0.0_wp)
-    if (law%tangents == 1) then
+    if (samples%rests) then
+      forces%jacobian([1, k + 1], :) = -law%tangential_stiffness*samples%resting_gradient
+    else if (law%tangents == 1) then
       call slider_gradient_line(law, fourier, samples, forces%jacobian(:k, :))
       forces%jacobian(:n, :) = -law%tangential_stiffness*forces%jacobian(:n, :)
     else

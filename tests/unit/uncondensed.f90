@@ -50,7 +50,8 @@ contains
     end do
   end function residual_of
 
-  !> Coefficients of a contact's forces [2 H + 1, tangents + 1] in its steady loop, marched from an unmoved slider.
+  !> Coefficients of a contact's forces [2 H + 1, tangents + 1] in its steady loop, from an unmoved slider: at rest at the nearest place
+  !> where it can, else marched.
   function periodic_forces(law, motion, samples) result(coefficients)
     type(contact_type), intent(in) :: law
     real(wp), intent(in) :: motion(:, :)
@@ -60,6 +61,7 @@ contains
     real(wp) :: x(samples, size(motion, 2)), force(samples, size(motion, 2)), basis(samples, size(motion, 1))
     real(wp) :: u(samples, 2), r(samples), w(2), before(2)
     integer :: h, i, j, period, n
+    logical :: rests
 
     n = law%tangents + 1
     do j = 1, samples
@@ -76,7 +78,11 @@ contains
     r = law%friction_coefficient*force(:, n)/law%tangential_stiffness
     force(:, n) = max(force(:, n), 0.0_wp)
     w = 0.0_wp
-    do period = 1, most_periods
+    call settle(u, r, w, rests)
+    if (rests) then
+      force(:, :n - 1) = law%tangential_stiffness*(u(:, :n - 1) - spread(w(:n - 1), 1, samples))
+    end if
+    do period = 1, merge(0, most_periods, rests)
       before = w
       i = samples
       do j = 1, samples
@@ -89,6 +95,50 @@ contains
     coefficients = matmul(transpose(basis), force)*2.0_wp/samples
     coefficients(1, :) = 0.5_wp*coefficients(1, :)
   end function periodic_forces
+
+  !> The place nearest to a slider that all discs hold, if there is any: of all that can be it, the slider itself, its projections onto
+  !> each disc and the corners of each pair, the nearest that is in all discs.
+  subroutine settle(u, r, slider, rests)
+    real(wp), intent(in) :: u(:, :), r(:)
+    real(wp), intent(inout) :: slider(2)
+    logical, intent(out) :: rests
+    real(wp) :: d(2), along, across, nearest, best(2)
+    integer :: i, j, side
+
+    rests = .false.
+    if (any(r <= 0.0_wp)) return
+    nearest = huge(1.0_wp)
+    call consider(slider)
+    do i = 1, size(r)
+      d = slider - u(i, :)
+      if (norm2(d) > r(i)) call consider(u(i, :) + r(i)*d/norm2(d))
+      do j = 1, i - 1
+        d = u(j, :) - u(i, :)
+        if (norm2(d) > r(i) + r(j) .or. norm2(d) < abs(r(i) - r(j)) .or. norm2(d) <= 0.0_wp) cycle
+        along = (sum(d**2) + r(i)**2 - r(j)**2)/(2.0_wp*norm2(d))
+        across = sqrt(max(r(i)**2 - along**2, 0.0_wp))
+        do side = -1, 1, 2
+          call consider(u(i, :) + (along*d + side*across*[-d(2), d(1)])/norm2(d))
+        end do
+      end do
+    end do
+    if (rests) slider = best
+
+  contains
+
+    subroutine consider(w)
+      real(wp), intent(in) :: w(2)
+      integer :: k
+
+      if (norm2(w - slider) >= nearest) return
+      do k = 1, size(r)
+        if (norm2(u(k, :) - w) > r(k) + 1.0e-12_wp) return
+      end do
+      rests = .true.
+      nearest = norm2(w - slider)
+      best = w
+    end subroutine consider
+  end subroutine settle
 
   !> The slider from one sample to the next, u and r linear in between. Events by bisection; in slip, e = (u - w)/r makes an angle phi
   !> with d = u_b - u_a that falls by r phi' = -|d| sin(phi): tan(phi/2) goes with exp(-|d| int dt/r).
