@@ -21,6 +21,8 @@ module attrito_balance_newton
 
   !> Relative to the scales, beyond which a step says that the Jacobian is singular
   real(wp), parameter :: longest_step = 1.0e3_wp
+  !> Norm of the residual from which on it is decided which sliders rest
+  real(wp), parameter :: settling_norm = 1.0e-3_wp
 
   type :: newton_type
     type(newton_context_type), pointer :: context => null()
@@ -97,7 +99,7 @@ contains
     type(unknowns_type), intent(inout) :: unknowns
     !> Constraint on physical motion and omega; it is met exactly by a converged solve
     type(constraint_type), intent(in) :: constraint
-    !> Part of their springs that contacts keep in the step to begin with: the least is Newton's method, with backtracking
+    !> Part of their springs that contacts keep in the step to begin with: 0 is Newton's method, with backtracking
     real(wp), intent(in) :: stiffening
     type(newton_report_type), intent(out) :: report
     PetscErrorCode :: ierr
@@ -107,7 +109,7 @@ contains
     self%context%last_norm = sqrt(huge(1.0_wp))
     self%context%stiffening = stiffening
     self%context%balance%stiffening = stiffening
-    call run(self, unknowns, stiffening <= least_stiffening, report, ierr)
+    call run(self, unknowns, stiffening <= 0.0_wp, report, ierr)
     self%context%balance%stiffening = 0.0_wp
     report%linear_iterations = self%context%linear_iterations
     if (ierr /= 0) report%converged = .false.
@@ -230,7 +232,7 @@ contains
     end if
     PetscCall(SNESGetFunctionNorm(snes, norm, ierr))
     call adapt_stiffening(context, real(norm, wp))
-    call settle_sliders(context)
+    if (norm <= settling_norm) call settle_sliders(context)
     PetscCall(MatAssemblyBegin(jacobian, MAT_FINAL_ASSEMBLY, ierr))
     PetscCall(MatAssemblyEnd(jacobian, MAT_FINAL_ASSEMBLY, ierr))
   end subroutine differentiate
@@ -259,7 +261,7 @@ contains
       if (norm > grows*context%last_norm) then
         stiffening = context%stiffening
       else if (norm > stalls*context%last_norm) then
-        stiffening = max(0.1_wp*stiffening, least_stiffening)
+        stiffening = 0.1_wp*stiffening
       end if
     end associate
     context%last_norm = norm
@@ -291,22 +293,25 @@ contains
     type(unknowns_type) :: right, step
     PetscReal :: longest
     PetscScalar, parameter :: zero = 0.0
-    integer :: iterations, status
+    integer :: attempt, iterations, status
 
     PetscCall(PCShellGetContext(pc, context, ierr))
     right = room(context)
     step = room(context)
     PetscCall(load(context, x, right, ierr))
     right%omega = right%omega/context%frequency_scale
-    call solve_linearised(context%balance, context%constraint, right, context%linear, step, iterations, status)
-    context%linear_iterations = context%linear_iterations + iterations
-    if (status /= 0) step = room(context)
-    PetscCall(store(context, y, step, ierr))
-    PetscCall(VecNorm(y, NORM_INFINITY, longest, ierr))
-    if (longest > longest_step) then
-      ! Nearly singular: no part of this step leads anywhere, and none at all ends the line search at once.
+    do attempt = 1, 2
+      call solve_linearised(context%balance, context%constraint, right, context%linear, step, iterations, status)
+      context%linear_iterations = context%linear_iterations + iterations
+      if (status /= 0) step = room(context)
+      PetscCall(store(context, y, step, ierr))
+      PetscCall(VecNorm(y, NORM_INFINITY, longest, ierr))
+      if (status == 0 .and. longest <= longest_step) exit
+      ! Nearly singular. If nothing helps, no part of this step leads anywhere, and none at all ends the line search at once.
       PetscCall(VecSet(y, zero, ierr))
-    end if
+      if (context%balance%stiffening >= least_stiffening) exit
+      context%balance%stiffening = least_stiffening
+    end do
   end subroutine apply_inverse
 
   !> Physical unknowns from a scaled vector; omega on every rank.

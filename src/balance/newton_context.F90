@@ -11,8 +11,8 @@ module attrito_balance_newton_context
   private
   public :: newton_context_type, least_stiffening, MatCreateShell, MatShellGetContext, PCShellSetContext, PCShellGetContext
 
-  !> Part of their springs that contacts keep in every step: where all of them slip and nothing else holds a body, its mean position is
-  !> free, and stays where it was. Newton's method is hindered only below this part of the residual.
+  !> Part of their springs that contacts keep in a step that else were singular: where all of them slip and nothing else holds a body,
+  !> its mean position is free, and stays where it was.
   real(wp), parameter :: least_stiffening = 1.0e-7_wp
 
   type :: newton_context_type

@@ -85,8 +85,9 @@ contains
     follows = self%periodic .and. allocated(self%jacobian)
   end function follows
 
-  !> Forces and Jacobian of one contact. Two tangents: a slider that is not periodic goes to the nearest place where it can rest; if there
-  !> is none it is marched from where it is, once on its way and once for the record. A periodic one is the unknown start of one march.
+  !> Forces and Jacobian of one contact. Two tangents: a slider that is not periodic goes to the nearest place where it can rest; if
+  !> there is none it is marched from where it is, once on its way and once for the record. A periodic one is the unknown start of one
+  !> march.
   subroutine evaluate_contact(law, fourier, motion, slider, periodic, forces)
     type(contact_type), intent(in) :: law
     type(fourier_type), intent(in) :: fourier
@@ -230,7 +231,8 @@ contains
                                                 law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness, slider)
   end subroutine rest
 
-  !> Two tangents, slipping: a fixed number of marches; the last is the answer.
+  !> Two tangents, slipping: a fixed number of marches; the last is the answer. A slider that is not periodic starts where it came
+  !> closest to rest, so that forces are continuous where places to rest shrink to a point and vanish.
   subroutine march_disc(law, fourier, samples, radius, slider, passes)
     type(contact_type), intent(in) :: law
     type(fourier_type), intent(in) :: fourier
@@ -248,6 +250,11 @@ contains
     allocate (gradient(3*k + 2, 2), source=0.0_wp)
     allocate (samples%gradients(3*k + 2, 2, fourier%samples))
     w = slider
+    if (passes > 1) then
+      w = samples%place%slider
+      gradient(:3*k, :) = transpose(resting_gradient(samples%place, samples%displacement(:, 1:2), radius, fourier%basis, &
+                                    law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness, slider))
+    end if
     do pass = 1, passes
       samples%start = w
       gradient(3*k + 1:, :) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [2, 2])

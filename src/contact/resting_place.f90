@@ -2,9 +2,10 @@
 !>
 !> $$ w = \mathrm{proj}_C (w_0), \qquad C = \bigcap_j \{ w : |u_j - w| \le r_j \} $$
 !>
-!> With a motion that grows slowly from period to period C shrinks, and a slider on its rim is pushed along C's normal: Moreau's sweeping
-!> process, of which this is the catching-up step. An empty C is a slider that slips for good. At most two discs hold the answer; the
-!> most violated one enters until none is, the distance growing each time. Source: Moreau 1977, doi:10.1016/0022-0396(77)90085-7.
+!> With a motion that grows slowly from period to period C shrinks, and a slider on its rim is pushed along C's normal: Moreau's
+!> sweeping process, of which this is the catching-up step. An empty C is a slider that slips for good. At most two discs hold the
+!> answer; the most violated one enters until none is, the distance growing each time.
+!> Source: Moreau 1977, doi:10.1016/0022-0396(77)90085-7.
 module attrito_contact_resting_place
   use attrito_core_kinds, only: wp
   implicit none
@@ -14,6 +15,7 @@ module attrito_contact_resting_place
   type :: resting_place_type
     !> Is there any?
     logical :: exists = .false.
+    !> The place, or if there is none the nearest in those discs that were taken in before one could not be
     real(wp) :: slider(2) = 0.0_wp
     !> Samples whose discs hold it there, and how many there are (0: it stays)
     integer :: holds(2) = 0, count = 0
@@ -131,7 +133,7 @@ contains
   end subroutine intersect
 
   !> Its derivative by the coefficients of (u1, u2, v) [2, 3 k]:
-  !>   held by one disc, with e from w to its centre: dw = (I - (r/|u - w_0|) (I - e e^T)) du - e dr; by two: e_i . dw = e_i . du_i - dr_i.
+  !> held by one disc, e from w to its centre, dw = (I - (r/|u - w_0|)(I - e e^T)) du - e dr; by two, e_i . dw = e_i . du_i - dr_i.
   function resting_gradient(place, u, r, basis, slope, slider) result(gradient)
     type(resting_place_type), intent(in) :: place
     real(wp), intent(in) :: u(:, :), r(:)

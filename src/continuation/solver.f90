@@ -8,7 +8,7 @@ module attrito_continuation_solver
   use attrito_balance_border, only: constraint_type
   use attrito_balance_harmonic_balance, only: new_balance
   use attrito_balance_newton, only: newton_type, newton_report_type, new_newton
-  use attrito_balance_newton_context, only: newton_context_type, least_stiffening
+  use attrito_balance_newton_context, only: newton_context_type
   use attrito_balance_receptance, only: receptance_type
   use attrito_balance_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
   use attrito_balance_unknowns, only: unknowns_type
@@ -18,7 +18,7 @@ module attrito_continuation_solver
   public :: solver_type, solver_options_type, new_solver
 
   !> Parts of their springs that contacts keep in the Newton step, one try after another
-  real(wp), parameter :: stiffenings(2) = [least_stiffening, 0.1_wp]
+  real(wp), parameter :: stiffenings(2) = [0.0_wp, 0.1_wp]
 
   !> Norm of the residual beyond which nothing counts as converged
   real(wp), parameter :: loosest_tolerance = 1.0e-6_wp

@@ -50,8 +50,8 @@ contains
     end do
   end function residual_of
 
-  !> Coefficients of a contact's forces [2 H + 1, tangents + 1] in its steady loop, from an unmoved slider: at rest at the nearest place
-  !> where it can, else marched.
+  !> Coefficients of a contact's forces [2 H + 1, tangents + 1] in its steady loop, from an unmoved slider: at rest at the
+  !> nearest place where it can, else marched.
   function periodic_forces(law, motion, samples) result(coefficients)
     type(contact_type), intent(in) :: law
     real(wp), intent(in) :: motion(:, :)
@@ -96,8 +96,8 @@ contains
     coefficients(1, :) = 0.5_wp*coefficients(1, :)
   end function periodic_forces
 
-  !> The place nearest to a slider that all discs hold, if there is any: of all that can be it, the slider itself, its projections onto
-  !> each disc and the corners of each pair, the nearest that is in all discs.
+  !> The place nearest to a slider that all discs hold, if there is any: of all that can be it, the slider itself, its projections
+  !> onto each disc and the corners of each pair, the nearest that is in all discs.
   subroutine settle(u, r, slider, rests)
     real(wp), intent(in) :: u(:, :), r(:)
     real(wp), intent(inout) :: slider(2)
