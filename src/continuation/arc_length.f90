@@ -23,6 +23,10 @@ module attrito_continuation_arc_length
   real(wp), parameter :: first_step = 0.01_wp, smallest_step = 1.0e-6_wp
   !> Part of the sweep to move on by where the branch was lost
   real(wp), parameter :: jump = 0.01_wp
+  !> Steps in a row of which but this part is anything but a mean position, after which a body is taken to walk away: past the end of
+  !> its branch friction no longer balances over the period, and no solution repeats
+  real(wp), parameter :: walking_share = 1.0e-3_wp
+  integer, parameter :: most_walking = 20
   !> Cosine between successive steps below which the branch is taken to run back on itself
   real(wp), parameter :: turned_back = -0.95_wp
 
@@ -44,6 +48,8 @@ module attrito_continuation_arc_length
     !> While every contact sticks: the last step's change of motion with omega [2 H + 1, rows]
     real(wp), allocatable, private :: slope(:, :)
     logical, private :: on_branch = .false.
+    !> Steps in a row in which hardly more than mean positions changed
+    integer, private :: walking = 0
   contains
     procedure :: advance
   end type sweep_type
@@ -146,6 +152,7 @@ contains
     if (accepted) then
       call remember_step(self, solver, motion, omega)
       call adapt_step(self, error)
+      call watch_walking(self, solver)
     else
       call lose_branch(self, solver)
     end if
@@ -323,6 +330,21 @@ contains
       self%secant_omega = self%secant_omega/length
     end associate
   end subroutine remember_step
+
+  !> A branch that goes on in mean positions alone has ended.
+  subroutine watch_walking(self, solver)
+    type(sweep_type), intent(inout) :: self
+    type(solver_type), intent(in) :: solver
+    real(wp) :: share
+
+    share = sum(self%secant(2:, :)**2)
+    call solver%context%balance%ranks%sum(share)
+    share = sqrt(share + self%secant_omega**2)
+    self%walking = merge(self%walking + 1, 0, share < walking_share)
+    if (self%walking < most_walking) return
+    self%on_branch = .false.
+    self%walking = 0
+  end subroutine watch_walking
 
   !> A step over an end of the range is taken back to the end itself.
   subroutine end_at_range(self, solver, motion, omega, slider, periodic)
