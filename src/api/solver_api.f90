@@ -16,6 +16,7 @@ module attrito_api_solver
   use attrito_balance_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
   use attrito_continuation_arc_length, only: new_sweep
   use attrito_continuation_cascade, only: solve_by_cascade
+  use attrito_continuation_rebalancing, only: field_type, rebalance
   use attrito_continuation_solver, only: solver_options_type, new_solver
   use attrito_continuation_static_path, only: walk_static_path
   use attrito_output_point_report, only: point_report_type, report_point
@@ -161,9 +162,11 @@ contains
     integer(c_int), value :: branch
     type(point_type), intent(out) :: point
     type(session_type), pointer :: session
+    type(field_type) :: none(0)
     real(wp) :: before
 
     session => session_of(handle)
+    call rebalance(session%solver, none)
     before = session%solver%omega
     call solve_by_cascade(session%solver, omega)
     session%solver%omega = omega

@@ -53,6 +53,7 @@ module attrito_balance_harmonic_balance
     real(wp), allocatable :: residual(:, :), residual_omega(:, :)
     complex(wp), allocatable :: response(:, :)
   contains
+    procedure :: take_contacts
     procedure :: rows
     procedure :: coefficients
     procedure :: evaluate
@@ -75,41 +76,49 @@ contains
     !> Samples a period
     integer, intent(in) :: samples
     type(balance_type), intent(out) :: self
-    integer :: last, last_row, i, extended, n
+    integer :: first, last, i, n
 
     call move_alloc(receptance, self%receptance)
     self%ranks = ranks
     self%fourier = new_fourier(self%receptance%harmonics, samples)
     self%grid = new_grid(self%receptance%harmonics)
-    call ranks%share(size(contacts%law), self%first_contact, last)
-    self%law = contacts%law(self%first_contact:last)
-    self%first_row = 1
-    if (self%first_contact > 1) then
-      associate (before => contacts%law(self%first_contact - 1))
-        self%first_row = before%first_row + before%tangents + 1
-      end associate
-    end if
-    last_row = self%first_row - 1 + sum([(self%law(i)%tangents + 1, i=1, size(self%law))])
-    do i = 1, size(self%law)
-      self%law(i)%first_row = self%law(i)%first_row - self%first_row + 1
-    end do
-    self%directions = self%receptance%directions(:, self%first_row:last_row)
+    call ranks%share(size(contacts%law), first, last)
     n = size(self%receptance%basis, 2)
     self%static_loads = matmul(transpose(self%receptance%basis), structure%static_loads)
     allocate (self%static_factors(size(structure%static_loads, 2)), source=1.0_wp)
     allocate (self%harmonic_load(n, 0:self%receptance%harmonics), source=(0.0_wp, 0.0_wp))
     i = min(size(structure%harmonic_load, 2), self%coefficients())
     self%harmonic_load(:, 0:i/2) = to_complex(matmul(transpose(structure%harmonic_load(:, :i)), self%receptance%basis))
-    allocate (self%slider(2, size(self%law)), source=0.0_wp)
-    allocate (self%periodic(size(self%law)), source=.false.)
+    allocate (self%response(n, 0:self%receptance%harmonics))
+    call self%take_contacts(contacts, first, last)
+  end subroutine new_balance
+
+  !> Let this rank hold these contacts, with sliders at zero.
+  subroutine take_contacts(self, contacts, first, last)
+    class(balance_type), intent(inout) :: self
+    !> Of all ranks
+    type(contacts_type), intent(in) :: contacts
+    !> The first and the last of this rank, from 1
+    integer, intent(in) :: first, last
+    integer :: i, extended, last_row
+
+    self%first_contact = first
+    self%law = contacts%law(first:last)
+    self%first_row = 1 + sum(contacts%law(:first - 1)%tangents + 1)
+    last_row = self%first_row - 1 + sum(self%law%tangents + 1)
+    self%law%first_row = self%law%first_row - self%first_row + 1
+    self%directions = self%receptance%directions(:, self%first_row:last_row)
+    self%slider = reshape([(0.0_wp, i=1, 2*size(self%law))], [2, size(self%law)])
+    self%periodic = spread(.false., 1, size(self%law))
+    if (allocated(self%forces)) deallocate (self%forces)
     allocate (self%forces(size(self%law)))
-    extended = min(3*self%receptance%harmonics, (samples - 1)/2)
+    extended = min(3*self%receptance%harmonics, (self%fourier%samples - 1)/2)
     do i = 1, size(self%law)
       allocate (self%forces(i)%deviation(2*extended + 1, self%law(i)%tangents + 1))
     end do
-    allocate (self%residual(self%coefficients(), self%rows()), self%residual_omega(self%coefficients(), self%rows()))
-    allocate (self%response(n, 0:self%receptance%harmonics))
-  end subroutine new_balance
+    self%residual = reshape([(0.0_wp, i=1, self%coefficients()*self%rows())], [self%coefficients(), self%rows()])
+    self%residual_omega = self%residual
+  end subroutine take_contacts
 
   !> Rows of B on this rank.
   pure integer function rows(self)

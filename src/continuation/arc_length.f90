@@ -12,6 +12,7 @@ module attrito_continuation_arc_length
   use attrito_balance_newton_context, only: least_stiffening
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_continuation_cascade, only: solve_by_cascade
+  use attrito_continuation_rebalancing, only: field_type, rebalance
   use attrito_continuation_solver, only: solver_type
   implicit none
   private
@@ -75,6 +76,7 @@ contains
     class(sweep_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
 
+    if (self%points > 0) call share_out(self, solver)
     if (self%points == 0) then
       call begin_at(self, solver, self%start)
     else if (self%on_branch) then
@@ -86,6 +88,24 @@ contains
     self%points = self%points + 1
     if (self%points >= self%max_points) self%finished = .true.
   end subroutine advance
+
+  !> Share contacts out over ranks; what the sweep remembers of them follows.
+  subroutine share_out(self, solver)
+    type(sweep_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+    type(field_type) :: fields(4)
+
+    fields%by_contact = [.false., .true., .false., .false.]
+    call move_alloc(self%tangent, fields(1)%columns)
+    call move_alloc(self%tangent_slider, fields(2)%columns)
+    call move_alloc(self%secant, fields(3)%columns)
+    call move_alloc(self%slope, fields(4)%columns)
+    call rebalance(solver, fields)
+    call move_alloc(fields(1)%columns, self%tangent)
+    call move_alloc(fields(2)%columns, self%tangent_slider)
+    call move_alloc(fields(3)%columns, self%secant)
+    call move_alloc(fields(4)%columns, self%slope)
+  end subroutine share_out
 
   !> Find a point at a frequency, and the branch's tangent there; a point that is not found still moves the sweep on.
   subroutine begin_at(self, solver, omega)

@@ -25,6 +25,7 @@ program test_ranks
                       test('a point with coupled damping is the same on all ranks as on one', point_of_factors), &
                       test('ranks without a contact take part and agree', idle_ranks), &
                       test('every point of a sweep is the same on all ranks as on one', sweep_points), &
+                      test('contacts are shared out by work along a sweep, and every point is the same', shared_by_work), &
                       test('what is reported of a point is the same on all ranks as on one', report)])
 
 contains
@@ -163,6 +164,33 @@ contains
     call together%destroy()
     call alone%destroy()
   end subroutine sweep_points
+
+  !> Contacts that stick are so light that all of them go to the last rank.
+  subroutine shared_by_work(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_type) :: scene
+    type(solver_type) :: together, alone
+    type(sweep_type) :: sweep_together, sweep_alone
+
+    scene = rubbing_frame()
+    call damp(scene, damping_ratio, 0.04_wp)
+    scene%contacts%law(3:)%preload = 200.0_wp
+    call prepare(scene, everyone(), together, error)
+    call prepare(scene, only_me(), alone, error)
+    sweep_together = new_sweep(together, 1.0_wp, 1.6_wp, 1, 40)
+    sweep_alone = new_sweep(alone, 1.0_wp, 1.6_wp, 1, 40)
+    do while (.not. sweep_alone%finished)
+      call sweep_together%advance(together)
+      call sweep_alone%advance(alone)
+      call compare(error, together, alone)
+    end do
+    associate (balance => together%context%balance)
+      if (balance%ranks%ranks == 2) call check(error, size(balance%law) == merge(1, 3, balance%ranks%is_root()), &
+                                               'contacts are shared by number')
+    end associate
+    call together%destroy()
+    call alone%destroy()
+  end subroutine shared_by_work
 
   subroutine report(error)
     type(error_type), allocatable, intent(out) :: error
