@@ -78,6 +78,17 @@ class TimedSolver(Solver):
         seconds = least_mean(lambda repeats: self._timed("attrito_time_step", repeats, ctypes.byref(iterations)))
         return seconds, iterations.value
 
+    def linear_response(self, frequency_hz: float) -> float:
+        """Seconds of a linear response that recovers every contact row, at one frequency."""
+
+        def mean(repeats: int) -> float:
+            seconds, omega = ctypes.c_double(), ctypes.c_double(2.0 * np.pi * frequency_hz)
+            if self._library.attrito_time_linear_response(self._handle, omega, repeats, ctypes.byref(seconds)) != 0:
+                raise RuntimeError("the stuck system is singular at this frequency")
+            return seconds.value
+
+        return least_mean(mean)
+
     def _timed(self, name: str, repeats: int, *more: object) -> float:
         seconds = ctypes.c_double()
         if getattr(self._library, name)(self._handle, repeats, ctypes.byref(seconds), *more) != 0:

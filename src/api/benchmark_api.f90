@@ -91,6 +91,38 @@ contains
     call session%solver%context%forget()
   end function attrito_time_step
 
+  !> A linear frequency response that recovers every contact row, every contact stuck: mean seconds a frequency, at the harmonics that
+  !> are loaded. Collective; times of this rank.
+  integer(c_int) function attrito_time_linear_response(handle, omega, repeats, seconds) result(status) bind(c)
+    type(c_ptr), value :: handle
+    real(c_double), value :: omega
+    integer(c_int), value :: repeats
+    real(c_double), intent(out) :: seconds
+    type(session_type), pointer :: session
+    complex(wp), allocatable :: response(:, :)
+    real(wp), allocatable :: motion(:, :)
+    integer(int64) :: started
+    integer :: h, i
+
+    session => session_of(handle)
+    associate (balance => session%solver%context%balance)
+      allocate (response, mold=balance%harmonic_load)
+      started = clock()
+      do i = 1, repeats
+        call balance%receptance%set_frequency(omega*(1.0_wp + 1.0e-6_wp*i), status)
+        if (status /= 0) exit
+        call balance%receptance%respond(balance%harmonic_load, response)
+        do h = 1, balance%receptance%harmonics
+          if (all(abs(balance%harmonic_load(:, h)) <= 0.0_wp)) cycle
+          motion = matmul(transpose(reshape([real(response(:, h + 1), wp), -aimag(response(:, h + 1))], [size(response, 1), 2])), &
+                          balance%directions)
+        end do
+      end do
+      seconds = seconds_since(started)/repeats
+    end associate
+    call session%solver%context%forget()
+  end function attrito_time_linear_response
+
   !> Forces and Jacobian of one contact for coefficients [tangents + 1, coefficients]: mean seconds of an evaluation, and the fraction
   !> of the period that it does not stick. By events (one tangent) or by samples; two tangents marched once as a periodic slider, or
   !> twice.

@@ -15,11 +15,18 @@ module attrito_balance_harmonic_balance
   use attrito_contact_quadrature_event, only: evaluate_contact_by_events
   use attrito_contact_quadrature_sampled, only: contact_forces_type, evaluate_contact
   use attrito_contact_state, only: state_stuck
+  use attrito_contact_stuck, only: surely_stuck
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, new_grid
   use attrito_balance_receptance, only: receptance_type, to_complex, to_real
   implicit none
   private
   public :: balance_type, new_balance
+
+  !> Mean response of the stuck system, and the sliders and static loads that it belongs to
+  type :: stuck_mean_type
+    real(wp), allocatable :: slider(:, :), static_factors(:)
+    complex(wp), allocatable :: response(:)
+  end type stuck_mean_type
 
   type :: balance_type
     type(communicator_type) :: ranks
@@ -52,6 +59,7 @@ module attrito_balance_harmonic_balance
     type(contact_forces_type), allocatable :: forces(:)
     real(wp), allocatable :: residual(:, :), residual_omega(:, :)
     complex(wp), allocatable :: response(:, :)
+    type(stuck_mean_type), private :: kept
   contains
     procedure :: take_contacts
     procedure :: rows
@@ -110,6 +118,7 @@ contains
     self%directions = self%receptance%directions(:, self%first_row:last_row)
     self%slider = reshape([(0.0_wp, i=1, 2*size(self%law))], [2, size(self%law)])
     self%periodic = spread(.false., 1, size(self%law))
+    if (allocated(self%kept%slider)) deallocate (self%kept%slider)
     if (allocated(self%forces)) deallocate (self%forces)
     allocate (self%forces(size(self%law)))
     extended = min(3*self%receptance%harmonics, (self%fourier%samples - 1)/2)
@@ -191,27 +200,22 @@ contains
     real(wp), intent(out) :: motion(:, :)
     logical, intent(out) :: stuck
     real(wp) :: moving
-    integer :: i, h, status
+    integer :: i, status
 
     stuck = .false.
     motion = 0.0_wp
     call self%receptance%set_frequency(omega, status)
     if (status /= 0) return
-    self%response = linear_response(self)
+    call self%receptance%respond(self%level*self%harmonic_load, self%response)
     if (allocated(self%frozen_mean)) then
       self%response(:, 0) = self%frozen_mean
     else
-      self%response(:, 0) = self%response(:, 0) + mean_response(self)
+      self%response(:, 0) = mean_response(self)
     end if
-    motion(1, :) = matmul(real(self%response(:, 0), wp), self%directions)
-    do h = 1, self%receptance%harmonics
-      ! Where no load acts nothing moves.
-      if (all(abs(self%harmonic_load(:, h)) <= 0.0_wp)) cycle
-      motion(2*h:2*h + 1, :) = matmul(transpose(reshape([real(self%response(:, h), wp), -aimag(self%response(:, h))], &
-                                                        [size(self%response, 1), 2])), self%directions)
-    end do
+    motion = recover_loaded(self, self%response)
     moving = 0.0_wp
     do i = 1, size(self%law)
+      if (still_stuck(self, i, motion)) cycle
       call evaluate_forces(self, i, motion)
       if (self%forces(i)%state /= state_stuck) moving = 1.0_wp
       if (moving > 0.0_wp) exit
@@ -219,27 +223,68 @@ contains
     stuck = self%ranks%largest(moving) <= 0.0_wp
   end subroutine evaluate_stuck
 
-  !> Mean of the response to what stuck contacts add to their springs: sliders, preloads, gaps [n].
-  function mean_response(self) result(mean)
+  !> Is a contact that was stuck, with its slider where it is, surely stuck again? Then its forces need no evaluation.
+  pure logical function still_stuck(self, contact, motion)
     type(balance_type), intent(in) :: self
-    real(wp), allocatable :: mean(:)
-    real(wp) :: deviation(1, size(self%directions, 2))
-    complex(wp) :: force(size(self%directions, 1), 0:self%receptance%harmonics), response(size(force, 1), size(force, 2))
+    integer, intent(in) :: contact
+    real(wp), intent(in) :: motion(:, :)
+
+    associate (forces => self%forces(contact), law => self%law(contact))
+      still_stuck = forces%state == state_stuck .and. allocated(forces%active) &
+                    .and. all(abs(forces%slider - self%slider(:, contact)) <= 0.0_wp)
+      if (still_stuck) still_stuck = surely_stuck(law, motion(:, law%first_row:law%first_row + law%tangents), self%slider(:, contact))
+    end associate
+  end function still_stuck
+
+  !> Mean of the response to the static loads and to what stuck contacts add to their springs: sliders, preloads, gaps [n]. Kept, since it
+  !> stays the same along a sweep.
+  function mean_response(self) result(mean)
+    type(balance_type), intent(inout) :: self
+    complex(wp), allocatable :: mean(:)
+    real(wp) :: deviation(size(self%directions, 2)), force(size(self%directions, 1)), changed
+    complex(wp) :: load(size(self%directions, 1), 0:self%receptance%harmonics), response(size(load, 1), 0:self%receptance%harmonics)
     integer :: i
 
-    do i = 1, size(self%law)
-      associate (law => self%law(i))
-        deviation(1, law%first_row:law%first_row + law%tangents) = &
-          [-law%tangential_stiffness*self%slider(:law%tangents, i), law%preload - law%normal_stiffness*law%gap]
-      end associate
-    end do
-    mean = -matmul(self%directions, deviation(1, :))
-    call self%ranks%sum(mean)
-    force = 0.0_wp
-    force(:, 0) = mean
-    call self%receptance%respond(force, response)
-    mean = real(response(:, 1), wp)
+    changed = 1.0_wp
+    if (allocated(self%kept%slider)) changed = merge(1.0_wp, 0.0_wp, any(abs(self%kept%slider - self%slider) > 0.0_wp) .or. &
+                                                     any(abs(self%kept%static_factors - self%static_factors) > 0.0_wp))
+    if (self%ranks%largest(changed) > 0.0_wp) then
+      do i = 1, size(self%law)
+        associate (law => self%law(i))
+          deviation(law%first_row:law%first_row + law%tangents) = &
+            [-law%tangential_stiffness*self%slider(:law%tangents, i), law%preload - law%normal_stiffness*law%gap]
+        end associate
+      end do
+      force = -matmul(self%directions, deviation)
+      call self%ranks%sum(force)
+      load = 0.0_wp
+      load(:, 0) = force + matmul(self%static_loads, self%static_factors)
+      call self%receptance%respond(load, response)
+      self%kept = stuck_mean_type(self%slider, self%static_factors, response(:, 0))
+    end if
+    mean = self%kept%response
   end function mean_response
+
+  !> Relative displacements of this rank's rows from a response of which only the mean and the harmonics that are loaded move.
+  function recover_loaded(self, response) result(motion)
+    type(balance_type), intent(in) :: self
+    complex(wp), intent(in) :: response(:, 0:)
+    real(wp) :: motion(2*ubound(response, 2) + 1, size(self%directions, 2))
+    real(wp), allocatable :: coefficients(:, :), moving(:, :)
+    integer, allocatable :: rows(:)
+    integer :: h
+
+    rows = [1]
+    do h = 1, ubound(response, 2)
+      if (any(abs(real(self%harmonic_load(:, h), wp)) + abs(aimag(self%harmonic_load(:, h))) > 0.0_wp)) rows = [rows, 2*h, 2*h + 1]
+    end do
+    coefficients = to_real(response)
+    coefficients = coefficients(rows, :)
+    ! Apart, since gfortran 12 loses a product by BLAS that is assigned to rows picked by a vector.
+    moving = matmul(coefficients, self%directions)
+    motion = 0.0_wp
+    motion(rows, :) = moving
+  end function recover_loaded
 
   !> Response to the loads alone, every contact stuck at zero slider [n, 0:H].
   function linear_response(self) result(response)
@@ -281,7 +326,7 @@ contains
     class(balance_type), intent(in) :: self
     real(wp), allocatable :: motion(:, :)
 
-    motion = self%recover(linear_response(self))
+    motion = recover_loaded(self, linear_response(self))
   end function linear_motion
 
   !> Give the transforms back.

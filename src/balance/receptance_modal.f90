@@ -11,10 +11,9 @@ module attrito_balance_receptance_modal
   type, extends(receptance_type) :: receptance_modal_type
     !> Modal stiffness, mass and damping [n], however the modes are normalised
     real(wp), allocatable :: modal_stiffness(:), modal_mass(:), modal_damping(:)
-    !> Dynamic stiffness at this frequency, and its derivative by omega [n, 0:H]
-    complex(wp), allocatable, private :: stiffness(:, :), stiffness_derivative(:, :)
-    !> Its inverse, real and imaginary parts in turn [n, 2 H + 1]
-    real(wp), allocatable, private :: flexibility(:, :)
+    !> Dynamic flexibility at this frequency [n, 0:H], and its real and imaginary parts in turn [n, 2 H + 1]
+    complex(wp), allocatable, private :: flexibility(:, :)
+    real(wp), allocatable, private :: parts(:, :)
   contains
     procedure :: set_frequency
     procedure :: respond
@@ -39,30 +38,28 @@ contains
     self%basis = modes
     self%directions = matmul(transpose(modes), directions)
     self%harmonics = harmonics
-    allocate (self%stiffness(size(modal_mass), 0:harmonics), self%stiffness_derivative(size(modal_mass), 0:harmonics))
-    allocate (self%flexibility(size(modal_mass), 2*harmonics + 1))
+    allocate (self%flexibility(size(modal_mass), 0:harmonics), self%parts(size(modal_mass), 2*harmonics + 1))
   end function new_receptance_modal
 
   subroutine set_frequency(self, omega, status)
     class(receptance_modal_type), intent(inout) :: self
     real(wp), intent(in) :: omega
     integer, intent(out) :: status
+    complex(wp) :: stiffness(size(self%modal_mass))
     integer :: h
 
     status = 0
     if (omega == self%omega) return
     do h = 0, self%harmonics
-      self%stiffness(:, h) = cmplx(self%modal_stiffness - (h*omega)**2*self%modal_mass, h*omega*self%modal_damping, wp)
-      self%stiffness_derivative(:, h) = cmplx(-2.0_wp*h**2*omega*self%modal_mass, h*self%modal_damping, wp)
+      stiffness = cmplx(self%modal_stiffness - (h*omega)**2*self%modal_mass, h*omega*self%modal_damping, wp)
+      if (any(abs(real(stiffness, wp)) + abs(aimag(stiffness)) <= 0.0_wp)) then
+        if (h >= self%lowest) status = 1
+        stiffness = 1.0_wp
+      end if
+      self%flexibility(:, h) = 1.0_wp/stiffness
+      if (h > 0) self%parts(:, 2*h + 1) = aimag(self%flexibility(:, h))
+      self%parts(:, max(2*h, 1)) = real(self%flexibility(:, h), wp)
     end do
-    if (any(abs(self%stiffness(:, self%lowest:)) <= 0.0_wp)) then
-      status = 1
-    else
-      do h = self%lowest, self%harmonics
-        if (h > 0) self%flexibility(:, 2*h + 1) = aimag(1.0_wp/self%stiffness(:, h))
-        self%flexibility(:, max(2*h, 1)) = real(1.0_wp/self%stiffness(:, h), wp)
-      end do
-    end if
     ! Refused as often as it is asked for.
     self%omega = merge(omega, -1.0_wp, status == 0)
   end subroutine set_frequency
@@ -73,7 +70,7 @@ contains
     complex(wp), intent(out) :: response(:, 0:)
 
     response(:, :self%lowest - 1) = 0.0_wp
-    response(:, self%lowest:) = force(:, self%lowest:)/self%stiffness(:, self%lowest:)
+    response(:, self%lowest:) = force(:, self%lowest:)*self%flexibility(:, self%lowest:)
   end subroutine respond
 
   subroutine respond_derivative(self, response, derivative)
@@ -81,7 +78,13 @@ contains
     complex(wp), intent(in) :: response(:, 0:)
     complex(wp), intent(out) :: derivative(:, 0:)
 
-    call self%respond(-self%stiffness_derivative*response, derivative)
+    complex(wp) :: force(size(response, 1), 0:self%harmonics)
+    integer :: h
+
+    do h = 0, self%harmonics
+      force(:, h) = cmplx(2.0_wp*h**2*self%omega*self%modal_mass, -h*self%modal_damping, wp)*response(:, h)
+    end do
+    call self%respond(force, derivative)
   end subroutine respond_derivative
 
   subroutine block_between(self, h, rows_a, rows_b, block)
@@ -92,7 +95,7 @@ contains
     real(wp) :: a(size(rows_a), size(self%modal_mass)), b(size(self%modal_mass), size(rows_b))
     real(wp) :: re(size(rows_a), size(rows_b)), im(size(rows_a), size(rows_b))
 
-    flexibility = 1.0_wp/self%stiffness(:, h)
+    flexibility = self%flexibility(:, h)
     a = transpose(self%directions(:, rows_a))
     b = self%directions(:, rows_b)
     re = matmul(a, spread(real(flexibility, wp), 2, size(rows_b))*b)
@@ -118,7 +121,7 @@ contains
     integer, intent(in) :: h, low
     complex(wp) :: stiffness(low)
 
-    stiffness = self%stiffness(:low, h)
+    stiffness = 1.0_wp/self%flexibility(:low, h)
   end function low_stiffness
 
   subroutine remainder(self, low, directions, blocks)
@@ -137,7 +140,7 @@ contains
         pairs(:, pair) = directions(low + 1:, i)*directions(low + 1:, j)
       end do
     end do
-    sums = matmul(transpose(pairs), self%flexibility(low + 1:, :))
+    sums = matmul(transpose(pairs), self%parts(low + 1:, :))
     pair = 0
     do j = 1, size(directions, 2)
       do i = 1, j

@@ -46,8 +46,10 @@ module attrito_continuation_arc_length
     !> Last step taken, scaled, of unit length
     real(wp), allocatable, private :: secant(:, :)
     real(wp), private :: secant_omega = 0.0_wp
-    !> While every contact sticks: the last step's change of motion with omega [2 H + 1, rows]
-    real(wp), allocatable, private :: slope(:, :)
+    !> Which way the last step went in frequency: 1 or -1
+    real(wp), private :: way = 1.0_wp
+    !> While every contact sticks: the last step's change of the response with omega [n, 0:H]
+    complex(wp), allocatable, private :: slope(:, :)
     logical, private :: on_branch = .false.
     !> Steps in a row in which hardly more than mean positions changed
     integer, private :: walking = 0
@@ -68,6 +70,7 @@ contains
     self%stop = stop
     self%branch = branch
     self%max_points = max_points
+    self%way = sign(1.0_wp, stop - start)
     call solver%set_scales(start, stop)
   end function new_sweep
 
@@ -93,18 +96,16 @@ contains
   subroutine share_out(self, solver)
     type(sweep_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
-    type(field_type) :: fields(4)
+    type(field_type) :: fields(3)
 
-    fields%by_contact = [.false., .true., .false., .false.]
+    fields%by_contact = [.false., .true., .false.]
     call move_alloc(self%tangent, fields(1)%columns)
     call move_alloc(self%tangent_slider, fields(2)%columns)
     call move_alloc(self%secant, fields(3)%columns)
-    call move_alloc(self%slope, fields(4)%columns)
     call rebalance(solver, fields)
     call move_alloc(fields(1)%columns, self%tangent)
     call move_alloc(fields(2)%columns, self%tangent_slider)
     call move_alloc(fields(3)%columns, self%secant)
-    call move_alloc(fields(4)%columns, self%slope)
   end subroutine share_out
 
   !> Find a point at a frequency, and the branch's tangent there; a point that is not found still moves the sweep on.
@@ -122,6 +123,7 @@ contains
     self%step = first_step
     self%finished = abs(target - self%stop) <= 0.0_wp
     self%reached_stop = self%finished
+    self%way = sign(1.0_wp, self%stop - self%start)
     if (allocated(self%tangent)) deallocate (self%tangent)
     if (allocated(self%secant)) deallocate (self%secant)
   end subroutine begin_at
@@ -187,44 +189,56 @@ contains
     type(solver_type), intent(inout) :: solver
     !> .false.: a contact would slip or open, and nothing has changed
     logical, intent(out) :: accepted
-    real(wp), allocatable :: motion(:, :), moved(:, :)
-    real(wp) :: omega, target, way, error, step
+    logical :: lost
+    complex(wp), allocatable :: response(:, :)
+    real(wp) :: omega, target, error, step
 
-    motion = solver%motion
+    accepted = .false.
+    if (.not. solver%all_stick) return
+    response = solver%context%balance%response
     omega = solver%omega
     step = self%step
-    way = sign(1.0_wp, self%stop - self%start)
-    if (allocated(self%secant)) way = sign(1.0_wp, self%secant_omega)
     if (.not. allocated(self%slope)) self%step = min(self%step, first_step)
     do
-      target = omega + way*self%step*solver%context%frequency_scale
+      target = omega + self%way*self%step*solver%context%frequency_scale
       if (beyond_stop(self, target)) target = self%stop
       if ((target - self%start)*(self%stop - self%start) < 0.0_wp) target = self%start
       call solver%solve_stuck_at(target, accepted)
       if (.not. accepted) exit
       error = aimed_error
-      if (allocated(self%slope)) then
-        moved = solver%motion - motion - (target - omega)*self%slope
-        error = sqrt(inner_product(solver%context%balance, moved, moved)/size_of_response(solver))
-      end if
+      if (allocated(self%slope)) error = error_of_line(response + (target - omega)*self%slope, solver%context%balance%response)
       if (error < accepted_error .or. self%step <= smallest_step) exit
-      solver%motion = motion
-      solver%omega = omega
       self%step = 0.5_wp*self%step
     end do
     if (.not. accepted) then
+      ! Back where a longer step had been taken and found too long.
+      if (abs(solver%omega - omega) > 0.0_wp) call solver%solve_stuck_at(omega, lost)
       self%step = step
       if (allocated(self%slope)) deallocate (self%slope)
       return
     end if
-    self%slope = (solver%motion - motion)/(target - omega)
-    call remember_step(self, solver, motion, omega)
-    self%tangent = self%secant
-    self%tangent_omega = self%secant_omega
+    self%slope = (solver%context%balance%response - response)/(target - omega)
+    if (allocated(self%tangent)) deallocate (self%tangent)
+    if (allocated(self%secant)) deallocate (self%secant)
     self%reached_stop = abs(target - self%stop) <= 0.0_wp
     self%finished = self%reached_stop .or. abs(target - self%start) <= 0.0_wp
     call adapt_step(self, error)
   end subroutine follow_stuck
+
+  !> Distance of a predicted response from the true one, relative to its harmonics [n, 0:H].
+  pure real(wp) function error_of_line(predicted, true)
+    complex(wp), intent(in) :: predicted(:, 0:), true(:, 0:)
+    real(wp) :: missed, size_of_it
+    integer :: h
+
+    missed = 0.0_wp
+    size_of_it = tiny(1.0_wp)
+    do h = 1, ubound(true, 2)
+      missed = missed + sum(abs(predicted(:, h) - true(:, h))**2)
+      size_of_it = size_of_it + sum(abs(true(:, h))**2)
+    end do
+    error_of_line = sqrt(missed/size_of_it)
+  end function error_of_line
 
   !> The next step aims at the same error.
   pure subroutine adapt_step(self, error)
@@ -263,7 +277,7 @@ contains
         constraint%frequency = self%tangent_omega/context%frequency_scale
       else
         constraint%motion = right%motion
-        constraint%frequency = sign(1.0_wp, self%stop - self%start)/context%frequency_scale
+        constraint%frequency = self%way/context%frequency_scale
       end if
       call context%balance%evaluate(solver%motion, solver%omega, status)
       right%omega = 1.0_wp
@@ -349,6 +363,7 @@ contains
       self%secant = self%secant/length
       self%secant_omega = self%secant_omega/length
     end associate
+    self%way = sign(1.0_wp, self%secant_omega)
   end subroutine remember_step
 
   !> A branch that goes on in mean positions alone has ended.

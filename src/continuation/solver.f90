@@ -291,7 +291,7 @@ contains
   subroutine set_scales(self, omega_a, omega_b)
     class(solver_type), intent(inout) :: self
     real(wp), intent(in) :: omega_a, omega_b
-    integer, parameter :: steps = 200
+    integer, parameter :: steps = 50
     real(wp), parameter :: least_ratio = 1.0e-4_wp
     real(wp), allocatable :: grid(:), resonances(:), motion(:, :)
     real(wp) :: largest, mean, square
