@@ -22,6 +22,7 @@ module attrito_core_communicator
     generic :: sum => sum_scalar, sum_vector, sum_matrix
     procedure :: largest
     procedure :: gather_columns
+    procedure :: gather_columns_everywhere
     procedure :: gather_integers
     procedure :: broadcast
     procedure :: broadcast_integer
@@ -119,6 +120,20 @@ contains
     call MPI_Gatherv(mine, size(mine), MPI_DOUBLE_PRECISION, all, counts, offsets, MPI_DOUBLE_PRECISION, 0, &
                      self%handle, ierr)
   end subroutine gather_columns
+
+  !> Each rank's columns, side by side in the order of ranks, on every rank.
+  subroutine gather_columns_everywhere(self, mine, all)
+    class(communicator_type), intent(in) :: self
+    !> This rank's columns [n, mine]
+    real(wp), intent(in), contiguous :: mine(:, :)
+    !> Every rank's columns [n, all]
+    real(wp), intent(out), contiguous :: all(:, :)
+    integer :: counts(self%ranks), offsets(self%ranks), i, ierr
+
+    call MPI_Allgather(size(mine), 1, MPI_INTEGER, counts, 1, MPI_INTEGER, self%handle, ierr)
+    offsets = [(sum(counts(:i - 1)), i=1, self%ranks)]
+    call MPI_Allgatherv(mine, size(mine), MPI_DOUBLE_PRECISION, all, counts, offsets, MPI_DOUBLE_PRECISION, self%handle, ierr)
+  end subroutine gather_columns_everywhere
 
   !> Each rank's integers, one after another in the order of ranks, on every rank.
   subroutine gather_integers(self, mine, all)
