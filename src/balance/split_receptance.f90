@@ -1,13 +1,14 @@
 !> Receptance between active rows with its high modes summed beforehand, for the many products of an iterative solve.
 !>
-!> $$ R_h \approx \sum_{r \le l} \frac{b_r b_r^T}{k_r - (h \omega)^2 m_r + i h \omega c_r} + S_0 + (h \omega)^2 S_1 - i h \omega S_d, $$
+!> $$ R_h \approx \sum_{r \le l} \frac{b_r b_r^T}{k_r - (h \omega)^2 m_r + i h \omega c_r}
+!>              + S_0 + (h \omega)^2 S_1 - i h \omega S_d, $$
 !> $$ S_0 = \sum_{r > l} \frac{b_r b_r^T}{k_r}, \qquad S_1 = \sum_{r > l} \frac{m_r b_r b_r^T}{k_r^2}, \qquad
 !>    S_d = \sum_{r > l} \frac{c_r b_r b_r^T}{k_r^2} $$
 !>
-!> A mode answers as 1/(1 - z) = 1 + z + z^2/(1 - z), z = ((h omega)^2 m_r - i h omega c_r)/k_r: its static and first dynamic correction
-!> leave out |z|^2 of it, no more and no less. That grows with h omega, so the highest harmonic tells how many modes, l, are to stay as
-!> they are. The sums do not depend on frequency: they are kept from one linear system to the next, rows that become active are added,
-!> and l only grows.
+!> A mode answers as 1/(1 - z) = 1 + z + z^2/(1 - z), z = ((h omega)^2 m_r - i h omega c_r)/k_r: its static and first dynamic
+!> correction leave out |z|^2 of it, no more and no less. That grows with h omega, so the highest harmonic tells how many modes, l,
+!> are to stay as they are. The sums do not depend on frequency: they are kept from one linear system to the next, rows that become
+!> active are added, and l only grows.
 !> Source: Dickens, Nakagawa & Wittbrodt 1997 (mode acceleration), doi:10.1016/S0045-7949(96)00315-X.
 module attrito_balance_split_receptance
   use attrito_core_communicator, only: communicator_type

@@ -6,7 +6,8 @@ module scenes
   use attrito_model_structure, only: structure_type, damping_viscous, damping_ratio, damping_mass, damping_loss_factor
   implicit none
   private
-  public :: scene_type, wedge, wedge_preload, rubbing_frame, rubbing_frame_with_high_modes, one_sided_oscillator, damp, damp_as_modes_ratio, noise
+  public :: scene_type, wedge, wedge_preload, rubbing_frame, rubbing_frame_with_high_modes, one_sided_oscillator, &
+            damp, damp_as_modes_ratio, noise
 
   !> The static load on the wedge along y
   real(wp), parameter :: wedge_preload = 420.0_wp

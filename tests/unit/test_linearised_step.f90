@@ -200,8 +200,8 @@ contains
     end do
   end subroutine by_krylov
 
-  !> GMRES leaves its tolerance of the right-hand side, products leave the same of each mode's part in the step: both of the step's size.
-  !> To rounding no modes are summed.
+  !> GMRES leaves its tolerance of the right-hand side, products leave the same of each mode's part in the step: both of the
+  !> step's size. To rounding no modes are summed.
   subroutine high_modes(error)
     type(error_type), allocatable, intent(out) :: error
     real(wp), parameter :: krylov_tolerance = 1.0e-4_wp
@@ -222,7 +222,8 @@ contains
                             dense_limit=0, krylov=krylov_options_type(tolerance=1.0e-13_wp, low_modes=4)), exact, iterations, status)
       call check(error, status == 0 .and. .not. balance%split%in_use, 'modes are summed beyond their tolerance')
       call solve_linearised(balance, random_constraint(), right, linear_options_type( &
-                            dense_limit=0, krylov=krylov_options_type(tolerance=krylov_tolerance, low_modes=4)), step, iterations, status)
+                            dense_limit=0, krylov=krylov_options_type(tolerance=krylov_tolerance, low_modes=4)), &
+                            step, iterations, status)
       call check(error, status == 0 .and. balance%split%in_use, 'no modes are summed: the test is void')
       call apply_linearised(balance, random_constraint(), step, back)
       call check_close(error, packed(back), packed(right), 2.0_wp*krylov_tolerance*norm2(packed(step)), 'the step put back')

@@ -20,7 +20,8 @@ program test_split_receptance
                       test('static and first dynamic correction leave out the square of what is dynamic in a mode', one_mode), &
                       test('without damping what is left out grows with the fourth power of frequency', fourth_power), &
                       test('products differ from those through all modes by no more than the bound on the modes', bounded), &
-                      test('the tighter the tolerance, the more modes stay as they are and the closer the product, until all do', tighter), &
+                      test('the tighter the tolerance, the more modes stay as they are and the closer the product, until all do', &
+                           tighter), &
                       test('a mean without support stays zero', no_mean), &
                       test('sums kept while rows come and go and the frequency rises are those made afresh', kept), &
                       test('modes that move freely are kept as they are', free_modes), &
