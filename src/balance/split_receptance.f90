@@ -1,14 +1,15 @@
 !> Receptance between active rows with its high modes summed beforehand, for the many products of an iterative solve.
 !>
-!> $$ R_h \approx \sum_{r \le l} \frac{b_r b_r^T}{k_r - (h \omega)^2 m_r + i h \omega c_r}
-!>              + S_0 + (h \omega)^2 S_1 - i h \omega S_d, $$
-!> $$ S_0 = \sum_{r > l} \frac{b_r b_r^T}{k_r}, \qquad S_1 = \sum_{r > l} \frac{m_r b_r b_r^T}{k_r^2}, \qquad
-!>    S_d = \sum_{r > l} \frac{c_r b_r b_r^T}{k_r^2} $$
+!> $$ R_h \approx \sum_{r \le l} \frac{b_r b_r^T}{k_r - (h \omega)^2 m_r + i h \omega c_r} + \sum_{j = 0}^P (i h \omega)^j S_j, \qquad
+!>    S_j = \sum_{r > l} b_r b_r^T t_{rj}, $$
+!> $$ t_{r0} = 1/k_r, \qquad k_r t_{rj} = -c_r t_{r, j - 1} - m_r t_{r, j - 2} $$
 !>
-!> A mode answers as 1/(1 - z) = 1 + z + z^2/(1 - z), z = ((h omega)^2 m_r - i h omega c_r)/k_r: its static and first dynamic
-!> correction leave out |z|^2 of it, no more and no less. That grows with h omega, so the highest harmonic tells how many modes, l,
-!> are to stay as they are. The sums do not depend on frequency: they are kept from one linear system to the next, rows that become
-!> active are added, and l only grows.
+!> the power series of a mode about rest: S_0 is the static correction, S_1 that of damping (odd ones vanish without it), S_2 the
+!> first dynamic correction. Put into the mode's equation it leaves out s^{P+1} k t_{P+1} - s^{P+2} m t_P of the mode, s = i h omega;
+!> undamped, the fourth power of h omega over the mode's frequency for P = 2, the sixth for P = 4. That grows with h omega, so a
+!> tolerance on it at the highest harmonic tells l for each P, and flops tell which P. The sums do not depend on frequency: they are
+!> kept from one linear system to the next, rows that become active are added, modes that do not meet the tolerance any more taken
+!> out.
 !> Source: Dickens, Nakagawa & Wittbrodt 1997 (mode acceleration), doi:10.1016/S0045-7949(96)00315-X.
 module attrito_balance_split_receptance
   use attrito_core_communicator, only: communicator_type
@@ -16,21 +17,23 @@ module attrito_balance_split_receptance
   use attrito_balance_receptance, only: receptance_type, to_complex, to_real
   implicit none
   private
-  public :: split_receptance_type, left_out, is_cheaper
+  public :: split_receptance_type, left_out, flops
 
   !> Products that a linear system is expected to need
   integer, parameter :: expected_products = 40
+  !> Of the series: seven sums with damping, four without
+  integer, parameter :: highest_power = 6
 
   type :: split_receptance_type
     !> Does it serve the rows that it was last prepared for? If not, the product through all modes is cheaper, or modes are coupled.
     logical :: in_use = .false.
-    !> Modes that stay as they are
-    integer :: low = 0
+    !> Modes that stay as they are; the highest power of the series for the others, and from one power to the next
+    integer :: low = 0, power = 0, stride = 1
     !> The most that is left out of any mode, relative to it
     real(wp) :: bound = 0.0_wp
     !> Rows of B that the sums hold, of all ranks and of this one, ascending
     integer, allocatable, private :: rows(:), mine(:)
-    !> S_0, S_1 and, with damping, S_d [rows, mine, 2 or 3]
+    !> S_0 ... S_P, without damping every other one [rows, mine, sums]
     real(wp), allocatable, private :: sums(:, :, :)
     !> Low modes at this rank's rows [low, mine], and their flexibility [low, 0:H]
     real(wp), allocatable, private :: shapes(:, :)
@@ -42,35 +45,48 @@ module attrito_balance_split_receptance
     procedure :: receive
   end type split_receptance_type
 
+  !> A way to serve some rows
+  type :: plan_type
+    integer :: power = 0, stride = 1, low = 0
+    !> Without what is held
+    logical :: afresh = .true.
+    real(wp) :: bound = 0.0_wp, summing = 0.0_wp, flops = 0.0_wp
+  end type plan_type
+
 contains
 
-  !> What static and first dynamic correction leave out of a mode, relative to it: |z|^2.
-  pure elemental real(wp) function left_out(stiffness, mass, damping, frequency)
+  !> Bound on what the series up to a power leaves out of a mode, relative to it; sharp without damping. It grows with frequency.
+  pure elemental real(wp) function left_out(stiffness, mass, damping, frequency, power)
     real(wp), intent(in) :: stiffness, mass, damping
     !> h omega
     real(wp), intent(in) :: frequency
-    real(wp) :: dynamic
+    integer, intent(in) :: power
+    ! Sizes of s^j k t_j
+    real(wp) :: before, last, next, inertia, friction
+    integer :: j
 
-    dynamic = hypot(frequency**2*mass, frequency*damping)
-    if (stiffness > epsilon(1.0_wp)*dynamic) then
-      left_out = (dynamic/stiffness)**2
-    else
-      left_out = huge(1.0_wp)
-    end if
+    left_out = huge(1.0_wp)
+    if (stiffness <= epsilon(1.0_wp)*max(frequency**2*mass, frequency*damping)) return
+    inertia = frequency**2*mass/stiffness
+    friction = frequency*damping/stiffness
+    before = 0.0_wp
+    last = 1.0_wp
+    do j = 1, power + 1
+      next = friction*last + inertia*before
+      before = last
+      last = next
+    end do
+    left_out = last + inertia*before
   end function left_out
 
-  !> Do the products of one linear system take fewer flops with the sums, what it takes to sum included?
-  pure logical function is_cheaper(coefficients, rows, modes, low, terms, summing)
-    !> 2 H + 1; active rows; all modes, and those that stay; sums (S_d is not always there)
-    integer, intent(in) :: coefficients, rows, modes, low, terms
-    !> Flops to bring the sums up to date
+  !> Flops of the products of one linear system: some modes one by one, sums over the others, and to bring these up to date.
+  pure real(wp) function flops(coefficients, rows, low, sums, summing)
+    !> 2 H + 1; active rows; modes that stay; sums
+    integer, intent(in) :: coefficients, rows, low, sums
     real(wp), intent(in) :: summing
-    real(wp) :: plain, split
 
-    plain = 4.0_wp*coefficients*rows*modes
-    split = 4.0_wp*coefficients*rows*low + 2.0_wp*terms*coefficients*real(rows, wp)**2
-    is_cheaper = summing + expected_products*split < expected_products*plain
-  end function is_cheaper
+    flops = summing + expected_products*real(coefficients, wp)*rows*(4.0_wp*low + 2.0_wp*sums*rows)
+  end function flops
 
   !> Make ready for these rows at the receptance's frequency, if products are then cheaper. Ranks agree, since all count the same.
   subroutine prepare(self, receptance, ranks, mine, tolerance)
@@ -81,50 +97,109 @@ contains
     integer, intent(in) :: mine(:)
     !> What may be left out of a mode, relative to it
     real(wp), intent(in) :: tolerance
-    real(wp), allocatable :: stiffness(:), mass(:), damping(:), missing(:), weights(:, :)
+    real(wp), allocatable :: stiffness(:), mass(:), damping(:), weights(:, :)
     integer, allocatable :: rows(:)
-    real(wp) :: summing, held
-    integer :: low, modes, r
+    type(plan_type) :: plan
+    integer :: modes
 
     self%in_use = .false.
     call receptance%uncoupled_modes(stiffness, mass, damping)
     modes = size(stiffness)
     if (modes == 0) return
-    if (.not. allocated(self%rows)) call start(self, any(abs(damping) > 0.0_wp))
     call ranks%gather_integers(mine, rows)
-    missing = left_out(stiffness, mass, damping, receptance%harmonics*receptance%omega)
-    low = max(self%low, maxval([0, pack([(r, r=1, modes)], missing > tolerance)]))
-    held = real(count(places(rows, self%rows) > 0), wp)
-    summing = 2.0_wp*size(self%sums, 3)*((modes - low)*(real(size(rows), wp)**2 - held**2) + (low - self%low)*held**2)
-    if (.not. is_cheaper(receptance%harmonics*2 + 1, size(rows), modes, low, size(self%sums, 3), summing)) return
+    if (.not. allocated(self%rows)) call start(self, 0, 0)
+    plan = new_plan(self, receptance, rows, tolerance)
+    if (plan%power == 0) return
     self%in_use = .true.
-    self%bound = maxval([0.0_wp, missing(low + 1:)])
-    allocate (weights(modes, size(self%sums, 3)), source=0.0_wp)
-    ! Those that are high now, and those that were when what is held was summed.
-    associate (high => merge(self%low, low, size(self%rows) > 0) + 1)
-      weights(high:, 1) = 1.0_wp/stiffness(high:)
-      weights(high:, 2) = mass(high:)/stiffness(high:)**2
-      if (size(weights, 2) > 2) weights(high:, 3) = damping(high:)/stiffness(high:)**2
-    end associate
-    if (summing > 0.0_wp .or. size(rows) < size(self%rows)) call sum_modes(self, receptance%directions, weights, low, rows, mine)
-    self%low = low
-    self%shapes = receptance%directions(:low, mine)
+    self%bound = plan%bound
+    if (plan%afresh) call start(self, plan%power, plan%stride)
+    weights = series(stiffness, mass, damping, merge(plan%low, self%low, plan%afresh), plan%power)
+    if (plan%summing > 0.0_wp .or. size(rows) < size(self%rows)) then
+      call sum_modes(self, receptance%directions, weights(:, ::plan%stride), plan%low, rows, mine)
+    end if
+    self%low = plan%low
+    self%shapes = receptance%directions(:plan%low, mine)
     call set_frequency(self, receptance)
   end subroutine prepare
 
-  !> Hold no rows.
-  subroutine start(self, damped)
-    type(split_receptance_type), intent(inout) :: self
-    logical, intent(in) :: damped
+  !> The cheapest way to serve these rows: with what is held, afresh to any power, or, power 0, through all modes.
+  function new_plan(self, receptance, rows, tolerance) result(best)
+    type(split_receptance_type), intent(in) :: self
+    class(receptance_type), intent(in) :: receptance
+    integer, intent(in) :: rows(:)
+    real(wp), intent(in) :: tolerance
+    type(plan_type) :: best, plan
+    real(wp), allocatable :: stiffness(:), mass(:), damping(:), missing(:)
+    real(wp) :: held
+    integer :: coefficients, modes, r, power, low
 
-    allocate (self%rows(0), self%mine(0))
-    allocate (self%sums(0, 0, merge(3, 2, damped)))
+    call receptance%uncoupled_modes(stiffness, mass, damping)
+    modes = size(stiffness)
+    coefficients = 2*receptance%harmonics + 1
+    best%flops = flops(coefficients, size(rows), modes, 0, 0.0_wp)
+    plan%stride = merge(1, 2, any(abs(damping) > 0.0_wp))
+    held = real(count(places(rows, self%rows) > 0), wp)
+    do power = 2, highest_power, plan%stride
+      missing = left_out(stiffness, mass, damping, receptance%harmonics*receptance%omega, power)
+      low = maxval([0, pack([(r, r=1, modes)], missing > tolerance)])
+      plan%power = power
+      call consider(low, 0.0_wp, .true.)
+      if (power == self%power) call consider(max(low, self%low), held, .false.)
+    end do
+
+  contains
+
+    !> Take it if it is cheaper.
+    subroutine consider(low, held, afresh)
+      integer, intent(in) :: low
+      real(wp), intent(in) :: held
+      logical, intent(in) :: afresh
+
+      plan%low = low
+      plan%afresh = afresh
+      plan%bound = maxval([0.0_wp, missing(low + 1:)])
+      associate (sums => plan%power/plan%stride + 1)
+        plan%summing = 2.0_wp*sums*((modes - low)*(real(size(rows), wp)**2 - held**2))
+        if (.not. afresh) plan%summing = plan%summing + 2.0_wp*sums*(low - self%low)*held**2
+        plan%flops = flops(coefficients, size(rows), low, sums, plan%summing)
+      end associate
+      if (plan%flops < best%flops) best = plan
+    end subroutine consider
+  end function new_plan
+
+  !> Coefficients t of the modes above `low` [n, 0:power].
+  pure function series(stiffness, mass, damping, low, power) result(t)
+    real(wp), intent(in) :: stiffness(:), mass(:), damping(:)
+    integer, intent(in) :: low, power
+    real(wp) :: t(size(stiffness), 0:power)
+    integer :: j
+
+    t = 0.0_wp
+    t(low + 1:, 0) = 1.0_wp/stiffness(low + 1:)
+    do j = 1, power
+      t(low + 1:, j) = -damping(low + 1:)*t(low + 1:, j - 1)/stiffness(low + 1:)
+      if (j > 1) t(low + 1:, j) = t(low + 1:, j) - mass(low + 1:)*t(low + 1:, j - 2)/stiffness(low + 1:)
+    end do
+  end function series
+
+  !> Hold no rows yet, of the series to a power.
+  subroutine start(self, power, stride)
+    type(split_receptance_type), intent(inout) :: self
+    integer, intent(in) :: power, stride
+
+    self%rows = [integer ::]
+    self%mine = [integer ::]
+    self%power = power
+    self%stride = stride
+    self%low = 0
+    if (allocated(self%sums)) deallocate (self%sums)
+    allocate (self%sums(0, 0, power/max(stride, 1) + 1))
   end subroutine start
 
   !> Sum over the modes above `low` for these rows; what is held of them is taken over, less the modes that are no longer high.
   subroutine sum_modes(self, directions, weights, low, rows, mine)
     type(split_receptance_type), intent(inout) :: self
-    !> Rows of B in modes, in columns [n, all rows]; weights of modes in each sum [n, 2 or 3]
+    !> Rows of B in modes, in columns [n, all rows]; weights of modes in each sum [n, sums]
     real(wp), intent(in) :: directions(:, :), weights(:, :)
     integer, intent(in) :: low, rows(:), mine(:)
     integer, allocatable :: held(:), held_mine(:), fresh(:), fresh_mine(:), from(:), from_mine(:)
@@ -202,28 +277,35 @@ contains
     !> [2 H + 1, mine]
     real(wp), intent(in), contiguous :: y(:, :)
     real(wp) :: motion(size(y, 1), size(y, 2))
-    real(wp) :: modal(size(y, 1), self%low), forces(size(y, 1), size(self%rows)), scaled(size(y, 1), size(self%rows))
-    integer :: i
+    real(wp) :: modal(size(y, 1), self%low), forces(size(y, 1), size(self%rows))
+    integer :: i, turn
 
     modal = matmul(y, transpose(self%shapes))
     call ranks%sum(modal)
     modal = to_real(self%flexibility*to_complex(modal))
     call ranks%gather_columns_everywhere(y, forces)
     do i = 1, size(forces, 2)
-      scaled(:, i) = self%support*forces(:, i)
+      forces(:, i) = self%support*forces(:, i)
     end do
-    motion = matmul(modal, self%shapes) + matmul(scaled, self%sums(:, :, 1))
-    do i = 1, size(forces, 2)
-      scaled(:, i) = self%frequency**2*forces(:, i)
+    motion = matmul(modal, self%shapes) + matmul(forces, self%sums(:, :, 1))
+    do i = 2, size(self%sums, 3)
+      do turn = 1, self%stride
+        forces = times_frequency(self%frequency, forces)
+      end do
+      motion = motion + matmul(forces, self%sums(:, :, i))
     end do
-    motion = motion + matmul(scaled, self%sums(:, :, 2))
-    if (size(self%sums, 3) == 2) return
-    ! -i h omega (c - i s) = -h omega s - i h omega c
-    do i = 1, size(forces, 2)
-      scaled(1, i) = 0.0_wp
-      scaled(2::2, i) = -self%frequency(2::2)*forces(3::2, i)
-      scaled(3::2, i) = self%frequency(3::2)*forces(2::2, i)
-    end do
-    motion = motion + matmul(scaled, self%sums(:, :, 3))
   end function receive
+
+  !> i h omega (c - i s) = h omega s + i h omega c of every harmonic.
+  pure function times_frequency(frequency, field) result(turned)
+    real(wp), intent(in) :: frequency(:), field(:, :)
+    real(wp) :: turned(size(field, 1), size(field, 2))
+    integer :: i
+
+    do i = 1, size(field, 2)
+      turned(1, i) = 0.0_wp
+      turned(2::2, i) = frequency(2::2)*field(3::2, i)
+      turned(3::2, i) = -frequency(3::2)*field(2::2, i)
+    end do
+  end function times_frequency
 end module attrito_balance_split_receptance
