@@ -20,6 +20,7 @@ module attrito_balance_active_rows
   contains
     procedure :: gather
     procedure :: scatter
+    procedure :: rows_of_all
     procedure :: receive
     procedure :: multiply_jacobian
   end type active_rows_type
@@ -69,15 +70,30 @@ contains
     end do
   end subroutine scatter
 
-  !> R_AA y: what the rows receive from forces y on them, of all ranks.
+  !> Their rows, by their place among those of all ranks.
+  pure function rows_of_all(self, balance) result(rows)
+    class(active_rows_type), intent(in) :: self
+    type(balance_type), intent(in) :: balance
+    integer :: rows(self%count)
+    integer :: i, row
+
+    rows = [((balance%first_row - 1 + self%source(i) + row, row=0, self%rows(i) - 1), i=1, size(self%rows))]
+  end function rows_of_all
+
+  !> R_AA y: what the rows receive from forces y on them, of all ranks; by the split receptance where that is in use.
   function receive(self, balance, y) result(motion)
     class(active_rows_type), intent(in) :: self
     type(balance_type), intent(in) :: balance
-    real(wp), intent(in) :: y(:, :)
+    real(wp), intent(in), contiguous :: y(:, :)
     real(wp) :: motion(size(y, 1), size(y, 2))
     real(wp) :: generalised(size(y, 1), size(self%directions, 1))
     complex(wp) :: response(size(self%directions, 1), 0:balance%receptance%harmonics)
 
+    if (balance%split%in_use) then
+      motion = balance%split%receive(balance%ranks, y)
+      if (allocated(balance%frozen_mean)) motion(1, :) = 0.0_wp
+      return
+    end if
     generalised = matmul(y, transpose(self%directions))
     call balance%ranks%sum(generalised)
     call balance%receptance%respond(to_complex(generalised), response)

@@ -16,7 +16,7 @@ module attrito_balance_condensed_krylov
   public :: krylov_options_type, solve_by_krylov
 
   type :: krylov_options_type
-    !> Residual of the linear system, relative to its right-hand side
+    !> Residual of the linear system, relative to its right-hand side; and what a product may leave out of a mode
     real(wp) :: tolerance = 1.0e-4_wp
     !> Modes of the coarse system
     integer :: low_modes = 20
@@ -62,7 +62,7 @@ contains
 
   !> Solve for y and omega; the balance holds the Jacobian of its last evaluation.
   subroutine solve_by_krylov(balance, border, rho, last, options, y, omega, iterations, status)
-    type(balance_type), target, intent(in) :: balance
+    type(balance_type), target, intent(inout) :: balance
     type(border_type), intent(in) :: border
     !> Right-hand side of the balance [2 H + 1, rows], and sigma - p^T rho
     real(wp), intent(in) :: rho(:, :), last
@@ -79,7 +79,7 @@ contains
     y = 0.0_wp
     omega = 0.0_wp
     iterations = 0
-    context%system = new_condensed_operator(balance, border)
+    context%system = new_condensed_operator(balance, border, options%tolerance)
     call new_two_level(context%system, options%low_modes, context%preconditioner, status)
     if (status /= 0) return
     right = context%system%active%multiply_jacobian(balance, context%system%active%gather(rho))

@@ -18,6 +18,7 @@ module attrito_balance_harmonic_balance
   use attrito_contact_stuck, only: surely_stuck
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, new_grid
   use attrito_balance_receptance, only: receptance_type, to_complex, to_real
+  use attrito_balance_split_receptance, only: split_receptance_type
   implicit none
   private
   public :: balance_type, new_balance
@@ -36,6 +37,8 @@ module attrito_balance_harmonic_balance
     !> Contacts with one tangent by events, exact, rather than by samples
     logical :: by_events = .false.
     class(receptance_type), allocatable :: receptance
+    !> What iterative solves take in its place, and keep
+    type(split_receptance_type) :: split
     !> Laws of this rank's contacts; the first of them and its first row among all
     type(contact_type), allocatable :: law(:)
     integer :: first_contact = 1, first_row = 1
@@ -236,8 +239,8 @@ contains
     end associate
   end function still_stuck
 
-  !> Mean of the response to the static loads and to what stuck contacts add to their springs: sliders, preloads, gaps [n]. Kept, since it
-  !> stays the same along a sweep.
+  !> Mean of the response to the static loads and to what stuck contacts add to their springs: sliders, preloads, gaps [n]. Kept, since
+  !> it stays the same along a sweep.
   function mean_response(self) result(mean)
     type(balance_type), intent(inout) :: self
     complex(wp), allocatable :: mean(:)

@@ -28,7 +28,7 @@ contains
 
   !> Solve for the step; the balance holds the Jacobian of its last evaluation.
   subroutine solve_linearised(balance, constraint, right, options, step, iterations, status)
-    type(balance_type), intent(in) :: balance
+    type(balance_type), intent(inout) :: balance
     type(constraint_type), intent(in) :: constraint
     !> Right-hand sides of balance and sliders; `omega` is the constraint's
     type(unknowns_type), intent(in) :: right

@@ -29,6 +29,7 @@ module attrito_balance_receptance
     procedure(low_shapes), deferred :: low_shapes
     procedure(low_stiffness), deferred :: low_stiffness
     procedure(remainder), deferred :: remainder
+    procedure :: uncoupled_modes
   end type receptance_type
 
   abstract interface
@@ -105,6 +106,15 @@ module attrito_balance_receptance
   end interface
 
 contains
+
+  !> Stiffness, mass and damping of the modes, ascending, if they are all there is to the response; none where damping couples them.
+  subroutine uncoupled_modes(self, stiffness, mass, damping)
+    class(receptance_type), intent(in) :: self
+    !> [n] or [0]
+    real(wp), allocatable, intent(out) :: stiffness(:), mass(:), damping(:)
+
+    allocate (stiffness(0), mass(0), damping(0))
+  end subroutine uncoupled_modes
 
   !> Real coefficients [2 H + 1, n] as complex columns [n, 0:H].
   pure function to_complex(coefficients) result(columns)

@@ -22,6 +22,7 @@ module attrito_balance_receptance_modal
     procedure :: low_shapes
     procedure :: low_stiffness
     procedure :: remainder
+    procedure :: uncoupled_modes
   end type receptance_modal_type
 
 contains
@@ -123,6 +124,15 @@ contains
 
     stiffness = 1.0_wp/self%flexibility(:low, h)
   end function low_stiffness
+
+  subroutine uncoupled_modes(self, stiffness, mass, damping)
+    class(receptance_modal_type), intent(in) :: self
+    real(wp), allocatable, intent(out) :: stiffness(:), mass(:), damping(:)
+
+    stiffness = self%modal_stiffness
+    mass = self%modal_mass
+    damping = self%modal_damping
+  end subroutine uncoupled_modes
 
   subroutine remainder(self, low, directions, blocks)
     class(receptance_modal_type), intent(in) :: self

@@ -114,7 +114,7 @@ contains
     real(wp), allocatable :: everyone(:, :)
     integer :: from, to
 
-    call solver%context%balance%ranks%gather_columns(field%columns, everyone, everywhere=.true.)
+    call solver%context%balance%ranks%gather_columns_everywhere(field%columns, everyone)
     from = first
     to = last
     if (.not. field%by_contact) then

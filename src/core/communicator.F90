@@ -22,6 +22,7 @@ module attrito_core_communicator
     generic :: sum => sum_scalar, sum_vector, sum_matrix
     procedure :: largest
     procedure :: gather_columns
+    procedure :: gather_columns_everywhere
     procedure :: gather_integers
     procedure :: broadcast
     procedure :: broadcast_integer
@@ -103,40 +104,36 @@ contains
     call MPI_Allreduce(x, value, 1, MPI_DOUBLE_PRECISION, MPI_MAX, self%handle, ierr)
   end function largest
 
-  !> Each rank's columns, side by side in the order of ranks, at the root (elsewhere `all` has no columns) or everywhere.
-  subroutine gather_columns(self, mine, all, everywhere)
+  !> Each rank's columns, side by side in the order of ranks, at the root (elsewhere `all` has no columns).
+  subroutine gather_columns(self, mine, all)
     class(communicator_type), intent(in) :: self
     !> This rank's columns [n, mine]
     real(wp), intent(in), contiguous :: mine(:, :)
     !> Every rank's columns [n, all]
     real(wp), allocatable, intent(out) :: all(:, :)
-    !> At the root only unless given
-    logical, intent(in), optional :: everywhere
     integer :: counts(self%ranks), offsets(self%ranks), i, ierr
 
-    if (present(everywhere)) then
-      if (everywhere) then
-        call gather_everywhere()
-        return
-      end if
-    end if
     call MPI_Gather(size(mine), 1, MPI_INTEGER, counts, 1, MPI_INTEGER, 0, self%handle, ierr)
     if (.not. self%is_root()) counts = 0
     offsets = [(sum(counts(:i - 1)), i=1, self%ranks)]
     allocate (all(size(mine, 1), sum(counts)/max(size(mine, 1), 1)))
     call MPI_Gatherv(mine, size(mine), MPI_DOUBLE_PRECISION, all, counts, offsets, MPI_DOUBLE_PRECISION, 0, &
                      self%handle, ierr)
-
-  contains
-
-    subroutine gather_everywhere()
-
-      call MPI_Allgather(size(mine), 1, MPI_INTEGER, counts, 1, MPI_INTEGER, self%handle, ierr)
-      offsets = [(sum(counts(:i - 1)), i=1, self%ranks)]
-      allocate (all(size(mine, 1), sum(counts)/max(size(mine, 1), 1)))
-      call MPI_Allgatherv(mine, size(mine), MPI_DOUBLE_PRECISION, all, counts, offsets, MPI_DOUBLE_PRECISION, self%handle, ierr)
-    end subroutine gather_everywhere
   end subroutine gather_columns
+
+  !> Each rank's columns, side by side in the order of ranks, on every rank.
+  subroutine gather_columns_everywhere(self, mine, all)
+    class(communicator_type), intent(in) :: self
+    !> This rank's columns [n, mine]
+    real(wp), intent(in), contiguous :: mine(:, :)
+    !> Every rank's columns [n, all]
+    real(wp), intent(out), contiguous :: all(:, :)
+    integer :: counts(self%ranks), offsets(self%ranks), i, ierr
+
+    call MPI_Allgather(size(mine), 1, MPI_INTEGER, counts, 1, MPI_INTEGER, self%handle, ierr)
+    offsets = [(sum(counts(:i - 1)), i=1, self%ranks)]
+    call MPI_Allgatherv(mine, size(mine), MPI_DOUBLE_PRECISION, all, counts, offsets, MPI_DOUBLE_PRECISION, self%handle, ierr)
+  end subroutine gather_columns_everywhere
 
   !> Each rank's integers, one after another in the order of ranks, on every rank.
   subroutine gather_integers(self, mine, all)

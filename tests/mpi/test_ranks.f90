@@ -9,7 +9,7 @@ program test_ranks
   use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
   use attrito_continuation_static_path, only: walk_static_path
   use attrito_output_point_report, only: point_report_type, report_point
-  use scenes, only: scene_type, rubbing_frame, wedge, damp
+  use scenes, only: scene_type, rubbing_frame, rubbing_frame_with_high_modes, wedge, damp
   use session, only: run_in_session, everyone, only_me
   use testing, only: test, check, check_close
   implicit none
@@ -23,6 +23,7 @@ program test_ranks
                       test('columns and integers are gathered in the order of ranks', gathering), &
                       test('a point with four contacts is the same on all ranks as on one', point_of_modes), &
                       test('a point with coupled damping is the same on all ranks as on one', point_of_factors), &
+                      test('a point by GMRES on all ranks, high modes summed, is that of elimination on one', point_of_sums), &
                       test('ranks without a contact take part and agree', idle_ranks), &
                       test('every point of a sweep is the same on all ranks as on one', sweep_points), &
                       test('contacts are shared out by work along a sweep, and every point is the same', shared_by_work), &
@@ -60,14 +61,18 @@ contains
                      tolerance*maxval(abs(alone%context%balance%response)), 'response')
   end subroutine compare
 
-  subroutine compare_point(error, scene)
+  subroutine compare_point(error, scene, iterate)
     type(error_type), allocatable, intent(inout) :: error
     type(scene_type), intent(in) :: scene
+    !> All ranks by GMRES, and one by elimination?
+    logical, intent(in) :: iterate
     type(solver_type) :: together, alone
 
     call prepare(scene, everyone(), together, error)
     call prepare(scene, only_me(), alone, error)
+    if (iterate) together%context%linear%dense_limit = 0
     call solve_by_cascade(together, omega)
+    call check(error, together%context%balance%split%in_use .eqv. iterate, 'high modes are summed, or not: the test is void')
     call solve_by_cascade(alone, omega)
     call check(error, any(alone%context%balance%forces%slip > 0.1_wp), 'nothing slips: the test is void')
     call compare(error, together, alone)
@@ -118,8 +123,17 @@ contains
 
     scene = rubbing_frame()
     call damp(scene, damping_ratio, 0.04_wp)
-    call compare_point(error, scene)
+    call compare_point(error, scene, .false.)
   end subroutine point_of_modes
+
+  subroutine point_of_sums(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_type) :: scene
+
+    scene = rubbing_frame_with_high_modes(100)
+    call damp(scene, damping_ratio, 0.04_wp)
+    call compare_point(error, scene, .true.)
+  end subroutine point_of_sums
 
   subroutine point_of_factors(error)
     type(error_type), allocatable, intent(out) :: error
@@ -127,7 +141,7 @@ contains
 
     scene = rubbing_frame()
     call damp(scene, damping_viscous, 0.05_wp)
-    call compare_point(error, scene)
+    call compare_point(error, scene, .false.)
   end subroutine point_of_factors
 
   subroutine idle_ranks(error)
@@ -140,7 +154,7 @@ contains
     scene%contacts%law = scene%contacts%law(:2)
     scene%contacts%directions = scene%contacts%directions(:, :5)
     scene%contacts%row_stiffness = scene%contacts%row_stiffness(:5)
-    call compare_point(error, scene)
+    call compare_point(error, scene, .false.)
   end subroutine idle_ranks
 
   subroutine sweep_points(error)

@@ -6,7 +6,8 @@ module scenes
   use attrito_model_structure, only: structure_type, damping_viscous, damping_ratio, damping_mass, damping_loss_factor
   implicit none
   private
-  public :: scene_type, wedge, wedge_preload, rubbing_frame, one_sided_oscillator, damp, damp_as_modes_ratio, noise
+  public :: scene_type, wedge, wedge_preload, rubbing_frame, rubbing_frame_with_high_modes, one_sided_oscillator, &
+            damp, damp_as_modes_ratio, noise
 
   !> The static load on the wedge along y
   real(wp), parameter :: wedge_preload = 420.0_wp
@@ -74,6 +75,33 @@ contains
       allocate (structure%monitors(m, 0))
     end associate
   end function rubbing_frame
+
+  !> The same with coordinates that the contacts move too, far above what moves the frame: angular frequencies from 32 up.
+  function rubbing_frame_with_high_modes(high) result(scene)
+    !> How many
+    integer, intent(in) :: high
+    type(scene_type) :: scene
+    type(scene_type) :: frame
+    integer :: i, m
+
+    frame = rubbing_frame()
+    m = size(frame%structure%mass, 1)
+    scene%contacts = new_contacts(frame%contacts%law, reshape([transpose(frame%contacts%directions), noise(10*high, 7)], &
+                                                              [m + high, 10], order=[2, 1]))
+    associate (structure => scene%structure)
+      allocate (structure%mass(m + high, m + high), structure%stiffness(m + high, m + high), source=0.0_wp)
+      structure%mass(:m, :m) = frame%structure%mass
+      structure%stiffness(:m, :m) = frame%structure%stiffness
+      do i = 1, high
+        structure%mass(m + i, m + i) = 1.0_wp
+        structure%stiffness(m + i, m + i) = 1.0e3_wp*i
+      end do
+      allocate (structure%static_loads(m + high, 1), structure%harmonic_load(m + high, 5), source=0.0_wp)
+      structure%static_loads(:m, :) = frame%structure%static_loads
+      structure%harmonic_load(:m, :) = frame%structure%harmonic_load
+      allocate (structure%monitors(m + high, 0))
+    end associate
+  end function rubbing_frame_with_high_modes
 
   !> A mass on a spring (both 1) with a unilateral spring; nothing moves along its tangent. Level 1 is a unit cosine.
   function one_sided_oscillator(normal_stiffness, gap, preload, ratio) result(scene)
