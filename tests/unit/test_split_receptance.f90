@@ -17,9 +17,9 @@ program test_split_receptance
   integer, parameter :: active(10) = [2, 3, 5, 6, 9, 12, 13, 20, 21, 24]
 
   call run_in_session('split receptance', [ &
-                      test('what the series leaves out of a mode is its difference from the mode, or less with damping', one_mode), &
-                      test('without damping what is left out grows with the power of frequency next to the last summed', next_power), &
-                      test('products differ from those through all modes by no more than the bound on the modes', bounded), &
+                      test('what the series leaves out of a mode is known, and bounded with damping', one_mode), &
+                      test('without damping what is left out grows with the power of frequency next to the last', next_power), &
+                      test('products differ from those through all modes by no more than the bound', bounded), &
                       test('the tighter the tolerance, the more modes stay as they are and the closer the product, until all do', &
                            tighter), &
                       test('a mean without support stays zero', no_mean), &
