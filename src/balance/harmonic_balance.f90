@@ -239,8 +239,8 @@ contains
     end associate
   end function still_stuck
 
-  !> Mean of the response to the static loads and to what stuck contacts add to their springs: sliders, preloads, gaps [n]. Kept, since
-  !> it stays the same along a sweep.
+  !> Mean of the response to the static loads and to what stuck contacts add to their springs: sliders, preloads, gaps [n]. Kept, as it
+  !> stays the same along a sweep.
   function mean_response(self) result(mean)
     type(balance_type), intent(inout) :: self
     complex(wp), allocatable :: mean(:)

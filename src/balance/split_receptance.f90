@@ -10,7 +10,7 @@
 !> tolerance on it at the highest harmonic tells l for each P, and flops tell which P. The sums do not depend on frequency: they are
 !> kept from one linear system to the next, rows that become active are added, modes that do not meet the tolerance any more taken
 !> out.
-!> Source: Dickens, Nakagawa & Wittbrodt 1997 (mode acceleration), doi:10.1016/S0045-7949(96)00315-X.
+!> Source: Dickens, Nakagawa & Wittbrodt 1997 (mode acceleration).
 module attrito_balance_split_receptance
   use attrito_core_communicator, only: communicator_type
   use attrito_core_kinds, only: wp

@@ -114,6 +114,9 @@ contains
     real(wp), allocatable :: everyone(:, :)
     integer :: from, to
 
+    associate (contacts => solver%contacts)
+      allocate (everyone(size(field%columns, 1), merge(size(contacts%law), size(contacts%directions, 2), field%by_contact)))
+    end associate
     call solver%context%balance%ranks%gather_columns_everywhere(field%columns, everyone)
     from = first
     to = last
