@@ -239,7 +239,7 @@ contains
     end associate
   end function still_stuck
 
-  !> Mean of the response to the static loads and to what stuck contacts add to their springs: sliders, preloads, gaps [n]. Kept, as it
+  !> Mean of the response to the static loads and to what stuck contacts add to their springs: sliders, preloads, gaps [n]. Kept: it
   !> stays the same along a sweep.
   function mean_response(self) result(mean)
     type(balance_type), intent(inout) :: self
