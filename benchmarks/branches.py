@@ -90,22 +90,27 @@ def draw(up: list[Point], down: list[Point], orbits: dict[str, list[dict]], foun
         axes.plot(frequencies, amplitudes, style, color="0.6", zorder=1, label=label)
         stuck = np.array([p.states[0] + p.states[1] == sum(p.states) for p in points])
         every = np.array([p.states[0] + p.states[1] == 0 for p in points])
-        for chosen, color, name in ((stuck, "C0", "all stick"), (~stuck & ~every, "C1", "some"), (every, "C3", "none")):
+        for chosen, color, name in (
+            (stuck, "C0", "all contacts stick"),
+            (~stuck & ~every, "C1", "some slip or open"),
+            (every, "C3", "all slip or open"),
+        ):
             axes.plot(
                 frequencies[chosen], amplitudes[chosen], ".", color=color, ms=5, label=name if points is up else None
             )
     for way, marker in (("up", "^"), ("down", "v")):
-        steady = [row for row in orbits[way] if row["integration"] == "period_one"]
-        if steady:
-            axes.plot(
-                [row["frequency_hz"] for row in steady],
-                [1e6 * row["integrated_amplitude"] for row in steady],
-                marker,
-                mfc="none",
-                color="k",
-                ms=7,
-                label=f"integration in time, {way}",
-            )
+        for walking, color in ((False, "k"), (True, "C4")):
+            rows = [row for row in orbits[way] if row["integration"] == ("walks" if walking else "period_one")]
+            if rows:
+                axes.plot(
+                    [row["frequency_hz"] for row in rows],
+                    [1e6 * row["integrated_amplitude"] for row in rows],
+                    marker,
+                    mfc="none",
+                    color=color,
+                    ms=7,
+                    label=f"integration in time, {way}" + walking * ": walks",
+                )
     for name in ("opens_hz", "folds_hz"):
         if found[name]:
             axes.axvline(found[name], color="0.8", lw=0.8, zorder=0)
@@ -123,10 +128,10 @@ def main() -> None:
     parser.add_argument("--contacts", type=int, default=10)
     parser.add_argument("--force", type=float, default=2.0e4)
     parser.add_argument("--harmonics", type=int, default=10)
-    parser.add_argument("--range", type=float, nargs=2, default=[1200.0, 1800.0], help="Hz")
+    parser.add_argument("--range", type=float, nargs=2, default=[1200.0, 1900.0], help="Hz")
     parser.add_argument("--step", type=float, default=10.0, help="between frequencies of integration, Hz; 0: none")
-    parser.add_argument("--cycles", type=int, default=800, help="of an integration, at most")
-    parser.add_argument("--seconds", type=float, default=10.0, help="of the processor, for an integration")
+    parser.add_argument("--cycles", type=int, default=400, help="of an integration, at most")
+    parser.add_argument("--seconds", type=float, default=4.0, help="of the processor, for an integration")
     parser.add_argument("--max-points", type=int, default=400)
     parser.add_argument("--max-seconds", type=float, default=60.0, help="of the processor, for a sweep")
     parser.add_argument("--picture", help="file to draw to")

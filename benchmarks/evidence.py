@@ -14,8 +14,10 @@ import numpy as np
 from attrito.integrator import Integrator, Orbit, Run
 from attrito.solver import ReducedScene
 
-# What a march can end with; an orbit that is still being approached counts as found.
-FOUND = ("period_one", "settling")
+# What of a march's ends counts as an orbit found, in the solver's disfavour: still approaching one, or repeating but
+# for a change a period of less than NEARLY, which neither fades nor goes one way.
+FOUND = ("period_one", "settling", "nearly")
+NEARLY = 1e-3
 STEPS = 512
 TOLERANCE = 1e-7
 
@@ -47,8 +49,13 @@ def march_on(
         if steady or marched >= cycles or spent > seconds:
             break
         stretch = max(25, min(2 * stretch, int(stretch * (seconds - spent) / max(spent, 1e-3))))
+    found = verdict(orbit)
+    if found == "none" and walks(integrator, Run(frequency_hz, level, scheme, STEPS, cycles=1, samples=16)):
+        found = "walks"
+    elif found == "none" and orbit.defect < NEARLY:
+        found = "nearly"
     return {
-        "integration": verdict(orbit),
+        "integration": found,
         "period": orbit.period,
         "cycles": marched,
         "defect": orbit.defect,
@@ -58,6 +65,16 @@ def march_on(
         "slip_mean": float(orbit.slip.mean()),
         "integration_seconds": spent,
     }, orbit
+
+
+def walks(integrator: Integrator, one_period: Run) -> bool:
+    """Does the motion go the same way every period, a few per mille alike?"""
+    places = [integrator.state()[0]]
+    for _ in range(3):
+        integrator.run(one_period)
+        places.append(integrator.state()[0])
+    steps = np.diff(places, axis=0)
+    return bool(np.linalg.norm(np.diff(steps, axis=0), axis=1).max() < 0.005 * np.linalg.norm(steps[0]))
 
 
 def verdict(orbit: Orbit) -> str:

@@ -112,10 +112,15 @@ def equal_laws(
 
 
 def bouncing_block(
-    contacts: int, modes: int = 10, stiffness: float = 2.0e9, pressing: float = 1.0e5, friction: float = 2.0
+    contacts: int,
+    modes: int = 10,
+    stiffness: float = 2.0e9,
+    pressing: float = 1.0e5,
+    friction: float = 2.0,
+    damping: float = 0.02,
 ) -> ReducedScene:
     """The plane block shaken upright, with so much friction that contacts hardly slip before they open."""
-    return plane_block(contacts, modes, stiffness, pressing, friction, upright=True)
+    return plane_block(contacts, modes, stiffness, pressing, friction, damping, upright=True)
 
 
 def plane_block(
@@ -124,6 +129,7 @@ def plane_block(
     stiffness: float = 2.0e9,
     pressing: float = 1.0e5,
     friction: float = FRICTION,
+    damping: float = 0.005,
     upright: bool = False,
 ) -> ReducedScene:
     """A block 1 m by 0.25 m, 10 mm thick, reduced onto its contact dofs and `modes` fixed-interface modes.
@@ -149,7 +155,7 @@ def plane_block(
     return reduced(
         grid,
         basis,
-        damping=0.005,
+        damping=damping,
         laws=equal_laws(contacts, 1, stiffness, stiffness, friction),
         directions=directions,
         static=press,
