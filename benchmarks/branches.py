@@ -21,11 +21,12 @@ from scipy.optimize import brentq
 from attrito.integrator import Integrator
 from attrito.solver import Options, Point, ReducedScene
 
+STANDSTILL = 1e-7
 STATIC_PATH = np.array([[0.0], [1.0]])
 
 
 def sweep(solver: common.TimedSolver, start: float, stop: float, arguments: argparse.Namespace) -> list[Point]:
-    """The branch that begins at one end, up to where it is lost."""
+    """The branch that begins at one end, up to where it is lost or comes to a standstill."""
     solver.walk_static_path(STATIC_PATH, 10, start)
     started = time.process_time()
     points = []
@@ -33,6 +34,8 @@ def sweep(solver: common.TimedSolver, start: float, stop: float, arguments: argp
         if point.outcome != "converged" or point.branch > 0 or time.process_time() - started > arguments.max_seconds:
             break
         points.append(point)
+        if len(points) > 3 and abs(points[-1].frequency_hz - points[-4].frequency_hz) < STANDSTILL * start:
+            break
     return points
 
 

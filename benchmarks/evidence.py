@@ -18,6 +18,7 @@ from attrito.solver import ReducedScene
 # for a change a period of less than NEARLY, which neither fades nor goes one way.
 FOUND = ("period_one", "settling", "nearly")
 NEARLY = 1e-3
+SETTLING = 0.05
 STEPS = 512
 TOLERANCE = 1e-7
 
@@ -83,7 +84,7 @@ def verdict(orbit: Orbit) -> str:
         return "period_one"
     if orbit.period > 1:
         return f"period_{orbit.period}"
-    return "settling" if orbit.outcome == "not_converged" else "none"
+    return "settling" if orbit.outcome == "not_converged" and orbit.defect < SETTLING else "none"
 
 
 def count(solved: int, unsolved: list[dict]) -> dict:

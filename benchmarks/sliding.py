@@ -23,7 +23,6 @@ import scenes
 from attrito.solver import Options, Point, ReducedScene
 
 DIFFERENT = 0.05
-MOST_MARCHES = 10
 
 
 def sweep(
@@ -84,28 +83,29 @@ def band(up: list[Point], down: list[Point]) -> list[float] | None:
     return [float(apart[0]), float(apart[-1])] if len(apart) else None
 
 
-def where_lost(way: dict, points: list[Point]) -> list[float]:
-    """Frequencies that failed, spread over at most `MOST_MARCHES`, and the last one of a sweep that was given up."""
+def where_lost(way: dict, points: list[Point], most: int) -> list[float]:
+    """Frequencies that failed, spread over at most `most`, and beyond the last one of a sweep given up."""
     failed = [row["frequency_hz"] for row in way["failed_at"]]
-    if not way["reached_stop"] and points[-1].frequency_hz not in failed:
-        failed.append(points[-1].frequency_hz)
-    chosen = np.unique(np.linspace(0, len(failed) - 1, MOST_MARCHES).round().astype(int)) if failed else []
-    return [failed[i] for i in chosen]
+    chosen = np.unique(np.linspace(0, len(failed) - 1, most).round().astype(int)) if failed else []
+    lost = [failed[i] for i in chosen]
+    if not way["reached_stop"] and points[-1].outcome == "converged":
+        lost += [points[-1].frequency_hz + part * (way["to_hz"] - way["from_hz"]) for part in (0.0, 0.01, 0.03)]
+    return lost
 
 
-def gather(scene: ReducedScene, force: float, way: dict, points: list[Point], seconds: float) -> dict:
+def gather(scene: ReducedScene, force: float, way: dict, points: list[Point], marching: tuple[int, float]) -> dict:
     """What integration in time finds where a sweep lost its branch."""
     rows = [
-        {"frequency_hz": frequency, **evidence.march(scene, frequency, force, seconds=seconds)}
-        for frequency in where_lost(way, points)
+        {"frequency_hz": frequency, **evidence.march(scene, frequency, force, seconds=marching[1])}
+        for frequency in where_lost(way, points, marching[0])
     ]
     return {"evidence": rows, **evidence.count(way["points"] - way["failed"], rows)}
 
 
 def measure(
-    contacts: int, parts: list[float], options: dict, limits: tuple[int, float], marching: float
+    contacts: int, parts: list[float], options: dict, limits: tuple[int, float], marching: tuple[int, float]
 ) -> tuple[list[dict], list]:
-    """Both ways at each level; `marching`: seconds for the integration of a point, 0: none."""
+    """Both ways at each level; `marching`: most integrations of a sweep, and seconds for each."""
     scene = scenes.plane_block(contacts)
     stuck = scenes.stuck_system(scene)
     first = stuck.frequencies_hz[0]
@@ -115,7 +115,7 @@ def measure(
         with common.TimedSolver(scene, Options(**options)) as solver:
             up, upward = sweep(solver, 0.75 * first, 1.25 * first, part * median, limits)
             down, downward = sweep(solver, 1.25 * first, 0.75 * first, part * median, limits)
-        if marching > 0.0:
+        if marching[0] > 0:
             for way, points in ((up, upward), (down, downward)):
                 way |= gather(scene, part * median, way, points, marching)
         ways = {"up": up, "down": down, "apart_hz": band(upward, downward)}
@@ -153,6 +153,7 @@ def main() -> None:
     parser.add_argument("--max-points", type=int, default=300)
     parser.add_argument("--max-seconds", type=float, default=20.0, help="of the processor, for a sweep")
     parser.add_argument("--no-integration", action="store_true", help="no integration in time where branches are lost")
+    parser.add_argument("--marches", type=int, default=10, help="points integrated of a sweep, at most")
     parser.add_argument("--seconds", type=float, default=20.0, help="of the processor, for the integration of a point")
     parser.add_argument("--sampled", action="store_true", help="contacts by samples rather than by events")
     parser.add_argument("--picture", help="file to draw to")
@@ -161,7 +162,7 @@ def main() -> None:
     limits = (arguments.max_points, arguments.max_seconds)
     rows, curves = [], []
     for contacts in arguments.contacts:
-        marching = 0.0 if arguments.no_integration else arguments.seconds
+        marching = (0 if arguments.no_integration else arguments.marches, arguments.seconds)
         found, drawn = measure(contacts, arguments.parts, options, limits, marching)
         rows += found
         curves += drawn
