@@ -130,6 +130,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("--contacts", type=int, default=10)
     parser.add_argument("--force", type=float, default=2.0e4)
+    parser.add_argument("--damping", type=float, default=0.02, help="ratio")
     parser.add_argument("--harmonics", type=int, default=10)
     parser.add_argument("--range", type=float, nargs=2, default=[1200.0, 1900.0], help="Hz")
     parser.add_argument("--step", type=float, default=10.0, help="between frequencies of integration, Hz; 0: none")
@@ -140,7 +141,7 @@ def main() -> None:
     parser.add_argument("--picture", help="file to draw to")
     arguments = parser.parse_args()
     low, high = arguments.range
-    scene = scenes.bouncing_block(arguments.contacts)
+    scene = scenes.bouncing_block(arguments.contacts, damping=arguments.damping)
     with common.TimedSolver(scene, Options(harmonics=arguments.harmonics, by_events=True)) as solver:
         up = sweep(solver, low, high, arguments)
         down = sweep(solver, high, low, arguments)

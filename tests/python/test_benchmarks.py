@@ -112,7 +112,8 @@ def test_robustness_integrates_what_is_not_solved_unless_told_not_to():
 def test_a_sweep_tells_what_integration_finds_where_it_was_given_up():
     size = ("--contacts", "3", "--parts", "0.1", "--max-points", "2")
     (row,) = run("sliding.py", *size, "--seconds", "1")
-    assert [found["integration"] for found in row["up"]["evidence"]] == ["period_one"] or row["up"]["reached_stop"]
+    assert not row["up"]["reached_stop"]
+    assert {found["integration"] for found in row["up"]["evidence"]} <= set(evidence.FOUND)
     (row,) = run("sliding.py", *size, "--no-integration")
     assert "evidence" not in row["up"]
 
