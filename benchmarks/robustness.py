@@ -5,8 +5,10 @@
 
 Every level, from a hundredth to a hundred times the one at which half the contacts would slip, and every stiffness
 starts from the static solution; its frequencies, from 0.8 of the first stuck one to 1.05 of the third, are solved from
-one to the next, or each from the static solution (`--alone`). Prints JSON: the share solved, iterations, the seconds of
-the hardest point relative to the median, and every point that was not solved, with the command's own arguments.
+one to the next, or each from the static solution (`--alone`). What is not solved is integrated in time: without an
+orbit of the excitation's period there was nothing to solve. Prints JSON: the share solved of the points that have one,
+iterations, the processor's seconds of the hardest point relative to the median of those in which contacts slip, every
+point, those not solved with what integration found, and the command's own arguments.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ import time
 from collections import Counter
 
 import common  # isort: skip (sets the threads of BLAS before numpy is loaded)
+import evidence
 import numpy as np
 import scenes
 
@@ -35,8 +38,14 @@ def measure(contacts: int, stiffness: float, arguments: argparse.Namespace) -> l
             rows += [
                 {"stiffness": stiffness, **row} for row in level(solver, frequencies, part, median, arguments.alone)
             ]
-            unsolved = sum(row["outcome"] != "converged" for row in rows)
-            common.progress(f"stiffness {stiffness:g}, level {part:.3g}: {unsolved} of {len(rows)} not solved so far")
+            unsolved = [row for row in rows if row["outcome"] != "converged"]
+            common.progress(
+                f"stiffness {stiffness:g}, level {part:.3g}: {len(unsolved)} of {len(rows)} unsolved so far"
+            )
+    if arguments.integration:
+        for row in unsolved:
+            row |= evidence.march(scene, row["frequency_hz"], row["force"], seconds=arguments.seconds)
+        common.progress(f"stiffness {stiffness:g}: {Counter(row['integration'] for row in unsolved)}")
     return rows
 
 
@@ -49,15 +58,16 @@ def level(solver: common.TimedSolver, frequencies: np.ndarray, part: float, medi
         if alone:
             solver.walk_static_path(np.array([[0.0], [1.0]]), 10, frequency)
             points = solver.solve_at([frequency], part * median, 0)
-        started = time.perf_counter()
+        started = time.process_time()
         point = next(points)
         rows.append(
             {
                 "level": float(part),
+                "force": float(part * median),
                 "frequency_hz": float(frequency),
                 "outcome": point.outcome,
                 "iterations": point.iterations,
-                "seconds": time.perf_counter() - started,
+                "seconds": time.process_time() - started,
                 "residual": point.residual,
                 **common.states(point),
             }
@@ -70,18 +80,24 @@ def summary(rows: list[dict]) -> dict:
     seconds = np.array([row["seconds"] for row in rows])
     iterations = np.array([row["iterations"] for row in rows])
     solved = np.array([row["outcome"] == "converged" for row in rows])
+    moving = np.array([row["slipping"] + row["open"] > 0 for row in rows]) & solved
+    median = float(np.median(seconds[moving])) if moving.any() else None
     return {
         "points": len(rows),
         "solved": int(solved.sum()),
         "share_solved": float(solved.mean()),
-        "outcomes": dict(Counter(row["outcome"] for row in rows)),
+        **evidence.count(int(solved.sum()), [row for row in rows if row["outcome"] != "converged"]),
+        "slipping": int(moving.sum()),
         "iterations_median": float(np.median(iterations)),
         "iterations_99_percent": float(np.quantile(iterations, 0.99)),
         "iterations_most": int(iterations.max()),
+        "iterations_median_slipping": float(np.median(iterations[moving])) if moving.any() else None,
+        "iterations_99_percent_solved": float(np.quantile(iterations[solved], 0.99)) if solved.any() else None,
         "seconds_median": float(np.median(seconds)),
+        "seconds_median_slipping": median,
         "seconds_total": float(seconds.sum()),
-        "hardest_to_median": float(seconds.max() / np.median(seconds)),
-        "hardest_solved_to_median": float(seconds[solved].max() / np.median(seconds)) if solved.any() else None,
+        "hardest_to_median_slipping": float(seconds.max() / median) if median else None,
+        "hardest_solved_to_median_slipping": float(seconds[solved].max() / median) if median else None,
     }
 
 
@@ -96,6 +112,8 @@ def main() -> None:
     parser.add_argument("--frequencies", type=int, default=10)
     parser.add_argument("--stiffnesses", type=float, nargs="+", default=[2e9, 6e9, 2e10, 6e10, 2e11])
     parser.add_argument("--alone", action="store_true", help="every point from the static solution")
+    parser.add_argument("--no-integration", dest="integration", action="store_false", help="no integration in time")
+    parser.add_argument("--seconds", type=float, default=20.0, help="of the processor, for the integration of a point")
     arguments = parser.parse_args()
     rows = [row for stiffness in arguments.stiffnesses for row in measure(arguments.contacts, stiffness, arguments)]
     common.report(
@@ -106,6 +124,7 @@ def main() -> None:
                 f"{part:.3g}": summary([row for row in rows if row["level"] == part])
                 for part in sorted({row["level"] for row in rows})
             },
+            "points": rows,
             "not_solved": [row for row in rows if row["outcome"] != "converged"],
         }
     )

@@ -97,22 +97,45 @@ def box(counts: tuple[int, ...], edges: np.ndarray, thickness: float = 1.0) -> G
     return Grid(number, points, stiffness, mass)
 
 
-def equal_laws(contacts: int, tangents: int, tangential: float, normal: float) -> dict[str, np.ndarray]:
+def equal_laws(
+    contacts: int, tangents: int, tangential: float, normal: float, friction: float = FRICTION
+) -> dict[str, np.ndarray]:
     """Laws of contacts that share a total stiffness."""
     return {
         "tangents": np.full(contacts, tangents, dtype=np.int32),
         "tangential_stiffness": np.full(contacts, tangential / contacts),
         "normal_stiffness": np.full(contacts, normal / contacts),
-        "friction_coefficient": np.full(contacts, FRICTION),
+        "friction_coefficient": np.full(contacts, friction),
         "gap": np.zeros(contacts),
         "preload": np.zeros(contacts),
     }
 
 
-def plane_block(contacts: int, modes: int = 10, stiffness: float = 2.0e9, pressing: float = 1.0e5) -> ReducedScene:
+def bouncing_block(
+    contacts: int,
+    modes: int = 10,
+    stiffness: float = 2.0e9,
+    pressing: float = 1.0e5,
+    friction: float = 2.0,
+    damping: float = 0.02,
+) -> ReducedScene:
+    """The plane block shaken upright, with so much friction that contacts hardly slip before they open."""
+    return plane_block(contacts, modes, stiffness, pressing, friction, damping, upright=True)
+
+
+def plane_block(
+    contacts: int,
+    modes: int = 10,
+    stiffness: float = 2.0e9,
+    pressing: float = 1.0e5,
+    friction: float = FRICTION,
+    damping: float = 0.005,
+    upright: bool = False,
+) -> ReducedScene:
     """A block 1 m by 0.25 m, 10 mm thick, reduced onto its contact dofs and `modes` fixed-interface modes.
 
-    `stiffness`: of all contacts together, N/m, each way; `pressing`: the force on its upper edge, N.
+    `stiffness`: of all contacts together, N/m, each way; `pressing`: the force on its upper edge, N; `upright`: shaken
+    and watched along y rather than x.
     """
     length, height, thickness = 1.0, 0.25, 0.01
     size = length / (contacts - 1)
@@ -122,18 +145,18 @@ def plane_block(contacts: int, modes: int = 10, stiffness: float = 2.0e9, pressi
     lower, top = grid.number[:, 0], grid.number[:, -1]
     press, shake, monitor = np.zeros((3, grid.points.size))
     press[grid.dofs(top, 1)] = -pressing / len(top)
-    shake[grid.dofs(top, 0)] = 1.0 / len(top)
-    monitor[grid.dofs(top[-1], 0)] = 1.0
+    shake[grid.dofs(top, int(upright))] = 1.0 / len(top)
+    monitor[grid.dofs(top[-1], int(upright))] = 1.0
     boundary = np.concatenate([grid.dofs(lower, 0), grid.dofs(lower, 1)])
-    basis = craig_bampton(grid, boundary, modes, [press, shake, monitor])
+    basis = craig_bampton(grid, boundary, modes, [press, monitor] if upright else [press, shake, monitor])
     directions = np.zeros((2 * contacts, basis.shape[1]))
     directions[0::2, :contacts] = np.eye(contacts)
     directions[1::2, contacts : 2 * contacts] = -np.eye(contacts)
     return reduced(
         grid,
         basis,
-        damping=0.005,
-        laws=equal_laws(contacts, 1, stiffness, stiffness),
+        damping=damping,
+        laws=equal_laws(contacts, 1, stiffness, stiffness, friction),
         directions=directions,
         static=press,
         harmonic=np.stack([0.0 * shake, shake, 0.0 * shake]),
@@ -275,13 +298,10 @@ def stuck_system(scene: ReducedScene) -> StuckSystem:
     return StuckSystem(np.sqrt(np.maximum(squares, 0.0)) / (2 * np.pi), modes, springs)
 
 
-def slip_thresholds(scene: ReducedScene, stuck: StuckSystem, frequency_hz: float, instants: int = 64) -> np.ndarray:
-    """Force level up to which each contact sticks at this frequency, `[contacts]`, were all others stuck.
-
-    The least level at which |T| > mu N at some instant, with T and N of the stuck response at unit level and the static
-    normal force. Beyond it the contact slips, or its mean shakes down to where it sticks again. Every contact has the
-    same number of tangents.
-    """
+def stuck_contacts(
+    scene: ReducedScene, stuck: StuckSystem, frequency_hz: float, instants: int = 64
+) -> tuple[np.ndarray, np.ndarray]:
+    """Forces of the stuck response at unit level `[contacts, rows, instants]`, static normal forces `[contacts]`."""
     omega, natural = 2 * np.pi * frequency_hz, 2 * np.pi * stuck.frequencies_hz
     rows = stuck.springs[:, None] * (scene.directions @ stuck.modes)
     load = stuck.modes.T @ (scene.harmonic[1] - 1j * scene.harmonic[2])
@@ -289,7 +309,23 @@ def slip_thresholds(scene: ReducedScene, stuck: StuckSystem, frequency_hz: float
     turn = np.exp(2j * np.pi * np.arange(instants) / instants)
     rows_per_contact = 1 + int(scene.laws["tangents"][0])
     forces = np.real(response[:, None] * turn).reshape(-1, rows_per_contact, instants)
-    pressed = (rows @ (stuck.modes.T @ scene.static[0] / natural**2)).reshape(-1, rows_per_contact)[:, -1]
+    return forces, (rows @ (stuck.modes.T @ scene.static[0] / natural**2)).reshape(-1, rows_per_contact)[:, -1]
+
+
+def opening_thresholds(scene: ReducedScene, stuck: StuckSystem, frequency_hz: float) -> np.ndarray:
+    """Force level up to which each contact stays closed at this frequency, `[contacts]`, were all of them stuck."""
+    forces, pressed = stuck_contacts(scene, stuck, frequency_hz)
+    return np.maximum(pressed, 0.0) / np.maximum(-forces[:, -1].min(axis=1), np.finfo(float).tiny)
+
+
+def slip_thresholds(scene: ReducedScene, stuck: StuckSystem, frequency_hz: float, instants: int = 64) -> np.ndarray:
+    """Force level up to which each contact sticks at this frequency, `[contacts]`, were all others stuck.
+
+    The least level at which |T| > mu N at some instant, with T and N of the stuck response at unit level and the static
+    normal force. Beyond it the contact slips, or its mean shakes down to where it sticks again. Every contact has the
+    same number of tangents.
+    """
+    forces, pressed = stuck_contacts(scene, stuck, frequency_hz, instants)
     room = np.maximum(scene.laws["friction_coefficient"] * pressed, 0.0)
     growth = np.linalg.norm(forces[:, :-1], axis=1) - scene.laws["friction_coefficient"][:, None] * forces[:, -1]
     return room / np.maximum(growth.max(axis=1), np.finfo(float).tiny)

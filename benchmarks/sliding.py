@@ -6,9 +6,8 @@
 Levels are parts of the one at which half the contacts would slip at 0.9 of the first stuck frequency; sweeps go from
 0.75 to 1.25 of that frequency and back, and are given up after a number of points or of seconds. Prints JSON: for each
 sweep points, branches (each a loss of the one before), points that failed with their frequency, the largest states, and
-whether the end was reached; in it, too, the band in which the ways up and down differ. Known at high levels with 10
-contacts: the stuck branch, which is linear, ends where the first contact opens and folds just beyond without a smooth
-extremum, and a branch on which all contacts lift off for a quarter to half of the period coexists with it over a band.
+whether the end was reached; in it, too, the band in which the ways up and down differ. Where a branch was lost, motion
+is integrated in time: without an orbit of the excitation's period there was nothing to follow.
 """
 
 from __future__ import annotations
@@ -17,10 +16,11 @@ import argparse
 import time
 
 import common  # isort: skip (sets the threads of BLAS before numpy is loaded)
+import evidence
 import numpy as np
 import scenes
 
-from attrito.solver import Options, Point
+from attrito.solver import Options, Point, ReducedScene
 
 DIFFERENT = 0.05
 
@@ -30,13 +30,13 @@ def sweep(
 ) -> tuple[dict, list[Point]]:
     """One way, from the static solution, for so many points and seconds."""
     solver.walk_static_path(np.array([[0.0], [1.0]]), 10, start)
-    started = time.perf_counter()
+    started = time.process_time()
     points = []
     for point in solver.sweep(start, stop, level, 0, limits[0]):
         points.append(point)
-        if time.perf_counter() - started > limits[1]:
+        if time.process_time() - started > limits[1]:
             break
-    seconds = time.perf_counter() - started
+    seconds = time.process_time() - started
     failed = [point for point in points if point.outcome != "converged"]
     solved = [point for point in points if point.outcome == "converged"]
     frequencies = np.array([point.frequency_hz for point in solved])
@@ -83,8 +83,29 @@ def band(up: list[Point], down: list[Point]) -> list[float] | None:
     return [float(apart[0]), float(apart[-1])] if len(apart) else None
 
 
-def measure(contacts: int, parts: list[float], options: dict, limits: tuple[int, float]) -> tuple[list[dict], list]:
-    """Both ways at each level."""
+def where_lost(way: dict, points: list[Point], most: int) -> list[float]:
+    """Frequencies that failed, spread over at most `most`, and beyond the last one of a sweep given up."""
+    failed = [row["frequency_hz"] for row in way["failed_at"]]
+    chosen = np.unique(np.linspace(0, len(failed) - 1, most).round().astype(int)) if failed else []
+    lost = [failed[i] for i in chosen]
+    if not way["reached_stop"] and points[-1].outcome == "converged":
+        lost += [points[-1].frequency_hz + part * (way["to_hz"] - way["from_hz"]) for part in (0.0, 0.01, 0.03)]
+    return lost
+
+
+def gather(scene: ReducedScene, force: float, way: dict, points: list[Point], marching: tuple[int, float]) -> dict:
+    """What integration in time finds where a sweep lost its branch."""
+    rows = [
+        {"frequency_hz": frequency, **evidence.march(scene, frequency, force, seconds=marching[1])}
+        for frequency in where_lost(way, points, marching[0])
+    ]
+    return {"evidence": rows, **evidence.count(way["points"] - way["failed"], rows)}
+
+
+def measure(
+    contacts: int, parts: list[float], options: dict, limits: tuple[int, float], marching: tuple[int, float]
+) -> tuple[list[dict], list]:
+    """Both ways at each level; `marching`: most integrations of a sweep, and seconds for each."""
     scene = scenes.plane_block(contacts)
     stuck = scenes.stuck_system(scene)
     first = stuck.frequencies_hz[0]
@@ -94,6 +115,9 @@ def measure(contacts: int, parts: list[float], options: dict, limits: tuple[int,
         with common.TimedSolver(scene, Options(**options)) as solver:
             up, upward = sweep(solver, 0.75 * first, 1.25 * first, part * median, limits)
             down, downward = sweep(solver, 1.25 * first, 0.75 * first, part * median, limits)
+        if marching[0] > 0:
+            for way, points in ((up, upward), (down, downward)):
+                way |= gather(scene, part * median, way, points, marching)
         ways = {"up": up, "down": down, "apart_hz": band(upward, downward)}
         rows.append({"contacts": contacts, "level": part, "force": part * median, **options, **ways})
         curves.append((contacts, part, upward, downward))
@@ -127,7 +151,10 @@ def main() -> None:
     parser.add_argument("--contacts", type=int, nargs="+", default=[10, 30, 100])
     parser.add_argument("--parts", type=float, nargs="+", default=[0.01, 0.5, 1.0, 1.5, 2.0, 5.0, 20.0, 100.0])
     parser.add_argument("--max-points", type=int, default=300)
-    parser.add_argument("--max-seconds", type=float, default=20.0, help="for a sweep")
+    parser.add_argument("--max-seconds", type=float, default=20.0, help="of the processor, for a sweep")
+    parser.add_argument("--no-integration", action="store_true", help="no integration in time where branches are lost")
+    parser.add_argument("--marches", type=int, default=10, help="points integrated of a sweep, at most")
+    parser.add_argument("--seconds", type=float, default=20.0, help="of the processor, for the integration of a point")
     parser.add_argument("--sampled", action="store_true", help="contacts by samples rather than by events")
     parser.add_argument("--picture", help="file to draw to")
     arguments = parser.parse_args()
@@ -135,7 +162,8 @@ def main() -> None:
     limits = (arguments.max_points, arguments.max_seconds)
     rows, curves = [], []
     for contacts in arguments.contacts:
-        found, drawn = measure(contacts, arguments.parts, options, limits)
+        marching = (0 if arguments.no_integration else arguments.marches, arguments.seconds)
+        found, drawn = measure(contacts, arguments.parts, options, limits, marching)
         rows += found
         curves += drawn
     if arguments.picture:

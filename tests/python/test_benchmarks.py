@@ -14,7 +14,8 @@ import pytest
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 sys.path.insert(0, str(BENCHMARKS))
 
-import scenes  # noqa: E402 (a folder of scripts, not a package)
+import evidence  # noqa: E402 (a folder of scripts, not a package)
+import scenes  # noqa: E402
 
 
 def run(script: str, *arguments: str) -> Any:
@@ -76,3 +77,51 @@ def test_scaling_fits_an_exponent_to_each_quantity():
     found = run("scaling.py", "--contacts", "9", "12", "--samples", "32", *small)
     assert set(found) == {"contacts", "slipping", "harmonics", "modes"}
     assert all(row["points"] == 5 for series in found.values() for row in series["rows"])
+
+
+def test_integration_finds_the_orbit_of_a_block_that_sticks_and_none_of_one_that_is_shaken_loose():
+    scene = scenes.bouncing_block(3, 3)
+    assert evidence.march(scene, 900.0, 1.0e3, cycles=600)["integration"] == "period_one"
+    found = evidence.march(scene, 300.0, 1.0e7, cycles=25)
+    assert found["integration"] not in evidence.FOUND
+    assert found["cycles"] == 25
+    assert found["open_most"] > 0.5
+
+
+def test_what_has_no_orbit_is_not_held_against_the_solver():
+    rows = [{"integration": name} for name in ("period_one", "settling", "period_3", "none")]
+    found = evidence.count(6, rows)
+    assert found["unsolved_with_an_orbit"] == 2
+    assert found["unsolved_without"] == 2
+    assert found["share_solved_of_those_with_an_orbit"] == 6 / 8
+    assert evidence.count(6, [{}]) == {"unsolved": 1}
+
+
+def test_robustness_integrates_what_is_not_solved_unless_told_not_to():
+    size = ("--contacts", "4", "--modes", "12", "--harmonics", "1", "--samples", "16", "--levels", "2")
+    size = (*size, "--frequencies", "2", "--stiffnesses", "2e9")
+    found = run("robustness.py", *size, "--seconds", "0.5")
+    assert all("integration" in row for row in found["not_solved"])
+    summary = found["summary"]
+    assert summary["points"] == 4 == len(found["points"])
+    assert summary["unsolved"] == summary["unsolved_with_an_orbit"] + summary["unsolved_without"]
+    bare = run("robustness.py", *size, "--no-integration")
+    assert not any("integration" in row for row in bare["not_solved"])
+
+
+def test_a_sweep_tells_what_integration_finds_where_it_was_given_up():
+    size = ("--contacts", "3", "--parts", "0.1", "--max-points", "2")
+    (row,) = run("sliding.py", *size, "--seconds", "1")
+    assert not row["up"]["reached_stop"]
+    assert {found["integration"] for found in row["up"]["evidence"]} <= set(evidence.FOUND)
+    (row,) = run("sliding.py", *size, "--no-integration")
+    assert "evidence" not in row["up"]
+
+
+def test_a_block_shaken_upright_sticks_until_contacts_open():
+    size = ("--harmonics", "3", "--step", "0", "--max-points", "30", "--range", "1400", "1500")
+    found = run("branches.py", *size)
+    assert found["slips_hz"] < found["opens_hz"] < found["folds_hz"] < 1.02 * found["slips_hz"]
+    assert found["up"][0]["stuck"] == 10
+    assert found["down"][0]["slipping"] > 0
+    assert found["orbits"] == {"up": [], "down": []}

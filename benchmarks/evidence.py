@@ -1,0 +1,105 @@
+"""Has a point that the balance does not solve a solution? What integration in time from the static solution comes to.
+
+A block that only friction holds need not have an orbit of the excitation's period: it may walk, bounce or take several
+periods. Such points are told from those that the solver should have solved.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+
+import numpy as np
+
+from attrito.integrator import Integrator, Orbit, Run
+from attrito.solver import ReducedScene
+
+# What of a march's ends counts as an orbit found, in the solver's disfavour: still approaching one, or repeating but
+# for a change a period of less than NEARLY, which neither fades nor goes one way.
+FOUND = ("period_one", "settling", "nearly")
+NEARLY = 1e-3
+SETTLING = 0.05
+STEPS = 512
+TOLERANCE = 1e-7
+
+
+def march(scene: ReducedScene, frequency_hz: float, level: float, cycles: int = 400, seconds: float = 20.0) -> dict:
+    """Evidence at one point: one tangent by located events, two by exact steps of the stuck modes.
+
+    `seconds`: of the processor; a march is looked at every 25 cycles, later less often, and given up beyond.
+    """
+    with Integrator(scene) as integrator:
+        integrator.start_static(np.array([[0.0], [1.0]]), 10)
+        return march_on(integrator, scene, frequency_hz, level, cycles, seconds)[0]
+
+
+def march_on(
+    integrator: Integrator, scene: ReducedScene, frequency_hz: float, level: float, cycles: int, seconds: float
+) -> tuple[dict, Orbit]:
+    """The same from where the integrator stands, and the last orbit."""
+    scheme = "event" if np.all(scene.laws["tangents"] == 1) else "exponential"
+    started, marched, stretch = time.process_time(), 0, 25
+    while True:
+        stretch = min(stretch, cycles - marched)
+        orbit = integrator.run(
+            Run(frequency_hz, level, scheme, STEPS, cycles=stretch, periodicity_tolerance=TOLERANCE, samples=64)
+        )
+        marched += orbit.cycles
+        spent = time.process_time() - started
+        steady = orbit.outcome == "converged" or orbit.period > 1
+        if steady or marched >= cycles or spent > seconds:
+            break
+        stretch = max(25, min(2 * stretch, int(stretch * (seconds - spent) / max(spent, 1e-3))))
+    found = verdict(orbit)
+    if found == "none" and walks(integrator, Run(frequency_hz, level, scheme, STEPS, cycles=1, samples=16)):
+        found = "walks"
+    elif found == "none" and orbit.defect < NEARLY:
+        found = "nearly"
+    return {
+        "integration": found,
+        "period": orbit.period,
+        "cycles": marched,
+        "defect": orbit.defect,
+        "integrated_amplitude": float(orbit.amplitude[0]),
+        "open_most": float(orbit.open.max()),
+        "open_mean": float(orbit.open.mean()),
+        "slip_mean": float(orbit.slip.mean()),
+        "integration_seconds": spent,
+    }, orbit
+
+
+def walks(integrator: Integrator, one_period: Run) -> bool:
+    """Does the motion go the same way every period, a few per mille alike?"""
+    places = [integrator.state()[0]]
+    for _ in range(3):
+        integrator.run(one_period)
+        places.append(integrator.state()[0])
+    steps = np.diff(places, axis=0)
+    return bool(np.linalg.norm(np.diff(steps, axis=0), axis=1).max() < 0.005 * np.linalg.norm(steps[0]))
+
+
+def verdict(orbit: Orbit) -> str:
+    """In a word."""
+    if orbit.outcome == "converged":
+        return "period_one"
+    if orbit.period > 1:
+        return f"period_{orbit.period}"
+    return "settling" if orbit.outcome == "not_converged" and orbit.defect < SETTLING else "none"
+
+
+def count(solved: int, unsolved: list[dict]) -> dict:
+    """How many of the points that were not solved have an orbit of period one, and the share solved of all that do.
+
+    `unsolved`: rows with the evidence of `march`, or without, where it was not asked for.
+    """
+    marched = [row for row in unsolved if "integration" in row]
+    if len(marched) < len(unsolved):
+        return {"unsolved": len(unsolved)}
+    found = sum(row["integration"] in FOUND for row in marched)
+    return {
+        "unsolved": len(unsolved),
+        "unsolved_with_an_orbit": found,
+        "unsolved_without": len(unsolved) - found,
+        "share_solved_of_those_with_an_orbit": solved / (solved + found) if solved + found else None,
+        "integration": dict(Counter(row["integration"] for row in marched)),
+    }
