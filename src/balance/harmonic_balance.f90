@@ -71,6 +71,7 @@ module attrito_balance_harmonic_balance
     procedure :: evaluate_stuck
     procedure :: respond_to_deviation
     procedure :: recover
+    procedure :: linear_response
     procedure :: linear_motion
     procedure :: destroy
   end type balance_type

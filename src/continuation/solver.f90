@@ -294,7 +294,8 @@ contains
     integer, parameter :: steps = 50
     real(wp), parameter :: least_ratio = 1.0e-4_wp
     real(wp), allocatable :: grid(:), resonances(:), motion(:, :)
-    real(wp) :: largest, mean, square
+    complex(wp), allocatable :: response(:, :)
+    real(wp) :: largest, mean, square, highest, at
     integer :: i, status
 
     associate (balance => self%context%balance, low => min(omega_a, omega_b), high => max(omega_a, omega_b))
@@ -309,8 +310,21 @@ contains
           if (abs(grid(i) - nearest) < least_ratio*nearest) grid(i) = (1.0_wp - least_ratio)*nearest
         end associate
       end do
+      highest = 0.0_wp
+      at = grid(1)
+      ! Where the response of the modes is largest, and at both ends, that of the contacts is recovered.
+      do i = 1, size(grid)
+        call balance%receptance%set_frequency(grid(i), status)
+        if (status /= 0) cycle
+        response = balance%linear_response()
+        square = sum(abs(response(:, 2:))**2)
+        if (square < highest) cycle
+        highest = square
+        at = grid(i)
+      end do
       largest = 0.0_wp
       mean = 0.0_wp
+      grid = [grid(1), grid(size(grid)), at]
       do i = 1, size(grid)
         call balance%receptance%set_frequency(grid(i), status)
         if (status /= 0) cycle
