@@ -5,13 +5,14 @@ module attrito_api_integrate
   use, intrinsic :: iso_c_binding
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
-  use attrito_model_contacts, only: contact_type, contacts_type, new_contacts
+  use attrito_model_contacts, only: contacts_type, new_contacts
   use attrito_model_structure, only: structure_type
   use attrito_integrate_loading, only: new_profile
   use attrito_integrate_run, only: run_options_type, orbit_type, integrate
   use attrito_integrate_static_walk, only: walk
   use attrito_integrate_system, only: system_type, new_system
   use attrito_api_message, only: tell
+  use attrito_api_session, only: contact_law_type, law_of
   implicit none
   private
 
@@ -23,11 +24,6 @@ module attrito_api_integrate
     !> Start: modal displacement, its rate by the clock, sliders
     real(wp), allocatable :: motion(:), rate(:), slider(:, :)
   end type session_type
-
-  type, bind(c) :: law_type
-    integer(c_int) :: tangents
-    real(c_double) :: tangential_stiffness, normal_stiffness, friction_coefficient, gap, preload
-  end type law_type
 
   type, bind(c) :: scene_type
     integer(c_int) :: size, contacts, rows, statics, coefficients, monitors, damping_kind
@@ -61,7 +57,7 @@ contains
     integer(c_int), value :: length
     character(kind=c_char), intent(out) :: message(length)
     type(session_type), pointer :: session
-    type(law_type), pointer :: laws(:)
+    type(contact_law_type), pointer :: laws(:)
     type(error_type), allocatable :: error
     integer :: i
 
@@ -239,12 +235,4 @@ contains
     call c_f_pointer(address, there, [rows, columns])
     copy = there
   end function matrix
-
-  pure function law_of(law) result(contact)
-    type(law_type), intent(in) :: law
-    type(contact_type) :: contact
-
-    contact = contact_type(law%tangents, law%tangential_stiffness, law%normal_stiffness, law%friction_coefficient, law%gap, &
-                           law%preload)
-  end function law_of
 end module attrito_api_integrate
