@@ -157,14 +157,13 @@ contains
     call compare_point(error, scene, .false.)
   end subroutine idle_ranks
 
-  subroutine sweep_points(error)
-    type(error_type), allocatable, intent(out) :: error
-    type(scene_type) :: scene
-    type(solver_type) :: together, alone
+  !> A sweep by all against one alone, point by point; leaves the solvers at its end.
+  subroutine compare_sweep(error, scene, together, alone)
+    type(error_type), allocatable, intent(inout) :: error
+    type(scene_type), intent(in) :: scene
+    type(solver_type), intent(out) :: together, alone
     type(sweep_type) :: sweep_together, sweep_alone
 
-    scene = rubbing_frame()
-    call damp(scene, damping_ratio, 0.04_wp)
     call prepare(scene, everyone(), together, error)
     call prepare(scene, only_me(), alone, error)
     sweep_together = new_sweep(together, 1.0_wp, 1.6_wp, 1, 40)
@@ -175,6 +174,16 @@ contains
       call compare(error, together, alone)
     end do
     call check(error, sweep_together%finished .and. sweep_together%points > 5, 'the sweep is too short')
+  end subroutine compare_sweep
+
+  subroutine sweep_points(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_type) :: scene
+    type(solver_type) :: together, alone
+
+    scene = rubbing_frame()
+    call damp(scene, damping_ratio, 0.04_wp)
+    call compare_sweep(error, scene, together, alone)
     call together%destroy()
     call alone%destroy()
   end subroutine sweep_points
@@ -184,20 +193,11 @@ contains
     type(error_type), allocatable, intent(out) :: error
     type(scene_type) :: scene
     type(solver_type) :: together, alone
-    type(sweep_type) :: sweep_together, sweep_alone
 
     scene = rubbing_frame()
     call damp(scene, damping_ratio, 0.04_wp)
     scene%contacts%law(3:)%preload = 200.0_wp
-    call prepare(scene, everyone(), together, error)
-    call prepare(scene, only_me(), alone, error)
-    sweep_together = new_sweep(together, 1.0_wp, 1.6_wp, 1, 40)
-    sweep_alone = new_sweep(alone, 1.0_wp, 1.6_wp, 1, 40)
-    do while (.not. sweep_alone%finished)
-      call sweep_together%advance(together)
-      call sweep_alone%advance(alone)
-      call compare(error, together, alone)
-    end do
+    call compare_sweep(error, scene, together, alone)
     associate (balance => together%context%balance)
       if (balance%ranks%ranks == 2) call check(error, size(balance%law) == merge(1, 3, balance%ranks%is_root()), &
                                                'contacts are shared by number')
