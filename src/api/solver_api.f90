@@ -18,6 +18,7 @@ module attrito_api_solver
   use attrito_continuation_cascade, only: solve_by_cascade
   use attrito_continuation_rebalancing, only: field_type, rebalance
   use attrito_continuation_solver, only: solver_options_type, new_solver
+  use attrito_integrate_averaged_periods, only: new_averaged_periods
   use attrito_continuation_static_path, only: walk_static_path
   use attrito_output_point_report, only: point_report_type, report_point
   use attrito_output_result_file, only: open_result, write_point, close_result
@@ -36,6 +37,9 @@ module attrito_api_solver
     integer(c_int) :: states(4)
     real(c_double) :: frequency_hz, level, residual, estimate
   end type point_type
+
+  !> Rows of contacts up to which an implicit step in time, an elimination of all of them, is worth its cost
+  integer, parameter :: most_rows_in_time = 400
 
 contains
 
@@ -111,6 +115,8 @@ contains
                     uncoupled=options%uncoupled /= 0, by_events=options%by_events /= 0, tolerance=options%tolerance), &
                     session%solver, error)
     attrito_prepare = tell(error, message)
+    if (allocated(error) .or. size(session%contacts%directions, 2) > most_rows_in_time) return
+    allocate (session%solver%in_time, source=new_averaged_periods(session%structure, session%contacts))
   end function attrito_prepare
 
   !> Walk the static load path [corners, static loads], standing at an angular frequency.

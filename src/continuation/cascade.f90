@@ -1,16 +1,31 @@
-!> Getting to a point by trying, in order: the point before; the stuck response; the frequency in smaller steps; the force in steps.
+!> Getting to a point by trying, in order: the point before; motion in time; the stuck response; the frequency in smaller steps; the
+!> force in steps.
 !>
 !> Newton's method is the hard part at the onset of gross slip. Nothing is dropped in silence: what fails leaves the solver where
 !> it was, with a report that says so.
 module attrito_continuation_cascade
   use attrito_core_kinds, only: wp
   use attrito_continuation_solver, only: solver_type
+  use attrito_continuation_start_in_time, only: has_time, solve_in_time
   implicit none
   private
   public :: solve_by_cascade, march_along, way_type
 
   !> Smallest part of the way taken in one step
   real(wp), parameter :: smallest_step = 1.0_wp/128.0_wp
+
+  ! The attempts, in their order
+  integer, parameter :: from_here_briefly = 1, from_motion_in_time = 2, from_here = 3, from_stuck_response = 4, by_frequency = 5, &
+                        by_level = 6
+  integer, parameter :: attempts(6) = [from_here_briefly, from_motion_in_time, from_here, from_stuck_response, by_frequency, &
+                                       by_level]
+
+  !> Motion, sliders and which of them are periodic, angular frequency
+  type :: place_type
+    real(wp), allocatable :: motion(:, :), slider(:, :)
+    logical, allocatable :: periodic(:)
+    real(wp) :: omega = 0.0_wp
+  end type place_type
 
   !> A way from 0 to 1 along which some parameter goes from where it is to where it should be.
   type, abstract :: way_type
@@ -45,57 +60,94 @@ module attrito_continuation_cascade
 
 contains
 
-  !> Solve at an angular frequency, the harmonic load at its level.
+  !> Solve at an angular frequency, the harmonic load at its level. Newton's method from the point before is given up early where motion
+  !> in time has other starts, and tried to its end when these have failed.
   subroutine solve_by_cascade(solver, omega)
     type(solver_type), intent(inout) :: solver
     !> Target
     real(wp), intent(in) :: omega
-    real(wp), allocatable :: motion(:, :), slider(:, :)
-    logical, allocatable :: periodic(:)
-    real(wp) :: from, level
-    integer :: iterations, status
+    type(place_type) :: before
+    real(wp) :: level
+    integer :: iterations, attempt
     logical :: converged
 
-    motion = solver%motion
-    slider = solver%context%balance%slider
-    periodic = solver%context%balance%periodic
-    from = solver%omega
-    level = solver%context%balance%level
     call solver%solve_stuck_at(omega, converged)
     if (converged) return
+    before = place_of(solver)
+    level = solver%context%balance%level
+    iterations = 0
+    do attempt = 1, size(attempts)
+      select case (attempts(attempt))
+       case (from_here_briefly)
+        if (.not. has_time(solver)) cycle
+        solver%brief = .true.
+        call solve_here(solver, omega, iterations, converged)
+        solver%brief = .false.
+       case (from_motion_in_time)
+        if (.not. has_time(solver)) cycle
+        call solve_in_time(solver, omega, iterations, converged)
+       case (from_here)
+        call solve_here(solver, omega, iterations, converged)
+       case (from_stuck_response)
+        call solve_from_stuck(solver, omega, iterations, converged)
+       case (by_frequency)
+        call march_along(frequency_way_type(before%omega, omega), solver, iterations, converged)
+       case (by_level)
+        solver%motion(2:, :) = 0.0_wp
+        call march_along(level_way_type(omega, level), solver, iterations, converged)
+        call solver%set_loads(solver%context%balance%static_factors, level)
+      end select
+      if (converged) exit
+      call return_to(solver, before)
+    end do
+    solver%report%iterations = iterations
+  end subroutine solve_by_cascade
+
+  !> From the motion that the solver stands at.
+  subroutine solve_here(solver, omega, iterations, converged)
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: omega
+    !> Counts on
+    integer, intent(inout) :: iterations
+    logical, intent(out) :: converged
+
     call solver%solve_at(omega)
-    if (solver%report%converged) return
-    iterations = solver%report%iterations
+    iterations = iterations + solver%report%iterations
+    converged = solver%report%converged
+  end subroutine solve_here
+
+  !> From the response with every contact stuck.
+  subroutine solve_from_stuck(solver, omega, iterations, converged)
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: omega
+    !> Counts on
+    integer, intent(inout) :: iterations
+    logical, intent(out) :: converged
+    integer :: status
 
     call solver%context%balance%receptance%set_frequency(omega, status)
     converged = .false.
-    if (status == 0) then
-      solver%motion = solver%context%balance%linear_motion()
-      call solver%solve_at(omega)
-      iterations = iterations + solver%report%iterations
-      converged = solver%report%converged
-    end if
-    if (.not. converged) then
-      call restore()
-      call march_along(frequency_way_type(from, omega), solver, iterations, converged)
-    end if
-    if (.not. converged) then
-      call restore()
-      solver%motion(2:, :) = 0.0_wp
-      call march_along(level_way_type(omega, level), solver, iterations, converged)
-      call solver%set_loads(solver%context%balance%static_factors, level)
-    end if
-    if (.not. converged) call restore()
-    solver%report%iterations = iterations
+    if (status /= 0) return
+    solver%motion = solver%context%balance%linear_motion()
+    call solve_here(solver, omega, iterations, converged)
+  end subroutine solve_from_stuck
 
-  contains
+  !> Where a solver stands.
+  function place_of(solver) result(place)
+    type(solver_type), intent(in) :: solver
+    type(place_type) :: place
 
-    subroutine restore()
-      solver%motion = motion
-      solver%omega = from
-      call solver%set_slider(slider, periodic)
-    end subroutine restore
-  end subroutine solve_by_cascade
+    place = place_type(solver%motion, solver%context%balance%slider, solver%context%balance%periodic, solver%omega)
+  end function place_of
+
+  subroutine return_to(solver, place)
+    type(solver_type), intent(inout) :: solver
+    type(place_type), intent(in) :: place
+
+    solver%motion = place%motion
+    solver%omega = place%omega
+    call solver%set_slider(place%slider, place%periodic)
+  end subroutine return_to
 
   subroutine solve_frequency(self, solver, t, converged)
     class(frequency_way_type), intent(in) :: self

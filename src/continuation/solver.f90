@@ -13,12 +13,17 @@ module attrito_continuation_solver
   use attrito_balance_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
   use attrito_balance_unknowns, only: unknowns_type
   use attrito_contact_state, only: state_stuck, state_shaken_down
+  use attrito_continuation_motion_in_time, only: motion_in_time_type
   implicit none
   private
   public :: solver_type, solver_options_type, new_solver
 
   !> Parts of their springs that contacts keep in the Newton step, one try after another
   real(wp), parameter :: stiffenings(2) = [0.0_wp, 0.1_wp]
+
+  !> A brief try goes on from one stretch of iterations to the next while each brings the residual down so far
+  integer, parameter :: brief_iterations = 8
+  real(wp), parameter :: brief_progress = 1.0e-2_wp
 
   !> Norm of the residual beyond which nothing counts as converged
   real(wp), parameter :: loosest_tolerance = 1.0e-6_wp
@@ -56,6 +61,10 @@ module attrito_continuation_solver
     type(newton_report_type) :: report
     !> Did every contact stick at the last point that converged?
     logical :: all_stick = .false.
+    !> Give a start up early, after a few iterations of Newton's method alone: others follow
+    logical :: brief = .false.
+    !> Where starts come from that no point before leads to; may be missing
+    class(motion_in_time_type), allocatable :: in_time
   contains
     procedure :: solve_with
     procedure :: solve_at
@@ -117,7 +126,11 @@ contains
       tight = self%context%tolerance
       self%context%tolerance = loose_tolerance(self, tight)
       do round = 1, self%options%rounds
-        call solve_stiffening(self, unknowns, constraint)
+        if (self%brief) then
+          call solve_briefly(self, unknowns, constraint)
+        else
+          call solve_stiffening(self, unknowns, constraint)
+        end if
         iterations = iterations + self%report%iterations
         linear_iterations = linear_iterations + self%report%linear_iterations
         if (.not. self%report%converged) exit
@@ -215,6 +228,30 @@ contains
       end do
     end associate
   end subroutine keep_slider
+
+  !> Newton's method, given up as soon as it makes little progress.
+  subroutine solve_briefly(self, unknowns, constraint)
+    class(solver_type), intent(inout) :: self
+    type(unknowns_type), intent(inout) :: unknowns
+    type(constraint_type), intent(in) :: constraint
+    integer :: iterations, linear_iterations
+    real(wp) :: goal
+
+    iterations = 0
+    linear_iterations = 0
+    goal = brief_progress
+    do
+      self%newton%max_iterations = min(brief_iterations, self%options%max_iterations - iterations)
+      call self%newton%solve(unknowns, constraint, 0.0_wp, self%report)
+      iterations = iterations + self%report%iterations
+      linear_iterations = linear_iterations + self%report%linear_iterations
+      if (self%report%converged .or. self%report%residual > goal .or. iterations >= self%options%max_iterations) exit
+      goal = brief_progress*self%report%residual
+    end do
+    self%newton%max_iterations = self%options%max_iterations
+    self%report%iterations = iterations
+    self%report%linear_iterations = linear_iterations
+  end subroutine solve_briefly
 
   !> Newton's method, and where it fails from the same start once more with contacts that keep some of their springs in the step: a
   !> body that only friction holds has a singular Jacobian wherever all its contacts slip.

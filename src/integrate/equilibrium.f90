@@ -18,6 +18,8 @@ module attrito_integrate_equilibrium
     real(wp), allocatable :: diagonal(:), matrix(:, :)
     !> c S P [m, rows] and c R [rows, rows]
     real(wp), allocatable :: pushes(:, :), compliance(:, :)
+    !> Residual relative to the displacements that counts as an equilibrium: rounding
+    real(wp) :: tolerance = 4.0_wp*epsilon(1.0_wp)
   end type operator_type
 
 contains
@@ -93,7 +95,7 @@ contains
     converged = .false.
     do iteration = 1, 100
       norm = norm2(residual)
-      converged = norm <= 4.0_wp*epsilon(1.0_wp)*(norm2(target) + norm2(displacement) + norm2(target - displacement))
+      converged = norm <= self%tolerance*(norm2(target) + norm2(displacement) + norm2(target - displacement))
       if (converged) exit
       call assemble()
       step(:, 1) = -residual

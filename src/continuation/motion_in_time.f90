@@ -1,0 +1,49 @@
+!> Motion in time as a source of starts for Newton's method: what continuation asks of it, whoever integrates.
+module attrito_continuation_motion_in_time
+  use attrito_core_kinds, only: wp
+  implicit none
+  private
+  public :: motion_in_time_type, excitation_type
+
+  !> Loads under which it moves
+  type :: excitation_type
+    !> Angular frequency, rad/s
+    real(wp) :: omega = 0.0_wp
+    !> Factors on the static loads [loads], and level of the harmonic ones
+    real(wp), allocatable :: static_factors(:)
+    real(wp) :: level = 1.0_wp
+  end type excitation_type
+
+  type, abstract :: motion_in_time_type
+  contains
+    procedure(stand), deferred :: stand
+    procedure(run_on), deferred :: run_on
+  end type motion_in_time_type
+
+  abstract interface
+    !> Stand at a state, at the start of a period of the excitation.
+    subroutine stand(self, displacement, velocity, slider, stands)
+      import :: motion_in_time_type, wp
+      class(motion_in_time_type), intent(inout) :: self
+      !> Of the model's coordinates [m]
+      real(wp), intent(in) :: displacement(:), velocity(:)
+      !> Of all contacts [2, contacts]
+      real(wp), intent(in) :: slider(:, :)
+      !> .false.: this structure has no motion in time
+      logical, intent(out) :: stands
+    end subroutine stand
+
+    !> Move on for some periods, and tell of the last of them what a start is made of.
+    subroutine run_on(self, excitation, motion, slider, moved)
+      import :: motion_in_time_type, excitation_type, wp
+      class(motion_in_time_type), intent(inout) :: self
+      type(excitation_type), intent(in) :: excitation
+      !> Coefficients of the relative displacements of all rows [2 H + 1, rows]
+      real(wp), intent(out) :: motion(:, :)
+      !> Of all contacts at the start of a period [2, contacts]
+      real(wp), intent(out) :: slider(:, :)
+      !> .false.: a step found no solution
+      logical, intent(out) :: moved
+    end subroutine run_on
+  end interface
+end module attrito_continuation_motion_in_time

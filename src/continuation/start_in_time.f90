@@ -1,0 +1,84 @@
+!> Newton's method from motion in time, for points that no point before leads to: it begins where the solver stands, at the start of a
+!> period,
+!>
+!> $$ q = \mathrm{Re} \sum_h X_h, \qquad \dot q = \mathrm{Re} \sum_h i h \omega X_h, $$
+!>
+!> and runs on under the loads of the point that is looked for until Newton's method converges from what it has come to.
+module attrito_continuation_start_in_time
+  use attrito_core_kinds, only: wp
+  use attrito_continuation_motion_in_time, only: excitation_type
+  use attrito_continuation_solver, only: solver_type
+  implicit none
+  private
+  public :: has_time, solve_in_time
+
+  !> Stretches of motion in time that Newton's method starts from; how many of them it gives up early
+  integer, parameter :: attempts_in_time = 12, brief_attempts = 2
+
+contains
+
+  !> Can motion in time give starts? A mean that is frozen has none.
+  pure logical function has_time(solver)
+    type(solver_type), intent(in) :: solver
+
+    has_time = allocated(solver%in_time) .and. .not. solver%options%uncoupled
+  end function has_time
+
+  !> Newton's method from motion in time, which begins where the solver stands and runs on until that converges.
+  subroutine solve_in_time(solver, omega, iterations, converged)
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: omega
+    !> Counts on
+    integer, intent(inout) :: iterations
+    logical, intent(out) :: converged
+    real(wp), allocatable :: motion(:, :), slider(:, :)
+    integer :: attempt
+
+    call stand_in_time(solver, converged)
+    if (.not. converged) return
+    associate (balance => solver%context%balance, contacts => solver%contacts)
+      allocate (motion(balance%coefficients(), size(contacts%directions, 2)), slider(2, size(contacts%law)))
+      do attempt = 1, attempts_in_time
+        solver%brief = attempt <= brief_attempts
+        call solver%in_time%run_on(excitation_type(omega, balance%static_factors, balance%level), motion, slider, converged)
+        if (.not. converged) exit
+        solver%motion = motion(:, balance%first_row:balance%first_row + balance%rows() - 1)
+        call solver%set_slider(slider(:, balance%first_contact:balance%first_contact + size(balance%law) - 1))
+        call solver%solve_at(omega)
+        iterations = iterations + solver%report%iterations
+        converged = solver%report%converged
+        if (converged) exit
+      end do
+    end associate
+    solver%brief = .false.
+  end subroutine solve_in_time
+
+  !> Let motion in time stand where the solver does, at the start of a period.
+  subroutine stand_in_time(solver, stands)
+    type(solver_type), intent(inout) :: solver
+    !> .false.: the balance cannot be evaluated here
+    logical, intent(out) :: stands
+    real(wp), allocatable :: displacement(:), rate(:)
+    real(wp) :: slider(2, size(solver%contacts%law)), moving
+    integer :: h, status
+
+    associate (balance => solver%context%balance)
+      call balance%evaluate(solver%motion, solver%omega, status)
+      call solver%context%forget()
+      stands = status == 0
+      if (.not. stands) return
+      ! After the static solution it stands still, whatever the loads would do.
+      moving = balance%ranks%largest(maxval([0.0_wp, abs(solver%motion(2:, :))]))
+      if (moving <= 0.0_wp) balance%response(:, 1:) = 0.0_wp
+      displacement = real(balance%response(:, 0), wp)
+      rate = 0.0_wp*displacement
+      do h = 1, ubound(balance%response, 2)
+        displacement = displacement + real(balance%response(:, h), wp)
+        rate = rate - h*solver%omega*aimag(balance%response(:, h))
+      end do
+      call balance%ranks%gather_columns_everywhere(balance%slider, slider)
+      call solver%in_time%stand(matmul(balance%receptance%basis, displacement), matmul(balance%receptance%basis, rate), slider, &
+                                stands)
+    end associate
+  end subroutine stand_in_time
+end module attrito_continuation_start_in_time

@@ -1,0 +1,198 @@
+!> Starts out of motion in time: on an orbit they are the orbit, and where Newton's method fails from the static solution they lead on.
+program test_averaged_periods
+  use attrito_core_errors, only: error_type
+  use attrito_core_kinds, only: wp, pi, two_pi
+  use attrito_model_contacts, only: contact_type, new_contacts
+  use attrito_model_structure, only: damping_loss_factor
+  use attrito_balance_receptance, only: to_real
+  use attrito_continuation_cascade, only: solve_by_cascade
+  use attrito_continuation_motion_in_time, only: excitation_type
+  use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
+  use attrito_continuation_static_path, only: walk_static_path
+  use attrito_integrate_averaged_periods, only: averaged_periods_type, new_averaged_periods
+  use scenes, only: scene_type, wedge, wedge_preload, rubbing_frame, damp
+  use session, only: run_in_session, only_me
+  use testing, only: test, check, check_close
+  use uncondensed, only: residual_of
+  implicit none
+
+  call run_in_session('averaged_periods', [ &
+                      test('where every contact sticks they are the linear response, as a load of straight pieces excites it', stuck), &
+                      test('on an orbit that slips they approach it as the square of the step', slipping), &
+                      test('a loss factor has a twin in time', lossy), &
+                      test('a stiff wedge is solved at every frequency, from the static solution and from the point before', stiff)])
+
+contains
+
+  function solver_of(scene, options, level) result(solver)
+    type(scene_type), intent(in) :: scene
+    type(solver_options_type), intent(in) :: options
+    real(wp), intent(in) :: level
+    type(solver_type) :: solver
+    type(error_type), allocatable :: fault
+
+    call new_solver(scene%structure, scene%contacts, only_me(), options, solver, fault)
+    if (allocated(fault)) error stop 'the scene is refused'
+    call walk_static_path(solver, reshape([1.0_wp], [1, 1]), 20, two_pi, fault)
+    if (allocated(fault)) error stop 'no static equilibrium'
+    call solver%set_loads([1.0_wp], level)
+  end function solver_of
+
+  !> Stand where the solver does, and move on.
+  subroutine move_on(solver, scene, motion, moved)
+    type(solver_type), intent(in) :: solver
+    type(scene_type), intent(in) :: scene
+    real(wp), intent(out) :: motion(:, :)
+    logical, intent(out) :: moved
+    type(averaged_periods_type) :: periods
+    real(wp), allocatable :: q(:, :)
+    real(wp) :: rate(size(scene%structure%mass, 1)), slider(2, size(scene%contacts%law))
+    integer :: h
+
+    associate (balance => solver%context%balance)
+      q = matmul(to_real(balance%response), transpose(balance%receptance%basis))
+      rate = 0.0_wp
+      do h = 1, size(q, 1)/2
+        rate = rate + h*solver%omega*q(2*h + 1, :)
+      end do
+      periods = new_averaged_periods(scene%structure, scene%contacts)
+      call periods%stand(q(1, :) + sum(q(2::2, :), 1), rate, balance%slider, moved)
+      if (moved) call periods%run_on(excitation_type(solver%omega, balance%static_factors, balance%level), motion, slider, moved)
+    end associate
+  end subroutine move_on
+
+  !> Between samples the load is linear: its first harmonic acts as (sin x / x)^2, x = pi / J, of itself.
+  subroutine stuck(error)
+    type(error_type), allocatable, intent(out) :: error
+    integer, parameter :: steps = 64
+    type(scene_type) :: scene
+    type(solver_type) :: solver
+    real(wp) :: motion(11, 2), share
+    logical :: moved
+
+    scene = wedge(45.0_wp)
+    solver = solver_of(scene, solver_options_type(by_events=.true.), 0.1_wp)
+    call solver%set_scales(two_pi*100.0_wp, two_pi*140.0_wp)
+    call solver%solve_at(two_pi*120.0_wp)
+    call check(error, solver%report%converged .and. solver%all_stick, 'it does not stick')
+    call move_on(solver, scene, motion, moved)
+    call check(error, moved, 'it does not move')
+    share = (sin(pi/steps)/(pi/steps))**2
+    ! The transient of starting with the whole response, 1 - share = 8e-4 of it, dies by exp(-2 pi zeta) a period: zeta is near 0.04,
+    ! and it averages out over periods but for a fifth.
+    call check_close(error, motion(2:3, :), share*solver%motion(2:3, :), &
+                     0.2_wp*(1.0_wp - share)*maxval(abs(solver%motion(2:3, :))), 'first harmonic')
+    call check_close(error, motion(1, :), solver%motion(1, :), 0.2_wp*(1.0_wp - share)*maxval(abs(solver%motion(2:3, :))), 'mean')
+    call solver%destroy()
+  end subroutine stuck
+
+  subroutine slipping(error)
+    type(error_type), allocatable, intent(out) :: error
+    integer, parameter :: harmonics(3) = [16, 32, 64]
+    type(scene_type) :: scene
+    type(solver_type) :: solver
+    real(wp), allocatable :: motion(:, :)
+    real(wp) :: off(3)
+    logical :: moved
+    integer :: i
+
+    scene = wedge(45.0_wp)
+    do i = 1, 3
+      solver = solver_of(scene, solver_options_type(harmonics=harmonics(i), samples=1024, by_events=.true.), 5.0_wp)
+      call solver%set_scales(two_pi*100.0_wp, two_pi*140.0_wp)
+      call solve_by_cascade(solver, two_pi*132.0_wp)
+      call check(error, solver%report%converged .and. .not. solver%all_stick, 'it does not slip')
+      if (allocated(motion)) deallocate (motion)
+      allocate (motion, mold=solver%motion)
+      call move_on(solver, scene, motion, moved)
+      call check(error, moved, 'it does not move')
+      off(i) = maxval(abs(motion(:7, :) - solver%motion(:7, :)))/maxval(abs(solver%motion(2:, :)))
+      call solver%destroy()
+    end do
+    ! Eight steps a harmonic: each time twice as many.
+    call check(error, off(1) < 5.0e-3_wp, 'far from the orbit')
+    call check(error, all(off(:2)/off(2:) > 3.0_wp), 'not of second order')
+  end subroutine slipping
+
+  subroutine lossy(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_type) :: scene
+    type(solver_type) :: solver
+    real(wp) :: motion(11, 10)
+    logical :: moved
+
+    scene = rubbing_frame()
+    call damp(scene, damping_loss_factor, 0.05_wp)
+    solver = solver_of(scene, solver_options_type(), 0.3_wp)
+    call solver%set_scales(1.0_wp, 1.2_wp)
+    call solve_by_cascade(solver, 1.1_wp)
+    call check(error, solver%report%converged, 'it is not solved')
+    call move_on(solver, scene, motion, moved)
+    call check(error, moved, 'it does not move')
+    call solver%destroy()
+  end subroutine lossy
+
+  !> kn = kt = 3e6, 20 N of preload, 60 N along x: half of these orbits are unstable, and no point before leads to some.
+  subroutine stiff(error)
+    type(error_type), allocatable, intent(out) :: error
+    integer, parameter :: points = 23
+    type(scene_type) :: scene
+    type(contact_type), allocatable :: law(:)
+    integer :: without, with
+
+    scene = wedge(45.0_wp)
+    law = scene%contacts%law
+    law%tangential_stiffness = 3.0e6_wp
+    law%normal_stiffness = 3.0e6_wp
+    scene%contacts = new_contacts(law, scene%contacts%directions)
+    scene%structure%static_loads = 20.0_wp/wedge_preload*scene%structure%static_loads
+    scene%structure%harmonic_load = reshape([0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], [2, 3])
+    call count_solved(error, scene, points, .true., .true., with)
+    call check(error, with == points, 'a point is missed from the static solution')
+    call count_solved(error, scene, points, .false., .true., without)
+    call check(error, without < points, 'Newton''s method solves them all by itself: the test is void')
+    call count_solved(error, scene, points, .true., .false., with)
+    call check(error, with == points, 'a point is missed from the point before')
+  end subroutine stiff
+
+  !> How many of the frequencies 85, 87.5, ... are solved; each solution is one by the uncondensed residual.
+  subroutine count_solved(error, scene, points, in_time, alone, solved)
+    type(error_type), allocatable, intent(inout) :: error
+    type(scene_type), intent(in) :: scene
+    integer, intent(in) :: points
+    !> With starts out of motion in time, or Newton's method alone; each point from the static solution
+    logical, intent(in) :: in_time, alone
+    integer, intent(out) :: solved
+    type(solver_options_type), parameter :: options = solver_options_type(harmonics=10, samples=512)
+    real(wp), parameter :: level = 60.0_wp
+    type(solver_type) :: solver
+    real(wp), allocatable :: q(:, :)
+    real(wp) :: scale
+    integer :: i
+
+    solved = 0
+    do i = 1, points
+      if (alone .or. i == 1) then
+        solver = solver_of(scene, options, level)
+        if (in_time) allocate (solver%in_time, source=new_averaged_periods(scene%structure, scene%contacts))
+        call solver%set_scales(two_pi*85.0_wp, two_pi*140.0_wp)
+      end if
+      if (in_time) then
+        call solve_by_cascade(solver, two_pi*(85.0_wp + 2.5_wp*(i - 1)))
+      else
+        call solver%solve_at(two_pi*(85.0_wp + 2.5_wp*(i - 1)))
+      end if
+      if (solver%report%converged) then
+        solved = solved + 1
+        associate (balance => solver%context%balance)
+          q = matmul(to_real(balance%response), transpose(balance%receptance%basis))
+          scale = solver%context%motion_scale*maxval(abs(solver%stuck%stiffness)) &
+                  *(1.0_wp + (options%harmonics*solver%omega)**2/minval(solver%stuck%omega)**2)
+          if (balance%forces(1)%unique) call check_close(error, residual_of(scene, q, solver%omega, level, options%samples), &
+                                                         0.0_wp*q, 1.0e-9_wp*scale, 'uncondensed residual')
+        end associate
+      end if
+      if (alone .or. i == points) call solver%destroy()
+    end do
+  end subroutine count_solved
+end program test_averaged_periods
