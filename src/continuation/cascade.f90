@@ -20,6 +20,9 @@ module attrito_continuation_cascade
   integer, parameter :: attempts(6) = [from_here_briefly, from_motion_in_time, from_here, from_stuck_response, by_frequency, &
                                        by_level]
 
+  !> Iterations after which a way of small steps is given up
+  integer, parameter :: way_iterations = 400
+
   !> Motion, sliders and which of them are periodic, angular frequency
   type :: place_type
     real(wp), allocatable :: motion(:, :), slider(:, :)
@@ -60,8 +63,8 @@ module attrito_continuation_cascade
 
 contains
 
-  !> Solve at an angular frequency, the harmonic load at its level. Newton's method from the point before is given up early where motion
-  !> in time has other starts, and tried to its end when these have failed.
+  !> Solve at an angular frequency, the harmonic load at its level. Newton's method from the point before is given up early where
+  !> motion in time has other starts, and tried to its end when these have failed.
   subroutine solve_by_cascade(solver, omega)
     type(solver_type), intent(inout) :: solver
     !> Target
@@ -91,10 +94,11 @@ contains
        case (from_stuck_response)
         call solve_from_stuck(solver, omega, iterations, converged)
        case (by_frequency)
-        call march_along(frequency_way_type(before%omega, omega), solver, iterations, converged)
-       case (by_level)
+        call march_along(frequency_way_type(before%omega, omega), solver, iterations, converged, &
+                         most_iterations=way_iterations)
+       case default  ! by_level
         solver%motion(2:, :) = 0.0_wp
-        call march_along(level_way_type(omega, level), solver, iterations, converged)
+        call march_along(level_way_type(omega, level), solver, iterations, converged, most_iterations=way_iterations)
         call solver%set_loads(solver%context%balance%static_factors, level)
       end select
       if (converged) exit
@@ -171,7 +175,7 @@ contains
   end subroutine solve_level
 
   !> March a way from 0 to 1, halving the step where it fails.
-  subroutine march_along(way, solver, iterations, converged, first_step)
+  subroutine march_along(way, solver, iterations, converged, first_step, most_iterations)
     class(way_type), intent(in) :: way
     type(solver_type), intent(inout) :: solver
     !> Counts on
@@ -179,14 +183,19 @@ contains
     logical, intent(out) :: converged
     !> A quarter unless given
     real(wp), intent(in), optional :: first_step
+    !> After which it is given up; never unless given
+    integer, intent(in), optional :: most_iterations
     real(wp) :: reached, step, largest_step
     logical :: done
+    integer :: budget
 
+    budget = huge(1)
+    if (present(most_iterations)) budget = iterations + most_iterations
     reached = 0.0_wp
     largest_step = 0.25_wp
     if (present(first_step)) largest_step = first_step
     step = largest_step
-    do while (reached < 1.0_wp)
+    do while (reached < 1.0_wp .and. iterations < budget)
       step = min(step, 1.0_wp - reached)
       call way%solve(solver, reached + step, done)
       iterations = iterations + solver%report%iterations

@@ -33,11 +33,13 @@ module attrito_continuation_motion_in_time
       logical, intent(out) :: stands
     end subroutine stand
 
-    !> Move on for some periods, and tell of the last of them what a start is made of.
-    subroutine run_on(self, excitation, motion, slider, moved)
+    !> Move on for some periods until the start is forgotten, and for some more that a start is made of.
+    subroutine run_on(self, excitation, periods, motion, slider, moved)
       import :: motion_in_time_type, excitation_type, wp
       class(motion_in_time_type), intent(inout) :: self
       type(excitation_type), intent(in) :: excitation
+      !> How many more
+      integer, intent(in) :: periods
       !> Coefficients of the relative displacements of all rows [2 H + 1, rows]
       real(wp), intent(out) :: motion(:, :)
       !> Of all contacts at the start of a period [2, contacts]

@@ -14,6 +14,8 @@ module attrito_continuation_start_in_time
 
   !> Stretches of motion in time that Newton's method starts from; how many of them it gives up early
   integer, parameter :: attempts_in_time = 12, brief_attempts = 2
+  !> Periods averaged at first, and after how many attempts they double: the longer a motion wanders, the longer its mean takes
+  integer, parameter :: periods_averaged = 5, attempts_alike = 4
 
 contains
 
@@ -40,7 +42,8 @@ contains
       allocate (motion(balance%coefficients(), size(contacts%directions, 2)), slider(2, size(contacts%law)))
       do attempt = 1, attempts_in_time
         solver%brief = attempt <= brief_attempts
-        call solver%in_time%run_on(excitation_type(omega, balance%static_factors, balance%level), motion, slider, converged)
+        call solver%in_time%run_on(excitation_type(omega, balance%static_factors, balance%level), &
+                                   periods_averaged*2**((attempt - 1)/attempts_alike), motion, slider, converged)
         if (.not. converged) exit
         solver%motion = motion(:, balance%first_row:balance%first_row + balance%rows() - 1)
         call solver%set_slider(slider(:, balance%first_contact:balance%first_contact + size(balance%law) - 1))

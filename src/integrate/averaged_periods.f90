@@ -20,8 +20,8 @@ module attrito_integrate_averaged_periods
   private
   public :: averaged_periods_type, new_averaged_periods
 
-  !> Periods until the start is forgotten, and periods averaged
-  integer, parameter :: periods_before = 5, periods_averaged = 5
+  !> Periods until the start is forgotten
+  integer, parameter :: periods_before = 5
   !> Steps a period, unless harmonics ask for more
   integer, parameter :: fewest_steps = 64, steps_per_harmonic = 8
 
@@ -74,10 +74,11 @@ contains
                            matmul(velocity, self%system%weighted)/self%system%clock, slider)
   end subroutine stand
 
-  !> Move on for some periods, and average the last of them.
-  subroutine run_on(self, excitation, motion, slider, moved)
+  !> Move on for some periods until the start is forgotten, and average some more.
+  subroutine run_on(self, excitation, periods, motion, slider, moved)
     class(averaged_periods_type), intent(inout) :: self
     type(excitation_type), intent(in) :: excitation
+    integer, intent(in) :: periods
     real(wp), intent(out) :: motion(:, :), slider(:, :)
     logical, intent(out) :: moved
     type(loading_type) :: loading
@@ -96,7 +97,7 @@ contains
       call start_scheme(scheme, system, loading, state)
       motion = 0.0_wp
       slider = 0.0_wp
-      do period = 1, periods_before + periods_averaged
+      do period = 1, periods_before + periods
         do step = 1, scheme%steps
           call step_scheme(scheme, system, loading, state, 0, modulo(step, scheme%steps)*scheme%h, moved)
           moved = moved .and. all(abs(state%motion) < huge(1.0_wp))
@@ -109,9 +110,9 @@ contains
             motion(2*h + 1, :) = motion(2*h + 1, :) + sines(h)*scheme%displacement
           end do
         end do
-        if (period > periods_before) slider = slider + state%slider/periods_averaged
+        if (period > periods_before) slider = slider + state%slider/periods
       end do
-      motion = motion*2.0_wp/(periods_averaged*scheme%steps)
+      motion = motion*2.0_wp/(periods*scheme%steps)
     end associate
   end subroutine run_on
 end module attrito_integrate_averaged_periods

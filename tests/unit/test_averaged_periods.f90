@@ -1,4 +1,5 @@
-!> Starts out of motion in time: on an orbit they are the orbit, and where Newton's method fails from the static solution they lead on.
+!> Starts out of motion in time: on an orbit they are the orbit, and where Newton's method fails from the static solution they lead
+!> on.
 program test_averaged_periods
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp, pi, two_pi
@@ -17,8 +18,8 @@ program test_averaged_periods
   implicit none
 
   call run_in_session('averaged_periods', [ &
-                      test('where every contact sticks they are the linear response, as a load of straight pieces excites it', stuck), &
-                      test('on an orbit that slips they approach it as the square of the step', slipping), &
+                      test('where every contact sticks they are the linear response to a load of straight pieces', stuck), &
+                      test('on an orbit that slips they near it as the square of the step', slipping), &
                       test('a loss factor has a twin in time', lossy), &
                       test('a stiff wedge is solved at every frequency, from the static solution and from the point before', stiff)])
 
@@ -57,7 +58,8 @@ contains
       end do
       periods = new_averaged_periods(scene%structure, scene%contacts)
       call periods%stand(q(1, :) + sum(q(2::2, :), 1), rate, balance%slider, moved)
-      if (moved) call periods%run_on(excitation_type(solver%omega, balance%static_factors, balance%level), motion, slider, moved)
+      if (moved) call periods%run_on(excitation_type(solver%omega, balance%static_factors, balance%level), 5, motion, slider, &
+                                     moved)
     end associate
   end subroutine move_on
 
