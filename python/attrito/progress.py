@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from mpi4py.MPI import Comm
 
     from attrito.reduction import Report
@@ -77,6 +79,9 @@ class Progress:
         else:
             print(line, flush=True)
 
-    def end(self, result: str, seconds: float, failed: int) -> None:
+    def end(self, result: str, seconds: float, outcomes: Mapping[str, int]) -> None:
         """Where the result is."""
-        self.say(f"{self.count} points, {failed} of them not converged, in {seconds:.1f} s: {result}")
+        failed = outcomes.get("not_converged", 0)
+        missing = outcomes.get("no_period_one_orbit", 0)
+        without = f", {missing} without an orbit of period one" if missing else ""
+        self.say(f"{self.count} points, {failed} of them not converged{without}, in {seconds:.1f} s: {result}")

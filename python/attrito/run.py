@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import time
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -68,7 +69,7 @@ def run_job(comm: Comm, path: str) -> str:
         uncoupled=balance["approach"] == "uncoupled",
         by_events=balance["quadrature"] == "event",
     )
-    failed = 0
+    outcomes: Counter[str] = Counter()
     incomplete: list[str] = []
     try:
         with Solver(comm, reduced, options) as solver:
@@ -82,7 +83,7 @@ def run_job(comm: Comm, path: str) -> str:
                 solver.write_point()
                 sampler.visit(point)
                 progress.point(point, reduced.monitor_names[0])
-                failed += point.outcome == "not_converged"
+                outcomes[point.outcome] += 1
     except (InputError, NumericsError) as error:
         if progress.count == 0:
             on_root(comm, lambda: Path(partial).unlink(missing_ok=True))
@@ -95,10 +96,17 @@ def run_job(comm: Comm, path: str) -> str:
     on_root(comm, lambda: _write_incomplete(partial, incomplete))
     on_root(comm, lambda: write_bounds(partial, reduced, sampler))
     on_root(comm, lambda: os.replace(partial, result))
-    progress.end(result, time.perf_counter() - started, failed)
+    progress.end(result, time.perf_counter() - started, outcomes)
     complaints = list(incomplete)
-    if failed:
-        complaints.append(f"{failed} point(s) did not converge; they are in the file with outcome not_converged")
+    if outcomes["not_converged"]:
+        complaints.append(
+            f"{outcomes['not_converged']} point(s) did not converge; they are in the file with outcome not_converged"
+        )
+    if outcomes["no_period_one_orbit"]:
+        complaints.append(
+            f"at {outcomes['no_period_one_orbit']} point(s) no orbit of the excitation's period was found, by motion in time"
+            " either (it walks, bounces or takes several periods); they are in the file with outcome no_period_one_orbit"
+        )
     if complaints:
         raise NumericsError(f"{result}: " + "; ".join(complaints))
     return result

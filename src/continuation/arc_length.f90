@@ -254,6 +254,7 @@ contains
     type(solver_type), intent(inout) :: solver
 
     solver%report%converged = .false.
+    solver%no_orbit_in_time = .false.
     solver%omega = solver%omega + smallest_step*(self%stop - self%start)
     self%on_branch = .false.
   end subroutine lose_branch

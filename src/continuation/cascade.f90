@@ -1,7 +1,8 @@
 !> Getting to a point by trying, in order: the point before; motion in time; the stuck response; the frequency in smaller steps; the
 !> force in steps.
 !>
-!> Newton's method is the hard part at the onset of gross slip. Nothing is dropped in silence: what fails leaves the solver where
+!> Newton's method is the hard part at the onset of gross slip. Motion in time that goes the same way every period says that there is
+!> no orbit to look for; what has not settled after all of its starts says that it came to none. Nothing is dropped in silence: what fails leaves the solver where
 !> it was, with a report that says so.
 module attrito_continuation_cascade
   use attrito_core_kinds, only: wp
@@ -21,7 +22,7 @@ module attrito_continuation_cascade
                                        by_level]
 
   !> Iterations after which a way of small steps is given up
-  integer, parameter :: way_iterations = 400
+  integer, parameter :: way_iterations = 200
 
   !> Motion, sliders and which of them are periodic, angular frequency
   type :: place_type
@@ -74,6 +75,8 @@ contains
     integer :: iterations, attempt
     logical :: converged
 
+    solver%no_orbit_in_time = .false.
+    solver%walks = .false.
     call solver%solve_stuck_at(omega, converged)
     if (converged) return
     before = place_of(solver)
@@ -103,7 +106,9 @@ contains
       end select
       if (converged) exit
       call return_to(solver, before)
+      if (solver%walks) exit
     end do
+    if (converged) solver%no_orbit_in_time = .false.
     solver%report%iterations = iterations
   end subroutine solve_by_cascade
 

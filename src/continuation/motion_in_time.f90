@@ -3,7 +3,7 @@ module attrito_continuation_motion_in_time
   use attrito_core_kinds, only: wp
   implicit none
   private
-  public :: motion_in_time_type, excitation_type
+  public :: motion_in_time_type, excitation_type, periods_type
 
   !> Loads under which it moves
   type :: excitation_type
@@ -13,6 +13,20 @@ module attrito_continuation_motion_in_time
     real(wp), allocatable :: static_factors(:)
     real(wp) :: level = 1.0_wp
   end type excitation_type
+
+  !> What some periods of it were like
+  type :: periods_type
+    !> .false.: a step found no solution, and nothing else holds
+    logical :: moved = .false.
+    !> Mean of the periods: coefficients of the relative displacements of all rows [2 H + 1, rows]
+    real(wp), allocatable :: motion(:, :)
+    !> Of all contacts at the starts of periods, in the mean [2, contacts]
+    real(wp), allocatable :: slider(:, :)
+    !> Change of the displacements over the last period, relative to their first harmonic
+    real(wp) :: change = huge(1.0_wp)
+    !> Did every one of the last periods change them the same way?
+    logical :: walks = .false.
+  end type periods_type
 
   type, abstract :: motion_in_time_type
   contains
@@ -33,19 +47,16 @@ module attrito_continuation_motion_in_time
       logical, intent(out) :: stands
     end subroutine stand
 
-    !> Move on for some periods until the start is forgotten, and for some more that a start is made of.
-    subroutine run_on(self, excitation, periods, motion, slider, moved)
-      import :: motion_in_time_type, excitation_type, wp
+    !> Move on for some periods until the start is forgotten, and for some more that are told of.
+    subroutine run_on(self, excitation, harmonics, count, periods)
+      import :: motion_in_time_type, excitation_type, periods_type
       class(motion_in_time_type), intent(inout) :: self
       type(excitation_type), intent(in) :: excitation
-      !> How many more
-      integer, intent(in) :: periods
-      !> Coefficients of the relative displacements of all rows [2 H + 1, rows]
-      real(wp), intent(out) :: motion(:, :)
-      !> Of all contacts at the start of a period [2, contacts]
-      real(wp), intent(out) :: slider(:, :)
-      !> .false.: a step found no solution
-      logical, intent(out) :: moved
+      !> Of the coefficients
+      integer, intent(in) :: harmonics
+      !> How many more, 3 at least
+      integer, intent(in) :: count
+      type(periods_type), intent(out) :: periods
     end subroutine run_on
   end interface
 end module attrito_continuation_motion_in_time

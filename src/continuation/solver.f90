@@ -63,6 +63,8 @@ module attrito_continuation_solver
     logical :: all_stick = .false.
     !> Give a start up early, after a few iterations of Newton's method alone: others follow
     logical :: brief = .false.
+    !> Where no point was found: motion in time did not come to an orbit of the excitation's period either; it even walks
+    logical :: no_orbit_in_time = .false., walks = .false.
     !> Where starts come from that no point before leads to; may be missing
     class(motion_in_time_type), allocatable :: in_time
   contains

@@ -6,16 +6,19 @@
 !> and runs on under the loads of the point that is looked for until Newton's method converges from what it has come to.
 module attrito_continuation_start_in_time
   use attrito_core_kinds, only: wp
-  use attrito_continuation_motion_in_time, only: excitation_type
+  use attrito_continuation_motion_in_time, only: excitation_type, periods_type
   use attrito_continuation_solver, only: solver_type
   implicit none
   private
   public :: has_time, solve_in_time
 
-  !> Stretches of motion in time that Newton's method starts from; how many of them it gives up early
-  integer, parameter :: attempts_in_time = 12, brief_attempts = 2
+  !> Stretches of motion in time that Newton's method starts from; all but every third are given up early
+  integer, parameter :: attempts_in_time = 12, full_attempt = 3
   !> Periods averaged at first, and after how many attempts they double: the longer a motion wanders, the longer its mean takes
   integer, parameter :: periods_averaged = 5, attempts_alike = 4
+  !> Stretches one after another that walk, and are then known to; change over a period of a motion that has settled
+  integer, parameter :: attempts_walking = 3
+  real(wp), parameter :: settled = 1.0e-3_wp
 
 contains
 
@@ -26,34 +29,39 @@ contains
     has_time = allocated(solver%in_time) .and. .not. solver%options%uncoupled
   end function has_time
 
-  !> Newton's method from motion in time, which begins where the solver stands and runs on until that converges.
+  !> Newton's method from motion in time, which begins where the solver stands and runs on until that converges, or is seen to walk.
   subroutine solve_in_time(solver, omega, iterations, converged)
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: omega
     !> Counts on
     integer, intent(inout) :: iterations
     logical, intent(out) :: converged
-    real(wp), allocatable :: motion(:, :), slider(:, :)
-    integer :: attempt
+    type(periods_type) :: periods
+    integer :: attempt, walked
 
     call stand_in_time(solver, converged)
     if (.not. converged) return
-    associate (balance => solver%context%balance, contacts => solver%contacts)
-      allocate (motion(balance%coefficients(), size(contacts%directions, 2)), slider(2, size(contacts%law)))
+    walked = 0
+    associate (balance => solver%context%balance)
       do attempt = 1, attempts_in_time
-        solver%brief = attempt <= brief_attempts
-        call solver%in_time%run_on(excitation_type(omega, balance%static_factors, balance%level), &
-                                   periods_averaged*2**((attempt - 1)/attempts_alike), motion, slider, converged)
-        if (.not. converged) exit
-        solver%motion = motion(:, balance%first_row:balance%first_row + balance%rows() - 1)
-        call solver%set_slider(slider(:, balance%first_contact:balance%first_contact + size(balance%law) - 1))
+        solver%brief = modulo(attempt, full_attempt) /= 0
+        call solver%in_time%run_on(excitation_type(omega, balance%static_factors, balance%level), balance%receptance%harmonics, &
+                                   periods_averaged*2**((attempt - 1)/attempts_alike), periods)
+        converged = .false.
+        if (.not. periods%moved) exit
+        solver%motion = periods%motion(:, balance%first_row:balance%first_row + balance%rows() - 1)
+        call solver%set_slider(periods%slider(:, balance%first_contact:balance%first_contact + size(balance%law) - 1))
         call solver%solve_at(omega)
         iterations = iterations + solver%report%iterations
         converged = solver%report%converged
         if (converged) exit
+        walked = merge(walked + 1, 0, periods%walks)
+        solver%walks = walked == attempts_walking
+        if (solver%walks) exit
       end do
     end associate
     solver%brief = .false.
+    solver%no_orbit_in_time = solver%walks .or. (.not. converged .and. periods%moved .and. periods%change > settled)
   end subroutine solve_in_time
 
   !> Let motion in time stand where the solver does, at the start of a period.

@@ -11,7 +11,7 @@ module attrito_integrate_averaged_periods
   use attrito_core_trigonometric, only: harmonics_at
   use attrito_model_contacts, only: contacts_type
   use attrito_model_structure, only: structure_type, damping_loss_factor, damping_ratio
-  use attrito_continuation_motion_in_time, only: motion_in_time_type, excitation_type
+  use attrito_continuation_motion_in_time, only: motion_in_time_type, excitation_type, periods_type
   use attrito_integrate_loading, only: loading_type, new_loading, new_profile
   use attrito_integrate_schemes, only: scheme_type, new_scheme, start_scheme, step_scheme, scheme_exponential
   use attrito_integrate_state, only: state_type, new_state
@@ -25,6 +25,8 @@ module attrito_integrate_averaged_periods
   !> Steps a period, unless harmonics ask for more
   integer, parameter :: fewest_steps = 64, steps_per_harmonic = 8
 
+  !> What periods of a walk have in common of their steps, and the least step that counts as one, relative to the motion
+  real(wp), parameter :: alike = 0.01_wp, least_walk = 1.0e-5_wp
   !> Relative error of each step's equilibrium
   real(wp), parameter :: near_enough = 1.0e-6_wp
 
@@ -75,44 +77,78 @@ contains
   end subroutine stand
 
   !> Move on for some periods until the start is forgotten, and average some more.
-  subroutine run_on(self, excitation, periods, motion, slider, moved)
+  subroutine run_on(self, excitation, harmonics, count, periods)
     class(averaged_periods_type), intent(inout) :: self
     type(excitation_type), intent(in) :: excitation
-    integer, intent(in) :: periods
-    real(wp), intent(out) :: motion(:, :), slider(:, :)
-    logical, intent(out) :: moved
+    integer, intent(in) :: harmonics, count
+    type(periods_type), intent(out) :: periods
     type(loading_type) :: loading
     type(scheme_type) :: scheme
-    real(wp) :: cosines(size(motion, 1)/2), sines(size(motion, 1)/2)
-    integer :: period, step, h
+    real(wp) :: ends(size(self%system%springs), -2:count)
+    integer :: period
 
-    associate (system => self%system, state => self%state)
+    associate (system => self%system)
+      allocate (periods%motion(2*harmonics + 1, size(system%springs)), periods%slider(2, size(system%law)), source=0.0_wp)
       loading = new_loading(excitation%omega, system%clock, matmul(system%static_loads, excitation%static_factors), &
                             excitation%level*system%harmonic_load, new_profile(reshape([real(wp) ::], [2, 0])), &
                             new_profile(reshape([real(wp) ::], [2, 0])))
-      call new_scheme(system, scheme_exponential, max(fewest_steps, steps_per_harmonic*size(cosines)), loading%period, -1.0_wp, &
-                      scheme)
+      call new_scheme(system, scheme_exponential, max(fewest_steps, steps_per_harmonic*harmonics), loading%period, -1.0_wp, scheme)
       scheme%implicit%tolerance = near_enough
-      state%cycle = 0
-      call start_scheme(scheme, system, loading, state)
-      motion = 0.0_wp
-      slider = 0.0_wp
-      do period = 1, periods_before + periods
-        do step = 1, scheme%steps
-          call step_scheme(scheme, system, loading, state, 0, modulo(step, scheme%steps)*scheme%h, moved)
-          moved = moved .and. all(abs(state%motion) < huge(1.0_wp))
-          if (.not. moved) return
-          if (period <= periods_before) cycle
-          call harmonics_at(two_pi*step/scheme%steps, cosines, sines)
-          motion(1, :) = motion(1, :) + 0.5_wp*scheme%displacement
-          do h = 1, size(cosines)
-            motion(2*h, :) = motion(2*h, :) + cosines(h)*scheme%displacement
-            motion(2*h + 1, :) = motion(2*h + 1, :) + sines(h)*scheme%displacement
-          end do
-        end do
-        if (period > periods_before) slider = slider + state%slider/periods
+      self%state%cycle = 0
+      call start_scheme(scheme, system, loading, self%state)
+      do period = 1 - periods_before, count
+        call move_one_period(self, scheme, loading, period > 0, periods)
+        if (.not. periods%moved) return
+        if (period >= lbound(ends, 2)) ends(:, period) = scheme%displacement
+        if (period > 0) periods%slider = periods%slider + self%state%slider/count
       end do
-      motion = motion*2.0_wp/(periods*scheme%steps)
+      periods%motion = periods%motion*2.0_wp/(count*scheme%steps)
     end associate
+    call compare_ends(ends, periods)
   end subroutine run_on
+
+  !> One period; coefficients are added up, to be divided by half the number of steps.
+  subroutine move_one_period(self, scheme, loading, adds, periods)
+    class(averaged_periods_type), intent(inout) :: self
+    type(scheme_type), intent(inout) :: scheme
+    type(loading_type), intent(in) :: loading
+    logical, intent(in) :: adds
+    type(periods_type), intent(inout) :: periods
+    real(wp) :: cosines(size(periods%motion, 1)/2), sines(size(periods%motion, 1)/2)
+    integer :: step, h
+
+    do step = 1, scheme%steps
+      call step_scheme(scheme, self%system, loading, self%state, 0, modulo(step, scheme%steps)*scheme%h, periods%moved)
+      periods%moved = periods%moved .and. all(abs(self%state%motion) < huge(1.0_wp))
+      if (.not. periods%moved) return
+      if (.not. adds) cycle
+      call harmonics_at(two_pi*step/scheme%steps, cosines, sines)
+      periods%motion(1, :) = periods%motion(1, :) + 0.5_wp*scheme%displacement
+      do h = 1, size(cosines)
+        periods%motion(2*h, :) = periods%motion(2*h, :) + cosines(h)*scheme%displacement
+        periods%motion(2*h + 1, :) = periods%motion(2*h + 1, :) + sines(h)*scheme%displacement
+      end do
+    end do
+  end subroutine move_one_period
+
+  !> How the displacements at the ends of periods go on.
+  pure subroutine compare_ends(ends, periods)
+    !> [rows, -2:count]
+    real(wp), intent(in) :: ends(:, -2:)
+    type(periods_type), intent(inout) :: periods
+    real(wp) :: steps(size(ends, 1), -1:ubound(ends, 2)), first_harmonic
+    integer :: period
+
+    do period = -1, ubound(ends, 2)
+      steps(:, period) = ends(:, period) - ends(:, period - 1)
+    end do
+    associate (last => steps(:, ubound(steps, 2)))
+      first_harmonic = norm2(periods%motion(2:3, :))
+      periods%change = norm2(last)/max(first_harmonic, tiny(1.0_wp))
+      periods%walks = periods%change > least_walk
+      do period = 0, ubound(steps, 2)
+        if (norm2(steps(:, period) - steps(:, period - 1)) > alike*norm2(last)) periods%walks = .false.
+      end do
+    end associate
+  end subroutine compare_ends
 end module attrito_integrate_averaged_periods

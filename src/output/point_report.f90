@@ -33,6 +33,8 @@ module attrito_output_point_report
     real(wp), allocatable :: harmonics(:, :), amplitude(:), mean(:)
     !> Contacts in each state, over all ranks
     integer :: states(state_stuck:state_open) = 0
+  contains
+    procedure :: is_solved
   end type point_report_type
 
 contains
@@ -60,13 +62,20 @@ contains
       end do
       report%mean = report%harmonics(1, :)
       call count_states(balance, report)
-      report%outcome = outcome_not_converged
+      report%outcome = merge(outcome_no_period_one_orbit, outcome_not_converged, solver%no_orbit_in_time)
       if (solver%report%converged) then
         report%outcome = merge(outcome_converged, outcome_indeterminate, solver%report%defect <= accepted_defect)
       end if
       report%estimate = truncation_estimate(solver, report%amplitude, sum(report%states(state_slipping:state_open)))
     end associate
   end subroutine report_point
+
+  !> Is there a solution to tell of?
+  pure logical function is_solved(self)
+    class(point_report_type), intent(in) :: self
+
+    is_solved = self%outcome /= outcome_not_converged .and. self%outcome /= outcome_no_period_one_orbit
+  end function is_solved
 
   !> Contacts in each state, and whether every one of them forgets its history.
   subroutine count_states(balance, report)

@@ -11,7 +11,7 @@ module attrito_output_result_file
   use attrito_model_contacts, only: contact_type
   use attrito_continuation_solver, only: solver_type
   use attrito_balance_receptance, only: to_real
-  use attrito_output_point_report, only: point_report_type, outcome_names, outcome_not_converged
+  use attrito_output_point_report, only: point_report_type, outcome_names
   implicit none
   private
   public :: result_file_type, open_result, write_point, close_result
@@ -126,7 +126,7 @@ contains
     self%points = self%points + 1
     mine = solver%context%balance%ranks%is_root()
     blank = ieee_value(blank, ieee_quiet_nan)
-    solved = report%outcome /= outcome_not_converged
+    solved = report%is_solved()
     call put_real('/points/frequency_hz', report%frequency_hz)
     call put_real('/points/level', report%level)
     call put_integer('/points/branch', report%branch)
@@ -211,7 +211,7 @@ contains
       slider = reshape([(balance%forces(i)%slider, i=1, size(balance%forces))], [2, size(balance%forces)])
       start = [self%points - 1, balance%first_contact - 1]
     end associate
-    if (report%outcome == outcome_not_converged) then
+    if (.not. report%is_solved()) then
       ! The last iterate is no solution.
       states = -1
       unique = -1

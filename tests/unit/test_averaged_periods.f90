@@ -4,10 +4,10 @@ program test_averaged_periods
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp, pi, two_pi
   use attrito_model_contacts, only: contact_type, new_contacts
-  use attrito_model_structure, only: damping_loss_factor
+  use attrito_model_structure, only: damping_loss_factor, damping_ratio
   use attrito_balance_receptance, only: to_real
   use attrito_continuation_cascade, only: solve_by_cascade
-  use attrito_continuation_motion_in_time, only: excitation_type
+  use attrito_continuation_motion_in_time, only: excitation_type, periods_type
   use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
   use attrito_continuation_static_path, only: walk_static_path
   use attrito_integrate_averaged_periods, only: averaged_periods_type, new_averaged_periods
@@ -21,7 +21,8 @@ program test_averaged_periods
                       test('where every contact sticks they are the linear response to a load of straight pieces', stuck), &
                       test('on an orbit that slips they near it as the square of the step', slipping), &
                       test('a loss factor has a twin in time', lossy), &
-                      test('a stiff wedge is solved at every frequency, from the static solution and from the point before', stiff)])
+                      test('a stiff wedge is solved at every frequency, from the static solution and from the point before', stiff), &
+                      test('a block that friction cannot hold is said to walk', walking)])
 
 contains
 
@@ -45,7 +46,8 @@ contains
     type(scene_type), intent(in) :: scene
     real(wp), intent(out) :: motion(:, :)
     logical, intent(out) :: moved
-    type(averaged_periods_type) :: periods
+    type(averaged_periods_type) :: in_time
+    type(periods_type) :: periods
     real(wp), allocatable :: q(:, :)
     real(wp) :: rate(size(scene%structure%mass, 1)), slider(2, size(scene%contacts%law))
     integer :: h
@@ -56,10 +58,12 @@ contains
       do h = 1, size(q, 1)/2
         rate = rate + h*solver%omega*q(2*h + 1, :)
       end do
-      periods = new_averaged_periods(scene%structure, scene%contacts)
-      call periods%stand(q(1, :) + sum(q(2::2, :), 1), rate, balance%slider, moved)
-      if (moved) call periods%run_on(excitation_type(solver%omega, balance%static_factors, balance%level), 5, motion, slider, &
-                                     moved)
+      in_time = new_averaged_periods(scene%structure, scene%contacts)
+      call in_time%stand(q(1, :) + sum(q(2::2, :), 1), rate, balance%slider, moved)
+      if (.not. moved) return
+      call in_time%run_on(excitation_type(solver%omega, balance%static_factors, balance%level), size(motion, 1)/2, 5, periods)
+      moved = periods%moved .and. .not. periods%walks
+      motion = periods%motion
     end associate
   end subroutine move_on
 
@@ -156,6 +160,32 @@ contains
     call count_solved(error, scene, points, .true., .false., with)
     call check(error, with == points, 'a point is missed from the point before')
   end subroutine stiff
+
+  !> A mass on two contacts, one pressed while it goes one way, that nothing else holds along: friction does not balance over a period.
+  subroutine walking(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_type) :: scene
+    type(solver_type) :: solver
+    type(contact_type) :: law
+
+    ! Along it is shaken by sin t, which moves it as -sin t, and pressed more, by cos t, as it goes back.
+    law = contact_type(tangents=1, tangential_stiffness=10.0_wp, normal_stiffness=10.0_wp, friction_coefficient=0.3_wp)
+    scene%contacts = new_contacts([law], reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [2, 2]))
+    scene%structure%mass = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [2, 2])
+    scene%structure%stiffness = 0.0_wp*scene%structure%mass
+    call damp(scene, damping_ratio, 0.02_wp)
+    scene%structure%static_loads = reshape([0.0_wp, 1.0_wp], [2, 1])
+    scene%structure%harmonic_load = reshape([0.0_wp, 0.0_wp, 0.0_wp, 0.5_wp, 1.0_wp, 0.0_wp], [2, 3])
+    allocate (scene%structure%monitors(2, 0))
+    solver = solver_of(scene, solver_options_type(by_events=.true.), 1.0_wp)
+    allocate (solver%in_time, source=new_averaged_periods(scene%structure, scene%contacts))
+    call solver%set_scales(0.9_wp, 1.1_wp)
+    call solve_by_cascade(solver, 1.0_wp)
+    call check(error, .not. solver%report%converged, 'it is held')
+    call check(error, solver%walks .and. solver%no_orbit_in_time, 'it is not said to walk')
+    call check(error, solver%report%iterations < 200, 'what is not there is looked for too long')
+    call solver%destroy()
+  end subroutine walking
 
   !> How many of the frequencies 85, 87.5, ... are solved; each solution is one by the uncondensed residual.
   subroutine count_solved(error, scene, points, in_time, alone, solved)
