@@ -22,7 +22,8 @@ module attrito_stability_leg
     real(wp) :: from = 0.0_wp, length = 0.0_wp
     !> What each contact does, and to which side it slips (+1, -1) [contacts]
     integer, allocatable :: regime(:), side(:)
-    !> Does its slider come to rest where the leg begins, and then with dw = du + by_normal dv [contacts]
+    !> Does its slider come to rest where the leg begins, and if it sticks, how it came to rest: dw = du + by_normal dv [contacts]; at the
+    !> start of the period it does not count as coming to rest, but its slider as part of the state
     logical, allocatable :: rests(:)
     real(wp), allocatable :: by_normal(:)
   end type leg_type
@@ -135,10 +136,11 @@ contains
       associate (interval => intervals(place(contact)))
         leg%regime(contact) = interval%regime
         leg%side(contact) = merge(interval%side, 0, interval%regime == regime_slip)
-        if (interval%regime /= regime_stick .or. first .or. place(contact) == before) return
+        if (interval%regime /= regime_stick) return
+        leg%by_normal(contact) = interval%by_normal
+        if (first .or. place(contact) == before) return
         ! A rest that a cut between does not disturb goes on.
         leg%rests(contact) = intervals(before)%regime /= regime_stick .or. abs(interval%origin - intervals(before)%origin) > 0.0_wp
-        leg%by_normal(contact) = interval%by_normal
       end associate
     end subroutine take
   end subroutine cut

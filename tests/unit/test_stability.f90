@@ -7,6 +7,8 @@ program test_stability
   use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
   use attrito_continuation_static_path, only: walk_static_path
   use attrito_integrate_system, only: system_type, new_system
+  use attrito_stability_examine, only: by_monodromy, by_hill
+  use attrito_stability_hill, only: hill_multipliers
   use attrito_stability_leg, only: orbit_legs_type, legs_of_motion
   use attrito_stability_monodromy, only: monodromy
   use attrito_stability_multipliers, only: multiplier_type, multipliers_of
@@ -22,7 +24,8 @@ program test_stability
                                                 (0.2385_wp, 0.0_wp), (0.0_wp, 0.0_wp)]
 
   call run_in_session('stability', [ &
-                      test('multipliers of the wedge on the balance''s orbit are those that are known', wedge_multipliers)])
+                      test('multipliers of the wedge by the monodromy are those that are known', by_flow), &
+                      test('multipliers of the wedge by Hill''s problem are those that are known', by_harmonics)])
 
 contains
 
@@ -49,12 +52,26 @@ contains
     call check(error, solver%report%converged, 'the balance does not converge')
   end subroutine balance_wedge
 
-  subroutine wedge_multipliers(error)
+  subroutine by_flow(error)
     type(error_type), allocatable, intent(out) :: error
+
+    call compare_wedge(by_monodromy, error)
+  end subroutine by_flow
+
+  subroutine by_harmonics(error)
+    type(error_type), allocatable, intent(out) :: error
+
+    call compare_wedge(by_hill, error)
+  end subroutine by_harmonics
+
+  subroutine compare_wedge(method, error)
+    integer, intent(in) :: method
+    type(error_type), allocatable, intent(inout) :: error
     type(solver_type) :: solver
     type(system_type) :: system
     type(orbit_legs_type) :: orbit
     type(multiplier_type), allocatable :: multipliers(:)
+    real(wp) :: period
     integer :: info, i
 
     do i = 1, 2
@@ -62,12 +79,16 @@ contains
       if (allocated(error)) return
       call new_system(solver%structure, solver%contacts, system, error)
       call legs_of_motion(solver%contacts%law, new_grid(40), solver%motion, solver%context%balance%slider(1, :), orbit)
-      call multipliers_of(system, orbit, monodromy(system, orbit, two_pi*system%clock/solver%omega), multipliers, info)
-      print '(2f12.6)', multipliers%value
+      period = two_pi*system%clock/solver%omega
+      if (method == by_monodromy) then
+        call multipliers_of(system, orbit, monodromy(system, orbit, period), multipliers, info)
+      else
+        call hill_multipliers(system, orbit, period, multipliers, info)
+      end if
       call check(error, info == 0, 'no eigenvalues')
       call check_close(error, reshape(multipliers%value, [5, 1]), reshape(merge(along_x, along_tangent, i == 1), [5, 1]), &
                        1.0e-4_wp, 'multipliers')
       call solver%destroy()
     end do
-  end subroutine wedge_multipliers
+  end subroutine compare_wedge
 end program test_stability
