@@ -55,7 +55,7 @@ contains
     call new_stuck_system(structure, contacts, .true., stuck, error)
     if (allocated(error)) return
     if (minval(stuck%modal_mass/stuck%modal_stiffness) <= massless*maxval(stuck%modal_mass/stuck%modal_stiffness)) then
-      call raise(error, 'mass: a motion carries no mass: expected every degree of freedom to carry some (integration in time)', &
+      call raise(error, 'mass: a motion carries no mass: expected every degree of freedom to carry some (integration in time, stability)', &
                  fault_of_input)
       return
     end if
