@@ -15,6 +15,8 @@ module attrito_stability_graze
 
   !> Part by which friction and gap are moved
   real(wp), parameter :: touch = 1.0e-8_wp
+  !> Legs that are shorter are rounding where two switches fall together: a contact may stick for that long between landing and slip
+  real(wp), parameter :: no_time = 1.0e-12_wp
 
 contains
 
@@ -74,6 +76,7 @@ contains
     if (orbit%stuck(contact)) return
     before = deed(orbit, contact, size(orbit%legs))
     do i = 1, size(orbit%legs)
+      if (orbit%legs(i)%length <= no_time) cycle
       now = deed(orbit, contact, i)
       if (now /= before) list = [list, now]
       before = now

@@ -90,24 +90,36 @@ contains
       call eigenvalues_within(problem, ellipse, 6*size(system%eigenvalues) + 12, exponents, info)
       if (info /= 0) return
       do i = 1, size(exponents)
-        values = [values, multipliers_from(exponents(i))]
+        values = [values, multipliers_from(exponents, i)]
       end do
     end if
     values = pack(values, abs(values) >= least)
     multipliers = sorted_multipliers(values, size(values), count(.not. orbit%stuck), count(orbit%stuck))
   end subroutine hill_multipliers
 
-  !> The multiplier of an exponent of the half strip, with its conjugate; none if it is a copy from another.
-  pure function multipliers_from(exponent) result(values)
-    complex(wp), intent(in) :: exponent
+  !> The multipliers of an exponent of the half strip, with its conjugate; none if it is a copy from another.
+  !>
+  !> A negative multiplier lies on the strip's upper edge, by itself but for truncation, which knows no symmetry there; a pair close to
+  !> it has its partner mirrored beyond.
+  pure function multipliers_from(exponents, i) result(values)
+    complex(wp), intent(in) :: exponents(:)
+    integer, intent(in) :: i
     complex(wp), allocatable :: values(:)
-    real(wp), parameter :: on_the_edge = 1.0e-7_wp
+    real(wp), parameter :: rounding = 1.0e-7_wp, truncation = 1.0e-3_wp
     complex(wp) :: value
+    logical :: others(size(exponents))
+    real(wp) :: height
 
-    value = exp(two_pi*exponent)
-    if (abs(aimag(exponent)) <= on_the_edge .or. abs(aimag(exponent) - 0.5_wp) <= on_the_edge) then
-      values = [cmplx(real(value, wp), 0.0_wp, wp)]
-    else if (aimag(exponent) > 0.0_wp .and. aimag(exponent) < 0.5_wp) then
+    value = exp(two_pi*exponents(i))
+    height = aimag(exponents(i))
+    others = .true.
+    others(i) = .false.
+    if (abs(height - 0.5_wp) <= truncation) then
+      if (.not. any(abs(exponents - conjg(exponents(i)) - (0.0_wp, 1.0_wp)) <= truncation .and. others)) height = 0.0_wp
+    end if
+    if (abs(height) <= rounding) then
+      values = [cmplx(sign(abs(value), real(value, wp)), 0.0_wp, wp)]
+    else if (height > 0.0_wp .and. height < 0.5_wp) then
       values = [value, conjg(value)]
     else
       allocate (values(0))

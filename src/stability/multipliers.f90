@@ -75,14 +75,32 @@ contains
     left = values
     multipliers%kind = kind_floquet
     do i = 1, min(dynamic, size(values))
+      largest = maxloc(abs(left), 1)
       ! Conjugate pairs stay together, the upper one first.
-      largest = maxloc(abs(left)*(1.0_wp + 1.0e-10_wp*sign(1.0_wp, aimag(left))), 1)
+      if (i > 1) then
+        associate (before => multipliers(i - 1)%value)
+          if (aimag(before) > 0.0_wp) largest = minloc(abs(left - conjg(before)), 1)
+        end associate
+      end if
       multipliers(i)%value = left(largest)
+      if (aimag(left(largest)) < 0.0_wp .and. .not. follows_its_pair()) then
+        multipliers(i)%value = conjg(left(largest))
+        largest = minloc(abs(left - multipliers(i)%value), 1)
+      end if
       left(largest) = 0.0_wp
     end do
     multipliers(dynamic + 1:dynamic + forgetting)%kind = kind_slip
     multipliers(dynamic + forgetting + 1:)%kind = kind_stuck
     multipliers(dynamic + forgetting + 1:)%value = 1.0_wp
+
+  contains
+
+    !> Is the multiplier at hand the lower one of a pair whose upper one comes before?
+    pure logical function follows_its_pair()
+
+      follows_its_pair = .false.
+      if (i > 1) follows_its_pair = aimag(multipliers(i - 1)%value) > 0.0_wp
+    end function follows_its_pair
   end function sorted_multipliers
 
   !> Leave zero eigenvalues out: A <- Q^T A Q with Q a basis of the range, until the range is everything.
