@@ -10,12 +10,13 @@ module attrito_stability_leg
   use attrito_core_kinds, only: wp, two_pi
   use attrito_model_contacts, only: contact_type
   use attrito_contact_event_march, only: event_motion_type, interval_type, new_event_motion, march_events
-  use attrito_contact_state, only: regime_stick, regime_slip
+  use attrito_contact_state, only: regime_stick, regime_slip, regime_open
   use attrito_contact_stuck, only: surely_stuck
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type
+  use attrito_integrate_recorder, only: trace_type
   implicit none
   private
-  public :: leg_type, orbit_legs_type, legs_of_motion
+  public :: leg_type, orbit_legs_type, legs_of_motion, legs_of_trace
 
   type :: leg_type
     !> Part of the period, of 2 pi: where it begins, how long it lasts
@@ -90,6 +91,37 @@ contains
       owner = [owner, spread(contact, 1, number)]
     end subroutine append
   end subroutine legs_of_motion
+
+  !> Legs of an event-exact period.
+  pure subroutine legs_of_trace(law, trace, period, self)
+    type(contact_type), intent(in) :: law(:)
+    type(trace_type), intent(in) :: trace(:)
+    !> Units of the clock
+    real(wp), intent(in) :: period
+    type(orbit_legs_type), intent(out) :: self
+    integer :: i, j, before
+
+    allocate (self%legs(size(trace)), self%stuck(size(law)))
+    do i = 1, size(law)
+      self%stuck(i) = all([(trace(j)%regime(i) == regime_stick, j=1, size(trace))])
+    end do
+    do j = 1, size(trace)
+      before = modulo(j - 2, size(trace)) + 1
+      associate (leg => self%legs(j))
+        leg%from = two_pi*sum(trace(:j - 1)%length)/period
+        leg%length = two_pi*trace(j)%length/period
+        leg%regime = trace(j)%regime
+        leg%side = merge(trace(j)%side, 0, leg%regime == regime_slip)
+        leg%rests = leg%regime == regime_stick .and. trace(before)%regime /= regime_stick .and. j > 1
+        leg%by_normal = -trace(before)%side*law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness
+        where (trace(before)%regime == regime_open) leg%by_normal = -trace(j)%landing_slope
+      end associate
+    end do
+    ! A rest that several segments share is told in each.
+    do j = 2, size(trace)
+      where (self%legs(j)%regime == regime_stick .and. .not. self%legs(j)%rests) self%legs(j)%by_normal = self%legs(j - 1)%by_normal
+    end do
+  end subroutine legs_of_trace
 
   !> One leg between neighbouring ends of any contact's intervals.
   subroutine cut(ends, owner, intervals, self)
