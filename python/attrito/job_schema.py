@@ -250,6 +250,7 @@ TABLES: dict[str, dict[str, Key]] = {
     },
     "stability": {
         "method": Key(choice("none", "monodromy", "hill", "both"), "none"),
+        "orbit": Key(choice("balance", "exact"), "balance"),
     },
     "integrate": {
         "scheme": Key(

@@ -25,7 +25,7 @@ OUTCOMES = {0: "unstable", 1: "converged", 2: "indeterminate"}
 
 
 class _Report(ctypes.Structure):
-    _fields_ = [(name, ctypes.c_int) for name in ("verdict", *ENGINES)]
+    _fields_ = [(name, ctypes.c_int) for name in ("verdict", *ENGINES)] + [("distance", ctypes.c_double)]
 
 
 class Examiner:
@@ -40,15 +40,18 @@ class Examiner:
     ----------
     rows : one for each multiplier: point, engine (index), real part, imaginary part, kind (index)
     reasons : why a point, by number, has no verdict
+    distances : of a point, by number: how far the event-exact orbit lies from the balance's
     """
 
     def __init__(self, comm: Comm, solver: Solver, job: Job):
         self._solver, self._root = solver, comm.rank == 0
         self._methods = METHODS[job["stability"]["method"]]
+        self._exact = int(job["stability"]["orbit"] == "exact")
         self._viscous = int(job["integrate"]["equivalent_viscous"])
         self._points = 0
         self.rows: list[tuple[int, int, float, float, int]] = []
         self.reasons: dict[int, str] = {}
+        self.distances: dict[int, float] = {}
 
     def examine(self, point: Point) -> Point:
         """The point with its verdict: the solver stands at it, and it is not written yet. Collective."""
@@ -58,12 +61,14 @@ class Examiner:
             return point
         report, message = _Report(), library.message_buffer()
         status = self._solver.call(
-            "attrito_examine", self._methods, self._viscous, ctypes.byref(report), message, len(message)
+            "attrito_examine", self._methods, self._exact, self._viscous, ctypes.byref(report), message, len(message)
         )
         library.check(status, message)
         if self._root:
             for index, (name, engine) in enumerate(ENGINES.items()):
                 self._fetch(number, index, engine, getattr(report, name))
+            if report.distance >= 0.0:
+                self.distances[number] = report.distance
             if message.value:
                 self.reasons[number] = message.value.decode()
         return dataclasses.replace(point, outcome=OUTCOMES.get(report.verdict, point.outcome))
@@ -95,6 +100,17 @@ def write_multipliers(path: str, examiner: Examiner) -> None:
             stored.attrs["description"], stored.attrs["unit"] = description, "1"
             if names is not None:
                 stored.attrs["names"] = np.array(names, dtype="S9")
-        reasons = [examiner.reasons.get(point, "") for point in range(len(file["points/stable"]))]
-        stored = file.create_dataset("points/stability_reason", data=reasons, dtype=h5py.string_dtype())
-        stored.attrs["description"], stored.attrs["unit"] = "why a point has no verdict on its stability", "1"
+        points = len(file["points/stable"])
+        real, imaginary, kind = columns[2:]
+        largest, distance = np.full(points, np.nan), np.full(points, np.nan)
+        decides = kind == KINDS.index("floquet")
+        np.fmax.at(largest, columns[0][decides].astype(int), np.hypot(real, imaginary)[decides])
+        distance[list(examiner.distances)] = list(examiner.distances.values())
+        reasons = [examiner.reasons.get(point, "") for point in range(points)]
+        for name, values, kind, description in (
+            ("largest_multiplier", largest, float, "largest modulus of the point's dynamic multipliers"),
+            ("distance", distance, float, "of the event-exact orbit from the balance's, part of the motion's half range"),
+            ("reason", reasons, h5py.string_dtype(), "why the point has no verdict"),
+        ):
+            stored = file.create_dataset(f"stability/{name}", data=values, dtype=kind)
+            stored.attrs["description"], stored.attrs["unit"] = description, "1"

@@ -5,7 +5,7 @@ module attrito_api_stability
   use attrito_output_point_report, only: outcome_converged, outcome_unstable, outcome_indeterminate
   use attrito_integrate_system, only: system_type
   use attrito_model_structure, only: damping_loss_factor
-  use attrito_stability_examine, only: examine, system_of
+  use attrito_stability_examine, only: examine, examine_options_type, system_of
   use attrito_stability_multipliers, only: multiplier_type
   use attrito_stability_verdict, only: not_examined, stable, unstable, indeterminate
   use attrito_api_message, only: tell, say
@@ -16,27 +16,30 @@ module attrito_api_stability
   type, bind(c) :: examination_report_type
     !> `not_examined`, `unstable`, `stable`, `indeterminate`; and how many multipliers each engine found
     integer(c_int) :: verdict, monodromy, hill
+    !> See `examination_type`
+    real(c_double) :: distance
   end type examination_report_type
 
 contains
 
-  !> Examine the last point by the sum of engines (1 monodromy, 2 Hill's problem), note the verdict in what is going to be written of it,
+  !> Examine the last point, or the event-exact orbit near it, by the sum of engines (1 monodromy, 2 Hill's problem), note the verdict in what is going to be written of it,
   !> and say why where there is none.
-  integer(c_int) function attrito_examine(handle, methods, equivalent_viscous, report, message, length) result(status) bind(c)
+  integer(c_int) function attrito_examine(handle, methods, exact, equivalent_viscous, report, message, length) result(status) bind(c)
     type(c_ptr), value :: handle
-    integer(c_int), value :: methods, equivalent_viscous, length
+    integer(c_int), value :: methods, exact, equivalent_viscous, length
     type(examination_report_type), intent(out) :: report
     character(kind=c_char), intent(out) :: message(length)
     type(session_type), pointer :: session
     type(error_type), allocatable :: error
 
     session => session_of(handle)
-    report = examination_report_type(not_examined, 0, 0)
+    report = examination_report_type(not_examined, 0, 0, -1.0_c_double)
     call prepare(session, equivalent_viscous /= 0, error)
     status = tell(error, message)
     if (allocated(error)) return
-    call examine(session%solver, session%in_time, methods, session%examination)
+    call examine(session%solver, session%in_time, examine_options_type(methods, exact /= 0), session%examination)
     report%verdict = session%examination%verdict
+    report%distance = session%examination%distance
     if (allocated(session%examination%monodromy)) report%monodromy = size(session%examination%monodromy)
     if (allocated(session%examination%hill)) report%hill = size(session%examination%hill)
     call say(session%examination%reason, message)

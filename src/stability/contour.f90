@@ -11,7 +11,7 @@ module attrito_stability_contour
   use attrito_core_lapack, only: factor_complex, solve_factored_complex, complex_eigenvalues_of, complex_singular_values
   implicit none
   private
-  public :: nonlinear_problem_type, ellipse_type, eigenvalues_within
+  public :: nonlinear_problem_type, ellipse_type, eigenvalues_within, polish
 
   type, abstract :: nonlinear_problem_type
   contains
@@ -52,21 +52,22 @@ module attrito_stability_contour
 contains
 
   !> Every eigenvalue within (some just outside may be among them), as often as its multiplicity.
-  subroutine eigenvalues_within(problem, ellipse, most, eigenvalues, info)
+  subroutine eigenvalues_within(problem, ellipse, most, eigenvalues, vectors, info)
     class(nonlinear_problem_type), intent(in) :: problem
     type(ellipse_type), intent(in) :: ellipse
     !> More than there are, at most the unknowns
     integer, intent(in) :: most
-    complex(wp), allocatable, intent(out) :: eigenvalues(:)
+    !> [count], and their vectors in columns [n, count]
+    complex(wp), allocatable, intent(out) :: eigenvalues(:), vectors(:, :)
     !> 0, or not: there are more, or linear algebra failed
     integer, intent(out) :: info
-    complex(wp), allocatable :: moments(:, :, :), u(:, :), w(:, :), reduced(:, :), found(:), vectors(:, :), start(:, :)
+    complex(wp), allocatable :: moments(:, :, :), u(:, :), w(:, :), reduced(:, :), found(:), combined(:, :), start(:, :)
     real(wp), allocatable :: s(:)
     complex(wp) :: polished
     integer :: rank, i
-    logical :: good
+    logical :: good(size_limit(problem, most))
 
-    call integrate(problem, ellipse, min(most, problem%unknowns()), moments, info)
+    call integrate(problem, ellipse, size(good), moments, info)
     if (info /= 0) return
     call complex_singular_values(moments(:, :, 0), s, u, w, info)
     if (info /= 0) return
@@ -76,16 +77,23 @@ contains
       return
     end if
     reduced = matmul(conjg(transpose(u(:, :rank))), matmul(moments(:, :, 1), w(:, :rank)))/spread(s(:rank), 1, rank)
-    call complex_eigenvalues_of(reduced, found, vectors, info)
+    call complex_eigenvalues_of(reduced, found, combined, info)
     if (info /= 0) return
-    start = matmul(u(:, :rank), vectors)
-    allocate (eigenvalues(0))
+    start = matmul(u(:, :rank), combined)
     do i = 1, rank
-      found(i) = ellipse%centre + found(i)
-      call polish(problem, found(i), start(:, i), polished, good)
-      if (good) eigenvalues = [eigenvalues, polished]
+      call polish(problem, ellipse%centre + found(i), start(:, i), polished, good(i))
+      found(i) = polished
     end do
+    eigenvalues = pack(found, good(:rank))
+    vectors = start(:, pack([(i, i=1, rank)], good(:rank)))
   end subroutine eigenvalues_within
+
+  pure integer function size_limit(problem, most)
+    class(nonlinear_problem_type), intent(in) :: problem
+    integer, intent(in) :: most
+
+    size_limit = min(most, problem%unknowns())
+  end function size_limit
 
   !> Both moments about the centre [n, columns, 0:1].
   subroutine integrate(problem, ellipse, columns, moments, info)
@@ -139,10 +147,12 @@ contains
     end do
   end function probe_of
 
-  !> Newton's method in the form of inverse iteration, F(s) y = F'(s) x, s <- s - 1/(x^H y), F' by a central difference.
+  !> Newton's method in the form of inverse iteration, F(s) y = F' x, s <- s - 1/(x^H y), F' by a central difference at the start.
   subroutine polish(problem, guess, start, s, good)
     class(nonlinear_problem_type), intent(in) :: problem
-    complex(wp), intent(in) :: guess, start(:)
+    complex(wp), intent(in) :: guess
+    !> Vector, on leaving that of the eigenvalue
+    complex(wp), intent(inout) :: start(:)
     complex(wp), intent(out) :: s
     logical, intent(out) :: good
     real(wp), parameter :: difference = 1.0e-5_wp
@@ -153,8 +163,9 @@ contains
     s = guess
     x = start/sqrt(sum(abs(start)**2))
     good = .false.
-    do iteration = 1, 12
-      slope = (problem%at(s + difference) - problem%at(s - difference))/(2.0_wp*difference)
+    ! One slope serves: guesses are good.
+    slope = (problem%at(s + difference) - problem%at(s - difference))/(2.0_wp*difference)
+    do iteration = 1, 20
       y = reshape(matmul(slope, x), [size(x), 1])
       matrix = problem%at(s)
       call factor_complex(matrix, pivots, info)
@@ -168,5 +179,6 @@ contains
     end do
     ! A matrix that is singular to the last bit has arrived, too.
     good = info /= 0 .or. abs(step) <= settled
+    start = x
   end subroutine polish
 end module attrito_stability_contour

@@ -2,21 +2,36 @@
 module attrito_stability_examine
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp, two_pi
+  use attrito_model_contacts, only: contact_type
   use attrito_model_structure, only: structure_type, damping_loss_factor, damping_viscous
   use attrito_continuation_solver, only: solver_type
   use attrito_integrate_system, only: system_type, new_system
-  use attrito_stability_graze, only: grazing_contact
-  use attrito_stability_hill, only: hill_multipliers
+  use attrito_integrate_loading, only: loading_type
+  use attrito_integrate_state, only: state_type
+  use attrito_stability_graze, only: nudged, grazing_contact
+  use attrito_stability_hill, only: hill_multipliers, too_large
   use attrito_stability_leg, only: orbit_legs_type, legs_of_motion
   use attrito_stability_monodromy, only: monodromy
   use attrito_stability_multipliers, only: multiplier_type, multipliers_of
+  use attrito_stability_shooting, only: shoot, march_period
+  use attrito_stability_start, only: loading_of, start_of
   use attrito_stability_verdict, only: judge, largest_multiplier, not_examined, indeterminate
   implicit none
   private
-  public :: examination_type, examine, system_of, by_monodromy, by_hill
+  public :: examination_type, examine_options_type, examine, system_of, by_monodromy, by_hill
 
   !> Engines, to be added
   integer, parameter :: by_monodromy = 1, by_hill = 2
+
+  type :: examine_options_type
+    !> Sum of `by_...`
+    integer :: methods = by_monodromy
+    !> Of the event-exact orbit near the balance's, rather than of the balance's own
+    logical :: exact = .false.
+  end type examine_options_type
+
+  !> How far the event-exact orbit may lie from the balance's, part of the motion's half range, to be taken for the same
+  real(wp), parameter :: farthest = 0.1_wp
 
   !> Multipliers that the two engines may differ by and still agree
   real(wp), parameter :: agreement = 1.0e-3_wp
@@ -28,17 +43,18 @@ module attrito_stability_examine
     character(:), allocatable :: reason
     !> Of each engine that was asked for, at the root
     type(multiplier_type), allocatable :: monodromy(:), hill(:)
+    !> How far the event-exact orbit lies from the balance's, part of the motion's half range; negative: not looked for
+    real(wp) :: distance = -1.0_wp
   end type examination_type
 
 contains
 
   !> Examine the solver's present point, at the root; the verdict is known to all.
-  subroutine examine(solver, system, methods, self)
+  subroutine examine(solver, system, options, self)
     type(solver_type), intent(in) :: solver
     !> Of `system_of`, allocated where the root is
     type(system_type), allocatable, intent(in) :: system
-    !> Sum of `by_...`
-    integer, intent(in) :: methods
+    type(examine_options_type), intent(in) :: options
     type(examination_type), intent(out) :: self
     real(wp), allocatable :: motion(:, :), slider(:, :)
     real(wp) :: verdict
@@ -60,7 +76,7 @@ contains
       call balance%ranks%sum(slider)
       verdict = 0.0_wp
       if (balance%ranks%is_root()) then
-        call examine_orbit(solver, system, methods, motion, slider(1, :), self)
+        call examine_orbit(solver, system, options, motion, slider(1, :), self)
         verdict = real(self%verdict, wp)
       end if
       call balance%ranks%sum(verdict)
@@ -69,35 +85,93 @@ contains
   end subroutine examine
 
   !> Examine a motion of all contacts [2 H + 1, rows] with sliders [contacts].
-  subroutine examine_orbit(solver, system, methods, motion, slider, self)
+  subroutine examine_orbit(solver, system, options, motion, slider, self)
     type(solver_type), intent(in) :: solver
     type(system_type), intent(in) :: system
-    integer, intent(in) :: methods
+    type(examine_options_type), intent(in) :: options
     real(wp), intent(in) :: motion(:, :), slider(:)
     type(examination_type), intent(inout) :: self
-    type(orbit_legs_type) :: orbit
-    real(wp) :: period
+    type(orbit_legs_type) :: orbit, nudges(2)
     integer :: info, contact
 
     info = 0
-    period = two_pi*system%clock/solver%omega
-    associate (grid => solver%context%balance%grid, law => solver%contacts%law)
-      call legs_of_motion(law, grid, motion, slider, orbit)
-      if (iand(methods, by_monodromy) /= 0) &
-        call multipliers_of(system, orbit, monodromy(system, orbit, period), self%monodromy, info)
-      if (iand(methods, by_hill) /= 0 .and. info == 0) call hill_multipliers(system, orbit, period, self%hill, info)
-      if (info /= 0) then
-        self%reason = 'eigenvalues were not found'
-        return
-      end if
-      self%verdict = verdict_of(self, .not. all(orbit%stuck))
-      call grazing_contact(law, grid, motion, slider, orbit, contact)
-    end associate
-    if (contact > 0) then
-      self%verdict = indeterminate
-      self%reason = 'contact '//number(contact - 1)//' grazes'
+    if (options%exact) then
+      call exact_orbit(solver, system, motion, slider, orbit, nudges, self)
+      if (self%verdict == indeterminate) return
+    else
+      call balanced_orbit(solver, motion, slider, orbit, nudges)
     end if
+    associate (period => two_pi*system%clock/solver%omega)
+      if (iand(options%methods, by_monodromy) /= 0) &
+        call multipliers_of(system, orbit, monodromy(system, orbit, period), self%monodromy, info)
+      if (iand(options%methods, by_hill) /= 0 .and. info == 0) call hill_multipliers(system, orbit, period, self%hill, info)
+    end associate
+    if (info /= 0) then
+      self%reason = 'eigenvalues were not found'
+      if (info == too_large) self%reason = 'too many contacts slip or open for Hill''s problem'
+      if (.not. allocated(self%monodromy)) return
+    end if
+    self%verdict = verdict_of(self, .not. all(orbit%stuck))
+    contact = max(grazing_contact(orbit, nudges(1)), grazing_contact(orbit, nudges(2)))
+    if (contact == 0) return
+    self%verdict = indeterminate
+    self%reason = 'contact '//number(contact - 1)//' grazes'
   end subroutine examine_orbit
+
+  !> Legs of the balance's orbit, and with contacts nudged.
+  subroutine balanced_orbit(solver, motion, slider, orbit, nudges)
+    type(solver_type), intent(in) :: solver
+    real(wp), intent(in) :: motion(:, :), slider(:)
+    type(orbit_legs_type), intent(out) :: orbit, nudges(2)
+    integer :: i
+
+    associate (law => solver%contacts%law, grid => solver%context%balance%grid)
+      call legs_of_motion(law, grid, motion, slider, orbit)
+      do i = 1, 2
+        call legs_of_motion(nudged(law, swings_of(law, motion), 2*i - 3), grid, motion, slider, nudges(i))
+      end do
+    end associate
+  end subroutine balanced_orbit
+
+  !> Legs of the event-exact orbit, and of a period with contacts nudged; indeterminate if there is none near the balance's.
+  subroutine exact_orbit(solver, system, motion, slider, orbit, nudges, self)
+    type(solver_type), intent(in) :: solver
+    type(system_type), intent(in) :: system
+    real(wp), intent(in) :: motion(:, :), slider(:)
+    type(orbit_legs_type), intent(out) :: orbit, nudges(2)
+    type(examination_type), intent(inout) :: self
+    type(system_type) :: other
+    type(loading_type) :: loading
+    type(state_type) :: start, state
+    real(wp) :: range
+    logical :: found
+    integer :: i
+
+    loading = loading_of(solver, system)
+    start = start_of(solver, system, slider)
+    call shoot(system, loading, start, orbit, self%distance, found)
+    if (.not. found .or. self%distance > farthest) then
+      self%verdict = indeterminate
+      self%reason = 'no event-exact orbit near that of the balance'
+      return
+    end if
+    other = system
+    do i = 1, 2
+      other%law = nudged(system%law, swings_of(system%law, motion), 2*i - 3)
+      state = start
+      call march_period(other, loading, state, nudges(i), range)
+    end do
+  end subroutine exact_orbit
+
+  !> Size of each contact's normal displacement, without its mean.
+  pure function swings_of(law, motion) result(swing)
+    type(contact_type), intent(in) :: law(:)
+    real(wp), intent(in) :: motion(:, :)
+    real(wp) :: swing(size(law))
+    integer :: i
+
+    swing = [(sum(abs(motion(2:, law(i)%first_row + 1))), i=1, size(law))]
+  end function swings_of
 
   !> Of the engines that were asked for: they must agree.
   integer function verdict_of(self, switches) result(verdict)

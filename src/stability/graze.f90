@@ -1,17 +1,16 @@
 !> Contacts that graze: what they do in a period changes with a change of their law that is smaller than what a solution leaves open.
 !>
 !> There the linearised flow jumps (a slider that only just slips forgets, one that only just does not remembers), and multipliers on
-!> one side say nothing of the other. Friction and gap are moved by a little both ways, and the orbit is asked again. A contact that
+!> one side say nothing of the other. Friction and gap are moved by a little both ways, and the motion is asked again. A contact that
 !> sticks throughout may well touch its limit, to which shaking took it: beyond it the slider follows and stays, so that is no graze.
 module attrito_stability_graze
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contact_type
   use attrito_contact_state, only: regime_stick, regime_open
-  use attrito_contact_trigonometric_roots, only: trigonometric_grid_type
-  use attrito_stability_leg, only: orbit_legs_type, legs_of_motion
+  use attrito_stability_leg, only: orbit_legs_type
   implicit none
   private
-  public :: grazing_contact
+  public :: nudged, grazing_contact
 
   !> Part by which friction and gap are moved
   real(wp), parameter :: touch = 1.0e-8_wp
@@ -20,33 +19,30 @@ module attrito_stability_graze
 
 contains
 
-  !> The first contact that grazes, 0: none.
-  subroutine grazing_contact(law, grid, motion, slider, orbit, contact)
+  !> Contacts with a little more or less friction and gap.
+  pure function nudged(law, swing, way) result(changed)
     type(contact_type), intent(in) :: law(:)
-    type(trigonometric_grid_type), intent(in) :: grid
-    !> Relative displacements of all rows [2 H + 1, rows]; sliders at the start of the period [contacts]
-    real(wp), intent(in) :: motion(:, :), slider(:)
-    !> Its legs
-    type(orbit_legs_type), intent(in) :: orbit
-    integer, intent(out) :: contact
-    type(orbit_legs_type) :: moved
+    !> Size of each contact's normal displacement
+    real(wp), intent(in) :: swing(:)
+    !> +1 or -1
+    integer, intent(in) :: way
     type(contact_type) :: changed(size(law))
-    integer :: way, i
 
-    do way = -1, 1, 2
-      changed = law
-      changed%friction_coefficient = (1.0_wp + way*touch)*law%friction_coefficient
-      do i = 1, size(law)
-        changed(i)%gap = law(i)%gap + way*touch*sum(abs(motion(2:, law(i)%first_row + 1)))
-      end do
-      call legs_of_motion(changed, grid, motion, slider, moved)
-      do contact = 1, size(law)
-        if (orbit%stuck(contact)) cycle
-        if (.not. same_deeds(orbit, moved, contact)) return
-      end do
+    changed = law
+    changed%friction_coefficient = (1.0_wp + way*touch)*law%friction_coefficient
+    changed%gap = law%gap + way*touch*swing
+  end function nudged
+
+  !> The first contact that does something else once nudged, 0: none.
+  pure integer function grazing_contact(orbit, moved) result(contact)
+    type(orbit_legs_type), intent(in) :: orbit, moved
+
+    do contact = 1, size(orbit%stuck)
+      if (orbit%stuck(contact)) cycle
+      if (.not. same_deeds(orbit, moved, contact)) return
     end do
     contact = 0
-  end subroutine grazing_contact
+  end function grazing_contact
 
   !> Does a contact do the same things in the same order in two orbits, wherever the period is cut?
   pure logical function same_deeds(one, other, contact)

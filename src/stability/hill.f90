@@ -15,7 +15,7 @@ module attrito_stability_hill
   use attrito_model_contacts, only: contact_type
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open
   use attrito_integrate_system, only: system_type
-  use attrito_stability_contour, only: nonlinear_problem_type, ellipse_type, eigenvalues_within
+  use attrito_stability_contour, only: nonlinear_problem_type, ellipse_type, eigenvalues_within, polish
   use attrito_stability_leg, only: orbit_legs_type
   use attrito_stability_multipliers, only: multiplier_type, sorted_multipliers
   implicit none
@@ -24,10 +24,12 @@ module attrito_stability_hill
 
   !> Smallest and largest modulus of the multipliers that are looked for
   real(wp), parameter :: least = 1.0e-2_wp, greatest = 1.0e3_wp
-  !> Harmonics of a perturbation, at least; what is left out falls like their cube
-  integer, parameter :: fewest_harmonics = 40
+  !> Harmonics of a perturbation, at least, and how many times as many for the last digits: what is left out falls like their cube
+  integer, parameter :: fewest_harmonics = 40, finer = 3
   !> Unknowns of a dense nonlinear eigenproblem, at most
   integer, parameter :: most_unknowns = 1500
+  !> How far truncation may move an exponent
+  real(wp), parameter :: truncation = 1.0e-3_wp
   !> `info` where there are more
   integer, parameter :: too_large = -1
 
@@ -70,7 +72,7 @@ contains
     integer, intent(out) :: info
     type(hill_problem_type) :: problem
     type(ellipse_type) :: ellipse
-    complex(wp), allocatable :: exponents(:), values(:)
+    complex(wp), allocatable :: exponents(:), vectors(:, :), values(:)
     real(wp) :: low, high, below
     integer :: i
 
@@ -87,8 +89,9 @@ contains
       ellipse%centre = cmplx(0.5_wp*(low + high), 0.25_wp, wp)
       ellipse%real_axis = 0.5_wp*(high - low)*sqrt(2.0_wp)
       ellipse%imaginary_axis = (0.25_wp + below)*sqrt(2.0_wp)
-      call eigenvalues_within(problem, ellipse, 6*size(system%eigenvalues) + 12, exponents, info)
+      call eigenvalues_within(problem, ellipse, 6*size(system%eigenvalues) + 12, exponents, vectors, info)
       if (info /= 0) return
+      call refine(system, orbit, two_pi/period, vectors, exponents)
       do i = 1, size(exponents)
         values = [values, multipliers_from(exponents, i)]
       end do
@@ -96,6 +99,45 @@ contains
     values = pack(values, abs(values) >= least)
     multipliers = sorted_multipliers(values, size(values), count(.not. orbit%stuck), count(orbit%stuck))
   end subroutine hill_multipliers
+
+  !> Polish exponents with more harmonics, where those are not too many; one that does not follow stays as it was.
+  subroutine refine(system, orbit, nu, vectors, exponents)
+    type(system_type), intent(in) :: system
+    type(orbit_legs_type), intent(in) :: orbit
+    real(wp), intent(in) :: nu
+    !> Of fewer harmonics, in columns
+    complex(wp), intent(in) :: vectors(:, :)
+    complex(wp), intent(inout) :: exponents(:)
+    type(hill_problem_type) :: problem
+    complex(wp), allocatable :: start(:, :)
+    complex(wp) :: polished
+    integer :: i, n, pad, forces
+    logical :: good
+
+    call new_hill_problem(system, orbit, nu, problem, finer)
+    if (problem%unknowns() > most_unknowns) return
+    forces = size(problem%row)
+    n = size(vectors, 1)/forces
+    pad = (problem%unknowns()/forces - n)/2
+    do i = 1, size(exponents)
+      if (aimag(exponents(i)) < -truncation .or. aimag(exponents(i)) > 0.5_wp + truncation) cycle
+      allocate (start(-pad + 1:n + pad, forces), source=(0.0_wp, 0.0_wp))
+      start(1:n, :) = reshape(vectors(:, i), [n, forces])
+      call polish_from(reshape(start, [size(start)]))
+      deallocate (start)
+    end do
+
+  contains
+
+    subroutine polish_from(vector)
+      complex(wp), intent(in) :: vector(:)
+      complex(wp) :: x(size(vector))
+
+      x = vector
+      call polish(problem, exponents(i), x, polished, good)
+      if (good) exponents(i) = polished
+    end subroutine polish_from
+  end subroutine refine
 
   !> The multipliers of an exponent of the half strip, with its conjugate; none if it is a copy from another.
   !>
@@ -105,7 +147,7 @@ contains
     complex(wp), intent(in) :: exponents(:)
     integer, intent(in) :: i
     complex(wp), allocatable :: values(:)
-    real(wp), parameter :: rounding = 1.0e-7_wp, truncation = 1.0e-3_wp
+    real(wp), parameter :: rounding = 1.0e-7_wp
     complex(wp) :: value
     logical :: others(size(exponents))
     real(wp) :: height
@@ -176,17 +218,20 @@ contains
   end function free_multipliers
 
   !> Gather what contacts that slip or open do.
-  subroutine new_hill_problem(system, orbit, nu, self)
+  subroutine new_hill_problem(system, orbit, nu, self, times)
     type(system_type), intent(in) :: system
     type(orbit_legs_type), intent(in) :: orbit
     real(wp), intent(in) :: nu
     type(hill_problem_type), intent(out) :: self
+    !> So many times as many harmonics as usual
+    integer, intent(in), optional :: times
     integer :: i
 
     self%system = system
     self%nu = nu
     ! As many beyond the fastest mode as below it, at most three times the fewest: faster modes follow at rest.
     self%harmonics = min(max(fewest_harmonics, ceiling(2.0_wp/nu)), 3*fewest_harmonics)
+    if (present(times)) self%harmonics = times*self%harmonics
     allocate (self%row(0), self%row_u(0), self%row_v(0), self%stiffness(0), self%rests(0))
     do i = 1, size(system%law)
       if (orbit%stuck(i)) cycle
