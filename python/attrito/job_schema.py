@@ -250,7 +250,7 @@ TABLES: dict[str, dict[str, Key]] = {
     },
     "stability": {
         "method": Key(choice("none", "monodromy", "hill", "both"), "none"),
-        "orbit": Key(choice("balance", "exact"), "balance"),
+        "orbit": Key(choice("auto", "balance", "exact"), "auto"),
     },
     "integrate": {
         "scheme": Key(

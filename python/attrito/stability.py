@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 # The engines, by the number the library adds up, and the kinds of multipliers.
 ENGINES = {"monodromy": 1, "hill": 2}
+ORBITS = {"balance": 0, "exact": 1, "auto": 2}
 METHODS = {"none": 0, **ENGINES, "both": 3}
 KINDS = ("floquet", "slip", "stuck")
 # Verdicts as the library counts them, and what a converged point's outcome becomes.
@@ -46,7 +47,7 @@ class Examiner:
     def __init__(self, comm: Comm, solver: Solver, job: Job):
         self._solver, self._root = solver, comm.rank == 0
         self._methods = METHODS[job["stability"]["method"]]
-        self._exact = int(job["stability"]["orbit"] == "exact")
+        self._orbit = ORBITS[job["stability"]["orbit"]]
         self._viscous = int(job["integrate"]["equivalent_viscous"])
         self._points = 0
         self.rows: list[tuple[int, int, float, float, int]] = []
@@ -61,7 +62,7 @@ class Examiner:
             return point
         report, message = _Report(), library.message_buffer()
         status = self._solver.call(
-            "attrito_examine", self._methods, self._exact, self._viscous, ctypes.byref(report), message, len(message)
+            "attrito_examine", self._methods, self._orbit, self._viscous, ctypes.byref(report), message, len(message)
         )
         library.check(status, message)
         if self._root:

@@ -22,11 +22,12 @@ module attrito_api_stability
 
 contains
 
-  !> Examine the last point, or the event-exact orbit near it, by the sum of engines (1 monodromy, 2 Hill's problem), note the verdict in what is going to be written of it,
+  !> Examine the last point on an orbit (0 the balance's, 1 the event-exact one near it, 2 where need be) by the sum of engines (1
+  !> monodromy, 2 Hill's problem), note the verdict in what is going to be written of it,
   !> and say why where there is none.
-  integer(c_int) function attrito_examine(handle, methods, exact, equivalent_viscous, report, message, length) result(status) bind(c)
+  integer(c_int) function attrito_examine(handle, methods, orbit, equivalent_viscous, report, message, length) result(status) bind(c)
     type(c_ptr), value :: handle
-    integer(c_int), value :: methods, exact, equivalent_viscous, length
+    integer(c_int), value :: methods, orbit, equivalent_viscous, length
     type(examination_report_type), intent(out) :: report
     character(kind=c_char), intent(out) :: message(length)
     type(session_type), pointer :: session
@@ -37,7 +38,7 @@ contains
     call prepare(session, equivalent_viscous /= 0, error)
     status = tell(error, message)
     if (allocated(error)) return
-    call examine(session%solver, session%in_time, examine_options_type(methods, exact /= 0), session%examination)
+    call examine(session%solver, session%in_time, examine_options_type(methods, orbit), session%examination)
     report%verdict = session%examination%verdict
     report%distance = session%examination%distance
     if (allocated(session%examination%monodromy)) report%monodromy = size(session%examination%monodromy)

@@ -10,6 +10,7 @@ module attrito_stability_examine
   use attrito_integrate_state, only: state_type
   use attrito_stability_graze, only: nudged, grazing_contact
   use attrito_stability_hill, only: hill_multipliers, too_large
+  use attrito_stability_in_time, only: decide_in_time
   use attrito_stability_leg, only: orbit_legs_type, legs_of_motion
   use attrito_stability_monodromy, only: monodromy
   use attrito_stability_multipliers, only: multiplier_type, multipliers_of
@@ -23,11 +24,18 @@ module attrito_stability_examine
   !> Engines, to be added
   integer, parameter :: by_monodromy = 1, by_hill = 2
 
+  !> The balance's orbit; the event-exact one near it; or the latter only where the former is too near a change to be sure
+  integer, parameter :: balanced_orbit = 0, exact_orbit = 1, automatic_orbit = 2
+
+  !> Distance of the largest multiplier from the unit circle within which the balance's orbit is not enough: 20 harmonics leave out some
+  !> 3e-3 of it with stiff contacts
+  real(wp), parameter :: margin = 5.0e-2_wp
+
   type :: examine_options_type
     !> Sum of `by_...`
     integer :: methods = by_monodromy
-    !> Of the event-exact orbit near the balance's, rather than of the balance's own
-    logical :: exact = .false.
+    !> One of the orbits above
+    integer :: orbit = automatic_orbit
   end type examine_options_type
 
   !> How far the event-exact orbit may lie from the balance's, part of the motion's half range, to be taken for the same
@@ -92,20 +100,50 @@ contains
     real(wp), intent(in) :: motion(:, :), slider(:)
     type(examination_type), intent(inout) :: self
     type(orbit_legs_type) :: orbit, nudges(2)
+    type(loading_type) :: loading
+    type(state_type) :: start
+
+    loading = loading_of(solver, system)
+    if (options%orbit /= exact_orbit) then
+      call balanced_legs(solver, motion, slider, orbit, nudges)
+      call judge_orbit(system, options, loading%period, orbit, nudges, self)
+      if (options%orbit == balanced_orbit .or. all(orbit%stuck)) return
+      if (self%verdict == not_examined .or. is_sure(self)) return
+    end if
+    start = start_of(solver, system, slider)
+    call exact_legs(system, loading, swings_of(system%law, motion), start, orbit, nudges, self)
+    if (self%distance < 0.0_wp) return
+    call judge_orbit(system, options, loading%period, orbit, nudges, self)
+    if (self%verdict /= indeterminate) return
+    self%verdict = decide_in_time(system, loading, start)
+    if (self%verdict /= indeterminate) self%reason = self%reason//'; decided by integration in time'
+  end subroutine examine_orbit
+
+  !> Is a verdict on the balance's orbit beyond what the balance leaves out?
+  pure logical function is_sure(self)
+    type(examination_type), intent(in) :: self
+
+    is_sure = self%verdict /= indeterminate
+    if (allocated(self%monodromy)) is_sure = is_sure .and. abs(largest_multiplier(self%monodromy) - 1.0_wp) > margin
+    if (allocated(self%hill)) is_sure = is_sure .and. abs(largest_multiplier(self%hill) - 1.0_wp) > margin
+  end function is_sure
+
+  !> Multipliers of an orbit and what they say.
+  subroutine judge_orbit(system, options, period, orbit, nudges, self)
+    type(system_type), intent(in) :: system
+    type(examine_options_type), intent(in) :: options
+    real(wp), intent(in) :: period
+    !> Its legs, and those with contacts nudged
+    type(orbit_legs_type), intent(in) :: orbit, nudges(2)
+    type(examination_type), intent(inout) :: self
     integer :: info, contact
 
+    self%reason = ''
+    self%verdict = not_examined
     info = 0
-    if (options%exact) then
-      call exact_orbit(solver, system, motion, slider, orbit, nudges, self)
-      if (self%verdict == indeterminate) return
-    else
-      call balanced_orbit(solver, motion, slider, orbit, nudges)
-    end if
-    associate (period => two_pi*system%clock/solver%omega)
-      if (iand(options%methods, by_monodromy) /= 0) &
-        call multipliers_of(system, orbit, monodromy(system, orbit, period), self%monodromy, info)
-      if (iand(options%methods, by_hill) /= 0 .and. info == 0) call hill_multipliers(system, orbit, period, self%hill, info)
-    end associate
+    if (iand(options%methods, by_monodromy) /= 0) &
+      call multipliers_of(system, orbit, monodromy(system, orbit, period), self%monodromy, info)
+    if (iand(options%methods, by_hill) /= 0 .and. info == 0) call hill_multipliers(system, orbit, period, self%hill, info)
     if (info /= 0) then
       self%reason = 'eigenvalues were not found'
       if (info == too_large) self%reason = 'too many contacts slip or open for Hill''s problem'
@@ -116,10 +154,10 @@ contains
     if (contact == 0) return
     self%verdict = indeterminate
     self%reason = 'contact '//number(contact - 1)//' grazes'
-  end subroutine examine_orbit
+  end subroutine judge_orbit
 
   !> Legs of the balance's orbit, and with contacts nudged.
-  subroutine balanced_orbit(solver, motion, slider, orbit, nudges)
+  subroutine balanced_legs(solver, motion, slider, orbit, nudges)
     type(solver_type), intent(in) :: solver
     real(wp), intent(in) :: motion(:, :), slider(:)
     type(orbit_legs_type), intent(out) :: orbit, nudges(2)
@@ -131,37 +169,38 @@ contains
         call legs_of_motion(nudged(law, swings_of(law, motion), 2*i - 3), grid, motion, slider, nudges(i))
       end do
     end associate
-  end subroutine balanced_orbit
+  end subroutine balanced_legs
 
   !> Legs of the event-exact orbit, and of a period with contacts nudged; indeterminate if there is none near the balance's.
-  subroutine exact_orbit(solver, system, motion, slider, orbit, nudges, self)
-    type(solver_type), intent(in) :: solver
+  subroutine exact_legs(system, loading, swings, start, orbit, nudges, self)
     type(system_type), intent(in) :: system
-    real(wp), intent(in) :: motion(:, :), slider(:)
+    type(loading_type), intent(in) :: loading
+    !> Size of each contact's normal displacement
+    real(wp), intent(in) :: swings(:)
+    !> Of the balance's period, then of the orbit's
+    type(state_type), intent(inout) :: start
     type(orbit_legs_type), intent(out) :: orbit, nudges(2)
     type(examination_type), intent(inout) :: self
     type(system_type) :: other
-    type(loading_type) :: loading
-    type(state_type) :: start, state
-    real(wp) :: range
+    type(state_type) :: state
+    real(wp) :: range, moved
     logical :: found
     integer :: i
 
-    loading = loading_of(solver, system)
-    start = start_of(solver, system, slider)
-    call shoot(system, loading, start, orbit, self%distance, found)
-    if (.not. found .or. self%distance > farthest) then
+    call shoot(system, loading, start, orbit, moved, found)
+    if (.not. found .or. moved > farthest) then
       self%verdict = indeterminate
       self%reason = 'no event-exact orbit near that of the balance'
       return
     end if
+    self%distance = moved
     other = system
     do i = 1, 2
-      other%law = nudged(system%law, swings_of(system%law, motion), 2*i - 3)
+      other%law = nudged(system%law, swings, 2*i - 3)
       state = start
       call march_period(other, loading, state, nudges(i), range)
     end do
-  end subroutine exact_orbit
+  end subroutine exact_legs
 
   !> Size of each contact's normal displacement, without its mean.
   pure function swings_of(law, motion) result(swing)
