@@ -26,7 +26,7 @@ OUTCOMES = {0: "unstable", 1: "converged", 2: "indeterminate"}
 
 
 class _Report(ctypes.Structure):
-    _fields_ = [(name, ctypes.c_int) for name in ("verdict", *ENGINES)] + [("distance", ctypes.c_double)]
+    _fields_ = [(name, ctypes.c_int) for name in ("verdict", *ENGINES)] + [(name, ctypes.c_double) for name in ("distance", "change")]
 
 
 class Examiner:

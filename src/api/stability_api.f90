@@ -17,7 +17,7 @@ module attrito_api_stability
     !> `not_examined`, `unstable`, `stable`, `indeterminate`; and how many multipliers each engine found
     integer(c_int) :: verdict, monodromy, hill
     !> See `examination_type`
-    real(c_double) :: distance
+    real(c_double) :: distance, change
   end type examination_report_type
 
 contains
@@ -34,13 +34,14 @@ contains
     type(error_type), allocatable :: error
 
     session => session_of(handle)
-    report = examination_report_type(not_examined, 0, 0, -1.0_c_double)
+    report = examination_report_type(not_examined, 0, 0, -1.0_c_double, 0.0_c_double)
     call prepare(session, equivalent_viscous /= 0, error)
     status = tell(error, message)
     if (allocated(error)) return
     call examine(session%solver, session%in_time, examine_options_type(methods, orbit), session%examination)
     report%verdict = session%examination%verdict
     report%distance = session%examination%distance
+    report%change = session%examination%change
     if (allocated(session%examination%monodromy)) report%monodromy = size(session%examination%monodromy)
     if (allocated(session%examination%hill)) report%hill = size(session%examination%hill)
     call say(session%examination%reason, message)

@@ -12,7 +12,6 @@ module attrito_stability_examine
   use attrito_stability_hill, only: hill_multipliers, too_large
   use attrito_stability_in_time, only: decide_in_time
   use attrito_stability_leg, only: orbit_legs_type, legs_of_motion
-  use attrito_stability_monodromy, only: monodromy
   use attrito_stability_multipliers, only: multiplier_type, multipliers_of
   use attrito_stability_shooting, only: shoot, march_period
   use attrito_stability_start, only: loading_of, start_of
@@ -53,6 +52,8 @@ module attrito_stability_examine
     type(multiplier_type), allocatable :: monodromy(:), hill(:)
     !> How far the event-exact orbit lies from the balance's, part of the motion's half range; negative: not looked for
     real(wp) :: distance = -1.0_wp
+    !> What doubling the modes last changed of the multipliers by the monodromy; zero if all are in
+    real(wp) :: change = 0.0_wp
   end type examination_type
 
 contains
@@ -142,7 +143,7 @@ contains
     self%verdict = not_examined
     info = 0
     if (iand(options%methods, by_monodromy) /= 0) &
-      call multipliers_of(system, orbit, monodromy(system, orbit, period), self%monodromy, info)
+      call multipliers_of(system, orbit, period, self%monodromy, self%change, info)
     if (iand(options%methods, by_hill) /= 0 .and. info == 0) call hill_multipliers(system, orbit, period, self%hill, info)
     if (info /= 0) then
       self%reason = 'eigenvalues were not found'

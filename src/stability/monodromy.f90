@@ -7,14 +7,18 @@
 !> series whose terms obey the recursion of `attrito_integrate_taylor`; between legs sliders that come to rest are reset
 !> (`attrito_stability_leg`). A perturbed slider acts only while its contact sticks: this is the memory that a Jacobian frozen in time
 !> leaves out.
+!>
+!> High modes may follow at rest (`attrito_stability_reduced`). With g = G d in rows that slip or open, h = -k_t dw in those that stick,
+!> their displacements are d = B p - R (g + h), so that g = S (B p - R h), S = (1 + G R)^-1 G.
 module attrito_stability_monodromy
   use attrito_core_kinds, only: wp, two_pi
+  use attrito_core_lapack, only: solve_dense
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open
-  use attrito_integrate_system, only: system_type
   use attrito_stability_leg, only: leg_type, orbit_legs_type
+  use attrito_stability_reduced, only: reduced_type
   implicit none
   private
-  public :: monodromy, perturbation_type
+  public :: monodromy, free_sliders
 
   !> Longest step of the series over the fastest mode: beyond, terms cancel to more than a digit
   real(wp), parameter :: longest = 2.0_wp
@@ -28,165 +32,213 @@ module attrito_stability_monodromy
     real(wp), allocatable :: motion(:, :), rate(:, :), slider(:, :)
   end type perturbation_type
 
+  !> What contacts add on a leg: acceleration `pushed` (`seen`^T p) + `held` w, and displacements of rows d = B p - `by_motion` p -
+  !> `by_slider` w
+  type :: coupling_type
+    !> [m, rows that do not just stick] each
+    real(wp), allocatable :: seen(:, :), pushed(:, :)
+    !> [m, contacts]
+    real(wp), allocatable :: held(:, :)
+    !> [rows, m] and [rows, contacts]: high modes' part, zero if all are kept
+    real(wp), allocatable :: by_motion(:, :), by_slider(:, :)
+  end type coupling_type
+
 contains
 
-  !> What a unit change of each of (motion [m], rate by the clock [m], sliders [contacts]) becomes in a period [2 m + nc, 2 m + nc].
-  !> Columns of sliders that no contact holds at the start are zero.
-  function monodromy(system, orbit, period) result(matrix)
-    type(system_type), intent(in) :: system
+  !> Contacts whose sliders are part of the state where the period begins: those that stick there, and not throughout.
+  pure function free_sliders(orbit) result(contacts)
+    type(orbit_legs_type), intent(in) :: orbit
+    integer, allocatable :: contacts(:)
+    integer :: i
+
+    contacts = pack([(i, i=1, size(orbit%stuck))], orbit%legs(1)%regime == regime_stick .and. .not. orbit%stuck)
+  end function free_sliders
+
+  !> What a unit change of each of (motion [m], rate by the clock [m], free sliders [nf]) becomes in a period [2 m + nf, 2 m + nf].
+  function monodromy(reduced, orbit, period) result(matrix)
+    type(reduced_type), intent(in) :: reduced
     type(orbit_legs_type), intent(in) :: orbit
     !> In units of the clock
     real(wp), intent(in) :: period
     real(wp), allocatable :: matrix(:, :)
     type(perturbation_type) :: now
-    integer :: m, contacts, i
+    type(coupling_type) :: coupling
+    integer, allocatable :: free(:)
+    integer :: m, n, i
 
-    m = size(system%eigenvalues)
-    contacts = size(system%law)
-    allocate (now%motion(m, 2*m + contacts), now%rate(m, 2*m + contacts), now%slider(contacts, 2*m + contacts), source=0.0_wp)
+    free = free_sliders(orbit)
+    m = size(reduced%system%eigenvalues)
+    n = 2*m + size(free)
+    allocate (now%motion(m, n), now%rate(m, n), now%slider(size(orbit%stuck), n), source=0.0_wp)
     do i = 1, m
       now%motion(i, i) = 1.0_wp
       now%rate(i, m + i) = 1.0_wp
     end do
-    do i = 1, contacts
-      if (orbit%legs(1)%regime(i) == regime_stick) now%slider(i, 2*m + i) = 1.0_wp
+    do i = 1, size(free)
+      now%slider(free(i), 2*m + i) = 1.0_wp
     end do
     do i = 1, size(orbit%legs)
-      call reset_sliders(system, orbit%legs(i), now)
-      call pass(system, orbit%legs(i), orbit%legs(i)%length/two_pi*period, now)
+      if (i > 1) call reset_sliders(reduced, orbit%legs(i), coupling, now)
+      coupling = couple(reduced, orbit%legs(i))
+      call pass(reduced, coupling, orbit%legs(i)%length/two_pi*period, now)
     end do
-    call follow_sliders(system, orbit%legs(size(orbit%legs)), now)
-    allocate (matrix(2*m + contacts, 2*m + contacts))
+    call follow_sliders(reduced, orbit%legs(size(orbit%legs)), coupling, now)
+    allocate (matrix(n, n))
     matrix(:m, :) = now%motion
     matrix(m + 1:2*m, :) = now%rate
-    matrix(2*m + 1:, :) = now%slider
+    matrix(2*m + 1:, :) = now%slider(free, :)
   end function monodromy
 
   !> Sliders that come to rest at the beginning of a leg keep what they have there.
-  subroutine reset_sliders(system, leg, now)
-    type(system_type), intent(in) :: system
+  subroutine reset_sliders(reduced, leg, before, now)
+    type(reduced_type), intent(in) :: reduced
     type(leg_type), intent(in) :: leg
+    !> Of the leg before
+    type(coupling_type), intent(in) :: before
     type(perturbation_type), intent(inout) :: now
+    real(wp) :: kept(size(now%slider, 1), size(now%slider, 2))
     integer :: i
 
-    do i = 1, size(system%law)
-      if (.not. leg%rests(i)) cycle
-      associate (row => system%law(i)%first_row)
-        now%slider(i, :) = matmul(system%rows(:, row) + leg%by_normal(i)*system%rows(:, row + 1), now%motion)
-      end associate
+    kept = now%slider
+    do i = 1, size(leg%rests)
+      if (leg%rests(i)) kept(i, :) = combined(reduced, i, leg%by_normal(i), before, now)
     end do
+    now%slider = kept
   end subroutine reset_sliders
 
   !> Sliders that move at the end of a leg, with slip or with an open contact.
-  subroutine follow_sliders(system, leg, now)
-    type(system_type), intent(in) :: system
+  subroutine follow_sliders(reduced, leg, coupling, now)
+    type(reduced_type), intent(in) :: reduced
     type(leg_type), intent(in) :: leg
+    type(coupling_type), intent(in) :: coupling
     type(perturbation_type), intent(inout) :: now
+    real(wp) :: kept(size(now%slider, 1), size(now%slider, 2))
     integer :: i
 
-    do i = 1, size(system%law)
+    kept = now%slider
+    do i = 1, size(leg%rests)
       if (leg%regime(i) == regime_stick) cycle
-      associate (law => system%law(i), row => system%law(i)%first_row)
-        now%slider(i, :) = matmul(system%rows(:, row) - leg%side(i)*law%friction_coefficient*law%normal_stiffness &
-                                  /law%tangential_stiffness*system%rows(:, row + 1), now%motion)
+      associate (law => reduced%system%law(i))
+        kept(i, :) = combined(reduced, i, -leg%side(i)*law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness, &
+                              coupling, now)
       end associate
     end do
+    now%slider = kept
   end subroutine follow_sliders
 
-  !> The flow over a leg.
-  subroutine pass(system, leg, length, now)
-    type(system_type), intent(in) :: system
+  !> du + by_normal dv of a contact [columns].
+  function combined(reduced, contact, by_normal, coupling, now) result(change)
+    type(reduced_type), intent(in) :: reduced
+    integer, intent(in) :: contact
+    real(wp), intent(in) :: by_normal
+    type(coupling_type), intent(in) :: coupling
+    type(perturbation_type), intent(in) :: now
+    real(wp) :: change(size(now%motion, 2))
+
+    associate (u => reduced%system%law(contact)%first_row, v => reduced%system%law(contact)%first_row + 1, &
+               rows => reduced%system%rows)
+      change = matmul(rows(:, u) - coupling%by_motion(u, :) + by_normal*(rows(:, v) - coupling%by_motion(v, :)), now%motion) &
+               - matmul(coupling%by_slider(u, :) + by_normal*coupling%by_slider(v, :), now%slider)
+    end associate
+  end function combined
+
+  !> What contacts add on a leg.
+  function couple(reduced, leg) result(self)
+    type(reduced_type), intent(in) :: reduced
     type(leg_type), intent(in) :: leg
+    type(coupling_type) :: self
+    !> G [rows that slip or open, rows], then S
+    real(wp), allocatable :: stiffness(:, :), matrix(:, :)
+    real(wp) :: springs(size(leg%regime))
+    integer, allocatable :: active(:), tangents(:)
+    integer :: i, n, info
+
+    associate (system => reduced%system)
+      n = count(leg%regime == regime_slip) + 2*count(leg%regime == regime_open)
+      allocate (active(n))
+      allocate (stiffness(n, size(system%springs)), source=0.0_wp)
+      n = 0
+      do i = 1, size(system%law)
+        associate (law => system%law(i), row => system%law(i)%first_row)
+          if (leg%regime(i) == regime_stick) cycle
+          n = n + 1
+          active(n) = row
+          stiffness(n, row) = -law%tangential_stiffness
+          stiffness(n, row + 1) = leg%side(i)*law%friction_coefficient*law%normal_stiffness
+          if (leg%regime(i) == regime_slip) cycle
+          n = n + 1
+          active(n) = row + 1
+          stiffness(n, row + 1) = -law%normal_stiffness
+        end associate
+      end do
+      matrix = matmul(stiffness, reduced%residual(:, active))
+      do i = 1, n
+        matrix(i, i) = matrix(i, i) + 1.0_wp
+      end do
+      call solve_dense(matrix, stiffness, info)
+      ! Forces of sliders, h = -k_t w where they rest.
+      tangents = system%law%first_row
+      springs = merge(-system%law%tangential_stiffness, 0.0_wp, leg%regime == regime_stick)
+      self%by_slider = reduced%residual(:, tangents)*spread(springs, 1, size(system%springs))
+      self%pushed = -system%pushes(:, active)
+      self%seen = matmul(system%rows, transpose(stiffness))
+      self%held = -system%pushes(:, tangents)*spread(springs, 1, size(system%eigenvalues)) &
+                  - matmul(self%pushed, matmul(stiffness, self%by_slider))
+      self%by_motion = matmul(reduced%residual(:, active), transpose(self%seen))
+      self%by_slider = self%by_slider - matmul(reduced%residual(:, active), matmul(stiffness, self%by_slider))
+    end associate
+  end function couple
+
+  !> The flow over a leg.
+  subroutine pass(reduced, coupling, length, now)
+    type(reduced_type), intent(in) :: reduced
+    type(coupling_type), intent(in) :: coupling
     !> In units of the clock
     real(wp), intent(in) :: length
     type(perturbation_type), intent(inout) :: now
-    real(wp), allocatable :: seen(:, :), pushed(:, :), held(:, :)
+    real(wp), allocatable :: held(:, :)
     integer :: step, steps
 
-    call couple(system, leg, seen, pushed)
-    held = held_by_sliders(system, leg, now%slider)
-    steps = max(1, ceiling(length/longest))
+    held = matmul(coupling%held, now%slider)
+    steps = max(1, ceiling(length*sqrt(maxval(reduced%system%eigenvalues))/longest))
     do step = 1, steps
-      call step_on(system, seen, pushed, held, length/steps, now)
+      call step_on(reduced, coupling, held, length/steps, now)
     end do
   end subroutine pass
 
-  !> What contacts that slip or open add: acceleration `pushed` times (`seen`^T motion).
-  subroutine couple(system, leg, seen, pushed)
-    type(system_type), intent(in) :: system
-    type(leg_type), intent(in) :: leg
-    !> [m, rows that do not just stick]
-    real(wp), allocatable, intent(out) :: seen(:, :), pushed(:, :)
-    integer :: i, n
-
-    n = count(leg%regime == regime_slip) + 2*count(leg%regime == regime_open)
-    allocate (seen(size(system%eigenvalues), n), pushed(size(system%eigenvalues), n))
-    n = 0
-    do i = 1, size(system%law)
-      associate (law => system%law(i), row => system%law(i)%first_row)
-        select case (leg%regime(i))
-         case (regime_slip)
-          n = n + 1
-          seen(:, n) = law%tangential_stiffness*system%rows(:, row) &
-                       - leg%side(i)*law%friction_coefficient*law%normal_stiffness*system%rows(:, row + 1)
-          pushed(:, n) = system%pushes(:, row)
-         case (regime_open)
-          n = n + 2
-          seen(:, n - 1) = law%tangential_stiffness*system%rows(:, row)
-          pushed(:, n - 1) = system%pushes(:, row)
-          seen(:, n) = law%normal_stiffness*system%rows(:, row + 1)
-          pushed(:, n) = system%pushes(:, row + 1)
-        end select
-      end associate
-    end do
-  end subroutine couple
-
-  !> Acceleration by the sliders of contacts that stick [m, columns].
-  function held_by_sliders(system, leg, slider) result(held)
-    type(system_type), intent(in) :: system
-    type(leg_type), intent(in) :: leg
-    real(wp), intent(in) :: slider(:, :)
-    real(wp), allocatable :: held(:, :)
-    real(wp) :: pushes(size(system%eigenvalues), size(system%law))
-    integer :: i
-
-    pushes = 0.0_wp
-    do i = 1, size(system%law)
-      if (leg%regime(i) == regime_stick) pushes(:, i) = system%law(i)%tangential_stiffness*system%pushes(:, system%law(i)%first_row)
-    end do
-    held = matmul(pushes, slider)
-  end function held_by_sliders
-
   !> One step of the series, p_{k+2} = (held_k - Lambda p_k - (k + 1) D p_{k+1} + pushed seen^T p_k)/((k + 1)(k + 2)), until its terms
   !> are below rounding.
-  subroutine step_on(system, seen, pushed, held, h, now)
-    type(system_type), intent(in) :: system
-    real(wp), intent(in) :: seen(:, :), pushed(:, :), held(:, :), h
+  subroutine step_on(reduced, coupling, held, h, now)
+    type(reduced_type), intent(in) :: reduced
+    type(coupling_type), intent(in) :: coupling
+    real(wp), intent(in) :: held(:, :), h
     type(perturbation_type), intent(inout) :: now
     real(wp), dimension(size(held, 1), size(held, 2)) :: term, next, after
     real(wp) :: scale(size(held, 2)), last(size(held, 2))
     integer :: k
 
-    ! Terms are those of powers of time over the step.
-    term = now%motion
-    next = h*now%rate
-    now%motion = term + next
-    now%rate = next
-    scale = max(maxval(abs(term), 1), maxval(abs(next), 1))
-    do k = 0, most_terms
-      after = -spread(system%eigenvalues, 2, size(held, 2))*term + matmul(pushed, matmul(transpose(seen), term))
-      if (k == 0) after = after + held
-      after = h**2*after - (h*(k + 1))*spread(system%damping, 2, size(held, 2))*next
-      if (allocated(system%coupling)) after = after - (h*(k + 1))*matmul(system%coupling, next)
-      after = after/((k + 1)*(k + 2))
-      term = next
-      next = after
-      now%motion = now%motion + next
-      now%rate = now%rate + (k + 2)*next
-      last = max(maxval(abs(term), 1), maxval(abs(next), 1))
-      scale = max(scale, last)
-      if (all(last <= rounding*scale)) exit
-    end do
-    now%rate = now%rate/h
+    associate (system => reduced%system)
+      ! Terms are those of powers of time over the step.
+      term = now%motion
+      next = h*now%rate
+      now%motion = term + next
+      now%rate = next
+      scale = max(maxval(abs(term), 1), maxval(abs(next), 1))
+      do k = 0, most_terms
+        after = matmul(coupling%pushed, matmul(transpose(coupling%seen), term)) - spread(system%eigenvalues, 2, size(scale))*term
+        if (k == 0) after = after + held
+        after = h**2*after - (h*(k + 1))*spread(system%damping, 2, size(scale))*next
+        if (allocated(system%coupling)) after = after - (h*(k + 1))*matmul(system%coupling, next)
+        after = after/((k + 1)*(k + 2))
+        term = next
+        next = after
+        now%motion = now%motion + next
+        now%rate = now%rate + (k + 2)*next
+        last = max(maxval(abs(term), 1), maxval(abs(next), 1))
+        scale = max(scale, last)
+        if (all(last <= rounding*scale)) exit
+      end do
+      now%rate = now%rate/h
+    end associate
   end subroutine step_on
 end module attrito_stability_monodromy

@@ -7,7 +7,7 @@
 module attrito_stability_shooting
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: solve_dense
-  use attrito_contact_state, only: regime_stick, regime_slip
+  use attrito_contact_state, only: regime_slip
   use attrito_integrate_flow, only: flow_one_period
   use attrito_integrate_loading, only: loading_type
   use attrito_integrate_recorder, only: recorder_type, new_recorder
@@ -16,13 +16,16 @@ module attrito_stability_shooting
   use attrito_integrate_system, only: system_type
   use attrito_integrate_taylor, only: degree
   use attrito_stability_leg, only: orbit_legs_type, legs_of_trace
-  use attrito_stability_monodromy, only: monodromy
+  use attrito_stability_monodromy, only: monodromy, free_sliders
+  use attrito_stability_reduced, only: reduce_to
   implicit none
   private
   public :: shoot, march_period
 
   !> Most Newton steps, and the change that counts as none, relative to the state
   integer, parameter :: most_steps = 20
+  !> Modes in the monodromy that Newton's method takes, at most
+  integer, parameter :: most_modes = 100
   real(wp), parameter :: settled = 1.0e-12_wp
 
 contains
@@ -38,11 +41,10 @@ contains
     real(wp), intent(out) :: moved
     logical, intent(out) :: found
     type(state_type) :: first, end
-    real(wp), allocatable :: matrix(:, :), step(:, :)
-    logical, allocatable :: kept(:)
+    real(wp), allocatable :: matrix(:, :), step(:, :), full(:)
     integer, allocatable :: rows(:)
     real(wp) :: range, change
-    integer :: iteration, m, i, info
+    integer :: iteration, m, modes, i, info
 
     m = size(start%motion)
     first = start
@@ -50,20 +52,22 @@ contains
     do iteration = 1, most_steps
       end = start
       call march_period(system, loading, end, orbit, range)
-      matrix = monodromy(system, orbit, loading%period)
-      kept = [spread(.true., 1, 2*m), .not. orbit%stuck .and. orbit%legs(1)%regime == regime_stick]
-      rows = pack([(i, i=1, size(kept))], kept)
-      matrix = matrix(rows, rows)
+      modes = min(m, most_modes)
+      matrix = monodromy(reduce_to(system, modes), orbit, loading%period)
+      rows = [(i, i=1, modes), (m + i, i=1, modes), 2*m + free_sliders(orbit)]
       do i = 1, size(rows)
         matrix(i, i) = matrix(i, i) - 1.0_wp
       end do
-      step = reshape([start%motion - end%motion, start%rate - end%rate, start%slider(1, :) - end%slider(1, :)], [size(kept), 1])
-      step = step(rows, :)
+      full = [end%motion - start%motion, end%rate - start%rate, end%slider(1, :) - start%slider(1, :)]
+      step = reshape(-full(rows), [size(rows), 1])
       call solve_dense(matrix, step, info)
       if (info /= 0) exit
-      change = sqrt(sum(step(:2*m, 1)**2))
+      ! Modes that are left out go where the period leaves them; sliders that are not free follow.
+      full(2*m + 1:) = 0.0_wp
+      full(rows) = step(:, 1)
+      change = norm2(full(:2*m))
       if (.not. change <= 1.0e3_wp*range) exit
-      call move(system, step(:, 1), rows, start)
+      call move(system, full, start)
       found = change <= settled*range
       if (found) exit
     end do
@@ -90,19 +94,16 @@ contains
     range = 0.5_wp*norm2(high - low)
   end subroutine march_period
 
-  !> The state moved by a step of its kept coordinates, brought onto the law: contacts that slip go on slipping.
-  subroutine move(system, step, rows, state)
+  !> The state moved by a step, brought onto the law: contacts that slip go on slipping.
+  subroutine move(system, full, state)
     type(system_type), intent(in) :: system
-    real(wp), intent(in) :: step(:)
-    !> Their places among (motion, rate, sliders)
-    integer, intent(in) :: rows(:)
+    !> Of (motion, rate, sliders)
+    real(wp), intent(in) :: full(:)
     type(state_type), intent(inout) :: state
-    real(wp) :: full(2*size(state%motion) + size(state%regime)), slider(2, size(state%regime)), u
+    real(wp) :: slider(2, size(state%regime)), u
     integer :: i, m
 
     m = size(state%motion)
-    full = 0.0_wp
-    full(rows) = step
     slider = state%slider
     slider(1, :) = slider(1, :) + full(2*m + 1:)
     do i = 1, size(state%regime)
