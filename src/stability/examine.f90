@@ -2,6 +2,7 @@
 module attrito_stability_examine
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp, two_pi
+  use attrito_contact_state, only: state_shaken_down
   use attrito_model_contacts, only: contact_type
   use attrito_model_structure, only: structure_type, damping_loss_factor, damping_viscous
   use attrito_continuation_solver, only: solver_type
@@ -66,15 +67,17 @@ contains
     type(examine_options_type), intent(in) :: options
     type(examination_type), intent(out) :: self
     real(wp), allocatable :: motion(:, :), slider(:, :)
-    real(wp) :: verdict
+    real(wp) :: verdict, turning
     integer :: i
 
     self%reason = ''
-    if (any(solver%contacts%law%tangents > 1)) then
-      self%reason = 'contacts with two tangents'
-      return
-    end if
     associate (balance => solver%context%balance)
+      turning = count(balance%law%tangents > 1 .and. balance%forces%state > state_shaken_down)
+      call balance%ranks%sum(turning)
+      if (turning > 0.0_wp) then
+        self%reason = 'a contact with two tangents slips or opens'
+        return
+      end if
       allocate (motion(balance%coefficients(), size(solver%contacts%row_stiffness)), slider(2, size(solver%contacts%law)), &
                 source=0.0_wp)
       motion(:, balance%first_row:balance%first_row + balance%rows() - 1) = solver%motion
@@ -105,11 +108,11 @@ contains
     type(state_type) :: start
 
     loading = loading_of(solver, system)
-    if (options%orbit /= exact_orbit) then
+    if (options%orbit /= exact_orbit .or. any(system%law%tangents > 1)) then
       call balanced_legs(solver, motion, slider, orbit, nudges)
       call judge_orbit(system, options, loading%period, orbit, nudges, self)
       if (options%orbit == balanced_orbit .or. all(orbit%stuck)) return
-      if (self%verdict == not_examined .or. is_sure(self)) return
+      if (self%verdict == not_examined .or. is_sure(self) .or. any(system%law%tangents > 1)) return
     end if
     start = start_of(solver, system, slider)
     call exact_legs(system, loading, swings_of(system%law, motion), start, orbit, nudges, self)

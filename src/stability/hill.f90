@@ -11,7 +11,7 @@
 !> with integrals in closed form; a multiplier is e^{2 pi s}. Neither the flow in time nor its monodromy enters.
 module attrito_stability_hill
   use attrito_core_kinds, only: wp, two_pi
-  use attrito_core_lapack, only: factor_complex, solve_factored_complex, eigenvalues_of
+  use attrito_core_lapack, only: factor_complex, solve_factored_complex, eigenvalues_of, complex_singular_values
   use attrito_model_contacts, only: contact_type
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open
   use attrito_integrate_system, only: system_type
@@ -97,7 +97,8 @@ contains
       end do
     end if
     values = pack(values, abs(values) >= least)
-    multipliers = sorted_multipliers(values, size(values), count(.not. orbit%stuck), count(orbit%stuck))
+    multipliers = sorted_multipliers(values, size(values), count(.not. orbit%stuck), &
+                                     sum(system%law%tangents, mask=orbit%stuck))
   end subroutine hill_multipliers
 
   !> Polish exponents with more harmonics, where those are not too many; one that does not follow stays as it was.
@@ -168,15 +169,15 @@ contains
     end if
   end function multipliers_from
 
-  !> Modes of the stuck system that no contact of the problem moves or sees: theirs stay as they are, e^{sigma T},
-  !> sigma^2 + D sigma + Lambda = 0.
+  !> Multipliers of the stuck system's modes that F does not know, as no force moves them or none is moved by them: theirs stay as they
+  !> are, e^{sigma T}, sigma^2 + D sigma + Lambda = 0. Of modes with one frequency, as many as the rank of what they carry from force to
+  !> displacement lacks.
   function unseen_multipliers(problem) result(values)
     type(hill_problem_type), intent(in) :: problem
     complex(wp), allocatable :: values(:)
-    real(wp), parameter :: rounding = 1.0e-12_wp
     complex(wp) :: root
-    real(wp) :: half, largest
-    integer :: i, r
+    real(wp) :: half
+    integer :: first, last, m, unseen
 
     allocate (values(0))
     if (allocated(problem%system%coupling)) then
@@ -184,18 +185,52 @@ contains
       if (size(problem%row) == 0) values = free_multipliers(problem%system, two_pi/problem%nu)
       return
     end if
-    do r = 1, size(problem%system%eigenvalues)
-      largest = 0.0_wp
-      do i = 1, size(problem%row)
-        largest = max(largest, hypot(problem%system%rows(r, problem%row_u(i)), problem%system%rows(r, problem%row_v(i))) &
-                      /norm2(problem%system%rows(:, problem%row(i))))
-      end do
-      if (largest > rounding) cycle
-      half = 0.5_wp*problem%system%damping(r)
-      root = sqrt(cmplx(half**2 - problem%system%eigenvalues(r), 0.0_wp, wp))
-      values = [values, exp(two_pi/problem%nu*(-half + root)), exp(two_pi/problem%nu*(-half - root))]
+    m = size(problem%system%eigenvalues)
+    first = 1
+    do while (first <= m)
+      last = last_alike(problem%system, first)
+      unseen = last - first + 1 - carried(problem, first, last)
+      half = 0.5_wp*problem%system%damping(first)
+      root = sqrt(cmplx(half**2 - problem%system%eigenvalues(first), 0.0_wp, wp))
+      values = [values, spread(exp(two_pi/problem%nu*(-half + root)), 1, unseen), &
+                spread(exp(two_pi/problem%nu*(-half - root)), 1, unseen)]
+      first = last + 1
     end do
   end function unseen_multipliers
+
+  !> The last mode that has the frequency and damping of one, but for rounding.
+  pure integer function last_alike(system, first) result(last)
+    type(system_type), intent(in) :: system
+    integer, intent(in) :: first
+    real(wp), parameter :: rounding = 1.0e-10_wp
+    integer :: next
+
+    last = first
+    do next = first + 1, size(system%eigenvalues)
+      if (abs(system%eigenvalues(next) - system%eigenvalues(first)) > rounding*system%eigenvalues(first)) return
+      if (abs(system%damping(next) - system%damping(first)) > rounding*abs(system%damping(first))) return
+      last = next
+    end do
+  end function last_alike
+
+  !> Rank of what some modes carry from forces to displacements.
+  integer function carried(problem, first, last)
+    type(hill_problem_type), intent(in) :: problem
+    integer, intent(in) :: first, last
+    !> Part of the largest carrier that is none
+    real(wp), parameter :: nothing = 1.0e-9_wp
+    complex(wp), allocatable :: carrier(:, :), u(:, :), w(:, :)
+    real(wp), allocatable :: s(:)
+    integer :: info
+
+    carried = 0
+    if (size(problem%row) == 0) return
+    associate (rows => problem%system%rows, all_seen => [problem%row_u, problem%row_v])
+      carrier = matmul(transpose(rows(first:last, all_seen)), rows(first:last, problem%row))
+      call complex_singular_values(carrier, s, u, w, info)
+      carried = count(s > nothing*maxval(norm2(rows(:, all_seen), 1))*maxval(norm2(rows(:, problem%row), 1)))
+    end associate
+  end function carried
 
   !> Multipliers of the stuck system with damping that couples its modes, by its eigenvalues in first order.
   function free_multipliers(system, period) result(values)

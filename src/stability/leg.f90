@@ -38,6 +38,7 @@ module attrito_stability_leg
 contains
 
   !> Legs of contacts with one tangent along a trigonometric motion, switches located.
+  !> Those with two tangents must stick throughout.
   subroutine legs_of_motion(law, grid, motion, slider, self)
     type(contact_type), intent(in) :: law(:)
     !> For the motion's harmonics
@@ -53,6 +54,8 @@ contains
     allocate (intervals(0), owner(0), self%stuck(size(law)))
     ends = [0.0_wp, two_pi]
     do i = 1, size(law)
+      self%stuck(i) = law(i)%tangents > 1
+      if (self%stuck(i)) cycle
       associate (row => law(i)%first_row)
         call append(i, motion(:, row:row + 1))
       end associate

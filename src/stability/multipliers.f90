@@ -100,7 +100,8 @@ contains
     regular = regular*spread(scale, 1, size(scale))/spread(scale, 2, size(scale))
     call restrict_to_range(regular, info)
     if (info == 0) call eigenvalues_of(regular, values, info)
-    if (info == 0) multipliers = sorted_multipliers(values, 2*modes, count(.not. orbit%stuck), count(orbit%stuck))
+    if (info == 0) multipliers = sorted_multipliers(values, 2*modes, count(.not. orbit%stuck), &
+                                                       sum(system%law%tangents, mask=orbit%stuck))
   end subroutine in_modes
 
   !> Multipliers of all kinds: the largest of some values, then zeros for the contacts that forget, then ones for those that stick.
