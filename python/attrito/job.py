@@ -117,7 +117,15 @@ def _cross_check(job: Job, earlier: list[Fault]) -> list[Fault]:
     """Faults between keys; those of a key that is already at fault are left alone."""
     at_fault = {fault.key for fault in earlier}
     # Nor do the keys of a table that is missing.
-    checks = (_check_model, _check_loads, _check_sweep, _check_balance, _check_stability, _check_monitors, _check_outputs)
+    checks = (
+        _check_model,
+        _check_loads,
+        _check_sweep,
+        _check_balance,
+        _check_stability,
+        _check_monitors,
+        _check_outputs,
+    )
     found = [fault for check in checks for fault in check(job)]
     return [fault for fault in found if at_fault.isdisjoint((fault.key, fault.key.partition(" ")[0]))]
 

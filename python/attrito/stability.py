@@ -26,7 +26,9 @@ OUTCOMES = {0: "unstable", 1: "converged", 2: "indeterminate"}
 
 
 class _Report(ctypes.Structure):
-    _fields_ = [(name, ctypes.c_int) for name in ("verdict", *ENGINES)] + [(name, ctypes.c_double) for name in ("distance", "change")]
+    _fields_ = [(name, ctypes.c_int) for name in ("verdict", *ENGINES)] + [
+        (name, ctypes.c_double) for name in ("distance", "change")
+    ]
 
 
 class Examiner:
@@ -41,7 +43,8 @@ class Examiner:
     ----------
     rows : one for each multiplier: point, engine (index), real part, imaginary part, kind (index)
     reasons : why a point, by number, has no verdict
-    distances : of a point, by number: how far the event-exact orbit lies from the balance's
+    distances, changes : of a point, by number: how far the event-exact orbit lies from the balance's; what doubling the
+        modes last changed of its multipliers
     """
 
     def __init__(self, comm: Comm, solver: Solver, job: Job):
@@ -53,6 +56,7 @@ class Examiner:
         self.rows: list[tuple[int, int, float, float, int]] = []
         self.reasons: dict[int, str] = {}
         self.distances: dict[int, float] = {}
+        self.changes: dict[int, float] = {}
 
     def examine(self, point: Point) -> Point:
         """The point with its verdict: the solver stands at it, and it is not written yet. Collective."""
@@ -70,6 +74,8 @@ class Examiner:
                 self._fetch(number, index, engine, getattr(report, name))
             if report.distance >= 0.0:
                 self.distances[number] = report.distance
+            if report.monodromy:
+                self.changes[number] = report.change
             if message.value:
                 self.reasons[number] = message.value.decode()
         return dataclasses.replace(point, outcome=OUTCOMES.get(report.verdict, point.outcome))
@@ -78,7 +84,9 @@ class Examiner:
         if not count:
             return
         real, imaginary, kind = np.zeros(count), np.zeros(count), np.zeros(count, dtype=np.int32)
-        self._solver.call("attrito_multipliers", engine, *(ctypes.c_void_p(a.ctypes.data) for a in (real, imaginary, kind)))
+        self._solver.call(
+            "attrito_multipliers", engine, *(ctypes.c_void_p(a.ctypes.data) for a in (real, imaginary, kind))
+        )
         self.rows += zip([number] * count, [index] * count, real, imaginary, kind, strict=True)
 
 
@@ -92,8 +100,12 @@ def write_multipliers(path: str, examiner: Examiner) -> None:
         "method": (np.int32, "engine: index into the attribute names", tuple(ENGINES)),
         "real": (float, "real part of the Floquet multiplier", None),
         "imag": (float, "its imaginary part", None),
-        "kind": (np.int32, "index into the attribute names: dynamic; zero of a slider that a period forgets; "
-                 "one of a slider that stays", KINDS),  # fmt: skip
+        "kind": (
+            np.int32,
+            "index into the attribute names: dynamic; zero of a slider that a period forgets; "
+            "one of a slider that stays",
+            KINDS,
+        ),  # fmt: skip
     }
     with h5py.File(path, "r+") as file:
         for column, (name, (kind, description, names)) in zip(columns, data.items(), strict=True):
@@ -103,14 +115,21 @@ def write_multipliers(path: str, examiner: Examiner) -> None:
                 stored.attrs["names"] = np.array(names, dtype="S9")
         points = len(file["points/stable"])
         real, imaginary, kind = columns[2:]
-        largest, distance = np.full(points, np.nan), np.full(points, np.nan)
+        largest, distance, change = np.full((3, points), np.nan)
         decides = kind == KINDS.index("floquet")
         np.fmax.at(largest, columns[0][decides].astype(int), np.hypot(real, imaginary)[decides])
         distance[list(examiner.distances)] = list(examiner.distances.values())
+        change[list(examiner.changes)] = list(examiner.changes.values())
         reasons = [examiner.reasons.get(point, "") for point in range(points)]
         for name, values, kind, description in (
             ("largest_multiplier", largest, float, "largest modulus of the point's dynamic multipliers"),
-            ("distance", distance, float, "of the event-exact orbit from the balance's, part of the motion's half range"),
+            (
+                "distance",
+                distance,
+                float,
+                "of the event-exact orbit from the balance's, part of the motion's half range",
+            ),
+            ("change", change, float, "what doubling the modes last changed of the multipliers by the monodromy"),
             ("reason", reasons, h5py.string_dtype(), "why the point has no verdict"),
         ):
             stored = file.create_dataset(f"stability/{name}", data=values, dtype=kind)

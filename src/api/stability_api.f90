@@ -55,6 +55,8 @@ contains
         point%outcome = outcome_unstable
        case (indeterminate)
         point%outcome = outcome_indeterminate
+       case default
+        return
       end select
     end associate
   end function attrito_examine

@@ -43,8 +43,8 @@ module attrito_stability_contour
 
   !> Points of the trapezoidal rule
   integer, parameter :: nodes = 96
-  !> Singular values above this part of the largest belong to eigenvalues within: what is farther outside than a tenth of the axes is
-  !> damped by 1.1^(-96) = 1e-4 and more, and fails to be polished
+  !> Singular values above this part of the largest belong to eigenvalues within: what is farther outside than a tenth of the axes
+  !> is damped by 1.1^(-96) = 1e-4 and more, and fails to be polished
   real(wp), parameter :: significant = 1.0e-12_wp
   !> Farthest that polishing may take an eigenvalue, and the step at which it has ended
   real(wp), parameter :: farthest = 1.0e-2_wp, settled = 1.0e-10_wp

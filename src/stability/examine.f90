@@ -27,8 +27,8 @@ module attrito_stability_examine
   !> The balance's orbit; the event-exact one near it; or the latter only where the former is too near a change to be sure
   integer, parameter :: balanced_orbit = 0, exact_orbit = 1, automatic_orbit = 2
 
-  !> Distance of the largest multiplier from the unit circle within which the balance's orbit is not enough: 20 harmonics leave out some
-  !> 3e-3 of it with stiff contacts
+  !> Distance of the largest multiplier from the unit circle within which the balance's orbit is not enough: 20 harmonics leave out
+  !> some 3e-3 of it with stiff contacts
   real(wp), parameter :: margin = 5.0e-2_wp
 
   type :: examine_options_type
@@ -145,8 +145,9 @@ contains
     self%reason = ''
     self%verdict = not_examined
     info = 0
-    if (iand(options%methods, by_monodromy) /= 0) &
+    if (iand(options%methods, by_monodromy) /= 0) then
       call multipliers_of(system, orbit, period, self%monodromy, self%change, info)
+    end if
     if (iand(options%methods, by_hill) /= 0 .and. info == 0) call hill_multipliers(system, orbit, period, self%hill, info)
     if (info /= 0) then
       self%reason = 'eigenvalues were not found'
@@ -236,8 +237,8 @@ contains
     self%reason = 'monodromy and Hill''s problem differ'
   end function verdict_of
 
-  !> The linear system of a structure in time, at an angular frequency: where a loss factor is to be taken for the viscous damping that
-  !> is equal to it there, C = eta K / omega.
+  !> The linear system of a structure in time, at an angular frequency: where a loss factor is to be taken for the viscous damping
+  !> that is equal to it there, C = eta K / omega.
   subroutine system_of(solver, equivalent_viscous, omega, system, error)
     type(solver_type), intent(in) :: solver
     logical, intent(in) :: equivalent_viscous

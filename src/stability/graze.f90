@@ -1,8 +1,10 @@
-!> Contacts that graze: what they do in a period changes with a change of their law that is smaller than what a solution leaves open.
+!> Contacts that graze: what they do in a period changes with a change of their law that is smaller than what a solution leaves
+!> open.
 !>
-!> There the linearised flow jumps (a slider that only just slips forgets, one that only just does not remembers), and multipliers on
-!> one side say nothing of the other. Friction and gap are moved by a little both ways, and the motion is asked again. A contact that
-!> sticks throughout may well touch its limit, to which shaking took it: beyond it the slider follows and stays, so that is no graze.
+!> There the linearised flow jumps (a slider that only just slips forgets, one that only just does not remembers), and multipliers
+!> on one side say nothing of the other. Friction and gap are moved by a little both ways, and the motion is asked again. A contact
+!> that sticks throughout may well touch its limit, to which shaking took it: beyond it the slider follows and stays, so that is no
+!> graze.
 module attrito_stability_graze
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contact_type

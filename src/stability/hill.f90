@@ -1,10 +1,11 @@
-!> Hill's problem with memory: perturbations e^{st} times a periodic motion, s in units of the excitation's angular frequency, theta its
-!> angle. A slider that rests since tau holds what it then had, so its force carries the exact factor of the time since:
+!> Hill's problem with memory: perturbations e^{st} times a periodic motion, s in units of the excitation's angular frequency,
+!> theta its angle. A slider that rests since tau holds what it then had, so its force carries the exact factor of the time since:
 !>
 !> $$ \delta g_T = -k_t e^{-s(\theta - \tau)} \, [u + b v](\tau), \qquad \delta g_T = \text{side}\,\mu k_n v - k_t u, \qquad
 !>    \delta g = (-k_t u, -k_n v) $$
 !>
-!> in stick, slip and lift-off (factors e^{s theta} left out). In harmonics k = -K ... K of the forces of contacts that slip or open,
+!> in stick, slip and lift-off (factors e^{s theta} left out). In harmonics k = -K ... K of the forces of contacts that slip or
+!> open,
 !>
 !> $$ F(s)\, g = g + G(s) R(s)\, g = 0, \qquad R_k = B \Phi \, [(\nu(s + ik))^2 + \nu(s + ik) D + \Lambda]^{-1} \Phi^T B^T, $$
 !>
@@ -142,8 +143,8 @@ contains
 
   !> The multipliers of an exponent of the half strip, with its conjugate; none if it is a copy from another.
   !>
-  !> A negative multiplier lies on the strip's upper edge, by itself but for truncation, which knows no symmetry there; a pair close to
-  !> it has its partner mirrored beyond.
+  !> A negative multiplier lies on the strip's upper edge, by itself but for truncation, which knows no symmetry there; a pair
+  !> close to it has its partner mirrored beyond.
   pure function multipliers_from(exponents, i) result(values)
     complex(wp), intent(in) :: exponents(:)
     integer, intent(in) :: i
@@ -169,9 +170,9 @@ contains
     end if
   end function multipliers_from
 
-  !> Multipliers of the stuck system's modes that F does not know, as no force moves them or none is moved by them: theirs stay as they
-  !> are, e^{sigma T}, sigma^2 + D sigma + Lambda = 0. Of modes with one frequency, as many as the rank of what they carry from force to
-  !> displacement lacks.
+  !> Multipliers of the stuck system's modes that F does not know, as no force moves them or none is moved by them: theirs stay as
+  !> they are, e^{sigma T}, sigma^2 + D sigma + Lambda = 0. Of modes with one frequency, as many as the rank of what they carry
+  !> from force to displacement lacks.
   function unseen_multipliers(problem) result(values)
     type(hill_problem_type), intent(in) :: problem
     complex(wp), allocatable :: values(:)

@@ -1,5 +1,5 @@
-!> A period of an orbit as legs: stretches of time in which no contact changes what it does, so that the linearised flow has constant
-!> coefficients; and what becomes of a perturbed slider where a leg begins.
+!> A period of an orbit as legs: stretches of time in which no contact changes what it does, so that the linearised flow has
+!> constant coefficients; and what becomes of a perturbed slider where a leg begins.
 !>
 !> Contact forces are continuous through every change, so the motion's perturbation is too, and of event times only that matters at
 !> which a slider comes to rest: it keeps what it then had. Where slip ends (side = +-1), w = u - side r and w' = 0; where a contact
@@ -23,8 +23,8 @@ module attrito_stability_leg
     real(wp) :: from = 0.0_wp, length = 0.0_wp
     !> What each contact does, and to which side it slips (+1, -1) [contacts]
     integer, allocatable :: regime(:), side(:)
-    !> Does its slider come to rest where the leg begins, and if it sticks, how it came to rest: dw = du + by_normal dv [contacts]; at the
-    !> start of the period it does not count as coming to rest, but its slider as part of the state
+    !> Does its slider come to rest where the leg begins, and if it sticks, how it came to rest: dw = du + by_normal dv [contacts];
+    !> at the start of the period it does not count as coming to rest, but its slider as part of the state
     logical, allocatable :: rests(:)
     real(wp), allocatable :: by_normal(:)
   end type leg_type

@@ -1,15 +1,16 @@
 !> The linearised flow over a period of an orbit, from leg to leg: what a small change of motion, rate and sliders becomes.
 !>
 !> $$ \delta p'' + D \delta p' + \Lambda \delta p = - \Phi^T B^T \delta g, \qquad
-!>    \delta g = (-k_t \delta w,\, 0), \quad (\text{side}\, \mu k_n \delta v - k_t \delta u,\, 0), \quad (-k_t \delta u,\, -k_n \delta v) $$
+!>    \delta g = (-k_t \delta w,\, 0), \quad (\text{side}\, \mu k_n \delta v - k_t \delta u,\, 0), \quad (-k_t \delta u,\, -k_n
+!> \delta v) $$
 !>
-!> for a contact that sticks, slips, is open. On a leg the coefficients are constant, and the flow of all columns at once is a Taylor
-!> series whose terms obey the recursion of `attrito_integrate_taylor`; between legs sliders that come to rest are reset
-!> (`attrito_stability_leg`). A perturbed slider acts only while its contact sticks: this is the memory that a Jacobian frozen in time
-!> leaves out.
+!> for a contact that sticks, slips, is open. On a leg the coefficients are constant, and the flow of all columns at once is a
+!> Taylor series whose terms obey the recursion of `attrito_integrate_taylor`; between legs sliders that come to rest are reset
+!> (`attrito_stability_leg`). A perturbed slider acts only while its contact sticks: this is the memory that a Jacobian frozen in
+!> time leaves out.
 !>
-!> High modes may follow at rest (`attrito_stability_reduced`). With g = G d in rows that slip or open, h = -k_t dw in those that stick,
-!> their displacements are d = B p - R (g + h), so that g = S (B p - R h), S = (1 + G R)^-1 G.
+!> High modes may follow at rest (`attrito_stability_reduced`). With g = G d in rows that slip or open, h = -k_t dw in those that
+!> stick, their displacements are d = B p - R (g + h), so that g = S (B p - R h), S = (1 + G R)^-1 G.
 module attrito_stability_monodromy
   use attrito_core_kinds, only: wp, two_pi
   use attrito_core_lapack, only: solve_dense
@@ -206,8 +207,8 @@ contains
     end do
   end subroutine pass
 
-  !> One step of the series, p_{k+2} = (held_k - Lambda p_k - (k + 1) D p_{k+1} + pushed seen^T p_k)/((k + 1)(k + 2)), until its terms
-  !> are below rounding.
+  !> One step of the series, p_{k+2} = (held_k - Lambda p_k - (k + 1) D p_{k+1} + pushed seen^T p_k)/((k + 1)(k + 2)), until its
+  !> terms are below rounding.
   subroutine step_on(reduced, coupling, held, h, now)
     type(reduced_type), intent(in) :: reduced
     type(coupling_type), intent(in) :: coupling

@@ -1,8 +1,8 @@
 !> Floquet multipliers of an orbit from its monodromy, and what each of them stands for.
 !>
-!> A contact that neither slips nor opens keeps its slider: its row of the monodromy is that of the identity, a multiplier 1 (`stuck`)
-!> that says that the orbit is one of a family, not that it is about to bifurcate. A contact that slips or opens forgets its slider
-!> within the period: a multiplier 0 (`slip`). All others (`floquet`), two a mode, decide.
+!> A contact that neither slips nor opens keeps its slider: its row of the monodromy is that of the identity, a multiplier 1
+!> (`stuck`) that says that the orbit is one of a family, not that it is about to bifurcate. A contact that slips or opens forgets
+!> its slider within the period: a multiplier 0 (`slip`). All others (`floquet`), two a mode, decide.
 !>
 !> Zeros of several contacts may sit in one Jordan block, where rounding turns them into its root of that order. So they are taken
 !> out first: the matrix is restricted to its range until it is regular, each time by the singular values that are not rounding.
@@ -15,7 +15,7 @@ module attrito_stability_multipliers
   use attrito_stability_reduced, only: reduce_to
   implicit none
   private
-  public :: multiplier_type, multipliers_of, sorted_multipliers, kind_floquet, kind_slip, kind_stuck, kind_names
+  public :: multiplier_type, multipliers_of, in_modes, sorted_multipliers, kind_floquet, kind_slip, kind_stuck, kind_names
 
   integer, parameter :: kind_floquet = 0, kind_slip = 1, kind_stuck = 2
   character(7), parameter :: kind_names(0:2) = [character(7) :: 'floquet', 'slip', 'stuck']
@@ -32,8 +32,8 @@ module attrito_stability_multipliers
 
 contains
 
-  !> Multipliers of an orbit in as many modes as it takes: all of few; of many the lowest, twice as many again and again until those that
-  !> matter no longer change.
+  !> Multipliers of an orbit in as many modes as it takes: all of few; of many the lowest, twice as many again and again until
+  !> those that matter no longer change.
   subroutine multipliers_of(system, orbit, period, multipliers, change, info)
     type(system_type), intent(in) :: system
     type(orbit_legs_type), intent(in) :: orbit

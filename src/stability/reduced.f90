@@ -1,8 +1,10 @@
-!> The lowest modes of the stuck system, the others following at rest: what high modes add to the contacts' displacements without inertia,
+!> The lowest modes of the stuck system, the others following at rest: what high modes add to the contacts' displacements without
+!> inertia,
 !>
 !> $$ d = B \Phi_l p_l - R\, g, \qquad R = \sum_{r > l} b_r \Lambda_r^{-1} b_r^T. $$
 !>
-!> Inertia and damping of mode r left out are worth (sigma/omega_r)^2 of its part in R at a rate sigma.
+!> Left out are mode r's inertia and damping, (sigma/omega_r)^2 and 2 zeta_r sigma/omega_r of its part in R at a rate sigma, and
+!> that it rings after events, which dies out within a leg only if zeta_r omega_r times its length is large.
 module attrito_stability_reduced
   use attrito_core_kinds, only: wp
   use attrito_integrate_system, only: system_type

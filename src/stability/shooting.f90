@@ -2,8 +2,8 @@
 !>
 !> $$ z \leftarrow z - (M(z) - 1)^{-1} (P(z) - z), \qquad z = (p, p', w). $$
 !>
-!> Unstable orbits are found like stable ones. Sliders of contacts that stick throughout stay where they are; those of contacts that slip or
-!> are open where the period begins follow the motion.
+!> Unstable orbits are found like stable ones. Sliders of contacts that stick throughout stay where they are; those of contacts
+!> that slip or are open where the period begins follow the motion.
 module attrito_stability_shooting
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: solve_dense

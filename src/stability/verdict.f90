@@ -10,8 +10,8 @@ module attrito_stability_verdict
   !> As `/points/stable` counts them, but for the last, which is told by the outcome
   integer, parameter :: not_examined = -1, unstable = 0, stable = 1, indeterminate = 2
 
-  !> How near the circle is too near, of orbits on which contacts slip or open, where switching times move with what the balance leaves
-  !> out, and of those on which all stick, which are linear
+  !> How near the circle is too near, of orbits on which contacts slip or open, where switching times move with what the balance
+  !> leaves out, and of those on which all stick, which are linear
   real(wp), parameter :: band_switching = 1.0e-5_wp, band_linear = 1.0e-10_wp
 
 contains

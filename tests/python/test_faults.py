@@ -322,10 +322,7 @@ JOB = [
     Case(
         "a stability method",
         put("stability", method="floquet"),
-        (
-            "job.toml: [stability] method = 'floquet': expected one of "
-            '"none", "monodromy", "hill", "both"',
-        ),
+        ('job.toml: [stability] method = \'floquet\': expected one of "none", "monodromy", "hill", "both"',),
     ),
     Case(
         "stability of an uncoupled balance",

@@ -14,7 +14,7 @@ program test_stability
   use attrito_stability_hill, only: hill_multipliers
   use attrito_stability_leg, only: orbit_legs_type, legs_of_motion
   use attrito_stability_monodromy, only: monodromy, free_sliders
-  use attrito_stability_multipliers, only: multiplier_type, multipliers_of
+  use attrito_stability_multipliers, only: multiplier_type, multipliers_of, in_modes
   use attrito_stability_reduced, only: reduce_to
   use attrito_stability_shooting, only: shoot, march_period
   use attrito_stability_start, only: loading_of, start_of
@@ -36,7 +36,8 @@ program test_stability
                       test('multipliers of the wedge by Hill''s problem are those that are known', by_harmonics), &
                       test('the monodromy is the derivative of the event-exact period map', derivative), &
                       test('on the event-exact orbit both engines agree', exact_orbit), &
-                      test('a stable orbit is come back to, an unstable one is left, at the rate of its multiplier', verdicts)])
+                      test('a stable orbit is come back to, an unstable one is left, at the rate of its multiplier', verdicts), &
+                      test('damped modes that follow at rest err by the frequency over theirs', at_rest)])
 
 contains
 
@@ -86,8 +87,8 @@ contains
     call compare_with_differences(stiff_wedge(), 125.0_wp, 1.0_wp, error)
   end subroutine derivative
 
-  !> Columns of the monodromy against central differences of the flow, within 1e-6 of the largest entry: steps of 1e-6 of the motion leave
-  !> 1e-12 of it by curvature and 1e-9 by rounding.
+  !> Columns of the monodromy against central differences of the flow, within 1e-6 of the largest entry: steps of 1e-6 of the
+  !> motion leave 1e-12 of it by curvature and 1e-9 by rounding.
   subroutine compare_with_differences(scene, frequency_hz, level, error)
     type(scene_type), intent(in) :: scene
     real(wp), intent(in) :: frequency_hz, level
@@ -150,7 +151,6 @@ contains
       call hill_multipliers(system, orbit, loading%period, harmonics, info)
       call check(error, info == 0, 'no eigenvalues of Hill''s problem')
       if (allocated(error)) return
-      print *, abs(flow%value - harmonics%value)
       call check_close(error, reshape(harmonics%value, [size(harmonics), 1]), reshape(flow%value, [size(flow), 1]), &
                        1.0e-4_wp, 'multipliers')
     end do
@@ -167,8 +167,7 @@ contains
     call follow_perturbed(wedge(45.0_wp), 132.0_wp, 5.0_wp, .false., error)
   end subroutine verdicts
 
-  !> Perturb an orbit by 1e-6 and march: over the last ten of 40 periods the distance grows or falls with the largest multiplier, and
-  !> what grows has left by far.
+  !> Perturb an orbit by 1e-6 and march: the distance grows or falls with the largest multiplier, and what grows has left by far.
   subroutine follow_perturbed(scene, frequency_hz, level, leaves, error)
     type(scene_type), intent(in) :: scene
     real(wp), intent(in) :: frequency_hz, level
@@ -192,13 +191,68 @@ contains
       call march_period(system, loading, state, other, range)
       distance(cycle) = hypot(norm2(state%motion - start%motion), norm2(state%rate - start%rate))
     end do
-    print *, frequency_hz, distance([0, 10, 20, 40, 100, 200])/range, largest_multiplier(multipliers)
     if (leaves) then
       call check(error, minval(distance(150:)) > 1.0e3_wp*distance(0), 'it does not leave')
     else
       call check(error, distance(200) < 1.0e-2_wp*distance(0), 'it does not come back')
     end if
+    ! Smaller multipliers and the phase of a pair are worth a factor, at most ten here, over ten or twenty periods.
+    call check_close(error, log(distance(20)/distance(10))/10, log(largest_multiplier(multipliers)), log(10.0_wp)/10, 'rate at first')
+    call check_close(error, log(distance(40)/distance(20))/20, log(largest_multiplier(multipliers)), log(10.0_wp)/20, 'rate later')
   end subroutine follow_perturbed
+
+  !> The wedge with a high mode that its contact sees and moves, damped so that it does not ring after events: multipliers with it
+  !> at rest against those with all modes, at two frequencies of it.
+  subroutine at_rest(error)
+    type(error_type), allocatable, intent(out) :: error
+    real(wp) :: apart(2), change
+    type(scene_type) :: scene
+    type(system_type) :: system
+    type(loading_type) :: loading
+    type(state_type) :: start
+    type(orbit_legs_type) :: orbit
+    type(multiplier_type), allocatable :: all_modes(:), low_modes(:)
+    integer :: i, j, info
+
+    do i = 1, 2
+      scene = wedge_with_high_mode(two_pi*i*8.0e3_wp)
+      call find_orbit(scene, 132.0_wp, 5.0_wp, system, loading, start, orbit, error)
+      if (allocated(error)) return
+      call multipliers_of(system, orbit, loading%period, all_modes, change, info)
+      call check_close(error, change, 0.0_wp, 0.0_wp, 'change')
+      call in_modes(system, 2, orbit, loading%period, low_modes, info)
+      apart(i) = maxval([(minval(abs(all_modes%value - low_modes(j)%value)), j=1, 4)])
+    end do
+    ! Twice the damping ratio, 0.5, times 132 Hz over 8 kHz, in a multiplier's exponent: times 2 pi, is 0.1, of a compliance that is
+    ! less than a tenth of the wedge's.
+    call check_close(error, apart(1), 0.0_wp, 1.0e-2_wp, 'what the mode at rest errs')
+    call check_close(error, log(apart(1)/apart(2))/log(2.0_wp), 1.0_wp, 0.2_wp, 'order')
+  end subroutine at_rest
+
+  !> A third coordinate of a frequency on a spring of 1e6, which adds to u and v.
+  function wedge_with_high_mode(omega) result(scene)
+    real(wp), intent(in) :: omega
+    type(scene_type) :: scene
+    type(scene_type) :: plain
+    real(wp), parameter :: spring = 1.0e6_wp
+
+    plain = wedge(45.0_wp)
+    associate (structure => scene%structure)
+      allocate (structure%mass(3, 3), structure%stiffness(3, 3), structure%damping(3, 3), structure%static_loads(3, 1), &
+                structure%harmonic_load(3, 3), structure%monitors(3, 0), source=0.0_wp)
+      structure%mass(:2, :2) = plain%structure%mass
+      structure%stiffness(:2, :2) = plain%structure%stiffness
+      structure%damping(:2, :2) = plain%structure%damping
+      structure%static_loads(:2, :) = plain%structure%static_loads
+      structure%harmonic_load(:2, :) = plain%structure%harmonic_load
+      structure%mass(3, 3) = spring/omega**2
+      structure%stiffness(3, 3) = spring
+      structure%damping(3, 3) = 2.0_wp*0.5_wp*spring/omega
+      structure%damping_kind = plain%structure%damping_kind
+    end associate
+    scene%contacts = new_contacts(plain%contacts%law, reshape([plain%contacts%directions(:, 1), 1.0_wp, &
+                                                               plain%contacts%directions(:, 2), 0.5_wp], [3, 2]))
+  end function wedge_with_high_mode
 
   !> The wedge at 45 degrees, balanced at 132 Hz and 5 N.
   subroutine balance_wedge(x, harmonics, solver, error)
