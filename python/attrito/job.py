@@ -117,7 +117,15 @@ def _cross_check(job: Job, earlier: list[Fault]) -> list[Fault]:
     """Faults between keys; those of a key that is already at fault are left alone."""
     at_fault = {fault.key for fault in earlier}
     # Nor do the keys of a table that is missing.
-    checks = (_check_model, _check_loads, _check_sweep, _check_balance, _check_monitors, _check_outputs)
+    checks = (
+        _check_model,
+        _check_loads,
+        _check_sweep,
+        _check_balance,
+        _check_stability,
+        _check_monitors,
+        _check_outputs,
+    )
     found = [fault for check in checks for fault in check(job)]
     return [fault for fault in found if at_fault.isdisjoint((fault.key, fault.key.partition(" ")[0]))]
 
@@ -220,6 +228,20 @@ def _check_balance(job: Job) -> list[Fault]:
         if load["kind"] == "harmonic" and load["harmonic"] > harmonics:
             expected = f"a harmonic that is solved for: at most {harmonics}"
             faults.append(job.fault(f"load[{i}] harmonic", load["harmonic"], expected))
+    return faults
+
+
+def _check_stability(job: Job) -> list[Fault]:
+    method = job["stability"]["method"]
+    if method == "none":
+        return []
+    faults = []
+    if job["balance"]["approach"] == "uncoupled":
+        expected = '"none": an uncoupled balance, its mean frozen, is no motion of the structure'
+        faults.append(job.fault("[stability] method", method, expected))
+    if job["damping"]["loss_factor"] is not None and not job["integrate"]["equivalent_viscous"]:
+        expected = "ratio, rayleigh or a matrix (it has no time-domain twin), or [integrate] equivalent_viscous = true"
+        faults.append(job.fault("[damping] loss_factor", job["damping"]["loss_factor"], expected))
     return faults
 
 

@@ -249,7 +249,8 @@ TABLES: dict[str, dict[str, Key]] = {
         "max_points": Key(integer(2), 1000),
     },
     "stability": {
-        "method": Key(choice("none", later=("monodromy", "hill", "both")), "none"),
+        "method": Key(choice("none", "monodromy", "hill", "both"), "none"),
+        "orbit": Key(choice("auto", "balance", "exact"), "auto"),
     },
     "integrate": {
         "scheme": Key(

@@ -21,6 +21,7 @@ from attrito.progress import Progress
 from attrito.rom import make_rom, model_path, reduced_scene, rom_fingerprint, rom_path
 from attrito.scene import Scene, build_scene
 from attrito.solver import Options, Point, Solver
+from attrito.stability import Examiner, write_multipliers
 from attrito.uniqueness import Sampler, write_bounds
 
 if TYPE_CHECKING:
@@ -76,10 +77,12 @@ def run_job(comm: Comm, path: str) -> str:
             on_root(comm, lambda: _write_root(partial, job, scene))
             linear = _linear_responses(solver, job)
             sampler = Sampler(comm, solver, reduced, options, job["static"]["bounds"])
+            examiner = Examiner(comm, solver, job)
             on_root(comm, lambda: _write_linear(partial, linear, reduced.monitor_names))
             solver.open_result(partial)
             progress.begin(len(reduced.mass), len(reduced.laws["tangents"]), linear)
             for point in _points(solver, job, load_path, progress, incomplete):
+                point = examiner.examine(point)
                 solver.write_point()
                 sampler.visit(point)
                 progress.point(point, reduced.monitor_names[0])
@@ -95,6 +98,7 @@ def run_job(comm: Comm, path: str) -> str:
         raise
     on_root(comm, lambda: _write_incomplete(partial, incomplete))
     on_root(comm, lambda: write_bounds(partial, reduced, sampler))
+    on_root(comm, lambda: write_multipliers(partial, examiner))
     on_root(comm, lambda: os.replace(partial, result))
     progress.end(result, time.perf_counter() - started, outcomes)
     complaints = list(incomplete)
@@ -104,8 +108,8 @@ def run_job(comm: Comm, path: str) -> str:
         )
     if outcomes["no_period_one_orbit"]:
         complaints.append(
-            f"at {outcomes['no_period_one_orbit']} point(s) no orbit of the excitation's period was found, by motion in time"
-            " either (it walks, bounces or takes several periods); they are in the file with outcome no_period_one_orbit"
+            f"{outcomes['no_period_one_orbit']} point(s) without an orbit of the excitation's period, by motion in time too"
+            " (it walks, bounces or takes several periods); they are in the file with outcome no_period_one_orbit"
         )
     if complaints:
         raise NumericsError(f"{result}: " + "; ".join(complaints))

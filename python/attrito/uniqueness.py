@@ -68,7 +68,12 @@ class Sampler:
         place = self._points
         self._points += 1
         slips = sum(point.states[len(EXAMINED) :]) > 0
-        if not self._samples or point.unique or point.outcome != "converged" or (self.programs and not slips):
+        if (
+            not self._samples
+            or point.unique
+            or point.outcome not in ("converged", "unstable")
+            or (self.programs and not slips)
+        ):
             return
         hull = self._family.visit(self._search)
         if hull is not None:

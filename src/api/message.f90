@@ -4,7 +4,7 @@ module attrito_api_message
   use attrito_core_errors, only: error_type
   implicit none
   private
-  public :: tell, text_of
+  public :: tell, say, text_of
 
 contains
 
@@ -14,16 +14,26 @@ contains
     !> Ends with a null character
     character(kind=c_char), intent(out) :: message(:)
     integer(c_int) :: status
-    integer :: i
 
     message = c_null_char
     status = 0
     if (.not. allocated(error)) return
     status = error%status
-    do i = 1, min(len(error%message), size(message) - 1)
-      message(i) = error%message(i:i)
-    end do
+    call say(error%message, message)
   end function tell
+
+  !> Copy a text out.
+  pure subroutine say(text, message)
+    character(*), intent(in) :: text
+    !> Ends with a null character
+    character(kind=c_char), intent(out) :: message(:)
+    integer :: i
+
+    message = c_null_char
+    do i = 1, min(len(text), size(message) - 1)
+      message(i) = text(i:i)
+    end do
+  end subroutine say
 
   !> Fortran's text of a C string.
   pure function text_of(string) result(text)

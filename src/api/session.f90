@@ -7,8 +7,10 @@ module attrito_api_session
   use attrito_continuation_arc_length, only: sweep_type
   use attrito_continuation_members, only: family_type, member_type
   use attrito_continuation_solver, only: solver_type
+  use attrito_integrate_system, only: system_type
   use attrito_output_point_report, only: point_report_type
   use attrito_output_result_file, only: result_file_type
+  use attrito_stability_examine, only: examination_type
   implicit none
   private
   public :: session_type, session_of, contact_law_type, law_of
@@ -24,6 +26,9 @@ module attrito_api_session
     !> While other members of the last point's family are visited: the point, and two of them to return to
     type(family_type) :: family
     type(member_type) :: members(0:1)
+    !> The linear system in time, once it is asked for, and what was found of the last point's stability
+    type(system_type), allocatable :: in_time
+    type(examination_type) :: examination
   end type session_type
 
   type, bind(c) :: contact_law_type

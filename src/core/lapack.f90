@@ -4,6 +4,7 @@ module attrito_core_lapack
   implicit none
   private
   public :: multiply_by_transpose, solve_dense, factor, solve_factored, factor_complex, solve_factored_complex, symmetric_eigenpairs
+  public :: eigenvalues_of, complex_eigenvalues_of, singular_values, complex_singular_values
 
   interface
     subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
@@ -56,6 +57,40 @@ module attrito_core_lapack
       integer, intent(inout) :: iwork(*)
       integer, intent(out) :: info
     end subroutine dsygvd
+    subroutine dgeev(jobvl, jobvr, n, a, lda, wr, wi, vl, ldvl, vr, ldvr, work, lwork, info)
+      import :: wp
+      character, intent(in) :: jobvl, jobvr
+      integer, intent(in) :: n, lda, ldvl, ldvr, lwork
+      real(wp), intent(inout) :: a(lda, *), work(*)
+      real(wp), intent(out) :: wr(*), wi(*), vl(ldvl, *), vr(ldvr, *)
+      integer, intent(out) :: info
+    end subroutine dgeev
+    subroutine zgeev(jobvl, jobvr, n, a, lda, w, vl, ldvl, vr, ldvr, work, lwork, rwork, info)
+      import :: wp
+      character, intent(in) :: jobvl, jobvr
+      integer, intent(in) :: n, lda, ldvl, ldvr, lwork
+      complex(wp), intent(inout) :: a(lda, *), work(*)
+      complex(wp), intent(out) :: w(*), vl(ldvl, *), vr(ldvr, *)
+      real(wp), intent(out) :: rwork(*)
+      integer, intent(out) :: info
+    end subroutine zgeev
+    subroutine dgesvd(jobu, jobvt, m, n, a, lda, s, u, ldu, vt, ldvt, work, lwork, info)
+      import :: wp
+      character, intent(in) :: jobu, jobvt
+      integer, intent(in) :: m, n, lda, ldu, ldvt, lwork
+      real(wp), intent(inout) :: a(lda, *), work(*)
+      real(wp), intent(out) :: s(*), u(ldu, *), vt(ldvt, *)
+      integer, intent(out) :: info
+    end subroutine dgesvd
+    subroutine zgesvd(jobu, jobvt, m, n, a, lda, s, u, ldu, vt, ldvt, work, lwork, rwork, info)
+      import :: wp
+      character, intent(in) :: jobu, jobvt
+      integer, intent(in) :: m, n, lda, ldu, ldvt, lwork
+      complex(wp), intent(inout) :: a(lda, *), work(*)
+      real(wp), intent(out) :: s(*), rwork(*)
+      complex(wp), intent(out) :: u(ldu, *), vt(ldvt, *)
+      integer, intent(out) :: info
+    end subroutine zgesvd
   end interface
 
 contains
@@ -159,4 +194,84 @@ contains
     b = 0.5_wp*(m + transpose(m))
     call dsygvd(1, 'V', 'U', n, eigenvectors, n, b, n, eigenvalues, work, size(work), iwork, size(iwork), info)
   end subroutine symmetric_eigenpairs
+
+  !> Eigenvalues of a real matrix.
+  subroutine eigenvalues_of(matrix, eigenvalues, info)
+    !> [n, n]
+    real(wp), intent(in) :: matrix(:, :)
+    !> [n]
+    complex(wp), allocatable, intent(out) :: eigenvalues(:)
+    !> 0, or not: no convergence
+    integer, intent(out) :: info
+    real(wp), allocatable :: a(:, :), re(:), im(:), work(:)
+    real(wp) :: none(1, 1)
+    integer :: n
+
+    n = size(matrix, 1)
+    a = matrix
+    allocate (re(n), im(n), work(34*n + 1))
+    info = 0
+    if (n > 0) call dgeev('N', 'N', n, a, n, re, im, none, 1, none, 1, work, size(work), info)
+    eigenvalues = cmplx(re, im, wp)
+  end subroutine eigenvalues_of
+
+  !> Eigenvalues of a complex matrix, and its right eigenvectors in columns.
+  subroutine complex_eigenvalues_of(matrix, eigenvalues, vectors, info)
+    !> [n, n]
+    complex(wp), intent(in) :: matrix(:, :)
+    !> [n], [n, n]
+    complex(wp), allocatable, intent(out) :: eigenvalues(:), vectors(:, :)
+    !> 0, or not: no convergence
+    integer, intent(out) :: info
+    complex(wp), allocatable :: a(:, :), work(:)
+    complex(wp) :: none(1, 1)
+    real(wp), allocatable :: room(:)
+    integer :: n
+
+    n = size(matrix, 1)
+    a = matrix
+    allocate (eigenvalues(n), vectors(n, n), work(34*n + 1), room(2*n))
+    info = 0
+    if (n > 0) call zgeev('N', 'V', n, a, n, eigenvalues, none, 1, vectors, n, work, size(work), room, info)
+  end subroutine complex_eigenvalues_of
+
+  !> Singular values, descending, with left singular vectors in columns: a = u diag(s) v^T.
+  subroutine singular_values(matrix, s, u, info)
+    !> [n, n]
+    real(wp), intent(in) :: matrix(:, :)
+    !> [n], [n, n]
+    real(wp), allocatable, intent(out) :: s(:), u(:, :)
+    !> 0, or not: no convergence
+    integer, intent(out) :: info
+    real(wp), allocatable :: a(:, :), work(:)
+    real(wp) :: none(1, 1)
+    integer :: n
+
+    n = size(matrix, 1)
+    a = matrix
+    allocate (s(n), u(n, n), work(66*n + 1))
+    info = 0
+    if (n > 0) call dgesvd('A', 'N', n, n, a, n, s, u, n, none, 1, work, size(work), info)
+  end subroutine singular_values
+
+  !> Singular values, descending, of a complex matrix with no more columns than rows: a = u diag(s) v^H.
+  subroutine complex_singular_values(matrix, s, u, v, info)
+    !> [m, n]
+    complex(wp), intent(in) :: matrix(:, :)
+    real(wp), allocatable, intent(out) :: s(:)
+    !> [m, n], [n, n]
+    complex(wp), allocatable, intent(out) :: u(:, :), v(:, :)
+    !> 0, or not: no convergence
+    integer, intent(out) :: info
+    complex(wp), allocatable :: a(:, :), work(:)
+    real(wp), allocatable :: room(:)
+    integer :: m, n
+
+    m = size(matrix, 1)
+    n = size(matrix, 2)
+    a = matrix
+    allocate (s(n), u(m, n), v(n, n), work(34*(m + n) + 1), room(5*n + 1))
+    call zgesvd('S', 'S', m, n, a, m, s, u, m, v, n, work, size(work), room, info)
+    v = conjg(transpose(v))
+  end subroutine complex_singular_values
 end module attrito_core_lapack

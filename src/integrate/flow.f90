@@ -45,7 +45,7 @@ contains
       else
         call find_first_event(system, state, segment, contact, guard)
       end if
-      if (recorder%measures .or. recorder%samples) call record(recorder, system, loading, segment)
+      if (recorder%measures .or. recorder%samples .or. recorder%traces) call record(recorder, system, loading, segment)
       call move_to(system, segment, state)
       low = min(low, state%motion)
       high = max(high, state%motion)

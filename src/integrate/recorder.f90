@@ -11,7 +11,16 @@ module attrito_integrate_recorder
   use attrito_integrate_system, only: system_type
   implicit none
   private
-  public :: recorder_type, new_recorder, record
+  public :: recorder_type, trace_type, new_recorder, record
+
+  !> One segment of the period as the linearised flow sees it
+  type :: trace_type
+    !> Units of the clock
+    real(wp) :: length = 0.0_wp
+    !> What contacts do and to which side they slip; u'/v' at its beginning, for those that land there [contacts]
+    integer, allocatable :: regime(:), side(:)
+    real(wp), allocatable :: landing_slope(:)
+  end type trace_type
 
   type :: recorder_type
     !> Integrals and extrema; samples
@@ -32,6 +41,9 @@ module attrito_integrate_recorder
     !> Seconds [room], monitors [monitors, room], displacement and force of rows [rows, room], regime [contacts, room]
     real(wp), allocatable :: time_of(:), monitor(:, :), displacement(:, :), force(:, :)
     integer, allocatable :: regime(:, :)
+    !> Event-exact integration: keep a trace of every segment
+    logical :: traces = .false.
+    type(trace_type), allocatable :: trace(:)
   end type recorder_type
 
 contains
@@ -56,6 +68,7 @@ contains
     allocate (self%time_of(room), self%monitor(monitors, room), self%displacement(rows, room), self%force(rows, room), &
               source=0.0_wp)
     allocate (self%regime(contacts, room), source=0)
+    allocate (self%trace(0))
   end function new_recorder
 
   !> Take one segment in.
@@ -72,7 +85,27 @@ contains
       call measure_energies(self, system, segment)
     end if
     if (self%samples) call take_samples(self, system, loading, segment)
+    if (self%traces) call keep_trace(self, system, segment)
   end subroutine record
+
+  pure subroutine keep_trace(self, system, segment)
+    type(recorder_type), intent(inout) :: self
+    type(system_type), intent(in) :: system
+    type(segment_type), intent(in) :: segment
+    type(trace_type) :: trace
+    real(wp) :: dv
+    integer :: i
+
+    trace%length = segment%length
+    trace%regime = segment%regime
+    trace%side = segment%side
+    allocate (trace%landing_slope(size(system%law)), source=0.0_wp)
+    do i = 1, size(system%law)
+      dv = segment%displacement(1, system%law(i)%first_row + 1)
+      if (abs(dv) > 0.0_wp) trace%landing_slope(i) = segment%displacement(1, system%law(i)%first_row)/dv
+    end do
+    self%trace = [self%trace, trace]
+  end subroutine keep_trace
 
   pure subroutine measure_monitors(self, system, segment)
     type(recorder_type), intent(inout) :: self

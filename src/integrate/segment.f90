@@ -14,8 +14,8 @@ module attrito_integrate_segment
     real(wp), allocatable :: motion(:, :), load(:, :)
     !> Of displacement and force of each row of B [0:n, rows]
     real(wp), allocatable :: displacement(:, :), force(:, :)
-    !> What each contact does meanwhile [contacts]
-    integer, allocatable :: regime(:)
+    !> What each contact does meanwhile, and to which side it slips, +1 or -1 [contacts]
+    integer, allocatable :: regime(:), side(:)
     !> From powers to Bernstein coefficients [0:n, 0:n]
     real(wp), allocatable :: bernstein(:, :)
   end type segment_type
@@ -29,7 +29,7 @@ contains
 
     allocate (self%motion(m, 0:degree), self%load(m, 0:degree), self%displacement(0:degree, rows), self%force(0:degree, rows), &
               source=0.0_wp)
-    allocate (self%regime(contacts), source=0)
+    allocate (self%regime(contacts), self%side(contacts), source=0)
     allocate (self%bernstein(0:degree, 0:degree), source=bernstein_matrix(degree))
   end function new_segment
 end module attrito_integrate_segment

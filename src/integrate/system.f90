@@ -55,8 +55,8 @@ contains
     call new_stuck_system(structure, contacts, .true., stuck, error)
     if (allocated(error)) return
     if (minval(stuck%modal_mass/stuck%modal_stiffness) <= massless*maxval(stuck%modal_mass/stuck%modal_stiffness)) then
-      call raise(error, 'mass: a motion carries no mass: expected every degree of freedom to carry some (integration in time)', &
-                 fault_of_input)
+      call raise(error, 'mass: a motion carries no mass: expected every degree of freedom to carry some (integration in time,'// &
+                 ' stability)', fault_of_input)
       return
     end if
     ! Normalised by mass here: a unit of modal velocity is the same energy in every mode.

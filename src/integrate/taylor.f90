@@ -35,6 +35,7 @@ contains
     segment%cycle = state%cycle
     segment%theta = state%theta
     segment%regime = state%regime
+    segment%side = state%side
     call expand_load(loading, state%cycle, state%theta, segment%load)
     associate (p => segment%motion)
       p(:, 0) = state%motion

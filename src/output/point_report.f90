@@ -26,7 +26,7 @@ module attrito_output_point_report
     real(wp) :: frequency_hz = 0.0_wp, level = 1.0_wp
     integer :: branch = 0, iterations = 0, linear_iterations = 0, outcome = outcome_not_converged
     !> 1 yes, 0 no, -1 not examined
-    integer :: unique = 0
+    integer :: unique = 0, stable = -1
     !> Norm of the residual relative to the stuck response; estimated relative error of the peak
     real(wp) :: residual = 0.0_wp, estimate = 0.0_wp
     !> Coefficients of the monitors [2 H + 1, monitors]; half their range over the period, and mean

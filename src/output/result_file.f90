@@ -135,7 +135,7 @@ contains
     call put_integer('/points/period', merge(1, -1, solved))
     call put_integer('/points/outcome', report%outcome)
     call put_integer('/points/unique', merge(report%unique, -1, solved))
-    call put_integer('/points/stable', -1)
+    call put_integer('/points/stable', report%stable)
     call put_real('/points/residual', report%residual)
     call put_real('/points/estimate', merge(report%estimate, blank, solved))
     call put_rows('/points/coordinates', [self%points - 1], &

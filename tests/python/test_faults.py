@@ -321,8 +321,18 @@ JOB = [
     ),
     Case(
         "a stability method",
-        put("stability", method="hill"),
-        ('job.toml: [stability] method = \'hill\': expected "none" ("hill" is not in this version)',),
+        put("stability", method="floquet"),
+        ('job.toml: [stability] method = \'floquet\': expected one of "none", "monodromy", "hill", "both"',),
+    ),
+    Case(
+        "stability of an uncoupled balance",
+        lambda job: job.update(stability={"method": "both"}) or job["balance"].update(approach="uncoupled"),
+        ("job.toml: [stability] method = 'both': expected \"none\": an uncoupled balance",),
+    ),
+    Case(
+        "stability under a loss factor",
+        lambda job: job.update(stability={"method": "hill"}, damping={"loss_factor": 0.01}),
+        ("job.toml: [damping] loss_factor = 0.01: expected ratio, rayleigh or a matrix",),
     ),
     Case(
         "spin softening",

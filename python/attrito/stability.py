@@ -1,0 +1,136 @@
+"""Stability of a run's points: each is examined as it is solved, and its Floquet multipliers are written at the end."""
+
+from __future__ import annotations
+
+import ctypes
+import dataclasses
+from typing import TYPE_CHECKING
+
+import h5py
+import numpy as np
+
+from attrito import library
+from attrito.job import Job
+from attrito.solver import Point, Solver
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+# The engines, by the number the library adds up, and the kinds of multipliers.
+ENGINES = {"monodromy": 1, "hill": 2}
+ORBITS = {"balance": 0, "exact": 1, "auto": 2}
+METHODS = {"none": 0, **ENGINES, "both": 3}
+KINDS = ("floquet", "slip", "stuck")
+# Verdicts as the library counts them, and what a converged point's outcome becomes.
+OUTCOMES = {0: "unstable", 1: "converged", 2: "indeterminate"}
+
+
+class _Report(ctypes.Structure):
+    _fields_ = [(name, ctypes.c_int) for name in ("verdict", *ENGINES)] + [
+        (name, ctypes.c_double) for name in ("distance", "change")
+    ]
+
+
+class Examiner:
+    """Examines points as they are solved, and keeps what it found at the root.
+
+    Parameters
+    ----------
+    comm, solver : what solves
+    job : says by which engines
+
+    Attributes
+    ----------
+    rows : one for each multiplier: point, engine (index), real part, imaginary part, kind (index)
+    reasons : why a point, by number, has no verdict
+    distances, changes : of a point, by number: how far the event-exact orbit lies from the balance's; what doubling the
+        modes last changed of its multipliers
+    """
+
+    def __init__(self, comm: Comm, solver: Solver, job: Job):
+        self._solver, self._root = solver, comm.rank == 0
+        self._methods = METHODS[job["stability"]["method"]]
+        self._orbit = ORBITS[job["stability"]["orbit"]]
+        self._viscous = int(job["integrate"]["equivalent_viscous"])
+        self._points = 0
+        self.rows: list[tuple[int, int, float, float, int]] = []
+        self.reasons: dict[int, str] = {}
+        self.distances: dict[int, float] = {}
+        self.changes: dict[int, float] = {}
+
+    def examine(self, point: Point) -> Point:
+        """The point with its verdict: the solver stands at it, and it is not written yet. Collective."""
+        number = self._points
+        self._points += 1
+        if not self._methods or point.outcome != "converged":
+            return point
+        report, message = _Report(), library.message_buffer()
+        status = self._solver.call(
+            "attrito_examine", self._methods, self._orbit, self._viscous, ctypes.byref(report), message, len(message)
+        )
+        library.check(status, message)
+        if self._root:
+            for index, (name, engine) in enumerate(ENGINES.items()):
+                self._fetch(number, index, engine, getattr(report, name))
+            if report.distance >= 0.0:
+                self.distances[number] = report.distance
+            if report.monodromy:
+                self.changes[number] = report.change
+            if message.value:
+                self.reasons[number] = message.value.decode()
+        return dataclasses.replace(point, outcome=OUTCOMES.get(report.verdict, point.outcome))
+
+    def _fetch(self, number: int, index: int, engine: int, count: int) -> None:
+        if not count:
+            return
+        real, imaginary, kind = np.zeros(count), np.zeros(count), np.zeros(count, dtype=np.int32)
+        self._solver.call(
+            "attrito_multipliers", engine, *(ctypes.c_void_p(a.ctypes.data) for a in (real, imaginary, kind))
+        )
+        self.rows += zip([number] * count, [index] * count, real, imaginary, kind, strict=True)
+
+
+def write_multipliers(path: str, examiner: Examiner) -> None:
+    """Add the multipliers, and why points have no verdict, to a result file that is closed."""
+    if not examiner.rows and not examiner.reasons:
+        return
+    columns = np.array(examiner.rows).reshape(-1, 5).T
+    data = {
+        "point": (np.int32, "number of the point, from 0", None),
+        "method": (np.int32, "engine: index into the attribute names", tuple(ENGINES)),
+        "real": (float, "real part of the Floquet multiplier", None),
+        "imag": (float, "its imaginary part", None),
+        "kind": (
+            np.int32,
+            "index into the attribute names: dynamic; zero of a slider that a period forgets; "
+            "one of a slider that stays",
+            KINDS,
+        ),  # fmt: skip
+    }
+    with h5py.File(path, "r+") as file:
+        for column, (name, (kind, description, names)) in zip(columns, data.items(), strict=True):
+            stored = file.create_dataset(f"multipliers/{name}", data=column.astype(kind))
+            stored.attrs["description"], stored.attrs["unit"] = description, "1"
+            if names is not None:
+                stored.attrs["names"] = np.array(names, dtype="S9")
+        points = len(file["points/stable"])
+        real, imaginary, kind = columns[2:]
+        largest, distance, change = np.full((3, points), np.nan)
+        decides = kind == KINDS.index("floquet")
+        np.fmax.at(largest, columns[0][decides].astype(int), np.hypot(real, imaginary)[decides])
+        distance[list(examiner.distances)] = list(examiner.distances.values())
+        change[list(examiner.changes)] = list(examiner.changes.values())
+        reasons = [examiner.reasons.get(point, "") for point in range(points)]
+        for name, values, kind, description in (
+            ("largest_multiplier", largest, float, "largest modulus of the point's dynamic multipliers"),
+            (
+                "distance",
+                distance,
+                float,
+                "of the event-exact orbit from the balance's, part of the motion's half range",
+            ),
+            ("change", change, float, "what doubling the modes last changed of the multipliers by the monodromy"),
+            ("reason", reasons, h5py.string_dtype(), "why the point has no verdict"),
+        ):
+            stored = file.create_dataset(f"stability/{name}", data=values, dtype=kind)
+            stored.attrs["description"], stored.attrs["unit"] = description, "1"

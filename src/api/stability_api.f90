@@ -1,0 +1,105 @@
+!> C interface of stability: examine the point at which a session stands. Collective; multipliers are at the root.
+module attrito_api_stability
+  use, intrinsic :: iso_c_binding
+  use attrito_core_errors, only: error_type
+  use attrito_output_point_report, only: outcome_converged, outcome_unstable, outcome_indeterminate
+  use attrito_integrate_system, only: system_type
+  use attrito_model_structure, only: damping_loss_factor
+  use attrito_stability_examine, only: examine, examine_options_type, system_of
+  use attrito_stability_multipliers, only: multiplier_type
+  use attrito_stability_verdict, only: not_examined, stable, unstable, indeterminate
+  use attrito_api_message, only: tell, say
+  use attrito_api_session, only: session_type, session_of
+  implicit none
+  private
+
+  type, bind(c) :: examination_report_type
+    !> `not_examined`, `unstable`, `stable`, `indeterminate`; and how many multipliers each engine found
+    integer(c_int) :: verdict, monodromy, hill
+    !> See `examination_type`
+    real(c_double) :: distance, change
+  end type examination_report_type
+
+contains
+
+  !> Examine the last point on an orbit (0 the balance's, 1 the event-exact one near it, 2 where need be) by the sum of engines (1
+  !> monodromy, 2 Hill's problem), note the verdict in what is going to be written of it,
+  !> and say why where there is none.
+  integer(c_int) function attrito_examine(handle, methods, orbit, equivalent_viscous, report, message, length) result(status) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: methods, orbit, equivalent_viscous, length
+    type(examination_report_type), intent(out) :: report
+    character(kind=c_char), intent(out) :: message(length)
+    type(session_type), pointer :: session
+    type(error_type), allocatable :: error
+
+    session => session_of(handle)
+    report = examination_report_type(not_examined, 0, 0, -1.0_c_double, 0.0_c_double)
+    call prepare(session, equivalent_viscous /= 0, error)
+    status = tell(error, message)
+    if (allocated(error)) return
+    call examine(session%solver, session%in_time, examine_options_type(methods, orbit), session%examination)
+    report%verdict = session%examination%verdict
+    report%distance = session%examination%distance
+    report%change = session%examination%change
+    if (allocated(session%examination%monodromy)) report%monodromy = size(session%examination%monodromy)
+    if (allocated(session%examination%hill)) report%hill = size(session%examination%hill)
+    call say(session%examination%reason, message)
+    associate (point => session%point)
+      if (point%outcome /= outcome_converged) return
+      select case (report%verdict)
+       case (stable)
+        point%stable = 1
+       case (unstable)
+        point%stable = 0
+        point%outcome = outcome_unstable
+       case (indeterminate)
+        point%outcome = outcome_indeterminate
+       case default
+        return
+      end select
+    end associate
+  end function attrito_examine
+
+  !> The system in time: once, but where its damping depends on the frequency.
+  subroutine prepare(session, equivalent_viscous, error)
+    type(session_type), intent(inout) :: session
+    logical, intent(in) :: equivalent_viscous
+    type(error_type), allocatable, intent(out) :: error
+
+    if (allocated(session%in_time)) then
+      if (session%structure%damping_kind /= damping_loss_factor) return
+      deallocate (session%in_time)
+    end if
+    allocate (session%in_time)
+    call system_of(session%solver, equivalent_viscous, session%solver%omega, session%in_time, error)
+  end subroutine prepare
+
+  !> Multipliers of the last examination by one engine, 1 or 2: real and imaginary parts, kinds.
+  subroutine attrito_multipliers(handle, method, re, im, kind) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: method
+    real(c_double), intent(out) :: re(*), im(*)
+    integer(c_int), intent(out) :: kind(*)
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    if (method == 1) then
+      call copy(session%examination%monodromy, re, im, kind)
+    else
+      call copy(session%examination%hill, re, im, kind)
+    end if
+  end subroutine attrito_multipliers
+
+  pure subroutine copy(multipliers, re, im, kind)
+    type(multiplier_type), intent(in) :: multipliers(:)
+    real(c_double), intent(inout) :: re(*), im(*)
+    integer(c_int), intent(inout) :: kind(*)
+    integer :: n
+
+    n = size(multipliers)
+    re(:n) = real(multipliers%value, c_double)
+    im(:n) = aimag(multipliers%value)
+    kind(:n) = multipliers%kind
+  end subroutine copy
+end module attrito_api_stability

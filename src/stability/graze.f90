@@ -1,0 +1,94 @@
+!> Contacts that graze: what they do in a period changes with a change of their law that is smaller than what a solution leaves
+!> open.
+!>
+!> There the linearised flow jumps (a slider that only just slips forgets, one that only just does not remembers), and multipliers
+!> on one side say nothing of the other. Friction and gap are moved by a little both ways, and the motion is asked again. A contact
+!> that sticks throughout may well touch its limit, to which shaking took it: beyond it the slider follows and stays, so that is no
+!> graze.
+module attrito_stability_graze
+  use attrito_core_kinds, only: wp
+  use attrito_model_contacts, only: contact_type
+  use attrito_contact_state, only: regime_stick, regime_open
+  use attrito_stability_leg, only: orbit_legs_type
+  implicit none
+  private
+  public :: nudged, grazing_contact
+
+  !> Part by which friction and gap are moved
+  real(wp), parameter :: touch = 1.0e-8_wp
+  !> Legs that are shorter are rounding where two switches fall together: a contact may stick for that long between landing and slip
+  real(wp), parameter :: no_time = 1.0e-12_wp
+
+contains
+
+  !> Contacts with a little more or less friction and gap.
+  pure function nudged(law, swing, way) result(changed)
+    type(contact_type), intent(in) :: law(:)
+    !> Size of each contact's normal displacement
+    real(wp), intent(in) :: swing(:)
+    !> +1 or -1
+    integer, intent(in) :: way
+    type(contact_type) :: changed(size(law))
+
+    changed = law
+    changed%friction_coefficient = (1.0_wp + way*touch)*law%friction_coefficient
+    changed%gap = law%gap + way*touch*swing
+  end function nudged
+
+  !> The first contact that does something else once nudged, 0: none.
+  pure integer function grazing_contact(orbit, moved) result(contact)
+    type(orbit_legs_type), intent(in) :: orbit, moved
+
+    do contact = 1, size(orbit%stuck)
+      if (orbit%stuck(contact)) cycle
+      if (.not. same_deeds(orbit, moved, contact)) return
+    end do
+    contact = 0
+  end function grazing_contact
+
+  !> Does a contact do the same things in the same order in two orbits, wherever the period is cut?
+  pure logical function same_deeds(one, other, contact)
+    type(orbit_legs_type), intent(in) :: one, other
+    integer, intent(in) :: contact
+    integer, allocatable :: a(:), b(:)
+    integer :: turn
+
+    a = deeds(one, contact)
+    b = deeds(other, contact)
+    same_deeds = size(a) == size(b)
+    if (.not. same_deeds) return
+    do turn = 0, max(0, size(a) - 1)
+      same_deeds = all(cshift(a, turn) == b)
+      if (same_deeds) return
+    end do
+  end function same_deeds
+
+  !> What a contact does in a period, in order, repetitions left out: 0 stick, +-1 slip, 2 open.
+  pure function deeds(orbit, contact) result(list)
+    type(orbit_legs_type), intent(in) :: orbit
+    integer, intent(in) :: contact
+    integer, allocatable :: list(:)
+    integer :: now, before, i
+
+    allocate (list(0))
+    if (orbit%stuck(contact)) return
+    before = deed(orbit, contact, size(orbit%legs))
+    do i = 1, size(orbit%legs)
+      if (orbit%legs(i)%length <= no_time) cycle
+      now = deed(orbit, contact, i)
+      if (now /= before) list = [list, now]
+      before = now
+    end do
+  end function deeds
+
+  pure integer function deed(orbit, contact, leg)
+    type(orbit_legs_type), intent(in) :: orbit
+    integer, intent(in) :: contact, leg
+
+    associate (this => orbit%legs(leg))
+      deed = this%side(contact)
+      if (this%regime(contact) == regime_stick) deed = 0
+      if (this%regime(contact) == regime_open) deed = 2
+    end associate
+  end function deed
+end module attrito_stability_graze

@@ -1,0 +1,67 @@
+!> What becomes of small perturbations of an orbit, by event-exact integration: where multipliers do not decide, this does.
+module attrito_stability_in_time
+  use attrito_core_kinds, only: wp
+  use attrito_integrate_loading, only: loading_type
+  use attrito_integrate_state, only: state_type, new_state
+  use attrito_integrate_system, only: system_type
+  use attrito_stability_leg, only: orbit_legs_type
+  use attrito_stability_shooting, only: march_period
+  use attrito_stability_verdict, only: stable, unstable, indeterminate
+  implicit none
+  private
+  public :: decide_in_time
+
+  !> Perturbations, part of the motion's half range; how many, and the periods they are followed
+  real(wp), parameter :: perturbation = 1.0e-6_wp
+  integer, parameter :: perturbations = 6, periods = 400
+  !> Factors by which all have shrunk or one has grown
+  real(wp), parameter :: gone = 1.0e-1_wp, far = 1.0e3_wp
+
+contains
+
+  !> One of `stable` (all perturbations die out), `unstable` (one leaves), `indeterminate`.
+  integer function decide_in_time(system, loading, start) result(verdict)
+    type(system_type), intent(in) :: system
+    type(loading_type), intent(in) :: loading
+    !> Where the orbit's period starts
+    type(state_type), intent(in) :: start
+    type(state_type) :: state
+    type(orbit_legs_type) :: orbit
+    real(wp) :: range, push(2*size(start%motion))
+    integer :: i, m, cycle, died
+
+    m = size(start%motion)
+    state = start
+    call march_period(system, loading, state, orbit, range)
+    died = 0
+    verdict = unstable
+    do i = 1, perturbations
+      push = perturbation*range*direction(2*m, i)
+      state = new_state(system, start%motion + push(:m), start%rate + push(m + 1:), start%slider)
+      do cycle = 1, periods
+        call march_period(system, loading, state, orbit, range)
+        if (distance() > far*perturbation*range) return
+      end do
+      if (distance() < gone*perturbation*range) died = died + 1
+    end do
+    verdict = merge(stable, indeterminate, died == perturbations)
+
+  contains
+
+    real(wp) function distance()
+
+      distance = hypot(norm2(state%motion - start%motion), norm2(state%rate - start%rate))
+    end function distance
+  end function decide_in_time
+
+  !> A direction of unit length, without pattern: turns by the golden angle.
+  pure function direction(n, which) result(unit)
+    integer, intent(in) :: n, which
+    real(wp) :: unit(n)
+    real(wp), parameter :: golden = 2.399963229728653_wp
+    integer :: i
+
+    unit = [(cos(golden*(which + perturbations*i)), i=1, n)]
+    unit = unit/norm2(unit)
+  end function direction
+end module attrito_stability_in_time

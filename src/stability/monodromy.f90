@@ -1,0 +1,245 @@
+!> The linearised flow over a period of an orbit, from leg to leg: what a small change of motion, rate and sliders becomes.
+!>
+!> $$ \delta p'' + D \delta p' + \Lambda \delta p = - \Phi^T B^T \delta g, \qquad
+!>    \delta g = (-k_t \delta w,\, 0), \quad (\text{side}\, \mu k_n \delta v - k_t \delta u,\, 0), \quad (-k_t \delta u,\, -k_n
+!> \delta v) $$
+!>
+!> for a contact that sticks, slips, is open. On a leg the coefficients are constant, and the flow of all columns at once is a
+!> Taylor series whose terms obey the recursion of `attrito_integrate_taylor`; between legs sliders that come to rest are reset
+!> (`attrito_stability_leg`). A perturbed slider acts only while its contact sticks: this is the memory that a Jacobian frozen in
+!> time leaves out.
+!>
+!> High modes may follow at rest (`attrito_stability_reduced`). With g = G d in rows that slip or open, h = -k_t dw in those that
+!> stick, their displacements are d = B p - R (g + h), so that g = S (B p - R h), S = (1 + G R)^-1 G.
+module attrito_stability_monodromy
+  use attrito_core_kinds, only: wp, two_pi
+  use attrito_core_lapack, only: solve_dense
+  use attrito_contact_state, only: regime_stick, regime_slip, regime_open
+  use attrito_stability_leg, only: leg_type, orbit_legs_type
+  use attrito_stability_reduced, only: reduced_type
+  implicit none
+  private
+  public :: monodromy, free_sliders
+
+  !> Longest step of the series over the fastest mode: beyond, terms cancel to more than a digit
+  real(wp), parameter :: longest = 2.0_wp
+  !> Most terms; with steps as short as that rounding is reached well before
+  integer, parameter :: most_terms = 60
+  !> Part of a column that a term must be to matter
+  real(wp), parameter :: rounding = 1.0e-2_wp*epsilon(1.0_wp)
+
+  !> Changes of motion and rate [m, columns], and of sliders [contacts, columns]
+  type :: perturbation_type
+    real(wp), allocatable :: motion(:, :), rate(:, :), slider(:, :)
+  end type perturbation_type
+
+  !> What contacts add on a leg: acceleration `pushed` (`seen`^T p) + `held` w, and displacements of rows d = B p - `by_motion` p -
+  !> `by_slider` w
+  type :: coupling_type
+    !> [m, rows that do not just stick] each
+    real(wp), allocatable :: seen(:, :), pushed(:, :)
+    !> [m, contacts]
+    real(wp), allocatable :: held(:, :)
+    !> [rows, m] and [rows, contacts]: high modes' part, zero if all are kept
+    real(wp), allocatable :: by_motion(:, :), by_slider(:, :)
+  end type coupling_type
+
+contains
+
+  !> Contacts whose sliders are part of the state where the period begins: those that stick there, and not throughout.
+  pure function free_sliders(orbit) result(contacts)
+    type(orbit_legs_type), intent(in) :: orbit
+    integer, allocatable :: contacts(:)
+    integer :: i
+
+    contacts = pack([(i, i=1, size(orbit%stuck))], orbit%legs(1)%regime == regime_stick .and. .not. orbit%stuck)
+  end function free_sliders
+
+  !> What a unit change of each of (motion [m], rate by the clock [m], free sliders [nf]) becomes in a period [2 m + nf, 2 m + nf].
+  function monodromy(reduced, orbit, period) result(matrix)
+    type(reduced_type), intent(in) :: reduced
+    type(orbit_legs_type), intent(in) :: orbit
+    !> In units of the clock
+    real(wp), intent(in) :: period
+    real(wp), allocatable :: matrix(:, :)
+    type(perturbation_type) :: now
+    type(coupling_type) :: coupling
+    integer, allocatable :: free(:)
+    integer :: m, n, i
+
+    free = free_sliders(orbit)
+    m = size(reduced%system%eigenvalues)
+    n = 2*m + size(free)
+    allocate (now%motion(m, n), now%rate(m, n), now%slider(size(orbit%stuck), n), source=0.0_wp)
+    do i = 1, m
+      now%motion(i, i) = 1.0_wp
+      now%rate(i, m + i) = 1.0_wp
+    end do
+    do i = 1, size(free)
+      now%slider(free(i), 2*m + i) = 1.0_wp
+    end do
+    do i = 1, size(orbit%legs)
+      if (i > 1) call reset_sliders(reduced, orbit%legs(i), coupling, now)
+      coupling = couple(reduced, orbit%legs(i))
+      call pass(reduced, coupling, orbit%legs(i)%length/two_pi*period, now)
+    end do
+    call follow_sliders(reduced, orbit%legs(size(orbit%legs)), coupling, now)
+    allocate (matrix(n, n))
+    matrix(:m, :) = now%motion
+    matrix(m + 1:2*m, :) = now%rate
+    matrix(2*m + 1:, :) = now%slider(free, :)
+  end function monodromy
+
+  !> Sliders that come to rest at the beginning of a leg keep what they have there.
+  subroutine reset_sliders(reduced, leg, before, now)
+    type(reduced_type), intent(in) :: reduced
+    type(leg_type), intent(in) :: leg
+    !> Of the leg before
+    type(coupling_type), intent(in) :: before
+    type(perturbation_type), intent(inout) :: now
+    real(wp) :: kept(size(now%slider, 1), size(now%slider, 2))
+    integer :: i
+
+    kept = now%slider
+    do i = 1, size(leg%rests)
+      if (leg%rests(i)) kept(i, :) = combined(reduced, i, leg%by_normal(i), before, now)
+    end do
+    now%slider = kept
+  end subroutine reset_sliders
+
+  !> Sliders that move at the end of a leg, with slip or with an open contact.
+  subroutine follow_sliders(reduced, leg, coupling, now)
+    type(reduced_type), intent(in) :: reduced
+    type(leg_type), intent(in) :: leg
+    type(coupling_type), intent(in) :: coupling
+    type(perturbation_type), intent(inout) :: now
+    real(wp) :: kept(size(now%slider, 1), size(now%slider, 2))
+    integer :: i
+
+    kept = now%slider
+    do i = 1, size(leg%rests)
+      if (leg%regime(i) == regime_stick) cycle
+      associate (law => reduced%system%law(i))
+        kept(i, :) = combined(reduced, i, -leg%side(i)*law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness, &
+                              coupling, now)
+      end associate
+    end do
+    now%slider = kept
+  end subroutine follow_sliders
+
+  !> du + by_normal dv of a contact [columns].
+  function combined(reduced, contact, by_normal, coupling, now) result(change)
+    type(reduced_type), intent(in) :: reduced
+    integer, intent(in) :: contact
+    real(wp), intent(in) :: by_normal
+    type(coupling_type), intent(in) :: coupling
+    type(perturbation_type), intent(in) :: now
+    real(wp) :: change(size(now%motion, 2))
+
+    associate (u => reduced%system%law(contact)%first_row, v => reduced%system%law(contact)%first_row + 1, &
+               rows => reduced%system%rows)
+      change = matmul(rows(:, u) - coupling%by_motion(u, :) + by_normal*(rows(:, v) - coupling%by_motion(v, :)), now%motion) &
+               - matmul(coupling%by_slider(u, :) + by_normal*coupling%by_slider(v, :), now%slider)
+    end associate
+  end function combined
+
+  !> What contacts add on a leg.
+  function couple(reduced, leg) result(self)
+    type(reduced_type), intent(in) :: reduced
+    type(leg_type), intent(in) :: leg
+    type(coupling_type) :: self
+    !> G [rows that slip or open, rows], then S
+    real(wp), allocatable :: stiffness(:, :), matrix(:, :)
+    real(wp) :: springs(size(leg%regime))
+    integer, allocatable :: active(:), tangents(:)
+    integer :: i, n, info
+
+    associate (system => reduced%system)
+      n = count(leg%regime == regime_slip) + 2*count(leg%regime == regime_open)
+      allocate (active(n))
+      allocate (stiffness(n, size(system%springs)), source=0.0_wp)
+      n = 0
+      do i = 1, size(system%law)
+        associate (law => system%law(i), row => system%law(i)%first_row)
+          if (leg%regime(i) == regime_stick) cycle
+          n = n + 1
+          active(n) = row
+          stiffness(n, row) = -law%tangential_stiffness
+          stiffness(n, row + 1) = leg%side(i)*law%friction_coefficient*law%normal_stiffness
+          if (leg%regime(i) == regime_slip) cycle
+          n = n + 1
+          active(n) = row + 1
+          stiffness(n, row + 1) = -law%normal_stiffness
+        end associate
+      end do
+      matrix = matmul(stiffness, reduced%residual(:, active))
+      do i = 1, n
+        matrix(i, i) = matrix(i, i) + 1.0_wp
+      end do
+      call solve_dense(matrix, stiffness, info)
+      ! Forces of sliders, h = -k_t w where they rest.
+      tangents = system%law%first_row
+      springs = merge(-system%law%tangential_stiffness, 0.0_wp, leg%regime == regime_stick)
+      self%by_slider = reduced%residual(:, tangents)*spread(springs, 1, size(system%springs))
+      self%pushed = -system%pushes(:, active)
+      self%seen = matmul(system%rows, transpose(stiffness))
+      self%held = -system%pushes(:, tangents)*spread(springs, 1, size(system%eigenvalues)) &
+                  - matmul(self%pushed, matmul(stiffness, self%by_slider))
+      self%by_motion = matmul(reduced%residual(:, active), transpose(self%seen))
+      self%by_slider = self%by_slider - matmul(reduced%residual(:, active), matmul(stiffness, self%by_slider))
+    end associate
+  end function couple
+
+  !> The flow over a leg.
+  subroutine pass(reduced, coupling, length, now)
+    type(reduced_type), intent(in) :: reduced
+    type(coupling_type), intent(in) :: coupling
+    !> In units of the clock
+    real(wp), intent(in) :: length
+    type(perturbation_type), intent(inout) :: now
+    real(wp), allocatable :: held(:, :)
+    integer :: step, steps
+
+    held = matmul(coupling%held, now%slider)
+    steps = max(1, ceiling(length*sqrt(maxval(reduced%system%eigenvalues))/longest))
+    do step = 1, steps
+      call step_on(reduced, coupling, held, length/steps, now)
+    end do
+  end subroutine pass
+
+  !> One step of the series, p_{k+2} = (held_k - Lambda p_k - (k + 1) D p_{k+1} + pushed seen^T p_k)/((k + 1)(k + 2)), until its
+  !> terms are below rounding.
+  subroutine step_on(reduced, coupling, held, h, now)
+    type(reduced_type), intent(in) :: reduced
+    type(coupling_type), intent(in) :: coupling
+    real(wp), intent(in) :: held(:, :), h
+    type(perturbation_type), intent(inout) :: now
+    real(wp), dimension(size(held, 1), size(held, 2)) :: term, next, after
+    real(wp) :: scale(size(held, 2)), last(size(held, 2))
+    integer :: k
+
+    associate (system => reduced%system)
+      ! Terms are those of powers of time over the step.
+      term = now%motion
+      next = h*now%rate
+      now%motion = term + next
+      now%rate = next
+      scale = max(maxval(abs(term), 1), maxval(abs(next), 1))
+      do k = 0, most_terms
+        after = matmul(coupling%pushed, matmul(transpose(coupling%seen), term)) - spread(system%eigenvalues, 2, size(scale))*term
+        if (k == 0) after = after + held
+        after = h**2*after - (h*(k + 1))*spread(system%damping, 2, size(scale))*next
+        if (allocated(system%coupling)) after = after - (h*(k + 1))*matmul(system%coupling, next)
+        after = after/((k + 1)*(k + 2))
+        term = next
+        next = after
+        now%motion = now%motion + next
+        now%rate = now%rate + (k + 2)*next
+        last = max(maxval(abs(term), 1), maxval(abs(next), 1))
+        scale = max(scale, last)
+        if (all(last <= rounding*scale)) exit
+      end do
+      now%rate = now%rate/h
+    end associate
+  end subroutine step_on
+end module attrito_stability_monodromy

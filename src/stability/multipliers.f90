@@ -1,0 +1,162 @@
+!> Floquet multipliers of an orbit from its monodromy, and what each of them stands for.
+!>
+!> A contact that neither slips nor opens keeps its slider: its row of the monodromy is that of the identity, a multiplier 1
+!> (`stuck`) that says that the orbit is one of a family, not that it is about to bifurcate. A contact that slips or opens forgets
+!> its slider within the period: a multiplier 0 (`slip`). All others (`floquet`), two a mode, decide.
+!>
+!> Zeros of several contacts may sit in one Jordan block, where rounding turns them into its root of that order. So they are taken
+!> out first: the matrix is restricted to its range until it is regular, each time by the singular values that are not rounding.
+module attrito_stability_multipliers
+  use attrito_core_kinds, only: wp, two_pi
+  use attrito_core_lapack, only: eigenvalues_of, singular_values
+  use attrito_integrate_system, only: system_type
+  use attrito_stability_leg, only: orbit_legs_type
+  use attrito_stability_monodromy, only: monodromy, free_sliders
+  use attrito_stability_reduced, only: reduce_to
+  implicit none
+  private
+  public :: multiplier_type, multipliers_of, in_modes, sorted_multipliers, kind_floquet, kind_slip, kind_stuck, kind_names
+
+  integer, parameter :: kind_floquet = 0, kind_slip = 1, kind_stuck = 2
+  character(7), parameter :: kind_names(0:2) = [character(7) :: 'floquet', 'slip', 'stuck']
+
+  !> Modes of which all are taken; frequency over the excitation's up to which modes are taken at first; change that counts as none
+  integer, parameter :: few = 40
+  real(wp), parameter :: nearest = 10.0_wp, accepted = 1.0e-3_wp
+
+  type :: multiplier_type
+    complex(wp) :: value = 0.0_wp
+    !> One of `kind_...`
+    integer :: kind = kind_floquet
+  end type multiplier_type
+
+contains
+
+  !> Multipliers of an orbit in as many modes as it takes: all of few; of many the lowest, twice as many again and again until
+  !> those that matter no longer change.
+  subroutine multipliers_of(system, orbit, period, multipliers, change, info)
+    type(system_type), intent(in) :: system
+    type(orbit_legs_type), intent(in) :: orbit
+    !> In units of the clock
+    real(wp), intent(in) :: period
+    !> [2 l + nc]
+    type(multiplier_type), allocatable, intent(out) :: multipliers(:)
+    !> By the last doubling of modes; zero if all are in
+    real(wp), intent(out) :: change
+    !> 0, or not: eigenvalues were not found
+    integer, intent(out) :: info
+    type(multiplier_type), allocatable :: before(:)
+    integer :: modes, all_modes
+
+    all_modes = size(system%eigenvalues)
+    modes = max(few, count(system%eigenvalues <= (nearest*two_pi/period)**2))
+    if (modes >= all_modes) modes = all_modes
+    call in_modes(system, modes, orbit, period, multipliers, info)
+    change = 0.0_wp
+    do while (modes < all_modes .and. info == 0)
+      call move_alloc(multipliers, before)
+      modes = min(2*modes, all_modes)
+      call in_modes(system, modes, orbit, period, multipliers, info)
+      if (info /= 0) return
+      change = largest_change(before, multipliers)
+      if (change <= accepted) return
+      if (modes == all_modes) change = 0.0_wp
+    end do
+  end subroutine multipliers_of
+
+  !> The farthest that a dynamic multiplier of at least half the largest modulus lies from all that were found before.
+  pure real(wp) function largest_change(before, now)
+    type(multiplier_type), intent(in) :: before(:), now(:)
+    real(wp) :: largest
+    integer :: i
+
+    largest = maxval(abs(now%value), mask=now%kind == kind_floquet)
+    largest_change = 0.0_wp
+    do i = 1, size(before)
+      if (before(i)%kind /= kind_floquet .or. abs(before(i)%value) < 0.5_wp*largest) cycle
+      largest_change = max(largest_change, minval(abs(now%value - before(i)%value), mask=now%kind == kind_floquet))
+    end do
+    largest_change = max(largest_change, abs(largest - maxval(abs(before%value), mask=before%kind == kind_floquet)))
+  end function largest_change
+
+  !> Multipliers in some of the modes, the largest first within each kind.
+  subroutine in_modes(system, modes, orbit, period, multipliers, info)
+    type(system_type), intent(in) :: system
+    integer, intent(in) :: modes
+    type(orbit_legs_type), intent(in) :: orbit
+    real(wp), intent(in) :: period
+    type(multiplier_type), allocatable, intent(out) :: multipliers(:)
+    integer, intent(out) :: info
+    complex(wp), allocatable :: values(:)
+    real(wp), allocatable :: regular(:, :), scale(:)
+    integer, allocatable :: free(:)
+    integer :: i
+
+    regular = monodromy(reduce_to(system, modes), orbit, period)
+    free = free_sliders(orbit)
+    ! A unit of slider is one that a unit of motion brings about.
+    scale = [spread(1.0_wp, 1, 2*modes), (norm2(system%rows(:, system%law(free(i))%first_row)), i=1, size(free))]
+    where (scale <= 0.0_wp) scale = 1.0_wp
+    regular = regular*spread(scale, 1, size(scale))/spread(scale, 2, size(scale))
+    call restrict_to_range(regular, info)
+    if (info == 0) call eigenvalues_of(regular, values, info)
+    if (info == 0) multipliers = sorted_multipliers(values, 2*modes, count(.not. orbit%stuck), &
+                                                       sum(system%law%tangents, mask=orbit%stuck))
+  end subroutine in_modes
+
+  !> Multipliers of all kinds: the largest of some values, then zeros for the contacts that forget, then ones for those that stick.
+  pure function sorted_multipliers(values, dynamic, forgetting, stuck) result(multipliers)
+    complex(wp), intent(in) :: values(:)
+    !> How many of each kind: `floquet` (values that are missing are zero), `slip`, `stuck`
+    integer, intent(in) :: dynamic, forgetting, stuck
+    type(multiplier_type) :: multipliers(dynamic + forgetting + stuck)
+    complex(wp) :: left(size(values))
+    integer :: i, largest
+
+    left = values
+    multipliers%kind = kind_floquet
+    do i = 1, min(dynamic, size(values))
+      largest = maxloc(abs(left), 1)
+      ! Conjugate pairs stay together, the upper one first.
+      if (i > 1) then
+        associate (before => multipliers(i - 1)%value)
+          if (aimag(before) > 0.0_wp) largest = minloc(abs(left - conjg(before)), 1)
+        end associate
+      end if
+      multipliers(i)%value = left(largest)
+      if (aimag(left(largest)) < 0.0_wp .and. .not. follows_its_pair()) then
+        multipliers(i)%value = conjg(left(largest))
+        largest = minloc(abs(left - multipliers(i)%value), 1)
+      end if
+      left(largest) = 0.0_wp
+    end do
+    multipliers(dynamic + 1:dynamic + forgetting)%kind = kind_slip
+    multipliers(dynamic + forgetting + 1:)%kind = kind_stuck
+    multipliers(dynamic + forgetting + 1:)%value = 1.0_wp
+
+  contains
+
+    !> Is the multiplier at hand the lower one of a pair whose upper one comes before?
+    pure logical function follows_its_pair()
+
+      follows_its_pair = .false.
+      if (i > 1) follows_its_pair = aimag(multipliers(i - 1)%value) > 0.0_wp
+    end function follows_its_pair
+  end function sorted_multipliers
+
+  !> Leave zero eigenvalues out: A <- Q^T A Q with Q a basis of the range, until the range is everything.
+  subroutine restrict_to_range(a, info)
+    real(wp), allocatable, intent(inout) :: a(:, :)
+    integer, intent(out) :: info
+    real(wp), allocatable :: s(:), u(:, :)
+    integer :: rank
+
+    do
+      call singular_values(a, s, u, info)
+      if (info /= 0 .or. size(s) == 0) return
+      rank = count(s > size(s)*epsilon(1.0_wp)*s(1))
+      if (rank == size(s)) return
+      a = matmul(transpose(u(:, :rank)), matmul(a, u(:, :rank)))
+    end do
+  end subroutine restrict_to_range
+end module attrito_stability_multipliers

@@ -1,0 +1,117 @@
+!> The event-exact periodic orbit near a balance's: Newton's method on the period map, its derivative the monodromy,
+!>
+!> $$ z \leftarrow z - (M(z) - 1)^{-1} (P(z) - z), \qquad z = (p, p', w). $$
+!>
+!> Unstable orbits are found like stable ones. Sliders of contacts that stick throughout stay where they are; those of contacts
+!> that slip or are open where the period begins follow the motion.
+module attrito_stability_shooting
+  use attrito_core_kinds, only: wp
+  use attrito_core_lapack, only: solve_dense
+  use attrito_contact_state, only: regime_slip
+  use attrito_integrate_flow, only: flow_one_period
+  use attrito_integrate_loading, only: loading_type
+  use attrito_integrate_recorder, only: recorder_type, new_recorder
+  use attrito_integrate_segment, only: segment_type, new_segment
+  use attrito_integrate_state, only: state_type, new_state
+  use attrito_integrate_system, only: system_type
+  use attrito_integrate_taylor, only: degree
+  use attrito_stability_leg, only: orbit_legs_type, legs_of_trace
+  use attrito_stability_monodromy, only: monodromy, free_sliders
+  use attrito_stability_reduced, only: reduce_to
+  implicit none
+  private
+  public :: shoot, march_period
+
+  !> Most Newton steps, and the change that counts as none, relative to the state
+  integer, parameter :: most_steps = 20
+  !> Modes in the monodromy that Newton's method takes, at most
+  integer, parameter :: most_modes = 100
+  real(wp), parameter :: settled = 1.0e-12_wp
+
+contains
+
+  !> Find the orbit from a state near it.
+  subroutine shoot(system, loading, start, orbit, moved, found)
+    type(system_type), intent(in) :: system
+    type(loading_type), intent(in) :: loading
+    !> Where the search starts, then where the orbit's period starts
+    type(state_type), intent(inout) :: start
+    type(orbit_legs_type), intent(out) :: orbit
+    !> How far from where it started, relative to the motion's half range over the period
+    real(wp), intent(out) :: moved
+    logical, intent(out) :: found
+    type(state_type) :: first, end
+    real(wp), allocatable :: matrix(:, :), step(:, :), full(:)
+    integer, allocatable :: rows(:)
+    real(wp) :: range, change
+    integer :: iteration, m, modes, i, info
+
+    m = size(start%motion)
+    first = start
+    found = .false.
+    do iteration = 1, most_steps
+      end = start
+      call march_period(system, loading, end, orbit, range)
+      modes = min(m, most_modes)
+      matrix = monodromy(reduce_to(system, modes), orbit, loading%period)
+      rows = [(i, i=1, modes), (m + i, i=1, modes), 2*m + free_sliders(orbit)]
+      do i = 1, size(rows)
+        matrix(i, i) = matrix(i, i) - 1.0_wp
+      end do
+      full = [end%motion - start%motion, end%rate - start%rate, end%slider(1, :) - start%slider(1, :)]
+      step = reshape(-full(rows), [size(rows), 1])
+      call solve_dense(matrix, step, info)
+      if (info /= 0) exit
+      ! Modes that are left out go where the period leaves them; sliders that are not free follow.
+      full(2*m + 1:) = 0.0_wp
+      full(rows) = step(:, 1)
+      change = norm2(full(:2*m))
+      if (.not. change <= 1.0e3_wp*range) exit
+      call move(system, full, start)
+      found = change <= settled*range
+      if (found) exit
+    end do
+    moved = norm2(start%motion - first%motion)/range
+  end subroutine shoot
+
+  !> March one period from a state, and say what happened as legs.
+  subroutine march_period(system, loading, state, orbit, range)
+    type(system_type), intent(in) :: system
+    type(loading_type), intent(in) :: loading
+    type(state_type), intent(inout) :: state
+    type(orbit_legs_type), intent(out) :: orbit
+    !> Half range of the motion over the period, in the norm of the mass matrix
+    real(wp), intent(out) :: range
+    type(segment_type) :: segment
+    type(recorder_type) :: recorder
+    real(wp) :: low(size(state%motion)), high(size(state%motion))
+
+    segment = new_segment(size(state%motion), size(system%springs), size(system%law), degree)
+    recorder = new_recorder(system, 1, 0)
+    recorder%traces = .true.
+    call flow_one_period(system, loading, state, segment, recorder, low, high)
+    call legs_of_trace(system%law, recorder%trace, loading%period, orbit)
+    range = 0.5_wp*norm2(high - low)
+  end subroutine march_period
+
+  !> The state moved by a step, brought onto the law: contacts that slip go on slipping.
+  subroutine move(system, full, state)
+    type(system_type), intent(in) :: system
+    !> Of (motion, rate, sliders)
+    real(wp), intent(in) :: full(:)
+    type(state_type), intent(inout) :: state
+    real(wp) :: slider(2, size(state%regime)), u
+    integer :: i, m
+
+    m = size(state%motion)
+    slider = state%slider
+    slider(1, :) = slider(1, :) + full(2*m + 1:)
+    do i = 1, size(state%regime)
+      if (state%regime(i) /= regime_slip) cycle
+      ! Beyond the rim: it is put back onto it, on the side that it slips to.
+      u = dot_product(system%rows(:, system%law(i)%first_row), state%motion + full(:m))
+      slider(1, i) = u - 1.0e3_wp*(abs(u) + abs(state%slider(1, i) - u))*state%side(i)
+    end do
+    state = new_state(system, state%motion + full(:m), state%rate + full(m + 1:2*m), slider)
+  end subroutine move
+end module attrito_stability_shooting

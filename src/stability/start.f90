@@ -1,0 +1,50 @@
+!> A balance's point as a state in time: where its period starts, and the loads that act.
+module attrito_stability_start
+  use attrito_core_kinds, only: wp
+  use attrito_balance_receptance, only: to_real
+  use attrito_continuation_solver, only: solver_type
+  use attrito_integrate_loading, only: loading_type, new_loading, new_profile
+  use attrito_integrate_state, only: state_type, new_state
+  use attrito_integrate_system, only: system_type
+  implicit none
+  private
+  public :: loading_of, start_of
+
+contains
+
+  !> The loads of a point.
+  function loading_of(solver, system) result(loading)
+    type(solver_type), intent(in) :: solver
+    type(system_type), intent(in) :: system
+    type(loading_type) :: loading
+    real(wp) :: constant(2, 0)
+
+    associate (balance => solver%context%balance)
+      loading = new_loading(solver%omega, system%clock, matmul(system%static_loads, balance%static_factors), &
+                            balance%level*system%harmonic_load, new_profile(constant), new_profile(constant))
+    end associate
+  end function loading_of
+
+  !> Motion, rate and sliders [contacts] at the start of the period; contacts are brought onto their law.
+  function start_of(solver, system, slider) result(state)
+    type(solver_type), intent(in) :: solver
+    type(system_type), intent(in) :: system
+    real(wp), intent(in) :: slider(:)
+    type(state_type) :: state
+    real(wp), allocatable :: q(:, :)
+    real(wp) :: displacement(size(system%eigenvalues)), velocity(size(system%eigenvalues))
+    integer :: h
+
+    associate (balance => solver%context%balance)
+      q = matmul(to_real(balance%response), transpose(balance%receptance%basis))
+      displacement = q(1, :)
+      velocity = 0.0_wp
+      do h = 1, balance%receptance%harmonics
+        displacement = displacement + q(2*h, :)
+        velocity = velocity + h*solver%omega*q(2*h + 1, :)
+      end do
+    end associate
+    state = new_state(system, matmul(displacement, system%weighted), matmul(velocity, system%weighted)/system%clock, &
+                      reshape([slider, 0.0_wp*slider], [2, size(slider)], order=[2, 1]))
+  end function start_of
+end module attrito_stability_start
