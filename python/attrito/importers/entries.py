@@ -1,0 +1,256 @@
+"""Entries of a matrix as they come out of a file, and the full matrix they make.
+
+Peak memory is that of the finished matrix (12 bytes an entry, both triangles) and the entries not yet placed: a file
+that stores one triangle is held at 16 bytes an entry, 8 per entry of the full matrix, and let go chunk by chunk while
+the matrix fills.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from attrito.faults import Fault, InputError
+
+CHUNK = 1 << 20
+# Two triangles of a symmetric matrix agree to this part of its largest entry.
+SYMMETRY_TOLERANCE = 1.0e-10
+
+Chunk = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+class Entries:
+    """Rows, columns (int32, from 0) and values, kept in chunks; zeros are dropped.
+
+    Parameters
+    ----------
+    path : the file they come from
+    key : what is read, for faults
+    """
+
+    def __init__(self, path: str, key: str):
+        self.path, self.key = path, key
+        self._chunks: list[Chunk] = []
+        self._pending: list[Chunk] = []
+        self._waiting = 0
+
+    def add(self, row: np.ndarray, column: np.ndarray, value: np.ndarray) -> None:
+        """Add entries; the arrays are copied."""
+        keep = value != 0.0
+        part = (row[keep].astype(np.int32), column[keep].astype(np.int32), value[keep])
+        self._pending.append(part)
+        self._waiting += len(part[0])
+        if self._waiting >= CHUNK:
+            self._join()
+
+    def used(self, size: int) -> np.ndarray:
+        """Which of `size` numbers occur as a row or a column, bool."""
+        self._join()
+        used = np.zeros(size, bool)
+        for row, column, _ in self._chunks:
+            used[row] = True
+            used[column] = True
+        return used
+
+    def diagonal(self, size: int) -> np.ndarray:
+        """Sum of the entries on the diagonal, `[size]`."""
+        self._join()
+        diagonal = np.zeros(size)
+        for row, column, value in self._chunks:
+            on = row == column
+            diagonal += np.bincount(row[on], value[on], minlength=size)
+        return diagonal
+
+    def coupled(self, size: int) -> np.ndarray:
+        """Which rows have an entry off the diagonal, bool."""
+        self._join()
+        coupled = np.zeros(size, bool)
+        for row, column, _ in self._chunks:
+            off = row != column
+            coupled[row[off]] = True
+            coupled[column[off]] = True
+        return coupled
+
+    def full(self, size: int, repeated: str = "refuse", renumber: np.ndarray | None = None) -> csr_matrix:
+        """The matrix `[size, size]` of entries that are all there. The entries are used up.
+
+        Parameters
+        ----------
+        repeated : what to do with an entry that occurs again: `"refuse"` or `"sum"`
+        renumber : the new number of each row and column; below zero: left out
+        """
+        self._renumber(renumber)
+        counts = sum((np.bincount(row, minlength=size) for row, _, _ in self._chunks), np.zeros(size, np.int64))
+        matrix = _filled(self._consume(), counts)
+        if repeated == "sum":
+            matrix.sum_duplicates()
+        else:
+            self._refuse_repeated(matrix)
+        return matrix
+
+    def symmetric(self, size: int, repeated: str = "refuse", renumber: np.ndarray | None = None) -> csr_matrix:
+        """The matrix `[size, size]` of one triangle, or one entry of each pair, in any order. Entries are used up."""
+        self._renumber(renumber)
+        counts = np.zeros(size, np.int64)
+        for row, column, _ in self._chunks:
+            off = row != column
+            counts += np.bincount(row, minlength=size) + np.bincount(column[off], minlength=size)
+        matrix = _filled(map(_mirrored, self._consume()), counts)
+        if repeated == "sum":
+            matrix.sum_duplicates()
+        else:
+            self._refuse_repeated(matrix)
+        return matrix
+
+    def either(self, size: int, renumber: np.ndarray | None = None) -> csr_matrix:
+        """The matrix `[size, size]` of a file that does not say whether it stores one triangle or both."""
+        self._renumber(renumber)
+        above = sum(int(np.count_nonzero(row < column)) for row, column, _ in self._chunks)
+        below = sum(int(np.count_nonzero(row > column)) for row, column, _ in self._chunks)
+        if above == 0 or below == 0:
+            return self.symmetric(size)
+        counts = np.zeros(size, np.int64)
+        for row, column, _ in self._chunks:
+            counts += np.bincount(np.minimum(row, column), minlength=size)
+        upper = _filled(map(_above, self._consume()), counts)
+        return _unfolded(self._folded(upper))
+
+    def _folded(self, upper: csr_matrix) -> csr_matrix:
+        """One entry of each pair: entries below the diagonal lie on their mirror images, all of them or none."""
+        again = _repeated(upper)
+        if len(again) == 0:
+            return upper
+        row = _rows_of(upper, again)
+        on_diagonal = np.flatnonzero(row == upper.indices[again])
+        thrice = np.flatnonzero(np.diff(again) == 1)
+        if len(on_diagonal) > 0 or len(thrice) > 0:
+            raise self._twice(upper, again[on_diagonal[0] if len(on_diagonal) else thrice[0]])
+        single = np.ones(upper.nnz, bool)
+        single[again] = single[again - 1] = False
+        lonely = np.flatnonzero(single)
+        lonely = lonely[_rows_of(upper, lonely) != upper.indices[lonely]]
+        if len(lonely) > 0:
+            row, column = int(_rows_of(upper, lonely[:1])[0]), int(upper.indices[lonely[0]])
+            value = f"row {row + 1}, column {column + 1} without its mirror image ({len(lonely)} such entries)"
+            raise InputError(Fault(self.path, self.key, value, "one triangle, or both of them with the same entries"))
+        first, second = upper.data[again - 1], upper.data[again]
+        worst = int(np.argmax(np.abs(first - second)))
+        if abs(first[worst] - second[worst]) > SYMMETRY_TOLERANCE * np.abs(upper.data).max():
+            column = int(upper.indices[again[worst]])
+            place = f"row {int(row[worst]) + 1}, column {column + 1}"
+            value = f"{first[worst]:.17g} against {second[worst]:.17g} at {place} and its mirror image"
+            raise InputError(Fault(self.path, self.key, value, "a symmetric matrix"))
+        upper.data[again - 1] = 0.5 * first + 0.5 * second
+        keep = np.ones(upper.nnz, bool)
+        keep[again] = False
+        removed = np.zeros(upper.nnz + 1, np.int64)
+        np.cumsum(~keep, out=removed[1:])
+        indptr = upper.indptr - removed[upper.indptr]
+        return csr_matrix((upper.data[keep], upper.indices[keep], indptr), shape=upper.shape)
+
+    def _refuse_repeated(self, matrix: csr_matrix) -> None:
+        again = _repeated(matrix)
+        if len(again) > 0:
+            raise self._twice(matrix, again[0])
+
+    def _twice(self, matrix: csr_matrix, entry: int) -> InputError:
+        row, column = int(_rows_of(matrix, np.array([entry]))[0]), int(matrix.indices[entry])
+        return InputError(Fault(self.path, self.key, f"row {row + 1}, column {column + 1} twice", "every entry once"))
+
+    def _join(self) -> None:
+        if self._pending:
+            self._chunks.append(tuple(np.concatenate(parts) for parts in zip(*self._pending, strict=True)))
+        self._pending, self._waiting = [], 0
+
+    def _renumber(self, renumber: np.ndarray | None) -> None:
+        self._join()
+        if renumber is None:
+            return
+        for k, (row, column, value) in enumerate(self._chunks):
+            row[:] = renumber[row]
+            column[:] = renumber[column]
+            keep = (row >= 0) & (column >= 0)
+            if not keep.all():
+                self._chunks[k] = (row[keep], column[keep], value[keep])
+
+    def _consume(self) -> Iterator[Chunk]:
+        self._chunks.reverse()
+        while self._chunks:
+            yield self._chunks.pop()
+
+
+def _mirrored(chunk: Chunk) -> Chunk:
+    row, column, value = chunk
+    off = row != column
+    return np.concatenate([row, column[off]]), np.concatenate([column, row[off]]), np.concatenate([value, value[off]])
+
+
+def _above(chunk: Chunk) -> Chunk:
+    row, column, value = chunk
+    return np.minimum(row, column), np.maximum(row, column), value
+
+
+def _filled(chunks: Iterable[Chunk], counts: np.ndarray) -> csr_matrix:
+    """A CSR matrix with sorted columns, repeated entries kept, from chunks with `counts` entries in each row."""
+    size, total = len(counts), int(counts.sum())
+    offsets = np.zeros(size + 1, np.int64)
+    np.cumsum(counts, out=offsets[1:])
+    indices, data = np.empty(total, np.int32), np.empty(total)
+    place = offsets[:-1].copy()
+    for row, column, value in chunks:
+        count = len(row)
+        # A matrix with one entry a row, turned into columns, is a stable counting sort.
+        by_row = csr_matrix((value, row, np.arange(count + 1)), shape=(count, size)).tocsc()
+        here = np.diff(by_row.indptr)
+        target = np.arange(count) + np.repeat(place - by_row.indptr[:-1], here)
+        indices[target] = column[by_row.indices]
+        data[target] = by_row.data
+        place += here
+    matrix = csr_matrix((size, size))
+    index = np.int32 if total < np.iinfo(np.int32).max else np.int64
+    matrix.data, matrix.indices, matrix.indptr = data, indices.astype(index, copy=False), offsets.astype(index)
+    matrix.sort_indices()
+    return matrix
+
+
+def _unfolded(upper: csr_matrix) -> csr_matrix:
+    """Both triangles of a matrix from its upper one."""
+    size = upper.shape[0]
+    on_diagonal = upper.diagonal() != 0.0
+    counts = np.diff(upper.indptr) + np.bincount(upper.indices, minlength=size) - on_diagonal
+
+    def chunks() -> Iterator[Chunk]:
+        for begin, end in row_blocks(upper):
+            part = slice(upper.indptr[begin], upper.indptr[end])
+            row = np.repeat(np.arange(begin, end, dtype=np.int32), np.diff(upper.indptr[begin : end + 1]))
+            yield _mirrored((row, upper.indices[part], upper.data[part]))
+
+    return _filled(chunks(), counts)
+
+
+def row_blocks(matrix: csr_matrix) -> Iterator[tuple[int, int]]:
+    """Ranges of rows with about a chunk of entries each."""
+    begin = 0
+    while begin < matrix.shape[0]:
+        end = int(np.searchsorted(matrix.indptr, matrix.indptr[begin] + CHUNK, side="right")) - 1
+        end = min(max(end, begin + 1), matrix.shape[0])
+        yield begin, end
+        begin = end
+
+
+def _repeated(matrix: csr_matrix) -> np.ndarray:
+    """Entries at the place of the one before; columns are sorted."""
+    found = []
+    for begin, end in row_blocks(matrix):
+        low, high = int(matrix.indptr[begin]), int(matrix.indptr[end])
+        same = matrix.indices[low + 1 : high] == matrix.indices[low : high - 1]
+        starts = matrix.indptr[begin + 1 : end] - low - 1
+        same[starts[(starts >= 0) & (starts < len(same))]] = False
+        found.append(low + 1 + np.flatnonzero(same))
+    return np.concatenate(found) if found else np.zeros(0, int)
+
+
+def _rows_of(matrix: csr_matrix, entries: np.ndarray) -> np.ndarray:
+    return np.searchsorted(matrix.indptr, entries, side="right") - 1
