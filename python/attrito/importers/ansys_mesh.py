@@ -33,7 +33,7 @@ def read_ansys_mesh(path: str | Path) -> Mesh:
     initials = block.initials()
     keywords = [k for k in np.flatnonzero(np.isin(initials, list(b"NECnec"))) if "," in block.line(k)]
     mesh, elements = None, []
-    sets: dict[str, np.ndarray] = {}
+    sets: dict[str, int] = {}
     for line in keywords:
         words = [word.strip() for word in block.line(line).upper().split(",")]
         if words[0] == "NBLOCK":
@@ -46,11 +46,11 @@ def read_ansys_mesh(path: str | Path) -> Mesh:
                 raise block.fault(line, "EBLOCK,19,SOLID: elements with the solid key")
             elements += _elements(block, line)
         elif words[0] == "CMBLOCK" and len(words) > 2 and words[2] in ("NODE", "NODES"):
-            sets[words[1]] = _component(block, line)
+            sets[words[1]] = line
     if mesh is None:
         raise block.fault(0, "an archive with NBLOCK")
     _sort_elements(mesh, elements)
-    mesh.node_sets = sets
+    mesh.node_sets = {name: _component(block, line, mesh.node_ids) for name, line in sets.items()}
     mesh.files = [Path(path)]
     check_nodes(block.path, mesh)
     return mesh
@@ -135,15 +135,15 @@ def _kind(nodes: np.ndarray) -> tuple[str | None, np.ndarray]:
     return ("C3D4", nodes[_TETRAHEDRON]) if len(nodes) == 8 else ("C3D10", nodes[_TETRAHEDRON + _TETRAHEDRON_MIDDLES])
 
 
-def _component(block: Block, line: int) -> np.ndarray:
-    """Node ids; a number below zero stands for all up to it from the one before."""
+def _component(block: Block, line: int, known: np.ndarray) -> np.ndarray:
+    """Node ids; a number below zero stands for all that there are up to it, from the one before."""
     found, lines = _section(block, line, "a component")
     count, width = int(found[1]), int(found[2])
     table = block.columns(lines, [(k * width, width) for k in range(count)], "whole numbers")
     numbers = table[~np.isnan(table)].astype(np.int64)
     if len(numbers) == 0 or numbers[0] < 0:
         raise block.fault(line, "a component with nodes")
-    parts = [numbers[numbers > 0]]
+    parts = [np.abs(numbers)]
     for k in np.flatnonzero(numbers < 0):
-        parts.append(np.arange(numbers[k - 1], -numbers[k] + 1))
+        parts.append(known[(known > numbers[k - 1]) & (known < -numbers[k])])
     return np.unique(np.concatenate(parts))

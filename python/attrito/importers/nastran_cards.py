@@ -52,8 +52,8 @@ def read_cards(path: str | Path, including: tuple[Path, ...] = ()) -> Iterator[C
         yield card
 
 
-def whole_numbers(card: Card, begin: int) -> list[int]:
-    """Node ids from a field on; `THRU` stands for those between."""
+def whole_numbers(card: Card, begin: int, known: set[int] | None = None) -> list[int]:
+    """Node ids from a field on; `THRU` stands for those between, as far as they are known."""
     numbers: list[int] = []
     words = [word for word in card.fields[begin:] if word]
     through = False
@@ -63,7 +63,8 @@ def whole_numbers(card: Card, begin: int) -> list[int]:
         elif not word.isdecimal():
             raise InputError(card.fault("whole numbers, or two with THRU between them"))
         elif through:
-            numbers += range(numbers[-1] + 1, int(word) + 1)
+            between = range(numbers[-1] + 1, int(word))
+            numbers += [k for k in between if known is None or k in known] + [int(word)]
             through = False
         else:
             numbers.append(int(word))

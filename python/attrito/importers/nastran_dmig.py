@@ -61,34 +61,39 @@ class DmigFile:
         names = [self._name]
         kind[0], column[0] = self._kind, self._column
         kind[1:] = _kinds(block, cards)
+        parsed = []
         for which, read in ((_LARGE, self._fixed_cards), (_SMALL, self._fixed_cards), (_FREE, self._free_cards)):
-            index = np.flatnonzero(kind == which)
-            index = index[index > 0]
+            index = np.flatnonzero(kind[1:] == which) + 1
             if len(index) > 0:
-                self._cards(block, cards[index - 1], index, which, read, (kind, name, column, names))
+                parsed.append((index, *read(block, cards[index - 1], which)))
+        # Headers of all kinds before columns: Nastran punches those in small fields and these in large ones.
+        for index, words, table in parsed:
+            for k in np.flatnonzero(table[:, 0] == 0.0):
+                self._header(block, cards[index[k] - 1], _name(words[k]), table[k])
+                kind[index[k]] = 0
+        for index, words, table in parsed:
+            some = table[:, 0] != 0.0
+            self._columns(block, cards, index[some], words[some], table[some], (kind, name, column, names))
         self._continuations(block, initials, letter, kind, name, column, names)
         self._kind, self._name, self._column = int(kind[-1]), names[name[-1]], int(column[-1])
 
-    def _cards(self, block, lines, index, which, read, state) -> None:
-        """Headers, and the columns that cards begin; entries on the cards themselves."""
+    def _columns(self, block, cards, index, words, table, state) -> None:
+        """Columns that cards begin, and the entries on the cards themselves."""
         kind, name, column, names = state
-        words, table = read(block, lines, which)
         labels, label_of = np.unique(words, return_inverse=True)
         base = len(names)
-        names.extend(label.decode(errors="replace").strip().upper() for label in labels)
+        names.extend(map(_name, labels))
         name[index] = base + label_of
-        header = table[:, 0] == 0.0
-        for k in np.flatnonzero(header):
-            self._header(block, lines[k], names[name[index[k]]], table[k])
-        kind[index[header]] = 0
-        unwanted = np.array([self._unwanted(block, lines, label_of, k, names[base + k]) for k in range(len(labels))])
-        kind[index[unwanted[label_of]]] = 0
-        here = np.flatnonzero(~header & ~unwanted[label_of])
-        if len(here) == 0:
+        lines = cards[index - 1]
+        unwanted = [self._unwanted(block, lines, label_of, k, names[base + k]) for k in range(len(labels))]
+        here = ~np.array(unwanted, bool)[label_of]
+        kind[index[~here]] = 0
+        if not here.any():
             return
-        node = integers(block, lines[here], table[here, 0], (1, _LARGEST), _COLUMN)
-        column[index[here]] = self.numbers.numbers(node, self._components(block, lines[here], table[here, 1], _COLUMN))
-        filled = here[~np.isnan(table[here, 3])] if table.shape[1] > 3 else here[:0]
+        index, lines, table, label_of = index[here], lines[here], table[here], label_of[here]
+        node = integers(block, lines, table[:, 0], (1, _LARGEST), _COLUMN)
+        column[index] = self.numbers.numbers(node, self._components(block, lines, table[:, 1], _COLUMN))
+        filled = np.flatnonzero(~np.isnan(table[:, 3])) if table.shape[1] > 3 else index[:0]
         for k in np.unique(label_of[filled]):
             some = filled[label_of[filled] == k]
             self._add(block, lines[some], table[some, 3:7], column[index[some]], names[base + k])
@@ -183,6 +188,10 @@ def read_dmig(path: str | Path, key: str, numbers: DofNumbers, name: str | None 
     if name is None and len(read.sources) == 1:
         return next(iter(read.sources.values()))
     raise no_such_matrix(str(path), key, name, found)
+
+
+def _name(word: bytes) -> str:
+    return word.decode(errors="replace").strip().upper()
 
 
 def _kinds(block: Block, cards: np.ndarray) -> np.ndarray:

@@ -31,7 +31,7 @@ def read_nastran_mesh(path: str | Path) -> Mesh:
     path = Path(path)
     ids, points, files = [], [], {path: None}
     elements: dict[str, list[tuple[int, list[int]]]] = {}
-    sets: dict[str, list[int]] = {}
+    sets: list[Card] = []
     skipped: dict[str, int] = {}
     for card in read_cards(path):
         files[Path(card.path)] = None
@@ -39,7 +39,7 @@ def read_nastran_mesh(path: str | Path) -> Mesh:
             ids.append(_whole(card, card.fields[0]))
             points.append(_point(card))
         elif card.name == "SET1":
-            sets.setdefault(f"set_{_whole(card, card.fields[0])}", []).extend(whole_numbers(card, 1))
+            sets.append(card)
         elif card.name in ("CTETRA", "CHEXA"):
             nodes = [_whole(card, word) for word in card.fields[2:] if word]
             if (card.name, len(nodes)) not in _KINDS:
@@ -52,7 +52,10 @@ def read_nastran_mesh(path: str | Path) -> Mesh:
     for kind, found in elements.items():
         nodes = np.array([nodes for _, nodes in found], np.int64)
         mesh.elements[kind] = (np.array([k for k, _ in found], np.int64), nodes[:, _ORDER.get(kind, slice(None))])
-    mesh.node_sets = {name: np.unique(np.array(nodes, np.int64)) for name, nodes in sets.items()}
+    known = set(ids)
+    for card in sets:
+        name, nodes = f"set_{_whole(card, card.fields[0])}", np.array(whole_numbers(card, 1, known), np.int64)
+        mesh.node_sets[name] = np.union1d(mesh.node_sets.get(name, nodes), nodes)
     mesh.skipped = [f"{count} elements {name}" for name, count in skipped.items()]
     mesh.files = list(files)
     check_nodes(str(path), mesh)
