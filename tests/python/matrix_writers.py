@@ -85,7 +85,9 @@ def write_dmig(
         columns = sparse.csc_matrix(sparse.tril(matrix) if form == 6 else matrix)
         for j in range(matrix.shape[0]):
             part = slice(columns.indptr[j], columns.indptr[j + 1])
-            entries = [(*names[i], x) for i, x in zip(columns.indices[part].tolist(), columns.data[part].tolist())]
+            entries = [
+                (*names[i], x) for i, x in zip(columns.indices[part].tolist(), columns.data[part].tolist(), strict=True)
+            ]
             if entries:
                 lines += _dmig_column(name, names[j], entries, fields)
     path.write_text("\n".join(lines) + "\n")
@@ -218,7 +220,9 @@ def write_matlab(path: Path, matrices: dict[str, object]) -> None:
 def write_cdb(path: Path, ids: np.ndarray, points: np.ndarray, elements: dict, sets: dict[str, np.ndarray]) -> None:
     """An archive of SOLID187 or SOLID186 elements with node components."""
     lines = ["/PREP7", "ET,1,187", f"NBLOCK,6,SOLID,{ids.max():9d},{len(ids):9d}", "(3i9,6e21.13e3)"]
-    lines += [f"{n:9d}{0:9d}{0:9d}" + "".join(_e3(x) for x in p) for n, p in zip(ids.tolist(), points.tolist())]
+    lines += [
+        f"{n:9d}{0:9d}{0:9d}" + "".join(_e3(x) for x in p) for n, p in zip(ids.tolist(), points.tolist(), strict=True)
+    ]
     lines.append("N,R5.3,LOC,       -1,")
     count = sum(len(numbers) for numbers, _ in elements.values())
     lines += [f"EBLOCK,19,SOLID,{count:9d},{count:9d}", "(19i9)"]
@@ -262,7 +266,10 @@ def _card(name: str, words: list) -> list[str]:
 
 
 def write_deck(path: Path, ids: np.ndarray, points: np.ndarray, elements: dict, sets: dict[str, np.ndarray]) -> None:
-    lines = ["*NODE", *(f"{n}, {x!r}, {y!r}, {z!r}" for n, (x, y, z) in zip(ids.tolist(), points.tolist()))]
+    lines = [
+        "*NODE",
+        *(f"{n}, {x!r}, {y!r}, {z!r}" for n, (x, y, z) in zip(ids.tolist(), points.tolist(), strict=True)),
+    ]
     for kind, (numbers, connectivity) in elements.items():
         lines.append(f"*ELEMENT, TYPE={kind}, ELSET=body")
         for number, nodes in zip(numbers.tolist(), connectivity.tolist(), strict=True):

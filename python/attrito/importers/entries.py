@@ -14,8 +14,11 @@ from scipy.sparse import csr_matrix
 
 from attrito.faults import Fault, InputError
 
-CHUNK = 1 << 20
-# Two triangles of a symmetric matrix agree to this part of its largest entry.
+# Entries placed into the matrix at once.
+CHUNK = 1 << 19
+# Entries of a buffer, whose arrays are so large that the C library gives them back to the system when they are freed.
+BUFFER = 9 << 20
+# Two triangles of a symmetric matrix agree to this part of their rows' diagonal, or of the matrix's largest entry.
 SYMMETRY_TOLERANCE = 1.0e-10
 
 Chunk = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -32,42 +35,56 @@ class Entries:
 
     def __init__(self, path: str, key: str):
         self.path, self.key = path, key
-        self._chunks: list[Chunk] = []
-        self._pending: list[Chunk] = []
-        self._waiting = 0
+        # Node and direction of each row, for faults, once they are known.
+        self.names: tuple[np.ndarray, np.ndarray] | None = None
+        self._buffers: list[Chunk] = []
+        self._room = 0
 
     def add(self, row: np.ndarray, column: np.ndarray, value: np.ndarray) -> None:
         """Add entries; the arrays are copied."""
         keep = value != 0.0
-        part = (row[keep].astype(np.int32), column[keep].astype(np.int32), value[keep])
-        self._pending.append(part)
-        self._waiting += len(part[0])
-        if self._waiting >= CHUNK:
-            self._join()
+        if not keep.all():
+            row, column, value = row[keep], column[keep], value[keep]
+        begin = 0
+        while begin < len(value):
+            if self._room == 0:
+                self._buffers.append((np.empty(BUFFER, np.int32), np.empty(BUFFER, np.int32), np.empty(BUFFER)))
+                self._room = BUFFER
+            count = min(self._room, len(value) - begin)
+            there, here = slice(BUFFER - self._room, BUFFER - self._room + count), slice(begin, begin + count)
+            for kept, given in zip(self._buffers[-1], (row, column, value), strict=True):
+                kept[there] = given[here]
+            self._room -= count
+            begin += count
+
+    def _chunks(self) -> Iterator[Chunk]:
+        """All entries, as views."""
+        for number, buffer in enumerate(self._buffers):
+            length = len(buffer[0]) - (self._room if number == len(self._buffers) - 1 else 0)
+            for begin in range(0, length, CHUNK):
+                part = slice(begin, min(begin + CHUNK, length))
+                yield buffer[0][part], buffer[1][part], buffer[2][part]
 
     def used(self, size: int) -> np.ndarray:
         """Which of `size` numbers occur as a row or a column, bool."""
-        self._join()
         used = np.zeros(size, bool)
-        for row, column, _ in self._chunks:
+        for row, column, _ in self._chunks():
             used[row] = True
             used[column] = True
         return used
 
     def diagonal(self, size: int) -> np.ndarray:
         """Sum of the entries on the diagonal, `[size]`."""
-        self._join()
         diagonal = np.zeros(size)
-        for row, column, value in self._chunks:
+        for row, column, value in self._chunks():
             on = row == column
             diagonal += np.bincount(row[on], value[on], minlength=size)
         return diagonal
 
     def coupled(self, size: int) -> np.ndarray:
         """Which rows have an entry off the diagonal, bool."""
-        self._join()
         coupled = np.zeros(size, bool)
-        for row, column, _ in self._chunks:
+        for row, column, _ in self._chunks():
             off = row != column
             coupled[row[off]] = True
             coupled[column[off]] = True
@@ -82,7 +99,7 @@ class Entries:
         renumber : the new number of each row and column; below zero: left out
         """
         self._renumber(renumber)
-        counts = sum((np.bincount(row, minlength=size) for row, _, _ in self._chunks), np.zeros(size, np.int64))
+        counts = sum((np.bincount(row, minlength=size) for row, _, _ in self._chunks()), np.zeros(size, np.int64))
         matrix = _filled(self._consume(), counts)
         if repeated == "sum":
             matrix.sum_duplicates()
@@ -94,7 +111,7 @@ class Entries:
         """The matrix `[size, size]` of one triangle, or one entry of each pair, in any order. Entries are used up."""
         self._renumber(renumber)
         counts = np.zeros(size, np.int64)
-        for row, column, _ in self._chunks:
+        for row, column, _ in self._chunks():
             off = row != column
             counts += np.bincount(row, minlength=size) + np.bincount(column[off], minlength=size)
         matrix = _filled(map(_mirrored, self._consume()), counts)
@@ -107,12 +124,12 @@ class Entries:
     def either(self, size: int, renumber: np.ndarray | None = None) -> csr_matrix:
         """The matrix `[size, size]` of a file that does not say whether it stores one triangle or both."""
         self._renumber(renumber)
-        above = sum(int(np.count_nonzero(row < column)) for row, column, _ in self._chunks)
-        below = sum(int(np.count_nonzero(row > column)) for row, column, _ in self._chunks)
+        above = sum(int(np.count_nonzero(row < column)) for row, column, _ in self._chunks())
+        below = sum(int(np.count_nonzero(row > column)) for row, column, _ in self._chunks())
         if above == 0 or below == 0:
             return self.symmetric(size)
         counts = np.zeros(size, np.int64)
-        for row, column, _ in self._chunks:
+        for row, column, _ in self._chunks():
             counts += np.bincount(np.minimum(row, column), minlength=size)
         upper = _filled(map(_above, self._consume()), counts)
         return _unfolded(self._folded(upper))
@@ -132,14 +149,15 @@ class Entries:
         lonely = np.flatnonzero(single)
         lonely = lonely[_rows_of(upper, lonely) != upper.indices[lonely]]
         if len(lonely) > 0:
-            row, column = int(_rows_of(upper, lonely[:1])[0]), int(upper.indices[lonely[0]])
-            value = f"row {row + 1}, column {column + 1} without its mirror image ({len(lonely)} such entries)"
+            value = f"{self._place(upper, lonely[0])} without its mirror image ({len(lonely)} such entries)"
             raise InputError(Fault(self.path, self.key, value, "one triangle, or both of them with the same entries"))
         first, second = upper.data[again - 1], upper.data[again]
-        worst = int(np.argmax(np.abs(first - second)))
-        if abs(first[worst] - second[worst]) > SYMMETRY_TOLERANCE * np.abs(upper.data).max():
-            column = int(upper.indices[again[worst]])
-            place = f"row {int(row[worst]) + 1}, column {column + 1}"
+        # Against the diagonal of both rows: one held by 1e36 must not excuse all others.
+        diagonal = np.sqrt(np.abs(upper.diagonal()))
+        scale = np.maximum(np.abs(first), diagonal[row] * diagonal[upper.indices[again]])
+        worst = int(np.argmax(np.abs(first - second) / scale))
+        if abs(first[worst] - second[worst]) > SYMMETRY_TOLERANCE * scale[worst]:
+            place = self._place(upper, again[worst])
             value = f"{first[worst]:.17g} against {second[worst]:.17g} at {place} and its mirror image"
             raise InputError(Fault(self.path, self.key, value, "a symmetric matrix"))
         upper.data[again - 1] = 0.5 * first + 0.5 * second
@@ -156,29 +174,45 @@ class Entries:
             raise self._twice(matrix, again[0])
 
     def _twice(self, matrix: csr_matrix, entry: int) -> InputError:
-        row, column = int(_rows_of(matrix, np.array([entry]))[0]), int(matrix.indices[entry])
-        return InputError(Fault(self.path, self.key, f"row {row + 1}, column {column + 1} twice", "every entry once"))
+        return InputError(Fault(self.path, self.key, f"{self._place(matrix, entry)} twice", "every entry once"))
 
-    def _join(self) -> None:
-        if self._pending:
-            self._chunks.append(tuple(np.concatenate(parts) for parts in zip(*self._pending, strict=True)))
-        self._pending, self._waiting = [], 0
+    def _place(self, matrix: csr_matrix, entry: int) -> str:
+        row, column = int(_rows_of(matrix, np.array([entry]))[0]), int(matrix.indices[entry])
+        if self.names is None:
+            return f"row {row + 1}, column {column + 1}"
+        node, direction = self.names
+        return f"node {node[row]} direction {direction[row]}, node {node[column]} direction {direction[column]}"
 
     def _renumber(self, renumber: np.ndarray | None) -> None:
-        self._join()
         if renumber is None:
             return
-        for k, (row, column, value) in enumerate(self._chunks):
-            row[:] = renumber[row]
-            column[:] = renumber[column]
-            keep = (row >= 0) & (column >= 0)
-            if not keep.all():
-                self._chunks[k] = (row[keep], column[keep], value[keep])
+        for k, buffer in enumerate(self._buffers):
+            length = len(buffer[0]) - (self._room if k == len(self._buffers) - 1 else 0)
+            done = 0
+            for begin in range(0, length, CHUNK):
+                part = slice(begin, min(begin + CHUNK, length))
+                row, column = renumber[buffer[0][part]], renumber[buffer[1][part]]
+                keep = (row >= 0) & (column >= 0)
+                there = slice(done, done + np.count_nonzero(keep))
+                for kept, given in zip(buffer, (row, column, buffer[2][part]), strict=True):
+                    kept[there] = given[keep]
+                done = there.stop
+            # The last buffer says how full it is by its room, the others by their length.
+            if k == len(self._buffers) - 1:
+                self._room = len(buffer[0]) - done
+            else:
+                self._buffers[k] = tuple(array[:done] for array in buffer)
 
     def _consume(self) -> Iterator[Chunk]:
-        self._chunks.reverse()
-        while self._chunks:
-            yield self._chunks.pop()
+        """All entries, chunk by chunk; a buffer is let go with its last chunk."""
+        self._buffers.reverse()
+        while self._buffers:
+            row, column, value = self._buffers.pop()
+            length = len(row) - (self._room if not self._buffers else 0)
+            for begin in range(0, length, CHUNK):
+                part = slice(begin, min(begin + CHUNK, length))
+                yield row[part], column[part], value[part]
+            del row, column, value
 
 
 def _mirrored(chunk: Chunk) -> Chunk:

@@ -83,7 +83,7 @@ def _header(path: str, key: str) -> tuple[int, str, int, list[_Section]]:
         rows, columns, entries = (int(word) for word in lines[2][3:].split()[:3])
         formats = [_format(lines[3][:16]), _format(lines[3][16:32]), _format(lines[3][32:52])]
         counts = (cards[1], cards[2], cards[3])
-    except (ValueError, IndexError, AttributeError):
+    except (ValueError, IndexError, TypeError):
         expected = "a Harwell-Boeing header: numbers of lines, type and size, formats"
         raise refuse(path, f"{key}, lines 2 to 4", lines[1:4], expected) from None
     if rows != columns or rows < 1:

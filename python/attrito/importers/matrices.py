@@ -63,7 +63,7 @@ def assemble(
     else:
         renumber = np.where(keep, np.cumsum(keep) - 1, -1).astype(np.int32)
         node, direction = dofs[0][keep], dofs[1][keep]
-    matrices = {name: source.assembled(len(node), renumber) for name, source in sources.items()}
+    matrices = {name: source.assembled(len(node), renumber, (node, direction)) for name, source in sources.items()}
     return Matrices(matrices, node, direction, notes)
 
 

@@ -115,5 +115,5 @@ def read_matrix(source: str | Path | list[list[float]], key: str, file: str = "j
     if read.numbers is None:
         return read.assembled()
     used = read.rows(len(numbers)).used
-    renumber, _, _ = numbers.order(used)
-    return read.assembled(int(np.count_nonzero(used)), renumber)
+    renumber, *names = numbers.order(used)
+    return read.assembled(int(np.count_nonzero(used)), renumber, tuple(names))

@@ -56,10 +56,22 @@ class Source:
         diagonal = self.matrix.diagonal()
         return Rows(diagonal, count > 0, count > (diagonal != 0.0))
 
-    def assembled(self, size: int | None = None, renumber: np.ndarray | None = None) -> csr_matrix:
-        """The matrix, both triangles; the entries are used up."""
+    def assembled(
+        self,
+        size: int | None = None,
+        renumber: np.ndarray | None = None,
+        names: tuple[np.ndarray, np.ndarray] | None = None,
+    ) -> csr_matrix:
+        """The matrix, both triangles; the entries are used up.
+
+        Parameters
+        ----------
+        size, renumber : where the rows go: how many they become, and the new number of each (below zero: left out)
+        names : node and direction of each row, for faults
+        """
         if self.entries is None:
             return self.matrix if renumber is None else self.matrix[renumber >= 0][:, renumber >= 0]
+        self.entries.names = names
         size = self.size if size is None else size
         if self.storage == "either":
             return self.entries.either(size, renumber)
@@ -70,11 +82,13 @@ class Source:
 
 def integers(block: Block, lines: np.ndarray, values: np.ndarray, bounds: tuple[int, int], expected: str) -> np.ndarray:
     """Whole numbers within bounds, int64, out of a column of a table; the fault quotes the first line at fault."""
-    # A comparison with NaN is false: an empty field is at fault.
-    good = (values >= bounds[0]) & (values <= bounds[1]) & (values == np.floor(values))
-    if not good.all():
+    with np.errstate(invalid="ignore"):
+        whole = values.astype(np.int64)
+    # An empty field, NaN, equals nothing.
+    if len(whole) and (not np.array_equal(whole, values) or whole.min() < bounds[0] or whole.max() > bounds[1]):
+        good = (values >= bounds[0]) & (values <= bounds[1]) & (values == np.floor(values))
         raise block.fault(lines[int(np.argmin(good))], expected)
-    return values.astype(np.int64)
+    return whole
 
 
 def refuse(path: str, key: str, value: object, expected: str) -> InputError:

@@ -78,10 +78,12 @@ class Block:
     def records(self, lines: np.ndarray, fields: int, expected: str) -> tuple[np.ndarray, np.ndarray]:
         """Numbers `[records, fields]` of lines that hold so many of them, and these lines; blank lines are left out."""
         table = self.separated(lines, fields, expected)
-        filled = ~np.isnan(table[:, 0])
-        if not filled.all():
+        # One NaN makes the sum NaN; most blocks have none.
+        if np.isnan(table.sum()):
+            filled = ~np.isnan(table[:, 0])
             table, lines = table[filled], lines[filled]
-        return self.complete(table, lines, expected), lines
+            self.complete(table, lines, expected)
+        return table, lines
 
     def complete(self, table: np.ndarray, lines: np.ndarray, expected: str) -> np.ndarray:
         """The table, if every line filled all its fields."""
