@@ -1,6 +1,6 @@
 """What readers of large matrix files cost: entries a second and peak memory, each format in a process of its own.
 
-The matrix has `--dofs` rows with `--band` entries each in one triangle, in runs of three as nodes of three dofs make them.
+The matrix has `--dofs` rows with `--band` entries each in one triangle, in runs of three, as nodes of three dofs make.
 An entry is one that the file holds: one triangle, but for OUTPUT4, which holds both. CPU time of reading is that of
 turning the file into entries; assembling makes the matrix of both triangles of them. Peak memory is that above what the
 process needed before, relative to the finished matrix.
@@ -19,7 +19,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
-from common import progress, report
 
 LINES = 200_000
 
@@ -53,12 +52,14 @@ def filled(form: str, *arrays: np.ndarray) -> str:
 
 
 def write_calculix(path: Path, dofs: int, band: int) -> None:
+    """Lines `row column value` of the upper triangle."""
     with path.open("w") as file:
         for row, column, value in columns(dofs, band):
             file.write(filled("%d %d %.13e\n", column + 1, row + 1, value))
 
 
 def write_abaqus(path: Path, dofs: int, band: int) -> None:
+    """FORMAT=MATRIX INPUT, one triangle."""
     with path.open("w") as file:
         for row, column, value in columns(dofs, band):
             names = (row // 3 + 1, row % 3 + 1, column // 3 + 1, column % 3 + 1)
@@ -66,6 +67,7 @@ def write_abaqus(path: Path, dofs: int, band: int) -> None:
 
 
 def write_matrix_market(path: Path, dofs: int, band: int) -> None:
+    """The lower triangle, 17 digits."""
     count = sum(len(row) for row, _, _ in columns(dofs, band))
     with path.open("w") as file:
         file.write(f"%%MatrixMarket matrix coordinate real symmetric\n{dofs} {dofs} {count}\n")
@@ -90,6 +92,7 @@ def write_harwell_boeing(path: Path, dofs: int, band: int) -> None:
 
 
 def write_punch(path: Path, dofs: int, band: int) -> None:
+    """DMIG in large fields, form 6."""
     with path.open("w") as file:
         file.write(f"DMIG    KAAX    {0:8d}{6:8d}{2:8d}{0:8d}{'':16s}{dofs:8d}\n")
         for row, column, value in columns(dofs, band):
@@ -110,6 +113,7 @@ def runs(row: np.ndarray, column: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def write_output4_text(path: Path, dofs: int, band: int) -> None:
+    """Bigmat, both triangles."""
     with path.open("w") as file:
         file.write(f"{dofs:8d}{-dofs:8d}{6:8d}{2:8d}{'KAA':8s}1P,3E23.16\n")
         for row, column, value in columns(dofs, band, both=True):
@@ -129,6 +133,8 @@ def write_output4_text(path: Path, dofs: int, band: int) -> None:
 
 
 def write_output4_binary(path: Path, dofs: int, band: int) -> None:
+    """Bigmat, both triangles."""
+
     def record(data: bytes) -> bytes:
         mark = np.int32(len(data)).tobytes()
         return mark + data + mark
@@ -199,6 +205,7 @@ def _resident() -> int:
 
 
 def main() -> None:
+    """Write a file of each format, read it in a process of its own, and report."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--dofs", type=int, default=300_000)
     parser.add_argument("--band", type=int, default=40, help="entries a row in one triangle")
@@ -208,6 +215,9 @@ def main() -> None:
     if options.file:
         print(json.dumps(measure(options.file)))
         return
+    # Not above: with MPI under way, freed memory stays with the process that is measured, unlike in `attrito import`.
+    from common import progress, report
+
     results = {}
     for name in options.formats:
         write, file = FORMATS[name]

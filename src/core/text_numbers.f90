@@ -229,8 +229,10 @@ contains
     if (found) return
     place = begin
     select case (text(place))
-    case ("e", "E", "d", "D")
+     case ("e", "E", "d", "D")
       place = place + 1
+    case default
+      ! A bare sign follows, or nothing that belongs to a number.
     end select
     if (place > right) return
     negative = text(place) == "-"
@@ -309,9 +311,9 @@ contains
     logical :: blank
 
     select case (iachar(letter))
-    case (9, 13, 32)
+     case (9, 13, 32)
       blank = .true.
-    case default
+     case default
       blank = .false.
     end select
   end function is_blank
