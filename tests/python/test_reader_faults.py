@@ -74,7 +74,7 @@ TWINS = {
     "Abaqus: triangles that differ": (
         STIF,
         lambda text: text + "12,2, 1000,1, -1.1\n",
-        "-1 against -1.1000000000000001 at node 12 direction 2, node 1000 direction 1 and its mirror",
+        "-1.1000000000000001 against -1 at node 12 direction 2, node 1000 direction 1 and its mirror",
         "a symmetric matrix",
     ),
     "Abaqus: half of a triangle twice": (

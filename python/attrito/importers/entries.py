@@ -95,7 +95,7 @@ class Entries:
 
         Parameters
         ----------
-        repeated : what to do with an entry that occurs again: `"refuse"` or `"sum"`
+        repeated : what to do with an entry that occurs again: `"refuse"`, `"sum"` or `"keep"`
         renumber : the new number of each row and column; below zero: left out
         """
         self._renumber(renumber)
@@ -103,7 +103,7 @@ class Entries:
         matrix = _filled(self._consume(), counts)
         if repeated == "sum":
             matrix.sum_duplicates()
-        else:
+        elif repeated == "refuse":
             self._refuse_repeated(matrix)
         return matrix
 
@@ -128,10 +128,14 @@ class Entries:
         below = sum(int(np.count_nonzero(row > column)) for row, column, _ in self._chunks())
         if above == 0 or below == 0:
             return self.symmetric(size)
+        matrix = self.full(size, repeated="keep")
+        if above == below and looks_symmetric(matrix) and len(_repeated(matrix)) == 0:
+            return matrix
         counts = np.zeros(size, np.int64)
-        for row, column, _ in self._chunks():
+        for row, column, _ in _rows(matrix):
             counts += np.bincount(np.minimum(row, column), minlength=size)
-        upper = _filled(map(_above, self._consume()), counts)
+        upper = _filled(map(_above, _rows(matrix)), counts)
+        del matrix
         return _unfolded(self._folded(upper))
 
     def _folded(self, upper: csr_matrix) -> csr_matrix:
@@ -255,13 +259,35 @@ def _unfolded(upper: csr_matrix) -> csr_matrix:
     on_diagonal = upper.diagonal() != 0.0
     counts = np.diff(upper.indptr) + np.bincount(upper.indices, minlength=size) - on_diagonal
 
-    def chunks() -> Iterator[Chunk]:
-        for begin, end in row_blocks(upper):
-            part = slice(upper.indptr[begin], upper.indptr[end])
-            row = np.repeat(np.arange(begin, end, dtype=np.int32), np.diff(upper.indptr[begin : end + 1]))
-            yield _mirrored((row, upper.indices[part], upper.data[part]))
+    return _filled(map(_mirrored, _rows(upper)), counts)
 
-    return _filled(chunks(), counts)
+
+def _rows(matrix: csr_matrix) -> Iterator[Chunk]:
+    """Entries of a matrix, some rows at a time."""
+    for begin, end in row_blocks(matrix):
+        part = slice(matrix.indptr[begin], matrix.indptr[end])
+        row = np.repeat(np.arange(begin, end, dtype=np.int32), np.diff(matrix.indptr[begin : end + 1]))
+        yield row, matrix.indices[part], matrix.data[part]
+
+
+def looks_symmetric(matrix: csr_matrix) -> bool:
+    """Whether mirror images agree, to half of the tolerance of the largest entry of their row.
+
+    Told by A x - A^T x for two random x, which costs no copy of the matrix. With 1 <= |x_j| <= 2 a single pair of
+    entries that differ by d shows as d or more, several can hardly cancel in both; rounding is some 1e-14 of the row.
+    """
+    largest = np.zeros(matrix.shape[0])
+    for begin, end in row_blocks(matrix):
+        rows = begin + np.flatnonzero(np.diff(matrix.indptr[begin : end + 1]))
+        low, high = matrix.indptr[begin], matrix.indptr[end]
+        if len(rows) > 0:
+            largest[rows] = np.maximum.reduceat(np.abs(matrix.data[low:high]), matrix.indptr[rows] - low)
+    random = np.random.default_rng(0)
+    for _ in range(2):
+        probe = random.uniform(1.0, 2.0, matrix.shape[0]) * random.choice([-1.0, 1.0], matrix.shape[0])
+        if np.any(np.abs(matrix @ probe - matrix.T @ probe) > 0.5 * SYMMETRY_TOLERANCE * largest):
+            return False
+    return True
 
 
 def row_blocks(matrix: csr_matrix) -> Iterator[tuple[int, int]]:

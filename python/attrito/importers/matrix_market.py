@@ -13,7 +13,7 @@ from attrito.importers.source import Source, integers, refuse
 from attrito.importers.text import read_text
 
 HEADER = b"%%MatrixMarket"
-ENTRY = "row, column and value"
+ENTRY = "row, column and value, finite numbers"
 
 
 def read_matrix_market(path: str | Path, key: str) -> Source:
