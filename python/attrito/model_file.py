@@ -62,7 +62,7 @@ class Model:
     @property
     def has_mesh(self) -> bool:
         """Whether the dofs belong to nodes of a mesh."""
-        return self.node_ids is not None
+        return self.node_ids is not None and self.names_dofs
 
     @property
     def names_dofs(self) -> bool:
