@@ -465,7 +465,9 @@ MODEL = [
     Case(
         "a node on a model without mesh",
         put("load", 0, dofs=[[["node", 812, "x"], 1.0]]),
-        ('job.toml: load[0] dofs = \'["node", 812, "x"]\': expected a dof\'s number, since the model does not name its nodes',),
+        (
+            'job.toml: load[0] dofs = \'["node", 812, "x"]\': expected a dof\'s number, since the model does not name its nodes',
+        ),
     ),
     Case(
         "a contact row of zeros",
