@@ -466,7 +466,8 @@ MODEL = [
         "a node on a model without mesh",
         put("load", 0, dofs=[[["node", 812, "x"], 1.0]]),
         (
-            'job.toml: load[0] dofs = \'["node", 812, "x"]\': expected a dof\'s number, since the model does not name its nodes',
+            'job.toml: load[0] dofs = \'["node", 812, "x"]\': expected a dof\'s number, since the model does not '
+            "name its nodes",
         ),
     ),
     Case(
