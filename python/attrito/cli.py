@@ -77,10 +77,15 @@ def _parser() -> argparse.ArgumentParser:
     one = commands.add_parser("import", help="matrices and mesh of another program -> model.h5")
     one.add_argument("output", help="model file to write")
     one.add_argument("--calculix", metavar="JOB", help="CalculiX's JOB.sti, JOB.mas and JOB.dof")
-    one.add_argument("--mesh", help="CalculiX or Abaqus deck with nodes, elements and node sets")
+    one.add_argument("--abaqus", metavar="JOB", help="Abaqus's JOB_STIF1.mtx, JOB_MASS1.mtx (and JOB_DMPV1.mtx)")
+    one.add_argument("--nastran", metavar="FILE", help="Nastran's punch (DMIG) or OUTPUT4 file with K..., M..., B...")
+    one.add_argument("--mesh", help="nodes, elements, node sets: .inp, ANSYS archive (.cdb), Nastran bulk data (.bdf)")
     for name in ("stiffness", "mass", "damping"):
-        one.add_argument(f"--{name}", metavar="FILE", help=f"{name} matrix: Matrix Market or PETSc binary")
-    one.add_argument("--dofs", metavar="FILE", help="one line node.direction for each row of the matrices")
+        what = "Matrix Market, PETSc, npz, .mat, Harwell-Boeing, .mtx of Abaqus, DMIG, OUTPUT4"
+        one.add_argument(f"--{name}", metavar="FILE[:NAME]", help=f"{name} matrix: {what}")
+    one.add_argument(
+        "--dofs", metavar="FILE", help="what each row is: lines node.direction, ANSYS's mapping file, or ASET cards"
+    )
     one.set_defaults(work=_import)
 
     one = commands.add_parser("reduce", help="the job's model -> rom.h5 (attrito run does it too)")
@@ -136,6 +141,8 @@ def _import(options: argparse.Namespace) -> None:
     _, notes = import_model(
         options.output,
         calculix_job=options.calculix,
+        abaqus_job=options.abaqus,
+        nastran_file=options.nastran,
         mesh=options.mesh,
         stiffness=options.stiffness,
         mass=options.mass,

@@ -121,9 +121,10 @@ def node_motion(field: np.ndarray, model: Model) -> Motion:
     order, sampled to find the highest hump, then climbed by Newton's method.
     """
     order = np.argsort(model.node_ids)
-    node = order[np.searchsorted(model.node_ids, model.dof_node, sorter=order)]
+    moves = model.dof_direction <= 3
+    node = order[np.searchsorted(model.node_ids, model.dof_node[moves], sorter=order)]
     harmonics = np.zeros((field.shape[1], len(model.node_ids), 3))
-    harmonics[:, node, np.asarray(model.dof_direction, dtype=int) - 1] = field.T
+    harmonics[:, node, np.asarray(model.dof_direction[moves], dtype=int) - 1] = field[moves].T
     amplitude, phase = np.zeros(len(model.node_ids)), np.zeros(len(model.node_ids))
     moving = np.flatnonzero(np.any(harmonics[1:] != 0, axis=(0, 2)))
     samples = 32 * max(1, field.shape[1] // 2)

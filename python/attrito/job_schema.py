@@ -15,7 +15,8 @@ Check = Callable[[Any], Any]
 
 # Integers cross to the library as 32 bits.
 LARGEST_INTEGER = 2**31 - 1
-DIRECTIONS = {"x": 1, "y": 2, "z": 3}
+# Displacements along the axes, and rotations about them.
+DIRECTIONS = {"x": 1, "y": 2, "z": 3, "rx": 4, "ry": 5, "rz": 6}
 
 
 @dataclass(frozen=True)

@@ -36,8 +36,9 @@ class Model:
     ----------
     stiffness, mass, damping : `[n, n]`, both triangles; damping may be absent; all None where a file was read
         without its matrices
-    dof_node, dof_direction : `[n]`, node id and direction (1, 2, 3 for x, y, z) of each dof; None without a mesh
-    node_ids, coordinates : `[N]` and `[N, 3]`, user length
+    dof_node, dof_direction : `[n]`, node id and direction of each dof (1, 2, 3 for displacements along x, y, z; 4, 5, 6
+        for rotations about them); None where dofs are only numbered
+    node_ids, coordinates : `[N]` and `[N, 3]`, user length; None without a mesh
     elements : for each type its ids `[E]` and its connectivity `[E, k]` (node ids, CalculiX order)
     node_sets : for each name its node ids, ascending
     size : number of dofs n; taken from the stiffness matrix when there is one
@@ -61,7 +62,26 @@ class Model:
     @property
     def has_mesh(self) -> bool:
         """Whether the dofs belong to nodes of a mesh."""
+        return self.node_ids is not None and self.names_dofs
+
+    @property
+    def names_dofs(self) -> bool:
+        """Whether dofs have a node and a direction, with a mesh or without."""
         return self.dof_node is not None
+
+    def knows_node(self, node: int) -> bool:
+        """Whether there is a node of this id."""
+        ids = self.node_ids if self.has_mesh else self.dof_node
+        return ids is not None and bool(np.any(ids == node))
+
+    def on_dofs(self, field: np.ndarray) -> np.ndarray:
+        """A vector field on the nodes, `[N, 3]`, as a vector on the dofs, `[n]`; zero on rotations."""
+        order = np.argsort(self.node_ids)
+        place = order[np.searchsorted(self.node_ids, self.dof_node, sorter=order)]
+        moves = self.dof_direction <= 3
+        values = np.zeros(len(self.dof_node))
+        values[moves] = field[place[moves], self.dof_direction[moves] - 1]
+        return values
 
 
 def write_model(path: str | Path, model: Model, source: Sequence[str | Path]) -> None:
@@ -102,14 +122,17 @@ def _fill(file: h5py.File, model: Model, source: Sequence[str | Path]) -> None:
     for name, (description, unit) in MATRICES.items():
         matrix = getattr(model, name)
         if matrix is not None:
-            matrix = matrix.tocsr(copy=True)
-            matrix.sum_duplicates()  # sorts the columns, too
+            if not matrix.has_canonical_format:
+                matrix = matrix.tocsr(copy=True)
+                matrix.sum_duplicates()  # sorts the columns, too
             put(f"{name}/row_offsets", matrix.indptr, np.int64, f"{description}, CSR: first entry of each row, from 0")
             put(f"{name}/columns", matrix.indices, np.int32, f"{description}, CSR: column of each entry, from 0")
             put(f"{name}/values", matrix.data, np.float64, f"{description}, CSR: value of each entry", unit)
-    if model.has_mesh:
+    if model.names_dofs:
         put("dofs/node", model.dof_node, np.int64, "node id of each dof")
-        put("dofs/direction", model.dof_direction, np.int8, "direction of each dof: 1, 2, 3 for x, y, z")
+        described = "direction of each dof: 1, 2, 3 for x, y, z; 4, 5, 6 for rotations about x, y, z"
+        put("dofs/direction", model.dof_direction, np.int8, described)
+    if model.has_mesh:
         put("nodes/id", model.node_ids, np.int64, "node ids")
         put("nodes/coordinates", model.coordinates, np.float64, "node coordinates x, y, z", "user length")
     for kind, (ids, connectivity) in model.elements.items():
@@ -180,6 +203,8 @@ class _Reader:
         model = Model(read.get("stiffness"), read.get("mass"), read.get("damping"), size=size)
         if "dofs" in self.file:
             self.dofs(model)
+        if "nodes" in self.file:
+            self.nodes(model)
             self.mesh(model)
         if self.faults:
             raise InputError(*self.faults)
@@ -187,14 +212,18 @@ class _Reader:
 
     def dofs(self, model: Model) -> None:
         model.dof_node, model.dof_direction = self.array("dofs/node", 1), self.array("dofs/direction", 1)
-        model.node_ids, model.coordinates = self.array("nodes/id", 1), self.array("nodes/coordinates", 2)
-        nodes, directions, shape = len(model.dof_node), len(model.dof_direction), model.coordinates.shape
-        expected = (len(model.node_ids), 3)
+        nodes, directions = len(model.dof_node), len(model.dof_direction)
         self.expect(nodes == model.size, "dofs/node", f"{nodes} nodes", f"one node for each of {model.size} dofs")
         self.expect(directions == model.size, "dofs/direction", f"{directions} directions", f"{model.size} directions")
-        self.expect(np.isin(model.dof_direction, (1, 2, 3)).all(), "dofs/direction", "others", "1, 2 or 3 only")
+        known = np.isin(model.dof_direction, range(1, 7)).all()
+        self.expect(known, "dofs/direction", "others", "1, 2, 3 (displacements) or 4, 5, 6 (rotations) only")
+
+    def nodes(self, model: Model) -> None:
+        model.node_ids, model.coordinates = self.array("nodes/id", 1), self.array("nodes/coordinates", 2)
+        shape, expected = model.coordinates.shape, (len(model.node_ids), 3)
         self.expect(shape == expected, "nodes/coordinates", f"shape {shape}", f"shape {expected}")
-        self.known(model.dof_node, "dofs/node", model.node_ids)
+        if model.names_dofs:
+            self.known(model.dof_node, "dofs/node", model.node_ids)
 
     def mesh(self, model: Model) -> None:
         for kind in self.file.get("elements", ()):

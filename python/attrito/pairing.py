@@ -285,7 +285,9 @@ def contact_rows(pairs: Pairs, model: Model) -> csr_matrix:
     """
     nodes, index = np.unique(model.dof_node, return_inverse=True)
     dof = np.full((len(nodes), 3), -1)
-    dof[index, np.asarray(model.dof_direction, dtype=int) - 1] = np.arange(len(model.dof_node))
+    # Rotations of shells and beams take no part: contacts lie on nodes.
+    moves = model.dof_direction <= 3
+    dof[index[moves], np.asarray(model.dof_direction[moves], dtype=int) - 1] = np.flatnonzero(moves)
     directions = pairs.frame[:, [0, 2] if pairs.tangents == 1 else [0, 1, 2]]
     per_contact = directions.shape[1]
     row = np.broadcast_to(np.arange(len(pairs.node_a) * per_contact).reshape(-1, per_contact, 1), directions.shape)

@@ -108,8 +108,8 @@ def run_job(comm: Comm, path: str) -> str:
         )
     if outcomes["no_period_one_orbit"]:
         complaints.append(
-            f"{outcomes['no_period_one_orbit']} point(s) without an orbit of the excitation's period, by motion in time too"
-            " (it walks, bounces or takes several periods); they are in the file with outcome no_period_one_orbit"
+            f"{outcomes['no_period_one_orbit']} point(s) without an orbit of the excitation's period, by motion in time"
+            " too (it walks, bounces or takes several periods); they are in the file with outcome no_period_one_orbit"
         )
     if complaints:
         raise NumericsError(f"{result}: " + "; ".join(complaints))

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.sparse import csr_matrix, vstack
 
 from attrito.faults import Fault, InputError
-from attrito.importers import check_matrices, read_matrix
+from attrito.importers import check_matrices, read_matrices
 from attrito.job import Job
 from attrito.job_schema import DIRECTIONS
 from attrito.model_file import Model, read_model
@@ -91,14 +91,15 @@ def load_model(job: Job) -> Model:
         model = read_model(path)
         where: Any = path
     else:
-        matrices: dict[str, csr_matrix | None] = {}
-        where = {}
+        sources, where = {}, {}
         for name in ("stiffness", "mass", "damping"):
             source = keys[name]
             where[name] = job.file(source) if isinstance(source, str) else f"{job.path}: [model]"
-            source = job.file(source) if isinstance(source, str) else source
-            matrices[name] = None if source is None else read_matrix(source, f"[model] {name}", job.path)
-        model = Model(**matrices)
+            if source is not None:
+                sources[name] = job.file(source) if isinstance(source, str) else source
+        parts = read_matrices(sources, "[model] {}", job.path)
+        model = Model(parts.matrices["stiffness"], parts.matrices["mass"], parts.matrices.get("damping"))
+        model.dof_node, model.dof_direction = parts.node, parts.direction
     faults = check_matrices(model.stiffness, model.mass, model.damping, where)
     if model.damping is not None:
         faults += [
@@ -131,8 +132,8 @@ class _Places:
             return None
         _, node, direction = place
         shown = json.dumps(place)
-        if not self.model.has_mesh:
-            self.add(key, shown, "a dof's number, since the model has no mesh")
+        if not self.model.names_dofs:
+            self.add(key, shown, "a dof's number, since the model does not name its nodes")
             return None
         if isinstance(node, str):
             nodes = self.model.node_sets.get(node, np.array([], dtype=int))
@@ -143,7 +144,7 @@ class _Places:
             node = int(nodes[0])
         found = self.dofs.get((node, DIRECTIONS[direction]))
         if found is None:
-            known = np.any(self.model.node_ids == node)
+            known = self.model.knows_node(node)
             self.add(key, shown, "a free dof (this one is held)" if known else "a node of the model")
         return found
 
@@ -164,7 +165,7 @@ class _Places:
             key = f"[reduction] boundary[{i}]"
             if isinstance(name, str) and name in self.model.node_sets:
                 nodes.append(self.model.node_sets[name])
-            elif isinstance(name, int) and self.model.has_mesh and np.any(self.model.node_ids == name):
+            elif isinstance(name, int) and self.model.knows_node(name):
                 nodes.append(np.array([name]))
             else:
                 self.add(key, name, "a node set or node of the model: " + (", ".join(self.model.node_sets) or "none"))
@@ -257,9 +258,7 @@ def _centrifugal(model: Model, load: dict[str, Any], places: _Places, key: str) 
     axis = np.array(load["axis_direction"]) / np.linalg.norm(load["axis_direction"])
     offset = model.coordinates - np.array(load["axis_point"])
     radius = offset - np.outer(offset @ axis, axis)
-    place = np.searchsorted(model.node_ids, model.dof_node, sorter=(order := np.argsort(model.node_ids)))
-    values = radius[order[place], model.dof_direction - 1]
-    return (2.0 * np.pi * load["speed_hz"]) ** 2 * (model.mass @ values)
+    return (2.0 * np.pi * load["speed_hz"]) ** 2 * (model.mass @ model.on_dofs(radius))
 
 
 def _vector_from_file(job: Job, name: str, size: int, key: str) -> np.ndarray:

@@ -2,8 +2,8 @@
 !> force in steps.
 !>
 !> Newton's method is the hard part at the onset of gross slip. Motion in time that goes the same way every period says that there is
-!> no orbit to look for; what has not settled after all of its starts says that it came to none. Nothing is dropped in silence: what fails leaves the solver where
-!> it was, with a report that says so.
+!> no orbit to look for; what has not settled after all of its starts says that it came to none. Nothing is dropped in silence: what
+!> fails leaves the solver where it was, with a report that says so.
 module attrito_continuation_cascade
   use attrito_core_kinds, only: wp
   use attrito_continuation_solver, only: solver_type

@@ -125,3 +125,11 @@ def test_a_block_shaken_upright_sticks_until_contacts_open():
     assert found["up"][0]["stuck"] == 10
     assert found["down"][0]["slipping"] > 0
     assert found["orbits"] == {"up": [], "down": []}
+
+
+def test_every_format_of_matrix_files_reads_to_the_same_matrix():
+    found = run("readers.py", "--dofs", "300", "--band", "10")["formats"]
+    assert len(found) == 7
+    # Each row has 40 on its diagonal, and no file lacks an entry.
+    assert {round(row["trace"], 6) for row in found.values()} == {300 * 40.0}
+    assert len({row["matrix_megabytes"] for row in found.values()}) == 1

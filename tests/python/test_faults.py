@@ -373,7 +373,7 @@ MODEL = [
     Case(
         "a matrix file that holds no matrix",
         put("model", mass="job.toml.bak"),
-        ("job.toml: [model] mass = 'job.toml.bak': expected a Matrix Market or a PETSc binary file",),
+        ("job.toml: [model] mass = 'job.toml.bak': expected a matrix file: Matrix Market, PETSc binary",),
     ),
     Case(
         "a truncated Matrix Market file",
@@ -398,7 +398,7 @@ MODEL = [
     Case(
         "NaN in a matrix file",
         put("model", stiffness="nan.mtx"),
-        ("nan.mtx: stiffness = 'nan at row 1, column 1 (dof 1, dof 1)': expected finite numbers",),
+        ("nan.mtx: line 5 = '2 2 nan': expected row, column and value, finite numbers",),
     ),
     Case(
         "sizes that do not match",
@@ -475,7 +475,10 @@ MODEL = [
     Case(
         "a node on a model without mesh",
         put("load", 0, dofs=[[["node", 812, "x"], 1.0]]),
-        ('job.toml: load[0] dofs = \'["node", 812, "x"]\': expected a dof\'s number, since the model has no mesh',),
+        (
+            'job.toml: load[0] dofs = \'["node", 812, "x"]\': expected a dof\'s number, since the model does not '
+            "name its nodes",
+        ),
     ),
     Case(
         "a contact row of zeros",
@@ -802,7 +805,7 @@ def test_what_a_result_does_not_hold_is_told(folder, capfd, wedge_result, argume
     [
         (["--stiffness", "K.mtx"], "import: mass = 'missing': expected a matrix file"),
         (["--stiffness", "K.mtx", "--mass", "M.mtx"], "import: mass = 'M.mtx': expected a file that can be read"),
-        (["--stiffness", "nan.mtx", "--mass", "K.mtx"], "nan.mtx: stiffness = 'nan at row 1, column 1"),
+        (["--stiffness", "nan.mtx", "--mass", "K.mtx"], "nan.mtx: line 5 = '2 2 nan'"),
         (["--stiffness", "large.mtx", "--mass", "K.mtx"], "K.mtx: mass = '2 x 2': expected the size of the stiffness"),
         (["--calculix", "blade", "--mesh", "blade.inp"], "blade.dof: file = "),
         (["--calculix", "blade"], "import: mesh = 'missing': expected a file that goes with dofs"),

@@ -16,7 +16,7 @@ from scipy.sparse.linalg import eigsh
 
 from attrito.faults import InputError
 from attrito.importers import check_matrices, import_model, read_matrix, read_mesh
-from attrito.importers.calculix import read_dofs
+from attrito.importers.dof_file import read_dof_file
 from attrito.model_file import read_model
 
 DATA = Path(__file__).parent / "data"
@@ -346,12 +346,12 @@ TETRA_LINES = "*ELEMENT, TYPE=C3D4\n1,1,1,1,1\n"
     ("changes", "said"),
     [
         ({"sti": "1 1 2.0\n1 2 x\n"}, ["job.sti", "row, column and value"]),
-        ({"sti": "1 1 2.0\n1 2\n"}, ["job.sti", "5 numbers"]),
-        ({"sti": ""}, ["job.sti", "0 numbers"]),
+        ({"sti": "1 1 2.0\n1 2\n"}, ["job.sti: line 2 = '1 2'", "row, column and value"]),
+        ({"sti": ""}, ["job.sti", "0 entries"]),
         ({"mas": "1 1 2.0\n4 4 1.0\n"}, ["job.mas", "line 2", "row 4", "1 to 3"]),
         ({"sti": "1 1 2.0\n2 1 1.0\n"}, ["job.sti", "line 2", "upper triangle"]),
         ({"mas": "1 1 1.0\n2 2 1.0\n"}, ["job.mas", "no mass at dof 2, node 1000 z"]),
-        ({"dof": "12.2\n1000.4\n1000.3\n"}, ["job.dof", "line 2", "1000.4"]),
+        ({"dof": "12.2\n1000.7\n1000.3\n"}, ["job.dof", "line 2", "1000.7"]),
         ({"dof": "12.2\n12.2\n1000.3\n"}, ["job.dof", "twice"]),
         ({"dof": ""}, ["job.dof", "empty"]),
         ({"dof": "12.2\n1000.1\n1001.3\n"}, ["job.dof", "node 1001", "job.inp"]),
@@ -389,7 +389,7 @@ def test_files_that_are_not_there_are_named(tmp_path):
 @pytest.mark.parametrize(
     ("contents", "said"),
     [
-        (b"what is this", "a Matrix Market or a PETSc binary file"),
+        (b"what is this", "a matrix file: Matrix Market, PETSc binary"),
         (b"%%MatrixMarket matrix coordinate real general\n2 2 3\n1 1 1.0\n", "a Matrix Market file"),
         (petsc_bytes(STIFFNESS)[:-3], "bytes for 5 entries"),
         (petsc_bytes(STIFFNESS, number=">c16"), "complex values"),
@@ -422,7 +422,7 @@ def test_files_that_are_no_models_are_refused(tmp_path):
         ("mass/columns", [0, 1, 3], "mass"),
         ("stiffness/row_offsets", [0, 2, 4, 9], "stiffness"),
         ("dofs/node", [12, 1000], "one node for each of 3 dofs"),
-        ("dofs/direction", [2, 1, 4], "1, 2 or 3"),
+        ("dofs/direction", [2, 1, 7], "1, 2, 3"),
         ("nodes/coordinates", [[0.0, 0.0]], "shape (4, 3)"),
         ("node_sets/odd", [7, 13], "[13]"),
         ("elements/C3D4/id", [5, 6], "2 elements"),
@@ -442,4 +442,4 @@ def test_model_files_whose_parts_do_not_fit_are_refused(name, values, said, tmp_
 
 def test_dof_numbers_beyond_a_double_are_exact(tmp_path):
     (tmp_path / "job.dof").write_text("123456789012345678.3\n")
-    assert read_dofs(tmp_path / "job.dof")[0].tolist() == [123456789012345678]
+    assert read_dof_file(tmp_path / "job.dof")[0].tolist() == [123456789012345678]

@@ -161,7 +161,7 @@ contains
     call check(error, with == points, 'a point is missed from the point before')
   end subroutine stiff
 
-  !> A mass on two contacts, one pressed while it goes one way, that nothing else holds along: friction does not balance over a period.
+  !> A mass on a contact that is pressed as it goes one way, and nothing else along it: friction does not balance over a period.
   subroutine walking(error)
     type(error_type), allocatable, intent(out) :: error
     type(scene_type) :: scene

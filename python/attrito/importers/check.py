@@ -8,8 +8,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from attrito.faults import Fault
-
-SYMMETRY_TOLERANCE = 1.0e-10
+from attrito.importers.entries import CHUNK, SYMMETRY_TOLERANCE, looks_symmetric, row_blocks
 
 
 def check_matrices(
@@ -51,15 +50,18 @@ def _contents(name: str, matrix: csr_matrix, file: str, label: Callable[[int], s
 
 
 def _not_finite(name: str, matrix: csr_matrix, file: str, label: Callable[[int], str]) -> list[Fault]:
-    bad = np.flatnonzero(~np.isfinite(matrix.data))
+    bad = np.concatenate([k.start + np.flatnonzero(~np.isfinite(matrix.data[k])) for k in _parts(matrix)] or [[]])
     if len(bad) == 0:
         return []
+    bad = bad.astype(int)
     row, column = _place(matrix, bad[0])
     value = f"{matrix.data[bad[0]]} at {_entry(row, column, label)}" + _others(len(bad))
     return [Fault(file, name, value, "finite numbers")]
 
 
 def _unsymmetric(name: str, matrix: csr_matrix, file: str, label: Callable[[int], str]) -> list[Fault]:
+    if looks_symmetric(matrix):
+        return []
     difference = (matrix - matrix.T).tocsr()
     if difference.nnz == 0:
         return []
@@ -74,7 +76,10 @@ def _unsymmetric(name: str, matrix: csr_matrix, file: str, label: Callable[[int]
 def _not_positive(mass: csr_matrix, file: str, label: Callable[[int], str]) -> list[Fault]:
     """Necessary conditions that cost nothing: no empty row, and every 2 x 2 minor at least zero."""
     faults = []
-    empty = np.flatnonzero(np.asarray(abs(mass).sum(axis=1)).ravel() == 0.0)
+    sums = np.zeros(mass.shape[0])
+    for begin, end in row_blocks(mass):
+        sums[begin:end] = np.asarray(abs(mass[begin:end]).sum(axis=1)).ravel()
+    empty = np.flatnonzero(sums == 0.0)
     if len(empty) > 0:
         value = f"no mass at {label(int(empty[0]))}" + _others(len(empty))
         faults.append(Fault(file, "mass", value, "mass at every dof"))
@@ -84,15 +89,26 @@ def _not_positive(mass: csr_matrix, file: str, label: Callable[[int], str]) -> l
         first = int(negative[0])
         value = f"{diagonal[first]:.6g} at {label(first)}" + _others(len(negative))
         return [*faults, Fault(file, "mass", value, "a diagonal above zero")]
-    entries = mass.tocoo()
-    bound = np.sqrt(diagonal[entries.row] * diagonal[entries.col])
-    large = np.flatnonzero(np.abs(entries.data) > bound * (1.0 + SYMMETRY_TOLERANCE))
-    if len(large) > 0:
-        row, column = int(entries.row[large[0]]), int(entries.col[large[0]])
-        value = f"{entries.data[large[0]]:.6g} at {_entry(row, column, label)}" + _others(len(large))
-        expected = f"at most {bound[large[0]]:.6g}, the geometric mean of the diagonal entries (a positive matrix)"
+    found, count = None, 0
+    for begin, end in row_blocks(mass):
+        part = slice(mass.indptr[begin], mass.indptr[end])
+        rows = np.repeat(np.arange(begin, end), np.diff(mass.indptr[begin : end + 1]))
+        bound = np.sqrt(diagonal[rows] * diagonal[mass.indices[part]])
+        large = np.flatnonzero(np.abs(mass.data[part]) > bound * (1.0 + SYMMETRY_TOLERANCE))
+        count += len(large)
+        if found is None and len(large) > 0:
+            found = (int(part.start + large[0]), float(bound[large[0]]))
+    if found is not None:
+        row, column = _place(mass, found[0])
+        value = f"{mass.data[found[0]]:.6g} at {_entry(row, column, label)}" + _others(count)
+        expected = f"at most {found[1]:.6g}, the geometric mean of the diagonal entries (a positive matrix)"
         faults.append(Fault(file, "mass", value, expected))
     return faults
+
+
+def _parts(matrix: csr_matrix) -> list[slice]:
+    """Entries in parts, so that what is made of them stays small."""
+    return [slice(k, k + CHUNK) for k in range(0, matrix.nnz, CHUNK)]
 
 
 def _place(matrix: csr_matrix, entry: int) -> tuple[int, int]:

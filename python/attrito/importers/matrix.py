@@ -4,34 +4,116 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 from scipy.sparse import csr_matrix
 
 from attrito.faults import Fault, InputError
+from attrito.importers.abaqus import is_abaqus, read_abaqus
+from attrito.importers.dof_numbers import DofNumbers
+from attrito.importers.harwell_boeing import is_harwell_boeing, read_harwell_boeing
 from attrito.importers.inline import read_inline
-from attrito.importers.matrix_market import HEADER, read_matrix_market
-from attrito.importers.petsc_binary import HEADERS, read_petsc_binary
+from attrito.importers.matlab import HEADER as MATLAB
+from attrito.importers.matlab import read_matlab
+from attrito.importers.matrices import Matrices, assemble
+from attrito.importers.matrix_market import HEADER as MATRIX_MARKET
+from attrito.importers.matrix_market import read_matrix_market
+from attrito.importers.nastran_dmig import is_dmig, read_dmig
+from attrito.importers.nastran_op4 import is_op4, read_op4
+from attrito.importers.npz import HEADER as NPZ
+from attrito.importers.npz import read_npz
+from attrito.importers.petsc_binary import HEADERS as PETSC
+from attrito.importers.petsc_binary import read_petsc_binary
+from attrito.importers.source import Source
+
+KINDS = (
+    "a matrix file: Matrix Market, PETSc binary, SciPy npz, MATLAB, Harwell-Boeing, Nastran DMIG or OUTPUT4, "
+    "or lines of Abaqus or CalculiX"
+)
+# Enough to come past the comments and other cards at the beginning of a file.
+START = 1 << 20
 
 
-def read_matrix(source: str | Path | list[list[float]], key: str, file: str = "job") -> csr_matrix:
-    """A matrix from a Matrix Market file, a PETSc binary file, or rows of numbers.
+def split_name(source: str | Path) -> tuple[str, str | None]:
+    """File and matrix of `FILE:NAME`; no name where the whole is a file."""
+    text = str(source)
+    file, colon, name = text.rpartition(":")
+    return (text, None) if not colon or Path(text).exists() or not name else (file, name)
+
+
+def open_matrix(source: str | Path, key: str, file: str, numbers: DofNumbers) -> Source:
+    """Read one matrix; the kind of file is told by its beginning.
 
     Parameters
     ----------
-    source : path (the kind of file is told by its first bytes) or rows
+    source : a file, or `FILE:NAME` for one matrix of a file of several (MATLAB, DMIG, OUTPUT4)
+    key : where it is asked for, such as `model.mass`
+    file : the file that asks for it
+    numbers : of the dofs that the file may name
+    """
+    path, name = split_name(source)
+    try:
+        with Path(path).open("rb") as opened:
+            start = opened.read(START)
+        if start.startswith(MATLAB) or path.lower().endswith(".mat"):
+            return read_matlab(path, key, name)
+        if is_op4(start):
+            return read_op4(path, key, name)
+        if is_dmig(start):
+            return read_dmig(path, key, numbers, name)
+        if name is not None:
+            raise InputError(Fault(file, key, str(source), "a file of one matrix without a name, or one that is there"))
+        if start.startswith(MATRIX_MARKET):
+            return read_matrix_market(path, key)
+        if start.startswith(PETSC):
+            return Source(path, key, matrix=read_petsc_binary(path, key))
+        if start.startswith(NPZ):
+            return read_npz(path, key)
+        if is_harwell_boeing(start):
+            return read_harwell_boeing(path, key)
+        if is_abaqus(start):
+            return read_abaqus(path, key, numbers)
+    except OSError as error:
+        expected = f"a file that can be read ({error.strerror or error})"
+        raise InputError(Fault(file, key, str(source), expected)) from error
+    raise InputError(Fault(file, key, str(source), KINDS))
+
+
+def inline_or_file(source: object, key: str, file: str, numbers: DofNumbers) -> Source:
+    """A matrix of rows of numbers, or of a file."""
+    if isinstance(source, list):
+        return Source(file, key, matrix=read_inline(source, key, file))
+    if not isinstance(source, (str, Path)):
+        raise InputError(Fault(file, key, source, "the name of a file, or rows of numbers"))
+    return open_matrix(source, key, file, numbers)
+
+
+def read_matrices(sources: dict[str, object], key: str, file: str) -> Matrices:
+    """The matrices of one model, on the same dofs.
+
+    Parameters
+    ----------
+    sources : files, `FILE:NAME`, or rows of numbers, by name: `stiffness`, `mass`, perhaps `damping`
+    key : where each is asked for, with `{}` for its name
+    file : the file that asks for them
+    """
+    numbers = DofNumbers()
+    read = {name: inline_or_file(source, key.format(name), file, numbers) for name, source in sources.items()}
+    return assemble(read, numbers)
+
+
+def read_matrix(source: str | Path | list[list[float]], key: str, file: str = "job") -> csr_matrix:
+    """A matrix from a file of any kind, or from rows of numbers; dofs named by node come by node, then direction.
+
+    Parameters
+    ----------
+    source : file, `FILE:NAME`, or rows
     key : where it is asked for, such as `model.mass`
     file : the file that asks for it
     """
-    if isinstance(source, list):
-        return read_inline(source, key, file)
-    if not isinstance(source, (str, Path)):
-        raise InputError(Fault(file, key, source, "the name of a file, or rows of numbers"))
-    try:
-        with Path(source).open("rb") as opened:
-            start = opened.read(32)
-        if start.startswith(HEADER):
-            return read_matrix_market(source, key)
-        if start.startswith(HEADERS):
-            return read_petsc_binary(source, key)
-    except OSError as error:
-        raise InputError(Fault(file, key, str(source), f"a file that can be read ({error.strerror})")) from error
-    raise InputError(Fault(file, key, str(source), "a Matrix Market or a PETSc binary file"))
+    numbers = DofNumbers()
+    read = inline_or_file(source, key, file, numbers)
+    if read.numbers is None:
+        return read.assembled()
+    used = read.rows(len(numbers)).used
+    renumber, *names = numbers.order(used)
+    return read.assembled(int(np.count_nonzero(used)), renumber, tuple(names))

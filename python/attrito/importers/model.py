@@ -7,10 +7,16 @@ from pathlib import Path
 import numpy as np
 
 from attrito.faults import Fault, InputError
-from attrito.importers import calculix
+from attrito.importers.calculix import read_calculix
 from attrito.importers.check import check_matrices
-from attrito.importers.matrix import read_matrix
+from attrito.importers.dof_file import read_dof_file
+from attrito.importers.dof_numbers import DofNumbers
+from attrito.importers.jobs import abaqus_files, nastran_matrices
+from attrito.importers.matrices import Matrices, assemble
+from attrito.importers.matrix import open_matrix, split_name
 from attrito.importers.mesh import Mesh, read_mesh
+from attrito.importers.source import Source
+from attrito.job_schema import DIRECTIONS
 from attrito.model_file import Model, write_model
 
 
@@ -18,6 +24,8 @@ def import_model(
     output: str | Path,
     *,
     calculix_job: str | Path | None = None,
+    abaqus_job: str | Path | None = None,
+    nastran_file: str | Path | None = None,
     mesh: str | Path | None = None,
     stiffness: str | Path | None = None,
     mass: str | Path | None = None,
@@ -30,66 +38,90 @@ def import_model(
     ----------
     output : the model file to write
     calculix_job : CalculiX's files without their ending: `job` for job.sti, job.mas and job.dof
-    mesh : CalculiX or Abaqus deck with nodes, elements and node sets; needed with `calculix_job`
-    stiffness, mass, damping : matrix files instead of `calculix_job` (damping also beside it)
-    dofs : file with a line `node.direction` for each row of the matrices; needed for matrix files with a mesh
+    abaqus_job : Abaqus's files without their ending: `job` for job_STIF1.mtx, job_MASS1.mtx and the like
+    nastran_file : punch, bulk data or OUTPUT4 file with the matrices
+    mesh : file with nodes, elements and node sets; needed with `calculix_job`
+    stiffness, mass, damping : matrix files, or `FILE:NAME`, instead of a job's (damping also beside it)
+    dofs : file that says which row is which dof, where the matrix files do not; needed for those with a mesh
 
     Returns
     -------
     the model, and notes for the user: numbers of dofs and nodes, total mass, node sets with their sizes
     """
+    jobs = {"calculix": calculix_job, "abaqus": abaqus_job, "nastran": nastran_file}
+    given = [name for name, job in jobs.items() if job is not None]
+    matrices = [name for name, file in (("stiffness", stiffness), ("mass", mass)) if file is not None]
+    if len(given + matrices[:1]) > 1:
+        other = [*given, *matrices][1]
+        raise InputError(Fault("import", other, "given", f"one source of matrices: {given[0]} is given, too"))
+    files = {name: file for name, file in (("stiffness", stiffness), ("mass", mass), ("damping", damping)) if file}
+    numbers = DofNumbers()
+    read: dict[str, Source] = {}
+    known_dofs = None
     if calculix_job is not None:
         dofs = f"{calculix_job}.dof"
-    if (mesh is None) != (dofs is None):
-        known, absent = ("dofs", "mesh") if mesh is None else ("mesh", "dofs")
-        raise InputError(Fault("import", absent, "missing", f"a file that goes with {known}: which row is which node"))
-    if calculix_job is not None:
-        files = {"stiffness": f"{calculix_job}.sti", "mass": f"{calculix_job}.mas"}
-        node, direction = calculix.read_dofs(dofs)
-        matrices = {name: calculix.read_matrix(path, len(node)) for name, path in files.items()}
-    else:
-        given = {"stiffness": stiffness, "mass": mass}
-        missing = [Fault("import", name, "missing", "a matrix file") for name, path in given.items() if path is None]
+        if mesh is None:
+            raise InputError(Fault("import", "mesh", "missing", "a file that goes with dofs: which row is which node"))
+        known_dofs = read_dof_file(dofs)
+        for name, ending in (("stiffness", "sti"), ("mass", "mas")):
+            read[name] = read_calculix(f"{calculix_job}.{ending}", name, len(known_dofs[0]))
+    elif abaqus_job is not None:
+        files = abaqus_files(abaqus_job) | files
+    elif nastran_file is not None:
+        read = nastran_matrices(nastran_file, numbers)
+    if not read:
+        missing = [name for name in ("stiffness", "mass") if name not in files]
         if missing:
-            raise InputError(*missing)
-        files = {name: str(path) for name, path in given.items()}
-        node, direction = calculix.read_dofs(dofs) if dofs is not None else (None, None)
-        matrices = {name: read_matrix(path, name, "import") for name, path in files.items()}
-    if damping is not None:
-        files["damping"] = str(damping)
-        matrices["damping"] = read_matrix(damping, "damping", "import")
+            raise InputError(*(Fault("import", name, "missing", "a matrix file") for name in missing))
+    if dofs is not None and known_dofs is None:
+        known_dofs = read_dof_file(dofs)
+    for name, file in files.items():
+        read[name] = open_matrix(file, name, "import", numbers)
+    if mesh is not None and known_dofs is None and any(source.numbers is None for source in read.values()):
+        raise InputError(Fault("import", "dofs", "missing", "a file that goes with mesh: which row is which node"))
+    return _model(output, read, numbers, known_dofs, dofs, mesh)
 
-    def label(dof: int) -> str:
-        if node is None or dof >= len(node):
-            return f"dof {dof}"
-        return f"dof {dof}, node {node[dof]} {'xyz'[direction[dof] - 1]}"
 
-    faults = check_matrices(matrices["stiffness"], matrices["mass"], matrices.get("damping"), files, label)
+def _model(
+    output: str | Path,
+    read: dict[str, Source],
+    numbers: DofNumbers,
+    known_dofs: tuple[np.ndarray, np.ndarray] | None,
+    dofs: str | Path | None,
+    mesh: str | Path | None,
+) -> tuple[Model, list[str]]:
+    """Assemble, check, write."""
+    where = {name: source.path for name, source in read.items()}
+    parts = assemble(read, numbers, known_dofs, str(dofs))
+    matrices = parts.matrices
+    faults = check_matrices(
+        matrices["stiffness"], matrices["mass"], matrices.get("damping"), where, lambda dof: dof_label(dof, parts)
+    )
     size = matrices["stiffness"].shape[0]
-    if node is not None and len(node) != size:
-        faults.append(
-            Fault(str(dofs), "file", f"{len(node)} dofs", f"one for each of the {size} rows of the stiffness")
-        )
-    read = None if mesh is None else read_mesh(mesh)
-    if read is not None:
-        faults += _stray_nodes(node, str(dofs), str(mesh), read)
+    if parts.node is not None and len(parts.node) != size:
+        expected = f"one for each of the {size} rows of the stiffness"
+        faults.append(Fault(str(dofs), "file", f"{len(parts.node)} dofs", expected))
+    nodes = None if mesh is None else read_mesh(mesh, skip=not str(where["stiffness"]).endswith(".sti"))
+    if nodes is not None:
+        faults += _stray_nodes(parts.node, str(dofs or where["stiffness"]), str(mesh), nodes)
     if faults:
         raise InputError(*faults)
+    model = Model(matrices["stiffness"], matrices["mass"], matrices.get("damping"), parts.node, parts.direction)
+    files = [split_name(path)[0] for path in where.values()] + ([] if dofs is None else [str(dofs)])
+    if nodes is not None:
+        model.node_ids, model.coordinates = nodes.node_ids, nodes.coordinates
+        model.elements, model.node_sets = nodes.elements, nodes.node_sets
+        files += map(str, nodes.files)
+    write_model(output, model, list(dict.fromkeys(files)))
+    return model, _notes(model) + parts.notes + _mesh_notes(nodes)
 
-    model = Model(matrices["stiffness"], matrices["mass"], matrices.get("damping"), node, direction)
-    sources = list(files.values())
-    if read is not None:
-        model.node_ids, model.coordinates = read.node_ids, read.coordinates
-        model.elements, model.node_sets = read.elements, read.node_sets
-        sources += [str(dofs), *map(str, read.files)]
-    write_model(output, model, sources)
-    notes = _notes(model)
-    if read is not None and read.constraints:
-        named = "; ".join(read.constraints)
-        notes.append(
-            f"the mesh file makes dofs depend on others ({named}): those are not in the matrices, and count as 0"
-        )
-    return model, notes
+
+def dof_label(dof: int, parts: Matrices) -> str:
+    """A dof as its number and, if it has one, its node and direction."""
+    if parts.node is None or dof >= len(parts.node):
+        return f"dof {dof}"
+    direction = next(name for name, number in DIRECTIONS.items() if number == parts.direction[dof])
+    return f"dof {dof}, node {parts.node[dof]} {direction}"
 
 
 def _stray_nodes(node: np.ndarray, dofs: str, mesh: str, read: Mesh) -> list[Fault]:
@@ -101,13 +133,30 @@ def _stray_nodes(node: np.ndarray, dofs: str, mesh: str, read: Mesh) -> list[Fau
 
 def _notes(model: Model) -> list[str]:
     notes = [f"{model.size} dofs, {model.stiffness.nnz} entries of stiffness, {model.mass.nnz} of mass"]
-    if not model.has_mesh:
+    if not model.names_dofs:
         return notes
     along_x = (model.dof_direction == 1).astype(float)
-    mass = along_x @ model.mass @ along_x
-    notes.append(
-        f"{len(model.node_ids)} nodes, {len(np.unique(model.dof_node))} of them free, with a mass of {mass:.6g}"
-    )
+    mass = along_x @ (model.mass @ along_x)
+    free = len(np.unique(model.dof_node))
+    if model.has_mesh:
+        notes.append(f"{len(model.node_ids)} nodes, {free} of them free, with a mass of {mass:.6g}")
+    else:
+        notes.append(f"{free} nodes, with a mass of {mass:.6g}; no mesh: dofs by node and direction, no node sets")
+    rotations = int(np.count_nonzero(model.dof_direction > 3))
+    if rotations:
+        notes.append(f"{rotations} of the dofs are rotations")
     notes += [f"{len(ids)} elements {kind}" for kind, (ids, _) in model.elements.items()]
     notes += [f"node set {name}: {len(ids)} nodes" for name, ids in model.node_sets.items()]
+    return notes
+
+
+def _mesh_notes(mesh: Mesh | None) -> list[str]:
+    if mesh is None:
+        return []
+    notes = [f"left out of the mesh: {what} (not drawn, and no contact lies on them)" for what in mesh.skipped]
+    if mesh.constraints:
+        named = "; ".join(mesh.constraints)
+        notes.append(
+            f"the mesh file makes dofs depend on others ({named}): those are not in the matrices, and count as 0"
+        )
     return notes

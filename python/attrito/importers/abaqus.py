@@ -1,0 +1,84 @@
+"""Matrices of Abaqus's `*MATRIX GENERATE` and `*MATRIX OUTPUT`: job_STIF1.mtx, job_MASS1.mtx, job_DMPV1.mtx.
+
+`FORMAT=MATRIX INPUT` (the default) and `FORMAT=LABELS`: lines `row node, dof, column node, dof, value`.
+`FORMAT=COORDINATE`: lines `row, column, value`, numbers from 1, without names. A symmetric matrix may be stored as one
+triangle or as both. Nodes below zero are those that Abaqus made itself (Lagrange multipliers, connectors): such models
+are refused. The diagonal of a held dof is 1e36; the importer takes those dofs out.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from attrito.importers.dof_numbers import DIRECTIONS, DofNumbers
+from attrito.importers.entries import Entries
+from attrito.importers.source import Source, integers, refuse
+from attrito.importers.text import Block, read_text
+
+NAMED = "row node, dof, column node, dof, value"
+PLAIN = "row, column, value"
+INTERNAL = "node ids above 0 (those below are Abaqus's own: models with Lagrange multipliers cannot be used)"
+INTERNAL_ROWS = "row and column from 1 (those below are Abaqus's own, such as Lagrange multipliers)"
+LARGEST = 2**31 - 1
+COMMENT = ord("*")
+_ENTRY = re.compile(rb"(-?\d+[\s,]+){2}((-?\d+[\s,]+){2})?[-+.\dED]+[\s,]*")
+
+
+def is_abaqus(start: bytes) -> bool:
+    """Whether a file begins with lines of three or five numbers, or a comment or keyword of Abaqus before them."""
+    for line in start.split(b"\n"):
+        text = line.strip().upper()
+        if text.startswith(b"*") and not text.startswith(b"**"):
+            return text.startswith((b"*MATRIX", b"*USER ELEMENT"))
+        if text and not text.startswith(b"*"):
+            return _ENTRY.fullmatch(text) is not None
+    return False
+
+
+def read_abaqus(path: str | Path, key: str, numbers: DofNumbers) -> Source:
+    """One matrix; `numbers` gives the dofs theirs in the formats that name nodes."""
+    path = str(path)
+    entries = Entries(path, key)
+    columns, size = None, 0
+    for block in read_text(path):
+        lines = _data_lines(block)
+        if len(lines) == 0:
+            continue
+        if columns is None:
+            columns = len(block.line(lines[0]).replace(",", " ").split())
+        if columns not in (3, 5):
+            raise block.fault(lines[0], f"lines {NAMED}, or {PLAIN}")
+        expected = f"numbers {NAMED if columns == 5 else PLAIN}"
+        table, lines = block.records(lines, columns, expected)
+        if len(lines) == 0:
+            continue
+        if columns == 5:
+            row, column = (_dofs(block, lines, table[:, k : k + 2], numbers) for k in (0, 2))
+        else:
+            row, column = (integers(block, lines, table[:, k], (1, LARGEST), INTERNAL_ROWS) - 1 for k in (0, 1))
+            size = max(size, int(row.max()) + 1, int(column.max()) + 1)
+        entries.add(row, column, table[:, -1])
+    if columns is None:
+        raise refuse(path, key, "no entries", f"lines {NAMED}, or {PLAIN}")
+    if columns == 3:
+        return Source(path, key, entries=entries, size=size, storage="either", open_size=True)
+    return Source(path, key, entries=entries, storage="either", numbers=numbers)
+
+
+def _data_lines(block: Block) -> np.ndarray:
+    initials = block.initials()
+    for index in np.flatnonzero(initials == COMMENT):
+        line = "".join(block.line(index).upper().split())
+        # *ELEMENT MATRIX OUTPUT and *SUBSTRUCTURE MATRIX OUTPUT write files of this kind, too.
+        if not line.startswith(("**", "*MATRIXINPUT", "*MATRIXASSEMBLE")):
+            raise block.fault(index, "a global matrix, of *MATRIX OUTPUT")
+    return np.flatnonzero((initials != COMMENT) & (initials != ord("\n")))
+
+
+def _dofs(block: Block, lines: np.ndarray, names: np.ndarray, numbers: DofNumbers) -> np.ndarray:
+    node = integers(block, lines, names[:, 0], (1, 2**53), INTERNAL)
+    expected = "dofs 1 to 6: displacements and rotations"
+    return numbers.numbers(node, integers(block, lines, names[:, 1], (1, DIRECTIONS), expected))

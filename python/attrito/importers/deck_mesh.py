@@ -1,0 +1,167 @@
+"""Mesh and node sets of a CalculiX or Abaqus deck (.inp).
+
+meshio reads nodes and connectivity, but forgets node and element ids, keeps only the last of several `*NODE` blocks,
+drops sets named inside sets and `NSET=` on `*NODE`, and knows types in capitals only. So the deck is first reduced to
+what meshio reads right, and ids and sets are read here.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import meshio
+import numpy as np
+
+from attrito.faults import Fault, InputError
+from attrito.importers.deck import Block, read_blocks
+from attrito.importers.mesh_data import Mesh
+
+# Variants differ in integration, not in nodes; matrices come from the FE code anyway.
+ELEMENT_TYPES = {
+    "C3D4": "C3D4",
+    "C3D8": "C3D8",
+    "C3D8R": "C3D8",
+    "C3D8I": "C3D8",
+    "C3D10": "C3D10",
+    "C3D10HS": "C3D10",
+    "C3D10M": "C3D10",
+    "C3D20": "C3D20",
+    "C3D20R": "C3D20",
+}
+# What removes dofs from CalculiX's matrices without holding them at zero.
+CONSTRAINTS = ("EQUATION", "MPC", "TIE", "RIGID BODY", "COUPLING", "CYCLIC SYMMETRY MODEL")
+NODES_PER_ELEMENT = {"C3D4": 4, "C3D8": 8, "C3D10": 10, "C3D20": 20}
+
+
+def read_deck_mesh(path: str | Path, skip: bool = False) -> Mesh:
+    """Read nodes, solid elements (C3D4, C3D8, C3D10, C3D20) and node sets of a deck.
+
+    Parameters
+    ----------
+    path : the deck
+    skip : leave out elements of other types, and say so in `Mesh.skipped`, instead of raising a fault
+    """
+    path = Path(path)
+    blocks = list(read_blocks(path))
+    _refuse_assembly(blocks)
+    node_blocks = [block for block in blocks if block.keyword == "NODE"]
+    element_blocks = [block for block in blocks if block.keyword == "ELEMENT" and block.data]
+    if not node_blocks or not element_blocks:
+        missing = "*ELEMENT" if node_blocks else "*NODE"
+        raise InputError(Fault(str(path), missing, "missing", "a mesh with *NODE and *ELEMENT"))
+    others = [block for block in element_blocks if _element_type(block) not in ELEMENT_TYPES]
+    if others and not skip:
+        raise InputError(*map(_type_fault, others))
+    element_blocks = [block for block in element_blocks if block not in others]
+
+    nodes = [_fields(line) for block in node_blocks for line in block.data]
+    node_ids = _integers([fields[0] for fields in nodes], node_blocks[0], "node ids")
+    if len(np.unique(node_ids)) < len(node_ids):
+        ids, count = np.unique(node_ids, return_counts=True)
+        raise InputError(node_blocks[0].fault(f"node {ids[count > 1][0]} twice", "every node id once"))
+    read = _read_with_meshio(nodes, element_blocks, path)
+    mesh = Mesh(node_ids, np.asarray(read.points, dtype=np.float64))
+    for block, cells in zip(element_blocks, read.cells, strict=True):
+        _add_elements(mesh, block, node_ids[cells.data])
+    mesh.skipped = [f"elements of type {_element_type(block)}, line {block.line}" for block in others]
+    mesh.node_sets = _node_sets(blocks, node_ids)
+    mesh.constraints = [f"*{block.keyword}, line {block.line}" for block in blocks if block.keyword in CONSTRAINTS]
+    mesh.files = list(dict.fromkeys([path, *(block.file for block in blocks)]))
+    return mesh
+
+
+def _refuse_assembly(blocks: list[Block]) -> None:
+    """One part in one place has the node ids that matrices have; several are renumbered, or moved."""
+    instances = [block for block in blocks if block.keyword == "INSTANCE"]
+    parts = [block for block in blocks if block.keyword == "PART"]
+    for block in [*instances[1:], *parts[1:], *(block for block in instances[:1] if block.data)]:
+        expected = "a deck of one part that stays where it is, or without parts (in Abaqus/CAE: noPartsInputFile=ON)"
+        raise InputError(block.fault(block.parameters.get("NAME", ""), expected))
+    for block in blocks:
+        if block.keyword == "TRANSFORM":
+            raise InputError(block.fault(block.parameters.get("NSET", ""), "dofs along x, y, z at every node"))
+
+
+def _read_with_meshio(nodes: list[list[str]], element_blocks: list[Block], path: Path) -> meshio.Mesh:
+    lines = ["*NODE"]
+    # CalculiX takes coordinates left out as zero.
+    lines += [",".join([*fields, "0", "0", "0"][:4]) for fields in nodes]
+    for block in element_blocks:
+        lines.append(f"*ELEMENT, TYPE={ELEMENT_TYPES[_element_type(block)]}")
+        lines += block.data
+    with tempfile.TemporaryDirectory() as folder:
+        reduced = Path(folder) / "mesh.inp"
+        reduced.write_text("\n".join(lines) + "\n")
+        try:
+            # meshio.read would end the program on a file it cannot read.
+            return meshio.abaqus.read(reduced)
+        except KeyError as error:
+            raise InputError(Fault(str(path), "*ELEMENT", f"node {error}", "nodes that *NODE defines")) from error
+        except (meshio.ReadError, ValueError) as error:
+            raise InputError(Fault(str(path), "file", str(error), "a mesh that meshio can read")) from error
+
+
+def _element_type(block: Block) -> str:
+    return block.parameters.get("TYPE", "").upper()
+
+
+def _type_fault(block: Block) -> Fault:
+    # gmsh writes the surfaces that carry node sets as elements, too; CalculiX would count them as shells.
+    expected = f"an element of type {', '.join(ELEMENT_TYPES)} (elements that only mark surfaces or edges: delete them)"
+    return block.fault(f"TYPE={_element_type(block)}", expected)
+
+
+def _add_elements(mesh: Mesh, block: Block, connectivity: np.ndarray) -> None:
+    kind = ELEMENT_TYPES[_element_type(block)]
+    words = [word for line in block.data for word in _fields(line)]
+    ids = _integers(words[:: NODES_PER_ELEMENT[kind] + 1], block, "element ids")
+    if kind in mesh.elements:
+        before = mesh.elements[kind]
+        ids, connectivity = np.concatenate([before[0], ids]), np.concatenate([before[1], connectivity])
+    mesh.elements[kind] = (ids, connectivity)
+
+
+def _node_sets(blocks: list[Block], node_ids: np.ndarray) -> dict[str, np.ndarray]:
+    """Node sets, those of `*NODE, NSET=` included; a name that occurs again adds to its set."""
+    members: dict[str, np.ndarray] = {}
+    names: dict[str, str] = {}  # CalculiX does not tell capitals apart; the first spelling is kept
+    for block in blocks:
+        if block.keyword not in ("NODE", "NSET") or "NSET" not in block.parameters:
+            continue
+        name = block.parameters["NSET"]
+        if not name or "/" in name:
+            raise InputError(block.fault(f"NSET={name}", "a name without /"))
+        name = names.setdefault(name.upper(), name)
+        if block.keyword == "NODE":
+            ids = _integers([_fields(line)[0] for line in block.data], block, "node ids")
+        else:
+            ids = _set_members(block, {key: members[names[key]] for key in names if names[key] in members})
+        members[name] = np.union1d(members.get(name, ids), ids)
+        unknown = np.setdiff1d(members[name], node_ids)
+        if len(unknown) > 0:
+            raise InputError(block.fault(f"node {unknown[0]} in set {name}", "nodes that *NODE defines"))
+    return members
+
+
+def _set_members(block: Block, known: dict[str, np.ndarray]) -> np.ndarray:
+    if "GENERATE" in block.parameters:
+        rows = [_integers(_fields(line), block, "first, last, step") for line in block.data]
+        if not rows or any(len(row) not in (2, 3) or row[-1] < 1 for row in rows):
+            raise InputError(block.fault("GENERATE", "lines of first, last, step"))
+        return np.concatenate([np.arange(row[0], row[1] + 1, row[2] if len(row) == 3 else 1) for row in rows])
+    words = [word for line in block.data for word in _fields(line)]
+    named = [known[word.upper()] for word in words if word.upper() in known]
+    ids = _integers([word for word in words if word.upper() not in known], block, "node ids or names of sets")
+    return np.concatenate([ids, *named])
+
+
+def _fields(line: str) -> list[str]:
+    return [word.strip() for word in line.rstrip(", ").split(",")]
+
+
+def _integers(words: list[str], block: Block, what: str) -> np.ndarray:
+    try:
+        return np.array(words, dtype=np.int64)
+    except ValueError as error:
+        raise InputError(block.fault(str(error), what)) from error

@@ -1,0 +1,102 @@
+"""Which row of a matrix is which dof: lists that FE codes write beside matrices that do not say.
+
+CalculiX's `.dof`: a line `node.direction` for each row. ANSYS's mapping file of `HBMAT`: lines `row node label`. The
+cards `ASET`, `ASET1` and `USET` of Nastran: rows go by grid point, then component, as OUTPUT4 writes matrices of the
+a-set where grid points are not resequenced.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from attrito.faults import Fault, InputError
+from attrito.importers.nastran_cards import Card, read_cards, whole_numbers
+
+LABELS = {"UX": 1, "UY": 2, "UZ": 3, "ROTX": 4, "ROTY": 5, "ROTZ": 6}
+_CARDS = ("ASET", "ASET1", "USET")
+
+
+def read_dof_file(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
+    """Node id `[n]` and direction `[n]` (1 to 6) of each row."""
+    path = str(path)
+    try:
+        lines = Path(path).read_text().splitlines()
+    except OSError as error:
+        expected = "a file that can be read"
+        raise InputError(Fault(path, "file", error.strerror or str(error), expected)) from error
+    except UnicodeDecodeError as error:
+        raise InputError(Fault(path, "file", "not text", "lines node.direction, or a mapping file")) from error
+    words = [line.split() for line in lines]
+    if any(len(line) == 3 and line[2].upper() in LABELS for line in words[:50]):
+        node, direction = _mapping(path, words)
+    elif any(line.upper().startswith(_CARDS) for line in lines):
+        node, direction = _sets(path)
+    else:
+        node, direction = _dotted(path, words)
+    if len(node) == 0:
+        raise InputError(Fault(path, "file", "empty", "a line node.direction for each equation, or a mapping file"))
+    code = 8 * node + direction
+    if len(np.unique(code)) < len(code):
+        ids, count = np.unique(code, return_counts=True)
+        twice = int(ids[count > 1][0])
+        value = f"node {twice // 8} direction {twice % 8}: a dof that occurs twice"
+        raise InputError(Fault(path, "file", value, "every dof once"))
+    return node, direction
+
+
+def _dotted(path: str, words: list[list[str]]) -> tuple[np.ndarray, np.ndarray]:
+    # As text: read as a number, node 12.1 would do, but 12345678901.1 would be rounded.
+    flat = [(k, word) for k, line in enumerate(words) for word in line]
+    node, direction = np.empty(len(flat), np.int64), np.empty(len(flat), np.int8)
+    for k, (line, word) in enumerate(flat):
+        left, _, right = word.partition(".")
+        if not left.isdecimal() or right not in ("1", "2", "3", "4", "5", "6"):
+            expected = "node.direction with direction 1, 2, 3 (displacement) or 4, 5, 6 (rotation)"
+            raise InputError(Fault(path, f"line {line + 1}", word, expected))
+        node[k], direction[k] = int(left), int(right)
+    return node, direction
+
+
+def _mapping(path: str, words: list[list[str]]) -> tuple[np.ndarray, np.ndarray]:
+    node, direction = [], []
+    for k, line in enumerate(words):
+        if len(line) == 0 or (not node and not line[0].isdecimal()):
+            continue
+        if len(line) != 3 or not line[0].isdecimal() or not line[1].isdecimal() or line[2].upper() not in LABELS:
+            expected = f"row, node and one of {', '.join(LABELS)} (no Lagrange multipliers, no other fields)"
+            raise InputError(Fault(path, f"line {k + 1}", " ".join(line), expected))
+        if int(line[0]) != len(node) + 1:
+            raise InputError(Fault(path, f"line {k + 1}", line[0], f"row {len(node) + 1}: rows in order, from 1"))
+        node.append(int(line[1]))
+        direction.append(LABELS[line[2].upper()])
+    return np.array(node, np.int64), np.array(direction, np.int8)
+
+
+def _sets(path: str) -> tuple[np.ndarray, np.ndarray]:
+    found: list[tuple[int, int]] = []
+    for card in read_cards(path):
+        if card.name == "ASET1":
+            found += [(node, part) for node in whole_numbers(card, 1) for part in _components(card, card.fields[0])]
+        elif card.name in ("ASET", "USET"):
+            fields = card.fields[1:] if card.name == "USET" else card.fields
+            for node, parts in zip(fields[::2], [*fields[1::2], ""], strict=False):
+                if node and not node.isdecimal():
+                    _bad(card)
+                if node:
+                    found += [(int(node), part) for part in _components(card, parts)]
+    found.sort()
+    table = np.array(found, np.int64).reshape(-1, 2)
+    return table[:, 0], table[:, 1].astype(np.int8)
+
+
+def _components(card: Card, text: str) -> list[int]:
+    if not text or any(letter not in "123456" for letter in text):
+        _bad(card)
+    return [int(letter) for letter in text]
+
+
+def _bad(card: Card) -> NoReturn:
+    raise InputError(card.fault("grid points and components made of 1 to 6 (scalar points cannot be used)"))

@@ -1,0 +1,81 @@
+"""Matrices in MATLAB's .mat files: versions 4 to 7 by SciPy, 7.3 (HDF5) by h5py; sparse or full, both triangles."""
+
+from __future__ import annotations
+
+import zlib
+from pathlib import Path
+
+import h5py
+import numpy as np
+import scipy.io
+from scipy.io.matlab import MatReadError
+from scipy.sparse import csr_matrix
+
+from attrito.importers.npz import real_matrix
+from attrito.importers.source import Source, no_such_matrix, refuse
+
+# Version 4 has no such header, and is known by its ending.
+HEADER = b"MATLAB "
+_HDF5 = b"MATLAB 7.3"
+
+
+def read_matlab(path: str | Path, key: str, name: str | None = None) -> Source:
+    """One real matrix `[n, n]`: the variable `name`, or the only matrix in the file."""
+    path = str(path)
+    with Path(path).open("rb") as file:
+        modern = file.read(10) == _HDF5
+    matrix = (_from_hdf5 if modern else _from_mat)(path, key, name)
+    return Source(path, key, matrix=matrix)
+
+
+def _from_mat(path: str, key: str, name: str | None) -> csr_matrix:
+    try:
+        shapes = {found: shape for found, shape, _ in scipy.io.whosmat(path)}
+        name = _choose(path, key, name, shapes)
+        matrix = scipy.io.loadmat(path, variable_names=[name])[name]
+    except (ValueError, TypeError, EOFError, OSError, NotImplementedError, MatReadError, zlib.error) as error:
+        raise refuse(path, key, str(error), "a MATLAB file") from error
+    return real_matrix(matrix, path, f"{key} ({name})")
+
+
+def _from_hdf5(path: str, key: str, name: str | None) -> csr_matrix:
+    try:
+        with h5py.File(path, "r") as file:
+            shapes = {found: _shape(thing) for found, thing in file.items() if not found.startswith("#")}
+            name = _choose(path, key, name, shapes)
+            thing = file[name]
+            if isinstance(thing, h5py.Dataset):
+                return real_matrix(thing[()], path, f"{key} ({name})")
+            # A matrix of zeros has no entries at all.
+            parts = [thing[part][()] if part in thing else np.zeros(0, int) for part in ("data", "ir", "jc")]
+    except (OSError, KeyError, ValueError, RuntimeError) as error:
+        raise refuse(path, key, str(error), "a MATLAB file") from error
+    size = shapes[name][0]
+    values, rows, offsets = parts
+    fits = len(offsets) == shapes[name][1] + 1 and len(values) == len(rows) and offsets[-1] == len(rows)
+    if not fits or (len(rows) and rows.max() >= size) or values.dtype.kind not in "iuf":
+        what = f"{len(values)} values of type {values.dtype}, {len(rows)} rows"
+        raise refuse(path, f"{key} ({name})", what, "a real sparse matrix")
+    # By columns; `real_matrix` says why that will do.
+    index = np.int32 if len(rows) < np.iinfo(np.int32).max else np.int64
+    parts = (values.astype(np.float64, copy=False), rows.astype(index), offsets.astype(index))
+    matrix = csr_matrix(parts, shape=(shapes[name][1], size))
+    matrix.sum_duplicates()
+    return matrix
+
+
+def _shape(thing: h5py.Dataset | h5py.Group) -> tuple[int, ...]:
+    """Rows and columns; none of what is no matrix."""
+    if isinstance(thing, h5py.Dataset):
+        return thing.shape
+    rows = thing.attrs.get("MATLAB_sparse")
+    return () if rows is None or "jc" not in thing else (int(rows), len(thing["jc"]) - 1)
+
+
+def _choose(path: str, key: str, name: str | None, shapes: dict[str, tuple[int, ...]]) -> str:
+    matrices = [found for found, shape in shapes.items() if len(shape) == 2 and shape[0] == shape[1]]
+    if name is None and len(matrices) == 1:
+        return matrices[0]
+    if name is None or name not in shapes:
+        raise no_such_matrix(path, key, name, ", ".join(matrices or shapes) or "none")
+    return name

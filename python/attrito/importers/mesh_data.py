@@ -1,0 +1,53 @@
+"""What a mesh file holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from attrito.faults import Fault, InputError
+
+
+@dataclass
+class Mesh:
+    """A mesh.
+
+    Parameters
+    ----------
+    node_ids, coordinates : `[N]`, `[N, 3]` (user length), in the order of the file
+    elements : for each type its ids `[E]` and its connectivity `[E, k]` (node ids, CalculiX order)
+    node_sets : for each name its node ids, ascending
+    files : every file read, the deck first
+    constraints : keywords, with their line, that make dofs depend on others
+    skipped : what was not read, in words
+    """
+
+    node_ids: np.ndarray
+    coordinates: np.ndarray
+    elements: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    node_sets: dict[str, np.ndarray] = field(default_factory=dict)
+    files: list[Path] = field(default_factory=list)
+    constraints: list[str] = field(default_factory=list)
+    skipped: list[str] = field(default_factory=list)
+
+
+def new_mesh(path: str, ids: np.ndarray, coordinates: np.ndarray) -> Mesh:
+    """A mesh of nodes that differ, and no elements yet."""
+    if len(ids) == 0:
+        raise InputError(Fault(path, "nodes", "missing", "a mesh with nodes"))
+    unique, count = np.unique(ids, return_counts=True)
+    if len(unique) < len(ids):
+        raise InputError(Fault(path, "nodes", f"node {unique[count > 1][0]} twice", "every node id once"))
+    return Mesh(ids, coordinates)
+
+
+def check_nodes(path: str, mesh: Mesh) -> None:
+    """Raise where elements or sets name nodes that are not there."""
+    named = [(f"elements {kind}", nodes) for kind, (_, nodes) in mesh.elements.items()]
+    named += [(f"node set {name}", nodes) for name, nodes in mesh.node_sets.items()]
+    for what, nodes in named:
+        unknown = np.setdiff1d(nodes, mesh.node_ids)
+        if len(unknown) > 0:
+            raise InputError(Fault(path, what, f"node {unknown[0]}", "nodes that the file defines"))

@@ -1,0 +1,320 @@
+!> Numbers out of lines of text, as many as matrix files of FE codes hold: each is rounded correctly.
+!>
+!> A number is [sign] digits [. digits] [exponent], the exponent e5, E+05, D-05, or a bare sign and digits (Nastran's 2.5+10).
+!> Up to 15 digits m and |k| <= 22 make m 10^k exact factors, one rounding: Clinger, How to read floating point numbers
+!> accurately (1990), doi:10.1145/93542.93557. Up to 18 digits and |k| <= 44 are computed to twice the digits of a double
+!> (Dekker 1971, doi:10.1007/BF01397083); if what may be missing from those could change the rounding, and for all other
+!> numbers, the C library's strtod reads them.
+module attrito_core_text_numbers
+  use, intrinsic :: iso_c_binding, only: c_char, c_double, c_loc, c_null_char, c_null_ptr, c_ptr
+  use, intrinsic :: iso_fortran_env, only: int64, real128
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_quiet_nan, ieee_value
+  use attrito_core_kinds, only: wp
+  implicit none
+  private
+  public :: read_separated, read_columns, read_number
+
+  !> Longest number looked at; no program writes more
+  integer, parameter :: longest = 64
+  integer(int64), parameter :: fifteen_digits = 10_int64**15, eighteen_digits = 10_int64**18
+  integer :: power
+  !> 10^k, exact: 5^44 has 103 bits
+  real(real128), parameter :: exact_powers(0:44) = [(10.0_real128**power, power=0, 44)]
+  real(wp), parameter :: powers(0:44) = real(exact_powers, wp)
+  real(wp), parameter :: rest_of_powers(0:44) = real(exact_powers - powers, wp)
+
+  interface
+    function strtod(text, rest) bind(c, name="strtod") result(number)
+      import :: c_char, c_double, c_ptr
+      character(kind=c_char), intent(in) :: text(*)
+      type(c_ptr), value :: rest
+      real(c_double) :: number
+    end function strtod
+  end interface
+
+contains
+
+  !> Fields of lines separated by blanks or single commas; what stands between two commas may be nothing.
+  subroutine read_separated(text, first, last, table, bad)
+    character, intent(in) :: text(*)
+    !> [lines], where each line begins and ends in the text, from 1
+    integer(int64), intent(in) :: first(:), last(:)
+    !> [fields, lines]; NaN where a line has nothing
+    real(wp), intent(out) :: table(:, :)
+    !> First line with a field that is no finite number, or with too many; 0: none
+    integer, intent(out) :: bad
+    integer :: line, field
+    integer(int64) :: place, start
+    logical :: found
+
+    bad = 0
+    table = ieee_value(1.0_wp, ieee_quiet_nan)
+    do line = 1, size(first)
+      place = first(line)
+      do field = 1, size(table, 1) + 1
+        call skip_blanks(text, place, last(line))
+        if (place > last(line)) exit
+        found = field <= size(table, 1)
+        if (found .and. text(place) /= ",") then
+          start = place
+          do while (place <= last(line))
+            if (text(place) == "," .or. is_blank(text(place))) exit
+            place = place + 1
+          end do
+          call read_number(text, start, place - 1, table(field, line), found)
+        end if
+        if (.not. found) then
+          bad = line
+          return
+        end if
+        call skip_blanks(text, place, last(line))
+        if (place <= last(line)) then
+          if (text(place) == ",") place = place + 1
+        end if
+      end do
+    end do
+  end subroutine read_separated
+
+  !> Fields of lines at fixed places, as Fortran formats and Nastran write them, side by side without separators.
+  subroutine read_columns(text, first, last, begin, width, table, bad)
+    character, intent(in) :: text(*)
+    !> [lines], where each line begins and ends in the text, from 1
+    integer(int64), intent(in) :: first(:), last(:)
+    !> [fields], first character of each field in its line, from 0, and number of characters
+    integer, intent(in) :: begin(:), width(:)
+    !> [fields, lines]; NaN where there are only blanks
+    real(wp), intent(out) :: table(:, :)
+    !> First line with a field that is no finite number; 0: none
+    integer, intent(out) :: bad
+    integer :: line, field
+    integer(int64) :: left, right
+    logical :: found
+
+    bad = 0
+    table = ieee_value(1.0_wp, ieee_quiet_nan)
+    do line = 1, size(first)
+      do field = 1, size(begin)
+        left = first(line) + begin(field)
+        right = min(left + width(field) - 1, last(line))
+        call skip_blanks(text, left, right)
+        if (left > right) cycle
+        do while (is_blank(text(right)))
+          right = right - 1
+        end do
+        call read_number(text, left, right, table(field, line), found)
+        if (.not. found) then
+          bad = line
+          return
+        end if
+      end do
+    end do
+  end subroutine read_columns
+
+  !> The number that characters `left` to `right` spell; `found` is false if they spell none, or one that is not finite.
+  subroutine read_number(text, left, right, number, found)
+    character, intent(in) :: text(*)
+    integer(int64), intent(in) :: left, right
+    real(wp), intent(inout) :: number
+    logical, intent(out) :: found
+    integer(int64) :: place, mantissa
+    integer :: digits, decimals, exponent, shift, spelled
+    logical :: negative, point, lost, sure
+    character :: letter
+
+    found = .false.
+    place = left
+    negative = text(place) == "-"
+    if (negative .or. text(place) == "+") place = place + 1
+    mantissa = 0
+    digits = 0
+    decimals = 0
+    point = .false.
+    lost = .false.
+    do while (place <= right)
+      letter = text(place)
+      if (letter >= "0" .and. letter <= "9") then
+        digits = digits + 1
+        if (mantissa < eighteen_digits/10) then
+          mantissa = 10*mantissa + (iachar(letter) - iachar("0"))
+        else
+          lost = .true.
+        end if
+        if (point) decimals = decimals + 1
+      else if (letter == "." .and. .not. point) then
+        point = .true.
+      else
+        exit
+      end if
+      place = place + 1
+    end do
+    if (digits == 0) return
+    spelled = int(place - left)
+    call read_exponent(text, place, right, exponent, found)
+    if (.not. found) return
+    shift = exponent - decimals
+    if (mantissa < fifteen_digits .and. abs(shift) <= 22 .and. .not. lost) then
+      number = real(mantissa, wp)
+      if (shift >= 0) number = number*powers(shift)
+      if (shift < 0) number = number/powers(-shift)
+      sure = .true.
+    else if (abs(shift) <= ubound(powers, 1) .and. .not. lost) then
+      call scale_by_power(mantissa, shift, number, sure)
+    else
+      sure = .false.
+    end if
+    if (sure) then
+      if (negative) number = -number
+    else
+      call read_by_library(text, left, spelled, exponent, number, found)
+    end if
+  end subroutine read_number
+
+  !> m 10^k to twice the digits of a double; `sure` if its rounding to one cannot be wrong.
+  pure subroutine scale_by_power(mantissa, shift, number, sure)
+    !> Below 2^62
+    integer(int64), intent(in) :: mantissa
+    !> At most 44, either sign
+    integer, intent(in) :: shift
+    real(wp), intent(out) :: number
+    logical, intent(out) :: sure
+    !> More than the two products, or the two quotients, leave out, relative
+    real(wp), parameter :: uncertainty = 2.0_wp**(-98)
+    real(wp) :: high, low, factor, rest, product, error, margin
+
+    high = real(mantissa, wp)
+    low = real(mantissa - int(high, int64), wp)
+    factor = powers(abs(shift))
+    rest = rest_of_powers(abs(shift))
+    if (shift >= 0) then
+      call multiply(high, factor, product, error)
+      error = error + (high*rest + low*factor)
+    else
+      product = high/factor
+      call multiply(product, factor, error, margin)
+      error = (((high - error) - margin) + low - product*rest)/factor
+    end if
+    number = product + error
+    margin = abs(product)*uncertainty
+    ! What is left of the sum after rounding, moved either way, must still round to the same.
+    rest = (product - number) + error
+    sure = number + (rest + margin) == number .and. number + (rest - margin) == number
+  end subroutine scale_by_power
+
+  !> a b = product + error, exactly.
+  pure subroutine multiply(a, b, product, error)
+    real(wp), intent(in) :: a, b
+    real(wp), intent(out) :: product, error
+    real(wp), parameter :: splitter = 2.0_wp**27 + 1.0_wp
+    real(wp) :: a_high, a_low, b_high, b_low
+
+    a_high = splitter*a - (splitter*a - a)
+    a_low = a - a_high
+    b_high = splitter*b - (splitter*b - b)
+    b_low = b - b_high
+    product = a*b
+    error = ((a_high*b_high - product) + a_high*b_low + a_low*b_high) + a_low*b_low
+  end subroutine multiply
+
+  !> What follows the digits: nothing, or an exponent up to the last character.
+  pure subroutine read_exponent(text, begin, right, exponent, found)
+    character, intent(in) :: text(*)
+    integer(int64), intent(in) :: begin, right
+    integer, intent(out) :: exponent
+    logical, intent(out) :: found
+    integer(int64) :: place
+    logical :: negative
+
+    exponent = 0
+    found = begin > right
+    if (found) return
+    place = begin
+    select case (text(place))
+     case ("e", "E", "d", "D")
+      place = place + 1
+    case default
+      ! A bare sign follows, or nothing that belongs to a number.
+    end select
+    if (place > right) return
+    negative = text(place) == "-"
+    if (negative .or. text(place) == "+") then
+      place = place + 1
+    else if (place == begin) then
+      return
+    end if
+    if (place > right .or. right - place > 6) return
+    do place = place, right
+      if (text(place) < "0" .or. text(place) > "9") return
+      exponent = 10*exponent + (iachar(text(place)) - iachar("0"))
+    end do
+    if (negative) exponent = -exponent
+    found = .true.
+  end subroutine read_exponent
+
+  !> The C library's reading of a sign, digits and point, with an exponent of base ten.
+  subroutine read_by_library(text, left, spelled, exponent, number, found)
+    character, intent(in) :: text(*)
+    integer(int64), intent(in) :: left
+    integer, intent(in) :: spelled, exponent
+    real(wp), intent(inout) :: number
+    logical, intent(out) :: found
+    character(kind=c_char), target :: copy(longest + 12)
+    character(12) :: tail
+    integer :: k, length
+
+    found = spelled <= longest
+    if (.not. found) return
+    do k = 1, spelled
+      copy(k) = text(left + k - 1)
+    end do
+    length = spelled
+    if (exponent /= 0) then
+      call write_exponent(exponent, tail)
+      do k = 1, len_trim(tail)
+        copy(length + k) = tail(k:k)
+      end do
+      length = length + len_trim(tail)
+    end if
+    copy(length + 1) = c_null_char
+    number = strtod(copy, c_null_ptr)
+    found = ieee_is_finite(number)
+  end subroutine read_by_library
+
+  !> e-12 of -12, without the cost of a formatted write.
+  pure subroutine write_exponent(exponent, tail)
+    integer, intent(in) :: exponent
+    character(12), intent(out) :: tail
+    integer :: rest, k
+
+    tail = "e"
+    if (exponent < 0) tail = "e-"
+    k = len_trim(tail) + 1
+    rest = abs(exponent)
+    if (rest >= 10000) rest = 9999
+    tail(k:k + 3) = achar(iachar("0") + rest/1000)//achar(iachar("0") + mod(rest/100, 10)) &
+                    //achar(iachar("0") + mod(rest/10, 10))//achar(iachar("0") + mod(rest, 10))
+  end subroutine write_exponent
+
+  pure subroutine skip_blanks(text, place, last)
+    character, intent(in) :: text(*)
+    integer(int64), intent(inout) :: place
+    integer(int64), intent(in) :: last
+
+    do while (place <= last)
+      if (.not. is_blank(text(place))) return
+      place = place + 1
+    end do
+  end subroutine skip_blanks
+
+  !> Blank, tab or carriage return
+  pure elemental function is_blank(letter) result(blank)
+    character, intent(in) :: letter
+    logical :: blank
+
+    select case (iachar(letter))
+     case (9, 13, 32)
+      blank = .true.
+     case default
+      blank = .false.
+    end select
+  end function is_blank
+end module attrito_core_text_numbers

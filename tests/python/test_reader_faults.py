@@ -1,0 +1,499 @@
+"""Faulty twins of the samples: each is told in one message with file, place, value and what was expected."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import matrix_writers as write
+import numpy as np
+import pytest
+import scipy.io
+import scipy.sparse as sparse
+from jobs import attrito_here
+
+from attrito.faults import InputError
+from attrito.importers import import_model, read_matrix, read_mesh
+from attrito.importers.dof_file import read_dof_file
+
+DATA = Path(__file__).parent / "data"
+STIFFNESS = np.array([[3.0, -1.0, 0.0], [-1.0, 2.5, 0.0], [0.0, 0.0, 4.0]])
+
+
+def replaced(old: str, new: str) -> Callable[[str], str]:
+    """A text with one piece replaced."""
+
+    def change(text: str) -> str:
+        assert old in text
+        return text.replace(old, new, 1)
+
+    return change
+
+
+def cut(count: int) -> Callable[[str], str]:
+    """A text without its last characters."""
+    return lambda text: text[:-count]
+
+
+def fault_of(call: Callable, *arguments: object, **options: object) -> str:
+    """The one line of the one fault."""
+    with pytest.raises(InputError) as caught:
+        call(*arguments, **options)
+    lines = str(caught.value).splitlines()
+    assert len(lines) == 1
+    return lines[0]
+
+
+STIF, HB, PCH, SMALL, OP4 = (
+    f"two_springs{end}" for end in ("_STIF1.mtx", "_stiffness.hb", ".pch:KAAX", "_small.bdf:KAAX", ".op4:KAA")
+)
+MARKET = "symmetric.mtx"
+NUMBERS = "numbers row node, dof, column node, dof, value"
+
+# File, change, place, what was expected.
+TWINS = {
+    "Abaqus: cut off in a line": (
+        STIF,
+        cut(5),
+        "last line = '1000,3, 1000,3,  4.00000000000000'",
+        "the file is cut off",
+    ),
+    "Abaqus: a field missing": (STIF, replaced("12,2, 12,2,", "12,2, 12,"), "line 3", NUMBERS),
+    "Abaqus: no number": (STIF, replaced("2.50000000000000e+00", "2.5x"), "line 5", NUMBERS),
+    "Abaqus: not finite": (STIF, replaced("2.50000000000000e+00", "nan"), "line 5", NUMBERS),
+    "Abaqus: a Lagrange multiplier": (STIF, replaced("1000,3, 1000,3", "-1,1, -1,1"), "line 6", "Lagrange multipliers"),
+    "Abaqus: a temperature": (STIF, replaced("1000,3, 1000,3", "1000,11, 1000,11"), "line 6", "dofs 1 to 6"),
+    "Abaqus: half a node": (STIF, replaced("1000,3, 1000,3", "1.5,3, 1000,3"), "line 6", "node ids above 0"),
+    "Abaqus: an entry twice": (
+        STIF,
+        lambda text: text + "12,2, 1000,1, 1.0\n12,2, 12,2, 3.0\n",
+        "stiffness",
+        "every entry once",
+    ),
+    "Abaqus: triangles that differ": (
+        STIF,
+        lambda text: text + "12,2, 1000,1, -1.1\n",
+        "-1.1000000000000001 against -1 at node 12 direction 2, node 1000 direction 1 and its mirror",
+        "a symmetric matrix",
+    ),
+    "Abaqus: half of a triangle twice": (
+        STIF,
+        lambda text: text + "12,2, 1000,3, 1.0\n12,2, 1000,1, -1.0\n",
+        "node 12 direction 2, node 1000 direction 3 without its mirror image (1 such entries)",
+        "one triangle, or both of them with the same entries",
+    ),
+    "Abaqus: an element's matrix": (
+        STIF,
+        lambda text: "*MATRIX,TYPE=STIFFNESS\n" + text,
+        "line 1 = '*MATRIX,TYPE=STIFFNESS'",
+        "a global matrix, of *MATRIX OUTPUT",
+    ),
+    "Abaqus: nothing but comments": (STIF, lambda text: "** nothing\n", "stiffness", "a matrix file"),
+    "Harwell-Boeing: values missing": (HB, lambda text: "\n".join(text.split("\n")[:8]) + "\n", "3 values", "4 values"),
+    "Harwell-Boeing: cut off in a line": (
+        HB,
+        lambda text: text[: text.index("2.5000E+00") + 4],
+        "'3 values'",
+        "4 values",
+    ),
+    "Harwell-Boeing: complex": (HB, replaced("RSA", "CSA"), "line 3 = 'CSA'", "RSA or RUA"),
+    "Harwell-Boeing: not square": (
+        HB,
+        replaced("3             3             4", "3             2             4"),
+        "3 x 2",
+        "square",
+    ),
+    "Harwell-Boeing: no format": (
+        HB,
+        replaced("(8I5)           (8I5)", "8I5             hello"),
+        "lines 2 to 4",
+        "header",
+    ),
+    "Harwell-Boeing: no number": (
+        HB,
+        replaced("-1.0000E+00", "-1.00x0E+00"),
+        "line 8",
+        "values in 3 fields of 12 characters",
+    ),
+    "Harwell-Boeing: a row too far": (
+        HB,
+        replaced("    1    2    2    3", "    1    2    2    4"),
+        "4 among the row numbers",
+        "1 to 3",
+    ),
+    "Harwell-Boeing: pointers that fall": (
+        HB,
+        replaced("    1    3    4    5", "    1    4    3    5"),
+        "column pointers",
+        "ascending",
+    ),
+    "Harwell-Boeing: an entry twice": (
+        HB,
+        replaced("    1    2    2    3", "    1    1    2    3"),
+        "row 1, column 1 twice",
+        "every entry once",
+    ),
+    "DMIG: complex": (
+        PCH,
+        replaced("       6       2       0", "       6       4       0"),
+        "line 2",
+        "type 1 or 2, a real matrix",
+    ),
+    "DMIG: rectangular": (
+        PCH,
+        replaced("       6       2       0", "       9       2       0"),
+        "line 2",
+        "form 6 (symmetric) or 1",
+    ),
+    "DMIG: no header": (PCH, replaced("DMIG    KAAX           0", "$"), "line 3", "a header DMIG, KAAX, 0, ..."),
+    "DMIG: a value missing": (PCH, replaced("3.000000000D+00", ""), "line 4", "a real value"),
+    "DMIG: no number": (PCH, replaced("3.000000000D+00", "3.0000000xxD+00"), "line 4", "a real value"),
+    "DMIG: a scalar point": (
+        PCH,
+        replaced("1000               3 4.0", "1000               0 4.0"),
+        "line 9",
+        "scalar points",
+    ),
+    "DMIG: an entry twice": (
+        PCH,
+        replaced(
+            "*                   1000               3 4.0",
+            "*                   1000               3 4.0D0\n" + "*                   1000               3 4.0",
+        ),
+        "KAAX = 'node 1000 direction 3, node 1000 direction 3 twice'",
+        "every entry once",
+    ),
+    "DMIG: both triangles in form 6": (
+        PCH,
+        replaced(
+            "*                   1000               1 2.5",
+            "*                     12               2-1.0D0\n*                   1000               1 2.5",
+        ),
+        "twice",
+        "every entry once",
+    ),
+    "DMIG: a header twice": (PCH, lambda text: text + text.split("\n")[1] + "\n", "line 17", "one header of KAAX"),
+    "DMIG: an imaginary part": (
+        SMALL,
+        replaced("12       2      3.", "12       2      3.      1."),
+        "line 3",
+        "a real value",
+    ),
+    "DMIG: cut off": (SMALL, cut(4), "last line", "the file is cut off"),
+    "DMIG: no such matrix": ("two_springs.pch:BAAX", lambda text: text, "BAAX", "it holds: KAAX, MAAX"),
+    "DMIG: two matrices and no name": ("two_springs.pch", lambda text: text, "no name", "it holds: KAAX, MAAX"),
+    "OUTPUT4: cut off": (
+        OP4,
+        lambda text: text[: text.index("  196611")],
+        "KAA = 'ends in column 3'",
+        "a whole matrix",
+    ),
+    "OUTPUT4: complex": (OP4, replaced("       6       2KAA", "       6       4KAA"), "type 4", "type 1 or 2"),
+    "OUTPUT4: not square": (
+        OP4,
+        replaced("       3       3       6", "       3       2       6"),
+        "2 x 3",
+        "a square matrix",
+    ),
+    "OUTPUT4: a number too few": (
+        OP4,
+        replaced("-1.0000000000000000E+00\n       2", "\n       2"),
+        "1 numbers",
+        "as 4 words make",
+    ),
+    "OUTPUT4: no number": (
+        OP4,
+        replaced("2.5000000000000000E+00", "2.5000000000000x00E+00"),
+        "line 9",
+        "the format of the header",
+    ),
+    "OUTPUT4: a row too far": (OP4, replaced("196611", "196612"), "rows 4 to 4", "from 1 to 3"),
+    "OUTPUT4: no such matrix": ("two_springs.op4:KGG", lambda text: text, "KGG", "it holds: KAA, MAA"),
+    "Matrix Market: cut off": (MARKET, cut(8), "3 entries", "4 entries"),
+    "Matrix Market: an entry too many": (MARKET, lambda text: text + "3 2 1.0\n", "5 entries", "4 entries"),
+    "Matrix Market: complex": (MARKET, replaced("real", "complex"), "complex entries", "a real matrix"),
+    "Matrix Market: skew": (MARKET, replaced("symmetric", "skew-symmetric"), "skew-symmetric", "general or symmetric"),
+    "Matrix Market: an upper entry": (MARKET, replaced("2 1 -1.0", "1 2 -1.0"), "line 5", "the lower triangle only"),
+    "Matrix Market: a row too far": (MARKET, replaced("3 3 4.0", "4 3 4.0"), "line 7", "from 1 to 3"),
+    "Matrix Market: not square": (MARKET, replaced("3 3 4\n", "3 4 4\n"), "3 x 4", "a square matrix"),
+    "Matrix Market: not finite": (MARKET, replaced("2.5", "inf"), "line 6", "row, column and value"),
+}
+
+
+@pytest.mark.parametrize("twin", TWINS.values(), ids=TWINS)
+def test_faulty_matrix_files_are_told_with_their_place(twin, tmp_path):
+    source, change, place, expected = twin
+    name, _, matrix = source.partition(":")
+    (tmp_path / name).write_text(change((DATA / name).read_text()))
+    told = fault_of(read_matrix, str(tmp_path / name) + (f":{matrix}" if matrix else ""), "stiffness")
+    assert name in told and place in told and expected in told.partition(": expected ")[2]
+
+
+def written(folder: Path, name: str) -> bytes:
+    """Bytes of a binary file of the stiffness."""
+    matrix, path = sparse.csr_matrix(STIFFNESS), folder / name
+    if name.endswith(".npz"):
+        sparse.save_npz(path, matrix)
+    elif name == "new.mat":
+        write.write_matlab_73(path, {"K": matrix})
+    elif name.endswith(".mat"):
+        write.write_matlab(path, {"K": matrix})
+    else:
+        write.write_op4_binary(path, {"KAA": matrix}, name.partition(".")[0])
+    return path.read_bytes()
+
+
+BINARY = {
+    "npz: cut off": ("k.npz", lambda data: data[:-100], "a file of scipy.sparse.save_npz"),
+    "MATLAB 5: cut off": ("old.mat", lambda data: data[:-30], "a MATLAB file"),
+    "MATLAB 7.3: cut off": ("new.mat", lambda data: data[:700], "a MATLAB file"),
+    "OUTPUT4: cut off": ("sparse.op4", lambda data: data[:-20], "the file is cut off"),
+    "OUTPUT4: cut off in a column": ("dense.op4", lambda data: data[:50], "the file is cut off"),
+    "OUTPUT4: a string too long": (
+        "bigmat.op4",
+        lambda data: data.replace(np.array([5, 1], "<i4").tobytes(), np.array([9, 1], "<i4").tobytes(), 1),
+        "strings that fit their record",
+    ),
+    "OUTPUT4: complex": (
+        "dense.op4",
+        lambda data: data.replace(np.array([6, 2], "<i4").tobytes(), np.array([6, 4], "<i4").tobytes(), 1),
+        "type 1 or 2, a real matrix",
+    ),
+}
+
+
+@pytest.mark.parametrize("twin", BINARY.values(), ids=BINARY)
+def test_faulty_binary_files_are_told(twin, tmp_path):
+    name, change, expected = twin
+    data = written(tmp_path, name)
+    changed = change(data)
+    assert changed != data
+    (tmp_path / name).write_bytes(changed)
+    told = fault_of(read_matrix, tmp_path / name, "stiffness")
+    assert name in told and expected in told
+
+
+@pytest.mark.parametrize(
+    ("save", "said", "expected"),
+    [
+        (lambda path: np.savez(path, a=np.eye(3)), "", "a file of scipy.sparse.save_npz"),
+        (lambda path: sparse.save_npz(path, sparse.csr_matrix(1j * STIFFNESS)), "complex entries", "a real matrix"),
+        (lambda path: scipy.io.savemat(path, {"K": 1j * STIFFNESS}), "complex entries", "a real matrix"),
+        (lambda path: scipy.io.savemat(path, {"K": STIFFNESS, "M": STIFFNESS}), "no name", "it holds: K, M"),
+        (lambda path: scipy.io.savemat(path, {"a": "text"}), "no name", "it holds: a"),
+        (lambda path: write.write_matlab_73(path, {"K": STIFFNESS, "M": STIFFNESS}), "no name", "it holds: K, M"),
+    ],
+    ids=["a dense npz", "a complex npz", "a complex .mat", "two in a .mat", "none in a .mat", "two in a new .mat"],
+)
+def test_binary_files_of_something_else_are_told(save, said, expected, tmp_path):
+    path = tmp_path / (
+        "k.mat" if "mat" in save.__code__.co_names[-1] or "matlab" in str(save.__code__.co_names) else "k.npz"
+    )
+    save(path)
+    told = fault_of(read_matrix, path, "stiffness")
+    assert said in told and expected in told
+
+
+# Sample, its change, place, what was expected.
+DOF_FILES = {
+    "a label that is no displacement": ("two_springs.mapping", replaced("UZ", "PRES"), "line 4", "UX, UY, UZ, ROTX"),
+    "a Lagrange multiplier": ("two_springs.mapping", replaced("UZ", "LAG"), "line 4", "no Lagrange multipliers"),
+    "rows out of order": (
+        "two_springs.mapping",
+        replaced("         3      1000", "         4      1000"),
+        "line 4",
+        "row 3",
+    ),
+    "a dof twice in a mapping": (
+        "two_springs.mapping",
+        replaced("UZ", "UX"),
+        "node 1000 direction 1",
+        "every dof once",
+    ),
+    "components that are none": (
+        "two_springs.aset",
+        replaced("ASET,12,2", "ASET,12,7"),
+        "line 3, ASET",
+        "made of 1 to 6",
+    ),
+    "grid points that are none": (
+        "two_springs.aset",
+        replaced("ASET,12,2", "ASET,x,2"),
+        "line 3, ASET",
+        "made of 1 to 6",
+    ),
+    "a direction that is none": (
+        "two_springs.dof",
+        replaced("1000.3", "1000.7"),
+        "line 3 = '1000.7'",
+        "node.direction",
+    ),
+    "nothing": ("two_springs.dof", lambda text: "", "empty", "a line node.direction"),
+}
+
+
+@pytest.mark.parametrize("twin", DOF_FILES.values(), ids=DOF_FILES)
+def test_faulty_dof_files_are_told_with_their_place(twin, tmp_path):
+    name, change, place, expected = twin
+    (tmp_path / name).write_text(change((DATA / name).read_text()))
+    told = fault_of(read_dof_file, tmp_path / name)
+    assert name in told and place in told and expected in told
+
+
+MESHES = {
+    "ANSYS: a rotated node": (
+        "two_springs.cdb",
+        replaced(
+            f"{1.0:.13E}".replace("E+0", "E+00") + "\n       12",
+            "1.0000000000000E+000" + " 0.0000000000000E+000" * 2 + " 4.5000000000000E+001\n       12",
+        ),
+        "line 6",
+        "not rotated",
+    ),
+    "ANSYS: no format of nodes": ("two_springs.cdb", replaced("(3i9,6e21.13e3)", "3i9"), "line 3", "Fortran format"),
+    "ANSYS: no solid key": ("two_springs.cdb", replaced("EBLOCK,19,SOLID", "EBLOCK,10,"), "line 10", "the solid key"),
+    "ANSYS: a node that is not there": (
+        "two_springs.cdb",
+        replaced("       40        7       12       12", "       40        8       12       12"),
+        "node 8",
+        "nodes that the file defines",
+    ),
+    "ANSYS: a node twice": (
+        "two_springs.cdb",
+        replaced("     1000        0        0", "        7        0        0"),
+        "node 7 twice",
+        "every node id once",
+    ),
+    "ANSYS: nodes missing in an element": (
+        "two_springs.cdb",
+        replaced("     1000     1000     1000     1000\n", "\n"),
+        "line 12",
+        "as many nodes",
+    ),
+    "Nastran: another coordinate system": (
+        "two_springs_mesh.bdf",
+        replaced("GRID,1000,0,", "GRID,1000,3,"),
+        "line 9, GRID",
+        "basic coordinate system",
+    ),
+    "Nastran: rotated displacements": (
+        "two_springs_mesh.bdf",
+        replaced("10.-1,0", "10.-1,5"),
+        "line 9, GRID",
+        "basic coordinate system",
+    ),
+    "Nastran: a coordinate that is none": (
+        "two_springs_mesh.bdf",
+        replaced("10.-1", "here"),
+        "line 9, GRID",
+        "real coordinates",
+    ),
+    "Nastran: five corners": (
+        "two_springs_mesh.bdf",
+        replaced("      12      1000\n", "      12      1000    40\n"),
+        "line 10, CTETRA",
+        "4 or 10",
+    ),
+    "Nastran: a set of a node that is not there": (
+        "two_springs_mesh.bdf",
+        replaced("SET1,2,7", "SET1,2,8"),
+        "node 8",
+        "nodes that the file defines",
+    ),
+    "Abaqus: two instances": (
+        "two_springs.inp",
+        lambda text: text + "*INSTANCE, NAME=A\n*END INSTANCE\n*INSTANCE, NAME=B\n*END INSTANCE\n",
+        "*INSTANCE = 'B'",
+        "noPartsInputFile",
+    ),
+    "Abaqus: an instance moved": (
+        "two_springs.inp",
+        lambda text: text + "*INSTANCE, NAME=A\n1., 0., 0.\n",
+        "*INSTANCE = 'A'",
+        "noPartsInputFile",
+    ),
+    "Abaqus: rotated dofs": (
+        "two_springs.inp",
+        lambda text: text + "*TRANSFORM, NSET=Base\n0,1,0,1,0,0\n",
+        "*TRANSFORM = 'Base'",
+        "along x, y, z",
+    ),
+}
+
+
+@pytest.mark.parametrize("twin", MESHES.values(), ids=MESHES)
+def test_faulty_meshes_are_told_with_their_place(twin, tmp_path):
+    name, change, place, expected = twin
+    (tmp_path / name).write_text(change((DATA / name).read_text()))
+    told = fault_of(read_mesh, tmp_path / name)
+    assert name in told and place in told and expected in told
+
+
+# --- files that do not go together -----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def folder(tmp_path) -> Path:
+    """All samples in a folder, and one of more rows."""
+    for path in DATA.iterdir():
+        shutil.copy(path, tmp_path)
+    scipy.io.mmwrite(tmp_path / "four.mtx", sparse.eye(4).tocsr())
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--abaqus", "absent"], "import: abaqus = 'absent_STIF1.mtx: no such file': expected the stiffness"),
+        (["--nastran", "absent.pch"], "absent.pch: file = "),
+        (["--nastran", "two_springs.inp"], "two_springs.inp: file = 'no DMIG': expected a file with matrices"),
+        (
+            ["--nastran", "two_springs.pch", "--dofs", "two_springs.dof"],
+            "two_springs.dof: dofs = 'given': expected no such",
+        ),
+        (
+            ["--nastran", "two_springs.op4", "--mesh", "two_springs_mesh.bdf"],
+            "import: dofs = 'missing': expected a file that",
+        ),
+        (["--nastran", "two_springs.pch", "--abaqus", "two_springs"], "import: nastran = 'given': expected one source"),
+        (["--nastran", "two_springs.pch", "--stiffness", "K.mtx"], "import: stiffness = 'given': expected one source"),
+        (
+            ["--nastran", "two_springs.pch", "--damping", "symmetric.mtx"],
+            "symmetric.mtx: damping = 'numbered rows': expected",
+        ),
+        (
+            ["--stiffness", "symmetric.mtx", "--mass", "four.mtx", "--dofs", "two_springs.dof"],
+            "four.mtx: mass = '4 x 4': expected",
+        ),
+        (
+            ["--stiffness", "two_springs.pch:XXX", "--mass", "two_springs.pch:MAAX"],
+            "two_springs.pch: stiffness = 'XXX': expected",
+        ),
+        (
+            ["--stiffness", "symmetric.mtx:K", "--mass", "two_springs.pch:MAAX"],
+            "import: stiffness = 'symmetric.mtx:K': expected",
+        ),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "told",
+)
+def test_files_that_do_not_go_together_are_told(folder, capfd, arguments, message):
+    done = attrito_here(folder, capfd, "import", "model.h5", *arguments)
+    assert done.returncode == 2 and done.stdout == ""
+    assert done.stderr.startswith(f"attrito: {message}") and len(done.stderr.splitlines()) == 1
+    assert not (folder / "model.h5").exists()
+
+
+def test_a_node_of_the_matrices_that_the_mesh_lacks_is_told(folder):
+    text = (folder / "two_springs_mesh.bdf").read_text().replace("GRID,1000", "GRID,1001").replace("1000", "1001")
+    (folder / "two_springs_mesh.bdf").write_text(text)
+    files = {"nastran_file": folder / "two_springs.pch", "mesh": folder / "two_springs_mesh.bdf"}
+    told = fault_of(import_model, folder / "model.h5", **files)
+    assert "two_springs.pch" in told and "node 1000 (1 such nodes)" in told and "two_springs_mesh.bdf" in told
+
+
+def test_a_dof_without_mass_is_told_by_its_node(folder):
+    text = (folder / "two_springs_MASS1.mtx").read_text().replace("1000,1, 1000,1,  2.5", "1000,1, 1000,1,  0.0")
+    (folder / "two_springs_MASS1.mtx").write_text(text)
+    told = fault_of(import_model, folder / "model.h5", abaqus_job=folder / "two_springs")
+    assert "no mass at dof 1, node 1000 x" in told
