@@ -81,6 +81,14 @@ def _parser() -> argparse.ArgumentParser:
     for name in ("stiffness", "mass", "damping"):
         one.add_argument(f"--{name}", metavar="FILE", help=f"{name} matrix: Matrix Market or PETSc binary")
     one.add_argument("--dofs", metavar="FILE", help="one line node.direction for each row of the matrices")
+    one.add_argument(
+        "--holds",
+        metavar="NAMES",
+        default="",
+        help="what the stiffness holds already: stress_stiffening, spin_softening, or both with a comma",
+    )
+    one.add_argument("--spin-hz", type=float, help="speed of the rotation that this comes from, Hz")
+    one.add_argument("--geometric-stiffness", metavar="FILE", help="stress stiffening, to be added to the stiffness")
     one.set_defaults(work=_import)
 
     one = commands.add_parser("reduce", help="the job's model -> rom.h5 (attrito run does it too)")
@@ -141,6 +149,9 @@ def _import(options: argparse.Namespace) -> None:
         mass=options.mass,
         damping=options.damping,
         dofs=options.dofs,
+        holds=[name.strip() for name in options.holds.split(",") if name.strip()],
+        spin_hz=options.spin_hz,
+        geometric_stiffness=options.geometric_stiffness,
     )
     print("\n".join([f"{options.output}:", *(f"  {note}" for note in notes)]))
 

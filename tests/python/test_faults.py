@@ -325,19 +325,6 @@ JOB = [
         ('job.toml: [stability] method = \'hill\': expected "none" ("hill" is not in this version)',),
     ),
     Case(
-        "spin softening",
-        lambda job: job["load"].append(
-            {
-                "kind": "centrifugal",
-                "speed_hz": 50.0,
-                "axis_point": [0.0, 0.0, 0.0],
-                "axis_direction": [0.0, 0.0, 1.0],
-                "spin_softening": True,
-            }
-        ),
-        ("job.toml: load[2] spin_softening = True: expected false (spin softening is not in this version)",),
-    ),
-    Case(
         "a result that would overwrite the job",
         put("output", file="job.toml"),
         ("job.toml: [output] file = 'job.toml': expected a file other than that of the job",),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from attrito.importers import calculix
 from attrito.importers.check import check_matrices
 from attrito.importers.matrix import read_matrix
 from attrito.importers.mesh import Mesh, read_mesh
+from attrito.importers.prestress import check_holdings, hold
 from attrito.model_file import Model, write_model
 
 
@@ -23,6 +25,9 @@ def import_model(
     mass: str | Path | None = None,
     damping: str | Path | None = None,
     dofs: str | Path | None = None,
+    holds: Sequence[str] = (),
+    spin_hz: float | None = None,
+    geometric_stiffness: str | Path | None = None,
 ) -> tuple[Model, list[str]]:
     """Read matrices and mesh, check them, and write model.h5.
 
@@ -33,11 +38,15 @@ def import_model(
     mesh : CalculiX or Abaqus deck with nodes, elements and node sets; needed with `calculix_job`
     stiffness, mass, damping : matrix files instead of `calculix_job` (damping also beside it)
     dofs : file with a line `node.direction` for each row of the matrices; needed for matrix files with a mesh
+    holds : what the stiffness holds already: `stress_stiffening`, `spin_softening`
+    spin_hz : speed of the rotation that it comes from
+    geometric_stiffness : matrix file with the stress stiffening, to be added to the stiffness
 
     Returns
     -------
     the model, and notes for the user: numbers of dofs and nodes, total mass, node sets with their sizes
     """
+    check_holdings(holds, spin_hz, geometric_stiffness is not None)
     if calculix_job is not None:
         dofs = f"{calculix_job}.dof"
     if (mesh is None) != (dofs is None):
@@ -58,6 +67,9 @@ def import_model(
     if damping is not None:
         files["damping"] = str(damping)
         matrices["damping"] = read_matrix(damping, "damping", "import")
+    geometric = None
+    if geometric_stiffness is not None:
+        geometric = read_matrix(geometric_stiffness, "geometric stiffness", "import")
 
     def label(dof: int) -> str:
         if node is None or dof >= len(node):
@@ -66,6 +78,11 @@ def import_model(
 
     faults = check_matrices(matrices["stiffness"], matrices["mass"], matrices.get("damping"), files, label)
     size = matrices["stiffness"].shape[0]
+    if geometric is not None:
+        files["geometric_stiffness"] = str(geometric_stiffness)
+        faults += check_matrices(
+            geometric, matrices["mass"], None, files | {"stiffness": str(geometric_stiffness)}, label
+        )
     if node is not None and len(node) != size:
         faults.append(
             Fault(str(dofs), "file", f"{len(node)} dofs", f"one for each of the {size} rows of the stiffness")
@@ -82,8 +99,9 @@ def import_model(
         model.node_ids, model.coordinates = read.node_ids, read.coordinates
         model.elements, model.node_sets = read.elements, read.node_sets
         sources += [str(dofs), *map(str, read.files)]
+    held = hold(model, holds, spin_hz, geometric)
     write_model(output, model, sources)
-    notes = _notes(model)
+    notes = _notes(model) + held
     if read is not None and read.constraints:
         named = "; ".join(read.constraints)
         notes.append(
