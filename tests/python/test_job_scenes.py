@@ -75,7 +75,7 @@ def body(model, node_set):
 
 
 def check_balance(folder, node_set, directions, sign):
-    """On a body, at the first point: mean contact forces, pull of rotation and what its displacement adds sum to zero."""
+    """On a body, at the first point: mean contact forces, pull and what displacement adds to it sum to zero."""
     scene = build_scene(read_job(folder / "job.toml"))
     model = scene.model
     own = body(model, node_set)
