@@ -3,7 +3,7 @@ r"""Two blades with a wedge damper under their platforms: mesh, CalculiX matrice
     python meshes/damper.py --size default --out out/damper
 
 leaves damper.inp, damper.sti .mas .dof and damper_frequencies.dat, CalculiX's own frequencies of the blades without
-friction or contact (and three zero ones of the damper).
+friction or contact (and four zero ones of the damper).
 
 Axes: x circumferential, y along the rotation axis, z radial; the rotation axis is the y axis (x = z = 0). Units are mm,
 t, s. Cross-section in the x-z plane, the right blade the mirror image of the left one::
@@ -20,7 +20,7 @@ t, s. Cross-section in the x-z plane, the right blade the mirror image of the le
        |  |                         z = 200 foot, held
 
 In the plane nothing holds the damper but its contacts: the pull of rotation (+z) presses its two faces, 37 degrees
-from the tangential direction, against the platforms. Along the axis three nodes of one end are held, as cover plates
+from the tangential direction, against the platforms. Along the axis a line of nodes at one end is held, as cover plates
 do: while everything slips friction alone says nothing of where the damper stands along its length. Blades and damper
 are three bodies; every node of a contact face exists twice at one position.
 """

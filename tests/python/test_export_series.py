@@ -21,7 +21,7 @@ def two_kinds():
     """A brick and a tetrahedral body, ids shuffled, the lowest nodes held."""
     bodies = [
         synthetic.block("C3D8", (3, 2, 1)),
-        synthetic.block("C3D10", (1, 1, 2), shape=lambda points: points + [0.0, 0.0, 1.5]),
+        synthetic.block("C3D4", (1, 1, 2), shape=lambda points: points + [0.0, 0.0, 1.5]),
     ]
     return synthetic.assemble(bodies, {}, held=lambda points: points[:, 2] < 1e-9, seed=6)
 
