@@ -1,6 +1,6 @@
 """A turbine-like blade in its disc slot: mesh, CalculiX matrices and CalculiX's own frequencies.
 
-    python meshes/blade.py --size default --out out/blade
+    python meshes/blade.py --size default --out out/blade [--spin-hz 100]
 
 leaves in the folder
 
@@ -11,43 +11,31 @@ leaves in the folder
 Blade and disc are two bodies: every node of a flank exists twice at one position, once for each body. The blade is
 held by contact alone (six rigid motions in the matrices); the disc sector is fixed at its bottom and both sides.
 Units are mm, t, s, so forces are N and stresses MPa. Rotation axis: the y axis; z is radial.
+
+With a speed the stiffness holds the stress stiffening of a static step at that speed, and no spin softening. In that
+step both sides of the flanks are held, since nothing else holds the blade: the stress near the flanks is that of a
+clamped root, above the platform it is what any root gives. The frequencies are then those with the flanks held and
+with CalculiX's own spin softening.
 """
 
 from __future__ import annotations
 
 import argparse
-import hashlib
-import os
-import subprocess
-import sys
-import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 
-import meshio
 import numpy as np
 from blade_geometry import DISC_BOTTOM, SECTOR_SLOPE, SIZES, TIP, geometry_script
+from bodies import Scene, centrifugal, make_model
 
-YOUNG_MODULUS = 210000.0
-POISSON_RATIO = 0.3
-DENSITY = 7.85e-9
 FREQUENCIES = 16
+BODIES = ["blade", "disc"]
+FLANKS = ("root_left", "root_right", "slot_left", "slot_right")
 
-MATERIAL = f"""\
-*INCLUDE, INPUT=blade.inp
-*MATERIAL, NAME=steel
-*ELASTIC
-{YOUNG_MODULUS}, {POISSON_RATIO}
-*DENSITY
-{DENSITY}
-*SOLID SECTION, ELSET=blade, MATERIAL=steel
-*SOLID SECTION, ELSET=disc, MATERIAL=steel
-*BOUNDARY
-disc_fixed, 1, 3
-*STEP
-"""
-MATRICES_DECK = MATERIAL + "*FREQUENCY, SOLVER=MATRIXSTORAGE\n1\n*END STEP\n"
-FREQUENCIES_DECK = MATERIAL + f"*FREQUENCY\n{FREQUENCIES}\n*END STEP\n"
+HELD = "*BOUNDARY\ndisc_fixed, 1, 3\n"
+FREED = "*BOUNDARY, OP=NEW\ndisc_fixed, 1, 3\n"
+CLAMPED = HELD + "".join(f"{name}, 1, 3\n" for name in FLANKS)
+MATRICES = "*FREQUENCY, SOLVER=MATRIXSTORAGE\n1\n"
+OWN_FREQUENCIES = f"*FREQUENCY\n{FREQUENCIES}\n"
 PRODUCTS = {
     "matrices.sti": "blade.sti",
     "matrices.mas": "blade.mas",
@@ -56,64 +44,26 @@ PRODUCTS = {
 }
 
 
-@dataclass(frozen=True)
-class Scene:
-    """Both bodies, their flank nodes doubled.
-
-    Parameters
-    ----------
-    coordinates : [N, 3], mm; the node's id is its row + 1
-    elements : connectivity [E, 10] of body `blade` and of body `disc`, rows of `coordinates`, CalculiX order
-    node_sets : rows of `coordinates` by name
-    """
-
-    coordinates: np.ndarray
-    elements: dict[str, np.ndarray]
-    node_sets: dict[str, np.ndarray]
-
-
-def run(command: list[str], folder: Path) -> None:
-    """Run a program in a folder; on failure stop with the end of what it said."""
-    try:
-        result = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    except FileNotFoundError:
-        sys.exit(f"{command[0]} is not installed")
-    # CalculiX reports some faults with exit code 0.
-    if result.returncode != 0 or "*ERROR" in result.stdout:
-        said = result.stdout[-1000:] + result.stderr[-1000:]
-        sys.exit(f"{' '.join(command)} failed ({result.returncode}):\n{said}")
+def steps(speed_hz: float) -> dict[str, str]:
+    """What CalculiX is asked for: matrices and frequencies, at rest or after a static step of rotation."""
+    if speed_hz == 0.0:
+        return {
+            "matrices": f"{HELD}*STEP\n{MATRICES}*END STEP\n",
+            "frequencies": f"{HELD}*STEP\n{OWN_FREQUENCIES}*END STEP\n",
+        }
+    static = f"{CLAMPED}*STEP\n*STATIC\n{centrifugal(BODIES, speed_hz)}*END STEP\n*STEP, PERTURBATION\n"
+    return {
+        # Without the load in the step of the matrices CalculiX leaves its spin softening out.
+        "matrices": f"{static}{MATRICES}{FREED}*DLOAD, OP=NEW\n*END STEP\n",
+        "frequencies": f"{static}{OWN_FREQUENCIES}*END STEP\n",
+    }
 
 
-def mesh_bodies(script: str, folder: Path) -> meshio.Mesh:
-    """Mesh the geometry script with second-order tetrahedra."""
-    (folder / "blade.geo").write_text(script)
-    run(["gmsh", "-3", "-order", "2", "-format", "msh22", "blade.geo", "-o", "blade.msh"], folder)
-    return meshio.read(folder / "blade.msh")
-
-
-def part_bodies(mesh: meshio.Mesh) -> Scene:
-    """Double the nodes that blade and disc share, and name the node sets."""
-    blade_tag, disc_tag = (int(mesh.field_data[name][0]) for name in ("blade", "disc"))
-    cells = mesh.cells_dict["tetra10"]
-    tags = mesh.cell_data_dict["gmsh:physical"]["tetra10"]
-    blade, disc = cells[tags == blade_tag], cells[tags == disc_tag]
-
-    shared = np.intersect1d(blade, disc)
-    twin = np.arange(len(mesh.points))
-    twin[shared] = len(mesh.points) + np.arange(len(shared))
-    disc = twin[disc]
-
-    # Numbers without gaps: gmsh also lists nodes that no tetrahedron uses.
-    used, renumbered = np.unique(np.concatenate([blade.ravel(), disc.ravel()]), return_inverse=True)
-    coordinates = np.concatenate([mesh.points, mesh.points[shared]])[used]
-    blade, disc = renumbered[: blade.size].reshape(blade.shape), renumbered[blade.size :].reshape(disc.shape)
-    root, slot = np.searchsorted(used, shared), np.searchsorted(used, twin[shared])
-    return Scene(coordinates, {"blade": blade, "disc": disc}, node_sets(coordinates, root, slot, np.unique(disc)))
-
-
-def node_sets(coordinates: np.ndarray, root: np.ndarray, slot: np.ndarray, disc: np.ndarray) -> dict[str, np.ndarray]:
+def node_sets(scene: Scene) -> dict[str, np.ndarray]:
     """Node sets (rows of `coordinates`), found by position."""
-    x, y, z = coordinates.T
+    x, y, z = scene.coordinates.T
+    root, slot = scene.touching["blade", "disc"]
+    disc = np.unique(scene.elements["disc"])
     margin = 1.0e-4
     sides = np.abs(np.abs(x[disc]) - SECTOR_SLOPE * z[disc]) < margin
     bottom = np.abs(z[disc] - DISC_BOTTOM) < margin
@@ -131,55 +81,16 @@ def node_sets(coordinates: np.ndarray, root: np.ndarray, slot: np.ndarray, disc:
     }
 
 
-def write_inp(path: Path, scene: Scene) -> None:
-    """Write the mesh in CalculiX's format."""
-    lines = ["** Blade in its disc slot; mm, t, s", "*NODE"]
-    lines += [f"{k}, {x:.12g}, {y:.12g}, {z:.12g}" for k, (x, y, z) in enumerate(scene.coordinates.tolist(), start=1)]
-    element = 0
-    for body, connectivity in scene.elements.items():
-        lines.append(f"*ELEMENT, TYPE=C3D10, ELSET={body}")
-        for nodes in (connectivity + 1).tolist():
-            element += 1
-            lines.append(", ".join(map(str, [element, *nodes])))
-    for name, rows in scene.node_sets.items():
-        lines.append(f"*NSET, NSET={name}")
-        ids = (rows + 1).tolist()
-        lines += [", ".join(map(str, ids[k : k + 8])) for k in range(0, len(ids), 8)]
-    path.write_text("\n".join(lines) + "\n")
-
-
 def main() -> None:
     """Command line: mesh, matrices and frequencies, unless they are there already."""
     parser = argparse.ArgumentParser(description="Blade in its disc slot: mesh, CalculiX matrices and frequencies.")
     parser.add_argument("--size", choices=SIZES, default="default", help="size of the mesh")
     parser.add_argument("--out", type=Path, default=Path("out/blade"), help="folder for the results")
+    parser.add_argument("--spin-hz", type=float, default=0.0, help="speed of the stress stiffening (default: none)")
     arguments = parser.parse_args()
-
     script = geometry_script(SIZES[arguments.size])
-    sources = [script, MATRICES_DECK, FREQUENCIES_DECK, Path(__file__).read_text()]
-    stamp = hashlib.sha256("\0".join(sources).encode()).hexdigest()
-    stamp_file = arguments.out / "blade.stamp"
-    products = [arguments.out / name for name in ("blade.inp", *PRODUCTS.values())]
-    if stamp_file.exists() and stamp_file.read_text() == stamp and all(path.exists() for path in products):
-        return
-
-    arguments.out.mkdir(parents=True, exist_ok=True)
-    stamp_file.unlink(missing_ok=True)
-    with tempfile.TemporaryDirectory(dir=arguments.out) as name:
-        folder = Path(name)
-        scene = part_bodies(mesh_bodies(script, folder))
-        write_inp(folder / "blade.inp", scene)
-        (folder / "matrices.inp").write_text(MATRICES_DECK)
-        (folder / "frequencies.inp").write_text(FREQUENCIES_DECK)
-        for job in ("matrices", "frequencies"):
-            run(["ccx", "-i", job], folder)
-        for product, final in {**PRODUCTS, "blade.inp": "blade.inp"}.items():
-            os.replace(folder / product, arguments.out / final)
-    stamp_file.write_text(stamp)
-
-    sizes = ", ".join(f"{name} {len(rows)}" for name, rows in scene.node_sets.items())
-    elements = sum(len(connectivity) for connectivity in scene.elements.values())
-    print(f"{len(scene.coordinates)} nodes, {elements} C3D10 elements; node sets: {sizes}")
+    title = "Blade in its disc slot"
+    make_model(arguments.out, "blade", title, script, BODIES, node_sets, steps(arguments.spin_hz), PRODUCTS)
 
 
 if __name__ == "__main__":

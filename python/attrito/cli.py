@@ -21,15 +21,15 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code."""
     options = _parser().parse_args(arguments)
-    parallel = options.command in ("run", "reduce", "integrate")
+    parallel = options.command in ("run", "reduce", "integrate", "export")
     try:
         options.work(options)
     except InputError as error:
         # What the library found names no file.
-        place = "" if error.faults else f"{options.job}: "
+        place = f"{options.job}: " if "job" in options and not error.faults else ""
         return _tell(f"{place}{error}", 2, parallel)
     except NumericsError as error:
-        return _tell(f"{options.job}: {error}" if parallel else str(error), 1, parallel)
+        return _tell(f"{options.job}: {error}" if "job" in options else str(error), 1, parallel)
     except BrokenPipeError:
         sys.stderr.close()
         return 0
@@ -86,6 +86,14 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument(
         "--dofs", metavar="FILE", help="what each row is: lines node.direction, ANSYS's mapping file, or ASET cards"
     )
+    one.add_argument(
+        "--holds",
+        metavar="NAMES",
+        default="",
+        help="what the stiffness holds already: stress_stiffening, spin_softening, or both with a comma",
+    )
+    one.add_argument("--spin-hz", type=float, help="speed of the rotation that this comes from, Hz")
+    one.add_argument("--geometric-stiffness", metavar="FILE", help="stress stiffening, to be added to the stiffness")
     one.set_defaults(work=_import)
 
     one = commands.add_parser("reduce", help="the job's model -> rom.h5 (attrito run does it too)")
@@ -127,10 +135,21 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument("--quick", action="store_true", help="coarse curves, and nothing that needs many harmonics")
     one.set_defaults(work=_verify)
 
-    one = commands.add_parser("export", help="full-field shape at a point -> VTU")
+    one = commands.add_parser("export", help="motion of the whole structure at points -> VTU or XDMF, animated")
     one.add_argument("result", help="result file")
-    one.add_argument("-o", "--output", help="file to write (default: shape.vtu beside the result)")
-    one.add_argument("--point", type=int, help="point to export (default: the largest amplitude)")
+    one.add_argument("-o", "--output", help="file to write (default: shape.vtu, shape.xdmf, ... beside the result)")
+    one.add_argument(
+        "--points", "--point", type=_numbers, metavar="LIST", help="points, as 12,30 (default: the largest amplitude)"
+    )
+    one.add_argument("--monitor", help="monitor whose largest amplitude is meant (default: the first)")
+    one.add_argument("--phases", type=_positive, metavar="N", help="instants of a period (default: coefficients, once)")
+    one.add_argument("--format", choices=["vtu", "xdmf"], default="vtu", help="default: vtu")
+    one.add_argument(
+        "--scale",
+        type=float,
+        default=0.0,
+        help="draw the geometry displaced by this times the displacement (default: 0)",
+    )
     one.set_defaults(work=_export)
     return parser
 
@@ -148,6 +167,9 @@ def _import(options: argparse.Namespace) -> None:
         mass=options.mass,
         damping=options.damping,
         dofs=options.dofs,
+        holds=[name.strip() for name in options.holds.split(",") if name.strip()],
+        spin_hz=options.spin_hz,
+        geometric_stiffness=options.geometric_stiffness,
     )
     print("\n".join([f"{options.output}:", *(f"  {note}" for note in notes)]))
 
@@ -205,19 +227,28 @@ def _plot(options: argparse.Namespace) -> None:
 
 
 def _export(options: argparse.Namespace) -> None:
-    from attrito.export import export_point
+    from mpi4py import MPI
+
+    from attrito.export import Options, export_point
     from attrito.model_file import read_model
+    from attrito.parallel import everywhere
     from attrito.results import Result
 
-    with Result(options.result) as result:
-        point = _point(result, options, _monitor(result, options))
-        model = result.attribute("model_file")
-        if not model:
+    comm = MPI.COMM_WORLD
+    how = Options(options.phases, options.format, options.scale)
+    with everywhere(comm, lambda: Result(options.result)) as result:
+        points = everywhere(comm, lambda: _points(result, options))
+        name = result.attribute("model_file")
+        if not name:
             raise InputError(Fault(options.result, "model_file", "none", "a result of a model with a mesh"))
-        path = options.output or _beside(options.result, "shape.vtu")
+        model = everywhere(comm, lambda: read_model(name, matrices=False))
         rom = result.attribute("rom_file") or None
-        notes = export_point(result, point, read_model(model, matrices=False), path, rom)
-    print("\n".join([path, *(f"  {note}" for note in notes)]))
+        path = options.output or _beside(options.result, "shape.vtu")
+        for point in points:
+            place = path if len(points) == 1 else _numbered(path, point)
+            written, notes = export_point(result, point, model, place, rom, how, comm)
+            if comm.rank == 0:
+                print("\n".join([written, *(f"  {note}" for note in notes)]))
 
 
 def _verify(options: argparse.Namespace) -> None:
@@ -249,6 +280,33 @@ def _point(result, options: argparse.Namespace, monitor: str) -> int:
     if not np.any(np.isfinite(amplitude)):
         raise InputError(Fault(options.result, "points", len(amplitude), "at least one converged point"))
     return int(np.nanargmax(amplitude))
+
+
+def _points(result, options: argparse.Namespace) -> list[int]:
+    """The chosen points, or that of the largest amplitude."""
+    monitor = _monitor(result, options)
+    if options.points is None:
+        return [_point(result, argparse.Namespace(point=None, result=options.result), monitor)]
+    return [_point(result, argparse.Namespace(point=point, result=options.result), monitor) for point in options.points]
+
+
+def _numbers(text: str) -> list[int]:
+    try:
+        return list(dict.fromkeys(int(word) for word in text.split(",")))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected numbers with commas between") from None
+
+
+def _positive(text: str) -> int:
+    if not text.isdecimal() or int(text) == 0:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a number of at least 1")
+    return int(text)
+
+
+def _numbered(path: str, point: int) -> str:
+    from pathlib import Path
+
+    return str(Path(path).with_name(f"{Path(path).stem}_{point}{Path(path).suffix}"))
 
 
 def _beside(result: str, name: str) -> str:

@@ -1,20 +1,26 @@
-"""The vibration of the whole structure at one point, as a VTU file for ParaView."""
+"""The vibration of the whole structure at one point, for ParaView."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import h5py
-import meshio
 import numpy as np
+from mpi4py import MPI
 
 from attrito.faults import Fault, InputError
+from attrito.mesh_pieces import Snapshot, XdmfSeries, share, write_collection, write_vtu
 from attrito.pairing import element_family
+from attrito.parallel import everywhere
 from attrito.results import Result
 
 if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
     from attrito.model_file import Model
 
 # CalculiX numbers the mid-side nodes of its input as VTK does: bottom, top, upright edges. (Its output files do not.)
@@ -23,6 +29,22 @@ CELLS = {"C3D4": "tetra", "C3D8": "hexahedron", "C3D10": "tetra10", "C3D20": "he
 ROWS = 16
 # Values per node and instant held at once while looking for the peaks.
 BLOCK = 2_000_000
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a point is written.
+
+    Parameters
+    ----------
+    phases : instants of a period; None: the coefficients of the motion, once
+    format : `vtu` or `xdmf`
+    scale : the geometry is the stress-free one plus `scale` times the displacement (at its peak without phases)
+    """
+
+    phases: int | None = None
+    format: str = "vtu"
+    scale: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -46,55 +68,109 @@ class Motion:
 
 
 def export_point(
-    result: Result, point: int, model: Model, path: str | os.PathLike[str], rom_file: str | None = None
-) -> list[str]:
-    """Write the motion at a point to a VTU file.
+    result: Result,
+    point: int,
+    model: Model,
+    path: str | os.PathLike[str],
+    rom_file: str | None = None,
+    options: Options | None = None,
+    comm: Comm | None = None,
+) -> tuple[str, list[str]]:
+    """Write the motion at a point, all ranks together; each holds the field of one point, `[n, nk]`.
 
-    Point data: vectors `mean`, `cosine_1`, `sine_1`, ...; `amplitude`, the largest |displacement - mean| over the
-    period; `shape_at_peak`, the displacement (mean included) at the instant of the largest motion of any node. With
-    contacts between node sets also, on the nodes of both sides: `contact_state` (index into stuck, shaken_down,
-    slipping, open; -1 elsewhere; of several contacts the last state in this order), `normal_force` (mean, summed),
-    `slip_fraction` (largest) and `dissipated_energy` (summed); 0 elsewhere.
+    Without phases, point data are vectors `mean`, `cosine_1`, `sine_1`, ...; `amplitude`, the largest
+    |displacement - mean| over the period; `shape_at_peak`, the displacement (mean included) at the instant of the
+    largest motion of any node. With phases, `displacement` at as many instants of a period. With contacts between node
+    sets also, on the nodes of both sides: `contact_state` (index into stuck, shaken_down, slipping, open; -1 elsewhere;
+    of several contacts the last state in this order), `normal_force` (mean, summed), `slip_fraction` (largest) and
+    `dissipated_energy` (summed); 0 elsewhere.
 
     Parameters
     ----------
-    result : an open result
+    result : an open result, on every rank
     point : from 0
     model : the finite-element model the result belongs to
-    path : the file to write
+    path : the file to write; its ending is replaced
     rom_file : `rom.h5` of a reduced model; None: the coordinates are the model's dofs
+    options : see `Options`
+    comm : the ranks; None: this process alone
 
     Returns
     -------
-    what was left out, one sentence each
+    the file to open, and what was left out, one sentence each
     """
+    options, comm = options or Options(), comm or MPI.COMM_SELF
     result.check_point(point)
     if not model.has_mesh:
         raise InputError(Fault(result.path, "model", "without nodes", "a finite-element model, to draw its shape"))
-    motion = node_motion(full_field(result, point, len(model.dof_node), rom_file), model)
-    data = {"mean": motion.harmonics[0]}
-    for harmonic in range(1, (len(motion.harmonics) + 1) // 2):
-        data[f"cosine_{harmonic}"] = motion.harmonics[2 * harmonic - 1]
-        data[f"sine_{harmonic}"] = motion.harmonics[2 * harmonic]
-    data["amplitude"] = motion.amplitude
-    data["shape_at_peak"] = motion.shape_at(motion.phase)
-    data |= contact_fields(result, point, model)
+    dofs = len(model.dof_node)
+    own = share(dofs, comm)
+    part = everywhere(comm, lambda: full_field(result, point, dofs, rom_file, own))
+    field = np.concatenate(comm.allgather(part)) if comm.size > 1 else part
     cells, notes = mesh_cells(model)
-    try:
-        meshio.write(path, meshio.Mesh(model.coordinates, cells, point_data=data), file_format="vtu")
-    except OSError as error:
-        raise InputError(Fault(str(path), "file", str(error), "a place where a file can be written")) from error
-    return notes
+    contact = contact_fields(result, point, model)
+    base = str(Path(path).with_suffix(""))
+    written = everywhere(
+        comm,
+        lambda: _write(comm, base, cells, _snapshots(result, point, model, field, options), contact, options),
+    )
+    return written, notes
 
 
-def full_field(result: Result, point: int, dofs: int, rom_file: str | None) -> np.ndarray:
-    """Fourier coefficients [n, nk] on the full model's dofs, `basis^T q`."""
+def _snapshots(result: Result, point: int, model: Model, field: np.ndarray, options: Options) -> Iterator[Snapshot]:
+    """What is drawn: the motion's coefficients once, or the displacement at instants of a period."""
+    if options.phases is None:
+        motion = node_motion(field, model)
+        peak = motion.shape_at(motion.phase)
+        data = {"mean": motion.harmonics[0]}
+        for harmonic in range(1, (len(motion.harmonics) + 1) // 2):
+            data[f"cosine_{harmonic}"] = motion.harmonics[2 * harmonic - 1]
+            data[f"sine_{harmonic}"] = motion.harmonics[2 * harmonic]
+        data |= {"amplitude": motion.amplitude, "shape_at_peak": peak}
+        yield Snapshot(0.0, model.coordinates + options.scale * peak, data)
+        return
+    harmonics = node_harmonics(field, model)
+    period = 1.0 / float(result.array("/points/frequency_hz")[point])
+    for step in range(options.phases):
+        moved = np.tensordot(_fourier(2 * np.pi * step / options.phases, len(harmonics), 0), harmonics, axes=1)
+        time = period * step / options.phases
+        yield Snapshot(time, model.coordinates + options.scale * moved, {"displacement": moved})
+
+
+def _write(
+    comm: Comm,
+    base: str,
+    cells: list[tuple[str, np.ndarray]],
+    snapshots: Iterator[Snapshot],
+    contact: dict[str, np.ndarray],
+    options: Options,
+) -> str:
+    if options.format == "xdmf":
+        with XdmfSeries(comm, base, cells, contact) as series:
+            for snapshot in snapshots:
+                series.add(snapshot, moved=options.scale != 0.0)
+            return series.finish()
+    files, times = [], []
+    for step, snapshot in enumerate(snapshots):
+        name = base if options.phases is None else f"{base}_phase_{step:03d}"
+        full = Snapshot(snapshot.time, snapshot.points, snapshot.fields | contact)
+        files.append(write_vtu(comm, name, cells, full))
+        times.append(snapshot.time)
+    if options.phases is None:
+        return files[0]
+    if comm.rank == 0:
+        write_collection(base, times, files)
+    return f"{base}.pvd"
+
+
+def full_field(result: Result, point: int, dofs: int, rom_file: str | None, part: slice = slice(None)) -> np.ndarray:
+    """Fourier coefficients [n, nk] on the full model's dofs, `basis^T q`, or on a part of them."""
     coordinates = result.dataset("/points/coordinates")[point]
     if rom_file is None:
         if len(coordinates) != dofs:
             expected = f"{dofs}, as many as the model has dofs, or the rom.h5 that made them"
             raise InputError(Fault(result.path, "/points/coordinates", f"{len(coordinates)} coordinates", expected))
-        return coordinates
+        return coordinates[part]
     try:
         with h5py.File(rom_file, "r") as rom:
             basis = rom["/recovery/basis"]
@@ -106,9 +182,9 @@ def full_field(result: Result, point: int, dofs: int, rom_file: str | None) -> n
                 expected = f"{len(coordinates)} x {dofs} to match {result.path} and the model"
                 raise InputError(Fault(rom_file, "/recovery/basis", " x ".join(map(str, basis.shape)), expected))
             # A few rows at a time: the basis of a large model need not fit into memory.
-            field = np.zeros((dofs, coordinates.shape[1]))
+            field = np.zeros((len(range(dofs)[part]), coordinates.shape[1]))
             for begin in range(0, len(coordinates), ROWS):
-                field += basis[begin : begin + ROWS].T @ coordinates[begin : begin + ROWS]
+                field += basis[begin : begin + ROWS, part].T @ coordinates[begin : begin + ROWS]
             return field
     except (OSError, KeyError) as error:
         raise InputError(Fault(rom_file, "/recovery/basis", "not readable", "a file of `attrito reduce`")) from error
@@ -120,17 +196,23 @@ def node_motion(field: np.ndarray, model: Model) -> Motion:
     The peaks are those of the continuous motion: |displacement - mean|^2 is a trigonometric polynomial of twice the
     order, sampled to find the highest hump, then climbed by Newton's method.
     """
-    order = np.argsort(model.node_ids)
-    moves = model.dof_direction <= 3
-    node = order[np.searchsorted(model.node_ids, model.dof_node[moves], sorter=order)]
-    harmonics = np.zeros((field.shape[1], len(model.node_ids), 3))
-    harmonics[:, node, np.asarray(model.dof_direction[moves], dtype=int) - 1] = field[moves].T
+    harmonics = node_harmonics(field, model)
     amplitude, phase = np.zeros(len(model.node_ids)), np.zeros(len(model.node_ids))
     moving = np.flatnonzero(np.any(harmonics[1:] != 0, axis=(0, 2)))
     samples = 32 * max(1, field.shape[1] // 2)
     for block in np.array_split(moving, max(1, len(moving) * samples // BLOCK)):
         amplitude[block], phase[block] = _peaks(harmonics[:, block], samples)
     return Motion(harmonics, amplitude, float(phase[np.argmax(amplitude)]) % (2 * np.pi))
+
+
+def node_harmonics(field: np.ndarray, model: Model) -> np.ndarray:
+    """Coefficients [nk, N, 3] at the nodes from those [n, nk] at the dofs; zero where a dof is held. Rotations are left out."""
+    order = np.argsort(model.node_ids)
+    moves = model.dof_direction <= 3
+    node = order[np.searchsorted(model.node_ids, model.dof_node[moves], sorter=order)]
+    harmonics = np.zeros((field.shape[1], len(model.node_ids), 3))
+    harmonics[:, node, np.asarray(model.dof_direction[moves], dtype=int) - 1] = field[moves].T
+    return harmonics
 
 
 def contact_fields(result: Result, point: int, model: Model) -> dict[str, np.ndarray]:

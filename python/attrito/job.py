@@ -168,17 +168,13 @@ def _check_loads(job: Job) -> list[Fault]:
         if load["kind"] == "static" and (load["dofs"] is None) == (load["file"] is None):
             faults.append(job.fault(f"{place} dofs", load["dofs"], "either dofs or file"))
         if load["kind"] == "harmonic" and not load["cosine"] and not load["sine"]:
-            faults.append(job.fault(f"{place} cosine", [], "cosine or sine terms"))
+            faults.append(job.fault(f"{place} cosine", [], "cosine or sine terms, or a file of them"))
         if load["kind"] == "centrifugal":
             for key in ("speed_hz", "axis_point", "axis_direction"):
                 if load[key] is None:
                     faults.append(job.fault(f"{place} {key}", "missing", "this key on a centrifugal load"))
             if load["axis_direction"] is not None and not any(load["axis_direction"]):
                 faults.append(job.fault(f"{place} axis_direction", load["axis_direction"], "a vector that is not zero"))
-            if load["spin_softening"]:
-                faults.append(
-                    job.fault(f"{place} spin_softening", True, "false (spin softening is not in this version)")
-                )
         if load["name"] is None:
             load["name"] = f"{load['kind']}_{i}"
         if load["name"] in names:
@@ -192,6 +188,31 @@ def _check_loads(job: Job) -> list[Fault]:
             for name in corner.keys() - static:
                 known = ", ".join(sorted(static)) or "none"
                 faults.append(job.fault(f"[static] load_path[{i}]", name, f"names of static loads: {known}"))
+    return faults + _check_spin(job)
+
+
+def _check_spin(job: Job) -> list[Fault]:
+    """A factor on a centrifugal load is one on the square of its speed; the stiffness is softened for factor 1."""
+    faults = []
+    path = job["static"]["load_path"]
+    spinning = [(i, load) for i, load in enumerate(job["load"]) if load["kind"] == "centrifugal"]
+    for place, load in spinning:
+        factors = [corner.get(load["name"], 0.0) if isinstance(corner, dict) else corner for corner in path]
+        for i, factor in enumerate(factors):
+            if factor < 0.0:
+                expected = f"at least 0 for {load['name']}, a factor on the square of its speed"
+                faults.append(job.fault(f"[static] load_path[{i}]", factor, expected))
+        if not load["spin_softening"]:
+            continue
+        if factors[-1] != 1.0:
+            expected = f"1 at the end for {load['name']}: its spin softening is that of speed_hz, all along the path"
+            faults.append(job.fault(f"[static] load_path[{len(path) - 1}]", factors[-1], expected))
+        profile = job["integrate"]["static_profile"]
+        if profile is not None and profile[-1][1] != 1.0:
+            expected = f"1 at the end: the spin softening of {load['name']} is that of speed_hz, at all times"
+            faults.append(job.fault("[integrate] static_profile", profile[-1], expected))
+        if any(other["spin_softening"] for i, other in spinning if i < place):
+            faults.append(job.fault(f"load[{place}] spin_softening", True, "one load with spin softening"))
     return faults
 
 
@@ -256,7 +277,9 @@ def _check_outputs(job: Job) -> list[Fault]:
     model = job["model"]
     read = {name: model[name] for name in model if isinstance(model[name], str)}
     taken = {f"[model] {key}": job.file(name) for key, name in read.items()}
-    taken |= {f"load[{i}] file": job.file(load["file"]) for i, load in enumerate(job["load"]) if load["file"]}
+    for i, load in enumerate(job["load"]):
+        named = {key: load[key] for key in ("file", "cosine", "sine") if isinstance(load[key], str)}
+        taken |= {f"load[{i}] {key}": job.file(name) for key, name in named.items()}
     taken = {"the job": os.path.normpath(job.path)} | taken
     if job["output"]["file"] is None:
         return []

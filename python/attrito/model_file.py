@@ -18,6 +18,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from attrito.faults import Fault, InputError
+from attrito.spin import HOLDINGS
 
 FORMAT = "attrito model"
 FORMAT_VERSION = 1
@@ -42,6 +43,8 @@ class Model:
     elements : for each type its ids `[E]` and its connectivity `[E, k]` (node ids, CalculiX order)
     node_sets : for each name its node ids, ascending
     size : number of dofs n; taken from the stiffness matrix when there is one
+    stiffness_holds : what the stiffness holds besides that of the structure at rest: names of `spin.HOLDINGS`
+    spin_hz : speed of rotation of what it holds; None where it comes from other loads
     """
 
     stiffness: csr_matrix | None
@@ -54,6 +57,8 @@ class Model:
     elements: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     node_sets: dict[str, np.ndarray] = field(default_factory=dict)
     size: int = 0
+    stiffness_holds: tuple[str, ...] = ()
+    spin_hz: float | None = None
 
     def __post_init__(self) -> None:
         if self.stiffness is not None:
@@ -112,6 +117,9 @@ def _fill(file: h5py.File, model: Model, source: Sequence[str | Path]) -> None:
     file.attrs["format_version"] = FORMAT_VERSION
     file.attrs["attrito_version"] = _version()
     file.attrs["description"] = "full model: matrices, dofs, mesh and node sets"
+    file.attrs["stiffness_holds"] = json.dumps(model.stiffness_holds)
+    if model.spin_hz is not None:
+        file.attrs["spin_hz"] = model.spin_hz
     file.attrs["source"] = json.dumps([_fingerprint(Path(name)) for name in source])
 
     def put(name: str, values: np.ndarray, kind: type, description: str, unit: str = "1") -> None:
@@ -201,6 +209,7 @@ class _Reader:
         size = len(offsets) - 1
         read = {name: self.matrix(name, size) for name in MATRICES if matrices and self.wanted(name)}
         model = Model(read.get("stiffness"), read.get("mass"), read.get("damping"), size=size)
+        self.holdings(model)
         if "dofs" in self.file:
             self.dofs(model)
         if "nodes" in self.file:
@@ -209,6 +218,17 @@ class _Reader:
         if self.faults:
             raise InputError(*self.faults)
         return model
+
+    def holdings(self, model: Model) -> None:
+        written = self.file.attrs.get("stiffness_holds", "[]")
+        try:
+            model.stiffness_holds = tuple(json.loads(written))
+        except (TypeError, ValueError):
+            model.stiffness_holds = ("",)
+        known = all(name in HOLDINGS for name in model.stiffness_holds)
+        self.expect(known, "stiffness_holds", written, f"a list of {', '.join(HOLDINGS)}")
+        if (speed := self.file.attrs.get("spin_hz")) is not None:
+            model.spin_hz = float(speed)
 
     def dofs(self, model: Model) -> None:
         model.dof_node, model.dof_direction = self.array("dofs/node", 1), self.array("dofs/direction", 1)

@@ -27,3 +27,21 @@ def on_root(comm: Comm, work: Callable[[], Value]) -> Value:
     if failure is not None:
         raise failure
     return value
+
+
+def everywhere(comm: Comm, work: Callable[[], Value]) -> Value:
+    """Do `work` on every rank and return each its own value; a fault of any rank is raised on all of them.
+
+    `work` must not wait for other ranks once it can fail.
+    """
+    value, failure = None, None
+    try:
+        value = work()
+    except (InputError, NumericsError) as error:
+        failure = error
+    except OSError as error:
+        failure = unusable_file(error)
+    failure = next((error for error in comm.allgather(failure) if error is not None), None)
+    if failure is not None:
+        raise failure
+    return value

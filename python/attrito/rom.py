@@ -33,7 +33,10 @@ REDUCTION_VERSION = 1
 
 def make_rom(comm: Comm, job: Job, scene: Scene | None, say: Any = print) -> Report | None:
     """Reduce the scene (held by rank 0) unless rom.h5 already holds it; returns the library's report, if it worked."""
-    path, model = rom_path(job), model_path(job)
+    path, source = rom_path(job), model_path(job)
+    # The library reads matrices from files; those of a softened stiffness are of use to nobody else.
+    softened = any(load["spin_softening"] for load in job["load"])
+    source = f"{path}.softened" if softened else source
     keys = job["reduction"]
 
     def prepare() -> tuple[bool, str, np.ndarray]:
@@ -44,8 +47,8 @@ def make_rom(comm: Comm, job: Job, scene: Scene | None, say: Any = print) -> Rep
             say(f"reduced model {path}: up to date")
         else:
             Path(path).parent.mkdir(parents=True, exist_ok=True)
-            if job["model"]["file"] is None:
-                write_model(model, scene.model, [])
+            if job["model"]["file"] is None or softened:
+                write_model(source, scene.model, [])
             if Path(path).exists():
                 say(f"replacing {path}, another reduced model: shapes of its results can be exported no longer")
             kept = (
@@ -59,9 +62,13 @@ def make_rom(comm: Comm, job: Job, scene: Scene | None, say: Any = print) -> Rep
         return None
     vectors = None if comm.rank else np.array(list(_vectors(scene).values()))
     partial = f"{path}.partial"
-    report = reduce_model(
-        comm, model, partial, boundary, vectors, modes=keys["modes"], max_frequency_hz=keys["max_frequency_hz"]
-    )
+    try:
+        report = reduce_model(
+            comm, source, partial, boundary, vectors, modes=keys["modes"], max_frequency_hz=keys["max_frequency_hz"]
+        )
+    finally:
+        if softened and comm.rank == 0:
+            Path(source).unlink(missing_ok=True)
 
     def finish() -> None:
         with h5py.File(partial, "r+") as file:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from attrito.faults import Fault, InputError
 from attrito.importers import check_matrices, read_matrices
 from attrito.job import Job
 from attrito.job_schema import DIRECTIONS
+from attrito.loads import build_loads, soften, spin_faults
 from attrito.model_file import Model, read_model
 from attrito.pairing import contact_rows, pair_sets
 
@@ -45,10 +45,12 @@ class Scene:
 
     Parameters
     ----------
+    model : its stiffness less what rotation takes, where the job asks for that
     static : vectors of the static loads by name, each `[n]`, user force
     harmonic : coefficients of the harmonic load at level 1, `[2 h + 1, n]`, rows mean (zero), cosine 1, sine 1, ...
     monitors : vectors by name, each `[n]`
     load_path : factors on the static loads at the corners, `[corners, loads]`
+    boundary : dofs that a reduction keeps, ascending
     """
 
     model: Model
@@ -66,16 +68,18 @@ LAW_KEYS = ("tangential_stiffness", "normal_stiffness", "friction_coefficient", 
 def build_scene(job: Job) -> Scene:
     """Read the model and place the job's contacts, loads and monitors on it; all faults of a kind together."""
     model = load_model(job)
-    places = _Places(job, model)
+    places = Places(job, model)
     contacts = _contacts(job, model, places)
-    static, harmonic = _loads(job, model, places)
+    static, harmonic = build_loads(job, model, places)
     monitors = {
         monitor["name"]: places.vector(monitor["dofs"], f"[output] monitors[{i}]")
         for i, monitor in enumerate(job["output"]["monitors"])
     }
     boundary = places.boundary(contacts)
+    places.faults += spin_faults(job, model)
     if places.faults:
         raise InputError(*places.faults)
+    soften(job, model)
     path = [
         [corner.get(name, 0.0) if isinstance(corner, dict) else corner for name in static]
         for corner in job["static"]["load_path"]
@@ -112,7 +116,7 @@ def load_model(job: Job) -> Model:
     return model
 
 
-class _Places:
+class Places:
     """Dofs of a model by number or node, and the faults found on the way."""
 
     def __init__(self, job: Job, model: Model):
@@ -174,10 +178,11 @@ class _Places:
         return np.unique(np.concatenate(keep)).astype(np.int64)
 
     def add(self, key: str, value: object, expected: str) -> None:
+        """One more fault."""
         self.faults.append(self.job.fault(key, value, expected))
 
 
-def _contacts(job: Job, model: Model, places: _Places) -> Contacts:
+def _contacts(job: Job, model: Model, places: Places) -> Contacts:
     blocks: list[Contacts] = []
     for i, contact in enumerate(job["contact"]):
         key = f"contact[{i}]"
@@ -230,45 +235,3 @@ def _paired(job: Job, model: Model, keys: dict[str, Any], place: str) -> Contact
         "frame": pairs.frame,
     }
     return Contacts(laws, contact_rows(pairs, model), where, [f"{place}: {note}" for note in pairs.notes])
-
-
-def _loads(job: Job, model: Model, places: _Places) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    static: dict[str, np.ndarray] = {}
-    highest = max(load["harmonic"] for load in job["load"] if load["kind"] == "harmonic")
-    harmonic = np.zeros((2 * highest + 1, model.size))
-    for i, load in enumerate(job["load"]):
-        key = f"load[{i}]"
-        if load["kind"] == "harmonic":
-            harmonic[2 * load["harmonic"] - 1] += places.vector(load["cosine"], f"{key} cosine")
-            harmonic[2 * load["harmonic"]] += places.vector(load["sine"], f"{key} sine")
-        elif load["kind"] == "centrifugal":
-            static[load["name"]] = _centrifugal(model, load, places, key)
-        elif load["file"] is not None:
-            static[load["name"]] = _vector_from_file(job, load["file"], model.size, key)
-        else:
-            static[load["name"]] = places.vector(load["dofs"], f"{key} dofs")
-    return static, harmonic
-
-
-def _centrifugal(model: Model, load: dict[str, Any], places: _Places, key: str) -> np.ndarray:
-    """f = Omega^2 M r, r the distance of each node from the axis, as a vector; user force."""
-    if not model.has_mesh:
-        places.add(f"{key} kind", "centrifugal", "a model with a mesh: the load needs the nodes' coordinates")
-        return np.zeros(model.size)
-    axis = np.array(load["axis_direction"]) / np.linalg.norm(load["axis_direction"])
-    offset = model.coordinates - np.array(load["axis_point"])
-    radius = offset - np.outer(offset @ axis, axis)
-    return (2.0 * np.pi * load["speed_hz"]) ** 2 * (model.mass @ model.on_dofs(radius))
-
-
-def _vector_from_file(job: Job, name: str, size: int, key: str) -> np.ndarray:
-    path = job.file(name)
-    try:
-        vector = np.load(path) if Path(path).suffix == ".npy" else np.loadtxt(path, ndmin=1)
-    except OSError as error:
-        raise InputError(job.fault(f"{key} file", name, f"a file that can be read ({error.strerror})")) from None
-    except ValueError as error:
-        raise InputError(Fault(path, "contents", str(error), "one number for each dof")) from None
-    if vector.shape != (size,) or not np.all(np.isfinite(vector)):
-        raise InputError(Fault(path, "contents", f"shape {vector.shape}", f"{size} finite numbers, one for each dof"))
-    return np.asarray(vector, dtype=float)

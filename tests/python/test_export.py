@@ -40,7 +40,7 @@ def test_cells_keep_their_volume_and_their_mid_side_nodes_lie_midway(tmp_path, k
     model = synthetic.joint(kind, (2, 1, 1), seed=4)
     path = one_point(tmp_path, model, np.zeros((model.size, 3)))
     with Result(path) as result:
-        assert export_point(result, 0, model, tmp_path / "shape.vtu") == []
+        assert export_point(result, 0, model, tmp_path / "shape.vtu") == (str(tmp_path / "shape.vtu"), [])
     mesh = meshio.read(tmp_path / "shape.vtu")
     (cells,) = mesh.cells
     assert cells.type == CELLS[kind]

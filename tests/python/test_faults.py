@@ -335,19 +335,6 @@ JOB = [
         ("job.toml: [damping] loss_factor = 0.01: expected ratio, rayleigh or a matrix",),
     ),
     Case(
-        "spin softening",
-        lambda job: job["load"].append(
-            {
-                "kind": "centrifugal",
-                "speed_hz": 50.0,
-                "axis_point": [0.0, 0.0, 0.0],
-                "axis_direction": [0.0, 0.0, 1.0],
-                "spin_softening": True,
-            }
-        ),
-        ("job.toml: load[2] spin_softening = True: expected false (spin softening is not in this version)",),
-    ),
-    Case(
         "a result that would overwrite the job",
         put("output", file="job.toml"),
         ("job.toml: [output] file = 'job.toml': expected a file other than that of the job",),

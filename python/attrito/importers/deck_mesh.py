@@ -136,7 +136,7 @@ def _node_sets(blocks: list[Block], node_ids: np.ndarray) -> dict[str, np.ndarra
         if block.keyword == "NODE":
             ids = _integers([_fields(line)[0] for line in block.data], block, "node ids")
         else:
-            ids = _set_members(block, {key: members[names[key]] for key in names if names[key] in members})
+            ids = set_members(block, {key: members[names[key]] for key in names if names[key] in members})
         members[name] = np.union1d(members.get(name, ids), ids)
         unknown = np.setdiff1d(members[name], node_ids)
         if len(unknown) > 0:
@@ -144,7 +144,8 @@ def _node_sets(blocks: list[Block], node_ids: np.ndarray) -> dict[str, np.ndarra
     return members
 
 
-def _set_members(block: Block, known: dict[str, np.ndarray]) -> np.ndarray:
+def set_members(block: Block, known: dict[str, np.ndarray]) -> np.ndarray:
+    """Ids that the lines of a set name, by themselves, by `GENERATE` or by sets known so far (in capitals)."""
     if "GENERATE" in block.parameters:
         rows = [_integers(_fields(line), block, "first, last, step") for line in block.data]
         if not rows or any(len(row) not in (2, 3) or row[-1] < 1 for row in rows):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from attrito.importers.jobs import abaqus_files, nastran_matrices
 from attrito.importers.matrices import Matrices, assemble
 from attrito.importers.matrix import open_matrix, split_name
 from attrito.importers.mesh import Mesh, read_mesh
+from attrito.importers.prestress import check_holdings, hold
 from attrito.importers.source import Source
 from attrito.job_schema import DIRECTIONS
 from attrito.model_file import Model, write_model
@@ -31,6 +33,9 @@ def import_model(
     mass: str | Path | None = None,
     damping: str | Path | None = None,
     dofs: str | Path | None = None,
+    holds: Sequence[str] = (),
+    spin_hz: float | None = None,
+    geometric_stiffness: str | Path | None = None,
 ) -> tuple[Model, list[str]]:
     """Read matrices and mesh, check them, and write model.h5.
 
@@ -43,11 +48,15 @@ def import_model(
     mesh : file with nodes, elements and node sets; needed with `calculix_job`
     stiffness, mass, damping : matrix files, or `FILE:NAME`, instead of a job's (damping also beside it)
     dofs : file that says which row is which dof, where the matrix files do not; needed for those with a mesh
+    holds : what the stiffness holds already: `stress_stiffening`, `spin_softening`
+    spin_hz : speed of the rotation that it comes from
+    geometric_stiffness : matrix file, or `FILE:NAME`, with the stress stiffening, to be added to the stiffness
 
     Returns
     -------
     the model, and notes for the user: numbers of dofs and nodes, total mass, node sets with their sizes
     """
+    check_holdings(holds, spin_hz, geometric_stiffness is not None)
     jobs = {"calculix": calculix_job, "abaqus": abaqus_job, "nastran": nastran_file}
     given = [name for name, job in jobs.items() if job is not None]
     matrices = [name for name, file in (("stiffness", stiffness), ("mass", mass)) if file is not None]
@@ -75,11 +84,13 @@ def import_model(
             raise InputError(*(Fault("import", name, "missing", "a matrix file") for name in missing))
     if dofs is not None and known_dofs is None:
         known_dofs = read_dof_file(dofs)
+    if geometric_stiffness is not None:
+        files["geometric stiffness"] = geometric_stiffness
     for name, file in files.items():
         read[name] = open_matrix(file, name, "import", numbers)
     if mesh is not None and known_dofs is None and any(source.numbers is None for source in read.values()):
         raise InputError(Fault("import", "dofs", "missing", "a file that goes with mesh: which row is which node"))
-    return _model(output, read, numbers, known_dofs, dofs, mesh)
+    return _model(output, read, numbers, known_dofs, dofs, mesh, holds, spin_hz)
 
 
 def _model(
@@ -89,6 +100,8 @@ def _model(
     known_dofs: tuple[np.ndarray, np.ndarray] | None,
     dofs: str | Path | None,
     mesh: str | Path | None,
+    holds: Sequence[str],
+    spin_hz: float | None,
 ) -> tuple[Model, list[str]]:
     """Assemble, check, write."""
     where = {name: source.path for name, source in read.items()}
@@ -98,6 +111,10 @@ def _model(
         matrices["stiffness"], matrices["mass"], matrices.get("damping"), where, lambda dof: dof_label(dof, parts)
     )
     size = matrices["stiffness"].shape[0]
+    geometric = matrices.get("geometric stiffness")
+    if geometric is not None:
+        at = where | {"stiffness": where["geometric stiffness"]}
+        faults += check_matrices(geometric, matrices["mass"], None, at, lambda dof: dof_label(dof, parts))
     if parts.node is not None and len(parts.node) != size:
         expected = f"one for each of the {size} rows of the stiffness"
         faults.append(Fault(str(dofs), "file", f"{len(parts.node)} dofs", expected))
@@ -112,8 +129,9 @@ def _model(
         model.node_ids, model.coordinates = nodes.node_ids, nodes.coordinates
         model.elements, model.node_sets = nodes.elements, nodes.node_sets
         files += map(str, nodes.files)
+    held = hold(model, holds, spin_hz, geometric)
     write_model(output, model, list(dict.fromkeys(files)))
-    return model, _notes(model) + parts.notes + _mesh_notes(nodes)
+    return model, _notes(model) + held + parts.notes + _mesh_notes(nodes)
 
 
 def dof_label(dof: int, parts: Matrices) -> str:

@@ -1,0 +1,159 @@
+"""From a gmsh script of touching bodies to CalculiX matrices: what the geometry scripts of this folder share.
+
+Bodies that touch share their faces in gmsh's mesh. Here every body gets its own copy of the nodes there, so that the
+bodies hang together by nothing, and contact pairs find two nodes at one place.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import meshio
+import numpy as np
+
+STEEL = """\
+*MATERIAL, NAME=steel
+*ELASTIC
+210000.0, 0.3
+*DENSITY
+7.85e-9
+"""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Bodies that touch, with nodes of their own.
+
+    Parameters
+    ----------
+    coordinates : [N, 3], mm; the node's id is its row + 1
+    elements : connectivity [E, 10] by body, rows of `coordinates`, CalculiX order
+    touching : for a pair of bodies the rows of their nodes that coincide, ascending in those of the first
+    node_sets : rows of `coordinates` by name
+    """
+
+    coordinates: np.ndarray
+    elements: dict[str, np.ndarray]
+    touching: dict[tuple[str, str], tuple[np.ndarray, np.ndarray]]
+    node_sets: dict[str, np.ndarray]
+
+
+def run(command: list[str], folder: Path) -> None:
+    """Run a program in a folder; on failure stop with the end of what it said."""
+    try:
+        result = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    except FileNotFoundError:
+        sys.exit(f"{command[0]} is not installed")
+    # CalculiX reports some faults with exit code 0.
+    if result.returncode != 0 or "*ERROR" in result.stdout:
+        said = result.stdout[-1000:] + result.stderr[-1000:]
+        sys.exit(f"{' '.join(command)} failed ({result.returncode}):\n{said}")
+
+
+def mesh_bodies(script: str, folder: Path) -> meshio.Mesh:
+    """Mesh the geometry script with second-order tetrahedra."""
+    (folder / "bodies.geo").write_text(script)
+    run(["gmsh", "-3", "-order", "2", "-format", "msh22", "bodies.geo", "-o", "bodies.msh"], folder)
+    return meshio.read(folder / "bodies.msh")
+
+
+def part_bodies(mesh: meshio.Mesh, names: list[str]) -> Scene:
+    """Give each body (a physical volume) its own nodes."""
+    cells = mesh.cells_dict["tetra10"]
+    tags = mesh.cell_data_dict["gmsh:physical"]["tetra10"]
+    points, elements, used = [], {}, {}
+    count = 0
+    for name in names:
+        own = cells[tags == int(mesh.field_data[name][0])]
+        used[name], rows = np.unique(own, return_inverse=True)
+        elements[name] = count + rows.reshape(own.shape)
+        points.append(mesh.points[used[name]])
+        count += len(used[name])
+    first = dict(zip(names, np.cumsum([0, *map(len, points[:-1])]), strict=True))
+    touching = {}
+    for i, a in enumerate(names):
+        for b in names[i + 1 :]:
+            _, in_a, in_b = np.intersect1d(used[a], used[b], assume_unique=True, return_indices=True)
+            if len(in_a):
+                touching[a, b] = first[a] + in_a, first[b] + in_b
+    return Scene(np.concatenate(points), elements, touching, {})
+
+
+def write_inp(path: Path, scene: Scene, title: str) -> None:
+    """Write the mesh in CalculiX's format."""
+    lines = [f"** {title}; mm, t, s", "*NODE"]
+    lines += [f"{k}, {x:.12g}, {y:.12g}, {z:.12g}" for k, (x, y, z) in enumerate(scene.coordinates.tolist(), start=1)]
+    element = 0
+    for body, connectivity in scene.elements.items():
+        lines.append(f"*ELEMENT, TYPE=C3D10, ELSET={body}")
+        for nodes in (connectivity + 1).tolist():
+            element += 1
+            lines.append(", ".join(map(str, [element, *nodes])))
+    for name, rows in scene.node_sets.items():
+        lines.append(f"*NSET, NSET={name}")
+        ids = (rows + 1).tolist()
+        lines += [", ".join(map(str, ids[k : k + 8])) for k in range(0, len(ids), 8)]
+    path.write_text("\n".join(lines) + "\n")
+
+
+def centrifugal(bodies: list[str], speed_hz: float) -> str:
+    """CalculiX's load of a rotation about the y axis."""
+    omega_squared = (2 * np.pi * speed_hz) ** 2
+    return "*DLOAD\n" + "".join(f"{body}, CENTRIF, {omega_squared:.13g}, 0., 0., 0., 0., 1., 0.\n" for body in bodies)
+
+
+def make_model(
+    out: Path,
+    name: str,
+    title: str,
+    script: str,
+    bodies: list[str],
+    node_sets: Callable[[Scene], dict[str, np.ndarray]],
+    steps: dict[str, str],
+    products: dict[str, str],
+) -> None:
+    """Mesh, matrices and whatever else CalculiX is asked for, unless they are there already.
+
+    Parameters
+    ----------
+    out, name : folder, and first part of the names in it
+    title : comment of the mesh file
+    script : gmsh script with a physical volume for each of `bodies`
+    node_sets : finds the node sets of a scene
+    steps : CalculiX jobs by name, from their boundary conditions on
+    products : what to keep: CalculiX's file (`matrices.sti`) -> its name in `out`
+    """
+    sections = "".join(f"*SOLID SECTION, ELSET={body}, MATERIAL=steel\n" for body in bodies)
+    decks = {job: f"*INCLUDE, INPUT={name}.inp\n{STEEL}{sections}{text}" for job, text in steps.items()}
+    caller = Path(sys.argv[0]).read_text() if Path(sys.argv[0]).is_file() else ""
+    sources = [script, *decks.values(), repr(sorted(products.items())), caller, Path(__file__).read_text()]
+    stamp = hashlib.sha256("\0".join(sources).encode()).hexdigest()
+    stamp_file = out / f"{name}.stamp"
+    kept = [out / f"{name}.inp", *(out / product for product in products.values())]
+    if stamp_file.exists() and stamp_file.read_text() == stamp and all(path.exists() for path in kept):
+        return
+
+    out.mkdir(parents=True, exist_ok=True)
+    stamp_file.unlink(missing_ok=True)
+    with tempfile.TemporaryDirectory(dir=out) as scratch:
+        folder = Path(scratch)
+        scene = part_bodies(mesh_bodies(script, folder), bodies)
+        scene.node_sets.update(node_sets(scene))
+        write_inp(folder / f"{name}.inp", scene, title)
+        for job, deck in decks.items():
+            (folder / f"{job}.inp").write_text(deck)
+            run(["ccx", "-i", job], folder)
+        for product, final in {**products, f"{name}.inp": f"{name}.inp"}.items():
+            os.replace(folder / product, out / final)
+    stamp_file.write_text(stamp)
+
+    sizes = ", ".join(f"{set_name} {len(rows)}" for set_name, rows in scene.node_sets.items())
+    elements = sum(len(connectivity) for connectivity in scene.elements.values())
+    print(f"{len(scene.coordinates)} nodes, {elements} C3D10 elements; node sets: {sizes}")

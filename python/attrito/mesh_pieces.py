@@ -1,0 +1,180 @@
+"""Nodal fields on a mesh in files for ParaView, each rank writing its part: VTU pieces, or XDMF with one HDF5 file.
+
+A VTU piece holds a share of the cells and the nodes that they use; a `.pvtu` names the pieces, a `.pvd` the instants of
+a series. In an XDMF series mesh and constant fields are stored once; every rank writes its rows of each dataset.
+Formats: VTK file formats (kitware), XDMF model and format (xdmf.org).
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+from xml.sax.saxutils import quoteattr
+
+import h5py
+import meshio
+import numpy as np
+
+from attrito.faults import Fault, InputError
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+# XDMF's name and number of a cell, by meshio's name.
+XDMF_CELLS = {
+    "tetra": ("Tetrahedron", 6),
+    "hexahedron": ("Hexahedron", 9),
+    "tetra10": ("Tetrahedron_10", 38),
+    "hexahedron20": ("Hexahedron_20", 48),
+}
+VTK_TYPES = {"float64": "Float64", "int32": "Int32", "int64": "Int64"}
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """The mesh at an instant.
+
+    Parameters
+    ----------
+    time : user's seconds
+    points : `[N, 3]`, user length
+    fields : by name, `[N]` or `[N, 3]`
+    """
+
+    time: float
+    points: np.ndarray
+    fields: dict[str, np.ndarray]
+
+
+def share(count: int, comm: Comm) -> slice:
+    """This rank's rows of `count`."""
+    return slice(count * comm.rank // comm.size, count * (comm.rank + 1) // comm.size)
+
+
+def write_vtu(comm: Comm, path: str, cells: list[tuple[str, np.ndarray]], snapshot: Snapshot) -> str:
+    """One instant: `path`.vtu from one rank, `path`.pvtu and a piece from each of several; returns the file to open."""
+    own = [(name, rows[share(len(rows), comm)]) for name, rows in cells]
+    used = np.unique(np.concatenate([rows.ravel() for _, rows in own])) if own else np.empty(0, dtype=int)
+    local = [(name, np.searchsorted(used, rows)) for name, rows in own if len(rows)]
+    data = {name: values[used] for name, values in snapshot.fields.items()}
+    if comm.size == 1:
+        # Nodes that no cell uses stay in the file of a single rank.
+        data, local, used = snapshot.fields, cells, slice(None)
+    piece = f"{path}.vtu" if comm.size == 1 else f"{path}_rank{comm.rank}.vtu"
+    with _writing(piece):
+        meshio.write(piece, meshio.Mesh(snapshot.points[used], local, point_data=data), file_format="vtu")
+    if comm.size == 1:
+        return piece
+    if comm.rank == 0:
+        _write_text(f"{path}.pvtu", _pvtu(path, comm.size, snapshot))
+    return f"{path}.pvtu"
+
+
+def write_collection(path: str, times: list[float], files: list[str]) -> str:
+    """A `.pvd` file that names the instants of a series (rank 0)."""
+    entries = [
+        f'    <DataSet timestep="{time:.17g}" file={quoteattr(Path(file).name)}/>'
+        for time, file in zip(times, files, strict=True)
+    ]
+    lines = ['<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1">', "  <Collection>", *entries]
+    _write_text(f"{path}.pvd", "\n".join([*lines, "  </Collection>", "</VTKFile>", ""]))
+    return f"{path}.pvd"
+
+
+def _pvtu(path: str, pieces: int, snapshot: Snapshot) -> str:
+    lines = ['<?xml version="1.0"?>', '<VTKFile type="PUnstructuredGrid" version="0.1">']
+    lines += ['  <PUnstructuredGrid GhostLevel="0">', "    <PPoints>"]
+    lines += ['      <PDataArray type="Float64" NumberOfComponents="3"/>', "    </PPoints>", "    <PPointData>"]
+    for name, values in snapshot.fields.items():
+        width = f' NumberOfComponents="{values.shape[1]}"' if values.ndim == 2 else ""
+        lines.append(f'      <PDataArray type="{VTK_TYPES[str(values.dtype)]}" Name={quoteattr(name)}{width}/>')
+    lines.append("    </PPointData>")
+    lines += [f"    <Piece Source={quoteattr(f'{Path(path).name}_rank{rank}.vtu')}/>" for rank in range(pieces)]
+    return "\n".join([*lines, "  </PUnstructuredGrid>", "</VTKFile>", ""])
+
+
+class XdmfSeries:
+    """An XDMF series in `path`.xdmf and `path`.h5; use in a `with` block, on all ranks together."""
+
+    def __init__(self, comm: Comm, path: str, cells: list[tuple[str, np.ndarray]], constant: dict[str, np.ndarray]):
+        self.comm, self.path = comm, path
+        if comm.size > 1 and not h5py.get_config().mpi:
+            raise InputError(Fault("export", "--format", "xdmf", "one rank, or an h5py built for several"))
+        options = {"driver": "mpio", "comm": comm} if comm.size > 1 else {}
+        with _writing(f"{path}.h5"):
+            self.file = h5py.File(f"{path}.h5", "w", **options)
+        self.grids: list[str] = []
+        self.cells = cells
+        self.points = ""
+        self.topology = self._topology()
+        self.constant = [self._attribute(name, values, f"constant/{name}") for name, values in constant.items()]
+
+    def __enter__(self) -> XdmfSeries:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.file.close()
+
+    def add(self, snapshot: Snapshot, moved: bool) -> None:
+        """One instant; `moved` where its points are not those of the instant before."""
+        step = len(self.grids)
+        if moved or not self.points:
+            self.points = f'<Geometry GeometryType="XYZ">{self._item(f"points/{step}", snapshot.points)}</Geometry>'
+        fields = [self._attribute(name, values, f"steps/{step}/{name}") for name, values in snapshot.fields.items()]
+        body = "\n".join([f'<Time Value="{snapshot.time:.17g}"/>', self.topology, self.points, *fields, *self.constant])
+        self.grids.append(f'<Grid Name="step_{step}" GridType="Uniform">\n{body}\n</Grid>')
+
+    def finish(self) -> str:
+        """Write the text that describes the data (rank 0); returns its file."""
+        grids = "\n".join(self.grids)
+        text = f'<Grid Name="series" GridType="Collection" CollectionType="Temporal">\n{grids}\n</Grid>'
+        if self.comm.rank == 0:
+            _write_text(f"{self.path}.xdmf", f'<Xdmf Version="3.0"><Domain>\n{text}\n</Domain></Xdmf>\n')
+        return f"{self.path}.xdmf"
+
+    def _topology(self) -> str:
+        count = sum(len(rows) for _, rows in self.cells)
+        if len(self.cells) == 1:
+            name, rows = self.cells[0]
+            kind, values = XDMF_CELLS[name][0], rows.astype(np.int64)
+            size = f' NodesPerElement="{rows.shape[1]}"'
+        else:
+            kind, size = "Mixed", ""
+            blocks = [np.insert(rows, 0, XDMF_CELLS[name][1], axis=1).ravel() for name, rows in self.cells]
+            values = np.concatenate(blocks or [np.empty(0)]).astype(np.int64)
+        item = self._item("cells", values)
+        return f'<Topology TopologyType="{kind}" NumberOfElements="{count}"{size}>{item}</Topology>'
+
+    def _attribute(self, name: str, values: np.ndarray, place: str) -> str:
+        kind = "Vector" if values.ndim == 2 else "Scalar"
+        item = self._item(place, values)
+        return f'<Attribute Name={quoteattr(name)} AttributeType="{kind}" Center="Node">{item}</Attribute>'
+
+    def _item(self, place: str, values: np.ndarray) -> str:
+        """Store an array, every rank its rows; returns its reference."""
+        with _writing(f"{self.path}.h5"):
+            dataset = self.file.create_dataset(place, values.shape, values.dtype)
+            rows = share(len(values), self.comm)
+            dataset[rows] = values[rows]
+        number = "Float" if values.dtype.kind == "f" else "Int"
+        shape = " ".join(map(str, values.shape))
+        where = f"{Path(self.path).name}.h5:/{place}"
+        head = f'<DataItem DataType="{number}" Dimensions="{shape}" Format="HDF" Precision="{values.dtype.itemsize}">'
+        return f"{head}{where}</DataItem>"
+
+
+def _write_text(path: str, text: str) -> None:
+    with _writing(path):
+        Path(path).write_text(text)
+
+
+@contextlib.contextmanager
+def _writing(path: str) -> Iterator[None]:
+    """What the system says against writing a file, as a fault."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(Fault(path, "file", str(error), "a place where a file can be written")) from error

@@ -1,0 +1,202 @@
+"""The underplatform damper and the blade at speed, coarse: from geometry to response, checked by what must balance."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from jobs import attrito
+from scipy.linalg import eigh
+from scipy.sparse import diags
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import eigsh
+
+from attrito.job import read_job
+from attrito.model_file import read_model
+from attrito.scene import build_scene
+from attrito.spin import softening, spin_of
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+
+
+def prepare(folder, name, mesh_options, import_options, changes):
+    """Mesh and model of a job in a folder, and the job there, with some lines changed."""
+    mesh = "damper" if name == "damper" else "blade"
+    script = REPOSITORY / "meshes" / f"{mesh}.py"
+    subprocess.run([sys.executable, script, "--size", "coarse", "--out", folder, *mesh_options], check=True)
+    done = attrito(folder, "import", "model.h5", "--calculix", mesh, "--mesh", f"{mesh}.inp", *import_options)
+    assert done.returncode == 0, done.stderr
+    text = re.sub(r"\.\./out/\w+/", "", (REPOSITORY / "input" / f"{name}.toml").read_text())
+    for key, value in changes.items():
+        text, count = re.subn(rf"^{key} = .*$", f"{key} = {value}", text, flags=re.MULTILINE)
+        assert count == 1, key
+    (folder / "job.toml").write_text(text)
+
+
+@pytest.fixture(scope="module")
+def damper(tmp_path_factory):
+    """A folder with the damper's result; three harmonics, which the damper's lifting at the highest level needs."""
+    folder = tmp_path_factory.mktemp("damper")
+    changes = {"samples": "64", "levels": "[0.1, 1.0, 3.0]", "stop_hz": "388.0"}
+    prepare(folder, "damper", [], [], changes)
+    done = attrito(folder, "run", "job.toml")
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+@pytest.fixture(scope="module")
+def prestressed(tmp_path_factory):
+    """A folder with the result of the blade at speed: a few points are enough."""
+    folder = tmp_path_factory.mktemp("prestressed")
+    changes = {"harmonics": "1", "samples": "64", "start_hz": "430.0", "stop_hz": "436.0", "levels": "[1.0]"}
+    holds = ["--holds", "stress_stiffening", "--spin-hz", "100"]
+    prepare(folder, "prestressed_blade", ["--spin-hz", "100"], holds, changes)
+    done = attrito(folder, "run", "job.toml")
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def result_file(folder):
+    return h5py.File(folder / read_job(folder / "job.toml")["output"]["file"])
+
+
+def body(model, node_set):
+    """Dofs of the connected piece that holds a node set."""
+    label = connected_components(model.stiffness)[1]
+    inside = np.isin(model.dof_node, model.node_sets[node_set])
+    return label == label[inside][0]
+
+
+def check_balance(folder, node_set, directions, sign):
+    """On a body, at the first point: mean contact forces, pull and what displacement adds to it sum to zero."""
+    scene = build_scene(read_job(folder / "job.toml"))
+    model = scene.model
+    own = body(model, node_set)
+    with result_file(folder) as file, h5py.File(folder / "rom.h5") as rom:
+        force, frame = file["contacts/force"][0, :, :, 0], file["contacts/parameters/frame"][:]
+        mean = rom["recovery/basis"][:].T @ file["points/coordinates"][0, :, 0]
+    on_body = -sign * np.einsum("ci,cij->j", force, frame)
+    pull = scene.static["spin"]
+    # Stiffness without softening resists no translation, so what is left of K q is the softening's.
+    spin = spin_of(read_job(folder / "job.toml")["load"][0])
+    added = softening(model, spin) @ mean
+    scale = np.abs(pull[own]).sum()
+    for direction in directions:
+        along = own & (model.dof_direction == direction)
+        total = on_body[direction - 1] + pull[along].sum() + added[along].sum()
+        assert total == pytest.approx(0.0, abs=1e-7 * scale)
+    return on_body, pull
+
+
+def test_the_damper_s_contacts_carry_its_centrifugal_force(damper):
+    on_damper, pull = check_balance(damper, "damper", (1, 3), sign=1)
+    model = read_model(damper / "model.h5")
+    along = (model.dof_direction == 3) & np.isin(model.dof_node, model.node_sets["damper"])
+    # A pull of m Omega^2 r, r = 240.5 mm of a damper of 5.2 g.
+    mass = along @ model.mass @ along
+    radius = pull[along].sum() / (mass * (2 * np.pi * 60.0) ** 2)
+    assert 239.0 < radius < 243.0
+    assert on_damper[2] == pytest.approx(-pull[along].sum(), rel=1e-3)
+
+
+def test_the_pull_of_the_blade_at_speed_is_carried_by_its_flanks(prestressed):
+    check_balance(prestressed, "tip", (1, 2, 3), sign=1)
+
+
+def test_the_damper_has_a_best_excitation_and_lowers_the_frequency_as_it_slips(damper):
+    done = attrito(damper, "table", "result.h5")
+    rows = list(csv.DictReader(io.StringIO(done.stdout)))
+    assert {row["outcome"] for row in rows} == {"converged"}
+    peaks = {}
+    for row in rows:
+        level, amplitude = float(row["level"]), float(row["apart_amplitude"])
+        here = (amplitude / level, float(row["frequency_hz"]))
+        peaks[level] = max(peaks.get(level, (0.0, 0.0)), here)
+    (low, low_hz), (middle, middle_hz), (high, high_hz) = (peaks[level] for level in sorted(peaks))
+    with result_file(damper) as file:
+        stuck, frictionless = (file[f"linear/{name}/apart"][:].max() for name in ("stuck", "frictionless"))
+    assert middle < 0.5 * low and middle < 0.9 * high
+    assert max(low, high) < 0.5 * min(stuck, frictionless)
+    assert low_hz > middle_hz > high_hz
+
+
+def test_the_free_damper_s_reduced_model_has_the_stuck_frequencies_of_the_full_one(damper):
+    scene = build_scene(read_job(damper / "job.toml"))
+    rows, laws = scene.contacts.rows, scene.contacts.laws
+    springs = np.ravel(np.column_stack([laws["tangential_stiffness"]] * 2 + [laws["normal_stiffness"]]))
+    full = scene.model.stiffness + rows.T @ diags(springs) @ rows
+    expected = np.sort(eigsh(full.tocsc(), 4, scene.model.mass.tocsc(), sigma=0.0, return_eigenvectors=False))
+    with result_file(damper) as file:
+        natural = file["linear/stuck/natural_hz"][:4]
+    assert natural == pytest.approx(np.sqrt(expected) / (2 * np.pi), rel=1e-4)
+    # Without its contacts the damper floats in the plane, and rocks about the line of nodes that are held axially.
+    plain = read_model(damper / "model.h5")
+    own = np.flatnonzero(body(plain, "damper"))
+    order = np.argsort(plain.node_ids)
+    x, _, z = plain.coordinates[order[np.searchsorted(plain.node_ids[order], plain.dof_node[own])]].T
+    direction, stiffness = plain.dof_direction[own], plain.stiffness[own][:, own].toarray()
+    along_x, along_z = (direction == 1).astype(float), (direction == 3).astype(float)
+    for motion in (along_x, along_z, along_x * (z - z.mean()) - along_z * (x - x.mean())):
+        assert np.abs(stiffness @ motion).max() < 1e-9 * np.abs(stiffness).max() * np.abs(motion).max()
+    values = np.linalg.eigvalsh(stiffness)
+    assert np.abs(values[:4]).max() < 1e-12 * values[-1] and values[4] > 1e-6 * values[-1]
+
+
+@pytest.mark.parametrize("name", ["damper", "prestressed"])
+def test_every_point_solves_the_equations_that_were_never_condensed(name, request):
+    """(K - (h omega)^2 M + i h omega C) q_h + B^T lambda_h = f_h in the reduced coordinates, C from the stuck modes."""
+    folder = request.getfixturevalue(name)
+    job = read_job(folder / "job.toml")
+    scene = build_scene(job)
+    with h5py.File(folder / "rom.h5") as rom:
+        mass, stiffness, boundary = rom["mass"][:], rom["stiffness"][:], rom["boundary/dof"][:]
+        vectors = rom["vectors/reduced"][:]
+    rows = np.zeros((scene.contacts.rows.shape[0], len(mass)))
+    rows[:, : len(boundary)] = scene.contacts.rows[:, boundary].toarray()
+    laws = scene.contacts.laws
+    springs = np.ravel(np.column_stack([laws["tangential_stiffness"]] * 2 + [laws["normal_stiffness"]]))
+    values, modes = eigh(stiffness + rows.T @ (springs[:, None] * rows), mass)
+    damping = mass @ modes @ np.diag(2 * job["damping"]["ratio"] * np.sqrt(values)) @ modes.T @ mass
+    static, excitation = vectors[0], vectors[2]
+    with result_file(folder) as file:
+        for point in range(0, len(file["points/frequency_hz"]), 7):
+            omega, level = 2 * np.pi * file["points/frequency_hz"][point], file["points/level"][point]
+            q = file["points/coordinates"][point]
+            force = file["contacts/force"][point].reshape(-1, q.shape[1])
+            cosine, sine = q[:, 1], q[:, 2]
+            dynamic = stiffness - omega**2 * mass
+            residuals = (
+                (stiffness @ q[:, 0] + rows.T @ force[:, 0] - static, static),
+                (
+                    dynamic @ cosine + omega * damping @ sine + rows.T @ force[:, 1] - level * excitation,
+                    stiffness @ cosine,
+                ),
+                (dynamic @ sine - omega * damping @ cosine + rows.T @ force[:, 2], stiffness @ cosine),
+            )
+            for residual, scale in residuals:
+                assert np.abs(residual).max() < 1e-7 * np.abs(scale).max()
+
+
+def test_the_clamped_frequencies_at_speed_are_those_of_calculix(prestressed):
+    """CalculiX's own, with the flanks held, stiffened and softened by itself; ours are softened here. Seven digits."""
+    text = (prestressed / "blade_frequencies.dat").read_text()
+    own = [float(words[3]) for words in map(str.split, text.splitlines()) if len(words) == 5 and words[0].isdigit()]
+    with h5py.File(prestressed / "rom.h5") as rom:
+        ours = rom["modes/frequency_hz"][: len(own)]
+    assert len(own) == 16
+    assert ours == pytest.approx(own[: len(ours)], rel=5e-6)
+
+
+def test_pictures_and_an_animated_shape_come_out(damper):
+    for arguments in (("plot",), ("plot", "--loops"), ("plot", "--map"), ("export", "--phases", "3")):
+        done = attrito(damper, arguments[0], "result.h5", *arguments[1:])
+        assert done.returncode == 0, done.stderr
+    for name in ("frf.png", "loops.png", "contacts.png", "shape.pvd", "shape_phase_002.vtu"):
+        assert (damper / name).stat().st_size > 100
