@@ -206,7 +206,7 @@ def node_motion(field: np.ndarray, model: Model) -> Motion:
 
 
 def node_harmonics(field: np.ndarray, model: Model) -> np.ndarray:
-    """Coefficients [nk, N, 3] at the nodes from those [n, nk] at the dofs; zero where a dof is held. Rotations are left out."""
+    """Coefficients [nk, N, 3] at the nodes from those [n, nk] at the dofs, zero where held; rotations are left out."""
     order = np.argsort(model.node_ids)
     moves = model.dof_direction <= 3
     node = order[np.searchsorted(model.node_ids, model.dof_node[moves], sorter=order)]

@@ -231,7 +231,7 @@ contains
     select case (text(place))
      case ("e", "E", "d", "D")
       place = place + 1
-    case default
+     case default
       ! A bare sign follows, or nothing that belongs to a number.
     end select
     if (place > right) return

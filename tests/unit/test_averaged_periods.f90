@@ -49,7 +49,7 @@ contains
     type(averaged_periods_type) :: in_time
     type(periods_type) :: periods
     real(wp), allocatable :: q(:, :)
-    real(wp) :: rate(size(scene%structure%mass, 1)), slider(2, size(scene%contacts%law))
+    real(wp) :: rate(size(scene%structure%mass, 1))
     integer :: h
 
     associate (balance => solver%context%balance)
