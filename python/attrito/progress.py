@@ -36,14 +36,12 @@ class Progress:
         """How the reduction went; None where it was up to date."""
         if report is None:
             return
-        steps = ("read", "factor", "constraint", "modes", "inertia", "correction", "project", "write")
-        seconds = {step: getattr(report, f"{step}_seconds") for step in steps}
         self.say(
             f"reduced to {report.coordinates} coordinates: {report.boundary} boundary dofs, {report.modes} modes below "
             f"{report.shift_hz:.5g} Hz (inertia counts {report.modes_below_shift}), {report.corrections} corrections"
         )
-        each = ", ".join(f"{step} {time:.1f}" for step, time in seconds.items())
-        self.say(f"in {sum(seconds.values()):.1f} s: {each}")
+        each = ", ".join(f"{step} {time:.1f}" for step, time in report.seconds.items() if time > 0.0)
+        self.say(f"in {sum(report.seconds.values()):.1f} s and {max(report.megabytes.values()) / 1024:.1f} GB: {each}")
 
     def begin(self, coordinates: int, contacts: int, linear: dict[str, tuple]) -> None:
         """What is going to be solved."""

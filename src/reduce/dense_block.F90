@@ -6,13 +6,13 @@ module attrito_reduce_dense_block
   use attrito_core_kinds, only: wp
   implicit none
   private
-  public :: wrap_block, multiply_block
+  public :: wrap_block, multiply_block, transposed_product
 
 contains
 
   !> A dense PETSc matrix on top of an array, which must outlive it; the caller destroys it.
   subroutine wrap_block(like, block, matrix, ierr)
-    !> A matrix whose rows are spread over the ranks as those of the block
+    !> A matrix whose columns are spread over the ranks as the rows of the block
     type(tMat), intent(in) :: like
     !> This rank's rows of all vectors
     real(wp), intent(in), contiguous, target :: block(:, :)
@@ -20,22 +20,35 @@ contains
     type(tMat), intent(out) :: matrix
     !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
+    PetscInt :: n
+
+    PetscCall(MatGetSize(like, PETSC_NULL_INTEGER, n, ierr))
+    call wrap_rows(like, n, block, matrix, ierr)
+  end subroutine wrap_block
+
+  subroutine wrap_rows(like, n, block, matrix, ierr)
+    !> A matrix of the same ranks
+    type(tMat), intent(in) :: like
+    !> Rows on all ranks together
+    PetscInt, intent(in) :: n
+    real(wp), intent(in), contiguous, target :: block(:, :)
+    type(tMat), intent(out) :: matrix
+    PetscErrorCode, intent(out) :: ierr
     PetscMPIInt :: comm
-    PetscInt :: n, vectors
+    PetscInt :: vectors
 
     vectors = size(block, 2)
     PetscCall(PetscObjectGetComm(like, comm, ierr))
-    PetscCall(MatGetSize(like, n, PETSC_NULL_INTEGER, ierr))
     PetscCall(MatCreateDense(comm, size(block, 1), PETSC_DECIDE, n, vectors, block, matrix, ierr))
-  end subroutine wrap_block
+  end subroutine wrap_rows
 
   !> Sparse matrix times a block of vectors.
   subroutine multiply_block(matrix, block, product, ierr)
-    !> Square, sparse
+    !> Sparse
     type(tMat), intent(in) :: matrix
-    !> This rank's rows
+    !> This rank's rows, spread as the columns of the matrix
     real(wp), intent(in), contiguous, target :: block(:, :)
-    !> This rank's rows, of the same shape
+    !> This rank's rows, spread as those of the matrix
     real(wp), intent(out), contiguous, target :: product(:, :)
     !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
@@ -52,4 +65,26 @@ contains
     PetscCall(MatDestroy(result, ierr))
     PetscCall(MatDestroy(factor, ierr))
   end subroutine multiply_block
+
+  !> a^T b by BLAS, which matmul of a transpose is slower than.
+  function transposed_product(a, b) result(c)
+    !> [n, p]
+    real(wp), intent(in), contiguous :: a(:, :)
+    !> [n, q]
+    real(wp), intent(in), contiguous :: b(:, :)
+    real(wp) :: c(size(a, 2), size(b, 2))
+    interface
+      subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
+        import :: wp
+        character, intent(in) :: transa, transb
+        integer, intent(in) :: m, n, k, lda, ldb, ldc
+        real(wp), intent(in) :: alpha, beta, a(lda, *), b(ldb, *)
+        real(wp), intent(inout) :: c(ldc, *)
+      end subroutine dgemm
+    end interface
+
+    c = 0.0_wp
+    if (size(c) == 0 .or. size(a, 1) == 0) return
+    call dgemm('T', 'N', size(a, 2), size(b, 2), size(a, 1), 1.0_wp, a, size(a, 1), b, size(b, 1), 0.0_wp, c, size(a, 2))
+  end function transposed_product
 end module attrito_reduce_dense_block

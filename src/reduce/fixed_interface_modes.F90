@@ -13,23 +13,26 @@ module attrito_reduce_fixed_interface_modes
   use attrito_core_errors, only: error_type, raise
   use attrito_core_kinds, only: two_pi, wp
   use attrito_core_petsc_session, only: raise_petsc
+  use attrito_reduce_column_store, only: block_type, column_store_type, new_blocks
   use attrito_reduce_dense_block, only: multiply_block
   use attrito_reduce_interior_factor, only: interior_factor_type
+  use attrito_reduce_progress, only: progress_type
   use attrito_reduce_split, only: split_type
   implicit none
   private
-  public :: fixed_interface_modes_type, compute_fixed_interface_modes
+  public :: fixed_interface_modes_type, compute_fixed_interface_modes, mode_blocks
 
   type :: fixed_interface_modes_type
     !> Natural frequencies in Hz, ascending
     real(wp), allocatable :: frequency_hz(:)
     !> Relative residuals
     real(wp), allocatable :: residual(:)
-    !> This rank's interior rows of the mode shapes [interior rows, modes]
-    real(wp), allocatable :: shapes(:, :)
     !> An eigenvalue free of modes, above the last kept one, and the number of modes found below it
     real(wp) :: shift = 0.0_wp
     integer :: below_shift = 0
+  contains
+    procedure :: keep
+    procedure :: restore
   end type fixed_interface_modes_type
 
   !> Modes computed beyond those asked for
@@ -39,8 +42,9 @@ module attrito_reduce_fixed_interface_modes
 
 contains
 
-  !> Compute the lowest modes: `wanted` of them, or one more or two where the last has a twin.
-  subroutine compute_fixed_interface_modes(split, stiffness, mass, factor, wanted, tolerance, self, error)
+  !> Compute the lowest modes, `wanted` of them, or one more or two where the last has a twin; store their shapes in blocks.
+  subroutine compute_fixed_interface_modes(split, stiffness, mass, factor, wanted, tolerance, block_size, store, progress, self, &
+                                           error)
     !> Boundary and interior
     type(split_type), intent(in) :: split
     !> K_ii and M_ii
@@ -51,6 +55,12 @@ contains
     integer, intent(in) :: wanted
     !> Relative residual to reach
     real(wp), intent(in) :: tolerance
+    !> Shapes in a block
+    integer, intent(in) :: block_size
+    !> Where the shapes go
+    type(column_store_type), intent(in) :: store
+    !> Who listens
+    type(progress_type), intent(in) :: progress
     !> The modes
     type(fixed_interface_modes_type), intent(out) :: self
     !> Fewer modes than asked for
@@ -60,15 +70,19 @@ contains
     integer :: kept
     PetscErrorCode :: ierr
 
-    allocate (self%frequency_hz(0), self%residual(0), self%shapes(size(split%interior_rows), 0))
+    allocate (self%frequency_hz(0), self%residual(0))
     if (wanted == 0) return
+    call progress%step('fixed-interface modes', 0, wanted)
     call find_eigenvalues(stiffness, mass, factor, wanted, tolerance, solver, eigenvalues, ierr)
+    call progress%step('fixed-interface modes', wanted, wanted)
     call raise_petsc(error, ierr, 'computing the fixed-interface modes')
     if (.not. allocated(error) .and. size(eigenvalues) < wanted) call raise_too_few(size(eigenvalues), wanted, error)
     if (.not. allocated(error)) then
       call place_shift(eigenvalues, wanted, kept, self%shift, self%below_shift)
-      call take_modes(solver, mass, factor, split, eigenvalues(:kept), self, ierr)
-      call raise_petsc(error, ierr, 'taking the fixed-interface modes')
+      self%frequency_hz = sqrt(max(eigenvalues(:kept), 0.0_wp))/two_pi
+      deallocate (self%residual)
+      allocate (self%residual(kept))
+      call take_modes(solver, mass, factor, split, eigenvalues(:kept), block_size, store, self, error)
     end if
     call EPSDestroy(solver, ierr)
   end subroutine compute_fixed_interface_modes
@@ -137,36 +151,110 @@ contains
     shift = eigenvalues(below)*(1.0_wp + 0.5_wp*gap)
   end subroutine place_shift
 
-  !> Shapes of unit modal mass, frequencies and residuals.
-  subroutine take_modes(solver, mass, factor, split, eigenvalues, self, ierr)
+  !> Keep what is not shapes for whoever takes up an interrupted reduction.
+  subroutine keep(self, split, store, error)
+    class(fixed_interface_modes_type), intent(in) :: self
+    !> The ranks
+    type(split_type), intent(in) :: split
+    !> Where to
+    type(column_store_type), intent(in) :: store
+    !> The disk is full
+    type(error_type), allocatable, intent(out) :: error
+
+    call store%put_numbers(split, 'modes', [self%shift, real(self%below_shift, wp), self%frequency_hz, self%residual], error)
+  end subroutine keep
+
+  !> Take up what was kept.
+  subroutine restore(self, split, store, error)
+    class(fixed_interface_modes_type), intent(inout) :: self
+    !> The ranks
+    type(split_type), intent(in) :: split
+    !> Where from
+    type(column_store_type), intent(in) :: store
+    !> It is not there
+    type(error_type), allocatable, intent(out) :: error
+    real(wp), allocatable :: numbers(:)
+    integer :: modes
+
+    call store%get_numbers(split, 'modes', numbers, error)
+    if (allocated(error)) return
+    modes = (size(numbers) - 2)/2
+    self%shift = numbers(1)
+    self%below_shift = nint(numbers(2))
+    self%frequency_hz = numbers(3:2 + modes)
+    self%residual = numbers(3 + modes:)
+  end subroutine restore
+
+  !> Runs of so many modes.
+  pure function mode_blocks(modes, block_size) result(blocks)
+    integer, intent(in) :: modes, block_size
+    type(block_type), allocatable :: blocks(:)
+
+    blocks = new_blocks('mode', modes, block_size)
+  end function mode_blocks
+
+  !> Shapes of unit modal mass to disk, a block at a time, and their residuals.
+  subroutine take_modes(solver, mass, factor, split, eigenvalues, block_size, store, self, error)
     type(tEPS), intent(in) :: solver
     type(tMat), intent(in) :: mass
     type(interior_factor_type), intent(in) :: factor
     type(split_type), intent(in) :: split
     real(wp), intent(in) :: eigenvalues(:)
+    integer, intent(in) :: block_size
+    type(column_store_type), intent(in) :: store
     type(fixed_interface_modes_type), intent(inout) :: self
+    type(error_type), allocatable, intent(out) :: error
+    type(block_type), allocatable :: blocks(:)
+    real(wp), allocatable :: shapes(:, :), columns(:, :)
+    integer :: i
+    PetscErrorCode :: ierr
+
+    blocks = mode_blocks(size(eigenvalues), block_size)
+    do i = 1, size(blocks)
+      associate (first => blocks(i)%first, last => blocks(i)%last)
+        allocate (shapes(size(split%interior_rows), blocks(i)%columns()))
+        call copy_shapes(solver, mass, first, shapes, ierr)
+        if (ierr == 0) call finish_shapes(split, mass, factor, eigenvalues(first:last), shapes, self%residual(first:last), ierr)
+        call raise_petsc(error, ierr, 'taking the fixed-interface modes')
+        if (allocated(error)) return
+        allocate (columns(split%rows(), size(shapes, 2)), source=0.0_wp)
+        columns(split%interior_rows, :) = shapes
+        deallocate (shapes)
+        call store%put(split, blocks(i), columns, error)
+        if (allocated(error)) return
+        deallocate (columns)
+      end associate
+    end do
+  end subroutine take_modes
+
+  !> Unit modal mass, and the residuals.
+  subroutine finish_shapes(split, mass, factor, eigenvalues, shapes, residual, ierr)
+    type(split_type), intent(in) :: split
+    type(tMat), intent(in) :: mass
+    type(interior_factor_type), intent(in) :: factor
+    real(wp), intent(in) :: eigenvalues(:)
+    real(wp), intent(inout), contiguous :: shapes(:, :)
+    real(wp), intent(out) :: residual(:)
     PetscErrorCode, intent(out) :: ierr
     real(wp), allocatable :: inertia(:, :), rest(:, :)
     integer :: i
 
-    deallocate (self%shapes)
-    allocate (self%shapes(size(split%interior_rows), size(eigenvalues)))
-    allocate (inertia, rest, mold=self%shapes)
-    PetscCall(copy_shapes(solver, mass, self%shapes, ierr))
-    PetscCall(multiply_block(mass, self%shapes, inertia, ierr))
-    call normalise(split, self%shapes, inertia)
+    allocate (inertia, rest, mold=shapes)
+    residual = 0.0_wp
+    PetscCall(multiply_block(mass, shapes, inertia, ierr))
+    call normalise(split, shapes, inertia)
     PetscCall(factor%solve(inertia, rest, ierr))
     do i = 1, size(eigenvalues)
-      rest(:, i) = self%shapes(:, i) - eigenvalues(i)*rest(:, i)
+      rest(:, i) = shapes(:, i) - eigenvalues(i)*rest(:, i)
     end do
     PetscCall(multiply_block(mass, rest, inertia, ierr))
-    self%residual = sqrt(max(column_sums(split, rest*inertia), 0.0_wp))
-    self%frequency_hz = sqrt(max(eigenvalues, 0.0_wp))/two_pi
-  end subroutine take_modes
+    residual = sqrt(max(column_sums(split, rest*inertia), 0.0_wp))
+  end subroutine finish_shapes
 
-  subroutine copy_shapes(solver, mass, shapes, ierr)
+  subroutine copy_shapes(solver, mass, first, shapes, ierr)
     type(tEPS), intent(in) :: solver
     type(tMat), intent(in) :: mass
+    integer, intent(in) :: first
     real(wp), intent(out) :: shapes(:, :)
     PetscErrorCode, intent(out) :: ierr
     type(tVec) :: shape
@@ -175,7 +263,7 @@ contains
 
     PetscCall(MatCreateVecs(mass, PETSC_NULL_VEC, shape, ierr))
     do i = 1, size(shapes, 2)
-      PetscCall(EPSGetEigenvector(solver, i - 1, shape, PETSC_NULL_VEC, ierr))
+      PetscCall(EPSGetEigenvector(solver, first + i - 2, shape, PETSC_NULL_VEC, ierr))
       PetscCall(VecGetArrayRead(shape, values, ierr))
       shapes(:, i) = values
       PetscCall(VecRestoreArrayRead(shape, values, ierr))
