@@ -18,10 +18,11 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Comm
     from numpy.typing import ArrayLike
 
-TOLERANCE = 1e-12
+TOLERANCE = 1e-11
+BLOCK_VECTORS = 16
 
 
-STEPS = ("read", "count", "factor", "constraint", "modes", "inertia", "correction", "project", "write")
+STEPS = ("read", "count", "factor", "constraint", "modes", "correction", "indicator", "inertia", "project", "write")
 ORDERINGS = ("scotch", "pord", "amd", "amf", "qamd")
 Listener = Callable[[str, int, int], None]
 
@@ -71,8 +72,8 @@ class _Report(ctypes.Structure):
 
 class _Options(ctypes.Structure):
     _fields_ = [
-        *((name, ctypes.c_int) for name in ("modes", "block_size", "check_inertia")),
-        *((name, ctypes.c_double) for name in ("max_frequency_hz", "tolerance", "low_rank")),
+        *((name, ctypes.c_int) for name in ("modes", "block_size", "block_vectors", "check_inertia")),
+        *((name, ctypes.c_double) for name in ("max_frequency_hz", "error_target", "top_frequency_hz", "tolerance", "low_rank")),
         ("ordering", ctypes.c_char * 8),
         ("out_of_core", ctypes.c_char * 4),
     ]
@@ -90,11 +91,14 @@ def reduce_model(
     *,
     modes: int | None = None,
     max_frequency_hz: float | None = None,
+    error_target: float | None = None,
+    top_frequency_hz: float = 0.0,
     check_inertia: bool = True,
     ordering: str = "scotch",
     out_of_core: bool | None = None,
     low_rank: float = 0.0,
     block_size: int = 0,
+    block_vectors: int = BLOCK_VECTORS,
     fingerprint: str = "",
     listener: Listener | None = None,
     library: ctypes.CDLL | None = None,
@@ -111,12 +115,15 @@ def reduce_model(
     boundary : dofs to keep, from 0, the same on every rank; in any order
     vectors : `[nv, n]`, loads and monitors; rank 0's are taken. Those that act inside get a static correction each.
     modes : number of fixed-interface modes, or
-    max_frequency_hz : keep all up to this one
+    max_frequency_hz : keep all up to this one, or
+    error_target : double their number until natural frequencies and point receptances are estimated to be this near, relatively
+    top_frequency_hz : where that is looked at, from 0; 0: up to two thirds of the highest mode's frequency
     check_inertia : prove by a second factorisation that no mode was missed
     ordering : of the rows for the factorisation, one of `ORDERINGS`
     out_of_core : factors on disk; None: where memory is short. They go to the folder MUMPS_OOC_TMPDIR, or /tmp.
     low_rank : threshold of block low-rank factors, 0 for exact ones
     block_size : columns of the basis treated at a time, 0: by the size of the model
+    block_vectors : vectors solved for at once for the modes; 0: one at a time, by SLEPc's Krylov-Schur method
     fingerprint : of the matrices and all that is asked; empty: an interrupted reduction starts anew
     listener : told of progress on rank 0: a sentence where the last argument is 0, or a step, how much of it is done, of how much
 
@@ -125,8 +132,8 @@ def reduce_model(
     InputError : a motion stays free with the boundary held, or the file is no model
     NumericsError : no memory for the factors, or modes were missed
     """
-    if (modes is None) == (max_frequency_hz is None):
-        raise TypeError("give either modes or max_frequency_hz")
+    if sum(given is not None for given in (modes, max_frequency_hz, error_target)) != 1:
+        raise TypeError("give one of modes, max_frequency_hz and error_target")
     dofs = np.unique(np.asarray(boundary, dtype=np.intc))
     block = np.zeros((0, 0)) if vectors is None or comm.rank else np.atleast_2d(np.asarray(vectors, dtype=float))
     block = np.ascontiguousarray(block)
@@ -134,8 +141,11 @@ def reduce_model(
     options = _Options(
         modes=-1 if modes is None else modes,
         block_size=block_size,
+        block_vectors=block_vectors,
         check_inertia=int(check_inertia),
         max_frequency_hz=max_frequency_hz or 0.0,
+        error_target=error_target or 0.0,
+        top_frequency_hz=top_frequency_hz,
         tolerance=TOLERANCE,
         low_rank=low_rank,
         ordering=ordering.encode(),

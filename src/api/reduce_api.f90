@@ -11,8 +11,8 @@ module attrito_api_reduce
 
   !> See `reduction_options_type`
   type, bind(c) :: options_type
-    integer(c_int) :: modes, block_size, check_inertia
-    real(c_double) :: max_frequency_hz, tolerance, low_rank
+    integer(c_int) :: modes, block_size, block_vectors, check_inertia
+    real(c_double) :: max_frequency_hz, error_target, top_frequency_hz, tolerance, low_rank
     character(kind=c_char) :: ordering(8), out_of_core(4)
   end type options_type
 
@@ -55,7 +55,9 @@ contains
     type(error_type), allocatable :: error
 
     call reduce_model(comm, text_of(model_path), text_of(rom_path), text_of(folder), boundary, vectors, reduction_options_type( &
-                      modes=options%modes, max_frequency_hz=options%max_frequency_hz, block_size=options%block_size, &
+                      modes=options%modes, max_frequency_hz=options%max_frequency_hz, error_target=options%error_target, &
+                      top_frequency_hz=options%top_frequency_hz, block_size=options%block_size, &
+                      block_vectors=options%block_vectors, &
                       tolerance=options%tolerance, check_inertia=options%check_inertia /= 0, &
                       ordering=joined(options%ordering), out_of_core=joined(options%out_of_core), low_rank=options%low_rank), &
                       new_progress(listener), found, error)

@@ -1,9 +1,17 @@
 !> What the machine has left, and what this process has used at most, as Linux tells them.
 module attrito_core_machine_memory
+  use, intrinsic :: iso_c_binding, only: c_int, c_size_t
   use attrito_core_kinds, only: wp
   implicit none
   private
-  public :: free_megabytes, peak_megabytes, reset_peak
+  public :: free_megabytes, peak_megabytes, reset_peak, return_memory
+
+  interface
+    integer(c_int) function malloc_trim(pad) bind(c)
+      import :: c_int, c_size_t
+      integer(c_size_t), value :: pad
+    end function malloc_trim
+  end interface
 
 contains
 
@@ -24,6 +32,13 @@ contains
 
     megabytes = value_after('/proc/self/status', 'VmHWM:', 0.0_wp)/1024.0_wp
   end function peak_megabytes
+
+  !> Give what was released back to the system: Open MPI tells the C library to keep it.
+  subroutine return_memory()
+    integer(c_int) :: released
+
+    released = malloc_trim(0_c_size_t)
+  end subroutine return_memory
 
   !> Let the peak start anew from what is held now.
   subroutine reset_peak()

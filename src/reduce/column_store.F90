@@ -34,6 +34,7 @@ module attrito_reduce_column_store
     procedure :: has_numbers
     procedure :: put_numbers
     procedure :: get_numbers
+    procedure :: drop_numbers
   end type column_store_type
 
   interface
@@ -178,6 +179,24 @@ contains
     end if
     call close_file(file)
   end subroutine get_numbers
+
+  !> Remove numbers; none do no harm.
+  subroutine drop_numbers(self, split, name)
+    class(column_store_type), intent(in) :: self
+    !> The ranks
+    type(split_type), intent(in) :: split
+    !> Name of the numbers
+    character(*), intent(in) :: name
+    integer :: unit, status, ierr
+    logical :: there
+
+    there = self%has_numbers(name)
+    if (split%ranks%is_root() .and. there) then
+      open (newunit=unit, file=self%folder//'/'//name//'.h5', iostat=status)
+      if (status == 0) close (unit, status='delete', iostat=status)
+    end if
+    call MPI_BARRIER(split%ranks%handle, ierr)
+  end subroutine drop_numbers
 
   !> Give a whole file its name.
   subroutine complete(split, path, error)

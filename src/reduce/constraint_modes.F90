@@ -25,8 +25,8 @@ module attrito_reduce_constraint_modes
   real(wp), parameter :: rounding = 1.0e-12_wp
 
   type :: interior_stiffness_type
-    !> K_ii and K_ib, spread over the ranks, and K_bi on rank 0
-    type(tMat) :: interior, coupling, rows
+    !> K_ii, K_ib, and all rows of the boundary columns, spread over the ranks; K_bi on rank 0
+    type(tMat) :: interior, coupling, columns, rows
   end type interior_stiffness_type
 
 contains

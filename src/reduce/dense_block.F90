@@ -6,7 +6,7 @@ module attrito_reduce_dense_block
   use attrito_core_kinds, only: wp
   implicit none
   private
-  public :: wrap_block, multiply_block, transposed_product
+  public :: wrap_block, multiply_block, multiply_transposed_block
 
 contains
 
@@ -66,25 +66,27 @@ contains
     PetscCall(MatDestroy(factor, ierr))
   end subroutine multiply_block
 
-  !> a^T b by BLAS, which matmul of a transpose is slower than.
-  function transposed_product(a, b) result(c)
-    !> [n, p]
-    real(wp), intent(in), contiguous :: a(:, :)
-    !> [n, q]
-    real(wp), intent(in), contiguous :: b(:, :)
-    real(wp) :: c(size(a, 2), size(b, 2))
-    interface
-      subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
-        import :: wp
-        character, intent(in) :: transa, transb
-        integer, intent(in) :: m, n, k, lda, ldb, ldc
-        real(wp), intent(in) :: alpha, beta, a(lda, *), b(ldb, *)
-        real(wp), intent(inout) :: c(ldc, *)
-      end subroutine dgemm
-    end interface
+  !> Transpose of a sparse matrix times a block of vectors.
+  subroutine multiply_transposed_block(matrix, block, product, ierr)
+    !> Sparse
+    type(tMat), intent(in) :: matrix
+    !> This rank's rows, spread as those of the matrix
+    real(wp), intent(in), contiguous, target :: block(:, :)
+    !> This rank's rows, spread as the columns of the matrix
+    real(wp), intent(out), contiguous, target :: product(:, :)
+    !> PETSc's error code
+    PetscErrorCode, intent(out) :: ierr
+    type(tMat) :: factor, result
+    PetscScalar, pointer :: values(:, :)
+    PetscInt :: n
 
-    c = 0.0_wp
-    if (size(c) == 0 .or. size(a, 1) == 0) return
-    call dgemm('T', 'N', size(a, 2), size(b, 2), size(a, 1), 1.0_wp, a, size(a, 1), b, size(b, 1), 0.0_wp, c, size(a, 2))
-  end function transposed_product
+    PetscCall(MatGetSize(matrix, n, PETSC_NULL_INTEGER, ierr))
+    PetscCall(wrap_rows(matrix, n, block, factor, ierr))
+    PetscCall(MatTransposeMatMult(matrix, factor, MAT_INITIAL_MATRIX, PETSC_DEFAULT_REAL, result, ierr))
+    PetscCall(MatDenseGetArray(result, values, ierr))
+    product = values(:size(product, 1), :size(product, 2))
+    PetscCall(MatDenseRestoreArray(result, values, ierr))
+    PetscCall(MatDestroy(result, ierr))
+    PetscCall(MatDestroy(factor, ierr))
+  end subroutine multiply_transposed_block
 end module attrito_reduce_dense_block

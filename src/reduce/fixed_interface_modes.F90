@@ -1,21 +1,24 @@
-#include <slepc/finclude/slepceps.h>
+#include <petsc/finclude/petscmat.h>
 #include "petsc_compatibility.h"
 !> Fixed-interface modes: the lowest vibrations of the interior with the boundary held.
 !>
 !> $$ K_{ii} \phi = \lambda M_{ii} \phi, \qquad \phi^T M_{ii} \phi = 1, \qquad \omega = \sqrt{\lambda} $$
 !>
-!> Krylov-Schur on K_ii^{-1} M_ii, with the factors that the constraint modes use too. A few modes more than asked for are
-!> computed: they show where the gap is in which the count is checked, and a mode with a twin is not torn from it.
+!> Block Lanczos on K_ii^{-1} M_ii, with the factors that the constraint modes use too, or SLEPc's Krylov-Schur, one vector at a time. A few
+!> modes more than asked for are computed: they show where the gap is in which the count is checked, and a mode with a twin is not
+!> torn from it.
 !> The residual of a mode is the norm of phi - lambda K_ii^{-1} M_ii phi in M_ii, which bounds its relative error in lambda.
-!> Source: Stewart, SIAM J. Matrix Anal. Appl. 23 (2002) 601-614, doi:10.1137/S0895479800371529.
 module attrito_reduce_fixed_interface_modes
-  use slepceps
+  use petscmat
   use attrito_core_errors, only: error_type, raise
   use attrito_core_kinds, only: two_pi, wp
   use attrito_core_petsc_session, only: raise_petsc
+  use attrito_reduce_block_lanczos, only: lanczos_type, new_lanczos
   use attrito_reduce_column_store, only: block_type, column_store_type, new_blocks
   use attrito_reduce_dense_block, only: multiply_block
   use attrito_reduce_interior_factor, only: interior_factor_type
+  use attrito_reduce_interior_pencil, only: interior_pencil_type
+  use attrito_reduce_krylov_schur, only: find_by_krylov_schur
   use attrito_reduce_progress, only: progress_type
   use attrito_reduce_split, only: split_type
   implicit none
@@ -33,6 +36,7 @@ module attrito_reduce_fixed_interface_modes
   contains
     procedure :: keep
     procedure :: restore
+    procedure :: eigenvalue
   end type fixed_interface_modes_type
 
   !> Modes computed beyond those asked for
@@ -43,8 +47,8 @@ module attrito_reduce_fixed_interface_modes
 contains
 
   !> Compute the lowest modes, `wanted` of them, or one more or two where the last has a twin; store their shapes in blocks.
-  subroutine compute_fixed_interface_modes(split, stiffness, mass, factor, wanted, tolerance, block_size, store, progress, self, &
-                                           error)
+  subroutine compute_fixed_interface_modes(split, stiffness, mass, factor, wanted, tolerance, width, block_size, store, progress, &
+                                           self, error)
     !> Boundary and interior
     type(split_type), intent(in) :: split
     !> K_ii and M_ii
@@ -55,7 +59,9 @@ contains
     integer, intent(in) :: wanted
     !> Relative residual to reach
     real(wp), intent(in) :: tolerance
-    !> Shapes in a block
+    !> Vectors in a block of the eigensolver; 0: Krylov-Schur
+    integer, intent(in) :: width
+    !> Shapes stored in a block
     integer, intent(in) :: block_size
     !> Where the shapes go
     type(column_store_type), intent(in) :: store
@@ -65,15 +71,20 @@ contains
     type(fixed_interface_modes_type), intent(out) :: self
     !> Fewer modes than asked for
     type(error_type), allocatable, intent(out) :: error
-    type(tEPS) :: solver
-    real(wp), allocatable :: eigenvalues(:)
-    integer :: kept
+    real(wp), allocatable :: eigenvalues(:), shapes(:, :)
+    integer :: kept, sought
     PetscErrorCode :: ierr
 
     allocate (self%frequency_hz(0), self%residual(0))
     if (wanted == 0) return
     call progress%step('fixed-interface modes', 0, wanted)
-    call find_eigenvalues(stiffness, mass, factor, wanted, tolerance, solver, eigenvalues, ierr)
+    sought = min(wanted + margin, split%n - split%boundary_count)
+    if (width > 0) then
+      call find_by_lanczos(split, interior_pencil_type(split%ranks, mass, factor, progress, wanted), sought, tolerance, width, &
+                           eigenvalues, shapes, ierr)
+    else
+      call find_by_krylov_schur(stiffness, mass, factor, sought, tolerance, eigenvalues, shapes, ierr)
+    end if
     call progress%step('fixed-interface modes', wanted, wanted)
     call raise_petsc(error, ierr, 'computing the fixed-interface modes')
     if (.not. allocated(error) .and. size(eigenvalues) < wanted) call raise_too_few(size(eigenvalues), wanted, error)
@@ -82,50 +93,31 @@ contains
       self%frequency_hz = sqrt(max(eigenvalues(:kept), 0.0_wp))/two_pi
       deallocate (self%residual)
       allocate (self%residual(kept))
-      call take_modes(solver, mass, factor, split, eigenvalues(:kept), block_size, store, self, error)
+      call take_modes(shapes, mass, factor, split, eigenvalues(:kept), block_size, store, self, error)
     end if
-    call EPSDestroy(solver, ierr)
   end subroutine compute_fixed_interface_modes
 
-  subroutine find_eigenvalues(stiffness, mass, factor, wanted, tolerance, solver, eigenvalues, ierr)
-    type(tMat), intent(in) :: stiffness, mass
-    type(interior_factor_type), intent(in) :: factor
-    integer, intent(in) :: wanted
+  !> Block Lanczos from a block that does not depend on the number of ranks.
+  subroutine find_by_lanczos(split, pencil, sought, tolerance, width, eigenvalues, shapes, status)
+    type(split_type), intent(in) :: split
+    type(interior_pencil_type), intent(in) :: pencil
+    integer, intent(in) :: sought, width
     real(wp), intent(in) :: tolerance
-    !> Holds the mode shapes; the caller destroys it
-    type(tEPS), intent(out) :: solver
-    !> Those that converged, ascending
-    real(wp), allocatable, intent(out) :: eigenvalues(:)
-    PetscErrorCode, intent(out) :: ierr
-    type(tST) :: transform
-    PetscMPIInt :: comm
-    PetscInt :: n, converged, i
-    PetscScalar :: imaginary
+    real(wp), allocatable, intent(out) :: eigenvalues(:), shapes(:, :)
+    integer, intent(out) :: status
+    type(lanczos_type) :: lanczos
+    real(wp), allocatable :: start(:, :)
+    integer :: i, n
 
-    allocate (eigenvalues(0))
-    PetscCall(PetscObjectGetComm(stiffness, comm, ierr))
-    PetscCall(MatGetSize(stiffness, n, PETSC_NULL_INTEGER, ierr))
-    PetscCall(EPSCreate(comm, solver, ierr))
-    PetscCall(EPSSetOperators(solver, stiffness, mass, ierr))
-    PetscCall(EPSSetProblemType(solver, EPS_GHEP, ierr))
-    PetscCall(EPSSetTarget(solver, 0.0_wp, ierr))
-    PetscCall(EPSSetWhichEigenpairs(solver, EPS_TARGET_MAGNITUDE, ierr))
-    PetscCall(EPSSetDimensions(solver, min(wanted + margin, n), PETSC_DEFAULT_INTEGER, PETSC_DEFAULT_INTEGER, ierr))
-    PetscCall(EPSSetTolerances(solver, tolerance, 500, ierr))
-    ! One more solve for each mode, which would blow up what rounding leaves of the lowest modes in the others.
-    PetscCall(EPSSetPurify(solver, PETSC_FALSE, ierr))
-    PetscCall(EPSGetST(solver, transform, ierr))
-    PetscCall(STSetType(transform, STSINVERT, ierr))
-    PetscCall(STSetKSP(transform, factor%solver, ierr))
-    PetscCall(EPSSetFromOptions(solver, ierr))
-    PetscCall(EPSSolve(solver, ierr))
-    PetscCall(EPSGetConverged(solver, converged, ierr))
-    deallocate (eigenvalues)
-    allocate (eigenvalues(converged))
-    do i = 1, converged
-      PetscCall(EPSGetEigenvalue(solver, i - 1, eigenvalues(i), imaginary, ierr))
+    n = split%n - split%boundary_count
+    allocate (start(size(split%interior_rows), min(width, n)))
+    do i = 1, size(start, 2)
+      start(:, i) = cos(real(i, wp)*0.9_wp*real(split%first + split%interior_rows, wp)**2)
     end do
-  end subroutine find_eigenvalues
+    call new_lanczos(lanczos, pencil, start, sought, min(max(2*sought, sought + 6*width), n + width), tolerance, status)
+    call move_alloc(lanczos%eigenvalues, eigenvalues)
+    call move_alloc(lanczos%v, shapes)
+  end subroutine find_by_lanczos
 
   !> Keep twins together, and find the first wide gap at or above the last kept mode.
   pure subroutine place_shift(eigenvalues, wanted, kept, shift, below)
@@ -185,6 +177,14 @@ contains
     self%residual = numbers(3 + modes:)
   end subroutine restore
 
+  !> omega^2 of a mode.
+  pure real(wp) function eigenvalue(self, mode)
+    class(fixed_interface_modes_type), intent(in) :: self
+    integer, intent(in) :: mode
+
+    eigenvalue = (two_pi*self%frequency_hz(mode))**2
+  end function eigenvalue
+
   !> Runs of so many modes.
   pure function mode_blocks(modes, block_size) result(blocks)
     integer, intent(in) :: modes, block_size
@@ -194,8 +194,9 @@ contains
   end function mode_blocks
 
   !> Shapes of unit modal mass to disk, a block at a time, and their residuals.
-  subroutine take_modes(solver, mass, factor, split, eigenvalues, block_size, store, self, error)
-    type(tEPS), intent(in) :: solver
+  subroutine take_modes(found, mass, factor, split, eigenvalues, block_size, store, self, error)
+    !> Shapes, of any scale [interior rows, modes or more]
+    real(wp), intent(in) :: found(:, :)
     type(tMat), intent(in) :: mass
     type(interior_factor_type), intent(in) :: factor
     type(split_type), intent(in) :: split
@@ -212,9 +213,8 @@ contains
     blocks = mode_blocks(size(eigenvalues), block_size)
     do i = 1, size(blocks)
       associate (first => blocks(i)%first, last => blocks(i)%last)
-        allocate (shapes(size(split%interior_rows), blocks(i)%columns()))
-        call copy_shapes(solver, mass, first, shapes, ierr)
-        if (ierr == 0) call finish_shapes(split, mass, factor, eigenvalues(first:last), shapes, self%residual(first:last), ierr)
+        shapes = found(:, first:last)
+        call finish_shapes(split, mass, factor, eigenvalues(first:last), shapes, self%residual(first:last), ierr)
         call raise_petsc(error, ierr, 'taking the fixed-interface modes')
         if (allocated(error)) return
         allocate (columns(split%rows(), size(shapes, 2)), source=0.0_wp)
@@ -250,26 +250,6 @@ contains
     PetscCall(multiply_block(mass, rest, inertia, ierr))
     residual = sqrt(max(column_sums(split, rest*inertia), 0.0_wp))
   end subroutine finish_shapes
-
-  subroutine copy_shapes(solver, mass, first, shapes, ierr)
-    type(tEPS), intent(in) :: solver
-    type(tMat), intent(in) :: mass
-    integer, intent(in) :: first
-    real(wp), intent(out) :: shapes(:, :)
-    PetscErrorCode, intent(out) :: ierr
-    type(tVec) :: shape
-    PetscScalar, pointer :: values(:)
-    integer :: i
-
-    PetscCall(MatCreateVecs(mass, PETSC_NULL_VEC, shape, ierr))
-    do i = 1, size(shapes, 2)
-      PetscCall(EPSGetEigenvector(solver, first + i - 2, shape, PETSC_NULL_VEC, ierr))
-      PetscCall(VecGetArrayRead(shape, values, ierr))
-      shapes(:, i) = values
-      PetscCall(VecRestoreArrayRead(shape, values, ierr))
-    end do
-    PetscCall(VecDestroy(shape, ierr))
-  end subroutine copy_shapes
 
   !> Unit modal mass, and a sign that does not depend on the number of ranks.
   subroutine normalise(split, shapes, inertia)

@@ -4,21 +4,28 @@ module attrito_reduce_report
   implicit none
   private
   public :: reduction_options_type, reduction_report_type, step_names
-  public :: step_read, step_count, step_factor, step_constraint, step_modes, step_inertia, step_correction, step_project, step_write
+  public :: step_read, step_count, step_factor, step_constraint, step_modes, step_inertia, step_correction, step_indicator, step_project, &
+            step_write
 
   !> Steps, in the order in which they are taken
-  integer, parameter :: step_read = 1, step_count = 2, step_factor = 3, step_constraint = 4, step_modes = 5, step_inertia = 6, &
-                        step_correction = 7, step_project = 8, step_write = 9
-  character(10), parameter :: step_names(9) = [character(10) :: 'read', 'count', 'factor', 'constraint', 'modes', 'inertia', &
-                                               'correction', 'project', 'write']
+  integer, parameter :: step_read = 1, step_count = 2, step_factor = 3, step_constraint = 4, step_modes = 5, &
+                        step_correction = 6, step_indicator = 7, step_inertia = 8, step_project = 9, step_write = 10
+  character(10), parameter :: step_names(10) = [character(10) :: 'read', 'count', 'factor', 'constraint', 'modes', 'correction', &
+                                                'indicator', 'inertia', 'project', 'write']
 
   type :: reduction_options_type
     !> Number of fixed-interface modes; negative: all up to `max_frequency_hz`
     integer :: modes = 20
     !> Frequency up to which modes are kept
     real(wp) :: max_frequency_hz = 0.0_wp
+    !> Instead of either, the relative error that natural frequencies and responses of the reduced model may have; 0: none
+    real(wp) :: error_target = 0.0_wp
+    !> Frequency up to which the error is looked at; 0: two thirds of the highest mode's
+    real(wp) :: top_frequency_hz = 0.0_wp
     !> Columns treated at a time, which bounds the memory beside the factors; 0: by the size of the model
     integer :: block_size = 0
+    !> Vectors in a block of the eigensolver; 0: one at a time, by SLEPc
+    integer :: block_vectors = 16
     !> Relative residual of the modes
     real(wp) :: tolerance = 1.0e-12_wp
     !> Prove by a second factorisation that no mode was missed

@@ -9,7 +9,7 @@ module attrito_reduce_split
   use attrito_core_errors, only: error_type, fault_of_input, raise
   implicit none
   private
-  public :: split_type, new_split, interior_block, coupling_block, boundary_rows_on_root, some_rows_on_root
+  public :: split_type, new_split, interior_block, coupling_block, boundary_columns, boundary_rows_on_root, some_rows_on_root
 
   type :: split_type
     !> The ranks that share the rows
@@ -109,6 +109,26 @@ contains
     PetscCall(ISDestroy(boundary, ierr))
     PetscCall(ISDestroy(interior, ierr))
   end subroutine coupling_block
+
+  !> All rows of the boundary columns, spread over the ranks; the caller destroys it.
+  subroutine boundary_columns(self, matrix, block, ierr)
+    !> The split
+    type(split_type), intent(in) :: self
+    !> Matrix of the full model
+    type(tMat), intent(in) :: matrix
+    !> [dofs, boundary dofs]
+    type(tMat), intent(out) :: block
+    !> PETSc's error code
+    PetscErrorCode, intent(out) :: ierr
+    type(tIS) :: all, boundary
+    integer :: i
+
+    PetscCall(index_set(self, [(i, i=1, self%rows())], all, ierr))
+    PetscCall(index_set(self, self%boundary_rows, boundary, ierr))
+    PetscCall(MatCreateSubMatrix(matrix, all, boundary, MAT_INITIAL_MATRIX, block, ierr))
+    PetscCall(ISDestroy(boundary, ierr))
+    PetscCall(ISDestroy(all, ierr))
+  end subroutine boundary_columns
 
   !> PETSc's form of this rank's share of some rows.
   subroutine index_set(self, rows, set, ierr)

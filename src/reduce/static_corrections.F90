@@ -11,9 +11,10 @@ module attrito_reduce_static_corrections
   use petscmat
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
+  use attrito_core_lapack, only: transposed_product
   use attrito_core_petsc_session, only: raise_petsc
   use attrito_reduce_column_store, only: block_type, column_store_type
-  use attrito_reduce_dense_block, only: multiply_block, transposed_product
+  use attrito_reduce_dense_block, only: multiply_block
   use attrito_reduce_interior_factor, only: interior_factor_type
   use attrito_reduce_split, only: split_type
   implicit none

@@ -11,15 +11,16 @@ module attrito_reduce_workspace
   use attrito_core_hdf5_dataset, only: array_shape
   use attrito_core_hdf5_file, only: close_file, exists_in_file, hdf5_file_type, open_file
   use attrito_core_kinds, only: wp
-  use attrito_core_machine_memory, only: peak_megabytes, reset_peak
+  use attrito_core_machine_memory, only: peak_megabytes, reset_peak, return_memory
   use attrito_core_petsc_session, only: raise_petsc
   use attrito_reduce_column_store, only: block_type, column_store_type, new_blocks
   use attrito_reduce_constraint_modes, only: interior_stiffness_type
-  use attrito_reduce_interior_factor, only: interior_factor_type
+  use attrito_reduce_definiteness, only: check_definite
+  use attrito_reduce_interior_factor, only: factor_options_type, interior_factor_type, new_interior_factor
   use attrito_reduce_model_matrix, only: read_model_matrix
   use attrito_reduce_progress, only: progress_type
-  use attrito_reduce_report, only: reduction_report_type
-  use attrito_reduce_split, only: boundary_rows_on_root, coupling_block, interior_block, new_split, split_type
+  use attrito_reduce_report, only: reduction_options_type, reduction_report_type, step_factor, step_read
+  use attrito_reduce_split, only: boundary_columns, boundary_rows_on_root, coupling_block, interior_block, new_split, split_type
   use attrito_reduce_spread_vectors, only: spread_vectors
   implicit none
   private
@@ -31,6 +32,7 @@ module attrito_reduce_workspace
     type(split_type) :: split
     type(column_store_type) :: store
     type(progress_type) :: progress
+    type(reduction_options_type) :: options
     type(reduction_report_type) :: report
     logical :: has_damping = .false.
     !> Columns treated at a time
@@ -46,22 +48,25 @@ module attrito_reduce_workspace
   contains
     procedure :: need_stiffness
     procedure :: need_mass
+    procedure :: need_factor
+    procedure :: factor_options
     procedure :: read_matrix
     procedure :: boundary_blocks
     procedure :: begin
     procedure :: finish
     procedure :: save_report
+    procedure :: forget_modes
     procedure :: release_factor
     procedure :: destroy
   end type workspace_type
 
   !> Numbers in a block of columns, all ranks together, at most; and columns
-  integer, parameter :: block_numbers = 2**26, most_columns = 256, fewest_columns = 8
+  integer, parameter :: block_numbers = 2**25, most_columns = 256, fewest_columns = 8
 
 contains
 
   !> Sizes, split and loads; what an interrupted reduction has told is taken up.
-  subroutine new_workspace(self, comm, path, folder, boundary, vectors, block_size, error)
+  subroutine new_workspace(self, comm, path, folder, boundary, vectors, error)
     type(workspace_type), intent(inout) :: self
     !> MPI communicator
     integer, intent(in) :: comm
@@ -73,8 +78,6 @@ contains
     integer, intent(in) :: boundary(:)
     !> Loads and monitors [n, vectors] on rank 0
     real(wp), intent(in), contiguous :: vectors(:, :)
-    !> Columns at a time; 0: by the size of the model
-    integer, intent(in) :: block_size
     !> The model is at fault
     type(error_type), allocatable, intent(out) :: error
     type(communicator_type) :: ranks
@@ -88,8 +91,8 @@ contains
     if (.not. allocated(error)) call restore_report(self, error)
     if (allocated(error)) return
     call spread_vectors(self%split, vectors, self%vectors)
-    self%block_size = block_size
-    if (block_size == 0) self%block_size = max(fewest_columns, min(most_columns, block_numbers/n))
+    self%block_size = self%options%block_size
+    if (self%block_size == 0) self%block_size = max(fewest_columns, min(most_columns, block_numbers/n))
     self%report%dofs = n
     self%report%boundary = size(boundary)
   end subroutine new_workspace
@@ -154,6 +157,7 @@ contains
     if (allocated(error)) return
     call interior_block(self%split, full, self%stiffness%interior, ierr)
     if (ierr == 0) call coupling_block(self%split, full, self%stiffness%coupling, ierr)
+    if (ierr == 0) call boundary_columns(self%split, full, self%stiffness%columns, ierr)
     if (ierr == 0) call boundary_rows_on_root(self%split, full, self%stiffness%rows, ierr)
     if (ierr == 0) call MatDestroy(full, ierr)
     self%has_stiffness = .true.
@@ -177,6 +181,47 @@ contains
     call raise_petsc(error, ierr, 'splitting boundary from interior')
   end subroutine need_mass
 
+  !> The factors of K_ii, which must be positive definite, unless they are there.
+  subroutine need_factor(self, error)
+    class(workspace_type), intent(inout) :: self
+    !> A motion stays free, or memory is too short
+    type(error_type), allocatable, intent(out) :: error
+
+    if (self%has_factor) return
+    call self%begin(step_read)
+    call self%need_stiffness(error)
+    ! Beside the factors there is little room to split a matrix.
+    if (.not. allocated(error)) call self%need_mass(error)
+    call self%finish(step_read)
+    if (allocated(error)) return
+    call self%begin(step_factor)
+    call new_interior_factor(self%factor, self%stiffness%interior, self%factor_options(), self%progress, error)
+    self%has_factor = .true.
+    if (.not. allocated(error)) call check_definite(self%split, self%stiffness%interior, self%factor, error)
+    call self%finish(step_factor)
+    associate (report => self%report, factor => self%factor)
+      report%negative_pivots = factor%negative
+      report%ordering = factor%ordering
+      report%factor_megabytes = factor%megabytes
+      report%factor_megabytes_out_of_core = factor%megabytes_out_of_core
+      report%out_of_core = merge(1, 0, factor%out_of_core)
+      report%factor_flops = factor%flops
+      report%analysis_seconds = factor%analysis_seconds
+    end associate
+  end subroutine need_factor
+
+  !> How to factor, and what this rank will hold beside the factors: the eigensolver's vectors, or a few blocks of columns.
+  pure function factor_options(self) result(how)
+    class(workspace_type), intent(in) :: self
+    type(factor_options_type) :: how
+    integer, parameter :: blocks_at_once = 6
+    integer :: vectors
+
+    vectors = max(blocks_at_once*self%block_size, 2*max(self%options%modes, 100))
+    how = factor_options_type(self%options%ordering, self%options%out_of_core, self%options%low_rank, &
+                              self%split%rows()*real(vectors, wp)/2.0_wp**17)
+  end function factor_options
+
   !> Runs of boundary dofs.
   pure function boundary_blocks(self) result(blocks)
     class(workspace_type), intent(in) :: self
@@ -190,6 +235,7 @@ contains
     class(workspace_type), intent(inout) :: self
     integer, intent(in) :: step
 
+    call return_memory()
     call reset_peak()
     self%report%seconds(step) = self%report%seconds(step) - MPI_WTIME()
   end subroutine begin
@@ -225,6 +271,16 @@ contains
     if (.not. allocated(error)) self%report = transfer(numbers, self%report)
   end subroutine restore_report
 
+  !> Modes are to be computed anew, and what follows from them.
+  subroutine forget_modes(self)
+    class(workspace_type), intent(in) :: self
+
+    call self%store%drop_numbers(self%split, 'quality')
+    call self%store%drop_numbers(self%split, 'mass')
+    call self%store%drop_numbers(self%split, 'correction')
+    call self%store%drop_numbers(self%split, 'modes')
+  end subroutine forget_modes
+
   !> The factors go; released ones, or none, do no harm.
   subroutine release_factor(self)
     class(workspace_type), intent(inout) :: self
@@ -243,6 +299,7 @@ contains
     if (self%has_stiffness) then
       call MatDestroy(self%stiffness%interior, ierr)
       call MatDestroy(self%stiffness%coupling, ierr)
+      call MatDestroy(self%stiffness%columns, ierr)
       call MatDestroy(self%stiffness%rows, ierr)
     end if
     self%has_mass = .false.

@@ -7,6 +7,7 @@ module attrito_reduce_write_rom
   use attrito_core_hdf5_dataset, only: create_array
   use attrito_core_hdf5_file, only: close_file, create_file, create_group, hdf5_file_type
   use attrito_core_kinds, only: wp
+  use attrito_reduce_error_indicator, only: quality_type
   use attrito_reduce_fixed_interface_modes, only: fixed_interface_modes_type
   use attrito_reduce_column_store, only: block_type, column_store_type
   use attrito_reduce_report, only: reduction_report_type, step_names
@@ -28,7 +29,7 @@ module attrito_reduce_write_rom
 contains
 
   !> Write the whole file.
-  subroutine write_rom(path, split, model, blocks, store, modes, report, error)
+  subroutine write_rom(path, split, model, blocks, store, modes, quality, report, error)
     !> Where
     character(*), intent(in) :: path
     !> Boundary, and the ranks
@@ -40,6 +41,8 @@ contains
     type(column_store_type), intent(in) :: store
     !> Frequencies and residuals
     type(fixed_interface_modes_type), intent(in) :: modes
+    !> How good the reduced model is
+    type(quality_type), intent(in) :: quality
     !> Counts and times
     type(reduction_report_type), intent(in) :: report
     !> The disk is full, or the path cannot be written
@@ -57,6 +60,7 @@ contains
       call write_block(file, '/vectors/full', [0, split%first - 1], model%vectors, error)
     if (.not. allocated(error)) call write_array(file, '/vectors/reduced', model%reduced_vectors, &
       'loads and monitors on the reduced model: basis f', 'as given', error)
+    if (.not. allocated(error)) call write_quality(file, quality, error)
     if (.not. allocated(error)) call write_report(file, report, error)
     call close_file(file)
   end subroutine write_rom
@@ -101,6 +105,23 @@ contains
     if (.not. allocated(error)) call write_array(file, '/modes/residual', modes%residual, &
       'norm of phi - lambda K_ii^-1 M_ii phi in M_ii, a bound on the relative error of lambda', '1', error)
   end subroutine write_coordinates
+
+  subroutine write_quality(file, quality, error)
+    type(hdf5_file_type), intent(in) :: file
+    type(quality_type), intent(in) :: quality
+    type(error_type), allocatable, intent(out) :: error
+
+    call write_array(file, '/quality/frequency_hz', quality%frequency_hz, &
+                     'natural frequencies of the reduced model, elastic ones, with the interface free', 'Hz', error)
+    if (.not. allocated(error)) call write_array(file, '/quality/frequency_error', quality%error, &
+      'estimated part of itself by which each of them is too high', '1', error)
+    if (.not. allocated(error)) call write_array(file, '/quality/response_hz', quality%response_hz, &
+      'frequencies at which responses were examined', 'Hz', error)
+    if (.not. allocated(error)) call write_array(file, '/quality/receptance', quality%receptance, &
+      'undamped receptances between loads and monitors of the reduced model', 'as given', error)
+    if (.not. allocated(error)) call write_array(file, '/quality/receptance_error', quality%receptance_error, &
+      'estimate of what they lack', 'as given', error)
+  end subroutine write_quality
 
   !> The basis, block by block from where the steps left it.
   subroutine write_basis(file, split, blocks, store, error)
