@@ -21,7 +21,8 @@ import h5py
 import numpy as np
 from mpi4py import MPI
 
-from attrito.reduction import BLOCK_VECTORS, ORDERINGS, reduce_model
+from attrito.job_schema import ORDERINGS
+from attrito.reduction import BLOCK_VECTORS, reduce_model
 
 
 def boundary_and_vectors(path: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -48,7 +49,7 @@ def main() -> None:
     parser.add_argument("--out-of-core", choices=("auto", "yes", "no"), default="auto")
     parser.add_argument("--low-rank", type=float, default=0.0, help="threshold of block low-rank factors")
     parser.add_argument("--block-size", type=int, default=0)
-    parser.add_argument("--block-vectors", type=int, default=BLOCK_VECTORS, help="0: Krylov-Schur")
+    parser.add_argument("--block-vectors", type=int, default=BLOCK_VECTORS)
     parser.add_argument("--keep", action="store_true", help="keep rom.h5")
     arguments = parser.parse_args()
     model, rom = arguments.folder / "model.h5", arguments.folder / "rom.h5"

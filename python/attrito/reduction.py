@@ -12,18 +12,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from attrito import library as foreign
+from attrito.job_schema import ORDERINGS
 from attrito.parallel import on_root
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
     from numpy.typing import ArrayLike
 
+# Raised when the steps leave their results in another form.
+STEPS_VERSION = 1
 TOLERANCE = 1e-11
 BLOCK_VECTORS = 16
 
 
 STEPS = ("read", "count", "factor", "constraint", "modes", "correction", "indicator", "inertia", "project", "write")
-ORDERINGS = ("scotch", "pord", "amd", "amf", "qamd")
 Listener = Callable[[str, int, int], None]
 
 
@@ -35,7 +37,8 @@ class Report:
     has twins. `modes_below_shift` is the count by inertia below `shift_hz`, which agrees with the eigensolver's; -1
     where nothing was counted. `mode_residual` bounds the relative error of the eigenvalues; `constraint_residual` is
     that of K_ii Psi = -K_ib as solved. `factor_megabytes` and `factor_flops` are foreseen by the analysis, in core and
-    with the factors on disk, which is where they went if `out_of_core`.
+    with the factors on disk, which is where they went if `out_of_core`. `worst_error` is the largest estimated relative
+    error of a natural frequency or of a point receptance of the reduced model; -1 where nothing was examined.
     """
 
     dofs: int
@@ -54,6 +57,7 @@ class Report:
     shift_hz: float
     mode_residual: float
     constraint_residual: float
+    worst_error: float
     seconds: dict[str, float]
     megabytes: dict[str, float]
 
@@ -73,7 +77,7 @@ class _Report(ctypes.Structure):
 class _Options(ctypes.Structure):
     _fields_ = [
         *((name, ctypes.c_int) for name in ("modes", "block_size", "block_vectors", "check_inertia")),
-        *((name, ctypes.c_double) for name in ("max_frequency_hz", "error_target", "top_frequency_hz", "tolerance", "low_rank")),
+        *((name, ctypes.c_double) for name in ("max_frequency_hz", "error_target", "top_frequency_hz", "tolerance", "low_rank", "memory_megabytes")),
         ("ordering", ctypes.c_char * 8),
         ("out_of_core", ctypes.c_char * 4),
     ]
@@ -94,9 +98,10 @@ def reduce_model(
     error_target: float | None = None,
     top_frequency_hz: float = 0.0,
     check_inertia: bool = True,
-    ordering: str = "scotch",
+    ordering: str = ORDERINGS[0],
     out_of_core: bool | None = None,
     low_rank: float = 0.0,
+    memory_gb: float | None = None,
     block_size: int = 0,
     block_vectors: int = BLOCK_VECTORS,
     fingerprint: str = "",
@@ -121,9 +126,10 @@ def reduce_model(
     check_inertia : prove by a second factorisation that no mode was missed
     ordering : of the rows for the factorisation, one of `ORDERINGS`
     out_of_core : factors on disk; None: where memory is short. They go to the folder MUMPS_OOC_TMPDIR, or /tmp.
+    memory_gb : that the ranks of a machine may take together for the factors and beside them; None: what is free
     low_rank : threshold of block low-rank factors, 0 for exact ones
     block_size : columns of the basis treated at a time, 0: by the size of the model
-    block_vectors : vectors solved for at once for the modes; 0: one at a time, by SLEPc's Krylov-Schur method
+    block_vectors : vectors that the eigensolver solves for at once
     fingerprint : of the matrices and all that is asked; empty: an interrupted reduction starts anew
     listener : told of progress on rank 0: a sentence where the last argument is 0, or a step, how much of it is done, of how much
 
@@ -148,6 +154,7 @@ def reduce_model(
         top_frequency_hz=top_frequency_hz,
         tolerance=TOLERANCE,
         low_rank=low_rank,
+        memory_megabytes=1024.0 * (memory_gb or 0.0),
         ordering=ordering.encode(),
         out_of_core={None: b"auto", True: b"yes", False: b"no"}[out_of_core],
     )
@@ -171,8 +178,10 @@ def reduce_model(
         ctypes.c_int(len(message)),
         message,
     )
+    # What is at fault stays so; what ran out of memory may go on another time.
+    if status == 2 or not fingerprint or status == 0:
+        on_root(comm, lambda: shutil.rmtree(steps))
     foreign.check(status, message)
-    on_root(comm, lambda: shutil.rmtree(steps))
     values = {field.name: getattr(report, field.name) for field in fields(Report)}
     values["ordering"] = report.ordering.decode().strip()
     for name in ("seconds", "megabytes"):
@@ -183,6 +192,7 @@ def reduce_model(
 def _prepare_steps(folder: Path, fingerprint: str) -> None:
     """Keep what an interrupted reduction of the same fingerprint has left; else start with an empty folder."""
     mark = folder / "fingerprint"
+    fingerprint = fingerprint and f"{STEPS_VERSION} {fingerprint}"
     if fingerprint and mark.is_file() and mark.read_text() == fingerprint:
         return
     if folder.exists():

@@ -19,7 +19,7 @@ from attrito.faults import InputError
 from attrito.job import Job, model_path, rom_path
 from attrito.model_file import write_model
 from attrito.parallel import on_root
-from attrito.reduction import Report, reduce_model
+from attrito.reduction import Listener, Report, reduce_model
 from attrito.scene import Scene
 from attrito.solver import ReducedScene
 
@@ -28,11 +28,16 @@ if TYPE_CHECKING:
 
 LARGEST_DENSE = 4000
 # Raised when the reduction of the same input changes, so that no older rom.h5 is taken for it.
-REDUCTION_VERSION = 1
+REDUCTION_VERSION = 2
 
 
-def make_rom(comm: Comm, job: Job, scene: Scene | None, say: Any = print) -> Report | None:
-    """Reduce the scene (held by rank 0) unless rom.h5 already holds it; returns the library's report, if it worked."""
+def make_rom(
+    comm: Comm, job: Job, scene: Scene | None, say: Any = print, listener: Listener | None = None
+) -> Report | None:
+    """Reduce the scene (held by rank 0) unless rom.h5 already holds it; returns the library's report, if it worked.
+
+    The matrices of the scene's model are released: the library reads its own, and a big model is not to be held twice.
+    """
     path, model = rom_path(job), model_path(job)
     keys = job["reduction"]
 
@@ -48,10 +53,8 @@ def make_rom(comm: Comm, job: Job, scene: Scene | None, say: Any = print) -> Rep
                 write_model(model, scene.model, [])
             if Path(path).exists():
                 say(f"replacing {path}, another reduced model: shapes of its results can be exported no longer")
-            kept = (
-                f"{keys['modes']} modes" if keys["modes"] is not None else f"modes to {keys['max_frequency_hz']:g} Hz"
-            )
-            say(f"reducing {scene.model.size} dofs onto {len(scene.boundary)} boundary dofs and {kept}")
+            say(f"reducing {scene.model.size} dofs onto {len(scene.boundary)} boundary dofs and {_modes_in_words(job)}")
+            scene.model.stiffness = scene.model.mass = scene.model.damping = None
         return fresh, fingerprint, scene.boundary
 
     fresh, fingerprint, boundary = on_root(comm, prepare)
@@ -59,8 +62,22 @@ def make_rom(comm: Comm, job: Job, scene: Scene | None, say: Any = print) -> Rep
         return None
     vectors = None if comm.rank else np.array(list(_vectors(scene).values()))
     partial = f"{path}.partial"
+    by_error = keys["modes"] == "auto"
     report = reduce_model(
-        comm, model, partial, boundary, vectors, modes=keys["modes"], max_frequency_hz=keys["max_frequency_hz"]
+        comm,
+        model,
+        partial,
+        boundary,
+        vectors,
+        modes=None if by_error else keys["modes"],
+        max_frequency_hz=keys["max_frequency_hz"],
+        error_target=keys["error"] if by_error else None,
+        top_frequency_hz=excited_hz(job),
+        ordering=keys["ordering"],
+        out_of_core=None if keys["out_of_core"] == "auto" else keys["out_of_core"],
+        memory_gb=keys["memory_gb"],
+        fingerprint=fingerprint,
+        listener=listener,
     )
 
     def finish() -> None:
@@ -77,6 +94,20 @@ def make_rom(comm: Comm, job: Job, scene: Scene | None, say: Any = print) -> Rep
     return report
 
 
+def excited_hz(job: Job) -> float:
+    """The highest frequency that the job excites or solves for: that of the highest harmonic at the end of the sweep."""
+    sweep = job["sweep"]
+    highest = max(sweep["frequencies_hz"] or [sweep["start_hz"], sweep["stop_hz"]])
+    return highest * job["balance"]["harmonics"]
+
+
+def _modes_in_words(job: Job) -> str:
+    keys = job["reduction"]
+    if keys["modes"] == "auto":
+        return f"as many modes as an error of {keys['error']:g} up to {excited_hz(job):g} Hz asks for"
+    return f"{keys['modes']} modes" if keys["modes"] is not None else f"modes to {keys['max_frequency_hz']:g} Hz"
+
+
 def _check_interior(job: Job, scene: Scene) -> None:
     """Raise unless there is something to reduce, and as many modes as the job asks for."""
     interior = scene.model.size - len(scene.boundary)
@@ -84,7 +115,7 @@ def _check_interior(job: Job, scene: Scene) -> None:
     if interior == 0:
         expected = f"none: all {scene.model.size} dofs are boundary dofs, so there is nothing to reduce"
         raise InputError(job.fault("[reduction]", "given", expected))
-    if modes is not None and modes > interior:
+    if isinstance(modes, int) and modes > interior:
         raise InputError(job.fault("[reduction] modes", modes, f"at most {interior}, the number of interior dofs"))
 
 
@@ -156,7 +187,10 @@ def _fingerprint(job: Job, scene: Scene) -> str:
     digest.update(scene.boundary.tobytes())
     for name, vector in _vectors(scene).items():
         digest.update(name.encode() + vector.tobytes())
-    digest.update(json.dumps([job["reduction"]["modes"], job["reduction"]["max_frequency_hz"]]).encode())
+    keys = job["reduction"]
+    digest.update(json.dumps([keys["modes"], keys["max_frequency_hz"]]).encode())
+    if keys["modes"] == "auto":
+        digest.update(json.dumps([keys["error"], excited_hz(job)]).encode())
     return digest.hexdigest()
 
 

@@ -4,9 +4,8 @@
 !>
 !> $$ K_{ii} \phi = \lambda M_{ii} \phi, \qquad \phi^T M_{ii} \phi = 1, \qquad \omega = \sqrt{\lambda} $$
 !>
-!> Block Lanczos on K_ii^{-1} M_ii, with the factors that the constraint modes use too, or SLEPc's Krylov-Schur, one vector at a time. A few
-!> modes more than asked for are computed: they show where the gap is in which the count is checked, and a mode with a twin is not
-!> torn from it.
+!> Block Lanczos on K_ii^{-1} M_ii, with the factors that the constraint modes use too. A few modes more than asked for are
+!> computed: they show where the gap is in which the count is checked, and a mode with a twin is not torn from it.
 !> The residual of a mode is the norm of phi - lambda K_ii^{-1} M_ii phi in M_ii, which bounds its relative error in lambda.
 module attrito_reduce_fixed_interface_modes
   use petscmat
@@ -18,7 +17,6 @@ module attrito_reduce_fixed_interface_modes
   use attrito_reduce_dense_block, only: multiply_block
   use attrito_reduce_interior_factor, only: interior_factor_type
   use attrito_reduce_interior_pencil, only: interior_pencil_type
-  use attrito_reduce_krylov_schur, only: find_by_krylov_schur
   use attrito_reduce_progress, only: progress_type
   use attrito_reduce_split, only: split_type
   implicit none
@@ -47,19 +45,19 @@ module attrito_reduce_fixed_interface_modes
 contains
 
   !> Compute the lowest modes, `wanted` of them, or one more or two where the last has a twin; store their shapes in blocks.
-  subroutine compute_fixed_interface_modes(split, stiffness, mass, factor, wanted, tolerance, width, block_size, store, progress, &
+  subroutine compute_fixed_interface_modes(split, mass, factor, wanted, tolerance, width, block_size, store, progress, &
                                            self, error)
     !> Boundary and interior
     type(split_type), intent(in) :: split
-    !> K_ii and M_ii
-    type(tMat), intent(in) :: stiffness, mass
+    !> M_ii
+    type(tMat), intent(in) :: mass
     !> Factors of K_ii
     type(interior_factor_type), intent(in) :: factor
     !> Number of modes
     integer, intent(in) :: wanted
     !> Relative residual to reach
     real(wp), intent(in) :: tolerance
-    !> Vectors in a block of the eigensolver; 0: Krylov-Schur
+    !> Vectors in a block of the eigensolver
     integer, intent(in) :: width
     !> Shapes stored in a block
     integer, intent(in) :: block_size
@@ -79,12 +77,8 @@ contains
     if (wanted == 0) return
     call progress%step('fixed-interface modes', 0, wanted)
     sought = min(wanted + margin, split%n - split%boundary_count)
-    if (width > 0) then
-      call find_by_lanczos(split, interior_pencil_type(split%ranks, mass, factor, progress, wanted), sought, tolerance, width, &
-                           eigenvalues, shapes, ierr)
-    else
-      call find_by_krylov_schur(stiffness, mass, factor, sought, tolerance, eigenvalues, shapes, ierr)
-    end if
+    call find_by_lanczos(split, interior_pencil_type(split%ranks, mass, factor, progress, wanted), sought, tolerance, width, &
+                         eigenvalues, shapes, ierr)
     call progress%step('fixed-interface modes', wanted, wanted)
     call raise_petsc(error, ierr, 'computing the fixed-interface modes')
     if (.not. allocated(error) .and. size(eigenvalues) < wanted) call raise_too_few(size(eigenvalues), wanted, error)

@@ -30,6 +30,8 @@ module attrito_reduce_interior_factor
     character(4) :: out_of_core = 'auto'
     !> Threshold of block low-rank factors, 0 for exact ones
     real(wp) :: low_rank = 0.0_wp
+    !> Memory that the ranks of a machine may take together in megabytes; 0: what is free
+    real(wp) :: memory_megabytes = 0.0_wp
     !> Memory that this rank will need beside the factors, in megabytes
     real(wp) :: beside_megabytes = 0.0_wp
   end type factor_options_type
@@ -167,9 +169,9 @@ contains
     short = needs(:2) + needs(3) - (1.0_wp - margin)*free
     call largest_everywhere(self, short, ierr)
     self%out_of_core = options%out_of_core == 'yes' .or. (options%out_of_core == 'auto' .and. short(1) > 0.0_wp)
-    write (text, '(2a, es8.1, a, 4(f0.1, a))') trim(self%ordering), ': factors of', self%entries, ' numbers need ', &
-      self%megabytes/1024.0_wp, ' GB in core, ', self%megabytes_out_of_core/1024.0_wp, ' GB if they go to disk, beside ', &
-      needs(3)/1024.0_wp, ' GB for vectors; free ', free/1024.0_wp, ' GB'
+    write (text, '(2a, es8.1, a, 4(i0, a))') trim(self%ordering), ': factors of', self%entries, ' numbers need ', &
+      self%megabytes, ' MB in core, ', self%megabytes_out_of_core, ' MB if they go to disk, beside ', nint(needs(3)), &
+      ' MB for vectors; free ', nint(free), ' MB'
     call progress%say(trim(text)//trim(merge(': on disk', ': in core', self%out_of_core)))
     if (short(merge(2, 1, self%out_of_core)) > 0.0_wp .and. options%out_of_core /= 'no') then
       call raise(error, 'memory is too short for the reduction even with the factors on disk ('//trim(text)// &
@@ -192,6 +194,7 @@ contains
     PetscCall(MatMumpsGetInfo(self%factor, info_out_of_core, out_of_core, ierr))
     needs = [real(in_core, wp), real(out_of_core, wp), options%beside_megabytes]
     free = free_megabytes()
+    if (options%memory_megabytes > 0.0_wp) free = min(free, options%memory_megabytes)
     call MPI_COMM_SPLIT_TYPE(comm, MPI_COMM_TYPE_SHARED, 0, MPI_INFO_NULL, machine, ierr)
     call MPI_ALLREDUCE(MPI_IN_PLACE, needs, size(needs), MPI_DOUBLE_PRECISION, MPI_SUM, machine, ierr)
     call MPI_COMM_FREE(machine, ierr)

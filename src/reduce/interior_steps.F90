@@ -139,9 +139,8 @@ contains
     call work%need_factor(error)
     if (allocated(error)) return
     call work%begin(step_modes)
-    call compute_fixed_interface_modes(work%split, work%stiffness%interior, work%mass, work%factor, wanted, &
-                                       work%options%tolerance, work%options%block_vectors, work%block_size, work%store, &
-                                       work%progress, modes, error)
+    call compute_fixed_interface_modes(work%split, work%mass, work%factor, wanted, work%options%tolerance, &
+                                       work%options%block_vectors, work%block_size, work%store, work%progress, modes, error)
     call work%finish(step_modes)
     if (allocated(error)) return
     work%report%modes = size(modes%frequency_hz)
@@ -246,6 +245,7 @@ contains
     if (.not. allocated(error)) call indicate_errors(work%split, examined, top_hz, quality, error)
     call MatDestroy(examined%mass, ierr)
     call work%finish(step_indicator)
+    if (.not. allocated(error) .and. size(quality%error) > 0) work%report%worst_error = quality%worst()
     if (.not. allocated(error)) call work%save_report(error)
     if (.not. allocated(error)) call quality%keep(work%split, work%store, error)
     call work%progress%step('error indicator', 1, 1)

@@ -24,7 +24,7 @@ module attrito_reduce_report
     real(wp) :: top_frequency_hz = 0.0_wp
     !> Columns treated at a time, which bounds the memory beside the factors; 0: by the size of the model
     integer :: block_size = 0
-    !> Vectors in a block of the eigensolver; 0: one at a time, by SLEPc
+    !> Vectors that the eigensolver solves for at once
     integer :: block_vectors = 16
     !> Relative residual of the modes
     real(wp) :: tolerance = 1.0e-12_wp
@@ -33,6 +33,8 @@ module attrito_reduce_report
     !> Who orders the rows for the factorisation, and whether the factors go to disk (`attrito_reduce_interior_factor`)
     character(8) :: ordering = 'scotch'
     character(4) :: out_of_core = 'auto'
+    !> Memory that the ranks of a machine may take together in megabytes; 0: what is free
+    real(wp) :: memory_megabytes = 0.0_wp
     !> Threshold of block low-rank factors; 0: none
     real(wp) :: low_rank = 0.0_wp
   end type reduction_options_type
@@ -56,6 +58,8 @@ module attrito_reduce_report
     real(wp) :: shift_hz = 0.0_wp
     !> Largest relative residual of the modes, and of the constraint modes as solved
     real(wp) :: mode_residual = 0.0_wp, constraint_residual = 0.0_wp
+    !> Largest estimated relative error of a frequency or a point receptance of the reduced model; -1: not examined
+    real(wp) :: worst_error = -1.0_wp
     !> Wall time of each step, and the most memory that all ranks held during it, in megabytes
     real(wp) :: seconds(size(step_names)) = 0.0_wp, megabytes(size(step_names)) = 0.0_wp
   end type reduction_report_type

@@ -219,7 +219,7 @@ contains
 
     vectors = max(blocks_at_once*self%block_size, 2*max(self%options%modes, 100))
     how = factor_options_type(self%options%ordering, self%options%out_of_core, self%options%low_rank, &
-                              self%split%rows()*real(vectors, wp)/2.0_wp**17)
+                              self%options%memory_megabytes, self%split%rows()*real(vectors, wp)/2.0_wp**17)
   end function factor_options
 
   !> Runs of boundary dofs.

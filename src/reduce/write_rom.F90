@@ -178,9 +178,10 @@ contains
     if (.not. allocated(error)) call number('shift_hz', report%shift_hz)
     if (.not. allocated(error)) call number('mode_residual', report%mode_residual)
     if (.not. allocated(error)) call number('constraint_residual', report%constraint_residual)
+    if (.not. allocated(error)) call number('worst_error', report%worst_error)
     do i = 1, size(step_names) - 1
       if (.not. allocated(error)) call number(trim(step_names(i))//'_seconds', report%seconds(i))
-      if (.not. allocated(error)) call number(trim(step_names(i))//'_megabytes', report%megabytes(i))
+      if (.not. allocated(error)) call number(trim(step_names(i))//'_peak_megabytes', report%megabytes(i))
     end do
     if (.not. allocated(error)) call write_attribute(file, '/reduction', 'ordering', trim(report%ordering), error)
   contains

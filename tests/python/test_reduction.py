@@ -236,7 +236,7 @@ def test_every_dataset_says_what_it_is_and_in_which_unit(free):
     _, rom = free.reduce(vectors=unit(free, 100), modes=2)
     datasets = []
     rom.visititems(lambda _, item: datasets.append(item) if isinstance(item, h5py.Dataset) else None)
-    assert len(datasets) == 10
+    assert len(datasets) == 15
     assert all({"description", "unit"} <= set(dataset.attrs) for dataset in datasets)
     assert {"format", "format_version", "description"} <= set(rom.attrs)
     wanted = "negative_pivots shift_hz modes_below_shift ordering factor_seconds constraint_seconds modes_seconds"
