@@ -7,8 +7,8 @@ edges: nodes are the points of a lattice twice as fine, and integrals over an el
 
     K_e = V sum_g B_g^T D B_g / 4  (gradients are linear: four points),    M_e = rho V m (x) I,
 
-m the mass of ten quadratic functions on a tetrahedron of unit volume. 200 nodes, 10 by 10 on each flank of the root, are
-the node set `flanks`; `tip` is one corner of the tip.
+m the mass of ten quadratic functions on a tetrahedron of unit volume. 200 nodes, 10 by 10 on each flank of the root,
+are the node set `flanks`; `tip` is one corner of the tip.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ ELEMENTS_AT_A_TIME = 20_000
 
 @dataclass(frozen=True)
 class Mesh:
-    """Points `[n, 3]`, ten-node tetrahedra `[e, 10]` from 0, and the lattice `[2 a + 1, 2 b + 1, 2 c + 1]` of numbers."""
+    """Points `[n, 3]`, ten-node tetrahedra `[e, 10]` from 0, and the lattice `[2 a + 1, 2 b + 1, 2 c + 1]`."""
 
     points: np.ndarray
     elements: np.ndarray
@@ -84,7 +84,7 @@ def blade_mesh(span: int, chord: int, thickness: int) -> Mesh:
 
 
 def _bend(place: np.ndarray) -> np.ndarray:
-    """From the unit cube (span, chord, thickness) to the blade: a dovetail, then a tapered, cambered, twisted aerofoil."""
+    """From the unit cube (span, chord, thickness) to the blade: a dovetail, then a tapered and twisted aerofoil."""
     z, chord, across = place[..., 0], place[..., 1] - 0.5, place[..., 2] - 0.5
     up = np.clip((z - ROOT) / (1 - ROOT), 0, 1)
     # The dovetail narrows from 36 mm at its foot to 12 at its neck, and blends into the aerofoil.
@@ -108,7 +108,7 @@ def assemble(mesh: Mesh) -> tuple[csr_matrix, csr_matrix]:
     for part in _parts(mesh.elements):
         places = np.searchsorted(pattern, _pairs(part, count))
         volume, blocks = _stiffness(mesh.points[part[:, :4]])
-        weights = DENSITY * volume[:, None, None] * _unit_mass()
+        weights = DENSITY * volume[:, None, None] * unit_mass()
         mass += np.bincount(places, weights.ravel(), len(pattern))
         for i in range(3):
             for j in range(3):
@@ -153,7 +153,7 @@ def _stiffness(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 @cache
-def _unit_mass() -> np.ndarray:
+def unit_mass() -> np.ndarray:
     """Integrals of products of the ten functions over a tetrahedron of unit volume `[10, 10]`.
 
     The mean of L1^a L2^b L3^c L4^d is 6 a! b! c! d! / (a + b + c + d + 3)!.
@@ -194,8 +194,9 @@ def write_deck(path: Path, model: Model, modes: int) -> None:
     """A deck that asks CalculiX for the modes with the flanks held."""
     ids, connectivity = model.elements["C3D10"]
     with path.open("w") as deck:
+        # CalculiX reads twenty characters of a number.
         deck.write("*NODE, NSET=ALL\n")
-        np.savetxt(deck, np.column_stack([model.node_ids, model.coordinates]), fmt="%d, %.15g, %.15g, %.15g")
+        np.savetxt(deck, np.column_stack([model.node_ids, model.coordinates]), fmt="%d, %.12g, %.12g, %.12g")
         deck.write("*ELEMENT, TYPE=C3D10, ELSET=BLADE\n")
         np.savetxt(deck, np.column_stack([ids, connectivity]), fmt="%d", delimiter=", ")
         deck.write("*NSET, NSET=FLANKS\n" + ",\n".join(map(str, model.node_sets["flanks"])) + "\n")

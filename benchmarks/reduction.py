@@ -2,9 +2,9 @@
 
     mpirun -n 2 .venv/bin/python benchmarks/reduction.py out/blade_300k --modes 100 > reduction.json
 
-The folder holds the model.h5 of `blade_solid.py`. Boundary: its node set `flanks`; loads: a force along y and a monitor
-along x at the tip. Prints JSON: the report of the reduction, ranks and threads, beside the rate of a dense product, which
-nothing here can exceed. rom.h5 is removed unless `--keep`.
+The folder holds the model.h5 of `blade_solid.py`. Boundary: its node set `flanks`; loads: a force along y and a
+monitor along x at the tip. Prints JSON: the report of the reduction, ranks and threads, beside the rate of a dense
+product, which nothing here can exceed. rom.h5 is removed unless `--keep`.
 """
 
 from __future__ import annotations

@@ -49,7 +49,9 @@ def _reduced_model(file: h5py.File) -> list[str]:
         counted = told["modes_below_shift"]
         proof = f"inertia counts {counted} below {told['shift_hz']:.6g} Hz" if counted >= 0 else "not counted"
         low, high = file["modes/frequency_hz"][[0, -1]]
-        lines.append(f"fixed-interface modes from {low:.6g} to {high:.6g} Hz, residual {told['mode_residual']:.1e}; {proof}")
+        lines.append(
+            f"fixed-interface modes from {low:.6g} to {high:.6g} Hz, residual {told['mode_residual']:.1e}; {proof}"
+        )
     lines.append(f"constraint modes: residual {told['constraint_residual']:.1e}")
     place = "on disk" if told.get("out_of_core", 0) else "in core"
     lines.append(f"factors ordered by {told['ordering']}, {told['factor_megabytes']} MB foreseen, {place}")
@@ -65,7 +67,10 @@ def _quality(file: h5py.File) -> list[str]:
     group = file["quality"]
     lines = ["estimated errors, interface free:"]
     pairs = zip(group["frequency_hz"][:], group["frequency_error"][:], strict=True)
-    lines += [f"  mode {i}: {frequency:.6g} Hz, too high by {error:.1e} of it" for i, (frequency, error) in enumerate(pairs, 1)]
+    lines += [
+        f"  mode {i}: {frequency:.6g} Hz, too high by {error:.1e} of it"
+        for i, (frequency, error) in enumerate(pairs, 1)
+    ]
     names = [name.decode() for name in file["vectors/name"][:]] if "vectors/name" in file else []
     errors = receptance_errors(group["receptance"][:], group["receptance_error"][:])
     loads = [i for i, name in enumerate(names) if not name.startswith("monitor:")]
@@ -73,12 +78,14 @@ def _quality(file: h5py.File) -> list[str]:
         if name.startswith("monitor:") and len(group["response_hz"]):
             worst = np.nanmax(errors[i, loads or [i]], initial=0.0)
             top = group["response_hz"][-1]
-            lines.append(f"  monitor {name.removeprefix('monitor:')}: responses up to {top:.6g} Hz wrong by {worst:.1e}")
+            lines.append(
+                f"  monitor {name.removeprefix('monitor:')}: responses up to {top:.6g} Hz wrong by {worst:.1e}"
+            )
     return lines
 
 
 def receptance_errors(receptance: np.ndarray, errors: np.ndarray) -> np.ndarray:
-    """Largest error over frequencies relative to the largest receptance, for each pair `[nv, nv]`; NaN where there is none.
+    """Largest error over frequencies relative to the largest receptance, for each pair `[nv, nv]`; NaN without one.
 
     Parameters
     ----------

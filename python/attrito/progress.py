@@ -42,7 +42,7 @@ class Progress:
         print(line, flush=True)
 
     def step(self, name: str, done: int, total: int) -> None:
-        """How far a step of a reduction has come, and the time that is left for it at this rate; a sentence if total is 0."""
+        """How far a step of a reduction has come, and the time left for it at this rate; a sentence if total is 0."""
         if total == 0:
             self.say(name)
             return

@@ -31,7 +31,7 @@ Listener = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class Report:
-    """What a reduction found; wall time and largest memory of its steps (all ranks, in megabytes) by the names of `STEPS`.
+    """What a reduction found; wall time and largest memory (all ranks, in megabytes) of its steps, of `STEPS`.
 
     `coordinates` = `boundary` + `modes` + `corrections`. One mode or two more than asked for are kept where the last
     has twins. `modes_below_shift` is the count by inertia below `shift_hz`, which agrees with the eigensolver's; -1
@@ -77,7 +77,17 @@ class _Report(ctypes.Structure):
 class _Options(ctypes.Structure):
     _fields_ = [
         *((name, ctypes.c_int) for name in ("modes", "block_size", "block_vectors", "check_inertia")),
-        *((name, ctypes.c_double) for name in ("max_frequency_hz", "error_target", "top_frequency_hz", "tolerance", "low_rank", "memory_megabytes")),
+        *(
+            (name, ctypes.c_double)
+            for name in (
+                "max_frequency_hz",
+                "error_target",
+                "top_frequency_hz",
+                "tolerance",
+                "low_rank",
+                "memory_megabytes",
+            )
+        ),
         ("ordering", ctypes.c_char * 8),
         ("out_of_core", ctypes.c_char * 4),
     ]
@@ -121,7 +131,7 @@ def reduce_model(
     vectors : `[nv, n]`, loads and monitors; rank 0's are taken. Those that act inside get a static correction each.
     modes : number of fixed-interface modes, or
     max_frequency_hz : keep all up to this one, or
-    error_target : double their number until natural frequencies and point receptances are estimated to be this near, relatively
+    error_target : double their number until natural frequencies and point receptances are estimated to be this near
     top_frequency_hz : where that is looked at, from 0; 0: up to two thirds of the highest mode's frequency
     check_inertia : prove by a second factorisation that no mode was missed
     ordering : of the rows for the factorisation, one of `ORDERINGS`
@@ -131,7 +141,7 @@ def reduce_model(
     block_size : columns of the basis treated at a time, 0: by the size of the model
     block_vectors : vectors that the eigensolver solves for at once
     fingerprint : of the matrices and all that is asked; empty: an interrupted reduction starts anew
-    listener : told of progress on rank 0: a sentence where the last argument is 0, or a step, how much of it is done, of how much
+    listener : told of progress on rank 0: a step, how much of it is done, of how much; or a sentence, and 0, 0
 
     Raises
     ------
@@ -160,7 +170,11 @@ def reduce_model(
     )
     steps = Path(f"{rom_path}.steps")
     on_root(comm, lambda: _prepare_steps(steps, fingerprint))
-    told = _LISTENER(lambda text, done, total: listener(text.decode(), done, total)) if listener and not comm.rank else None
+    told = (
+        _LISTENER(lambda text, done, total: listener(text.decode(), done, total))
+        if listener and not comm.rank
+        else None
+    )
     report, message = _Report(), foreign.message_buffer()
     status = (library or foreign.load()).attrito_reduce(
         ctypes.c_int(comm.py2f()),

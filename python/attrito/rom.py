@@ -95,7 +95,7 @@ def make_rom(
 
 
 def excited_hz(job: Job) -> float:
-    """The highest frequency that the job excites or solves for: that of the highest harmonic at the end of the sweep."""
+    """The highest frequency that the job solves for: that of the highest harmonic at the end of the sweep."""
     sweep = job["sweep"]
     highest = max(sweep["frequencies_hz"] or [sweep["start_hz"], sweep["stop_hz"]])
     return highest * job["balance"]["harmonics"]

@@ -3,7 +3,8 @@ module attrito_core_lapack
   use attrito_core_kinds, only: wp
   implicit none
   private
-  public :: multiply_by_transpose, transposed_product, subtract_product, solve_dense, factor, solve_factored, factor_complex, solve_factored_complex, symmetric_eigenpairs
+  public :: multiply_by_transpose, transposed_product, subtract_product
+  public :: solve_dense, factor, solve_factored, factor_complex, solve_factored_complex, symmetric_eigenpairs
 
   interface
     subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)

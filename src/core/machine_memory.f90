@@ -46,8 +46,8 @@ contains
 
     open (newunit=unit, file='/proc/self/clear_refs', action='write', iostat=status)
     if (status /= 0) return
-    write (unit, '(a)', iostat=status) '5'
-    close (unit, iostat=status)
+    write (unit, '(a)') '5'
+    close (unit)
   end subroutine reset_peak
 
   !> The number behind a word at the start of a line of a file; `otherwise` (huge if absent) where there is none.

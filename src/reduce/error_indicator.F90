@@ -8,9 +8,9 @@
 !> $$ \delta = r^T (K_{ii} - \lambda M_{ii})^{-1} r \approx \frac{r^T x}{1 - \rho}, \qquad
 !>    \rho = \lambda \frac{x^T M_{ii} x}{r^T x} $$
 !>
-!> For a natural mode of the reduced model, r = -(K phi - lambda M phi), delta is what its eigenvalue (with unit modal mass) is too high, to
-!> second order. For its response to a load a at omega, r_a = f_a - (K - omega^2 M) T y_a, and r_b likewise for a monitor b, delta_ab is
-!> what the receptance between them lacks.
+!> For a natural mode of the reduced model, r = (lambda M - K) phi, delta is what its eigenvalue (with unit modal mass) is too high,
+!> to second order. For its response to a load a at omega, r_a = f_a - (K - omega^2 M) T y_a, and r_b likewise for a monitor b,
+!> delta_ab is what the receptance between them lacks.
 module attrito_reduce_error_indicator
   use petscmat
   use attrito_core_errors, only: error_type, raise

@@ -63,7 +63,8 @@ module attrito_reduce_interior_factor
   character(8), parameter :: known_orderings(0:6) = [character(8) :: 'amd', '', 'amf', 'scotch', 'pord', 'metis', 'qamd']
 
   !> MUMPS's numbers (users' guide 5.5): control and information by position
-  integer, parameter :: icntl_ordering = 7, icntl_root = 13, icntl_room = 14, icntl_out_of_core = 22, icntl_null_pivots = 24, &
+  character(*), parameter :: ordering_option = '-mat_mumps_icntl_7'
+  integer, parameter :: icntl_root = 13, icntl_room = 14, icntl_out_of_core = 22, icntl_null_pivots = 24, &
                         icntl_block = 27, icntl_low_rank = 35, cntl_low_rank = 7
   integer, parameter :: info_in_core = 15, info_out_of_core = 17
   integer, parameter :: infog_status = 1, infog_detail = 2, infog_entries = 3, infog_ordering = 7, infog_negative = 12, &
@@ -91,7 +92,7 @@ contains
 
     self%matrix = matrix
     call create(self, options, ierr)
-    if (ierr == 0) call analyse(self, ierr)
+    if (ierr == 0) call analyse(self, options%ordering, ierr)
     call check(self, ierr, error)
     if (.not. allocated(error)) call choose_place(self, options, progress, error)
     if (allocated(error)) return
@@ -120,7 +121,6 @@ contains
     PetscCall(PCFactorSetMatSolverType(preconditioner, MATSOLVERMUMPS, ierr))
     PetscCall(PCFactorSetUpMatSolverType(preconditioner, ierr))
     PetscCall(PCFactorGetMatrix(preconditioner, self%factor, ierr))
-    PetscCall(MatMumpsSetIcntl(self%factor, icntl_ordering, findloc(known_orderings, options%ordering, 1) - 1, ierr))
     PetscCall(MatMumpsSetIcntl(self%factor, icntl_room, room, ierr))
     PetscCall(MatMumpsSetIcntl(self%factor, icntl_block, solve_block_size, ierr))
     ! Counting pivots right needs null pivot detection, and a root front that is not left to ScaLAPACK.
@@ -132,15 +132,19 @@ contains
   end subroutine create
 
   !> Order the rows and foresee operations and memory; the set-up of the solver finds this done.
-  subroutine analyse(self, ierr)
+  subroutine analyse(self, wanted, ierr)
     type(interior_factor_type), intent(inout) :: self
+    !> Who shall order the rows
+    character(*), intent(in) :: wanted
     PetscErrorCode, intent(out) :: ierr
     MatFactorInfo :: info(MAT_FACTORINFO_SIZE)
     PetscInt :: ordering, entries
 
     self%analysis_seconds = -MPI_WTIME()
     PetscCall(MatFactorInfoInitialize(info, ierr))
+    PetscCall(ask_for_ordering(wanted, ierr))
     PetscCall(MatCholeskyFactorSymbolic(self%factor, self%matrix, PETSC_NULL_IS, info, ierr))
+    PetscCall(PetscOptionsClearValue(PETSC_NULL_OPTIONS, ordering_option, ierr))
     self%analysis_seconds = self%analysis_seconds + MPI_WTIME()
     PetscCall(MatMumpsGetInfog(self%factor, infog_ordering, ordering, ierr))
     PetscCall(MatMumpsGetInfog(self%factor, infog_in_core, self%megabytes, ierr))
@@ -152,6 +156,16 @@ contains
     self%ordering = 'OTHER'
     if (ordering >= 0 .and. ordering <= ubound(known_orderings, 1)) self%ordering = upper(known_orderings(ordering))
   end subroutine analyse
+
+  !> By the options database: PETSc 3.18 forgets an ordering that is set otherwise.
+  subroutine ask_for_ordering(wanted, ierr)
+    character(*), intent(in) :: wanted
+    PetscErrorCode, intent(out) :: ierr
+    character(4) :: number
+
+    write (number, '(i0)') findloc(known_orderings, wanted, 1) - 1
+    PetscCall(PetscOptionsSetValue(PETSC_NULL_OPTIONS, ordering_option, number, ierr))
+  end subroutine ask_for_ordering
 
   !> In core, on disk, or not at all, by the memory that each machine has free for its ranks.
   subroutine choose_place(self, options, progress, error)

@@ -6,9 +6,9 @@
 !>
 !> A panel's products A T stay in memory while all columns before it are read once and multiplied with them.
 !>
-!> A T of a stiffness is small beside its terms wherever T moves neighbours alike, as constraint modes of a long body do: rounding of the
-!> terms would leave the lowest frequencies uncertain by some 1e-10, differently on each number of ranks. So A and T may come as sums of
-!> slices of few bits, whose leading product is exact in any order of summation.
+!> A T of a stiffness is small beside its terms wherever T moves neighbours alike, as constraint modes of a long body do: rounding of
+!> the terms would leave the lowest frequencies uncertain by some 1e-10, differently on each number of ranks. So A and T may come as
+!> sums of slices of few bits, whose leading product is exact in any order of summation.
 !> Source: Ozaki, Ogita, Oishi & Rump 2012, doi:10.1007/s11075-011-9478-1.
 module attrito_reduce_project
   use petscmat

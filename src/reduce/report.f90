@@ -4,8 +4,8 @@ module attrito_reduce_report
   implicit none
   private
   public :: reduction_options_type, reduction_report_type, step_names
-  public :: step_read, step_count, step_factor, step_constraint, step_modes, step_inertia, step_correction, step_indicator, step_project, &
-            step_write
+  public :: step_read, step_count, step_factor, step_constraint, step_modes, step_correction, step_indicator, step_inertia, &
+            step_project, step_write
 
   !> Steps, in the order in which they are taken
   integer, parameter :: step_read = 1, step_count = 2, step_factor = 3, step_constraint = 4, step_modes = 5, &

@@ -1,4 +1,4 @@
-"""The reduction at the size of FE models: a twisted blade of 50 thousand dofs, memory, restart, and the error it tells."""
+"""The reduction at size: a twisted blade of 50 thousand dofs, memory, restart, and the error that it tells."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ import pytest
 from elastic import elastic_block, rigid_motions
 from jobs import attrito
 from mpi4py import MPI
+from reduced import Case, make_case, unit, worst
 from scipy.linalg import eigh
-from test_reduction import COUNTS, SIZE, Case, free, held, make_case, reduce_on_ranks, unit, worst  # noqa: F401
+from scipy.sparse.linalg import eigsh
 
 from attrito.faults import NumericsError
 from attrito.info import receptance_errors
@@ -98,23 +99,42 @@ def test_info_of_another_file_is_a_fault(tmp_path):
     assert 'other.h5: format = \'missing\': expected "attrito model" or "attrito rom"' in told.stderr
 
 
-def test_the_benchmark_blade_has_the_frequencies_that_calculix_finds(tmp_path):
+def quadratic_shapes(place: np.ndarray) -> np.ndarray:
+    """The ten functions of a tetrahedron at barycentric coordinates `[4]`."""
+    return np.array([*place * (2 * place - 1), *(4 * place[a] * place[b] for a, b in blade_solid.EDGES)])
+
+
+def test_the_mass_of_the_benchmark_elements_is_exact():
+    # Keast's rule of fifteen points is exact to the fifth degree, a product of two functions is of the fourth.
+    root = np.sqrt(15.0)
+    points = [(np.full(4, 0.25), 16 / 135)]
+    for near, weight in (((7 + root) / 34, (2665 - 14 * root) / 37800), ((7 - root) / 34, (2665 + 14 * root) / 37800)):
+        points += [(np.where(np.arange(4) == i, 1 - 3 * near, near), weight) for i in range(4)]
+    near = (10 - 2 * root) / 40
+    pairs = [(i, j) for i in range(4) for j in range(i)]
+    points += [(np.where(np.isin(np.arange(4), pair), near, 0.5 - near), 20 / 378) for pair in pairs]
+    expected = sum(weight * np.outer(*[quadratic_shapes(place)] * 2) for place, weight in points)
+    assert np.abs(blade_solid.unit_mass() - expected).max() < 1e-15
+
+
+def test_the_benchmark_blade_has_the_frequencies_that_calculix_finds(tmp_path, monkeypatch):
+    near, far = 0.5854101966249685, 0.1381966011250105
+    points = np.full((4, 4), far) + (near - far) * np.eye(4)
+    # CalculiX integrates the mass, too, with four points only.
+    mass = sum(np.outer(*[quadratic_shapes(place)] * 2) for place in points) / 4
+    monkeypatch.setattr(blade_solid, "unit_mass", lambda: mass)
     model = blade_solid.blade_model(6000)
     blade_solid.write_deck(tmp_path / "blade.inp", model, 5)
     ran = subprocess.run(["ccx", "blade"], cwd=tmp_path, capture_output=True, text=True, timeout=120)
     assert ran.returncode == 0, ran.stdout
-    lines = (tmp_path / "blade.dat").read_text().splitlines()
-    table = [line.split() for line in lines if len(line.split()) == 5 and line.split()[0].isdigit()]
-    expected = np.array([float(row[3]) for row in table])
+    lines = [line.split() for line in (tmp_path / "blade.dat").read_text().splitlines()]
+    expected = np.array([float(line[3]) for line in lines if len(line) == 5 and line[0].isdigit()])
     assert len(expected) == 5
     held = np.isin(model.dof_node, model.node_sets["flanks"])
-    inside = (matrix[~held][:, ~held] for matrix in (model.stiffness, model.mass))
-    from scipy.sparse.linalg import eigsh
-
-    stiffness, mass = (matrix.tocsc() for matrix in inside)
+    stiffness, mass = (matrix[~held][:, ~held].tocsc() for matrix in (model.stiffness, model.mass))
     found = np.sqrt(np.sort(eigsh(stiffness, 5, mass, sigma=0.0, return_eigenvectors=False))) / (2 * np.pi)
     # CalculiX prints seven digits.
-    assert found == pytest.approx(expected, rel=2e-6)
+    assert found == pytest.approx(expected, rel=1e-6)
 
 
 @pytest.mark.parametrize("name", ["held", "free"])
@@ -131,7 +151,7 @@ def test_the_estimated_error_of_a_mode_is_within_a_factor_ten_of_the_truth(name,
     assert np.all(truth < 10.0 * estimate)
 
 
-def test_the_estimated_error_of_a_monitor_is_within_a_factor_ten_of_the_truth(held):  # noqa: F811
+def test_the_estimated_error_of_a_monitor_is_within_a_factor_ten_of_the_truth(held):
     vectors = unit(held, 100, 50)
     _, rom = held.reduce(vectors=vectors, modes=6)
     receptance, estimate = rom["quality/receptance"][:], rom["quality/receptance_error"][:]
@@ -151,7 +171,7 @@ def test_the_estimated_error_of_a_monitor_is_within_a_factor_ten_of_the_truth(he
 
 
 @pytest.mark.parametrize("target", [1e-2, 1e-4])
-def test_modes_are_kept_until_the_error_meets_its_target(held, target):  # noqa: F811
+def test_modes_are_kept_until_the_error_meets_its_target(held, target):
     report, rom = held.reduce(vectors=unit(held, 100, 50), error_target=target, top_frequency_hz=15000.0)
     full = np.sqrt(eigh(held.stiffness, held.mass, eigvals_only=True)) / (2 * np.pi)
     found = np.sqrt(eigh(rom["stiffness"][:], rom["mass"][:], eigvals_only=True)) / (2 * np.pi)
@@ -164,7 +184,7 @@ def test_modes_are_kept_until_the_error_meets_its_target(held, target):  # noqa:
 
 
 @pytest.mark.parametrize("width", [1, 7, 16, 50])
-def test_blocks_of_any_width_find_the_modes_of_a_dense_eigensolver(free, width):  # noqa: F811
+def test_blocks_of_any_width_find_the_modes_of_a_dense_eigensolver(free, width):
     for modes in (1, 20, 60):
         report, rom = free.reduce(modes=modes, block_vectors=width)
         assert worst(rom["modes/frequency_hz"][:] / free.clamped_frequencies[: report.modes], 1.0) < 1e-10
@@ -180,7 +200,7 @@ def test_modes_that_come_in_pairs_are_all_found(tmp_path):
     assert report.modes_below_shift == report.modes
 
 
-def test_factors_on_disk_give_the_same_model(free):  # noqa: F811
+def test_factors_on_disk_give_the_same_model(free):
     in_core, one = free.reduce(modes=8, out_of_core=False)
     on_disk, other = free.reduce(modes=8, out_of_core=True)
     assert (in_core.out_of_core, on_disk.out_of_core) == (0, 1)
@@ -206,7 +226,9 @@ def test_factors_go_to_disk_where_memory_is_short_and_nothing_is_begun_where_it_
     arguments = (MPI.COMM_WORLD, middling / "model.h5", middling / "rom.h5", flanks(middling)[:30])
 
     def reduce(memory_gb):
-        return reduce_model(*arguments, modes=5, block_size=16, memory_gb=memory_gb, listener=lambda text, *_: told.append(text))
+        return reduce_model(
+            *arguments, modes=5, block_size=16, memory_gb=memory_gb, listener=lambda text, *_: told.append(text)
+        )
 
     report = reduce(None)
     assert report.out_of_core == 0
@@ -226,7 +248,8 @@ from mpi4py import MPI
 import numpy as np
 from attrito.reduction import reduce_model
 folder, boundary = sys.argv[1], np.load(sys.argv[1] + "/boundary.npy")
-reduce_model(MPI.COMM_WORLD, folder + "/model.h5", folder + "/rom.h5", boundary, modes=60, block_size=4, fingerprint="it")
+how = {"modes": 60, "block_size": 4, "fingerprint": "it"}
+reduce_model(MPI.COMM_WORLD, folder + "/model.h5", folder + "/rom.h5", boundary, **how)
 """
 
 
@@ -260,9 +283,7 @@ def test_a_reduction_that_was_killed_goes_on_from_its_last_finished_step(middlin
         for path in steps.glob("*.h5"):
             seen[path.name] = path.stat().st_mtime_ns
 
-    reduce_model(
-        *arguments, middling / "rom.h5", boundary, modes=60, block_size=4, fingerprint="it", listener=listen
-    )
+    reduce_model(*arguments, middling / "rom.h5", boundary, modes=60, block_size=4, fingerprint="it", listener=listen)
     kept = [name for name in left if name.startswith("constraint")]
     assert len(kept) >= 8
     assert all(seen[name] == left[name] for name in kept)
@@ -270,7 +291,8 @@ def test_a_reduction_that_was_killed_goes_on_from_its_last_finished_step(middlin
     with h5py.File(middling / "whole.h5") as whole, h5py.File(middling / "rom.h5") as rom:
         pencils = [(file["stiffness"][:], file["mass"][:]) for file in (whole, rom)]
         assert rom["reduction"].attrs["modes_below_shift"] == 60
-        assert worst(rom["recovery/basis"][:120], whole["recovery/basis"][:120]) < 1e-12
+        # Factors of one and of two ranks differ by rounding, 1e-16, times the condition of K_ii, some 1e8.
+        assert worst(rom["recovery/basis"][:120], whole["recovery/basis"][:120]) < 1e-7
     one, other = (np.sqrt(np.abs(eigh(*pencil, eigvals_only=True)[6:])) for pencil in pencils)
     assert worst(other / one, 1.0) < 1e-9
 
