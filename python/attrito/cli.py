@@ -128,6 +128,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     one.set_defaults(work=_plot)
 
+    one = commands.add_parser("info", help="what a model.h5 or rom.h5 holds, and how good a reduced model is")
+    one.add_argument("file", help="model or reduced model")
+    one.set_defaults(work=_info)
+
     one = commands.add_parser("verify", help="reproduce Zucca & Firrone 2014: figures, data, and a table of numbers")
     one.add_argument("what", choices=["paper"], help="what to reproduce")
     one.add_argument("-o", "--output", metavar="DIR", default="out/paper", help="folder to write (default: out/paper)")
@@ -249,6 +253,12 @@ def _export(options: argparse.Namespace) -> None:
             written, notes = export_point(result, point, model, place, rom, how, comm)
             if comm.rank == 0:
                 print("\n".join([written, *(f"  {note}" for note in notes)]))
+
+
+def _info(options: argparse.Namespace) -> None:
+    from attrito.info import describe
+
+    print("\n".join(describe(options.file)))
 
 
 def _verify(options: argparse.Namespace) -> None:

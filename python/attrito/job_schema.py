@@ -17,6 +17,8 @@ Check = Callable[[Any], Any]
 LARGEST_INTEGER = 2**31 - 1
 # Displacements along the axes, and rotations about them.
 DIRECTIONS = {"x": 1, "y": 2, "z": 3, "rx": 4, "ry": 5, "rz": 6}
+# Of the rows for the factorisation of the interior stiffness, the default first.
+ORDERINGS = ("scotch", "pord", "amf", "qamd", "amd")
 
 
 @dataclass(frozen=True)
@@ -218,8 +220,12 @@ TABLES: dict[str, dict[str, Key]] = {
         "loss_factor": Key(number(0, 1)),
     },
     "reduction": {
-        "modes": Key(integer(0, later=("auto",))),
+        "modes": Key(either(integer(0), choice("auto"))),
         "max_frequency_hz": Key(number(0, above=True)),
+        "error": Key(number(0, 1, above=True), 1e-3),
+        "ordering": Key(choice(*ORDERINGS), ORDERINGS[0]),
+        "out_of_core": Key(either(boolean, choice("auto")), "auto"),
+        "memory_gb": Key(number(0, above=True)),
         "boundary": Key(listing(node_reference), []),
         "file": Key(text),
     },

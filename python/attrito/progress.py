@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import sys
+import time
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +18,10 @@ if TYPE_CHECKING:
     from attrito.solver import Point
 
 
+# Seconds between words on a step that takes long
+SILENCE = 2.0
+
+
 class Progress:
     """Lines on standard output, from rank 0."""
 
@@ -24,6 +30,9 @@ class Progress:
         self._terminal = self._speaks and sys.stdout.isatty()
         self.count = 0
         self._pending = False
+        self._step = ""
+        self._begun = (0.0, 0)
+        self._told = 0.0
 
     def say(self, line: str) -> None:
         """A line of its own."""
@@ -34,18 +43,34 @@ class Progress:
             self._pending = False
         print(line, flush=True)
 
+    def step(self, name: str, done: int, total: int) -> None:
+        """How far a step of a reduction has come, and the time left for it at this rate; a sentence if total is 0."""
+        if total == 0:
+            self.say(name)
+            return
+        now = time.monotonic()
+        if name != self._step:
+            self._step, self._begun, self._told = name, (now, done), -math.inf
+        # A step that is soon done needs no word; a long one some.
+        begun, before = self._begun
+        if now - self._told < SILENCE or now - begun < SILENCE or done <= before or done >= total:
+            return
+        self._told = now
+        left = (now - begun) / (done - before) * (total - done)
+        self.say(f"{name}: {done} of {total}, some {left:.0f} s left")
+
     def reduction(self, report: Report | None) -> None:
         """How the reduction went; None where it was up to date."""
         if report is None:
             return
-        steps = ("read", "factor", "constraint", "modes", "inertia", "correction", "project", "write")
-        seconds = {step: getattr(report, f"{step}_seconds") for step in steps}
         self.say(
             f"reduced to {report.coordinates} coordinates: {report.boundary} boundary dofs, {report.modes} modes below "
             f"{report.shift_hz:.5g} Hz (inertia counts {report.modes_below_shift}), {report.corrections} corrections"
         )
-        each = ", ".join(f"{step} {time:.1f}" for step, time in seconds.items())
-        self.say(f"in {sum(seconds.values()):.1f} s: {each}")
+        if report.worst_error >= 0.0:
+            self.say(f"estimated errors: at most {report.worst_error:.1e} (attrito info tells of which)")
+        each = ", ".join(f"{step} {time:.1f}" for step, time in report.seconds.items() if time > 0.0)
+        self.say(f"in {sum(report.seconds.values()):.1f} s and {max(report.megabytes.values()) / 1024:.1f} GB: {each}")
 
     def begin(self, coordinates: int, contacts: int, linear: dict[str, tuple]) -> None:
         """What is going to be solved."""

@@ -19,7 +19,7 @@ from attrito.faults import InputError
 from attrito.job import Job, model_path, rom_path
 from attrito.model_file import write_model
 from attrito.parallel import on_root
-from attrito.reduction import Report, reduce_model
+from attrito.reduction import Listener, Report, reduce_model
 from attrito.scene import Scene
 from attrito.solver import ReducedScene
 
@@ -28,11 +28,16 @@ if TYPE_CHECKING:
 
 LARGEST_DENSE = 4000
 # Raised when the reduction of the same input changes, so that no older rom.h5 is taken for it.
-REDUCTION_VERSION = 1
+REDUCTION_VERSION = 2
 
 
-def make_rom(comm: Comm, job: Job, scene: Scene | None, say: Any = print) -> Report | None:
-    """Reduce the scene (held by rank 0) unless rom.h5 already holds it; returns the library's report, if it worked."""
+def make_rom(
+    comm: Comm, job: Job, scene: Scene | None, say: Any = print, listener: Listener | None = None
+) -> Report | None:
+    """Reduce the scene (held by rank 0) unless rom.h5 already holds it; returns the library's report, if it worked.
+
+    The matrices of the scene's model are released: the library reads its own, and a big model is not to be held twice.
+    """
     path, source = rom_path(job), model_path(job)
     # The library reads matrices from files; those of a softened stiffness are of use to nobody else.
     softened = any(load["spin_softening"] for load in job["load"])
@@ -51,10 +56,8 @@ def make_rom(comm: Comm, job: Job, scene: Scene | None, say: Any = print) -> Rep
                 write_model(source, scene.model, [])
             if Path(path).exists():
                 say(f"replacing {path}, another reduced model: shapes of its results can be exported no longer")
-            kept = (
-                f"{keys['modes']} modes" if keys["modes"] is not None else f"modes to {keys['max_frequency_hz']:g} Hz"
-            )
-            say(f"reducing {scene.model.size} dofs onto {len(scene.boundary)} boundary dofs and {kept}")
+            say(f"reducing {scene.model.size} dofs onto {len(scene.boundary)} boundary dofs and {_modes_in_words(job)}")
+            scene.model.stiffness = scene.model.mass = scene.model.damping = None
         return fresh, fingerprint, scene.boundary
 
     fresh, fingerprint, boundary = on_root(comm, prepare)
@@ -62,9 +65,23 @@ def make_rom(comm: Comm, job: Job, scene: Scene | None, say: Any = print) -> Rep
         return None
     vectors = None if comm.rank else np.array(list(_vectors(scene).values()))
     partial = f"{path}.partial"
+    by_error = keys["modes"] == "auto"
     try:
         report = reduce_model(
-            comm, source, partial, boundary, vectors, modes=keys["modes"], max_frequency_hz=keys["max_frequency_hz"]
+            comm,
+            source,
+            partial,
+            boundary,
+            vectors,
+            modes=None if by_error else keys["modes"],
+            max_frequency_hz=keys["max_frequency_hz"],
+            error_target=keys["error"] if by_error else None,
+            top_frequency_hz=excited_hz(job),
+            ordering=keys["ordering"],
+            out_of_core=None if keys["out_of_core"] == "auto" else keys["out_of_core"],
+            memory_gb=keys["memory_gb"],
+            fingerprint=fingerprint,
+            listener=listener,
         )
     finally:
         if softened and comm.rank == 0:
@@ -84,6 +101,20 @@ def make_rom(comm: Comm, job: Job, scene: Scene | None, say: Any = print) -> Rep
     return report
 
 
+def excited_hz(job: Job) -> float:
+    """The highest frequency that the job solves for: that of the highest harmonic at the end of the sweep."""
+    sweep = job["sweep"]
+    highest = max(sweep["frequencies_hz"] or [sweep["start_hz"], sweep["stop_hz"]])
+    return highest * job["balance"]["harmonics"]
+
+
+def _modes_in_words(job: Job) -> str:
+    keys = job["reduction"]
+    if keys["modes"] == "auto":
+        return f"as many modes as an error of {keys['error']:g} up to {excited_hz(job):g} Hz asks for"
+    return f"{keys['modes']} modes" if keys["modes"] is not None else f"modes to {keys['max_frequency_hz']:g} Hz"
+
+
 def _check_interior(job: Job, scene: Scene) -> None:
     """Raise unless there is something to reduce, and as many modes as the job asks for."""
     interior = scene.model.size - len(scene.boundary)
@@ -91,7 +122,7 @@ def _check_interior(job: Job, scene: Scene) -> None:
     if interior == 0:
         expected = f"none: all {scene.model.size} dofs are boundary dofs, so there is nothing to reduce"
         raise InputError(job.fault("[reduction]", "given", expected))
-    if modes is not None and modes > interior:
+    if isinstance(modes, int) and modes > interior:
         raise InputError(job.fault("[reduction] modes", modes, f"at most {interior}, the number of interior dofs"))
 
 
@@ -163,7 +194,10 @@ def _fingerprint(job: Job, scene: Scene) -> str:
     digest.update(scene.boundary.tobytes())
     for name, vector in _vectors(scene).items():
         digest.update(name.encode() + vector.tobytes())
-    digest.update(json.dumps([job["reduction"]["modes"], job["reduction"]["max_frequency_hz"]]).encode())
+    keys = job["reduction"]
+    digest.update(json.dumps([keys["modes"], keys["max_frequency_hz"]]).encode())
+    if keys["modes"] == "auto":
+        digest.update(json.dumps([keys["error"], excited_hz(job)]).encode())
     return digest.hexdigest()
 
 

@@ -43,7 +43,7 @@ def reduce_job(comm: Comm, path: str) -> str:
     _say_notes(progress, scene)
     if rom_path(job) is None:
         raise InputError(job.fault("[reduction]", "missing", "this table, to say what to reduce to"))
-    progress.reduction(make_rom(comm, job, scene, progress.say))
+    progress.reduction(make_rom(comm, job, scene, progress.say, progress.step))
     return rom_path(job)
 
 
@@ -55,7 +55,7 @@ def run_job(comm: Comm, path: str) -> str:
     scene = _on_root_only(comm, lambda: build_scene(job))
     _say_notes(progress, scene)
     if rom_path(job) is not None:
-        progress.reduction(make_rom(comm, job, scene, progress.say))
+        progress.reduction(make_rom(comm, job, scene, progress.say, progress.step))
     reduced = on_root(comm, lambda: reduced_scene(job, scene))
     load_path = on_root(comm, lambda: scene.load_path)
     result = job.file(job["output"]["file"])

@@ -1,36 +1,41 @@
 !> C interface of the reduction: plain arrays, a status (0 done, 1 the numerics, 2 the input) and a message, alike on every rank.
 module attrito_api_reduce
-  use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int
+  use, intrinsic :: iso_c_binding, only: c_char, c_double, c_funptr, c_int
   use attrito_api_message, only: tell, text_of
   use attrito_core_errors, only: error_type
+  use attrito_reduce_progress, only: new_progress
   use attrito_reduce_reduction, only: reduce_model, reduction_options_type, reduction_report_type
+  use attrito_reduce_report, only: step_names
   implicit none
   private
 
   !> See `reduction_options_type`
   type, bind(c) :: options_type
-    integer(c_int) :: modes, block_size, check_inertia
-    real(c_double) :: max_frequency_hz, tolerance
+    integer(c_int) :: modes, block_size, block_vectors, check_inertia
+    real(c_double) :: max_frequency_hz, error_target, top_frequency_hz, tolerance, low_rank, memory_megabytes
+    character(kind=c_char) :: ordering(8), out_of_core(4)
   end type options_type
 
   !> See `reduction_report_type`
   type, bind(c) :: report_type
-    integer(c_int) :: dofs, coordinates, boundary, modes, corrections, negative_pivots, modes_below_shift, factor_megabytes
+    integer(c_int) :: dofs, coordinates, boundary, modes, corrections, negative_pivots, modes_below_shift, factor_megabytes, &
+                      factor_megabytes_out_of_core, out_of_core
     character(kind=c_char) :: ordering(8)
-    real(c_double) :: shift_hz, mode_residual, constraint_residual
-    real(c_double) :: read_seconds, factor_seconds, constraint_seconds, modes_seconds, inertia_seconds, correction_seconds, &
-                      project_seconds, write_seconds
+    real(c_double) :: factor_flops, analysis_seconds, shift_hz, mode_residual, constraint_residual, worst_error
+    real(c_double) :: seconds(size(step_names)), megabytes(size(step_names))
   end type report_type
 
 contains
 
   !> Reduce model.h5 to rom.h5; collective.
-  integer(c_int) function attrito_reduce(comm, model_path, rom_path, boundary_count, boundary, n, vector_count, vectors, options, &
-                                         report, length, message) result(status) bind(c)
+  integer(c_int) function attrito_reduce(comm, model_path, rom_path, folder, boundary_count, boundary, n, vector_count, vectors, &
+                                         options, listener, report, length, message) result(status) bind(c)
     !> Fortran handle of the communicator
     integer(c_int), value :: comm
     !> model.h5 and rom.h5; end with a null character
     character(kind=c_char), intent(in) :: model_path(*), rom_path(*)
+    !> Folder where the steps leave what they did, of this reduction or empty; ends with a null character
+    character(kind=c_char), intent(in) :: folder(*)
     !> Boundary dofs, from 0, ascending, the same on every rank
     integer(c_int), value :: boundary_count
     integer(c_int), intent(in) :: boundary(boundary_count)
@@ -39,6 +44,8 @@ contains
     real(c_double), intent(in) :: vectors(n, vector_count)
     !> How many modes, and how
     type(options_type), intent(in) :: options
+    !> Told of progress: void f(const char *text, int done, int total), a sentence where total is 0; may be null
+    type(c_funptr), value :: listener
     !> What was found
     type(report_type), intent(out) :: report
     !> Room for the message
@@ -47,10 +54,14 @@ contains
     type(reduction_report_type) :: found
     type(error_type), allocatable :: error
 
-    call reduce_model(comm, text_of(model_path), text_of(rom_path), boundary, vectors, reduction_options_type( &
-                      modes=options%modes, max_frequency_hz=options%max_frequency_hz, block_size=options%block_size, &
-                      tolerance=options%tolerance, check_inertia=options%check_inertia /= 0), &
-                      found, error)
+    call reduce_model(comm, text_of(model_path), text_of(rom_path), text_of(folder), boundary, vectors, reduction_options_type( &
+                      modes=options%modes, max_frequency_hz=options%max_frequency_hz, error_target=options%error_target, &
+                      top_frequency_hz=options%top_frequency_hz, block_size=options%block_size, &
+                      block_vectors=options%block_vectors, &
+                      tolerance=options%tolerance, check_inertia=options%check_inertia /= 0, &
+                      ordering=joined(options%ordering), out_of_core=joined(options%out_of_core), low_rank=options%low_rank, &
+                      memory_megabytes=options%memory_megabytes), &
+                      new_progress(listener), found, error)
     report = c_report(found)
     status = tell(error, message)
   end function attrito_reduce
@@ -63,10 +74,22 @@ contains
     report = report_type( &
       dofs=found%dofs, coordinates=found%coordinates, boundary=found%boundary, modes=found%modes, &
       corrections=found%corrections, negative_pivots=found%negative_pivots, modes_below_shift=found%modes_below_shift, &
-      factor_megabytes=found%factor_megabytes, ordering=[(found%ordering(i:i), i=1, 8)], shift_hz=found%shift_hz, &
-      mode_residual=found%mode_residual, constraint_residual=found%constraint_residual, read_seconds=found%read_seconds, &
-      factor_seconds=found%factor_seconds, constraint_seconds=found%constraint_seconds, modes_seconds=found%modes_seconds, &
-      inertia_seconds=found%inertia_seconds, correction_seconds=found%correction_seconds, &
-      project_seconds=found%project_seconds, write_seconds=found%write_seconds)
+      factor_megabytes=found%factor_megabytes, factor_megabytes_out_of_core=found%factor_megabytes_out_of_core, &
+      out_of_core=found%out_of_core, ordering=[(found%ordering(i:i), i=1, 8)], factor_flops=found%factor_flops, &
+      analysis_seconds=found%analysis_seconds, shift_hz=found%shift_hz, mode_residual=found%mode_residual, &
+      constraint_residual=found%constraint_residual, worst_error=found%worst_error, seconds=found%seconds, megabytes=found%megabytes)
   end function c_report
+
+  !> Characters as one text; null characters end it.
+  pure function joined(characters) result(text)
+    character(kind=c_char), intent(in) :: characters(:)
+    character(size(characters)) :: text
+    integer :: i
+
+    text = ''
+    do i = 1, size(characters)
+      if (iachar(characters(i)) == 0) exit
+      text(i:i) = characters(i)
+    end do
+  end function joined
 end module attrito_api_reduce

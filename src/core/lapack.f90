@@ -3,7 +3,8 @@ module attrito_core_lapack
   use attrito_core_kinds, only: wp
   implicit none
   private
-  public :: multiply_by_transpose, solve_dense, factor, solve_factored, factor_complex, solve_factored_complex, symmetric_eigenpairs
+  public :: multiply_by_transpose, transposed_product, subtract_product
+  public :: solve_dense, factor, solve_factored, factor_complex, solve_factored_complex, symmetric_eigenpairs
   public :: eigenvalues_of, complex_eigenvalues_of, singular_values, complex_singular_values
 
   interface
@@ -104,6 +105,32 @@ contains
 
     call dgemm('N', 'T', m, n, k, 1.0_wp, a, m, b, n, 0.0_wp, c, m)
   end subroutine multiply_by_transpose
+
+  !> a^T b, which matmul of a transpose is slower than.
+  function transposed_product(a, b) result(c)
+    !> [n, p]
+    real(wp), intent(in), contiguous :: a(:, :)
+    !> [n, q]
+    real(wp), intent(in), contiguous :: b(:, :)
+    real(wp) :: c(size(a, 2), size(b, 2))
+
+    c = 0.0_wp
+    if (size(c) == 0 .or. size(a, 1) == 0) return
+    call dgemm('T', 'N', size(a, 2), size(b, 2), size(a, 1), 1.0_wp, a, size(a, 1), b, size(b, 1), 0.0_wp, c, size(a, 2))
+  end function transposed_product
+
+  !> c <- c - a b.
+  subroutine subtract_product(a, b, c)
+    !> [n, p]
+    real(wp), intent(in), contiguous :: a(:, :)
+    !> [p, q]
+    real(wp), intent(in), contiguous :: b(:, :)
+    !> [n, q]
+    real(wp), intent(inout), contiguous :: c(:, :)
+
+    if (size(c) == 0 .or. size(a, 2) == 0) return
+    call dgemm('N', 'N', size(c, 1), size(c, 2), size(a, 2), -1.0_wp, a, size(a, 1), b, size(b, 1), 1.0_wp, c, size(c, 1))
+  end subroutine subtract_product
 
   !> Solve a x = b by LU with partial pivoting; `a` and `b` are overwritten, `b` by x.
   subroutine solve_dense(a, b, info)

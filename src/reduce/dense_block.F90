@@ -6,13 +6,13 @@ module attrito_reduce_dense_block
   use attrito_core_kinds, only: wp
   implicit none
   private
-  public :: wrap_block, multiply_block
+  public :: wrap_block, multiply_block, multiply_transposed_block
 
 contains
 
   !> A dense PETSc matrix on top of an array, which must outlive it; the caller destroys it.
   subroutine wrap_block(like, block, matrix, ierr)
-    !> A matrix whose rows are spread over the ranks as those of the block
+    !> A matrix whose columns are spread over the ranks as the rows of the block
     type(tMat), intent(in) :: like
     !> This rank's rows of all vectors
     real(wp), intent(in), contiguous, target :: block(:, :)
@@ -20,22 +20,35 @@ contains
     type(tMat), intent(out) :: matrix
     !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
+    PetscInt :: n
+
+    PetscCall(MatGetSize(like, PETSC_NULL_INTEGER, n, ierr))
+    call wrap_rows(like, n, block, matrix, ierr)
+  end subroutine wrap_block
+
+  subroutine wrap_rows(like, n, block, matrix, ierr)
+    !> A matrix of the same ranks
+    type(tMat), intent(in) :: like
+    !> Rows on all ranks together
+    PetscInt, intent(in) :: n
+    real(wp), intent(in), contiguous, target :: block(:, :)
+    type(tMat), intent(out) :: matrix
+    PetscErrorCode, intent(out) :: ierr
     PetscMPIInt :: comm
-    PetscInt :: n, vectors
+    PetscInt :: vectors
 
     vectors = size(block, 2)
     PetscCall(PetscObjectGetComm(like, comm, ierr))
-    PetscCall(MatGetSize(like, n, PETSC_NULL_INTEGER, ierr))
     PetscCall(MatCreateDense(comm, size(block, 1), PETSC_DECIDE, n, vectors, block, matrix, ierr))
-  end subroutine wrap_block
+  end subroutine wrap_rows
 
   !> Sparse matrix times a block of vectors.
   subroutine multiply_block(matrix, block, product, ierr)
-    !> Square, sparse
+    !> Sparse
     type(tMat), intent(in) :: matrix
-    !> This rank's rows
+    !> This rank's rows, spread as the columns of the matrix
     real(wp), intent(in), contiguous, target :: block(:, :)
-    !> This rank's rows, of the same shape
+    !> This rank's rows, spread as those of the matrix
     real(wp), intent(out), contiguous, target :: product(:, :)
     !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
@@ -52,4 +65,28 @@ contains
     PetscCall(MatDestroy(result, ierr))
     PetscCall(MatDestroy(factor, ierr))
   end subroutine multiply_block
+
+  !> Transpose of a sparse matrix times a block of vectors.
+  subroutine multiply_transposed_block(matrix, block, product, ierr)
+    !> Sparse
+    type(tMat), intent(in) :: matrix
+    !> This rank's rows, spread as those of the matrix
+    real(wp), intent(in), contiguous, target :: block(:, :)
+    !> This rank's rows, spread as the columns of the matrix
+    real(wp), intent(out), contiguous, target :: product(:, :)
+    !> PETSc's error code
+    PetscErrorCode, intent(out) :: ierr
+    type(tMat) :: factor, result
+    PetscScalar, pointer :: values(:, :)
+    PetscInt :: n
+
+    PetscCall(MatGetSize(matrix, n, PETSC_NULL_INTEGER, ierr))
+    PetscCall(wrap_rows(matrix, n, block, factor, ierr))
+    PetscCall(MatTransposeMatMult(matrix, factor, MAT_INITIAL_MATRIX, PETSC_DEFAULT_REAL, result, ierr))
+    PetscCall(MatDenseGetArray(result, values, ierr))
+    product = values(:size(product, 1), :size(product, 2))
+    PetscCall(MatDenseRestoreArray(result, values, ierr))
+    PetscCall(MatDestroy(result, ierr))
+    PetscCall(MatDestroy(factor, ierr))
+  end subroutine multiply_transposed_block
 end module attrito_reduce_dense_block

@@ -1,35 +1,40 @@
-#include <slepc/finclude/slepceps.h>
+#include <petsc/finclude/petscmat.h>
 #include "petsc_compatibility.h"
 !> Fixed-interface modes: the lowest vibrations of the interior with the boundary held.
 !>
 !> $$ K_{ii} \phi = \lambda M_{ii} \phi, \qquad \phi^T M_{ii} \phi = 1, \qquad \omega = \sqrt{\lambda} $$
 !>
-!> Krylov-Schur on K_ii^{-1} M_ii, with the factors that the constraint modes use too. A few modes more than asked for are
+!> Block Lanczos on K_ii^{-1} M_ii, with the factors that the constraint modes use too. A few modes more than asked for are
 !> computed: they show where the gap is in which the count is checked, and a mode with a twin is not torn from it.
 !> The residual of a mode is the norm of phi - lambda K_ii^{-1} M_ii phi in M_ii, which bounds its relative error in lambda.
-!> Source: Stewart, SIAM J. Matrix Anal. Appl. 23 (2002) 601-614, doi:10.1137/S0895479800371529.
 module attrito_reduce_fixed_interface_modes
-  use slepceps
+  use petscmat
   use attrito_core_errors, only: error_type, raise
   use attrito_core_kinds, only: two_pi, wp
   use attrito_core_petsc_session, only: raise_petsc
+  use attrito_reduce_block_lanczos, only: lanczos_type, new_lanczos
+  use attrito_reduce_column_store, only: block_type, column_store_type, new_blocks
   use attrito_reduce_dense_block, only: multiply_block
   use attrito_reduce_interior_factor, only: interior_factor_type
+  use attrito_reduce_interior_pencil, only: interior_pencil_type
+  use attrito_reduce_progress, only: progress_type
   use attrito_reduce_split, only: split_type
   implicit none
   private
-  public :: fixed_interface_modes_type, compute_fixed_interface_modes
+  public :: fixed_interface_modes_type, compute_fixed_interface_modes, mode_blocks
 
   type :: fixed_interface_modes_type
     !> Natural frequencies in Hz, ascending
     real(wp), allocatable :: frequency_hz(:)
     !> Relative residuals
     real(wp), allocatable :: residual(:)
-    !> This rank's interior rows of the mode shapes [interior rows, modes]
-    real(wp), allocatable :: shapes(:, :)
     !> An eigenvalue free of modes, above the last kept one, and the number of modes found below it
     real(wp) :: shift = 0.0_wp
     integer :: below_shift = 0
+  contains
+    procedure :: keep
+    procedure :: restore
+    procedure :: eigenvalue
   end type fixed_interface_modes_type
 
   !> Modes computed beyond those asked for
@@ -39,79 +44,74 @@ module attrito_reduce_fixed_interface_modes
 
 contains
 
-  !> Compute the lowest modes: `wanted` of them, or one more or two where the last has a twin.
-  subroutine compute_fixed_interface_modes(split, stiffness, mass, factor, wanted, tolerance, self, error)
+  !> Compute the lowest modes, `wanted` of them, or one more or two where the last has a twin; store their shapes in blocks.
+  subroutine compute_fixed_interface_modes(split, mass, factor, wanted, tolerance, width, block_size, store, progress, &
+                                           self, error)
     !> Boundary and interior
     type(split_type), intent(in) :: split
-    !> K_ii and M_ii
-    type(tMat), intent(in) :: stiffness, mass
+    !> M_ii
+    type(tMat), intent(in) :: mass
     !> Factors of K_ii
     type(interior_factor_type), intent(in) :: factor
     !> Number of modes
     integer, intent(in) :: wanted
     !> Relative residual to reach
     real(wp), intent(in) :: tolerance
+    !> Vectors in a block of the eigensolver
+    integer, intent(in) :: width
+    !> Shapes stored in a block
+    integer, intent(in) :: block_size
+    !> Where the shapes go
+    type(column_store_type), intent(in) :: store
+    !> Who listens
+    type(progress_type), intent(in) :: progress
     !> The modes
     type(fixed_interface_modes_type), intent(out) :: self
     !> Fewer modes than asked for
     type(error_type), allocatable, intent(out) :: error
-    type(tEPS) :: solver
-    real(wp), allocatable :: eigenvalues(:)
-    integer :: kept
+    real(wp), allocatable :: eigenvalues(:), shapes(:, :)
+    integer :: kept, sought
     PetscErrorCode :: ierr
 
-    allocate (self%frequency_hz(0), self%residual(0), self%shapes(size(split%interior_rows), 0))
+    allocate (self%frequency_hz(0), self%residual(0))
     if (wanted == 0) return
-    call find_eigenvalues(stiffness, mass, factor, wanted, tolerance, solver, eigenvalues, ierr)
+    call progress%step('fixed-interface modes', 0, wanted)
+    sought = min(wanted + margin, split%n - split%boundary_count)
+    call find_by_lanczos(split, interior_pencil_type(split%ranks, mass, factor, progress, wanted), sought, tolerance, width, &
+                         eigenvalues, shapes, ierr)
+    call progress%step('fixed-interface modes', wanted, wanted)
     call raise_petsc(error, ierr, 'computing the fixed-interface modes')
     if (.not. allocated(error) .and. size(eigenvalues) < wanted) call raise_too_few(size(eigenvalues), wanted, error)
     if (.not. allocated(error)) then
       call place_shift(eigenvalues, wanted, kept, self%shift, self%below_shift)
-      call take_modes(solver, mass, factor, split, eigenvalues(:kept), self, ierr)
-      call raise_petsc(error, ierr, 'taking the fixed-interface modes')
+      self%frequency_hz = sqrt(max(eigenvalues(:kept), 0.0_wp))/two_pi
+      deallocate (self%residual)
+      allocate (self%residual(kept))
+      call take_modes(shapes, mass, factor, split, eigenvalues(:kept), block_size, store, self, error)
     end if
-    call EPSDestroy(solver, ierr)
   end subroutine compute_fixed_interface_modes
 
-  subroutine find_eigenvalues(stiffness, mass, factor, wanted, tolerance, solver, eigenvalues, ierr)
-    type(tMat), intent(in) :: stiffness, mass
-    type(interior_factor_type), intent(in) :: factor
-    integer, intent(in) :: wanted
+  !> Block Lanczos from a block that does not depend on the number of ranks.
+  subroutine find_by_lanczos(split, pencil, sought, tolerance, width, eigenvalues, shapes, status)
+    type(split_type), intent(in) :: split
+    type(interior_pencil_type), intent(in) :: pencil
+    integer, intent(in) :: sought, width
     real(wp), intent(in) :: tolerance
-    !> Holds the mode shapes; the caller destroys it
-    type(tEPS), intent(out) :: solver
-    !> Those that converged, ascending
-    real(wp), allocatable, intent(out) :: eigenvalues(:)
-    PetscErrorCode, intent(out) :: ierr
-    type(tST) :: transform
-    PetscMPIInt :: comm
-    PetscInt :: n, converged, i
-    PetscScalar :: imaginary
+    real(wp), allocatable, intent(out) :: eigenvalues(:), shapes(:, :)
+    integer, intent(out) :: status
+    type(lanczos_type) :: lanczos
+    real(wp), allocatable :: start(:, :)
+    integer :: i, n
 
-    allocate (eigenvalues(0))
-    PetscCall(PetscObjectGetComm(stiffness, comm, ierr))
-    PetscCall(MatGetSize(stiffness, n, PETSC_NULL_INTEGER, ierr))
-    PetscCall(EPSCreate(comm, solver, ierr))
-    PetscCall(EPSSetOperators(solver, stiffness, mass, ierr))
-    PetscCall(EPSSetProblemType(solver, EPS_GHEP, ierr))
-    PetscCall(EPSSetTarget(solver, 0.0_wp, ierr))
-    PetscCall(EPSSetWhichEigenpairs(solver, EPS_TARGET_MAGNITUDE, ierr))
-    PetscCall(EPSSetDimensions(solver, min(wanted + margin, n), PETSC_DEFAULT_INTEGER, PETSC_DEFAULT_INTEGER, ierr))
-    PetscCall(EPSSetTolerances(solver, tolerance, 500, ierr))
-    ! One more solve for each mode, which would blow up what rounding leaves of the lowest modes in the others.
-    PetscCall(EPSSetPurify(solver, PETSC_FALSE, ierr))
-    PetscCall(EPSGetST(solver, transform, ierr))
-    PetscCall(STSetType(transform, STSINVERT, ierr))
-    PetscCall(STSetKSP(transform, factor%solver, ierr))
-    PetscCall(EPSSetFromOptions(solver, ierr))
-    PetscCall(EPSSolve(solver, ierr))
-    PetscCall(EPSGetConverged(solver, converged, ierr))
-    deallocate (eigenvalues)
-    allocate (eigenvalues(converged))
-    do i = 1, converged
-      PetscCall(EPSGetEigenvalue(solver, i - 1, eigenvalues(i), imaginary, ierr))
+    n = split%n - split%boundary_count
+    allocate (start(size(split%interior_rows), min(width, n)))
+    do i = 1, size(start, 2)
+      start(:, i) = cos(real(i, wp)*0.9_wp*real(split%first + split%interior_rows, wp)**2)
     end do
-  end subroutine find_eigenvalues
+    call new_lanczos(lanczos, pencil, start, sought, min(max(2*sought, sought + 6*width), n + width), tolerance, status)
+    call move_alloc(lanczos%eigenvalues, eigenvalues)
+    call move_alloc(lanczos%v, shapes)
+  end subroutine find_by_lanczos
 
   !> Keep twins together, and find the first wide gap at or above the last kept mode.
   pure subroutine place_shift(eigenvalues, wanted, kept, shift, below)
@@ -137,51 +137,113 @@ contains
     shift = eigenvalues(below)*(1.0_wp + 0.5_wp*gap)
   end subroutine place_shift
 
-  !> Shapes of unit modal mass, frequencies and residuals.
-  subroutine take_modes(solver, mass, factor, split, eigenvalues, self, ierr)
-    type(tEPS), intent(in) :: solver
+  !> Keep what is not shapes for whoever takes up an interrupted reduction.
+  subroutine keep(self, split, store, error)
+    class(fixed_interface_modes_type), intent(in) :: self
+    !> The ranks
+    type(split_type), intent(in) :: split
+    !> Where to
+    type(column_store_type), intent(in) :: store
+    !> The disk is full
+    type(error_type), allocatable, intent(out) :: error
+
+    call store%put_numbers(split, 'modes', [self%shift, real(self%below_shift, wp), self%frequency_hz, self%residual], error)
+  end subroutine keep
+
+  !> Take up what was kept.
+  subroutine restore(self, split, store, error)
+    class(fixed_interface_modes_type), intent(inout) :: self
+    !> The ranks
+    type(split_type), intent(in) :: split
+    !> Where from
+    type(column_store_type), intent(in) :: store
+    !> It is not there
+    type(error_type), allocatable, intent(out) :: error
+    real(wp), allocatable :: numbers(:)
+    integer :: modes
+
+    call store%get_numbers(split, 'modes', numbers, error)
+    if (allocated(error)) return
+    modes = (size(numbers) - 2)/2
+    self%shift = numbers(1)
+    self%below_shift = nint(numbers(2))
+    self%frequency_hz = numbers(3:2 + modes)
+    self%residual = numbers(3 + modes:)
+  end subroutine restore
+
+  !> omega^2 of a mode.
+  pure real(wp) function eigenvalue(self, mode)
+    class(fixed_interface_modes_type), intent(in) :: self
+    integer, intent(in) :: mode
+
+    eigenvalue = (two_pi*self%frequency_hz(mode))**2
+  end function eigenvalue
+
+  !> Runs of so many modes.
+  pure function mode_blocks(modes, block_size) result(blocks)
+    integer, intent(in) :: modes, block_size
+    type(block_type), allocatable :: blocks(:)
+
+    blocks = new_blocks('mode', modes, block_size)
+  end function mode_blocks
+
+  !> Shapes of unit modal mass to disk, a block at a time, and their residuals.
+  subroutine take_modes(found, mass, factor, split, eigenvalues, block_size, store, self, error)
+    !> Shapes, of any scale [interior rows, modes or more]
+    real(wp), intent(in) :: found(:, :)
     type(tMat), intent(in) :: mass
     type(interior_factor_type), intent(in) :: factor
     type(split_type), intent(in) :: split
     real(wp), intent(in) :: eigenvalues(:)
+    integer, intent(in) :: block_size
+    type(column_store_type), intent(in) :: store
     type(fixed_interface_modes_type), intent(inout) :: self
+    type(error_type), allocatable, intent(out) :: error
+    type(block_type), allocatable :: blocks(:)
+    real(wp), allocatable :: shapes(:, :), columns(:, :)
+    integer :: i
+    PetscErrorCode :: ierr
+
+    blocks = mode_blocks(size(eigenvalues), block_size)
+    do i = 1, size(blocks)
+      associate (first => blocks(i)%first, last => blocks(i)%last)
+        shapes = found(:, first:last)
+        call finish_shapes(split, mass, factor, eigenvalues(first:last), shapes, self%residual(first:last), ierr)
+        call raise_petsc(error, ierr, 'taking the fixed-interface modes')
+        if (allocated(error)) return
+        allocate (columns(split%rows(), size(shapes, 2)), source=0.0_wp)
+        columns(split%interior_rows, :) = shapes
+        deallocate (shapes)
+        call store%put(split, blocks(i), columns, error)
+        if (allocated(error)) return
+        deallocate (columns)
+      end associate
+    end do
+  end subroutine take_modes
+
+  !> Unit modal mass, and the residuals.
+  subroutine finish_shapes(split, mass, factor, eigenvalues, shapes, residual, ierr)
+    type(split_type), intent(in) :: split
+    type(tMat), intent(in) :: mass
+    type(interior_factor_type), intent(in) :: factor
+    real(wp), intent(in) :: eigenvalues(:)
+    real(wp), intent(inout), contiguous :: shapes(:, :)
+    real(wp), intent(out) :: residual(:)
     PetscErrorCode, intent(out) :: ierr
     real(wp), allocatable :: inertia(:, :), rest(:, :)
     integer :: i
 
-    deallocate (self%shapes)
-    allocate (self%shapes(size(split%interior_rows), size(eigenvalues)))
-    allocate (inertia, rest, mold=self%shapes)
-    PetscCall(copy_shapes(solver, mass, self%shapes, ierr))
-    PetscCall(multiply_block(mass, self%shapes, inertia, ierr))
-    call normalise(split, self%shapes, inertia)
+    allocate (inertia, rest, mold=shapes)
+    residual = 0.0_wp
+    PetscCall(multiply_block(mass, shapes, inertia, ierr))
+    call normalise(split, shapes, inertia)
     PetscCall(factor%solve(inertia, rest, ierr))
     do i = 1, size(eigenvalues)
-      rest(:, i) = self%shapes(:, i) - eigenvalues(i)*rest(:, i)
+      rest(:, i) = shapes(:, i) - eigenvalues(i)*rest(:, i)
     end do
     PetscCall(multiply_block(mass, rest, inertia, ierr))
-    self%residual = sqrt(max(column_sums(split, rest*inertia), 0.0_wp))
-    self%frequency_hz = sqrt(max(eigenvalues, 0.0_wp))/two_pi
-  end subroutine take_modes
-
-  subroutine copy_shapes(solver, mass, shapes, ierr)
-    type(tEPS), intent(in) :: solver
-    type(tMat), intent(in) :: mass
-    real(wp), intent(out) :: shapes(:, :)
-    PetscErrorCode, intent(out) :: ierr
-    type(tVec) :: shape
-    PetscScalar, pointer :: values(:)
-    integer :: i
-
-    PetscCall(MatCreateVecs(mass, PETSC_NULL_VEC, shape, ierr))
-    do i = 1, size(shapes, 2)
-      PetscCall(EPSGetEigenvector(solver, i - 1, shape, PETSC_NULL_VEC, ierr))
-      PetscCall(VecGetArrayRead(shape, values, ierr))
-      shapes(:, i) = values
-      PetscCall(VecRestoreArrayRead(shape, values, ierr))
-    end do
-    PetscCall(VecDestroy(shape, ierr))
-  end subroutine copy_shapes
+    residual = sqrt(max(column_sums(split, rest*inertia), 0.0_wp))
+  end subroutine finish_shapes
 
   !> Unit modal mass, and a sign that does not depend on the number of ranks.
   subroutine normalise(split, shapes, inertia)

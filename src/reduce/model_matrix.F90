@@ -45,6 +45,7 @@ contains
 
     call read_rows(file, ranks, name, rows, error)
     if (allocated(error)) return
+    if (name == 'mass') call drop_zeros(rows)
     call create_matrix(ranks%handle, rows, rows%values, matrix, ierr)
     call raise_petsc(error, ierr, 'storing the '//name//' matrix')
   end subroutine read_model_matrix
@@ -113,6 +114,25 @@ contains
     if (ranks%largest(real(maxval([0, rows%columns]), wp)) > rows%size - 1) &
       call raise(error, file%path//': /'//name//'/columns holds a column beyond the last one', fault_of_input)
   end subroutine read_rows
+
+  !> FE programs store the mass in the pattern of the stiffness, two entries in three zero.
+  pure subroutine drop_zeros(rows)
+    type(rows_type), intent(inout) :: rows
+    integer :: i, k, kept, first
+
+    kept = 0
+    first = 1
+    do i = 1, rows%count
+      do k = first, rows%offsets(i + 1)
+        if (rows%values(k) == 0.0_wp) cycle
+        kept = kept + 1
+        rows%values(kept) = rows%values(k)
+        rows%columns(kept) = rows%columns(k)
+      end do
+      first = rows%offsets(i + 1) + 1
+      rows%offsets(i + 1) = kept
+    end do
+  end subroutine drop_zeros
 
   subroutine create_matrix(comm, rows, values, matrix, ierr)
     integer, intent(in) :: comm

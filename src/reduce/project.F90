@@ -1,61 +1,149 @@
 #include <petsc/finclude/petscmat.h>
 #include "petsc_compatibility.h"
-!> Projection of a matrix on the basis, one block of columns at a time, exactly symmetric.
+!> Projection of matrices on the basis, whose columns are on disk, a panel of them at a time; exactly symmetric.
 !>
 !> $$ \tilde A = T^T A T $$
 !>
-!> A T of a stiffness is small beside its terms wherever T moves neighbours alike, as constraint modes of a long body do: rounding of the
-!> terms would leave the lowest frequencies uncertain by some 1e-10, differently on each number of ranks. So A and T may come as sums of
-!> slices of few bits, whose leading product is exact in any order of summation.
+!> A panel's products A T stay in memory while all columns before it are read once and multiplied with them.
+!>
+!> A T of a stiffness is small beside its terms wherever T moves neighbours alike, as constraint modes of a long body do: rounding of
+!> the terms would leave the lowest frequencies uncertain by some 1e-10, differently on each number of ranks. So A and T may come as
+!> sums of slices of few bits, whose leading product is exact in any order of summation.
 !> Source: Ozaki, Ogita, Oishi & Rump 2012, doi:10.1007/s11075-011-9478-1.
 module attrito_reduce_project
   use petscmat
   use attrito_core_communicator, only: communicator_type
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
+  use attrito_core_lapack, only: transposed_product
   use attrito_core_petsc_session, only: raise_petsc
+  use attrito_reduce_column_store, only: block_type, column_store_type
   use attrito_reduce_dense_block, only: multiply_block
   use attrito_reduce_model_matrix, only: leading_bits
+  use attrito_reduce_progress, only: progress_type
+  use attrito_reduce_split, only: split_type
   implicit none
   private
-  public :: project_matrix, project_vectors
+  public :: projected_type, project_matrices, project_vectors
+
+  !> A matrix of the full model and its projection
+  type :: projected_type
+    !> Symmetric, as a sum of slices
+    type(tMat), allocatable :: slices(:)
+    !> [m, m], the same on every rank
+    real(wp), allocatable :: reduced(:, :)
+    !> This rank's rows of A T for the columns of a panel
+    real(wp), allocatable, private :: product(:, :)
+  end type projected_type
 
 contains
 
-  !> Project a matrix; only the upper triangle is computed, the lower one is its image.
-  subroutine project_matrix(ranks, slices, basis, block_size, reduced, error)
-    !> The ranks that share the rows
-    type(communicator_type), intent(in) :: ranks
-    !> Symmetric matrix of the full model, as a sum of slices
-    type(tMat), intent(in) :: slices(:)
-    !> T: this rank's rows [rows, m]
-    real(wp), intent(in), contiguous :: basis(:, :)
-    !> Columns at a time
-    integer, intent(in) :: block_size
-    !> [m, m], the same on every rank
-    real(wp), allocatable, intent(out) :: reduced(:, :)
-    !> A product failed
+  !> Project matrices; only the upper triangles are computed, the lower ones are their images.
+  subroutine project_matrices(split, blocks, store, panel, progress, matrices, error)
+    !> Which rows are whose
+    type(split_type), intent(in) :: split
+    !> All columns of T, in order
+    type(block_type), intent(in) :: blocks(:)
+    !> Where they are
+    type(column_store_type), intent(in) :: store
+    !> Columns in a panel, at least
+    integer, intent(in) :: panel
+    !> Who listens
+    type(progress_type), intent(in) :: progress
+    !> With their slices; the projections are added
+    type(projected_type), intent(inout) :: matrices(:)
+    !> A product failed, or columns are gone
     type(error_type), allocatable, intent(out) :: error
-    real(wp), allocatable :: product(:, :)
-    integer :: m, first, last, i
-    PetscErrorCode :: ierr
+    integer :: offsets(size(blocks) + 1), i, first, last
 
-    m = size(basis, 2)
-    allocate (reduced(m, m), source=0.0_wp)
-    do first = 1, m, block_size
-      last = min(first + block_size - 1, m)
-      allocate (product(size(basis, 1), last - first + 1))
-      call multiply_slices(ranks, slices, basis(:, first:last), product, ierr)
-      call raise_petsc(error, ierr, 'projecting a matrix on the basis')
-      if (allocated(error)) return
-      reduced(:last, first:last) = transposed_product(basis(:, :last), product)
-      deallocate (product)
+    offsets = [0, (sum(blocks(:i)%last - blocks(:i)%first + 1), i=1, size(blocks))]
+    do i = 1, size(matrices)
+      allocate (matrices(i)%reduced(offsets(size(offsets)), offsets(size(offsets))), source=0.0_wp)
     end do
+    first = 1
+    do while (first <= size(blocks))
+      last = first
+      do while (last < size(blocks))
+        if (offsets(last + 1) - offsets(first) >= panel) exit
+        last = last + 1
+      end do
+      call progress%step('projection', offsets(first), offsets(size(offsets)))
+      call multiply_panel(split, blocks, store, offsets, first, last, matrices, error)
+      if (.not. allocated(error)) call project_panel(split, blocks, store, offsets, first, last, matrices, error)
+      if (allocated(error)) return
+      first = last + 1
+    end do
+    do i = 1, size(matrices)
+      call complete(split%ranks, matrices(i)%reduced)
+    end do
+    call progress%step('projection', offsets(size(offsets)), offsets(size(offsets)))
+  end subroutine project_matrices
+
+  !> Sums over ranks, and the lower triangle.
+  subroutine complete(ranks, reduced)
+    type(communicator_type), intent(in) :: ranks
+    real(wp), intent(inout), contiguous :: reduced(:, :)
+    integer :: i
+
     call ranks%sum(reduced)
-    do i = 1, m
+    do i = 1, size(reduced, 1)
       reduced(i + 1:, i) = reduced(i, i + 1:)
     end do
-  end subroutine project_matrix
+  end subroutine complete
+
+  !> A T for the columns of a panel.
+  subroutine multiply_panel(split, blocks, store, offsets, first, last, matrices, error)
+    type(split_type), intent(in) :: split
+    type(block_type), intent(in) :: blocks(:)
+    type(column_store_type), intent(in) :: store
+    integer, intent(in) :: offsets(:), first, last
+    type(projected_type), intent(inout) :: matrices(:)
+    type(error_type), allocatable, intent(out) :: error
+    real(wp), allocatable :: columns(:, :)
+    integer :: i, k
+    PetscErrorCode :: ierr
+
+    do k = 1, size(matrices)
+      if (allocated(matrices(k)%product)) deallocate (matrices(k)%product)
+      allocate (matrices(k)%product(split%rows(), offsets(last + 1) - offsets(first)))
+    end do
+    do i = first, last
+      allocate (columns(split%rows(), blocks(i)%columns()))
+      call store%get(split, blocks(i), columns, error)
+      if (allocated(error)) return
+      do k = 1, size(matrices)
+        call multiply_slices(split%ranks, matrices(k)%slices, columns, &
+                             matrices(k)%product(:, offsets(i) - offsets(first) + 1:offsets(i + 1) - offsets(first)), ierr)
+        call raise_petsc(error, ierr, 'projecting a matrix on the basis')
+        if (allocated(error)) return
+      end do
+      deallocate (columns)
+    end do
+  end subroutine multiply_panel
+
+  !> T^T (A T) for the columns of a panel and all columns up to its end.
+  subroutine project_panel(split, blocks, store, offsets, first, last, matrices, error)
+    type(split_type), intent(in) :: split
+    type(block_type), intent(in) :: blocks(:)
+    type(column_store_type), intent(in) :: store
+    integer, intent(in) :: offsets(:), first, last
+    type(projected_type), intent(inout) :: matrices(:)
+    type(error_type), allocatable, intent(out) :: error
+    real(wp), allocatable :: columns(:, :)
+    integer :: i, k, from
+
+    do i = 1, last
+      allocate (columns(split%rows(), blocks(i)%columns()))
+      call store%get(split, blocks(i), columns, error)
+      if (allocated(error)) return
+      from = max(first, i)
+      do k = 1, size(matrices)
+        matrices(k)%reduced(offsets(i) + 1:offsets(i + 1), offsets(from) + 1:offsets(last + 1)) = &
+          transposed_product(columns, matrices(k)%product(:, offsets(from) - offsets(first) + 1:))
+      end do
+      deallocate (columns)
+    end do
+  end subroutine project_panel
 
   !> A T, the products of smaller slices first.
   subroutine multiply_slices(ranks, slices, block, product, ierr)
@@ -89,36 +177,33 @@ contains
   end subroutine multiply_slices
 
   !> Project loads and monitors: T^T f.
-  subroutine project_vectors(ranks, vectors, basis, reduced)
-    !> The ranks that share the rows
-    type(communicator_type), intent(in) :: ranks
+  subroutine project_vectors(split, blocks, store, vectors, reduced, error)
+    !> Which rows are whose
+    type(split_type), intent(in) :: split
+    !> All columns of T, in order
+    type(block_type), intent(in) :: blocks(:)
+    !> Where they are
+    type(column_store_type), intent(in) :: store
     !> This rank's rows [rows, vectors]
     real(wp), intent(in), contiguous :: vectors(:, :)
-    !> T: this rank's rows [rows, m]
-    real(wp), intent(in), contiguous :: basis(:, :)
     !> [m, vectors], the same on every rank
     real(wp), allocatable, intent(out) :: reduced(:, :)
+    !> Columns are gone
+    type(error_type), allocatable, intent(out) :: error
+    real(wp), allocatable :: columns(:, :)
+    integer :: i, offset
 
-    reduced = transposed_product(basis, vectors)
-    call ranks%sum(reduced)
+    allocate (reduced(sum(blocks%last - blocks%first + 1), size(vectors, 2)), source=0.0_wp)
+    offset = 0
+    do i = 1, size(blocks)
+      if (size(vectors, 2) == 0) return
+      allocate (columns(split%rows(), blocks(i)%columns()))
+      call store%get(split, blocks(i), columns, error)
+      if (allocated(error)) return
+      reduced(offset + 1:offset + blocks(i)%columns(), :) = transposed_product(columns, vectors)
+      offset = offset + blocks(i)%columns()
+      deallocate (columns)
+    end do
+    call split%ranks%sum(reduced)
   end subroutine project_vectors
-
-  !> a^T b by BLAS, which matmul of a transpose is slower than.
-  function transposed_product(a, b) result(c)
-    real(wp), intent(in), contiguous :: a(:, :), b(:, :)
-    real(wp) :: c(size(a, 2), size(b, 2))
-    interface
-      subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
-        import :: wp
-        character, intent(in) :: transa, transb
-        integer, intent(in) :: m, n, k, lda, ldb, ldc
-        real(wp), intent(in) :: alpha, beta, a(lda, *), b(ldb, *)
-        real(wp), intent(inout) :: c(ldc, *)
-      end subroutine dgemm
-    end interface
-
-    c = 0.0_wp
-    if (size(c) == 0 .or. size(a, 1) == 0) return
-    call dgemm('T', 'N', size(a, 2), size(b, 2), size(a, 1), 1.0_wp, a, size(a, 1), b, size(b, 1), 0.0_wp, c, size(a, 2))
-  end function transposed_product
 end module attrito_reduce_project

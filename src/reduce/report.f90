@@ -3,19 +3,40 @@ module attrito_reduce_report
   use attrito_core_kinds, only: wp
   implicit none
   private
-  public :: reduction_options_type, reduction_report_type
+  public :: reduction_options_type, reduction_report_type, step_names
+  public :: step_read, step_count, step_factor, step_constraint, step_modes, step_correction, step_indicator, step_inertia, &
+            step_project, step_write
+
+  !> Steps, in the order in which they are taken
+  integer, parameter :: step_read = 1, step_count = 2, step_factor = 3, step_constraint = 4, step_modes = 5, &
+                        step_correction = 6, step_indicator = 7, step_inertia = 8, step_project = 9, step_write = 10
+  character(10), parameter :: step_names(10) = [character(10) :: 'read', 'count', 'factor', 'constraint', 'modes', 'correction', &
+                                                'indicator', 'inertia', 'project', 'write']
 
   type :: reduction_options_type
     !> Number of fixed-interface modes; negative: all up to `max_frequency_hz`
     integer :: modes = 20
     !> Frequency up to which modes are kept
     real(wp) :: max_frequency_hz = 0.0_wp
-    !> Columns treated at a time, which bounds the memory beside the basis
-    integer :: block_size = 256
+    !> Instead of either, the relative error that natural frequencies and responses of the reduced model may have; 0: none
+    real(wp) :: error_target = 0.0_wp
+    !> Frequency up to which the error is looked at; 0: two thirds of the highest mode's
+    real(wp) :: top_frequency_hz = 0.0_wp
+    !> Columns treated at a time, which bounds the memory beside the factors; 0: by the size of the model
+    integer :: block_size = 0
+    !> Vectors that the eigensolver solves for at once
+    integer :: block_vectors = 16
     !> Relative residual of the modes
     real(wp) :: tolerance = 1.0e-12_wp
     !> Prove by a second factorisation that no mode was missed
     logical :: check_inertia = .true.
+    !> Who orders the rows for the factorisation, and whether the factors go to disk (`attrito_reduce_interior_factor`)
+    character(8) :: ordering = 'scotch'
+    character(4) :: out_of_core = 'auto'
+    !> Memory that the ranks of a machine may take together in megabytes; 0: what is free
+    real(wp) :: memory_megabytes = 0.0_wp
+    !> Threshold of block low-rank factors; 0: none
+    real(wp) :: low_rank = 0.0_wp
   end type reduction_options_type
 
   type :: reduction_report_type
@@ -25,16 +46,21 @@ module attrito_reduce_report
     integer :: negative_pivots = 0
     !> Modes below the shift as counted by inertia; -1: not counted
     integer :: modes_below_shift = -1
+    !> Memory of all ranks while factoring in megabytes, as foreseen: with the factors in core, and on disk
+    integer :: factor_megabytes = 0, factor_megabytes_out_of_core = 0
+    !> 1: the factors went to disk
+    integer :: out_of_core = 0
+    !> Who ordered the rows for the factorisation
+    character(8) :: ordering = ''
+    !> Operations of a factorisation, as foreseen; wall time of its analysis
+    real(wp) :: factor_flops = 0.0_wp, analysis_seconds = 0.0_wp
     !> Frequency of that shift
     real(wp) :: shift_hz = 0.0_wp
     !> Largest relative residual of the modes, and of the constraint modes as solved
     real(wp) :: mode_residual = 0.0_wp, constraint_residual = 0.0_wp
-    !> Memory of the factors of all ranks in megabytes
-    integer :: factor_megabytes = 0
-    !> Who ordered the rows for the factorisation
-    character(8) :: ordering = ''
-    !> Wall time of each step
-    real(wp) :: read_seconds = 0.0_wp, factor_seconds = 0.0_wp, constraint_seconds = 0.0_wp, modes_seconds = 0.0_wp, &
-                inertia_seconds = 0.0_wp, correction_seconds = 0.0_wp, project_seconds = 0.0_wp, write_seconds = 0.0_wp
+    !> Largest estimated relative error of a frequency or a point receptance of the reduced model; -1: not examined
+    real(wp) :: worst_error = -1.0_wp
+    !> Wall time of each step, and the most memory that all ranks held during it, in megabytes
+    real(wp) :: seconds(size(step_names)) = 0.0_wp, megabytes(size(step_names)) = 0.0_wp
   end type reduction_report_type
 end module attrito_reduce_report

@@ -9,7 +9,7 @@ module attrito_reduce_split
   use attrito_core_errors, only: error_type, fault_of_input, raise
   implicit none
   private
-  public :: split_type, new_split, interior_block, boundary_rows_on_root
+  public :: split_type, new_split, interior_block, coupling_block, boundary_columns, boundary_rows_on_root, some_rows_on_root
 
   type :: split_type
     !> The ranks that share the rows
@@ -85,42 +85,112 @@ contains
     PetscErrorCode, intent(out) :: ierr
     type(tIS) :: interior
 
-    associate (dofs => self%interior_rows + self%first - 2)
-      PetscCall(ISCreateGeneral(self%ranks%handle, size(dofs), dofs, PETSC_COPY_VALUES, interior, ierr))
-    end associate
+    PetscCall(index_set(self, self%interior_rows, interior, ierr))
     PetscCall(MatCreateSubMatrix(matrix, interior, interior, MAT_INITIAL_MATRIX, block, ierr))
     PetscCall(ISDestroy(interior, ierr))
     PetscCall(MatSetOption(block, MAT_SYMMETRIC, PETSC_TRUE, ierr))
   end subroutine interior_block
 
-  !> Some rows of the boundary block K_bi, all of them on rank 0, as MUMPS wants sparse right-hand sides; the caller destroys it.
-  subroutine boundary_rows_on_root(self, matrix, first, last, block, ierr)
+  !> The block of interior rows and boundary columns, spread over the ranks; the caller destroys it.
+  subroutine coupling_block(self, matrix, block, ierr)
     !> The split
     type(split_type), intent(in) :: self
     !> Matrix of the full model
     type(tMat), intent(in) :: matrix
+    !> [interior dofs, boundary dofs]
+    type(tMat), intent(out) :: block
+    !> PETSc's error code
+    PetscErrorCode, intent(out) :: ierr
+    type(tIS) :: interior, boundary
+
+    PetscCall(index_set(self, self%interior_rows, interior, ierr))
+    PetscCall(index_set(self, self%boundary_rows, boundary, ierr))
+    PetscCall(MatCreateSubMatrix(matrix, interior, boundary, MAT_INITIAL_MATRIX, block, ierr))
+    PetscCall(ISDestroy(boundary, ierr))
+    PetscCall(ISDestroy(interior, ierr))
+  end subroutine coupling_block
+
+  !> All rows of the boundary columns, spread over the ranks; the caller destroys it.
+  subroutine boundary_columns(self, matrix, block, ierr)
+    !> The split
+    type(split_type), intent(in) :: self
+    !> Matrix of the full model
+    type(tMat), intent(in) :: matrix
+    !> [dofs, boundary dofs]
+    type(tMat), intent(out) :: block
+    !> PETSc's error code
+    PetscErrorCode, intent(out) :: ierr
+    type(tIS) :: all, boundary
+    integer :: i
+
+    PetscCall(index_set(self, [(i, i=1, self%rows())], all, ierr))
+    PetscCall(index_set(self, self%boundary_rows, boundary, ierr))
+    PetscCall(MatCreateSubMatrix(matrix, all, boundary, MAT_INITIAL_MATRIX, block, ierr))
+    PetscCall(ISDestroy(boundary, ierr))
+    PetscCall(ISDestroy(all, ierr))
+  end subroutine boundary_columns
+
+  !> PETSc's form of this rank's share of some rows.
+  subroutine index_set(self, rows, set, ierr)
+    type(split_type), intent(in) :: self
+    !> From 1 for this rank's first row
+    integer, intent(in) :: rows(:)
+    type(tIS), intent(out) :: set
+    PetscErrorCode, intent(out) :: ierr
+
+    PetscCall(ISCreateGeneral(self%ranks%handle, size(rows), rows + self%first - 2, PETSC_COPY_VALUES, set, ierr))
+  end subroutine index_set
+
+  !> The boundary block K_bi, all of it on rank 0, as MUMPS wants sparse right-hand sides; the caller destroys it.
+  subroutine boundary_rows_on_root(self, matrix, block, ierr)
+    !> The split
+    type(split_type), intent(in) :: self
+    !> Matrix of the full model
+    type(tMat), intent(in) :: matrix
+    !> [boundary dofs, interior dofs]
+    type(tMat), intent(out) :: block
+    !> PETSc's error code
+    PetscErrorCode, intent(out) :: ierr
+    logical, allocatable :: is_interior(:)
+    integer :: i
+
+    allocate (is_interior(0:self%n - 1), source=.true.)
+    is_interior(self%boundary) = .false.
+    PetscCall(take_on_root(self, matrix, self%boundary, pack([(i, i=0, self%n - 1)], is_interior), block, ierr))
+  end subroutine boundary_rows_on_root
+
+  !> Some rows of what `boundary_rows_on_root` gave; the caller destroys it.
+  subroutine some_rows_on_root(self, whole, first, last, block, ierr)
+    !> The split
+    type(split_type), intent(in) :: self
+    !> [boundary dofs, interior dofs], all on rank 0
+    type(tMat), intent(in) :: whole
     !> First and last boundary dof, by number from 1
     integer, intent(in) :: first, last
     !> [last - first + 1, interior dofs]
     type(tMat), intent(out) :: block
     !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
-    type(tIS) :: some, interior
-    logical, allocatable :: is_interior(:)
-    integer, allocatable :: wanted(:), columns(:)
     integer :: i
 
-    allocate (wanted(0), columns(0))
-    if (self%ranks%is_root()) then
-      wanted = self%boundary(first:last)
-      allocate (is_interior(0:self%n - 1), source=.true.)
-      is_interior(self%boundary) = .false.
-      columns = pack([(i, i=0, self%n - 1)], is_interior)
-    end if
-    PetscCall(ISCreateGeneral(self%ranks%handle, size(wanted), wanted, PETSC_COPY_VALUES, some, ierr))
-    PetscCall(ISCreateGeneral(self%ranks%handle, size(columns), columns, PETSC_COPY_VALUES, interior, ierr))
-    PetscCall(MatCreateSubMatrix(matrix, some, interior, MAT_INITIAL_MATRIX, block, ierr))
-    PetscCall(ISDestroy(interior, ierr))
-    PetscCall(ISDestroy(some, ierr))
-  end subroutine boundary_rows_on_root
+    PetscCall(take_on_root(self, whole, [(i, i=first - 1, last - 1)], [(i, i=0, self%n - self%boundary_count - 1)], block, ierr))
+  end subroutine some_rows_on_root
+
+  subroutine take_on_root(self, matrix, rows, columns, block, ierr)
+    type(split_type), intent(in) :: self
+    type(tMat), intent(in) :: matrix
+    !> From 0, the same on every rank
+    integer, intent(in) :: rows(:), columns(:)
+    type(tMat), intent(out) :: block
+    PetscErrorCode, intent(out) :: ierr
+    type(tIS) :: row_set, column_set
+    integer :: i
+
+    i = merge(1, 0, self%ranks%is_root())
+    PetscCall(ISCreateGeneral(self%ranks%handle, i*size(rows), rows, PETSC_COPY_VALUES, row_set, ierr))
+    PetscCall(ISCreateGeneral(self%ranks%handle, i*size(columns), columns, PETSC_COPY_VALUES, column_set, ierr))
+    PetscCall(MatCreateSubMatrix(matrix, row_set, column_set, MAT_INITIAL_MATRIX, block, ierr))
+    PetscCall(ISDestroy(column_set, ierr))
+    PetscCall(ISDestroy(row_set, ierr))
+  end subroutine take_on_root
 end module attrito_reduce_split

@@ -7,8 +7,10 @@ module attrito_reduce_write_rom
   use attrito_core_hdf5_dataset, only: create_array
   use attrito_core_hdf5_file, only: close_file, create_file, create_group, hdf5_file_type
   use attrito_core_kinds, only: wp
+  use attrito_reduce_error_indicator, only: quality_type
   use attrito_reduce_fixed_interface_modes, only: fixed_interface_modes_type
-  use attrito_reduce_report, only: reduction_report_type
+  use attrito_reduce_column_store, only: block_type, column_store_type
+  use attrito_reduce_report, only: reduction_report_type, step_names
   use attrito_reduce_split, only: split_type
   implicit none
   private
@@ -27,21 +29,22 @@ module attrito_reduce_write_rom
 contains
 
   !> Write the whole file.
-  subroutine write_rom(path, split, model, basis, modes, report, block_size, error)
+  subroutine write_rom(path, split, model, blocks, store, modes, quality, report, error)
     !> Where
     character(*), intent(in) :: path
     !> Boundary, and the ranks
     type(split_type), intent(in) :: split
     !> Matrices and vectors
     type(reduced_model_type), intent(in) :: model
-    !> This rank's rows [rows, m]
-    real(wp), intent(in), contiguous :: basis(:, :)
+    !> All columns of the basis, in order, and where they are
+    type(block_type), intent(in) :: blocks(:)
+    type(column_store_type), intent(in) :: store
     !> Frequencies and residuals
     type(fixed_interface_modes_type), intent(in) :: modes
+    !> How good the reduced model is
+    type(quality_type), intent(in) :: quality
     !> Counts and times
     type(reduction_report_type), intent(in) :: report
-    !> Rows of the basis written at a time
-    integer, intent(in) :: block_size
     !> The disk is full, or the path cannot be written
     type(error_type), allocatable, intent(out) :: error
     type(hdf5_file_type) :: file
@@ -50,12 +53,14 @@ contains
     if (.not. allocated(error)) call write_root(file, error)
     if (.not. allocated(error)) call write_matrices(file, model, error)
     if (.not. allocated(error)) call write_coordinates(file, split, modes, report, error)
-    if (.not. allocated(error)) call write_spread(file, split, '/recovery/basis', basis, block_size, &
-      'basis: one row a coordinate, q_full = basis^T q', 'user length per coordinate', error)
-    if (.not. allocated(error)) call write_spread(file, split, '/vectors/full', model%vectors, block_size, &
+    if (.not. allocated(error)) call write_basis(file, split, blocks, store, error)
+    if (.not. allocated(error)) call create_spread(file, split, '/vectors/full', size(model%vectors, 2), &
       'loads and monitors on the full model, one a row', 'as given', error)
+    if (.not. allocated(error) .and. size(model%vectors, 2) > 0) &
+      call write_block(file, '/vectors/full', [0, split%first - 1], model%vectors, error)
     if (.not. allocated(error)) call write_array(file, '/vectors/reduced', model%reduced_vectors, &
       'loads and monitors on the reduced model: basis f', 'as given', error)
+    if (.not. allocated(error)) call write_quality(file, quality, error)
     if (.not. allocated(error)) call write_report(file, report, error)
     call close_file(file)
   end subroutine write_rom
@@ -101,49 +106,83 @@ contains
       'norm of phi - lambda K_ii^-1 M_ii phi in M_ii, a bound on the relative error of lambda', '1', error)
   end subroutine write_coordinates
 
-  !> Vectors whose rows are spread over the ranks, one a row of the dataset.
-  subroutine write_spread(file, split, name, vectors, block_size, description, unit, error)
+  subroutine write_quality(file, quality, error)
+    type(hdf5_file_type), intent(in) :: file
+    type(quality_type), intent(in) :: quality
+    type(error_type), allocatable, intent(out) :: error
+
+    call write_array(file, '/quality/frequency_hz', quality%frequency_hz, &
+                     'natural frequencies of the reduced model, elastic ones, with the interface free', 'Hz', error)
+    if (.not. allocated(error)) call write_array(file, '/quality/frequency_error', quality%error, &
+      'estimated part of itself by which each of them is too high', '1', error)
+    if (.not. allocated(error)) call write_array(file, '/quality/response_hz', quality%response_hz, &
+      'frequencies at which responses were examined', 'Hz', error)
+    if (.not. allocated(error)) call write_array(file, '/quality/receptance', quality%receptance, &
+      'undamped receptances between loads and monitors of the reduced model', 'as given', error)
+    if (.not. allocated(error)) call write_array(file, '/quality/receptance_error', quality%receptance_error, &
+      'estimate of what they lack', 'as given', error)
+  end subroutine write_quality
+
+  !> The basis, block by block from where the steps left it.
+  subroutine write_basis(file, split, blocks, store, error)
+    type(hdf5_file_type), intent(in) :: file
+    type(split_type), intent(in) :: split
+    type(block_type), intent(in) :: blocks(:)
+    type(column_store_type), intent(in) :: store
+    type(error_type), allocatable, intent(out) :: error
+    real(wp), allocatable :: columns(:, :)
+    integer :: i, row
+
+    call create_spread(file, split, '/recovery/basis', sum(blocks%last - blocks%first + 1), &
+                       'basis: one row a coordinate, q_full = basis^T q', 'user length per coordinate', error)
+    row = 0
+    do i = 1, size(blocks)
+      if (allocated(error)) return
+      allocate (columns(split%rows(), blocks(i)%columns()))
+      call store%get(split, blocks(i), columns, error)
+      if (.not. allocated(error)) call write_block(file, '/recovery/basis', [row, split%first - 1], columns, error)
+      row = row + blocks(i)%columns()
+      deallocate (columns)
+    end do
+  end subroutine write_basis
+
+  !> A dataset of vectors whose rows are spread over the ranks, one vector a row.
+  subroutine create_spread(file, split, name, count, description, unit, error)
     type(hdf5_file_type), intent(in) :: file
     type(split_type), intent(in) :: split
     character(*), intent(in) :: name
-    !> This rank's rows [rows, vectors]
-    real(wp), intent(in), contiguous :: vectors(:, :)
-    integer, intent(in) :: block_size
+    !> Number of vectors
+    integer, intent(in) :: count
     character(*), intent(in) :: description, unit
     type(error_type), allocatable, intent(out) :: error
-    integer :: first, last, count
 
-    count = size(vectors, 2)
     if (count == 0) then
       call create_array(file, name, 'real64', [0, split%n], description, unit, error)
-      return
+    else
+      call create_array(file, name, 'real64', [count, split%n], description, unit, error, &
+                        chunk=[1, min(split%n, longest_chunk)])
     end if
-    call create_array(file, name, 'real64', [count, split%n], description, unit, error, &
-                      chunk=[1, min(split%n, longest_chunk)])
-    do first = 1, count, block_size
-      if (allocated(error)) return
-      last = min(first + block_size - 1, count)
-      call write_block(file, name, [first - 1, split%first - 1], vectors(:, first:last), error)
-    end do
-  end subroutine write_spread
+  end subroutine create_spread
 
   subroutine write_report(file, report, error)
     type(hdf5_file_type), intent(in) :: file
     type(reduction_report_type), intent(in) :: report
     type(error_type), allocatable, intent(out) :: error
+    integer :: i
 
     call create_group(file, '/reduction', error)
     if (.not. allocated(error)) call whole('negative_pivots', report%negative_pivots)
     if (.not. allocated(error)) call whole('modes_below_shift', report%modes_below_shift)
     if (.not. allocated(error)) call whole('factor_megabytes', report%factor_megabytes)
+    if (.not. allocated(error)) call whole('out_of_core', report%out_of_core)
     if (.not. allocated(error)) call number('shift_hz', report%shift_hz)
     if (.not. allocated(error)) call number('mode_residual', report%mode_residual)
     if (.not. allocated(error)) call number('constraint_residual', report%constraint_residual)
-    if (.not. allocated(error)) call number('factor_seconds', report%factor_seconds)
-    if (.not. allocated(error)) call number('constraint_seconds', report%constraint_seconds)
-    if (.not. allocated(error)) call number('modes_seconds', report%modes_seconds)
-    if (.not. allocated(error)) call number('inertia_seconds', report%inertia_seconds)
-    if (.not. allocated(error)) call number('project_seconds', report%project_seconds)
+    if (.not. allocated(error)) call number('worst_error', report%worst_error)
+    do i = 1, size(step_names) - 1
+      if (.not. allocated(error)) call number(trim(step_names(i))//'_seconds', report%seconds(i))
+      if (.not. allocated(error)) call number(trim(step_names(i))//'_peak_megabytes', report%megabytes(i))
+    end do
     if (.not. allocated(error)) call write_attribute(file, '/reduction', 'ordering', trim(report%ordering), error)
   contains
     subroutine whole(name, value)

@@ -315,9 +315,19 @@ JOB = [
         ("job.toml: [balance] harmonics = 'auto': expected", '("auto" is not in this version)'),
     ),
     Case(
-        "automatic modes",
-        put("reduction", modes="auto"),
-        ("job.toml: [reduction] modes = 'auto': expected", '("auto" is not in this version)'),
+        "an error to meet beside a number of modes",
+        put("reduction", modes=1, error=0.1),
+        ('job.toml: [reduction] error = 0.1: expected no such key but with modes = "auto"',),
+    ),
+    Case(
+        "an ordering nobody knows",
+        put("reduction", modes=1, ordering="metis"),
+        ('job.toml: [reduction] ordering = \'metis\': expected one of "scotch", "pord", "amf", "qamd", "amd"',),
+    ),
+    Case(
+        "a word for the factors' place",
+        put("reduction", modes=1, out_of_core="maybe"),
+        ("job.toml: [reduction] out_of_core = 'maybe': expected true or false, or \"auto\"",),
     ),
     Case(
         "a stability method",

@@ -5,82 +5,19 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from dataclasses import dataclass
-from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 from elastic import elastic_block, rigid_motions
 from mpi4py import MPI
+from reduced import COUNTS, SIZE, Case, make_case, unit, worst
 from scipy.linalg import eigh
 from scipy.sparse import csr_matrix, diags
 
 from attrito.faults import InputError
 from attrito.model_file import Model, write_model
-from attrito.reduction import Report, reduce_model
-
-COUNTS, SIZE = (5, 3, 2), (0.1, 0.04, 0.03)
-
-
-@dataclass
-class Case:
-    """A model file, its matrices as dense arrays, and its boundary dofs, the nodes at x = 0."""
-
-    folder: Path
-    points: np.ndarray
-    mass: np.ndarray
-    stiffness: np.ndarray
-    damping: np.ndarray
-    boundary: np.ndarray
-
-    @property
-    def interior(self) -> np.ndarray:
-        """Dofs that are not boundary."""
-        return np.setdiff1d(np.arange(len(self.mass)), self.boundary)
-
-    @property
-    def clamped_frequencies(self) -> np.ndarray:
-        """All fixed-interface frequencies in Hz."""
-        inside = np.ix_(self.interior, self.interior)
-        return np.sqrt(eigh(self.stiffness[inside], self.mass[inside], eigvals_only=True)) / (2 * np.pi)
-
-    def reduce(self, boundary=None, vectors=None, **options) -> tuple[Report, h5py.File]:
-        """The report, and rom.h5 open."""
-        chosen = self.boundary if boundary is None else boundary
-        # A name of its own: h5py would take a file written over for the one that it still holds open.
-        path = self.folder / f"rom{len(list(self.folder.glob('rom*')))}.h5"
-        report = reduce_model(MPI.COMM_WORLD, self.folder / "model.h5", path, chosen, vectors, **options)
-        return report, h5py.File(path)
-
-
-def make_case(folder: Path, model: Model, points: np.ndarray) -> Case:
-    write_model(folder / "model.h5", model, [])
-    boundary = np.flatnonzero(np.repeat(points[:, 0] < 1e-9, 3))
-    matrices = (matrix.toarray() for matrix in (model.mass, model.stiffness, model.damping))
-    return Case(folder, points, *matrices, boundary)
-
-
-@pytest.fixture
-def free(tmp_path) -> Case:
-    """A block in free space."""
-    return make_case(tmp_path, *elastic_block(COUNTS, SIZE))
-
-
-@pytest.fixture
-def held(tmp_path) -> Case:
-    """The block held at its far end."""
-    return make_case(tmp_path, *elastic_block(COUNTS, SIZE, lambda points: points[:, 0] > SIZE[0] - 1e-9))
-
-
-def unit(case: Case, *dofs: int) -> np.ndarray:
-    """Unit vectors as rows."""
-    return np.eye(len(case.mass))[list(dofs)]
-
-
-def worst(found, expected) -> float:
-    """Largest difference relative to the largest expected value."""
-    return np.abs(np.asarray(found) - expected).max() / np.abs(expected).max()
+from attrito.reduction import reduce_model
 
 
 def test_constraint_modes_agree_with_a_dense_solve(free):
@@ -236,7 +173,7 @@ def test_every_dataset_says_what_it_is_and_in_which_unit(free):
     _, rom = free.reduce(vectors=unit(free, 100), modes=2)
     datasets = []
     rom.visititems(lambda _, item: datasets.append(item) if isinstance(item, h5py.Dataset) else None)
-    assert len(datasets) == 10
+    assert len(datasets) == 15
     assert all({"description", "unit"} <= set(dataset.attrs) for dataset in datasets)
     assert {"format", "format_version", "description"} <= set(rom.attrs)
     wanted = "negative_pivots shift_hz modes_below_shift ordering factor_seconds constraint_seconds modes_seconds"

@@ -1,0 +1,224 @@
+!> Columns of the basis on disk, so that memory holds a block of them at a time, and an interrupted reduction finds what is done.
+!>
+!> A block of columns is a file of its own in a folder, `<name>_<first>_<last>.h5` with one dataset `/columns [columns, n]`. It gets
+!> that name when it is whole: whoever finds it may use it, whatever befell the process that wrote it. So does a few numbers' file.
+module attrito_reduce_column_store
+  use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
+  use mpi, only: MPI_BARRIER
+  use attrito_core_errors, only: error_type, raise
+  use attrito_core_hdf5_array, only: read_block, write_array, write_block
+  use attrito_core_hdf5_dataset, only: array_shape, create_array
+  use attrito_core_hdf5_file, only: close_file, create_file, hdf5_file_type, open_file
+  use attrito_core_kinds, only: wp
+  use attrito_reduce_split, only: split_type
+  implicit none
+  private
+  public :: column_store_type, block_type, new_blocks
+
+  !> A run of columns that are stored together
+  type :: block_type
+    character(12) :: name = ''
+    integer :: first = 1, last = 0
+  contains
+    procedure :: columns => columns_of
+  end type block_type
+
+  type :: column_store_type
+    !> Exists, and belongs to this reduction alone
+    character(:), allocatable :: folder
+  contains
+    procedure :: has
+    procedure :: has_all
+    procedure :: put
+    procedure :: get
+    procedure :: has_numbers
+    procedure :: put_numbers
+    procedure :: get_numbers
+    procedure :: drop_numbers
+  end type column_store_type
+
+  interface
+    integer(c_int) function c_rename(from, to) bind(c, name='rename')
+      import :: c_char, c_int
+      character(kind=c_char), intent(in) :: from(*), to(*)
+    end function c_rename
+  end interface
+
+contains
+
+  !> Runs of at most `size` columns, `count` of them together.
+  pure function new_blocks(name, count, size) result(blocks)
+    !> What the columns are
+    character(*), intent(in) :: name
+    integer, intent(in) :: count, size
+    type(block_type), allocatable :: blocks(:)
+    integer :: i
+
+    blocks = [(block_type(name, i, min(i + size - 1, count)), i=1, count, size)]
+  end function new_blocks
+
+  pure integer function columns_of(self)
+    class(block_type), intent(in) :: self
+
+    columns_of = self%last - self%first + 1
+  end function columns_of
+
+  !> Is this block there?
+  logical function has(self, block)
+    class(column_store_type), intent(in) :: self
+    !> Which columns
+    type(block_type), intent(in) :: block
+
+    inquire (file=path_of(self, block), exist=has)
+  end function has
+
+  !> Are all these blocks there?
+  logical function has_all(self, blocks)
+    class(column_store_type), intent(in) :: self
+    !> Which columns
+    type(block_type), intent(in) :: blocks(:)
+    integer :: i
+
+    has_all = .false.
+    do i = 1, size(blocks)
+      if (.not. self%has(blocks(i))) return
+    end do
+    has_all = .true.
+  end function has_all
+
+  !> Store a block.
+  subroutine put(self, split, block, columns, error)
+    class(column_store_type), intent(in) :: self
+    !> Which rows are whose
+    type(split_type), intent(in) :: split
+    !> Which columns
+    type(block_type), intent(in) :: block
+    !> This rank's rows [rows, columns]
+    real(wp), intent(in), contiguous :: columns(:, :)
+    !> The disk is full
+    type(error_type), allocatable, intent(out) :: error
+    type(hdf5_file_type) :: file
+
+    call create_file(file, split%ranks%handle, path_of(self, block)//'.partial', error)
+    if (allocated(error)) return
+    call create_array(file, '/columns', 'real64', [block%columns(), split%n], 'columns of the basis, one a row', &
+                      'user length per coordinate', error)
+    if (.not. allocated(error)) call write_block(file, '/columns', [0, split%first - 1], columns, error)
+    call close_file(file)
+    if (.not. allocated(error)) call complete(split, path_of(self, block), error)
+  end subroutine put
+
+  !> Fetch a block, or its first columns.
+  subroutine get(self, split, block, columns, error)
+    class(column_store_type), intent(in) :: self
+    !> Which rows are whose
+    type(split_type), intent(in) :: split
+    !> Which columns
+    type(block_type), intent(in) :: block
+    !> This rank's rows [rows, columns]
+    real(wp), intent(out), contiguous :: columns(:, :)
+    !> It is not there
+    type(error_type), allocatable, intent(out) :: error
+    type(hdf5_file_type) :: file
+
+    call open_file(file, split%ranks%handle, path_of(self, block), error)
+    if (allocated(error)) return
+    call read_block(file, '/columns', [0, split%first - 1], columns, error)
+    call close_file(file)
+  end subroutine get
+
+  !> Are these numbers there?
+  logical function has_numbers(self, name)
+    class(column_store_type), intent(in) :: self
+    !> Name of the numbers
+    character(*), intent(in) :: name
+
+    inquire (file=self%folder//'/'//name//'.h5', exist=has_numbers)
+  end function has_numbers
+
+  !> Store numbers that all ranks hold.
+  subroutine put_numbers(self, split, name, numbers, error)
+    class(column_store_type), intent(in) :: self
+    !> The ranks
+    type(split_type), intent(in) :: split
+    !> Name of the numbers
+    character(*), intent(in) :: name
+    !> The same on every rank
+    real(wp), intent(in), contiguous :: numbers(:)
+    !> The disk is full
+    type(error_type), allocatable, intent(out) :: error
+    type(hdf5_file_type) :: file
+
+    call create_file(file, split%ranks%handle, self%folder//'/'//name//'.h5.partial', error)
+    if (allocated(error)) return
+    call write_array(file, '/numbers', numbers, 'what a step has found', 'as in rom.h5', error)
+    call close_file(file)
+    if (.not. allocated(error)) call complete(split, self%folder//'/'//name//'.h5', error)
+  end subroutine put_numbers
+
+  !> Fetch numbers.
+  subroutine get_numbers(self, split, name, numbers, error)
+    class(column_store_type), intent(in) :: self
+    !> The ranks
+    type(split_type), intent(in) :: split
+    !> Name of the numbers
+    character(*), intent(in) :: name
+    !> The same on every rank
+    real(wp), allocatable, intent(out) :: numbers(:)
+    !> They are not there
+    type(error_type), allocatable, intent(out) :: error
+    type(hdf5_file_type) :: file
+    integer, allocatable :: extent(:)
+
+    call open_file(file, split%ranks%handle, self%folder//'/'//name//'.h5', error)
+    if (allocated(error)) return
+    extent = array_shape(file, '/numbers', error)
+    if (.not. allocated(error)) then
+      allocate (numbers(extent(1)))
+      call read_block(file, '/numbers', [0], numbers, error)
+    end if
+    call close_file(file)
+  end subroutine get_numbers
+
+  !> Remove numbers; none do no harm.
+  subroutine drop_numbers(self, split, name)
+    class(column_store_type), intent(in) :: self
+    !> The ranks
+    type(split_type), intent(in) :: split
+    !> Name of the numbers
+    character(*), intent(in) :: name
+    integer :: unit, status, ierr
+    logical :: there
+
+    there = self%has_numbers(name)
+    if (split%ranks%is_root() .and. there) then
+      open (newunit=unit, file=self%folder//'/'//name//'.h5', iostat=status)
+      if (status == 0) close (unit, status='delete', iostat=status)
+    end if
+    call MPI_BARRIER(split%ranks%handle, ierr)
+  end subroutine drop_numbers
+
+  !> Give a whole file its name.
+  subroutine complete(split, path, error)
+    type(split_type), intent(in) :: split
+    character(*), intent(in) :: path
+    type(error_type), allocatable, intent(out) :: error
+    integer :: status, ierr
+
+    status = 0
+    if (split%ranks%is_root()) status = c_rename(path//'.partial'//c_null_char, path//c_null_char)
+    call split%ranks%broadcast_integer(status)
+    if (status /= 0) call raise(error, path//' cannot be given its name')
+    call MPI_BARRIER(split%ranks%handle, ierr)
+  end subroutine complete
+
+  pure function path_of(self, block) result(path)
+    class(column_store_type), intent(in) :: self
+    type(block_type), intent(in) :: block
+    character(:), allocatable :: path
+    character(32) :: range
+
+    write (range, '(a, i0.6, a, i0.6, a)') '_', block%first, '_', block%last, '.h5'
+    path = self%folder//'/'//trim(block%name)//trim(range)
+  end function path_of
+end module attrito_reduce_column_store

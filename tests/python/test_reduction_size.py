@@ -1,0 +1,317 @@
+"""The reduction at size: a twisted blade of 50 thousand dofs, memory, restart, and the error that it tells."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from elastic import elastic_block, rigid_motions
+from jobs import attrito
+from mpi4py import MPI
+from reduced import Case, make_case, unit, worst
+from scipy.linalg import eigh
+from scipy.sparse.linalg import eigsh
+
+from attrito.faults import NumericsError
+from attrito.info import receptance_errors
+from attrito.model_file import read_model
+from attrito.progress import Progress
+from attrito.reduction import reduce_model
+
+REPOSITORY = Path(__file__).parents[2]
+sys.path.append(str(REPOSITORY / "benchmarks"))
+
+import blade_solid  # noqa: E402
+
+SETTINGS = {f"OMPI_{name}": "1" for name in ("ALLOW_RUN_AS_ROOT", "ALLOW_RUN_AS_ROOT_CONFIRM")}
+SETTINGS |= {"OMPI_MCA_rmaps_base_oversubscribe": "1", "OPENBLAS_NUM_THREADS": "1"}
+
+
+def clean_environment() -> dict[str, str]:
+    """This process is an MPI process; what it starts must not take itself for its descendant."""
+    own = {key: value for key, value in os.environ.items() if not key.startswith(("OMPI_", "PMIX_", "OPAL_"))}
+    return own | SETTINGS | {"PYTHONPATH": os.pathsep.join(sys.path)}
+
+
+@pytest.fixture(scope="module")
+def blade(tmp_path_factory) -> Path:
+    """Folder of a free blade of 50 thousand dofs, reduced onto 200 contact nodes and 100 modes on two ranks."""
+    folder = tmp_path_factory.mktemp("blade_50k")
+    script, arguments = REPOSITORY / "benchmarks" / "blade_solid.py", [str(folder), "50000"]
+    subprocess.run([sys.executable, script, *arguments], check=True, env=clean_environment())
+    script = REPOSITORY / "benchmarks" / "reduction.py"
+    command = ["mpirun", "-n", "2", sys.executable, str(script), str(folder), "--modes", "100", "--keep"]
+    ran = subprocess.run(command, env=clean_environment(), capture_output=True, text=True, timeout=400)
+    assert ran.returncode == 0, ran.stderr
+    return folder
+
+
+def test_a_blade_of_50_thousand_dofs_has_all_its_modes(blade):
+    with h5py.File(blade / "rom.h5") as rom:
+        assert rom["recovery/basis"].shape == (702, 50025)
+        assert np.bincount(rom["coordinates/kind"][:]).tolist() == [600, 100, 2]
+        assert rom["modes/residual"][:].max() < 1e-8
+        told = rom["reduction"].attrs
+        found = np.sum(rom["modes/frequency_hz"][:] < told["shift_hz"])
+        assert told["modes_below_shift"] == found == 100
+        assert told["negative_pivots"] == 0
+    assert not (blade / "rom.h5.steps").exists()
+
+
+def test_rigid_motions_of_a_free_blade_pass_through_its_constraint_modes(blade):
+    model = read_model(blade / "model.h5", matrices=False)
+    motions = rigid_motions(model.coordinates)
+    with h5py.File(blade / "rom.h5") as rom:
+        boundary = rom["boundary/dof"][:]
+        recovered = rom["recovery/basis"][: len(boundary)].T @ motions[boundary]
+    assert worst(recovered, motions) < 1e-7
+
+
+def test_a_free_blade_has_six_rigid_modes_far_below_the_elastic_ones(blade):
+    with h5py.File(blade / "rom.h5") as rom:
+        frequencies = np.sqrt(np.abs(eigh(rom["stiffness"][:], rom["mass"][:], eigvals_only=True)))
+    assert frequencies[5] < 1e-4 * frequencies[6]
+
+
+def test_info_tells_of_the_blade_how_good_it_is(blade):
+    told = attrito(blade, "info", "rom.h5")
+    assert told.returncode == 0, told.stderr
+    assert "600 boundary dofs, 100 fixed-interface modes, 2 static corrections" in told.stdout
+    assert "inertia counts 100 below" in told.stdout
+    assert "mode 1: " in told.stdout
+    told = attrito(blade, "info", "model.h5")
+    assert "model of 50025 dofs, 3698145 entries" in told.stdout
+    assert "node set flanks: 200 nodes" in told.stdout
+
+
+def test_info_of_another_file_is_a_fault(tmp_path):
+    with h5py.File(tmp_path / "other.h5", "w"):
+        pass
+    told = attrito(tmp_path, "info", "other.h5")
+    assert told.returncode == 2
+    assert 'other.h5: format = \'missing\': expected "attrito model" or "attrito rom"' in told.stderr
+
+
+def quadratic_shapes(place: np.ndarray) -> np.ndarray:
+    """The ten functions of a tetrahedron at barycentric coordinates `[4]`."""
+    return np.array([*place * (2 * place - 1), *(4 * place[a] * place[b] for a, b in blade_solid.EDGES)])
+
+
+def test_the_mass_of_the_benchmark_elements_is_exact():
+    # Keast's rule of fifteen points is exact to the fifth degree, a product of two functions is of the fourth.
+    root = np.sqrt(15.0)
+    points = [(np.full(4, 0.25), 16 / 135)]
+    for near, weight in (((7 + root) / 34, (2665 - 14 * root) / 37800), ((7 - root) / 34, (2665 + 14 * root) / 37800)):
+        points += [(np.where(np.arange(4) == i, 1 - 3 * near, near), weight) for i in range(4)]
+    near = (10 - 2 * root) / 40
+    pairs = [(i, j) for i in range(4) for j in range(i)]
+    points += [(np.where(np.isin(np.arange(4), pair), near, 0.5 - near), 20 / 378) for pair in pairs]
+    expected = sum(weight * np.outer(*[quadratic_shapes(place)] * 2) for place, weight in points)
+    assert np.abs(blade_solid.unit_mass() - expected).max() < 1e-15
+
+
+def test_the_benchmark_blade_has_the_frequencies_that_calculix_finds(tmp_path, monkeypatch):
+    near, far = 0.5854101966249685, 0.1381966011250105
+    points = np.full((4, 4), far) + (near - far) * np.eye(4)
+    # CalculiX integrates the mass, too, with four points only.
+    mass = sum(np.outer(*[quadratic_shapes(place)] * 2) for place in points) / 4
+    monkeypatch.setattr(blade_solid, "unit_mass", lambda: mass)
+    model = blade_solid.blade_model(6000)
+    blade_solid.write_deck(tmp_path / "blade.inp", model, 5)
+    ran = subprocess.run(["ccx", "blade"], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert ran.returncode == 0, ran.stdout
+    lines = [line.split() for line in (tmp_path / "blade.dat").read_text().splitlines()]
+    expected = np.array([float(line[3]) for line in lines if len(line) == 5 and line[0].isdigit()])
+    assert len(expected) == 5
+    held = np.isin(model.dof_node, model.node_sets["flanks"])
+    stiffness, mass = (matrix[~held][:, ~held].tocsc() for matrix in (model.stiffness, model.mass))
+    found = np.sqrt(np.sort(eigsh(stiffness, 5, mass, sigma=0.0, return_eigenvectors=False))) / (2 * np.pi)
+    # CalculiX prints seven digits.
+    assert found == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["held", "free"])
+@pytest.mark.parametrize("modes", [4, 12])
+def test_the_estimated_error_of_a_mode_is_within_a_factor_ten_of_the_truth(name, modes, request):
+    case: Case = request.getfixturevalue(name)
+    _, rom = case.reduce(vectors=unit(case, 100, 50), modes=modes)
+    rigid = 6 if name == "free" else 0
+    full = np.sqrt(eigh(case.stiffness, case.mass, eigvals_only=True)[rigid:]) / (2 * np.pi)
+    frequency, estimate = (rom[f"quality/frequency_{what}"][:] for what in ("hz", "error"))
+    assert len(frequency) >= 3 or name == "free"
+    truth = frequency / full[: len(frequency)] - 1.0
+    assert np.all(estimate < 10.0 * truth)
+    assert np.all(truth < 10.0 * estimate)
+
+
+def test_the_estimated_error_of_a_monitor_is_within_a_factor_ten_of_the_truth(held):
+    vectors = unit(held, 100, 50)
+    _, rom = held.reduce(vectors=vectors, modes=6)
+    receptance, estimate = rom["quality/receptance"][:], rom["quality/receptance_error"][:]
+    full = np.zeros_like(receptance)
+    for i, frequency in enumerate(rom["quality/response_hz"][:]):
+        matrix = held.stiffness - (2 * np.pi * frequency) ** 2 * held.mass
+        full[i] = vectors @ np.linalg.solve(matrix, vectors.T)
+    assert len(full) >= 3
+    truth = full - receptance
+    # Where the error is as large as the response itself, a first-order estimate says no more than that.
+    small = np.abs(truth) < 0.3 * np.abs(receptance)
+    assert np.sum(small) > 0.7 * small.size
+    ratio = estimate[small] / truth[small]
+    assert ratio.min() > 0.1
+    assert ratio.max() < 10.0
+    assert receptance_errors(receptance, estimate).shape == (2, 2)
+
+
+@pytest.mark.parametrize("target", [1e-2, 1e-4])
+def test_modes_are_kept_until_the_error_meets_its_target(held, target):
+    report, rom = held.reduce(vectors=unit(held, 100, 50), error_target=target, top_frequency_hz=15000.0)
+    full = np.sqrt(eigh(held.stiffness, held.mass, eigvals_only=True)) / (2 * np.pi)
+    found = np.sqrt(eigh(rom["stiffness"][:], rom["mass"][:], eigvals_only=True)) / (2 * np.pi)
+    below = np.sum(full < 15000.0)
+    assert below >= 4
+    assert np.all(found[:below] / full[:below] - 1.0 < target)
+    assert 0.0 < report.worst_error <= target
+    # Not all of them, which would meet any target.
+    assert report.modes < 0.9 * len(held.interior)
+
+
+@pytest.mark.parametrize("width", [1, 7, 16, 50])
+def test_blocks_of_any_width_find_the_modes_of_a_dense_eigensolver(free, width):
+    for modes in (1, 20, 60):
+        report, rom = free.reduce(modes=modes, block_vectors=width)
+        assert worst(rom["modes/frequency_hz"][:] / free.clamped_frequencies[: report.modes], 1.0) < 1e-10
+        assert report.mode_residual < 1e-10
+
+
+def test_modes_that_come_in_pairs_are_all_found(tmp_path):
+    square = make_case(tmp_path, *elastic_block((6, 2, 2), (0.1, 0.02, 0.02)))
+    report, rom = square.reduce(modes=30)
+    expected = square.clamped_frequencies[: report.modes]
+    assert np.sum(expected[1:] / expected[:-1] < 1.0 + 1e-9) >= 5
+    assert worst(rom["modes/frequency_hz"][:] / expected, 1.0) < 1e-9
+    assert report.modes_below_shift == report.modes
+
+
+def test_factors_on_disk_give_the_same_model(free):
+    in_core, one = free.reduce(modes=8, out_of_core=False)
+    on_disk, other = free.reduce(modes=8, out_of_core=True)
+    assert (in_core.out_of_core, on_disk.out_of_core) == (0, 1)
+    assert worst(other["modes/frequency_hz"][:] / one["modes/frequency_hz"][:], 1.0) < 1e-11
+    assert worst(other["stiffness"][:], one["stiffness"][:]) < 1e-11
+
+
+@pytest.fixture(scope="module")
+def middling(tmp_path_factory) -> Path:
+    """Folder of a blade of ten thousand dofs."""
+    folder = tmp_path_factory.mktemp("blade_10k")
+    blade_solid.write_model(folder / "model.h5", blade_solid.blade_model(10000), [])
+    return folder
+
+
+def flanks(folder: Path) -> np.ndarray:
+    model = read_model(folder / "model.h5", matrices=False)
+    return np.flatnonzero(np.isin(model.dof_node, model.node_sets["flanks"]))
+
+
+def test_factors_go_to_disk_where_memory_is_short_and_nothing_is_begun_where_it_is_too_short(middling):
+    told = []
+    arguments = (MPI.COMM_WORLD, middling / "model.h5", middling / "rom.h5", flanks(middling)[:30])
+
+    def reduce(memory_gb):
+        return reduce_model(
+            *arguments, modes=5, block_size=16, memory_gb=memory_gb, listener=lambda text, *_: told.append(text)
+        )
+
+    report = reduce(None)
+    assert report.out_of_core == 0
+    beside = 10000 * 200 * 8 / 2**30
+    between = beside + 0.5 * (report.factor_megabytes + report.factor_megabytes_out_of_core) / 1024
+    assert reduce(between / 0.95).out_of_core == 1
+    words = [text for text in told if "factors of" in text]
+    assert words[0].endswith(": in core")
+    assert words[-1].endswith(": on disk")
+    with pytest.raises(NumericsError, match=r"memory is too short for the reduction even with the factors on disk"):
+        reduce(beside)
+
+
+RESTARTED = """
+import sys
+from mpi4py import MPI
+import numpy as np
+from attrito.reduction import reduce_model
+folder, boundary = sys.argv[1], np.load(sys.argv[1] + "/boundary.npy")
+how = {"modes": 60, "block_size": 4, "fingerprint": "it"}
+reduce_model(MPI.COMM_WORLD, folder + "/model.h5", folder + "/rom.h5", boundary, **how)
+"""
+
+
+def kill_when(folder: Path, pattern: str, ranks: int) -> dict[str, float]:
+    """Start the reduction, kill it hard once a step has left such a file; the files whole by then, with their times."""
+    command = ["mpirun", "-n", str(ranks), sys.executable, "-c", RESTARTED, str(folder)]
+    running = subprocess.Popen(command, env=clean_environment(), start_new_session=True, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 120.0
+    while not list((folder / "rom.h5.steps").glob(pattern)):
+        assert running.poll() is None, "the reduction ended before it could be killed"
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+    children = subprocess.run(["pgrep", "-P", str(running.pid)], capture_output=True, text=True).stdout.split()
+    for process in [*map(int, children), running.pid]:
+        os.kill(process, signal.SIGKILL)
+    running.wait()
+    return {path.name: path.stat().st_mtime_ns for path in (folder / "rom.h5.steps").glob("*.h5")}
+
+
+@pytest.mark.parametrize("pattern", ["constraint_000029_*.h5", "mode_000009_*.h5", "mass.h5"])
+def test_a_reduction_that_was_killed_goes_on_from_its_last_finished_step(middling, pattern):
+    boundary = flanks(middling)[:120]
+    np.save(middling / "boundary.npy", boundary)
+    arguments = (MPI.COMM_WORLD, middling / "model.h5")
+    reduce_model(*arguments, middling / "whole.h5", boundary, modes=60, block_size=4)
+    left = kill_when(middling, pattern, 2)
+    steps = middling / "rom.h5.steps"
+    seen: dict[str, int] = {}
+
+    def listen(text, done, total):
+        for path in steps.glob("*.h5"):
+            seen[path.name] = path.stat().st_mtime_ns
+
+    reduce_model(*arguments, middling / "rom.h5", boundary, modes=60, block_size=4, fingerprint="it", listener=listen)
+    kept = [name for name in left if name.startswith("constraint")]
+    assert len(kept) >= 8
+    assert all(seen[name] == left[name] for name in kept)
+    assert not steps.exists()
+    with h5py.File(middling / "whole.h5") as whole, h5py.File(middling / "rom.h5") as rom:
+        pencils = [(file["stiffness"][:], file["mass"][:]) for file in (whole, rom)]
+        assert rom["reduction"].attrs["modes_below_shift"] == 60
+        # Factors of one and of two ranks differ by rounding, 1e-16, times the condition of K_ii, some 1e8.
+        assert worst(rom["recovery/basis"][:120], whole["recovery/basis"][:120]) < 1e-7
+    one, other = (np.sqrt(np.abs(eigh(*pencil, eigvals_only=True)[6:])) for pencil in pencils)
+    assert worst(other / one, 1.0) < 1e-9
+
+
+def test_what_another_reduction_left_is_not_taken_up(middling):
+    boundary = flanks(middling)[:30]
+    steps = middling / "other.h5.steps"
+    steps.mkdir()
+    (steps / "fingerprint").write_text("of another")
+    (steps / "constraint_000001_000030.h5").write_text("no columns")
+    reduce_model(MPI.COMM_WORLD, middling / "model.h5", middling / "other.h5", boundary, modes=3, fingerprint="mine")
+    assert not steps.exists()
+
+
+def test_long_steps_tell_how_much_time_is_left(monkeypatch, capsys):
+    clock = iter([100.0, 101.0, 110.0, 111.0, 130.0, 140.0])
+    monkeypatch.setattr("attrito.progress.time.monotonic", lambda: next(clock))
+    progress = Progress(MPI.COMM_SELF)
+    for done in (0, 10, 100, 110, 300, 600):
+        progress.step("constraint modes", done, 600)
+    told = capsys.readouterr().out.splitlines()
+    assert told == ["constraint modes: 100 of 600, some 50 s left", "constraint modes: 300 of 600, some 30 s left"]
