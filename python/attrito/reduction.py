@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 # Raised when the steps leave their results in another form.
 STEPS_VERSION = 1
-TOLERANCE = 1e-11
+TOLERANCE = 1e-12
 BLOCK_VECTORS = 16
 
 
