@@ -3,7 +3,7 @@
 !> $$ d_h = \frac{2}{P J} \sum_{j=1}^{P J} d(t_j) e^{-i h \omega t_j} \quad (h > 0), \qquad t_j = \frac{2 \pi j}{J \omega}, $$
 !>
 !> half of it for h = 0, and the mean of the sliders at the ends of these P periods. Where motion in time comes to no orbit of the
-!> excitation's period, walks or takes several periods, one that is unstable mostly exists, and the mean is near it. It only has to be
+!> excitation's period, walks or takes several periods, the balance mostly has a solution, and the mean is near it. It only has to be
 !> near: steps are coarse, and a loss factor acts as the modal damping that dissipates as much at resonance.
 module attrito_integrate_averaged_periods
   use attrito_core_errors, only: error_type
