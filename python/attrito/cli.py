@@ -132,6 +132,10 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument("file", help="model or reduced model")
     one.set_defaults(work=_info)
 
+    one = commands.add_parser("keys", help="the keys of a job file: what each takes, its default, what it means")
+    one.add_argument("table", nargs="?", help="one table, as sweep (default: all)")
+    one.set_defaults(work=_keys)
+
     one = commands.add_parser("verify", help="reproduce Zucca & Firrone 2014: figures, data, and a table of numbers")
     one.add_argument("what", choices=["paper"], help="what to reproduce")
     one.add_argument("-o", "--output", metavar="DIR", default="out/paper", help="folder to write (default: out/paper)")
@@ -259,6 +263,14 @@ def _info(options: argparse.Namespace) -> None:
     from attrito.info import describe
 
     print("\n".join(describe(options.file)))
+
+
+def _keys(options: argparse.Namespace) -> None:
+    from attrito.job_reference import as_text, tables
+
+    if options.table is not None and options.table not in tables():
+        raise InputError(Fault("keys", "table", options.table, "one of " + ", ".join(tables())))
+    print(as_text(options.table))
 
 
 def _verify(options: argparse.Namespace) -> None:

@@ -15,7 +15,7 @@ from scipy.sparse import csr_matrix, vstack
 from attrito.faults import Fault, InputError
 from attrito.importers import check_matrices, read_matrices
 from attrito.job import Job
-from attrito.job_schema import DIRECTIONS
+from attrito.job_checks import DIRECTIONS
 from attrito.loads import build_loads, soften, spin_faults
 from attrito.model_file import Model, read_model
 from attrito.pairing import contact_rows, pair_sets

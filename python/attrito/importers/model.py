@@ -18,7 +18,7 @@ from attrito.importers.matrix import open_matrix, split_name
 from attrito.importers.mesh import Mesh, read_mesh
 from attrito.importers.prestress import check_holdings, hold
 from attrito.importers.source import Source
-from attrito.job_schema import DIRECTIONS
+from attrito.job_checks import DIRECTIONS
 from attrito.model_file import Model, write_model
 
 

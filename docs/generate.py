@@ -1,0 +1,37 @@
+"""The parts of the documentation that come out of the code: `script/reference` writes them, a test compares them.
+
+A page has them between two marks, `<!-- made by ... -->` and `<!-- end of what is made -->`.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from attrito.job_reference import as_markdown
+
+DOCS = Path(__file__).resolve().parent
+BEGIN, END = "<!-- made by script/reference", "<!-- end of what is made -->"
+MADE = {"job.md": as_markdown}
+
+
+def page(name: str) -> str:
+    """A page as it should be: what is made put between its marks."""
+    text = (DOCS / name).read_text()
+    begin = text.index("\n", text.index(BEGIN)) + 1
+    return f"{text[:begin]}{MADE[name]()}\n{text[text.index(END) :]}"
+
+
+def main() -> int:
+    """Write the pages; with --check only say which are out of date."""
+    stale = [name for name in MADE if (DOCS / name).read_text() != page(name)]
+    for name in stale:
+        if "--check" in sys.argv:
+            print(f"docs/{name} is not what the code says: script/reference mends it", file=sys.stderr)
+        else:
+            (DOCS / name).write_text(page(name))
+    return 1 if stale and "--check" in sys.argv else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

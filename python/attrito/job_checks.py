@@ -1,0 +1,204 @@
+"""Checks of a job's values.
+
+A check takes a value and returns the value as the program wants it, or raises `ValueError` with what was expected.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from typing import Any
+
+Check = Callable[[Any], Any]
+
+# Integers cross to the library as 32 bits.
+LARGEST_INTEGER = 2**31 - 1
+# Displacements along the axes, and rotations about them.
+DIRECTIONS = {"x": 1, "y": 2, "z": 3, "rx": 4, "ry": 5, "rz": 6}
+
+
+def number(low: float = -math.inf, high: float = math.inf, *, above: bool = False) -> Check:
+    """A finite number from `low` (or above it) to `high`."""
+    words = "a number"
+    if low > -math.inf:
+        words += f" above {low:g}" if above else f" of at least {low:g}"
+    if high < math.inf:
+        words += f" {'and ' if low > -math.inf else ''}of at most {high:g}"
+
+    def check(value: Any) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ValueError(words)
+        try:
+            finite = math.isfinite(value)
+        except OverflowError:
+            finite = False
+        if not finite or value < low or value > high or (above and value == low):
+            raise ValueError(words)
+        return float(value)
+
+    return check
+
+
+def integer(low: int, high: int = LARGEST_INTEGER, later: tuple[str, ...] = ()) -> Check:
+    """An integer from `low` to `high`; the words of `later` are known in its place, but not in this version."""
+    words = f"an integer from {low} to {high}"
+
+    def check(value: Any) -> int:
+        if isinstance(value, str) and value in later:
+            raise ValueError(f'{words} ("{value}" is not in this version)')
+        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+            raise ValueError(words)
+        return value
+
+    return check
+
+
+def text(value: Any) -> str:
+    """A text that is not empty."""
+    if not isinstance(value, str) or not value.strip() or not value.isprintable():
+        raise ValueError("a text of printable characters")
+    return value
+
+
+def boolean(value: Any) -> bool:
+    """true or false."""
+    if not isinstance(value, bool):
+        raise ValueError("true or false")
+    return value
+
+
+def choice(*names: str, later: tuple[str, ...] = ()) -> Check:
+    """One of some names; those of `later` are known but not in this version."""
+    words = "one of " + ", ".join(f'"{name}"' for name in names) if len(names) > 1 else f'"{names[0]}"'
+
+    def check(value: Any) -> str:
+        if isinstance(value, str) and value in later:
+            raise ValueError(f'{words} ("{value}" is not in this version)')
+        if value not in names:
+            raise ValueError(words)
+        return value
+
+    return check
+
+
+def either(*checks: Check) -> Check:
+    """What any of some checks takes."""
+
+    def check(value: Any) -> Any:
+        expected = []
+        for one in checks:
+            try:
+                return one(value)
+            except ValueError as error:
+                expected.append(str(error))
+        raise ValueError(", or ".join(expected))
+
+    return check
+
+
+def listing(item: Check, low: int = 0, high: int | None = None) -> Check:
+    """A list of items, `low` to `high` of them."""
+
+    def check(value: Any) -> list:
+        if not isinstance(value, list) or len(value) < low or (high is not None and len(value) > high):
+            count = f"{low}" if high == low else f"at least {low}" if high is None else f"{low} to {high}"
+            raise ValueError(f"a list of {count} items")
+        checked = []
+        for place, entry in enumerate(value):
+            try:
+                checked.append(item(entry))
+            except ValueError as error:
+                inner = str(error)
+                words = f"{inner} of item {place}" if "as item" in inner else f"{inner}, not {entry!r}, as item {place}"
+                raise ValueError(words) from None
+        return checked
+
+    check.item, check.low, check.high = item, low, high
+    return check
+
+
+def takes(check: Check) -> str:
+    """What a check takes, in words: those with which it refuses what nothing takes; of a list its items' too."""
+    if not hasattr(check, "item"):
+        try:
+            check(object())
+        except ValueError as error:
+            return re.sub(rf"from (\d+) to {LARGEST_INTEGER}\b", r"of at least \1", str(error))
+        raise TypeError("a check that refuses nothing")
+    if check.low == check.high:
+        return f"a list of {check.low}, each {takes(check.item)}"
+    count = f" of at least {check.low}" if check.high is None and check.low else ""
+    count = f" of {check.low} to {check.high}" if check.high is not None else count
+    return f"a list{count}, each {takes(check.item)}"
+
+
+def dof(value: Any) -> int | tuple[str, int | str, str]:
+    """A dof: a number from 0, or ["node", id, "x"] with an id or the name of a set of one node."""
+    if isinstance(value, int) and not isinstance(value, bool) and value >= 0:
+        return value
+    if (
+        isinstance(value, list)
+        and len(value) == 3
+        and value[0] == "node"
+        and isinstance(value[1], int | str)
+        and not isinstance(value[1], bool)
+        and isinstance(value[2], str)
+        and value[2] in DIRECTIONS
+    ):
+        return tuple(value)
+    raise ValueError('a dof: a number from 0, or ["node", id, "x"]')
+
+
+def term(value: Any) -> tuple[Any, float]:
+    """A pair [dof, coefficient]."""
+    if not isinstance(value, list) or len(value) != 2:
+        raise ValueError("a pair [dof, coefficient]")
+    return dof(value[0]), number()(value[1])
+
+
+terms = listing(term)
+
+
+def monitor(value: Any) -> dict[str, Any]:
+    """A table { name, dofs }."""
+    if not isinstance(value, dict) or set(value) != {"name", "dofs"}:
+        raise ValueError("a table { name = ..., dofs = [[dof, coefficient], ...] }")
+    name = text(value["name"])
+    reserved = (".", "..", "frequency_hz", "natural_hz")
+    if "/" in name or "," in name or name != name.strip() or len(name.encode()) > 64 or name in reserved:
+        raise ValueError(
+            "a name of at most 64 bytes without slash, comma or outer blanks, other than " + ", ".join(reserved[2:])
+        )
+    return {"name": name, "dofs": listing(term, 1)(value["dofs"])}
+
+
+def corner(value: Any) -> float | dict[str, float]:
+    """A corner of the load path: one factor, or factors by the names of loads."""
+    if isinstance(value, dict):
+        return {name: number()(factor) for name, factor in value.items()}
+    try:
+        return number()(value)
+    except ValueError:
+        raise ValueError("a number, or a table of numbers by the names of loads") from None
+
+
+def matrix(value: Any) -> str | list:
+    """A file, or rows of numbers."""
+    if isinstance(value, str):
+        return text(value)
+    if isinstance(value, list) and value and all(isinstance(row, list) for row in value):
+        return value
+    raise ValueError("a file name or a list of rows of numbers")
+
+
+def start(value: Any) -> str:
+    """Where an integration starts: "static", "rest" or "point:<number>"."""
+    if value in ("static", "rest") or (isinstance(value, str) and re.fullmatch(r"point:\d+", value)):
+        return value
+    raise ValueError('"static", "rest" or "point:<number>"')
+
+
+def node_reference(value: Any) -> int | str:
+    """A node's id or a node set's name."""
+    return either(integer(1), text)(value)
