@@ -58,9 +58,10 @@ contains
         if (options%error_target <= 0.0_wp .or. worst <= options%error_target) return
         if (work%report%modes >= work%split%n - work%split%boundary_count) return
       end associate
-      wanted = min(2*wanted, work%split%n - work%split%boundary_count)
+      wanted = min(2*work%report%modes, work%split%n - work%split%boundary_count)
       call work%progress%say('the error of the reduced model is '//number_text(worst)//': twice as many modes')
-      call work%forget_modes()
+      call work%store%put_numbers(work%split, 'count', [real(wanted, wp)], error)
+      if (.not. allocated(error)) call work%forget_modes()
     end do
   end subroutine take_interior_steps
 
@@ -97,31 +98,31 @@ contains
     call work%finish(step_correction)
   end subroutine take_response_step
 
-  !> Number of modes asked for, directly, by a frequency, or to begin with.
+  !> Number of modes asked for: directly, by a frequency, or for an error, what doubling has come to.
   subroutine count_wanted(work, wanted, error)
     type(workspace_type), intent(inout) :: work
     integer, intent(out) :: wanted
     type(error_type), allocatable, intent(out) :: error
     real(wp), allocatable :: numbers(:)
 
+    if (work%store%has_numbers('count')) then
+      call work%store%get_numbers(work%split, 'count', numbers, error)
+      if (.not. allocated(error)) wanted = nint(numbers(1))
+      return
+    end if
     wanted = work%options%modes
     if (work%options%error_target > 0.0_wp) wanted = min(first_guess, work%split%n - work%split%boundary_count)
     if (wanted >= 0) return
-    if (.not. work%store%has_numbers('count')) then
-      ! Never two factorisations at once.
-      call work%release_factor()
-      call work%need_stiffness(error)
-      if (.not. allocated(error)) call work%need_mass(error)
-      if (allocated(error)) return
-      call work%begin(step_count)
-      call count_modes_up_to(work%stiffness%interior, work%mass, work%options%max_frequency_hz, work%factor_options(), &
-                             work%progress, wanted, error)
-      call work%finish(step_count)
-      if (.not. allocated(error)) call work%store%put_numbers(work%split, 'count', [real(wanted, wp)], error)
-      return
-    end if
-    call work%store%get_numbers(work%split, 'count', numbers, error)
-    if (.not. allocated(error)) wanted = nint(numbers(1))
+    ! Never two factorisations at once.
+    call work%release_factor()
+    call work%need_stiffness(error)
+    if (.not. allocated(error)) call work%need_mass(error)
+    if (allocated(error)) return
+    call work%begin(step_count)
+    call count_modes_up_to(work%stiffness%interior, work%mass, work%options%max_frequency_hz, work%factor_options(), &
+                           work%progress, wanted, error)
+    call work%finish(step_count)
+    if (.not. allocated(error)) call work%store%put_numbers(work%split, 'count', [real(wanted, wp)], error)
   end subroutine count_wanted
 
   !> Fixed-interface modes.

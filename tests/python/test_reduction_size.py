@@ -297,6 +297,47 @@ def test_a_reduction_that_was_killed_goes_on_from_its_last_finished_step(middlin
     assert worst(other / one, 1.0) < 1e-9
 
 
+KILLED_AMONG_FORTY_MODES = """
+import os, signal, sys
+from mpi4py import MPI
+import numpy as np
+from attrito.reduction import reduce_model
+folder, boundary = sys.argv[1], np.load(sys.argv[1] + "/boundary.npy")
+def listen(text, done, total):
+    if text == "fixed-interface modes" and total == 40:
+        os.kill(os.getpid(), signal.SIGKILL)
+reduce_model(MPI.COMM_WORLD, folder + "/model.h5", folder + "/auto.h5", boundary, error_target=1e-4,
+             top_frequency_hz=float(sys.argv[2]), fingerprint="it", listener=listen)
+"""
+
+
+def test_doubling_the_modes_goes_on_from_the_number_it_had_come_to(middling):
+    boundary = flanks(middling)[:120]
+    np.save(middling / "boundary.npy", boundary)
+    first = reduce_model(MPI.COMM_WORLD, middling / "model.h5", middling / "few.h5", boundary, modes=20)
+    with h5py.File(middling / "few.h5") as file:
+        # Just above the twenty modes, so that these cannot be enough.
+        top = float(file["modes/frequency_hz"][-1]) * 1.01
+    assert first.modes == 20
+    command = [sys.executable, "-c", KILLED_AMONG_FORTY_MODES, str(middling), str(top)]
+    assert subprocess.run(command, env=clean_environment(), stderr=subprocess.DEVNULL).returncode == -signal.SIGKILL
+    totals = []
+    report = reduce_model(
+        MPI.COMM_WORLD,
+        middling / "model.h5",
+        middling / "auto.h5",
+        boundary,
+        error_target=1e-4,
+        top_frequency_hz=top,
+        fingerprint="it",
+        listener=lambda text, done, total: totals.append(total if text == "fixed-interface modes" else 0),
+    )
+    assert 20 not in totals
+    assert 40 in totals
+    assert report.modes >= 40
+    assert report.worst_error <= 1e-4
+
+
 def test_what_another_reduction_left_is_not_taken_up(middling):
     boundary = flanks(middling)[:30]
     steps = middling / "other.h5.steps"
