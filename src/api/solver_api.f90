@@ -15,7 +15,7 @@ module attrito_api_solver
   use attrito_balance_receptance, only: receptance_type, to_complex, to_real
   use attrito_balance_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
   use attrito_continuation_arc_length, only: new_sweep
-  use attrito_continuation_cascade, only: solve_by_cascade
+  use attrito_continuation_cascade, only: place_type, place_of, return_to, solve_by_attempt, solve_by_cascade
   use attrito_continuation_rebalancing, only: field_type, rebalance
   use attrito_continuation_solver, only: solver_options_type, new_solver
   use attrito_integrate_averaged_periods, only: new_averaged_periods
@@ -180,6 +180,25 @@ contains
     if (.not. session%solver%report%converged) session%solver%omega = before
     point = point_of(session%point)
   end subroutine attrito_solve_at
+
+  !> A point at an angular frequency by one attempt of the cascade alone, from 1 in its order; the session then stands where it stood
+  !> before, whether that found a point or not.
+  subroutine attrito_try_at(handle, attempt, omega, point) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: attempt
+    real(c_double), value :: omega
+    type(point_type), intent(out) :: point
+    type(session_type), pointer :: session
+    type(place_type) :: before
+
+    session => session_of(handle)
+    before = place_of(session%solver)
+    call solve_by_attempt(session%solver, attempt, omega)
+    session%solver%omega = omega
+    call report_point(session%solver, 0, session%point)
+    call return_to(session%solver, before)
+    point = point_of(session%point)
+  end subroutine attrito_try_at
 
   !> Coefficients of the monitors [monitors, 2 H + 1] and their amplitudes at the last point.
   subroutine attrito_monitors(handle, harmonics, amplitude) bind(c)

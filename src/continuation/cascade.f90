@@ -10,7 +10,7 @@ module attrito_continuation_cascade
   use attrito_continuation_start_in_time, only: has_time, solve_in_time
   implicit none
   private
-  public :: solve_by_cascade, march_along, way_type
+  public :: solve_by_cascade, solve_by_attempt, march_along, way_type, place_type, place_of, return_to
 
   !> Smallest part of the way taken in one step
   real(wp), parameter :: smallest_step = 1.0_wp/128.0_wp
@@ -24,11 +24,12 @@ module attrito_continuation_cascade
   !> Iterations after which a way of small steps is given up
   integer, parameter :: way_iterations = 200
 
-  !> Motion, sliders and which of them are periodic, angular frequency
+  !> Motion, sliders and which of them are periodic, angular frequency, and whether every contact stuck there
   type :: place_type
     real(wp), allocatable :: motion(:, :), slider(:, :)
     logical, allocatable :: periodic(:)
     real(wp) :: omega = 0.0_wp
+    logical :: all_stick = .false.
   end type place_type
 
   !> A way from 0 to 1 along which some parameter goes from where it is to where it should be.
@@ -71,7 +72,6 @@ contains
     !> Target
     real(wp), intent(in) :: omega
     type(place_type) :: before
-    real(wp) :: level
     integer :: iterations, attempt
     logical :: converged
 
@@ -80,37 +80,73 @@ contains
     call solver%solve_stuck_at(omega, converged)
     if (converged) return
     before = place_of(solver)
-    level = solver%context%balance%level
     iterations = 0
     do attempt = 1, size(attempts)
-      select case (attempts(attempt))
-       case (from_here_briefly)
-        if (.not. has_time(solver)) cycle
-        solver%brief = .true.
-        call solve_here(solver, omega, iterations, converged)
-        solver%brief = .false.
-       case (from_motion_in_time)
-        if (.not. has_time(solver)) cycle
-        call solve_in_time(solver, omega, iterations, converged)
-       case (from_here)
-        call solve_here(solver, omega, iterations, converged)
-       case (from_stuck_response)
-        call solve_from_stuck(solver, omega, iterations, converged)
-       case (by_frequency)
-        call march_along(frequency_way_type(before%omega, omega), solver, iterations, converged, &
-                         most_iterations=way_iterations)
-       case default  ! by_level
-        solver%motion(2:, :) = 0.0_wp
-        call march_along(level_way_type(omega, level), solver, iterations, converged, most_iterations=way_iterations)
-        call solver%set_loads(solver%context%balance%static_factors, level)
-      end select
+      if (.not. has_time(solver) .and. any(attempts(attempt) == [from_here_briefly, from_motion_in_time])) cycle
+      call try(solver, attempts(attempt), omega, before, iterations, converged)
       if (converged) exit
       call return_to(solver, before)
       if (solver%walks) exit
     end do
     if (converged) solver%no_orbit_in_time = .false.
+    ! The last step of a way that was given up may have converged, elsewhere.
+    solver%report%converged = converged
     solver%report%iterations = iterations
   end subroutine solve_by_cascade
+
+  !> Solve at an angular frequency by one attempt alone, for methods to be compared; the solver stays where it gets to, or returns.
+  subroutine solve_by_attempt(solver, attempt, omega)
+    type(solver_type), intent(inout) :: solver
+    !> Place in the order above, from 1
+    integer, intent(in) :: attempt
+    real(wp), intent(in) :: omega
+    type(place_type) :: before
+    integer :: iterations
+    logical :: converged
+
+    solver%no_orbit_in_time = .false.
+    solver%walks = .false.
+    before = place_of(solver)
+    iterations = 0
+    call try(solver, attempt, omega, before, iterations, converged)
+    if (converged) solver%no_orbit_in_time = .false.
+    if (.not. converged) call return_to(solver, before)
+    solver%report%converged = converged
+    solver%report%iterations = iterations
+  end subroutine solve_by_attempt
+
+  !> One attempt from a place at which the solver stands.
+  subroutine try(solver, attempt, omega, before, iterations, converged)
+    type(solver_type), intent(inout) :: solver
+    integer, intent(in) :: attempt
+    real(wp), intent(in) :: omega
+    type(place_type), intent(in) :: before
+    !> Counts on
+    integer, intent(inout) :: iterations
+    logical, intent(out) :: converged
+    real(wp) :: level
+
+    converged = .false.
+    select case (attempt)
+     case (from_here_briefly)
+      solver%brief = .true.
+      call solve_here(solver, omega, iterations, converged)
+      solver%brief = .false.
+     case (from_motion_in_time)
+      if (has_time(solver)) call solve_in_time(solver, omega, iterations, converged)
+     case (from_here)
+      call solve_here(solver, omega, iterations, converged)
+     case (from_stuck_response)
+      call solve_from_stuck(solver, omega, iterations, converged)
+     case (by_frequency)
+      call march_along(frequency_way_type(before%omega, omega), solver, iterations, converged, most_iterations=way_iterations)
+     case default  ! by_level
+      level = solver%context%balance%level
+      solver%motion(2:, :) = 0.0_wp
+      call march_along(level_way_type(omega, level), solver, iterations, converged, most_iterations=way_iterations)
+      call solver%set_loads(solver%context%balance%static_factors, level)
+    end select
+  end subroutine try
 
   !> From the motion that the solver stands at.
   subroutine solve_here(solver, omega, iterations, converged)
@@ -146,15 +182,18 @@ contains
     type(solver_type), intent(in) :: solver
     type(place_type) :: place
 
-    place = place_type(solver%motion, solver%context%balance%slider, solver%context%balance%periodic, solver%omega)
+    place = place_type(solver%motion, solver%context%balance%slider, solver%context%balance%periodic, &
+                       solver%omega, solver%all_stick)
   end function place_of
 
+  !> Let a solver stand at a place.
   subroutine return_to(solver, place)
     type(solver_type), intent(inout) :: solver
     type(place_type), intent(in) :: place
 
     solver%motion = place%motion
     solver%omega = place%omega
+    solver%all_stick = place%all_stick
     call solver%set_slider(place%slider, place%periodic)
   end subroutine return_to
 
