@@ -1,8 +1,81 @@
-"""attrito: the steady vibration of finite-element structures that rub."""
+"""attrito: the steady vibration of finite-element structures that rub.
 
+    import attrito
+
+    result = attrito.run("job.toml")                      # or a dictionary; under mpirun on all ranks
+    result.monitors["tip"].amplitude                      # an array that knows its unit
+    with attrito.open("result.h5") as result: ...
+
+docs/python.md tells of each.
+"""
+
+from __future__ import annotations
+
+import importlib
 from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from attrito.api import UnsolvedWarning, integrate, open, reduce, run
+    from attrito.data import File, Group, Quantity
+    from attrito.faults import Fault, InputError, NumericsError, UnsolvedError
+    from attrito.importers import import_model
+    from attrito.report import write_report
+    from attrito.results import Result, contact_table, multiplier_table, table
 
 try:
     __version__ = version("attrito")
 except PackageNotFoundError:  # run from a source tree
     __version__ = "unknown"
+
+# Where each name is; it is loaded when it is asked for, so that a command loads only what it needs.
+_PLACES = {
+    "run": "api",
+    "integrate": "api",
+    "reduce": "api",
+    "open": "api",
+    "import_model": "importers",
+    "write_report": "report",
+    "File": "data",
+    "Group": "data",
+    "Quantity": "data",
+    "Result": "results",
+    "table": "results",
+    "contact_table": "results",
+    "multiplier_table": "results",
+    "Fault": "faults",
+    "InputError": "faults",
+    "NumericsError": "faults",
+    "UnsolvedError": "faults",
+    "UnsolvedWarning": "api",
+}
+__all__ = [
+    "Fault",
+    "File",
+    "Group",
+    "InputError",
+    "NumericsError",
+    "Quantity",
+    "Result",
+    "UnsolvedError",
+    "UnsolvedWarning",
+    "contact_table",
+    "import_model",
+    "integrate",
+    "multiplier_table",
+    "open",
+    "reduce",
+    "run",
+    "table",
+    "write_report",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PLACES:
+        raise AttributeError(f"module 'attrito' has no attribute {name!r}")
+    return getattr(importlib.import_module(f"attrito.{_PLACES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *__all__]

@@ -115,18 +115,39 @@ def _parser() -> argparse.ArgumentParser:
     kind.add_argument("--multipliers", action="store_true", help="a row a point and Floquet multiplier")
     one.set_defaults(work=_table)
 
-    one = commands.add_parser("plot", help="result.h5 -> PNG: frequency response, hysteresis loops or contact map")
+    one = commands.add_parser("plot", help="result.h5 -> PNG, PDF, SVG: frequency response, loops or contact map")
     one.add_argument("result", help="result file")
-    one.add_argument("-o", "--output", help="picture to write (default: frf.png, loops.png or contacts.png beside it)")
+    one.add_argument(
+        "-o",
+        "--output",
+        help="picture to write, .png, .pdf or .svg (default: frf.png, loops.png or contacts.png beside it)",
+    )
     one.add_argument("--monitor", help="monitor of the frequency response (default: the first)")
     kind = one.add_mutually_exclusive_group()
     kind.add_argument("--loops", action="store_true", help="hysteresis loops of a point")
-    kind.add_argument("--map", action="store_true", help="states of the contacts of a point, in space")
+    kind.add_argument(
+        "--map",
+        nargs="?",
+        const="slip",
+        choices=["slip", "state", "energy", "pressure"],
+        help="what the contacts of a point do, on their surface (default: slip)",
+    )
     one.add_argument("--point", type=int, help="point of the loops or the map (default: the largest amplitude)")
     one.add_argument(
         "--contact", type=int, nargs="+", help="contacts of the loops (default: those that dissipate most)"
     )
+    one.add_argument("--width", type=_measure, metavar="MM", help="of the figure, millimetres")
+    one.add_argument("--height", type=_measure, metavar="MM", help="of the figure, millimetres")
+    one.add_argument("--font", help="a font that is installed, as 'DejaVu Serif'")
+    one.add_argument("--font-size", type=_measure, default=9.0, metavar="POINTS", help="default: 9")
+    one.add_argument("--dpi", type=_positive, default=220, help="of a .png (default: 220)")
     one.set_defaults(work=_plot)
+
+    one = commands.add_parser("report", help="result.h5 -> one HTML page with figures, verdicts and the job")
+    one.add_argument("result", help="result file")
+    one.add_argument("-o", "--output", help="page to write (default: report.html beside the result)")
+    one.add_argument("--point", type=int, help="point whose contacts are shown (default: the largest amplitude)")
+    one.set_defaults(work=_report)
 
     one = commands.add_parser("info", help="what a model.h5 or rom.h5 holds, and how good a reduced model is")
     one.add_argument("file", help="model or reduced model")
@@ -185,7 +206,7 @@ def _import(options: argparse.Namespace) -> None:
 def _reduce(options: argparse.Namespace) -> None:
     from mpi4py import MPI
 
-    from attrito.run import reduce_job
+    from attrito.running import reduce_job
 
     reduce_job(MPI.COMM_WORLD, options.job)
 
@@ -193,7 +214,7 @@ def _reduce(options: argparse.Namespace) -> None:
 def _run(options: argparse.Namespace) -> None:
     from mpi4py import MPI
 
-    from attrito.run import run_job
+    from attrito.running import run_job
 
     run_job(MPI.COMM_WORLD, options.job)
 
@@ -201,7 +222,7 @@ def _run(options: argparse.Namespace) -> None:
 def _integrate(options: argparse.Namespace) -> None:
     from mpi4py import MPI
 
-    from attrito.integrate import integrate_job
+    from attrito.integrating import integrate_job
 
     integrate_job(MPI.COMM_WORLD, options.job)
 
@@ -215,22 +236,37 @@ def _table(options: argparse.Namespace) -> None:
 
 
 def _plot(options: argparse.Namespace) -> None:
-    from attrito import plots
+    from attrito import contact_plots, plots
     from attrito.loops import contact_loops, most_dissipating
     from attrito.results import Result
 
+    look = plots.Look(options.width, options.height, options.font, options.font_size)
     with Result(options.result) as result:
         monitor = _monitor(result, options)
         if options.loops:
             point = _point(result, options, monitor)
             chosen = options.contact or most_dissipating(result, point)
-            figure, name = plots.hysteresis(contact_loops(result, point, chosen)), "loops.png"
+            units = [result.unit(f"/contacts/{name}") for name in ("displacement", "force")]
+            figure = contact_plots.hysteresis(contact_loops(result, point, chosen), *units, look=look)
+            name = "loops.png"
         elif options.map:
-            figure, name = plots.contact_map(result, _point(result, options, monitor)), "contacts.png"
+            point = _point(result, options, monitor)
+            figure, name = contact_plots.contact_map(result, point, options.map, look), "contacts.png"
         else:
-            figure, name = plots.frequency_response(result, monitor), "frf.png"
+            figure, name = plots.frequency_response(result, monitor, look=look), "frf.png"
         path = options.output or _beside(options.result, name)
-        plots.save(figure, path)
+        plots.save(figure, path, options.dpi)
+    print(path)
+
+
+def _report(options: argparse.Namespace) -> None:
+    from attrito.report import write_report
+    from attrito.results import Result
+
+    path = options.output or _beside(options.result, "report.html")
+    with Result(options.result) as result:
+        point = None if options.point is None else _point(result, options, "")
+        write_report(result, path, point)
     print(path)
 
 
@@ -323,6 +359,16 @@ def _positive(text: str) -> int:
     if not text.isdecimal() or int(text) == 0:
         raise argparse.ArgumentTypeError(f"{text!r}: expected a number of at least 1")
     return int(text)
+
+
+def _measure(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value <= 2000.0:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a number above 0, at most 2000")
+    return value
 
 
 def _numbered(path: str, point: int) -> str:

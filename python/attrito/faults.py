@@ -49,3 +49,21 @@ def unusable_file(error: OSError) -> InputError:
 
 class NumericsError(Exception):
     """The numerics did not deliver (exit code 1)."""
+
+
+class UnsolvedError(NumericsError):
+    """A result is complete, but points or stretches of it were not solved; the result says which.
+
+    Parameters
+    ----------
+    file : the result
+    complaints : what was not solved, one sentence each
+    """
+
+    def __init__(self, file: str, complaints: str) -> None:
+        super().__init__(f"{file}: {complaints}")
+        self.file, self._complaints = file, complaints
+
+    def __reduce__(self):
+        """Failures cross ranks by pickle."""
+        return (type(self), (self.file, self._complaints))

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import os
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from attrito.faults import Fault, InputError
 from attrito.job_schema import ARRAYS, LOAD_KEYS, REQUIRED_TABLES, TABLES, Key
@@ -56,9 +59,19 @@ def model_path(job: Job) -> str | None:
     return None if rom is None else str(Path(rom).with_suffix(".model.h5"))
 
 
-def read_job(path: str | Path) -> Job:
-    """Read and check a job file; raises `InputError` with all faults together."""
-    path = str(path)
+def read_job(source: str | os.PathLike[str] | Mapping[str, Any] | Job, folder: str | os.PathLike[str] = ".") -> Job:
+    """Read and check a job; raises `InputError` with all faults together.
+
+    Parameters
+    ----------
+    source : a job file, or its tables as a dictionary, in which arrays stand for lists; a job that is checked stays
+    folder : what file names of a dictionary are relative to
+    """
+    if isinstance(source, Job):
+        return source
+    if isinstance(source, Mapping):
+        return check_job(_plain(source), str(Path(folder) / "job"))
+    path = str(source)
     try:
         with open(path, "rb") as stream:
             raw = tomllib.load(stream)
@@ -66,6 +79,22 @@ def read_job(path: str | Path) -> Job:
         raise InputError(Fault(path, "file", error.strerror, "a job file that can be read")) from None
     except (ValueError, RecursionError) as error:
         raise InputError(Fault(path, "file", str(error), "a job in TOML")) from None
+    return check_job(raw, path)
+
+
+def _plain(value: Any) -> Any:
+    """What TOML knows: arrays and tuples as lists, numbers of numpy as Python's, paths as text."""
+    if isinstance(value, Mapping):
+        return {str(name): _plain(item) for name, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return os.fspath(value) if isinstance(value, os.PathLike) else value
+
+
+def check_job(raw: dict[str, Any], path: str) -> Job:
+    """Check the tables of a job that is called `path`."""
     faults: list[Fault] = []
     tables: dict[str, Any] = {}
     known = sorted(TABLES | ARRAYS)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from attrito.contact_plots import Loop
 from attrito.faults import Fault, InputError
-from attrito.plots import Loop
 from attrito.results import Result
 from attrito.solver import make_law, sample_contact
 

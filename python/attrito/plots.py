@@ -1,4 +1,4 @@
-"""Figures: frequency responses, hysteresis loops, maps of the contact state.
+"""Figures of frequency responses, and the look of all figures (contacts: `contact_plots.py`).
 
 Every function returns a matplotlib figure; `save` writes it. Figures are made without pyplot, so no window system and
 no global state is involved. Colours stay apart for colour-blind readers (Okabe-Ito for branches, viridis for levels).
@@ -7,16 +7,17 @@ no global state is involved. Colours stay apart for colour-blind readers (Okabe-
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import matplotlib
 import numpy as np
+from matplotlib import font_manager
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.transforms import ScaledTranslation
 
 from attrito.faults import Fault, InputError
 from attrito.results import NO_SOLUTION, Result
@@ -51,16 +52,63 @@ STYLE = {
 }
 
 
-def save(figure: Figure, path: str | os.PathLike[str]) -> None:
-    """Write a figure; the ending chooses the format (.png, .pdf, .svg)."""
+@dataclass(frozen=True)
+class Look:
+    """Size and letters of a figure.
+
+    Parameters
+    ----------
+    width, height : millimetres; None: what suits the figure
+    font : a font that is installed; None: matplotlib's own
+    font_size : points, of tick labels; the others follow
+
+    Raises
+    ------
+    InputError : no such font
+    """
+
+    width: float | None = None
+    height: float | None = None
+    font: str | None = None
+    font_size: float = 9.0
+
+    def __post_init__(self) -> None:
+        if self.font is None:
+            return
+        try:
+            font_manager.findfont(self.font, fallback_to_default=False)
+        except ValueError:
+            known = sorted({font.name for font in font_manager.fontManager.ttflist})
+            raise InputError(Fault("plot", "font", self.font, "one of " + ", ".join(known))) from None
+
+    def style(self) -> dict[str, object]:
+        """Settings of matplotlib."""
+        scale = self.font_size / STYLE["font.size"]
+        sizes = {
+            name: scale * value for name, value in STYLE.items() if name.endswith(("font.size", "size", "fontsize"))
+        }
+        family = {} if self.font is None else {"font.family": [self.font]}
+        return STYLE | sizes | family
+
+    def size(self, usual: tuple[float, float]) -> tuple[float, float]:
+        """Inches of a figure that is usually so large; one measure given keeps its proportions."""
+        given = [None if value is None else value / 25.4 for value in (self.width, self.height)]
+        if given == [None, None]:
+            return usual
+        ratio = usual[1] / usual[0]
+        return given[0] or given[1] / ratio, given[1] or given[0] * ratio
+
+
+def save(figure: Figure, path: str | os.PathLike[str], dpi: int = 220) -> None:
+    """Write a figure; the ending chooses the format (.png, .pdf, .svg). Letters stay letters in PDF and SVG."""
     try:
         with matplotlib.rc_context(STYLE):
-            figure.savefig(path, dpi=220)
+            figure.savefig(path, dpi=dpi)
     except (OSError, ValueError) as error:
         raise InputError(Fault(str(path), "figure", str(error), "a writable .png, .pdf or .svg file")) from error
 
 
-def frequency_response(result: Result, monitor: str, log: bool | None = None) -> Figure:
+def frequency_response(result: Result, monitor: str, log: bool | None = None, look: Look | None = None) -> Figure:
     """Amplitude of a monitor against frequency, one line a level and branch.
 
     Several levels are divided by the level: a linear structure would give one curve. One level is shown as it is.
@@ -72,7 +120,9 @@ def frequency_response(result: Result, monitor: str, log: bool | None = None) ->
     result : an open result
     monitor : name of the monitor
     log : logarithmic amplitudes; None: if they span more than a factor of 50
+    look : size and letters; a figure of a given width has its legend below
     """
+    look = look or Look()
     frequency, level, branch = (result.array(f"/points/{name}") for name in ("frequency_hz", "level", "branch"))
     unstable, loose = result.array("/points/stable") == 0, result.array("/points/unique") == 0
     levels, branches = np.unique(level), np.unique(branch)
@@ -81,8 +131,8 @@ def frequency_response(result: Result, monitor: str, log: bool | None = None) ->
     amplitude, low, high = (result.monitor(monitor, name) / scale for name in ("amplitude", "low", "high"))
     shown = np.where(result.converged, amplitude, np.nan)
 
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(6.6, 4.0), constrained_layout=True)
+    with matplotlib.rc_context(look.style()):
+        figure = Figure(figsize=look.size((6.6, 4.0 if look.width is None else 5.3)), constrained_layout=True)
         axes = figure.add_subplot()
         spans = [shown]
         # The linear responses are stored at level 1, which is also what amplitude / level compares with.
@@ -111,7 +161,8 @@ def frequency_response(result: Result, monitor: str, log: bool | None = None) ->
             axes.set_ylim(0, 1.05 * span.max())
         _mark_failures(axes, result, frequency, amplitude)
         name = f"Amplitude of {monitor} / level" if several else f"Amplitude of {monitor}"
-        axes.set(xlabel="Frequency (Hz)", ylabel=_with_unit(name, result.unit(f"/monitors/{monitor}/amplitude")))
+        label = with_unit(name, result.unit(f"/monitors/{monitor}/amplitude"), 0.8 * figure.get_figheight())
+        axes.set(xlabel="Frequency (Hz)", ylabel=label)
         if len(frequency) and np.ptp(frequency) > 0:
             margin = 0.02 * np.ptp(frequency)
             axes.set_xlim(frequency.min() - margin, frequency.max() + margin)
@@ -119,101 +170,13 @@ def frequency_response(result: Result, monitor: str, log: bool | None = None) ->
             scale_of = ScalarMappable(Normalize(levels[0], levels[-1]), _level_map())
             figure.colorbar(scale_of, ax=axes, label="Level", pad=0.02)
         entries = len(axes.get_legend_handles_labels()[0])
-        if entries > 4:
+        if entries > 4 and look.width is not None:
+            legend_below(axes, columns=2 + (entries > 6))
+        elif entries > 4:
             figure.set_figwidth(8.0)
             axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0)
         elif entries:
             axes.legend(loc="best")
-    return figure
-
-
-@dataclass(frozen=True)
-class Loop:
-    """One contact over one period.
-
-    Parameters
-    ----------
-    name : title of its panel
-    displacement, tangential : [nt] or [nt, tangents], relative displacement and force along the tangents
-    normal : [nt], normal force
-    friction_coefficient : if given, the limits +- mu N are drawn
-    """
-
-    name: str
-    displacement: np.ndarray
-    tangential: np.ndarray
-    normal: np.ndarray
-    friction_coefficient: float | None = None
-
-
-def hysteresis(loops: Sequence[Loop], unit_length: str = "", unit_force: str = "") -> Figure:
-    """Tangential force against relative displacement, one panel a contact.
-
-    The friction limits +- mu N are thin lines over the same displacement: where N varies they are loops themselves,
-    and the force runs along them where the contact slips. Two tangents are two lines.
-    """
-    if not loops:
-        raise InputError(Fault("plot", "contacts", "none", "at least one contact"))
-    columns = min(int(np.ceil(np.sqrt(len(loops)))), 4)
-    rows = -(-len(loops) // columns)
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(max(2.4 * columns, 3.6) + 0.6, 2.3 * rows + 0.7), constrained_layout=True)
-        grid = figure.subplots(rows, columns, squeeze=False)
-        for axes, loop in zip(grid.flat, loops, strict=False):
-            _draw_loop(axes, loop)
-        for axes in grid.flat[len(loops) :]:
-            axes.set_axis_off()
-        figure.supxlabel(_with_unit("Relative displacement", unit_length), fontsize=10)
-        figure.supylabel(_with_unit("Tangential force", unit_force), fontsize=10)
-        entries = {label: handle for handle, label in zip(*grid[0, 0].get_legend_handles_labels(), strict=True)}
-        if len(entries) > 1:
-            grid[0, 0].legend(entries.values(), entries.keys(), loc="best", handlelength=1.4)
-    return figure
-
-
-def contact_map(result: Result, point: int) -> Figure:
-    """The contacts of a point on their surfaces, one panel a contact set, each seen along its mean normal.
-
-    Colour is the fraction of the period in slip. Diamonds part for some of the period, hollow contacts never touch.
-    """
-    result.check_point(point)
-    if not result.has("/contacts/parameters/frame"):
-        raise InputError(Fault(result.path, "/contacts/parameters/frame", "absent", "contacts between node sets"))
-    position, frame = (result.array(f"/contacts/parameters/{name}") for name in ("position", "frame"))
-    if not np.any(np.isfinite(frame)):
-        key = "/contacts/parameters/position"
-        raise InputError(Fault(result.path, key, "unknown", "contacts between node sets, which have a place"))
-    sets = np.array([text.decode().strip() for text in result.array("/contacts/parameters/set")])
-    slip, opened = (result.dataset(f"/contacts/{name}")[point] for name in ("slip", "open"))
-    panels = {}
-    for name in dict.fromkeys(sets):
-        own = sets == name
-        panels[name] = own, (position[own] - position[own].mean(axis=0)) @ frame[own].mean(axis=0)[:2].T
-    kinds = (("o", opened <= 0), ("D", (opened > 0) & (opened < 1)), ("o", opened >= 1))
-    shapes = [np.ptp(seen, axis=0) + 1e-9 for _, seen in panels.values()]
-    aspects = np.clip([shape[0] / shape[1] for shape in shapes], 0.25, 8.0)
-    with matplotlib.rc_context(STYLE):
-        # Surfaces that are wider than high stand above each other, the others side by side.
-        if np.median(aspects) > 1.0:
-            heights = 5.0 / aspects + 0.6
-            figure = Figure(figsize=(6.8, heights.sum() + 0.8), constrained_layout=True)
-            grid = figure.subplots(len(panels), 1, squeeze=False, gridspec_kw={"height_ratios": heights})[:, 0]
-        else:
-            widths = 2.6 * aspects + 0.6
-            figure = Figure(figsize=(widths.sum() + 1.6, 3.8), constrained_layout=True)
-            grid = figure.subplots(1, len(panels), squeeze=False, gridspec_kw={"width_ratios": widths})[0]
-        colours = ScalarMappable(Normalize(0, 1), "cividis")
-        for axes, (name, (own, seen)) in zip(grid, panels.items(), strict=True):
-            for index, (marker, among) in enumerate(kinds):
-                part = among[own]
-                face = "none" if index == 2 else colours.to_rgba(slip[own][part])
-                axes.scatter(*seen[part].T, color=face, marker=marker, edgecolor="k", s=42, linewidth=0.6)
-            axes.set(title=name, aspect="equal", xlabel="along t1", ylabel="along t2")
-            axes.margins(0.08, 0.2)
-        hertz = result.dataset("/points/frequency_hz")[point]
-        key = "\u25cf touching   \u25c6 parting   \u25cb open"
-        figure.suptitle(f"Point {point}, {hertz:.6g} Hz    {key}", fontsize=9.5)
-        figure.colorbar(colours, ax=list(grid), label="Fraction of the period slipping", shrink=0.9)
     return figure
 
 
@@ -264,22 +227,6 @@ def _mark_failures(axes: Axes, result: Result, frequency: np.ndarray, amplitude:
             axes.plot(frequency[rest], np.zeros(rest.sum()), **look, transform=floor, clip_on=False)
 
 
-def _draw_loop(axes: Axes, loop: Loop) -> None:
-    def closed(values: np.ndarray) -> np.ndarray:
-        table = np.asarray(values, dtype=float).reshape(len(loop.normal), -1)
-        return np.vstack([table, table[:1]])
-
-    displacement, tangential, normal = closed(loop.displacement), closed(loop.tangential), closed(loop.normal)[:, 0]
-    for index in range(displacement.shape[1]):
-        label = f"T{index + 1}" if displacement.shape[1] > 1 else "T"
-        if loop.friction_coefficient is not None:
-            limit = loop.friction_coefficient * normal
-            for side in (limit, -limit):
-                axes.plot(displacement[:, index], side, color=LIMIT_COLOUR, linewidth=0.8, label="± µN")
-        axes.plot(displacement[:, index], tangential[:, index], color=BRANCH_COLOURS[index], label=label)
-    axes.set_title(loop.name)
-
-
 def _identity(levels: np.ndarray, branches: np.ndarray, level: float, branch: int) -> tuple[object, str]:
     """Colour and legend entry of one curve: levels by viridis, else branches by hue."""
     if len(levels) == 1:
@@ -297,5 +244,21 @@ def _level_map() -> object:
     return matplotlib.colors.ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0, 0.88, 256)))
 
 
-def _with_unit(name: str, unit: str) -> str:
-    return f"{name} ({unit})" if unit else name
+def legend_below(axes: Axes, columns: int, labelled: Axes | None = None, lines: float = 3.4) -> None:
+    """A legend some lines below the axes (ticks, numbers and label take three), of other axes' entries if given."""
+    drop = ScaledTranslation(0.0, -lines * matplotlib.rcParams["axes.labelsize"] / 72.0, axes.figure.dpi_scale_trans)
+    place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "bbox_transform": axes.transAxes + drop}
+    entries = (labelled or axes).get_legend_handles_labels()
+    handles = {label: handle for handle, label in zip(*entries, strict=True)}
+    axes.legend(
+        handles.values(), handles.keys(), **place, ncol=columns, columnspacing=1.2, handlelength=1.8, borderaxespad=0
+    )
+
+
+def with_unit(name: str, unit: str, room: float = np.inf) -> str:
+    """An axis label; in two lines where it is longer than some inches."""
+    if not unit:
+        return name
+    # A letter is half as wide as high.
+    width = 0.5 * matplotlib.rcParams["axes.labelsize"] / 72.0 * len(f"{name} ({unit})")
+    return f"{name}{' ' if width <= room else chr(10)}({unit})"

@@ -37,7 +37,7 @@ class Result:
             self._file = h5py.File(path, "r")
         except OSError as error:
             raise InputError(Fault(self.path, "file", "not HDF5", "a result of `attrito run`")) from error
-        form = _text(self._file.attrs.get("format", "absent"))
+        form = as_text(self._file.attrs.get("format", "absent"))
         if "result" not in form:
             self._file.close()
             raise InputError(Fault(self.path, "format", form, "a result of `attrito run`"))
@@ -74,19 +74,24 @@ class Result:
         if names is None:
             raise InputError(Fault(self.path, f"{path}@names", "absent", "the names of its values"))
         if isinstance(names, str | bytes):
-            return [name.strip() for name in _text(names).split(",")]
-        return [_text(name) for name in names]
+            return [name.strip() for name in as_text(names).split(",")]
+        return [as_text(name) for name in names]
 
     def unit(self, path: str) -> str:
         """Unit of a dataset for an axis label: `length, user units`; empty for pure numbers."""
-        unit = _text(self.dataset(path).attrs.get("unit", "1"))
+        unit = as_text(self.dataset(path).attrs.get("unit", "1"))
         if unit == "1":
             return ""
         return f"{unit.removeprefix('user ')}, user units" if unit.startswith("user ") else unit
 
     def attribute(self, name: str) -> str:
         """A root attribute as text; empty if absent."""
-        return _text(self._file.attrs.get(name, ""))
+        return as_text(self._file.attrs.get(name, ""))
+
+    def attributes(self, path: str) -> dict[str, str]:
+        """Attributes of a group or dataset as text; none where it is absent."""
+        found = self._file.get(path)
+        return {} if found is None else {name: as_text(value) for name, value in found.attrs.items()}
 
     @property
     def points(self) -> int:
@@ -230,7 +235,7 @@ def _booleans(values: np.ndarray) -> Iterator[str]:
     return ({1: "true", 0: "false"}.get(value, "") for value in np.asarray(values, dtype=int).tolist())
 
 
-def _text(value: object) -> str:
+def as_text(value: object) -> str:
     """Text of an HDF5 attribute, whether Python or Fortran wrote it."""
     if isinstance(value, np.ndarray) and value.size == 1:
         value = value.reshape(-1)[0]

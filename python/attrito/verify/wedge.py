@@ -15,8 +15,8 @@ import numpy as np
 from mpi4py import MPI
 from scipy.optimize import minimize_scalar
 
+from attrito.contact_plots import Loop
 from attrito.faults import NumericsError
-from attrito.plots import Loop
 from attrito.solver import Options, Point, ReducedScene, Solver, make_law, sample_contact
 
 PRELOAD = 420.0

@@ -14,7 +14,7 @@ import h5py
 import numpy as np
 
 from attrito import __version__
-from attrito.faults import InputError, NumericsError
+from attrito.faults import InputError, NumericsError, UnsolvedError
 from attrito.job import Job, read_job
 from attrito.parallel import on_root
 from attrito.progress import Progress
@@ -35,7 +35,7 @@ LINEAR_POINTS = 400
 NATURAL_FREQUENCIES = 20
 
 
-def reduce_job(comm: Comm, path: str) -> str:
+def reduce_job(comm: Comm, path: str | Job) -> str:
     """`attrito reduce`: make the job's rom.h5; returns its path."""
     progress = Progress(comm)
     job = on_root(comm, lambda: read_job(path))
@@ -47,7 +47,7 @@ def reduce_job(comm: Comm, path: str) -> str:
     return rom_path(job)
 
 
-def run_job(comm: Comm, path: str) -> str:
+def run_job(comm: Comm, path: str | Job) -> str:
     """Run a job; returns the result's path. A point that did not converge is in the result, and raises at the end."""
     progress = Progress(comm)
     started = time.perf_counter()
@@ -112,7 +112,7 @@ def run_job(comm: Comm, path: str) -> str:
             " too (it walks, bounces or takes several periods); they are in the file with outcome no_period_one_orbit"
         )
     if complaints:
-        raise NumericsError(f"{result}: " + "; ".join(complaints))
+        raise UnsolvedError(result, "; ".join(complaints))
     return result
 
 
@@ -184,7 +184,7 @@ def _write_root(path: str, job: Job, scene: Scene) -> None:
         )
         file.attrs["references"] = REFERENCES
         file.attrs["job"] = json.dumps(job.tables)
-        file.attrs["job_file"] = str(Path(job.path).resolve())
+        file.attrs["job_file"] = str(Path(job.path).resolve()) if Path(job.path).is_file() else ""
         file.attrs["model_file"] = _absolute(model_path(job))
         file.attrs["rom_file"] = _absolute(rom_path(job))
         file.attrs["rom_fingerprint"] = rom_fingerprint(rom_path(job))

@@ -18,7 +18,7 @@ import h5py
 import numpy as np
 
 from attrito import __version__
-from attrito.faults import InputError, NumericsError
+from attrito.faults import InputError, UnsolvedError
 from attrito.integrator import Integrator, Orbit, Run
 from attrito.job import Job, read_job
 from attrito.parallel import on_root
@@ -36,8 +36,8 @@ REFERENCES = (
 FORMATS = ("attrito result", "attrito integration")
 
 
-def integrate_job(comm: Comm, path: str, say: Callable[[str], None] = print) -> str:
-    """Integrate a job; returns the file's path. Raises `NumericsError` at the end if it did not become steady."""
+def integrate_job(comm: Comm, path: str | Job, say: Callable[[str], None] = print) -> str:
+    """Integrate a job; returns the file's path. Raises `UnsolvedError` at the end if it did not become steady."""
     job = on_root(comm, lambda: read_job(path))
     on_root(comm, lambda: _check(job))
     kept: list[Scene] = []
@@ -60,7 +60,7 @@ def integrate_job(comm: Comm, path: str, say: Callable[[str], None] = print) -> 
 
     file, outcome = on_root(comm, work)
     if outcome == "not_converged":
-        raise NumericsError(f"{file}: the integration did not become steady; see /integration and [integrate] cycles")
+        raise UnsolvedError(file, "the integration did not become steady; see /integration and [integrate] cycles")
     return file
 
 

@@ -1,0 +1,140 @@
+"""The stages of attrito from Python: what the commands of the same names do, with files and arrays in place of words.
+
+All functions that take ranks are collective: every rank calls them with the same arguments.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import warnings
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from attrito.data import File
+from attrito.faults import UnsolvedError
+from attrito.job import Job, read_job
+from attrito.parallel import on_root
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+JobSource: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any] | Job"
+
+
+class UnsolvedWarning(UserWarning):
+    """Points without a solution, or a sweep that ended early: the result says which."""
+
+
+def open(path: str | os.PathLike[str]) -> File:
+    """Open a file of attrito: model, reduced model, or result.
+
+    Parameters
+    ----------
+    path : the file
+
+    Returns
+    -------
+    its groups and arrays by name; see `File`
+
+    Raises
+    ------
+    InputError : not there, or not a file of attrito
+
+    Examples
+    --------
+    >>> with attrito.open("result.h5") as result:
+    ...     peak = result.monitors["tip"].amplitude.max()
+    """
+    return File(path)
+
+
+def run(
+    job: JobSource,
+    comm: Comm | None = None,
+    *,
+    folder: str | os.PathLike[str] = ".",
+    quiet: bool = False,
+    strict: bool = False,
+) -> File:
+    """Run a job: reduce the model if the job says so, walk the static loads, follow the response.
+
+    Parameters
+    ----------
+    job : a job file, or the same tables as a dictionary; arrays stand for lists
+    comm : the ranks that share the work; None: all (`MPI.COMM_WORLD`)
+    folder : what file names in a dictionary are relative to; those in a job file are relative to it
+    quiet : print nothing
+    strict : points without a solution are an error
+
+    Returns
+    -------
+    the result, opened by every rank
+
+    Raises
+    ------
+    InputError : the job or the model is at fault; all faults together
+    UnsolvedError : with `strict`, points are without a solution; else an `UnsolvedWarning` is given
+    NumericsError : the solver gave up; there is no result
+
+    Examples
+    --------
+    >>> result = attrito.run("input/wedge.toml")
+    >>> result = attrito.run(job | {"sweep": {"frequencies_hz": [132.0]}}, MPI.COMM_SELF)
+    """
+    from attrito.running import run_job
+
+    return File(_do(run_job, job, comm, folder, quiet, strict))
+
+
+def integrate(
+    job: JobSource,
+    comm: Comm | None = None,
+    *,
+    folder: str | os.PathLike[str] = ".",
+    quiet: bool = False,
+    strict: bool = False,
+) -> File:
+    """Integrate a job in time until steady; the file's group `integration` has the history.
+
+    Parameters, errors and what is returned are those of `run`.
+    """
+    from attrito.integrating import integrate_job
+
+    return File(_do(integrate_job, job, comm, folder, quiet, strict))
+
+
+def reduce(
+    job: JobSource, comm: Comm | None = None, *, folder: str | os.PathLike[str] = ".", quiet: bool = False
+) -> File:
+    """Make the reduced model of a job, `rom.h5`, unless it is there already; `run` does it, too.
+
+    Parameters, errors and what is returned are those of `run`.
+    """
+    from attrito.running import reduce_job
+
+    return File(_do(reduce_job, job, comm, folder, quiet, strict=True))
+
+
+def _do(
+    work: Callable[..., str],
+    job: JobSource,
+    comm: Comm | None,
+    folder: str | os.PathLike[str],
+    quiet: bool,
+    strict: bool,
+) -> str:
+    """One stage on a job; returns the file it wrote."""
+    from mpi4py import MPI
+
+    comm = MPI.COMM_WORLD if comm is None else comm
+    checked = on_root(comm, lambda: read_job(job, folder))
+    with contextlib.redirect_stdout(io.StringIO()) if quiet else contextlib.nullcontext():
+        try:
+            return work(comm, checked)
+        except UnsolvedError as error:
+            if strict:
+                raise
+            warnings.warn(str(error), UnsolvedWarning, stacklevel=3)
+            return error.file

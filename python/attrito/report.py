@@ -1,0 +1,115 @@
+"""`attrito report`: a result as one page, without network or program: what was solved, how, and how far to trust it."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from attrito import report_sections as sections
+from attrito.faults import Fault, InputError
+from attrito.report_page import Page
+from attrito.report_view import View
+from attrito.results import NO_SOLUTION, Result
+
+SECTIONS = (
+    sections.responses,
+    sections.contacts,
+    sections.loops,
+    sections.harmonics,
+    sections.uniqueness,
+    sections.stability,
+    sections.convergence,
+    sections.run,
+    sections.job,
+    sections.references,
+)
+# An estimated error beyond this is told as a warning.
+LARGE_ERROR = 0.05
+
+
+def write_report(result: Result, path: str | os.PathLike[str], point: int | None = None) -> None:
+    """Write the page of a result.
+
+    Parameters
+    ----------
+    result : an open result
+    path : the .html file to write
+    point : whose contacts are shown; None: that of the largest amplitude of the first monitor
+
+    Raises
+    ------
+    InputError : the file cannot be written, or the result lacks what every result has
+    """
+    text = make_page(result, point).html()
+    try:
+        Path(path).write_text(text, encoding="utf-8")
+    except OSError as error:
+        expected = "a file that can be written"
+        raise InputError(Fault(str(path), "report", error.strerror or str(error), expected)) from error
+
+
+def make_page(result: Result, point: int | None = None) -> Page:
+    """The page of a result; see `write_report`."""
+    view = View(result, point)
+    place = Path(result.path).resolve()
+    page = Page(f"{place.parent.name}/{place.name}")
+    page.head(f"Steady vibration with friction contacts, by attrito {result.attribute('attrito_version')}")
+    page.glance(glance(view))
+    for section in SECTIONS:
+        section(page, view)
+    return page
+
+
+def glance(view: View) -> list[tuple[str, bool]]:
+    """What to know first, one sentence each, and whether it is a warning."""
+    count = view.result.points
+    if count == 0:
+        return [("No point was solved.", True)]
+    levels = len(view.peaks)
+    span = f"{view.frequency.min():.6g} to {view.frequency.max():.6g} Hz"
+    lines = [(f"{count} points, {levels} level{'s' * (levels > 1)}, {span}.", False), _solutions(view)]
+    lines += [*_verdicts(view), *_families(view)]
+    estimate = np.where(view.solved, view.result.array("/points/estimate"), np.nan)
+    if np.isfinite(estimate).any():
+        worst = int(np.nanargmax(estimate))
+        words = (
+            f"Estimated truncation error of the amplitude: at most {estimate[worst]:.1e} of it ({view.place(worst)})."
+        )
+        lines.append((words, estimate[worst] > LARGE_ERROR))
+    incomplete = view.result.attributes("/points").get("incomplete", "")
+    return lines + ([(incomplete, True)] if incomplete else [])
+
+
+def _solutions(view: View) -> tuple[str, bool]:
+    missing = int((~view.solved).sum())
+    if not missing:
+        return "Every point has a solution.", False
+    outcomes = Counter(view.result.outcome)
+    names = ", ".join(f"{outcomes[name]} {name}" for name in NO_SOLUTION if outcomes[name])
+    return f"{missing} points have no solution: {names}.", True
+
+
+def _verdicts(view: View) -> list[tuple[str, bool]]:
+    stable, undecided = view.result.array("/points/stable"), view.result.outcome.count("indeterminate")
+    if not (stable >= 0).any() and not undecided:
+        return [("Stability was not examined ([stability] method).", False)]
+    where = view.ranges((stable == 0) & view.solved)
+    verdict = f"Unstable: {where}." if where else "No point that was examined is unstable."
+    lines = [(f"{(stable == 1).sum()} points are stable. {verdict}", bool(where))]
+    return lines + ([(f"{undecided} points have no verdict on their stability.", True)] if undecided else [])
+
+
+def _families(view: View) -> list[tuple[str, bool]]:
+    unique = view.result.array("/points/unique")
+    if not (unique == 0).any():
+        return [("Every point examined is unique.", False)] if (unique == 1).any() else []
+    where = view.ranges(unique == 0)
+    widest = view.widest_amplitude()
+    if widest is None:
+        reach = "how far these reach was not examined"
+    else:
+        reach = f"whose amplitudes differ by up to {widest:.2g} of them" if widest > 1e-9 else "of the same amplitudes"
+    return [(f"{(unique == 0).sum()} points are each one of a family of solutions ({reach}): {where}.", False)]

@@ -1,0 +1,156 @@
+"""attrito from Python: jobs as dictionaries, arrays that know their units, one rank and several."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import textwrap
+
+import h5py
+import numpy as np
+import pytest
+import synthetic
+from jobs import ENVIRONMENT, TIMEOUT, attrito_here, wedge, write_job
+from mpi4py import MPI
+
+import attrito
+
+# N/m; with it the balance meets the forces in the paper's text.
+PAPER = 3.04e5
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    """The wedge at 132 Hz, run from a dictionary with arrays in it."""
+    job = wedge(PAPER)
+    job["model"] = {name: np.array(rows) for name, rows in job["model"].items()}
+    job["contact"] = tuple(job["contact"])
+    with attrito.run(job, MPI.COMM_SELF, folder=tmp_path_factory.mktemp("python"), quiet=True) as opened:
+        yield opened
+
+
+def test_a_job_as_a_dictionary_gives_what_its_file_gives(result, tmp_path, capfd):
+    write_job(tmp_path, wedge(PAPER))
+    done = attrito_here(tmp_path, capfd, "run", "job.toml")
+    assert done.returncode == 0, done.stderr
+    with attrito.open(tmp_path / "result.h5") as other:
+        assert other.job == result.job
+        for name in ("frequency_hz", "residual", "coordinates"):
+            assert np.array_equal(other.points[name], result.points[name])
+
+
+def test_arrays_know_their_units_names_and_descriptions(result):
+    frequency = result.points.frequency_hz
+    assert frequency.unit == "Hz" and frequency.values.tolist() == [132.0]
+    assert frequency.description == "frequency of the fundamental harmonic"
+    assert result.monitors["x"].amplitude.unit == "user length"
+    assert result.points.outcome.labels.tolist() == ["converged"]
+    assert result.contacts.state.labels.tolist() == [["slipping"]]
+    assert result.contacts.parameters.set.values.tolist() == ["explicit"]
+    # The text of the paper gives 23.9, three digits.
+    assert result.contacts.n_mean.max() == pytest.approx(23.9, abs=0.05)
+
+
+def test_a_group_lists_and_completes_its_members(result):
+    assert {"points", "monitors", "contacts", "linear"} <= set(result)
+    assert "amplitude" in dir(result.monitors.x) and list(result.monitors) == ["x", "y"]
+    assert result.attributes["format"] == "attrito result" and result.job["balance"]["harmonics"] == 5
+    assert result.points.dataset("coordinates")[0, :, 0].shape == (2,)
+    with pytest.raises(AttributeError, match="has no 'frequency'; it has .*frequency_hz"):
+        result.points.frequency.max()
+    with pytest.raises(attrito.InputError, match="/points/frequency = 'absent': expected one of"):
+        result.points["frequency"]
+    with pytest.raises(attrito.InputError, match="/points/frequency"):
+        result.points.dataset("frequency")
+
+
+def test_quantities_compute_like_arrays_and_give_plain_ones():
+    length = attrito.Quantity([[1.0, 2.0], [3.0, 4.0]], "user length", "of a thing")
+    for plain in (
+        2 * length,
+        length + length,
+        np.sqrt(length),
+        length.mean(axis=0),
+        np.max(length, axis=1),
+        length @ [1, 1],
+    ):
+        assert type(plain) is np.ndarray
+    assert np.array_equal(length - np.asarray(length), np.zeros((2, 2))) and (length > 2).sum() == 2
+    assert length[1].unit == "user length" and length[1, 0] == 3.0 and length.shape == (2, 2) and len(length) == 2
+    assert repr(length[0]) == "Quantity([1., 2.], 'user length')" and float(attrito.Quantity(2.5)) == 2.5
+    assert [row.sum() for row in length] == [3.0, 7.0] and bool(attrito.Quantity(1))
+    states = attrito.Quantity([0, 2, -1], "1", "", ("stuck", "open"))
+    assert states.labels.tolist() == ["stuck", "", ""]
+    with pytest.raises(attrito.InputError, match="values that stand for names"):
+        length.labels.tolist()
+
+
+def test_points_without_a_solution_warn_or_raise_and_are_in_the_result(tmp_path):
+    job = wedge()
+    job["sweep"] = {"start_hz": 132.0, "stop_hz": 120.0}
+    job["continuation"] = {"max_points": 2}
+    with pytest.warns(attrito.UnsolvedWarning, match="max_points"):
+        result = attrito.run(job, MPI.COMM_SELF, folder=tmp_path, quiet=True)
+    with result:
+        assert len(result.points.frequency_hz) == 2
+    with pytest.raises(attrito.UnsolvedError, match="max_points") as caught:
+        attrito.run(job, MPI.COMM_SELF, folder=tmp_path, quiet=True, strict=True)
+    assert caught.value.file == str(tmp_path / "result.h5") and isinstance(caught.value, attrito.NumericsError)
+
+
+def test_faults_of_a_dictionary_are_told_together(tmp_path):
+    job = wedge() | {"sweep": {"start_hz": -1.0}, "balance": {"harmonic": 3}}
+    with pytest.raises(attrito.InputError) as caught:
+        attrito.run(job, MPI.COMM_SELF, folder=tmp_path)
+    assert {fault.key for fault in caught.value.faults} >= {"[sweep] start_hz", "[balance] harmonic"}
+
+
+def test_an_integration_is_opened_like_a_result(tmp_path):
+    job = wedge() | {"integrate": {"frequency_hz": 132.0}}
+    with attrito.integrate(job, MPI.COMM_SELF, folder=tmp_path, quiet=True) as file:
+        assert file.integration.attributes["outcome"] == "converged"
+        assert file.integration.history.time.unit == "s"
+
+
+def test_files_of_other_programs_and_absent_ones_are_faults(tmp_path):
+    (tmp_path / "text.h5").write_text("no")
+    for name, expected in (("none.h5", "absent"), ("text.h5", "not HDF5")):
+        with pytest.raises(attrito.InputError, match=expected):
+            attrito.open(tmp_path / name)
+    path = synthetic.write_result(tmp_path / "other.h5", [1.0], {"tip": [1.0]})
+    with h5py.File(path, "r+") as file:
+        file.attrs["format"] = "else"
+    with pytest.raises(attrito.InputError, match="a file of attrito"):
+        attrito.open(path)
+
+
+def test_a_script_runs_under_mpirun_and_every_rank_has_the_result(tmp_path):
+    write_job(tmp_path, wedge())
+    script = """
+        from mpi4py import MPI
+        import attrito
+        with attrito.run("job.toml", MPI.COMM_WORLD, quiet=True) as result:
+            values = MPI.COMM_WORLD.gather(float(result.monitors["x"].amplitude[0]))
+        if MPI.COMM_WORLD.rank == 0:
+            print(len(values), len(set(values)), values[0])
+    """
+    (tmp_path / "script.py").write_text(textwrap.dedent(script))
+    done = subprocess.run(
+        ["mpirun", "-n", "2", sys.executable, "script.py"],
+        cwd=tmp_path,
+        env=os.environ | ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT,
+    )
+    assert done.returncode == 0, done.stderr
+    count, different, amplitude = done.stdout.split()
+    assert (count, different) == ("2", "1") and 1e-5 < float(amplitude) < 1e-4
+
+
+def test_every_name_of_the_package_is_there_and_says_what_it_is():
+    for name in attrito.__all__:
+        assert getattr(attrito, name).__doc__.strip(), name
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        attrito.nothing()

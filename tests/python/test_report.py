@@ -1,0 +1,232 @@
+"""The report: one page that stands alone, says what the result says, and is laid out well in a browser."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import xml.etree.ElementTree as ElementTree
+from html.parser import HTMLParser
+
+import h5py
+import numpy as np
+import pytest
+import synthetic
+from jobs import attrito_here, chain, wedge, write_job
+
+from attrito.report import glance, make_page
+from attrito.report_view import View
+from attrito.results import Result
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+VOID = {"meta", "br", "img", "hr", "link"}
+SECTIONS = (
+    "Frequency response",
+    "Contacts",
+    "Hysteresis",
+    "Harmonic content",
+    "Uniqueness",
+    "Stability",
+    "Convergence",
+    "Run",
+    "Job",
+    "Versions and references",
+)
+
+
+class Outline(HTMLParser):
+    """Tags that must close in order, ids, and whatever a browser would fetch."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.ids: list[str] = []
+        self.links: list[str] = []
+        self.text: list[str] = []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attrs):
+        if tag not in VOID:
+            self.open.append(tag)
+        self.note(attrs)
+
+    def handle_startendtag(self, tag, attrs):
+        self.note(attrs)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text.append(data)
+
+    def note(self, attrs):
+        for name, value in attrs:
+            if name == "id":
+                self.ids.append(value)
+            if name in ("src", "href", "xlink:href", "data", "action", "srcset"):
+                self.links.append(value)
+
+
+def check_page(text: str) -> Outline:
+    """What holds of every report: well-formed, alone, every inner link leads somewhere, every figure is an SVG."""
+    outline = Outline(text)
+    assert outline.open == []
+    assert len(outline.ids) == len(set(outline.ids))
+    assert all(link.startswith("#") and link[1:] in outline.ids for link in outline.links)
+    assert not re.search(r"<script|@import|url\((?!#)|javascript:", text)
+    assert all(name in outline.ids for name in re.findall(r"url\(#([^)]+)\)", text))
+    figures = re.findall(r"<svg.*?</svg>", text, flags=re.DOTALL)
+    for figure in figures:
+        bound = figure.replace(
+            "<svg", '<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"', 1
+        )
+        root = ElementTree.fromstring(bound)
+        assert root.get("viewBox") and root.get("aria-label")
+    assert len(figures) == text.count("<figure")
+    return outline
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Results of the wedge, with stability, and of a chain with two tangents."""
+    place = tmp_path_factory.mktemp("report")
+    job = wedge()
+    job["sweep"] = {"start_hz": 138.0, "stop_hz": 126.0}
+    job["stability"] = {"method": "monodromy"}
+    write_job(place, job | {"output": job["output"] | {"file": "wedge.h5"}}, "wedge.toml")
+    job = chain(2, tangents=2)
+    job["sweep"] = {"frequencies_hz": [75.0, 78.0], "levels": [0.5, 1.0]}
+    write_job(place, job | {"output": job["output"] | {"file": "chain.h5"}}, "chain.toml")
+    return place
+
+
+def report_of(folder, capfd, name: str) -> str:
+    if not (folder / f"{name}.h5").exists():
+        done = attrito_here(folder, capfd, "run", f"{name}.toml")
+        assert done.returncode == 0, done.stderr
+    done = attrito_here(folder, capfd, "report", f"{name}.h5", "-o", f"{name}.html")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == f"{name}.html"
+    return (folder / f"{name}.html").read_text()
+
+
+@pytest.mark.parametrize("name", ["wedge", "chain"])
+def test_a_report_stands_alone_and_has_every_section(folder, capfd, name):
+    text = report_of(folder, capfd, name)
+    outline = check_page(text)
+    assert re.findall(r"<h2[^>]*>([^<]*)</h2>", text) == list(SECTIONS)
+    assert "friction_coefficient = 0." in " ".join(outline.text)
+    assert "doi:10.1016/j.jsv.2013.09.032" in " ".join(outline.text)
+
+
+def test_the_numbers_of_a_report_are_those_of_the_result(folder, capfd):
+    text = report_of(folder, capfd, "wedge")
+    with Result(folder / "wedge.h5") as result:
+        amplitude = result.monitor("x", "amplitude")
+        peak = int(np.nanargmax(amplitude))
+        energy = result.dataset("/contacts/dissipated_energy")[peak, 0]
+        widest = float(np.max(result.array("/contacts/t1_high") - result.array("/contacts/t1_low")))
+        loose, stable = (
+            int((result.array(f"/points/{name}") == value).sum()) for name, value in (("unique", 0), ("stable", 1))
+        )
+        frequency = result.array("/points/frequency_hz")[peak]
+    row = re.search(r"<tr><td>x</td>.*?</tr>", text).group(0)
+    assert f"<td>{amplitude[peak]:.5g}</td>" in row and f"<td>{frequency:.6g}</td>" in row
+    assert f"Contact 0: {energy:.3g} a period" in text
+    assert f"whose T is {widest:.4g} wide" in text
+    assert f"{loose} points are each one of a family" in text and f"{stable} points are stable" in text
+
+
+def test_what_failed_and_what_is_unstable_is_told_first(tmp_path):
+    outcome = ["converged", "not_converged", "unstable", "unstable", "converged", "no_period_one_orbit"]
+    path = synthetic.write_result(
+        tmp_path / "r.h5",
+        [90.0, 91.0, 92.0, 93.0, 94.0, 95.0],
+        {"tip": [1.0, np.nan, 3.0, 2.0, 1.0, np.nan]},
+        outcome=outcome,
+        stable=[1, -1, 0, 0, 1, -1],
+        unique=[1, -1, 1, 1, 0, -1],
+        estimate=[1e-3, np.nan, 0.2, 1e-3, 1e-3, np.nan],
+    )
+    with h5py.File(path, "r+") as file:
+        file["points"].attrs["incomplete"] = "the sweep ended at 95 Hz"
+    with Result(path) as result:
+        told = glance(View(result))
+    warnings = [line for line, warn in told if warn]
+    assert "2 points have no solution: 1 no_period_one_orbit, 1 not_converged." in warnings
+    assert "2 points are stable. Unstable: 92 to 93 Hz." in warnings
+    assert any("at most 2.0e-01" in line and "92 Hz" in line for line in warnings)
+    assert "the sweep ended at 95 Hz" in warnings
+    assert any("family" in line and "94 Hz" in line for line, _ in told)
+
+
+def test_stretches_end_where_level_or_branch_changes(tmp_path):
+    path = synthetic.write_result(
+        tmp_path / "r.h5", [1.0, 2.0, 1.0, 2.0, 3.0], {"tip": [1.0] * 5}, level=[1, 1, 2, 2, 2], branch=[0, 0, 1, 1, 2]
+    )
+    with Result(path) as result:
+        words = View(result).ranges(np.array([True, True, True, True, True]))
+    assert words == "1 to 2 Hz at level 1; 1 to 2 Hz at level 2; 3 Hz at level 2"
+
+
+@pytest.mark.parametrize("amplitude", ([], [np.nan], [0.0, 1.0]), ids=["no point", "nothing solved", "no contacts"])
+def test_a_result_with_little_in_it_still_makes_a_page(tmp_path, amplitude):
+    outcome = ["converged" if np.isfinite(value) else "not_converged" for value in amplitude]
+    frequency = np.linspace(1.0, 2.0, len(amplitude))
+    path = synthetic.write_result(tmp_path / "r.h5", frequency, {"tip": amplitude}, outcome=outcome)
+    with h5py.File(path, "r+") as file:
+        file["monitors/tip"].create_dataset("harmonics", data=np.ones((len(amplitude), 3)))
+        file["monitors/tip/harmonics"].attrs["unit"] = "user length"
+    with Result(path) as result:
+        check_page(make_page(result).html())
+
+
+def test_names_in_a_file_are_text_on_the_page_and_nothing_else(tmp_path):
+    name = "<script>alert(1)</script>&\"'"
+    path = synthetic.write_result(tmp_path / "r.h5", [1.0, 2.0], {"tip": [1.0, 2.0]})
+    with h5py.File(path, "r+") as file:
+        file["monitors/tip"].create_dataset("harmonics", data=np.ones((2, 3)))
+        file.attrs["job_file"], file.attrs["references"] = name, f"{name}; {name}"
+        file["points"].attrs["incomplete"] = name
+        file.create_group("run").attrs[name] = name
+    with Result(path) as result:
+        outline = check_page(make_page(result).html())
+    assert " ".join(outline.text).count(name) == 6
+
+
+def test_a_page_that_cannot_be_written_is_a_fault(folder, capfd):
+    report_of(folder, capfd, "wedge")
+    done = attrito_here(folder, capfd, "report", "wedge.h5", "-o", "none/page.html")
+    assert done.returncode == 2 and "none/page.html" in done.stderr
+    done = attrito_here(folder, capfd, "report", "wedge.h5", "--point", "100000")
+    assert done.returncode == 2 and "expected a number from 0 to" in done.stderr
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no browser here: the tests above read the page, this one lays it out")
+@pytest.mark.parametrize("width", [500, 1280])
+def test_a_browser_lays_the_page_out_within_its_width(folder, capfd, width):
+    report_of(folder, capfd, "wedge")
+    measure = """<script>
+      const wide = [...document.querySelectorAll('svg')].map(s => s.getBoundingClientRect());
+      document.body.dataset.told = JSON.stringify([innerWidth, document.documentElement.scrollWidth, wide.length,
+        Math.min(...wide.map(b => b.width)), Math.min(...wide.map(b => b.height)),
+        Math.min(...[...document.querySelectorAll('svg text')].map(t => t.getBoundingClientRect().height))]);
+    </script></body>"""
+    page = folder / f"measured_{width}.html"
+    page.write_text((folder / "wedge.html").read_text().replace("</body>", measure))
+    options = [
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        f"--user-data-dir={folder}/profile",
+        "--virtual-time-budget=2000",
+    ]
+    command = [BROWSER, *options, f"--window-size={width},900", "--dump-dom", page.as_uri()]
+    dumped = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
+    told = re.search(r'data-told="\[([^\]]*)\]"', dumped).group(1)
+    inner, scroll, figures, narrowest, lowest, letters = map(float, told.split(","))
+    assert scroll <= inner and figures >= 8
+    assert narrowest > 200 and lowest > 100
+    # 9 pixels on a phone is the least that can be read.
+    assert letters >= 9
