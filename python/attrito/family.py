@@ -40,9 +40,9 @@ class Member:
 class Family:
     """The other members at a solver's last point. While they are visited the solver stands elsewhere; see `visit`."""
 
-    def __init__(self, comm: Comm, solver: Solver, contacts: int, monitors: int, harmonics: int):
+    def __init__(self, comm: Comm, solver: Solver, contacts: int, monitors: int):
         self._comm, self._solver = comm, solver
-        self._sizes = contacts, monitors, 2 * harmonics + 1
+        self._sizes = contacts, monitors
 
     def visit(self, work: Callable[[Family], Found]) -> Found | None:
         """Do some work on the root, where its result is, all ranks at hand; the solver is left as it was."""
@@ -90,7 +90,7 @@ class Family:
             return self._solver.call("attrito_return_to_member", *arguments)
         if what == "move":
             return self._solver.call("attrito_solve_member", _pointer(np.ascontiguousarray(arguments[0]))) == 1
-        contacts, monitors, coefficients = self._sizes
+        (contacts, monitors), coefficients = self._sizes, self._solver.coefficients
         member = Member(
             np.zeros((contacts, 3, coefficients)),
             np.zeros((monitors, coefficients)),

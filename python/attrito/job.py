@@ -118,10 +118,30 @@ def check_job(raw: dict[str, Any], path: str) -> Job:
             rows = []
         tables[name] = [_check_table(path, f"{name}[{i}]", row, keys, faults) for i, row in enumerate(rows)]
     job = Job(path, tables, frozenset(raw))
+    _fill_accuracy(job)
     faults += _cross_check(job, faults)
     if faults:
         raise InputError(*faults)
     return job
+
+
+# Where neither a number nor a tolerance is given
+HARMONICS, QUADRATURE, TOLERANCE, MODE_ERROR = 5, "event", 0.01, 1e-3
+# Part of the tolerance that the modes left out by a reduction may take
+MODES_SHARE = 0.25
+
+
+def _fill_accuracy(job: Job) -> None:
+    """What follows from one another: a tolerance chooses all that is not given, and what is "auto" has a tolerance."""
+    balance, reduction = job["balance"], job["reduction"]
+    chosen = balance["tolerance"] is not None
+    for key, default in (("harmonics", HARMONICS), ("quadrature", QUADRATURE)):
+        if balance[key] is None:
+            balance[key] = "auto" if chosen else default
+    if reduction["modes"] == "auto" and reduction["error"] is None:
+        reduction["error"] = MODES_SHARE * balance["tolerance"] if chosen else MODE_ERROR
+    if not chosen and "auto" in (balance["harmonics"], balance["quadrature"]):
+        balance["tolerance"] = TOLERANCE
 
 
 def _check_table(
@@ -178,8 +198,7 @@ def _check_model(job: Job) -> list[Fault]:
         faults.append(job.fault("[damping]", ", ".join(kinds), "only one kind of damping"))
     if "reduction" in job.given and (reduction["modes"] is None) == (reduction["max_frequency_hz"] is None):
         faults.append(job.fault("[reduction] modes", reduction["modes"], "either modes or max_frequency_hz"))
-    default = TABLES["reduction"]["error"].default
-    if reduction["modes"] != "auto" and reduction["error"] != default:
+    if reduction["modes"] != "auto" and reduction["error"] is not None:
         faults.append(job.fault("[reduction] error", reduction["error"], 'no such key but with modes = "auto"'))
     if not job["contact"] and not job["contact_set"]:
         faults.append(job.fault("contact", "missing", "at least one [[contact]] or [[contact_set]]"))
@@ -268,12 +287,12 @@ def _check_sweep(job: Job) -> list[Fault]:
 def _check_balance(job: Job) -> list[Fault]:
     faults = []
     harmonics, samples = job["balance"]["harmonics"], job["balance"]["samples"]
+    chosen = (harmonics, job["balance"]["quadrature"], job["reduction"]["modes"])
+    if job["balance"]["tolerance"] is not None and "auto" not in chosen:
+        expected = 'no such key but with harmonics, quadrature or [reduction] modes = "auto"'
+        faults.append(job.fault("[balance] tolerance", job["balance"]["tolerance"], expected))
     if not isinstance(harmonics, int):
         return faults
-    if job["balance"]["tolerance"] is not None:
-        faults.append(
-            job.fault("[balance] tolerance", job["balance"]["tolerance"], 'no such key but with harmonics = "auto"')
-        )
     if samples < 4 * harmonics + 2:
         expected = f"at least {4 * harmonics + 2} samples for {harmonics} harmonics"
         faults.append(job.fault("[balance] samples", samples, expected))

@@ -40,13 +40,11 @@ def number(low: float = -math.inf, high: float = math.inf, *, above: bool = Fals
     return check
 
 
-def integer(low: int, high: int = LARGEST_INTEGER, later: tuple[str, ...] = ()) -> Check:
-    """An integer from `low` to `high`; the words of `later` are known in its place, but not in this version."""
+def integer(low: int, high: int = LARGEST_INTEGER) -> Check:
+    """An integer from `low` to `high`."""
     words = f"an integer from {low} to {high}"
 
     def check(value: Any) -> int:
-        if isinstance(value, str) and value in later:
-            raise ValueError(f'{words} ("{value}" is not in this version)')
         if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
             raise ValueError(words)
         return value
@@ -68,13 +66,11 @@ def boolean(value: Any) -> bool:
     return value
 
 
-def choice(*names: str, later: tuple[str, ...] = ()) -> Check:
-    """One of some names; those of `later` are known but not in this version."""
+def choice(*names: str) -> Check:
+    """One of some names."""
     words = "one of " + ", ".join(f'"{name}"' for name in names) if len(names) > 1 else f'"{names[0]}"'
 
     def check(value: Any) -> str:
-        if isinstance(value, str) and value in later:
-            raise ValueError(f'{words} ("{value}" is not in this version)')
         if value not in names:
             raise ValueError(words)
         return value

@@ -77,8 +77,9 @@ TABLES: dict[str, dict[str, Key]] = {
         "max_frequency_hz": Key(number(0, above=True), None, "instead of `modes`: keep those up to here"),
         "error": Key(
             number(0, 1, above=True),
-            1e-3,
-            'with `"auto"`: error of frequencies and point receptances up to the sweep\'s end times harmonics',
+            None,
+            'with `"auto"`: error of frequencies and point receptances up to the sweep\'s end times harmonics;'
+            " absent: a quarter of `[balance] tolerance`, or 0.001",
         ),
         "ordering": Key(
             choice(*ORDERINGS), ORDERINGS[0], "of the rows for the factorisation ([performance.md](performance.md))"
@@ -118,14 +119,30 @@ TABLES: dict[str, dict[str, Key]] = {
     },
     "balance": {
         "approach": Key(choice("coupled", "uncoupled"), "coupled", "uncoupled: the mean frozen at the static solution"),
-        "harmonics": Key(integer(1, 1000, later=("auto",)), 5, "highest harmonic H"),
-        "tolerance": Key(number(0, 1, above=True), None, 'with `harmonics = "auto"`, which this version refuses'),
-        "quadrature": Key(
-            choice("event", "sampled", later=("auto",)),
-            "event",
-            "one-tangent contacts by events, exact, two-tangent ones by samples; or all by samples",
+        "harmonics": Key(
+            either(integer(1, 1000), choice("auto")),
+            None,
+            'highest harmonic H; `"auto"`: at each point what the tolerance, 0.01 unless given, asks for. Absent: 5, or'
+            ' with a tolerance `"auto"`',
         ),
-        "samples": Key(integer(8, 2**20), 128, "a period; the error falls like samples^-2 ([method.md](method.md))"),
+        "tolerance": Key(
+            number(1e-8, 1),
+            None,
+            "relative error accepted in the monitors' amplitude: it chooses harmonics and quadrature where they are not"
+            " given ([method.md](method.md#error-control))",
+        ),
+        "quadrature": Key(
+            choice("event", "sampled", "auto"),
+            None,
+            'one-tangent contacts by events, exact, two-tangent ones by samples; all by samples; or, `"auto"`, as by'
+            ' events, with as many samples as the tolerance asks for. Absent: `"event"`, or with a tolerance `"auto"`',
+        ),
+        "samples": Key(
+            integer(8, 2**20),
+            128,
+            "a period; the error falls like samples^-2 ([method.md](method.md)); more where the harmonics chosen need"
+            " them",
+        ),
         "residual_tolerance": Key(number(1e-14, 1e-3), 1e-10, "norm of the residual relative to the stuck response"),
         "max_iterations": Key(integer(1), 30, "of Newton's method"),
     },

@@ -27,6 +27,8 @@ LIMIT_COLOUR = "#8a8a8a"
 DASHES = (0, (3, 1.8))
 LINEAR_STYLE = {"stuck": "-", "frictionless": (0, (1, 1.2))}
 FAILURE_MARKER = dict(zip(NO_SOLUTION, ("D", "x"), strict=True))
+# Of a curve, about
+ERROR_BARS = 40
 # More levels than this are read off a colour bar.
 LEGEND_LEVELS = 8
 STYLE = {
@@ -113,7 +115,7 @@ def frequency_response(result: Result, monitor: str, log: bool | None = None, lo
 
     Several levels are divided by the level: a linear structure would give one curve. One level is shown as it is.
     Unstable stretches are dashed, points without a solution are marked, bounds of points that are not unique are
-    shaded. The linear responses (all stuck, frictionless) are thin lines behind.
+    shaded, estimated errors are bars. The linear responses (all stuck, frictionless) are thin lines behind.
 
     Parameters
     ----------
@@ -123,7 +125,9 @@ def frequency_response(result: Result, monitor: str, log: bool | None = None, lo
     look : size and letters; a figure of a given width has its legend below
     """
     look = look or Look()
-    frequency, level, branch = (result.array(f"/points/{name}") for name in ("frequency_hz", "level", "branch"))
+    frequency, level, branch, estimate = (
+        result.array(f"/points/{name}") for name in ("frequency_hz", "level", "branch", "estimate")
+    )
     unstable, loose = result.array("/points/stable") == 0, result.array("/points/unique") == 0
     levels, branches = np.unique(level), np.unique(branch)
     several = len(levels) > 1
@@ -146,6 +150,7 @@ def frequency_response(result: Result, monitor: str, log: bool | None = None, lo
                 if several and one_branch != own_branches[0]:
                     label = ""
                 _draw_curve(axes, frequency[own], shown[own], unstable[own], colour, label)
+                _draw_errors(axes, frequency[own], shown[own], estimate[own], colour)
                 if (bounded := own & loose & np.isfinite(low + high)).any():
                     bounds = [np.where(bounded, bound, np.nan)[own] for bound in (low, high)]
                     axes.fill_between(frequency[own], *bounds, color=colour, alpha=0.25, linewidth=0)
@@ -178,6 +183,21 @@ def frequency_response(result: Result, monitor: str, log: bool | None = None, lo
         elif entries:
             axes.legend(loc="best")
     return figure
+
+
+def _draw_errors(
+    axes: Axes, frequency: np.ndarray, amplitude: np.ndarray, estimate: np.ndarray, colour: object
+) -> None:
+    """Bars of the estimated errors at the largest amplitude and at some other points of a curve."""
+    known = np.flatnonzero(np.isfinite(amplitude) & (estimate > 0.0))
+    if not len(known):
+        return
+    chosen = known[:: -(-len(known) // ERROR_BARS)]
+    chosen = np.union1d(chosen, known[np.argmax(amplitude[known])])
+    half = amplitude[chosen] * np.minimum(estimate[chosen], 1.0)
+    axes.errorbar(
+        frequency[chosen], amplitude[chosen], half, fmt="none", ecolor=colour, elinewidth=0.9, capsize=1.8, alpha=0.9
+    )
 
 
 def _draw_curve(

@@ -16,7 +16,8 @@ import numpy as np
 
 from attrito import __version__
 from attrito.faults import InputError
-from attrito.job import Job, model_path, rom_path
+from attrito.info import receptance_errors
+from attrito.job import HARMONICS, Job, model_path, rom_path
 from attrito.model_file import write_model
 from attrito.parallel import on_root
 from attrito.reduction import Listener, Report, reduce_model
@@ -102,10 +103,14 @@ def make_rom(
 
 
 def excited_hz(job: Job) -> float:
-    """The highest frequency that the job solves for: that of the highest harmonic at the end of the sweep."""
+    """The highest frequency that modes matter for: that of the highest harmonic at the end of the sweep.
+
+    Where harmonics are chosen point by point, of the fifth: beyond, modes that are left out follow at rest.
+    """
     sweep = job["sweep"]
     highest = max(sweep["frequencies_hz"] or [sweep["start_hz"], sweep["stop_hz"]])
-    return highest * job["balance"]["harmonics"]
+    harmonics = job["balance"]["harmonics"]
+    return highest * (HARMONICS if harmonics == "auto" else harmonics)
 
 
 def _modes_in_words(job: Job) -> str:
@@ -199,6 +204,23 @@ def _fingerprint(job: Job, scene: Scene) -> str:
     if keys["modes"] == "auto":
         digest.update(json.dumps([keys["error"], excited_hz(job)]).encode())
     return digest.hexdigest()
+
+
+def mode_error(path: str | None) -> float:
+    """What the modes left out of a rom.h5 cost the monitors, relative to the largest response; 0 without a reduction.
+
+    The largest estimated error of a receptance between a monitor and a load (method.md, Reduction).
+    """
+    if path is None:
+        return 0.0
+    with h5py.File(path) as file:
+        if "quality" not in file or "vectors/name" not in file:
+            return 0.0
+        names = [name.decode() for name in file["vectors/name"][:]]
+        errors = receptance_errors(file["quality/receptance"][:], file["quality/receptance_error"][:])
+    watched = [i for i, name in enumerate(names) if name.startswith("monitor:")]
+    loads = [i for i in range(len(names)) if i not in watched] or watched
+    return float(np.nan_to_num(errors[np.ix_(watched, loads)]).max(initial=0.0))
 
 
 def rom_fingerprint(path: str | None) -> str:

@@ -15,10 +15,10 @@ import numpy as np
 
 from attrito import __version__
 from attrito.faults import InputError, NumericsError, UnsolvedError
-from attrito.job import Job, read_job
+from attrito.job import TOLERANCE, Job, read_job
 from attrito.parallel import on_root
 from attrito.progress import Progress
-from attrito.rom import make_rom, model_path, reduced_scene, rom_fingerprint, rom_path
+from attrito.rom import make_rom, mode_error, model_path, reduced_scene, rom_fingerprint, rom_path
 from attrito.scene import Scene, build_scene
 from attrito.solver import Options, Point, Solver
 from attrito.stability import Examiner, write_multipliers
@@ -32,6 +32,8 @@ REFERENCES = (
     "Cameron & Griffin 1989, doi:10.1115/1.3176036; PETSc, SLEPc, MUMPS, FFTW, HDF5"
 )
 LINEAR_POINTS = 400
+# Where they are chosen point by point, to begin with
+FIRST_HARMONICS, FIRST_SAMPLES = 3, 64
 NATURAL_FREQUENCIES = 20
 
 
@@ -60,16 +62,7 @@ def run_job(comm: Comm, path: str | Job) -> str:
     load_path = on_root(comm, lambda: scene.load_path)
     result = job.file(job["output"]["file"])
     partial = f"{result}.partial"
-    balance = job["balance"]
-    options = Options(
-        harmonics=balance["harmonics"],
-        samples=balance["samples"],
-        max_iterations=balance["max_iterations"],
-        tolerance=balance["residual_tolerance"],
-        reset_slider=job["static"]["slider"] == "reset",
-        uncoupled=balance["approach"] == "uncoupled",
-        by_events=balance["quadrature"] == "event",
-    )
+    options = on_root(comm, lambda: solver_options(job))
     outcomes: Counter[str] = Counter()
     incomplete: list[str] = []
     try:
@@ -114,6 +107,28 @@ def run_job(comm: Comm, path: str | Job) -> str:
     if complaints:
         raise UnsolvedError(result, "; ".join(complaints))
     return result
+
+
+def solver_options(job: Job) -> Options:
+    """The job's choices of the balance."""
+    balance = job["balance"]
+    automatic = balance["harmonics"] == "auto"
+    loaded = max((load["harmonic"] for load in job["load"] if load["kind"] == "harmonic"), default=1)
+    harmonics = max(FIRST_HARMONICS, loaded) if automatic else balance["harmonics"]
+    samples = FIRST_SAMPLES if balance["quadrature"] == "auto" else balance["samples"]
+    return Options(
+        harmonics=harmonics,
+        samples=max(samples, 6 * harmonics + 2) if automatic else samples,
+        max_iterations=balance["max_iterations"],
+        tolerance=balance["residual_tolerance"],
+        reset_slider=job["static"]["slider"] == "reset",
+        uncoupled=balance["approach"] == "uncoupled",
+        by_events=balance["quadrature"] != "sampled",
+        choose_harmonics=automatic,
+        choose_samples=balance["quadrature"] == "auto",
+        accepted_error=balance["tolerance"] or TOLERANCE,
+        mode_error=mode_error(rom_path(job)),
+    )
 
 
 def _on_root_only(comm: Comm, work) -> Scene | None:

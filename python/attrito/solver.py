@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
 OUTCOMES = ("converged", "unstable", "indeterminate", "no_period_one_orbit", "not_converged")
+# Parts of a point's estimated error
+ERRORS = ("error_harmonics", "error_samples", "error_modes")
 DAMPING_KINDS = {"none": 0, "viscous": 1, "ratio": 2, "mass": 3, "loss_factor": 4}
 
 
@@ -23,8 +25,8 @@ class _Options(ctypes.Structure):
         *((name, ctypes.c_int) for name in ("harmonics", "samples", "rounds", "max_iterations")),
         ("reset_slider", ctypes.c_int),
         ("uncoupled", ctypes.c_int),
-        ("by_events", ctypes.c_int),
-        ("tolerance", ctypes.c_double),
+        *((name, ctypes.c_int) for name in ("by_events", "choose_harmonics", "choose_samples")),
+        *((name, ctypes.c_double) for name in ("tolerance", "accepted_error", "mode_error")),
     ]
 
 
@@ -45,13 +47,18 @@ class _Point(ctypes.Structure):
             for name in ("branch", "iterations", "linear_iterations", "outcome", "unique", "finished", "reached_stop")
         ),
         ("states", ctypes.c_int * 4),
-        *((name, ctypes.c_double) for name in ("frequency_hz", "level", "residual", "estimate")),
+        *((name, ctypes.c_int) for name in ("harmonic_count", "samples")),
+        *((name, ctypes.c_double) for name in ("frequency_hz", "level", "residual", "estimate", *ERRORS, "work")),
     ]
 
 
 @dataclass(frozen=True)
 class Options:
-    """Choices of the harmonic balance; see docs/job.md."""
+    """Choices of the harmonic balance; see docs/job.md.
+
+    With `choose_harmonics` and `choose_samples` the numbers given are those to begin with, and `accepted_error` tells
+    how far to go. `mode_error`: the reduced model's own share of the error, for the record.
+    """
 
     harmonics: int = 5
     samples: int = 128
@@ -60,7 +67,11 @@ class Options:
     reset_slider: bool = False
     uncoupled: bool = False
     by_events: bool = False
+    choose_harmonics: bool = False
+    choose_samples: bool = False
     tolerance: float = 1e-10
+    accepted_error: float = 0.01
+    mode_error: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -95,7 +106,8 @@ class Point:
     """One point of a sweep.
 
     `states` counts contacts stuck, shaken down, slipping, open; `harmonics` are the coefficients of the monitors,
-    `[monitors, 2 H + 1]`, and `amplitude` half their ranges over the period, `[monitors]`, user length.
+    `[monitors, 2 H + 1]`, and `amplitude` half their ranges over the period, `[monitors]`, user length. `errors` are
+    the parts of `estimate` in the order of `ERRORS`; `work` counts floating-point operations of the session up to here.
     """
 
     frequency_hz: float
@@ -107,6 +119,9 @@ class Point:
     unique: bool
     residual: float
     estimate: float
+    errors: tuple[float, float, float]
+    samples: int
+    work: float
     states: tuple[int, int, int, int]
     harmonics: np.ndarray
     amplitude: np.ndarray
@@ -121,6 +136,8 @@ class Solver:
         self._library = library.load()
         self._library.attrito_create.restype = ctypes.c_void_p
         self._scene, self._options = scene, options
+        # A row of the last point
+        self.coefficients = 2 * options.harmonics + 1
         m = len(scene.mass)
         damping = None if scene.damping is None else _pointer(scene.damping)
         self._handle = ctypes.c_void_p(
@@ -151,10 +168,10 @@ class Solver:
 
     def walk_static_path(self, path: np.ndarray, steps: int, frequency_hz: float) -> np.ndarray:
         """Walk the static load path, `[corners, loads]`; returns the means of the monitors."""
-        self._call(
-            "attrito_walk_static_path", path.shape[1], path.shape[0], _pointer(path), steps, _omega(frequency_hz)
-        )
-        return self._monitors()[0][:, 0]
+        raw = _Point()
+        sizes = path.shape[1], path.shape[0]
+        self._call("attrito_walk_static_path", *sizes, _pointer(path), steps, _omega(frequency_hz), ctypes.byref(raw))
+        return self._monitors(raw.harmonic_count)[0][:, 0]
 
     def sweep(self, start_hz: float, stop_hz: float, level: float, branch: int, max_points: int) -> Iterator[Point]:
         """Follow the branch from one frequency to another, a point at a time."""
@@ -219,13 +236,14 @@ class Solver:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _monitors(self) -> tuple[np.ndarray, np.ndarray]:
+    def _monitors(self, harmonic_count: int) -> tuple[np.ndarray, np.ndarray]:
         count = len(self._scene.monitors)
-        harmonics, amplitude = np.zeros((count, 2 * self._options.harmonics + 1)), np.zeros(count)
+        harmonics, amplitude = np.zeros((count, 2 * harmonic_count + 1)), np.zeros(count)
         self._library.attrito_monitors(self._handle, _pointer(harmonics), _pointer(amplitude))
         return harmonics, amplitude
 
     def _point(self, raw: _Point) -> Point:
+        self.coefficients = 2 * raw.harmonic_count + 1
         return Point(
             raw.frequency_hz,
             raw.level,
@@ -236,8 +254,11 @@ class Solver:
             raw.unique == 1,
             raw.residual,
             raw.estimate,
+            tuple(getattr(raw, name) for name in ERRORS),
+            raw.samples,
+            raw.work,
             tuple(raw.states),
-            *self._monitors(),
+            *self._monitors(raw.harmonic_count),
             bool(raw.finished),
             bool(raw.reached_stop),
         )

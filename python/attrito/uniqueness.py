@@ -60,7 +60,7 @@ class Sampler:
         self.hulls: dict[int, Hull] = {}
         self._samples = not options.uncoupled and (bounds == "sampled" or (bounds == "auto" and few))
         self._search = Search(scene.laws)
-        self._family = Family(comm, solver, len(tangents), len(scene.monitors), options.harmonics)
+        self._family = Family(comm, solver, len(tangents), len(scene.monitors))
         self._points = 0
 
     def visit(self, point: Point) -> None:

@@ -4,6 +4,7 @@ module attrito_api_session
   use attrito_core_communicator, only: communicator_type
   use attrito_model_contacts, only: contact_type, contacts_type
   use attrito_model_structure, only: structure_type
+  use attrito_accuracy_error_control, only: error_control_type
   use attrito_continuation_arc_length, only: sweep_type
   use attrito_continuation_members, only: family_type, member_type
   use attrito_continuation_solver, only: solver_type
@@ -21,6 +22,7 @@ module attrito_api_session
     type(contacts_type) :: contacts
     type(solver_type) :: solver
     type(sweep_type) :: sweep
+    type(error_control_type) :: accuracy
     type(point_report_type) :: point
     type(result_file_type) :: result
     !> While other members of the last point's family are visited: the point, and two of them to return to

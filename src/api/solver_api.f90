@@ -15,7 +15,7 @@ module attrito_api_solver
   use attrito_balance_receptance, only: receptance_type, to_complex, to_real
   use attrito_balance_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
   use attrito_continuation_arc_length, only: new_sweep
-  use attrito_continuation_cascade, only: place_type, place_of, return_to, solve_by_attempt, solve_by_cascade
+  use attrito_continuation_cascade, only: place_type, place_of, return_to, solve_by_attempt
   use attrito_continuation_rebalancing, only: field_type, rebalance
   use attrito_continuation_solver, only: solver_options_type, new_solver
   use attrito_integrate_averaged_periods, only: new_averaged_periods
@@ -28,14 +28,14 @@ module attrito_api_solver
   private
 
   type, bind(c) :: options_type
-    integer(c_int) :: harmonics, samples, rounds, max_iterations, reset_slider, uncoupled, by_events
-    real(c_double) :: tolerance
+    integer(c_int) :: harmonics, samples, rounds, max_iterations, reset_slider, uncoupled, by_events, choose_harmonics, choose_samples
+    real(c_double) :: tolerance, accepted_error, mode_error
   end type options_type
 
   type, bind(c) :: point_type
     integer(c_int) :: branch, iterations, linear_iterations, outcome, unique, finished, reached_stop
-    integer(c_int) :: states(4)
-    real(c_double) :: frequency_hz, level, residual, estimate
+    integer(c_int) :: states(4), harmonics, samples
+    real(c_double) :: frequency_hz, level, residual, estimate, error_harmonics, error_samples, error_modes, work
   end type point_type
 
   !> Rows of contacts up to which an implicit step in time, an elimination of all of them, is worth its cost
@@ -115,23 +115,30 @@ contains
                     uncoupled=options%uncoupled /= 0, by_events=options%by_events /= 0, tolerance=options%tolerance), &
                     session%solver, error)
     attrito_prepare = tell(error, message)
+    session%accuracy%tolerance = options%accepted_error
+    session%accuracy%choose_harmonics = options%choose_harmonics /= 0
+    session%accuracy%choose_samples = options%choose_samples /= 0
+    session%accuracy%fewest_harmonics = max((size(session%structure%harmonic_load, 2) - 1)/2, 1)
+    session%accuracy%errors%modes = options%mode_error
     if (allocated(error) .or. size(session%contacts%directions, 2) > most_rows_in_time) return
     allocate (session%solver%in_time, source=new_averaged_periods(session%structure, session%contacts))
   end function attrito_prepare
 
   !> Walk the static load path [corners, static loads], standing at an angular frequency.
-  integer(c_int) function attrito_walk_static_path(handle, loads, corners, path, steps, omega, message, length) bind(c)
+  integer(c_int) function attrito_walk_static_path(handle, loads, corners, path, steps, omega, point, message, length) bind(c)
     type(c_ptr), value :: handle
     integer(c_int), value :: loads, corners, steps, length
     real(c_double), intent(in) :: path(loads, corners)
     real(c_double), value :: omega
+    type(point_type), intent(out) :: point
     character(kind=c_char), intent(out) :: message(length)
     type(session_type), pointer :: session
     type(error_type), allocatable :: error
 
     session => session_of(handle)
     call walk_static_path(session%solver, path, steps, omega, error)
-    call report_point(session%solver, 0, session%point)
+    call report_point(session%solver, 0, session%accuracy%errors, session%point)
+    point = point_of(session%point)
     attrito_walk_static_path = tell(error, message)
   end function attrito_walk_static_path
 
@@ -154,8 +161,8 @@ contains
     type(session_type), pointer :: session
 
     session => session_of(handle)
-    call session%sweep%advance(session%solver)
-    call report_point(session%solver, session%sweep%branch, session%point)
+    call session%accuracy%advance(session%sweep, session%solver)
+    call report_point(session%solver, session%sweep%branch, session%accuracy%errors, session%point)
     point = point_of(session%point)
     point%finished = merge(1, 0, session%sweep%finished)
     point%reached_stop = merge(1, 0, session%sweep%reached_stop)
@@ -174,9 +181,9 @@ contains
     session => session_of(handle)
     call rebalance(session%solver, none)
     before = session%solver%omega
-    call solve_by_cascade(session%solver, omega)
+    call session%accuracy%solve_at(session%solver, omega)
     session%solver%omega = omega
-    call report_point(session%solver, branch, session%point)
+    call report_point(session%solver, branch, session%accuracy%errors, session%point)
     if (.not. session%solver%report%converged) session%solver%omega = before
     point = point_of(session%point)
   end subroutine attrito_solve_at
@@ -195,7 +202,7 @@ contains
     before = place_of(session%solver)
     call solve_by_attempt(session%solver, attempt, omega)
     session%solver%omega = omega
-    call report_point(session%solver, 0, session%point)
+    call report_point(session%solver, 0, session%accuracy%errors, session%point)
     call return_to(session%solver, before)
     point = point_of(session%point)
   end subroutine attrito_try_at
@@ -297,6 +304,7 @@ contains
 
     session => session_of(handle)
     call close_result(session%result)
+    call session%accuracy%destroy()
     call session%solver%destroy()
     deallocate (session)
   end subroutine attrito_destroy
@@ -337,7 +345,8 @@ contains
     type(point_type) :: point
 
     point = point_type(report%branch, report%iterations, report%linear_iterations, report%outcome, report%unique, 0, 0, &
-                       report%states, report%frequency_hz, report%level, report%residual, report%estimate)
+                       report%states, report%series, report%samples, report%frequency_hz, report%level, report%residual, &
+                       report%errors%all(), report%errors%harmonics, report%errors%samples, report%errors%modes, report%work)
   end function point_of
 
   pure function lines_of(text, count) result(lines)

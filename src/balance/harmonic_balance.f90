@@ -9,6 +9,7 @@
 module attrito_balance_harmonic_balance
   use attrito_core_communicator, only: communicator_type
   use attrito_core_kinds, only: wp
+  use attrito_core_trigonometric, only: resized
   use attrito_model_contacts, only: contact_type, contacts_type
   use attrito_model_structure, only: structure_type
   use attrito_contact_fourier, only: fourier_type, new_fourier
@@ -19,6 +20,7 @@ module attrito_balance_harmonic_balance
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, new_grid
   use attrito_balance_receptance, only: receptance_type, to_complex, to_real
   use attrito_balance_split_receptance, only: split_receptance_type
+  use attrito_balance_work, only: contact_work, residual_work
   implicit none
   private
   public :: balance_type, new_balance
@@ -63,8 +65,11 @@ module attrito_balance_harmonic_balance
     real(wp), allocatable :: residual(:, :), residual_omega(:, :)
     complex(wp), allocatable :: response(:, :)
     type(stuck_mean_type), private :: kept
+    !> Floating-point operations so far by the formulas of `attrito_balance_work`, this rank's share
+    real(wp) :: work = 0.0_wp
   contains
     procedure :: take_contacts
+    procedure :: set_resolution
     procedure :: rows
     procedure :: coefficients
     procedure :: evaluate
@@ -88,22 +93,63 @@ contains
     !> Samples a period
     integer, intent(in) :: samples
     type(balance_type), intent(out) :: self
-    integer :: first, last, i, n
+    integer :: first, last
 
     call move_alloc(receptance, self%receptance)
     self%ranks = ranks
-    self%fourier = new_fourier(self%receptance%harmonics, samples)
-    self%grid = new_grid(self%receptance%harmonics)
     call ranks%share(size(contacts%law), first, last)
-    n = size(self%receptance%basis, 2)
     self%static_loads = matmul(transpose(self%receptance%basis), structure%static_loads)
     allocate (self%static_factors(size(structure%static_loads, 2)), source=1.0_wp)
-    allocate (self%harmonic_load(n, 0:self%receptance%harmonics), source=(0.0_wp, 0.0_wp))
-    i = min(size(structure%harmonic_load, 2), self%coefficients())
-    self%harmonic_load(:, 0:i/2) = to_complex(matmul(transpose(structure%harmonic_load(:, :i)), self%receptance%basis))
-    allocate (self%response(n, 0:self%receptance%harmonics))
+    call set_series(self, structure, self%receptance%harmonics, samples)
+    allocate (self%response(size(self%static_loads, 1), 0:self%receptance%harmonics))
     call self%take_contacts(contacts, first, last)
   end subroutine new_balance
+
+  !> What belongs to a length of the series: transforms, the grid of roots, harmonics of the load.
+  subroutine set_series(self, structure, harmonics, samples)
+    type(balance_type), intent(inout) :: self
+    type(structure_type), intent(in) :: structure
+    integer, intent(in) :: harmonics, samples
+    integer :: given
+
+    call self%fourier%destroy()
+    self%fourier = new_fourier(harmonics, samples)
+    self%grid = new_grid(harmonics)
+    if (allocated(self%harmonic_load)) deallocate (self%harmonic_load)
+    allocate (self%harmonic_load(size(self%receptance%basis, 2), 0:harmonics), source=(0.0_wp, 0.0_wp))
+    given = min(size(structure%harmonic_load, 2), 2*harmonics + 1)
+    self%harmonic_load(:, 0:given/2) = to_complex(matmul(transpose(structure%harmonic_load(:, :given)), self%receptance%basis))
+  end subroutine set_series
+
+  !> Go on with another length of the series and other samples. Sliders stay; response and deviation keep the harmonics that both
+  !> lengths have; residual and Jacobian are to be evaluated anew.
+  subroutine set_resolution(self, structure, harmonics, samples)
+    class(balance_type), intent(inout) :: self
+    type(structure_type), intent(in) :: structure
+    integer, intent(in) :: harmonics, samples
+    complex(wp), allocatable :: response(:, :)
+    integer :: i, common
+
+    call self%receptance%set_harmonics(harmonics)
+    call set_series(self, structure, harmonics, samples)
+    common = min(ubound(self%response, 2), harmonics)
+    allocate (response(size(self%response, 1), 0:harmonics), source=(0.0_wp, 0.0_wp))
+    response(:, :common) = self%response(:, :common)
+    call move_alloc(response, self%response)
+    do i = 1, size(self%law)
+      self%forces(i)%deviation = resized(self%forces(i)%deviation, deviation_coefficients(self))
+    end do
+    self%residual = resized(self%residual, self%coefficients())
+    self%residual_omega = self%residual
+    self%split = split_receptance_type()
+  end subroutine set_resolution
+
+  !> Coefficients of the forces that are kept: those beyond the series tell what it leaves out.
+  pure integer function deviation_coefficients(self)
+    class(balance_type), intent(in) :: self
+
+    deviation_coefficients = 2*min(3*self%receptance%harmonics, (self%fourier%samples - 1)/2) + 1
+  end function deviation_coefficients
 
   !> Let this rank hold these contacts, with sliders at zero.
   subroutine take_contacts(self, contacts, first, last)
@@ -112,7 +158,7 @@ contains
     type(contacts_type), intent(in) :: contacts
     !> The first and the last of this rank, from 1
     integer, intent(in) :: first, last
-    integer :: i, extended, last_row
+    integer :: i, last_row
 
     self%first_contact = first
     self%law = contacts%law(first:last)
@@ -125,9 +171,8 @@ contains
     if (allocated(self%kept%slider)) deallocate (self%kept%slider)
     if (allocated(self%forces)) deallocate (self%forces)
     allocate (self%forces(size(self%law)))
-    extended = min(3*self%receptance%harmonics, (self%fourier%samples - 1)/2)
     do i = 1, size(self%law)
-      allocate (self%forces(i)%deviation(2*extended + 1, self%law(i)%tangents + 1))
+      allocate (self%forces(i)%deviation(deviation_coefficients(self), self%law(i)%tangents + 1))
     end do
     self%residual = reshape([(0.0_wp, i=1, self%coefficients()*self%rows())], [self%coefficients(), self%rows()])
     self%residual_omega = self%residual
@@ -165,6 +210,8 @@ contains
     allocate (derivative, mold=self%response)
     do i = 1, size(self%law)
       call evaluate_forces(self, i, motion)
+      if (allocated(self%forces(i)%jacobian)) self%work = self%work + contact_work(self%law(i), k, self%fourier%samples, &
+                                                                                   self%by_events)
       associate (law => self%law(i))
         self%residual(:, law%first_row:law%first_row + law%tangents) = self%forces(i)%deviation(:k, :)
       end associate
@@ -173,6 +220,7 @@ contains
     self%response = self%response + linear_response(self)
     if (allocated(self%frozen_mean)) self%response(:, 0) = self%frozen_mean
     call self%receptance%respond_derivative(self%response, derivative)
+    self%work = self%work + residual_work(k, self%rows(), size(self%response, 1))
     self%residual = motion - self%recover(self%response)
     self%residual_omega = -self%recover(derivative)
   end subroutine evaluate
@@ -217,6 +265,7 @@ contains
       self%response(:, 0) = mean_response(self)
     end if
     motion = recover_loaded(self, self%response)
+    self%work = self%work + residual_work(1, self%rows(), size(self%response, 1))
     moving = 0.0_wp
     do i = 1, size(self%law)
       if (still_stuck(self, i, motion)) cycle

@@ -14,9 +14,10 @@ module attrito_balance_linearised_step
   use attrito_balance_condensed_krylov, only: krylov_options_type, solve_by_krylov
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_balance_unknowns, only: unknowns_type
+  use attrito_balance_work, only: step_work
   implicit none
   private
-  public :: linear_options_type, solve_linearised, apply_linearised
+  public :: linear_options_type, solve_linearised, apply_linearised, change_of_deviation
 
   type :: linear_options_type
     !> Active unknowns up to which the system is formed and eliminated
@@ -42,6 +43,7 @@ contains
     real(wp), allocatable :: rho(:, :), y(:, :)
     complex(wp), allocatable :: response(:, :)
     real(wp) :: last
+    integer :: active
 
     iterations = 0
     rho = right%motion
@@ -52,11 +54,13 @@ contains
     rho = rho + balance%recover(response)
     border = new_border(balance, constraint)
     last = right%omega - inner_product(balance, constraint%motion, rho)
-    if (active_unknowns(balance) > options%dense_limit) then
+    active = active_unknowns(balance)
+    if (active > options%dense_limit) then
       call solve_by_krylov(balance, border, rho, last, options%krylov, y, step%omega, iterations, status)
     else
       call solve_by_elimination(balance, border, rho, last, y, step%omega, status)
     end if
+    balance%work = balance%work + step_work(active, size(rho, 1), size(response, 1), iterations)/balance%ranks%ranks
     if (status /= 0) return
     call balance%respond_to_deviation(y, response)
     step%motion = rho + balance%recover(response) - balance%residual_omega*step%omega
@@ -93,6 +97,27 @@ contains
     product%motion = step%motion - balance%recover(response) + balance%residual_omega*step%omega
     product%omega = inner_product(balance, constraint%motion, step%motion) + constraint%frequency*step%omega
   end subroutine apply_linearised
+
+  !> D delta d + g_w delta w: what a step from `solve_linearised` changes of the contacts' deviation [2 H + 1, rows].
+  function change_of_deviation(balance, right, step) result(change)
+    type(balance_type), intent(in) :: balance
+    !> The right-hand sides that the step was solved for
+    type(unknowns_type), intent(in) :: right
+    type(unknowns_type), intent(in) :: step
+    real(wp) :: change(size(step%motion, 1), size(step%motion, 2))
+    integer :: i, k
+
+    call release_sliders(balance, right%slider, change)
+    k = size(step%motion, 1)
+    do i = 1, size(balance%law)
+      associate (forces => balance%forces(i), first => balance%law(i)%first_row, rows => balance%law(i)%tangents + 1)
+        if (.not. allocated(forces%jacobian)) cycle
+        change(:, first:first + rows - 1) = change(:, first:first + rows - 1) + reshape( &
+                                            matmul(forces%jacobian, reshape(step%motion(:, first:first + rows - 1), [k*rows])), &
+                                            [k, rows])
+      end associate
+    end do
+  end function change_of_deviation
 
   !> Rows of D that are not zero, over all ranks.
   integer function active_unknowns(balance)

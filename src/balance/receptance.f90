@@ -22,6 +22,7 @@ module attrito_balance_receptance
     !> Angular frequency it is set to
     real(wp) :: omega = -1.0_wp
   contains
+    procedure(set_harmonics), deferred :: set_harmonics
     procedure(set_frequency), deferred :: set_frequency
     procedure(respond), deferred :: respond
     procedure(respond_derivative), deferred :: respond_derivative
@@ -33,6 +34,13 @@ module attrito_balance_receptance
   end type receptance_type
 
   abstract interface
+    !> Answer for so many harmonics from now on; a frequency is to be set anew.
+    subroutine set_harmonics(self, harmonics)
+      import :: receptance_type
+      class(receptance_type), intent(inout) :: self
+      integer, intent(in) :: harmonics
+    end subroutine set_harmonics
+
     !> Make ready for an angular frequency.
     subroutine set_frequency(self, omega, status)
       import :: receptance_type, wp

@@ -23,6 +23,7 @@ module attrito_balance_receptance_direct
     complex(wp), allocatable, private :: factors(:, :, :)
     integer, allocatable, private :: pivots(:, :)
   contains
+    procedure :: set_harmonics
     procedure :: set_frequency
     procedure :: respond
     procedure :: respond_derivative
@@ -54,9 +55,20 @@ contains
       self%basis(i, i) = 1.0_wp
     end do
     self%directions = directions
-    self%harmonics = harmonics
-    allocate (self%factors(m, m, 0:harmonics), self%pivots(m, 0:harmonics))
+    call self%set_harmonics(harmonics)
   end function new_receptance_direct
+
+  subroutine set_harmonics(self, harmonics)
+    class(receptance_direct_type), intent(inout) :: self
+    integer, intent(in) :: harmonics
+    integer :: m
+
+    m = size(self%mass, 1)
+    self%harmonics = harmonics
+    self%omega = -1.0_wp
+    if (allocated(self%factors)) deallocate (self%factors, self%pivots)
+    allocate (self%factors(m, m, 0:harmonics), self%pivots(m, 0:harmonics))
+  end subroutine set_harmonics
 
   subroutine set_frequency(self, omega, status)
     class(receptance_direct_type), intent(inout) :: self

@@ -15,6 +15,7 @@ module attrito_balance_receptance_modal
     complex(wp), allocatable, private :: flexibility(:, :)
     real(wp), allocatable, private :: parts(:, :)
   contains
+    procedure :: set_harmonics
     procedure :: set_frequency
     procedure :: respond
     procedure :: respond_derivative
@@ -38,9 +39,18 @@ contains
     self%modal_damping = modal_damping
     self%basis = modes
     self%directions = matmul(transpose(modes), directions)
-    self%harmonics = harmonics
-    allocate (self%flexibility(size(modal_mass), 0:harmonics), self%parts(size(modal_mass), 2*harmonics + 1))
+    call self%set_harmonics(harmonics)
   end function new_receptance_modal
+
+  subroutine set_harmonics(self, harmonics)
+    class(receptance_modal_type), intent(inout) :: self
+    integer, intent(in) :: harmonics
+
+    self%harmonics = harmonics
+    self%omega = -1.0_wp
+    if (allocated(self%flexibility)) deallocate (self%flexibility, self%parts)
+    allocate (self%flexibility(size(self%modal_mass), 0:harmonics), self%parts(size(self%modal_mass), 2*harmonics + 1))
+  end subroutine set_harmonics
 
   subroutine set_frequency(self, omega, status)
     class(receptance_modal_type), intent(inout) :: self

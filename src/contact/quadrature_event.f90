@@ -53,7 +53,7 @@ contains
     call march_events(events, state, intervals, count)
     call integrate(law, events, intervals(:count), motion, forces)
     call classify(events, intervals(:count), abs(forces%slider(1) - slider) > 0.0_wp, forces)
-    call differentiate(forces, size(motion, 1))
+    if (.not. forces%without_jacobian) call differentiate(forces, size(motion, 1))
   end subroutine evaluate_contact_by_events
 
   !> Coefficients of the deviation and its Jacobian, from the moments of where the slider moves and where the contact is open.
@@ -87,18 +87,20 @@ contains
     forces%deviation = 0.0_wp
     forces%deviation(1, 2) = closed_normal
     if (allocated(forces%jacobian)) deallocate (forces%jacobian)
-    allocate (forces%jacobian(2*k, 2*k))
     associate (g_t => forces%deviation(:, 1), g_n => forces%deviation(:, 2), kt => law%tangential_stiffness, &
-               kn => law%normal_stiffness, j => forces%jacobian)
+               kn => law%normal_stiffness)
       ! w = u - r along the tangent, u + r against it
       call moving%add_product(motion(:, 1), -kt, g_t)
       call along%add_product(0.5_wp*(events%upper - events%lower), kt, g_t)
       call opened%add_column(-closed_normal, g_n)
       call opened%add_product(motion(:, 2), -kn, g_n)
-      call moving%write_matrix(-kt, j(:k, :k))
-      call along%write_matrix(kt*events%slope, j(:k, k + 1:))
-      j(k + 1:, :k) = 0.0_wp
-      call opened%write_matrix(-kn, j(k + 1:, k + 1:))
+      if (.not. forces%without_jacobian) then
+        allocate (forces%jacobian(2*k, 2*k))
+        call moving%write_matrix(-kt, forces%jacobian(:k, :k))
+        call along%write_matrix(kt*events%slope, forces%jacobian(:k, k + 1:))
+        forces%jacobian(k + 1:, :k) = 0.0_wp
+        call opened%write_matrix(-kn, forces%jacobian(k + 1:, k + 1:))
+      end if
     end associate
     call integrate_rest(law, intervals, ends, k, forces)
   end subroutine integrate
@@ -125,7 +127,7 @@ contains
       resting%c = 0.0_wp
       resting%s = 0.0_wp
       forces%deviation(:, 1) = forces%deviation(:, 1) + intervals(i)%slider*force
-      if (.not. intervals(i)%has_origin) cycle
+      if (forces%without_jacobian .or. .not. intervals(i)%has_origin) cycle
       basis = basis_at(intervals(i)%origin, (k - 1)/2)
       do n = 1, k
         forces%jacobian(:k, n) = forces%jacobian(:k, n) + basis(n)*force(:k)

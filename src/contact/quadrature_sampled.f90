@@ -38,6 +38,8 @@ module attrito_contact_quadrature_sampled
     real(wp), allocatable :: jacobian(:, :)
     !> Which rows of the Jacobian are not zero [k rows]
     logical, allocatable :: active(:)
+    !> By events: are the deviation, state and fractions all that is wanted?
+    logical :: without_jacobian = .false.
     !> Slider at the start of the period, and what the period moves it by [2]
     real(wp) :: slider(2) = 0.0_wp, moved(2) = 0.0_wp
     !> Is the slider at the start of the period to be found with the motion, and how does it depend on it?

@@ -7,6 +7,7 @@
 !> Source: Keller 1977; Seydel 2010, doi:10.1007/978-1-4419-1740-9.
 module attrito_continuation_arc_length
   use attrito_core_kinds, only: wp
+  use attrito_core_trigonometric, only: resized
   use attrito_balance_border, only: constraint_type, inner_product
   use attrito_balance_linearised_step, only: solve_linearised
   use attrito_balance_newton_context, only: least_stiffening
@@ -55,6 +56,7 @@ module attrito_continuation_arc_length
     integer, private :: walking = 0
   contains
     procedure :: advance
+    procedure :: set_harmonics
   end type sweep_type
 
 contains
@@ -91,6 +93,22 @@ contains
     self%points = self%points + 1
     if (self%points >= self%max_points) self%finished = .true.
   end subroutine advance
+
+  !> Let what the sweep remembers have so many harmonics.
+  subroutine set_harmonics(self, harmonics)
+    class(sweep_type), intent(inout) :: self
+    integer, intent(in) :: harmonics
+    complex(wp), allocatable :: slope(:, :)
+    integer :: common
+
+    if (allocated(self%tangent)) self%tangent = resized(self%tangent, 2*harmonics + 1)
+    if (allocated(self%secant)) self%secant = resized(self%secant, 2*harmonics + 1)
+    if (.not. allocated(self%slope)) return
+    common = min(size(self%slope, 2), harmonics + 1)
+    allocate (slope(size(self%slope, 1), harmonics + 1), source=(0.0_wp, 0.0_wp))
+    slope(:, :common) = self%slope(:, :common)
+    call move_alloc(slope, self%slope)
+  end subroutine set_harmonics
 
   !> Share contacts out over ranks; what the sweep remembers of them follows.
   subroutine share_out(self, solver)

@@ -3,6 +3,7 @@ module attrito_continuation_solver
   use attrito_core_communicator, only: communicator_type
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
+  use attrito_core_trigonometric, only: resized
   use attrito_model_contacts, only: contacts_type
   use attrito_model_structure, only: structure_type
   use attrito_balance_border, only: constraint_type
@@ -74,6 +75,7 @@ module attrito_continuation_solver
     procedure :: set_scales
     procedure :: set_loads
     procedure :: set_slider
+    procedure :: set_resolution
     procedure :: destroy
   end type solver_type
 
@@ -412,6 +414,25 @@ contains
     if (present(periodic)) self%context%balance%periodic = periodic
     call self%context%forget()
   end subroutine set_slider
+
+  !> Go on with another length of the series and other samples; the motion keeps the harmonics that both lengths have.
+  subroutine set_resolution(self, harmonics, samples)
+    class(solver_type), intent(inout) :: self
+    integer, intent(in) :: harmonics, samples
+    type(error_type), allocatable :: error
+
+    if (harmonics == self%options%harmonics .and. samples == self%options%samples) return
+    self%options%harmonics = harmonics
+    self%options%samples = samples
+    call self%newton%destroy()
+    call self%context%balance%set_resolution(self%structure, harmonics, samples)
+    self%motion = resized(self%motion, 2*harmonics + 1)
+    associate (constraint => self%context%constraint)
+      if (allocated(constraint%motion)) constraint%motion = resized(constraint%motion, 2*harmonics + 1)
+    end associate
+    call self%context%forget()
+    call new_newton(self%context, self%options%max_iterations, self%newton, error)
+  end subroutine set_resolution
 
   !> Give back what libraries hold.
   subroutine destroy(self)

@@ -20,7 +20,7 @@ module attrito_core_hdf5_dataset
   use attrito_core_kinds, only: wp
   implicit none
   private
-  public :: create_array, create_series, extend_series, array_shape, transfer_block, put_array
+  public :: create_array, create_series, extend_series, widen_series, array_shape, transfer_block, put_array
 
   !> Entries of a series in a chunk, and numbers in a chunk, at most
   integer(hsize_t), parameter :: chunk_entries = 512, chunk_numbers = 32768
@@ -55,7 +55,7 @@ contains
   end subroutine create_array
 
   !> Create a dataset without entries that grows in its first dimension; what is never written reads as NaN, or as 0.
-  subroutine create_series(file, name, kind, extent, description, unit, error)
+  subroutine create_series(file, name, kind, extent, description, unit, error, widens)
     !> The file
     type(hdf5_file_type), intent(in) :: file
     !> Path from the root
@@ -70,6 +70,9 @@ contains
     character(*), intent(in) :: unit
     !> There is one already, or the disk is full
     type(error_type), allocatable, intent(out) :: error
+    !> Entries may get more numbers in their fastest dimension; what is not written of it reads as 0
+    logical, intent(in), optional :: widens
+    real(wp) :: fill
     integer(hid_t) :: space, creation
     integer(hsize_t) :: now(size(extent) + 1), most(size(extent) + 1), chunk(size(extent) + 1)
     integer :: last, ierr
@@ -78,13 +81,18 @@ contains
     now = [reversed(extent), 0_hsize_t]
     most = now
     most(last) = H5S_UNLIMITED_F
+    fill = ieee_value(1.0_wp, ieee_quiet_nan)
+    if (present(widens)) then
+      if (widens) fill = 0.0_wp
+      if (widens) most(1) = H5S_UNLIMITED_F
+    end if
     chunk = max(now, 1_hsize_t)
     if (last > 1) chunk(last - 1) = clip(chunk_numbers/product(chunk(:last - 2)), chunk(last - 1))
     chunk(last) = clip(chunk_numbers/product(chunk(:last - 1))/16, chunk_entries)
     call h5screate_simple_f(last, now, space, ierr, most)
     call h5pcreate_f(H5P_DATASET_CREATE_F, creation, ierr)
     call h5pset_chunk_f(creation, last, chunk, ierr)
-    if (kind == 'real64') call h5pset_fill_value_f(creation, type_of(kind), ieee_value(1.0_wp, ieee_quiet_nan), ierr)
+    if (kind == 'real64') call h5pset_fill_value_f(creation, type_of(kind), fill, ierr)
     call create_dataset(file, name, kind, space, creation, description, unit, error)
   end subroutine create_series
 
@@ -135,6 +143,30 @@ contains
     call h5dclose_f(dataset, ierr)
     call agree_in_file(file, status, 'cannot grow', name, error)
   end subroutine extend_series
+
+  !> Give the entries of a series that widens at least so many numbers in their fastest dimension.
+  subroutine widen_series(file, name, numbers, error)
+    !> The file
+    type(hdf5_file_type), intent(in) :: file
+    !> Path from the root
+    character(*), intent(in) :: name
+    !> Size of the last dimension
+    integer, intent(in) :: numbers
+    !> No such series
+    type(error_type), allocatable, intent(out) :: error
+    integer(hsize_t), allocatable :: extent(:)
+    integer(hid_t) :: dataset
+    integer :: status, ierr
+
+    extent = reversed(array_shape(file, name, error))
+    if (allocated(error)) return
+    if (extent(1) >= numbers) return
+    extent(1) = numbers
+    call h5dopen_f(file%id, name, dataset, ierr)
+    call h5dset_extent_f(dataset, extent, status)
+    call h5dclose_f(dataset, ierr)
+    call agree_in_file(file, status, 'cannot widen', name, error)
+  end subroutine widen_series
 
   !> Sizes of a dataset, slowest first.
   function array_shape(file, name, error) result(extent)

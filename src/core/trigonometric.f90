@@ -3,9 +3,21 @@ module attrito_core_trigonometric
   use attrito_core_kinds, only: wp, two_pi
   implicit none
   private
-  public :: harmonics_at, value_at, extrema
+  public :: harmonics_at, value_at, extrema, resized
 
 contains
+
+  !> Series columnwise, cut off or filled up with zeros to so many coefficients.
+  pure function resized(series, coefficients) result(other)
+    real(wp), intent(in) :: series(:, :)
+    integer, intent(in) :: coefficients
+    real(wp) :: other(coefficients, size(series, 2))
+    integer :: common
+
+    common = min(coefficients, size(series, 1))
+    other(:common, :) = series(:common, :)
+    other(common + 1:, :) = 0.0_wp
+  end function resized
 
   !> cos h theta and sin h theta, h = 1 ... H, by products: four at a time, each of which waits for none of the others.
   pure subroutine harmonics_at(theta, cosines, sines)

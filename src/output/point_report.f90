@@ -1,11 +1,12 @@
-!> What is told of one solved point: its outcome, its monitors over the period, and how much truncation may matter.
+!> What is told of one solved point: its outcome, its monitors over the period, and how wrong they may be.
 module attrito_output_point_report
   use attrito_core_kinds, only: wp, two_pi
   use attrito_core_trigonometric, only: extrema
   use attrito_balance_harmonic_balance, only: balance_type
-  use attrito_balance_receptance, only: to_complex, to_real
+  use attrito_accuracy_error_control, only: point_errors_type
+  use attrito_balance_receptance, only: to_real
   use attrito_continuation_solver, only: solver_type
-  use attrito_contact_state, only: state_stuck, state_slipping, state_open
+  use attrito_contact_state, only: state_stuck, state_open
   implicit none
   private
   public :: point_report_type, report_point, outcome_names
@@ -17,18 +18,20 @@ module attrito_output_point_report
                                                     'no_period_one_orbit', 'not_converged']
   !> Sliders that still move by more than this part of the motion a period leave the point indeterminate
   real(wp), parameter :: accepted_defect = 1.0e-6_wp
-  !> Damping ratio taken for the estimate where modes have none of their own
-  real(wp), parameter :: nominal_ratio = 0.01_wp
-  !> Monitors below this part of the largest amplitude are measured against it: of what hardly moves no relative error is told
-  real(wp), parameter :: least_share = 1.0e-3_wp
 
   type :: point_report_type
     real(wp) :: frequency_hz = 0.0_wp, level = 1.0_wp
     integer :: branch = 0, iterations = 0, linear_iterations = 0, outcome = outcome_not_converged
     !> 1 yes, 0 no, -1 not examined
     integer :: unique = 0, stable = -1
-    !> Norm of the residual relative to the stuck response; estimated relative error of the peak
-    real(wp) :: residual = 0.0_wp, estimate = 0.0_wp
+    !> Norm of the residual relative to the stuck response
+    real(wp) :: residual = 0.0_wp
+    !> Estimated relative errors of the amplitude
+    type(point_errors_type) :: errors
+    !> Harmonics and samples of the balance
+    integer :: series = 0, samples = 0
+    !> Floating-point operations of the session so far, by formulas, over all ranks
+    real(wp) :: work = 0.0_wp
     !> Coefficients of the monitors [2 H + 1, monitors]; half their range over the period, and mean
     real(wp), allocatable :: harmonics(:, :), amplitude(:), mean(:)
     !> Contacts in each state, over all ranks
@@ -40,9 +43,11 @@ module attrito_output_point_report
 contains
 
   !> Report the solver's present point.
-  subroutine report_point(solver, branch, report)
+  subroutine report_point(solver, branch, errors, report)
     type(solver_type), intent(in) :: solver
     integer, intent(in) :: branch
+    !> Estimated for this point
+    type(point_errors_type), intent(in) :: errors
     type(point_report_type), intent(out) :: report
     real(wp) :: range(2)
     integer :: i
@@ -66,7 +71,11 @@ contains
       if (solver%report%converged) then
         report%outcome = merge(outcome_converged, outcome_indeterminate, solver%report%defect <= accepted_defect)
       end if
-      report%estimate = truncation_estimate(solver, report%amplitude, sum(report%states(state_slipping:state_open)))
+      report%errors = errors
+      report%series = solver%options%harmonics
+      report%samples = solver%options%samples
+      report%work = balance%work
+      call balance%ranks%sum(report%work)
     end associate
   end subroutine report_point
 
@@ -97,46 +106,4 @@ contains
     ! A frozen mean is one of many that the load path could have left.
     if (allocated(balance%frozen_mean)) report%unique = -1
   end subroutine count_states
-
-  !> Monitors' response to the contact forces at harmonics H + 1 ... 3 H, relative to their amplitude: the first correction of a
-  !> longer series, through the receptance of the stuck modes.
-  real(wp) function truncation_estimate(solver, amplitude, slipping_or_open) result(estimate)
-    type(solver_type), intent(in) :: solver
-    real(wp), intent(in) :: amplitude(:)
-    !> Contacts whose forces have harmonics of their own
-    integer, intent(in) :: slipping_or_open
-    real(wp), allocatable :: generalised(:, :), monitors(:, :), damping(:)
-    complex(wp), allocatable :: columns(:, :)
-    real(wp) :: missing(size(amplitude))
-    integer :: h, i, extended, harmonics
-
-    estimate = 0.0_wp
-    associate (balance => solver%context%balance, stuck => solver%stuck)
-      harmonics = balance%receptance%harmonics
-      extended = min(3*harmonics, (balance%fourier%samples - 1)/2)
-      if (extended <= harmonics .or. size(amplitude) == 0) return
-      if (slipping_or_open == 0) return
-      allocate (generalised(2*extended + 1, size(stuck%omega)), source=0.0_wp)
-      do i = 1, size(balance%law)
-        associate (directions => balance%directions(:, balance%law(i)%first_row:balance%law(i)%first_row + balance%law(i)%tangents))
-          if (solver%stuck%uncoupled) then
-            generalised = generalised + matmul(balance%forces(i)%deviation, transpose(directions))
-          else
-            generalised = generalised + matmul(matmul(balance%forces(i)%deviation, transpose(directions)), stuck%modes)
-          end if
-        end associate
-      end do
-      call balance%ranks%sum(generalised)
-      columns = to_complex(generalised)
-      monitors = matmul(transpose(stuck%modes), solver%structure%monitors)
-      damping = stuck%modal_damping
-      where (damping <= 0.0_wp) damping = 2.0_wp*nominal_ratio*sqrt(stuck%modal_stiffness*stuck%modal_mass)
-      missing = 0.0_wp
-      do h = harmonics + 1, extended
-        missing = missing + abs(matmul(columns(:, h + 1)/cmplx(stuck%modal_stiffness - (h*solver%omega)**2*stuck%modal_mass, &
-                                                               h*solver%omega*damping, wp), monitors))
-      end do
-      if (maxval(amplitude) > 0.0_wp) estimate = maxval(missing/max(amplitude, least_share*maxval(amplitude)))
-    end associate
-  end function truncation_estimate
 end module attrito_output_point_report

@@ -4,7 +4,7 @@ module attrito_output_result_file
   use attrito_core_errors, only: error_type
   use attrito_core_hdf5_array, only: write_block
   use attrito_core_hdf5_attribute, only: write_attribute
-  use attrito_core_hdf5_dataset, only: create_series, extend_series
+  use attrito_core_hdf5_dataset, only: create_series, extend_series, widen_series
   use attrito_core_hdf5_file, only: hdf5_file_type, append_file, close_file, flush_file
   use attrito_core_kinds, only: wp, pi
   use attrito_core_trigonometric, only: extrema
@@ -66,15 +66,21 @@ contains
     call point_series('unique', 'int32', '1 unique, 0 one of a family, -1 not examined', '1')
     call point_series('stable', 'int32', '1 stable, 0 unstable, -1 not examined', '1')
     call point_series('residual', 'real64', 'norm of the residual relative to the stuck response', '1')
-    call point_series('estimate', 'real64', 'estimated relative error of the amplitude by truncation of the series', '1')
-    call series('/points/coordinates', 'real64', [size(solver%structure%mass, 1), k], &
-                'Fourier coefficients of the coordinates: mean, cosine 1, sine 1, ...', 'user length')
+    call point_series('estimate', 'real64', 'estimated relative error of the amplitude', '1')
+    call point_series('error_harmonics', 'real64', 'part of the estimate: harmonics left out', '1')
+    call point_series('error_samples', 'real64', 'part of the estimate: samples of contact forces', '1')
+    call point_series('error_modes', 'real64', 'part of the estimate: modes that the reduction left out', '1')
+    call point_series('harmonics', 'int32', 'harmonics of the balance; coefficients beyond are 0', '1')
+    call point_series('samples', 'int32', 'samples a period of contacts that go by samples', '1')
+    call point_series('work', 'real64', 'floating-point operations up to here, by formulas', '1')
+    call wide_series('/points/coordinates', [size(solver%structure%mass, 1), k], &
+                     'Fourier coefficients of the coordinates: mean, cosine 1, sine 1, ...', 'user length')
     do i = 1, size(monitors)
       call series(monitor_path(i)//'amplitude', 'real64', [integer ::], 'half the range over the period', 'user length')
       call series(monitor_path(i)//'mean', 'real64', [integer ::], 'mean over the period', 'user length')
       call series(monitor_path(i)//'low', 'real64', [integer ::], 'lower bound of the amplitude', 'user length')
       call series(monitor_path(i)//'high', 'real64', [integer ::], 'upper bound of the amplitude', 'user length')
-      call series(monitor_path(i)//'harmonics', 'real64', [k], 'Fourier coefficients', 'user length')
+      call wide_series(monitor_path(i)//'harmonics', [k], 'Fourier coefficients', 'user length')
     end do
     call series('/contacts/state', 'int32', [contacts], 'state over the period: index into the attribute names', '1')
     call series('/contacts/unique', 'int32', [contacts], '1: mean T and mean N are single-valued, 0 not, -1 not examined', '1')
@@ -82,8 +88,8 @@ contains
       call series('/contacts/'//trim(contact_series(i)), 'real64', [contacts], trim(contact_descriptions(i)), &
                   trim(contact_units(i)))
     end do
-    call series('/contacts/displacement', 'real64', [contacts, 3, k], 'relative displacement t1, t2, n', 'user length')
-    call series('/contacts/force', 'real64', [contacts, 3, k], 'contact force t1, t2, n', 'user force')
+    call wide_series('/contacts/displacement', [contacts, 3, k], 'relative displacement t1, t2, n', 'user length')
+    call wide_series('/contacts/force', [contacts, 3, k], 'contact force t1, t2, n', 'user force')
     call series('/contacts/slider', 'real64', [contacts, 2], 'slider at the start of the period', 'user length')
     if (allocated(error)) return
     call write_attribute(self%file, '/points/outcome', 'names', outcome_names, error)
@@ -104,6 +110,15 @@ contains
       if (allocated(error)) return
       call create_series(self%file, name, kind, extent, description, unit, error)
     end subroutine series
+
+    !> Of series whose length may change from point to point.
+    subroutine wide_series(name, extent, description, unit)
+      character(*), intent(in) :: name, description, unit
+      integer, intent(in) :: extent(:)
+
+      if (allocated(error)) return
+      call create_series(self%file, name, 'real64', extent, description, unit, error, widens=.true.)
+    end subroutine wide_series
 
     function monitor_path(monitor) result(path)
       integer, intent(in) :: monitor
@@ -137,7 +152,13 @@ contains
     call put_integer('/points/unique', merge(report%unique, -1, solved))
     call put_integer('/points/stable', report%stable)
     call put_real('/points/residual', report%residual)
-    call put_real('/points/estimate', merge(report%estimate, blank, solved))
+    call put_real('/points/estimate', merge(report%errors%all(), blank, solved))
+    call put_real('/points/error_harmonics', merge(report%errors%harmonics, blank, solved))
+    call put_real('/points/error_samples', merge(report%errors%samples, blank, solved))
+    call put_real('/points/error_modes', merge(report%errors%modes, blank, solved))
+    call put_integer('/points/harmonics', report%series)
+    call put_integer('/points/samples', report%samples)
+    call put_real('/points/work', report%work)
     call put_rows('/points/coordinates', [self%points - 1], &
                   matmul(to_real(solver%context%balance%response), transpose(solver%context%balance%receptance%basis)), mine)
     do i = 1, size(self%monitors)
@@ -187,6 +208,7 @@ contains
       own = values(:, :size(own, 2))
       if (.not. solved) own = blank
       if (.not. allocated(error)) call extend_series(self%file, name, self%points, error)
+      if (.not. allocated(error)) call widen_series(self%file, name, size(values, 1), error)
       if (.not. allocated(error)) call write_block(self%file, name, start, own, error)
     end subroutine put_rows
   end subroutine write_point
@@ -229,8 +251,10 @@ contains
       if (.not. allocated(error)) call write_block(self%file, '/contacts/'//trim(contact_series(i)), start, numbers(:, i), error)
     end do
     call extend_and('/contacts/displacement')
+    if (.not. allocated(error)) call widen_series(self%file, '/contacts/displacement', size(motion, 1), error)
     if (.not. allocated(error)) call write_block(self%file, '/contacts/displacement', start, motion, error)
     call extend_and('/contacts/force')
+    if (.not. allocated(error)) call widen_series(self%file, '/contacts/force', size(force, 1), error)
     if (.not. allocated(error)) call write_block(self%file, '/contacts/force', start, force, error)
     call extend_and('/contacts/slider')
     if (.not. allocated(error)) call write_block(self%file, '/contacts/slider', start, slider, error)

@@ -8,6 +8,8 @@ program test_ranks
   use attrito_continuation_cascade, only: solve_by_cascade
   use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
   use attrito_continuation_static_path, only: walk_static_path
+  use attrito_accuracy_error_control, only: error_control_type
+  use attrito_accuracy_finer_balance, only: finer_point_type
   use attrito_output_point_report, only: point_report_type, report_point
   use scenes, only: scene_type, rubbing_frame, rubbing_frame_with_high_modes, wedge, damp
   use session, only: run_in_session, everyone, only_me
@@ -211,6 +213,8 @@ contains
     type(scene_type) :: scene
     type(solver_type) :: together, alone
     type(point_report_type) :: of_all, of_one
+    type(error_control_type) :: errors_together, errors_alone
+    type(finer_point_type) :: finer
 
     scene = rubbing_frame()
     call damp(scene, damping_ratio, 0.04_wp)
@@ -219,12 +223,17 @@ contains
     call prepare(scene, only_me(), alone, error)
     call solve_by_cascade(together, omega)
     call solve_by_cascade(alone, omega)
-    call report_point(together, 1, of_all)
-    call report_point(alone, 1, of_one)
+    call errors_together%estimate(together, finer)
+    call errors_alone%estimate(alone, finer)
+    call report_point(together, 1, errors_together%errors, of_all)
+    call report_point(alone, 1, errors_alone%errors, of_one)
     call check(error, all(of_all%states == of_one%states) .and. of_all%unique == of_one%unique .and. &
                of_all%outcome == of_one%outcome, 'states, uniqueness or outcome differ')
     call check_close(error, of_all%amplitude, of_one%amplitude, tolerance, 'amplitudes')
-    call check_close(error, of_all%estimate, of_one%estimate, tolerance, 'estimate')
+    call check_close(error, of_all%errors%harmonics, of_one%errors%harmonics, tolerance, 'estimate')
+    call check(error, of_one%errors%harmonics > 0.0_wp, 'nothing is left out: the test is void')
+    call errors_together%destroy()
+    call errors_alone%destroy()
     call together%destroy()
     call alone%destroy()
   end subroutine report

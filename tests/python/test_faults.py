@@ -305,14 +305,24 @@ JOB = [
         ("job.toml: [reduction] = 'given': expected none: all 2 dofs are boundary dofs",),
     ),
     Case(
-        "automatic quadrature",
-        put("balance", quadrature="auto"),
-        ("job.toml: [balance] quadrature = 'auto': expected one of ", '("auto" is not in this version)'),
+        "a quadrature nobody knows",
+        put("balance", quadrature="exact"),
+        ('job.toml: [balance] quadrature = \'exact\': expected one of "event", "sampled", "auto"',),
     ),
     Case(
-        "automatic harmonics",
-        put("balance", harmonics="auto"),
-        ("job.toml: [balance] harmonics = 'auto': expected", '("auto" is not in this version)'),
+        "harmonics in words",
+        put("balance", harmonics="many"),
+        ("job.toml: [balance] harmonics = 'many': expected an integer from 1 to 1000, or \"auto\"",),
+    ),
+    Case(
+        "a tolerance with nothing left to choose",
+        put("balance", harmonics=5, quadrature="event", tolerance=0.01),
+        ("job.toml: [balance] tolerance = 0.01: expected no such key but with harmonics, quadrature or [reduction]",),
+    ),
+    Case(
+        "a tolerance out of reach",
+        put("balance", tolerance=1e-9),
+        ("job.toml: [balance] tolerance = 1e-09: expected a number of at least 1e-08 and of at most 1",),
     ),
     Case(
         "an error to meet beside a number of modes",

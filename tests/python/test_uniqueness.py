@@ -176,7 +176,7 @@ def at_the_point(folder, job, work):
         frequency = checked["sweep"]["frequencies_hz"]
         solver.walk_static_path(np.array([[0.0], [1.0]]), 20, frequency[0])
         assert [point.outcome for point in solver.solve_at(frequency, 1.0, 0)] == ["converged"]
-        sizes = len(scene.laws["tangents"]), len(scene.monitors), options.harmonics
+        sizes = len(scene.laws["tangents"]), len(scene.monitors)
         return Family(MPI.COMM_WORLD, solver, *sizes).visit(lambda family: work(family, scene))
 
 

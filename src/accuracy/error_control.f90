@@ -1,0 +1,309 @@
+!> The relative error of the monitors' amplitude at every point, estimated, and a series just long enough for what is accepted.
+!>
+!> $$ e = \max_m |\tilde a_m - a_m| / \tilde a_m $$
+!>
+!> a: amplitudes of the point; ~a: those of a finer balance to first order (`attrito_accuracy_finer_balance`), with harmonics up to
+!> 3 H, or with twice the samples, whose error is a quarter: 4/3 of the change is the error of the samples. Harmonics left out fade as
+!> those do that are there, so the tail of the motion tells how many more, or fewer, are needed.
+module attrito_accuracy_error_control
+  use attrito_core_kinds, only: wp
+  use attrito_core_trigonometric, only: extrema, resized
+  use attrito_balance_border, only: constraint_type
+  use attrito_balance_newton, only: newton_report_type
+  use attrito_balance_receptance, only: to_real
+  use attrito_accuracy_finer_balance, only: finer_balance_type, new_finer_balance, finer_point_type
+  use attrito_contact_state, only: state_slipping
+  use attrito_continuation_arc_length, only: sweep_type
+  use attrito_continuation_cascade, only: solve_by_cascade
+  use attrito_continuation_solver, only: solver_type
+  implicit none
+  private
+  public :: error_control_type, point_errors_type
+
+  !> Monitors below this part of the largest amplitude are measured against it: of what hardly moves no relative error is told
+  real(wp), parameter :: least_share = 1.0e-3_wp
+  !> Parts of the accepted error that harmonics and samples may take, and what a change of either aims at of its part: the estimate
+  !> may be too small by a factor, and the next point is not this one
+  real(wp), parameter :: harmonics_share = 0.5_wp, samples_share = 0.25_wp, aimed_part = 0.3_wp
+  !> A series is cut where so few harmonics would do
+  real(wp), parameter :: worth_cutting = 0.75_wp
+  !> Harmonics and samples between which they are chosen
+  integer, parameter :: most_harmonics = 100, fewest_samples = 32, most_samples = 8192
+  integer, parameter :: most_refinements = 4
+
+  !> Relative errors of the amplitude
+  type :: point_errors_type
+    real(wp) :: harmonics = 0.0_wp, samples = 0.0_wp, modes = 0.0_wp
+  contains
+    procedure :: all
+  end type point_errors_type
+
+  type :: error_control_type
+    !> Relative error accepted in the amplitude
+    real(wp) :: tolerance = 0.01_wp
+    !> Choose harmonics and samples by it?
+    logical :: choose_harmonics = .false., choose_samples = .false.
+    !> Fewest harmonics: those of the loads
+    integer :: fewest_harmonics = 1
+    !> Of the present point; `modes` is the same for all points
+    type(point_errors_type) :: errors
+    type(finer_balance_type), private :: longer, denser
+    !> For the point that comes next
+    integer, private :: next_harmonics = 0, next_samples = 0
+  contains
+    procedure :: estimate
+    procedure :: advance
+    procedure :: solve_at
+    procedure :: destroy
+  end type error_control_type
+
+contains
+
+  !> All together.
+  pure real(wp) function all(self)
+    class(point_errors_type), intent(in) :: self
+
+    all = self%harmonics + self%samples + self%modes
+  end function all
+
+  !> The sweep's next point, within the accepted error where harmonics or samples are to be chosen.
+  subroutine advance(self, sweep, solver)
+    class(error_control_type), intent(inout) :: self
+    type(sweep_type), intent(inout) :: sweep
+    type(solver_type), intent(inout) :: solver
+
+    call take_resolution_chosen(self, solver)
+    call sweep%set_harmonics(solver%options%harmonics)
+    call sweep%advance(solver)
+    call refine(self, solver)
+    call sweep%set_harmonics(solver%options%harmonics)
+  end subroutine advance
+
+  !> The same at one angular frequency.
+  subroutine solve_at(self, solver, omega)
+    class(error_control_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: omega
+
+    call take_resolution_chosen(self, solver)
+    call solve_by_cascade(solver, omega)
+    call refine(self, solver)
+  end subroutine solve_at
+
+  !> What the last point asked for the next one.
+  subroutine take_resolution_chosen(self, solver)
+    class(error_control_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+
+    if (self%next_harmonics > 0) call solver%set_resolution(self%next_harmonics, self%next_samples)
+  end subroutine take_resolution_chosen
+
+  !> Estimate the errors of the point, and solve it again on a finer series or more samples until they are accepted, or as fine as it
+  !> gets. A point that the finer balance does not reach stays, with its estimate.
+  subroutine refine(self, solver)
+    type(error_control_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+    type(finer_point_type) :: finer
+    integer :: attempt, harmonics, samples, iterations
+    logical :: better
+
+    iterations = solver%report%iterations
+    self%next_harmonics = 0
+    do attempt = 0, most_refinements
+      call self%estimate(solver, finer)
+      if (.not. solver%report%converged) exit
+      if (.not. (self%choose_harmonics .or. self%choose_samples)) exit
+      harmonics = needed_harmonics(self, solver, finer)
+      samples = needed_samples(self, solver, harmonics)
+      self%next_harmonics = harmonics
+      self%next_samples = samples
+      if (accepted(self) .or. attempt == most_refinements) exit
+      harmonics = max(harmonics, solver%options%harmonics)
+      samples = max(samples, solver%options%samples)
+      if (harmonics == solver%options%harmonics .and. samples == solver%options%samples) exit
+      call solve_finer(solver, finer, harmonics, samples, iterations, better)
+      if (.not. better) exit
+    end do
+    solver%report%iterations = iterations
+  end subroutine refine
+
+  !> Does the point meet what is asked of harmonics and samples?
+  pure logical function accepted(self)
+    type(error_control_type), intent(in) :: self
+
+    accepted = (.not. self%choose_harmonics .or. self%errors%harmonics <= harmonics_share*self%tolerance) .and. &
+               (.not. self%choose_samples .or. self%errors%samples <= samples_share*self%tolerance)
+  end function accepted
+
+  !> Solve the point again, finer, from where it is expected; back to what it was if that fails.
+  subroutine solve_finer(solver, finer, harmonics, samples, iterations, better)
+    type(solver_type), intent(inout) :: solver
+    type(finer_point_type), intent(in) :: finer
+    integer, intent(in) :: harmonics, samples
+    !> Counts on
+    integer, intent(inout) :: iterations
+    logical, intent(out) :: better
+    type(newton_report_type) :: report
+    type(constraint_type) :: constraint
+    real(wp), allocatable :: motion(:, :), slider(:, :)
+    logical, allocatable :: periodic(:)
+    real(wp) :: omega
+    integer :: before(2), status
+
+    report = solver%report
+    motion = solver%motion
+    omega = solver%omega
+    slider = solver%context%balance%slider
+    periodic = solver%context%balance%periodic
+    before = [solver%options%harmonics, solver%options%samples]
+    call solver%set_resolution(harmonics, samples)
+    solver%motion = resized(finer%motion, 2*harmonics + 1)
+    constraint = solver%context%constraint
+    call solver%solve_with(constraint)
+    iterations = iterations + solver%report%iterations
+    better = solver%report%converged
+    if (better) return
+    call solver%set_resolution(before(1), before(2))
+    solver%motion = motion
+    solver%omega = omega
+    call solver%set_slider(slider, periodic)
+    call solver%context%balance%evaluate(motion, omega, status)
+    solver%report = report
+  end subroutine solve_finer
+
+  !> Errors of the solver's present point, and the point on a longer series. None where every contact sticks: that is linear.
+  subroutine estimate(self, solver, finer)
+    class(error_control_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+    type(finer_point_type), intent(out) :: finer
+    type(finer_point_type) :: denser
+    real(wp) :: moving, sampled
+    integer :: harmonics
+
+    self%errors%harmonics = 0.0_wp
+    self%errors%samples = 0.0_wp
+    if (.not. solver%report%converged) return
+    associate (balance => solver%context%balance)
+      moving = count(balance%forces%state >= state_slipping)
+      sampled = count(balance%forces%state >= state_slipping .and. .not. (balance%by_events .and. balance%law%tangents == 1))
+      call balance%ranks%sum(moving)
+      call balance%ranks%sum(sampled)
+      if (moving <= 0.0_wp .and. size(solver%structure%harmonic_load, 2) <= balance%coefficients()) return
+      harmonics = min(3*balance%receptance%harmonics, (balance%fourier%samples - 1)/2)
+      if (harmonics > balance%receptance%harmonics) then
+        call prepare(self%longer, solver, harmonics, balance%fourier%samples)
+        call self%longer%correct(solver, finer)
+        self%errors%harmonics = relative_change(solver, finer%monitors)
+      end if
+      if (sampled > 0.0_wp) then
+        call prepare(self%denser, solver, balance%receptance%harmonics, 2*balance%fourier%samples)
+        call self%denser%correct(solver, denser)
+        self%errors%samples = 4.0_wp/3.0_wp*relative_change(solver, denser%monitors)
+      end if
+    end associate
+  end subroutine estimate
+
+  !> Make a finer balance anew where it is not the one that is asked for.
+  subroutine prepare(finer, solver, harmonics, samples)
+    type(finer_balance_type), intent(inout) :: finer
+    type(solver_type), intent(in) :: solver
+    integer, intent(in) :: harmonics, samples
+
+    if (finer%harmonics == harmonics .and. finer%fourier%samples == samples) return
+    call finer%destroy()
+    finer = new_finer_balance(solver%structure, solver%stuck, harmonics, samples)
+  end subroutine prepare
+
+  !> Largest change of an amplitude from the solver's point to a finer one, relative to the latter.
+  real(wp) function relative_change(solver, monitors)
+    type(solver_type), intent(in) :: solver
+    !> Coefficients of the finer point [2 K + 1, monitors]
+    real(wp), intent(in) :: monitors(:, :)
+    real(wp) :: before(size(monitors, 2)), after(size(monitors, 2))
+    real(wp), allocatable :: own(:, :)
+
+    relative_change = 0.0_wp
+    if (size(monitors, 2) == 0) return
+    associate (balance => solver%context%balance)
+      own = matmul(to_real(balance%response), matmul(transpose(balance%receptance%basis), solver%structure%monitors))
+    end associate
+    before = half_ranges(own)
+    after = half_ranges(monitors)
+    if (maxval(after) > 0.0_wp) relative_change = maxval(abs(after - before)/max(after, least_share*maxval(after)))
+  end function relative_change
+
+  !> Half the range over the period of series columnwise.
+  pure function half_ranges(series) result(ranges)
+    real(wp), intent(in) :: series(:, :)
+    real(wp) :: ranges(size(series, 2)), range(2)
+    integer :: i
+
+    do i = 1, size(series, 2)
+      range = extrema(series(:, i))
+      ranges(i) = 0.5_wp*(range(2) - range(1))
+    end do
+  end function half_ranges
+
+  !> Harmonics that this point needs: the error shrinks with the part of the motion that is left out.
+  integer function needed_harmonics(self, solver, finer) result(needed)
+    type(error_control_type), intent(in) :: self
+    type(solver_type), intent(in) :: solver
+    type(finer_point_type), intent(in) :: finer
+    real(wp), allocatable :: left_out(:)
+    real(wp) :: accepted_error
+    integer :: h, now
+
+    now = solver%options%harmonics
+    needed = now
+    if (.not. self%choose_harmonics) return
+    needed = self%fewest_harmonics
+    if (.not. allocated(finer%motion)) return
+    left_out = tails(solver, finer%motion)
+    accepted_error = aimed_part*harmonics_share*self%tolerance
+    do h = self%fewest_harmonics, size(left_out) - 1
+      needed = h
+      if (self%errors%harmonics*left_out(h) <= accepted_error*left_out(now)) exit
+    end do
+    if (needed > nint(worth_cutting*now) .and. needed < now .and. accepted(self)) needed = now
+    needed = min(max(needed, now/2, self%fewest_harmonics), most_harmonics)
+  end function needed_harmonics
+
+  !> Norm of the contacts' motion beyond each harmonic [K].
+  function tails(solver, motion) result(left_out)
+    type(solver_type), intent(in) :: solver
+    real(wp), intent(in) :: motion(:, :)
+    real(wp) :: left_out(size(motion, 1)/2)
+    integer :: h
+
+    left_out = 0.0_wp
+    do h = size(left_out) - 1, 1, -1
+      left_out(h) = left_out(h + 1) + sum(motion(2*h + 2:2*h + 3, :)**2)
+    end do
+    call solver%context%balance%ranks%sum(left_out)
+    left_out = sqrt(left_out)
+  end function tails
+
+  !> Samples that this point needs: their error falls like the square, and what harmonics are left out is to be seen.
+  integer function needed_samples(self, solver, harmonics) result(needed)
+    type(error_control_type), intent(in) :: self
+    type(solver_type), intent(in) :: solver
+    integer, intent(in) :: harmonics
+    real(wp) :: factor
+
+    needed = solver%options%samples
+    if (self%choose_samples) then
+      factor = sqrt(self%errors%samples/(aimed_part*samples_share*self%tolerance))
+      if (factor > 1.0_wp .or. factor < worth_cutting) needed = 8*ceiling(min(max(factor, 0.5_wp), 8.0_wp)*needed/8.0_wp)
+      needed = min(max(needed, fewest_samples), most_samples)
+    end if
+    if (self%choose_harmonics) needed = max(needed, 6*harmonics + 2)
+  end function needed_samples
+
+  !> Give the transforms back.
+  subroutine destroy(self)
+    class(error_control_type), intent(inout) :: self
+
+    call self%longer%destroy()
+    call self%denser%destroy()
+  end subroutine destroy
+end module attrito_accuracy_error_control

@@ -1,0 +1,217 @@
+!> What a solved balance would change by if it were finer: harmonics up to K rather than H, or more samples, to first order.
+!>
+!> $$ d_h = -R_h g_h \quad (h = H + 1 \ldots K), \qquad \delta g = g(d_0 \ldots d_K) - g(d_0 \ldots d_H), \qquad
+!>    (I + R D) \, \delta d = -R \, \delta g $$
+!>
+!> The forces that the balance leaves out move the structure at harmonics beyond H, through the receptance of the stuck modes, which
+!> is diagonal; contacts that feel this motion too give other forces at the harmonics that are kept, and these move the point by one
+!> linearised step, along the equation that picked the point. More samples change the forces alone. Contacts that stick are linear.
+module attrito_accuracy_finer_balance
+  use attrito_core_kinds, only: wp
+  use attrito_core_trigonometric, only: resized
+  use attrito_model_structure, only: structure_type, damping_viscous, damping_loss_factor
+  use attrito_balance_linearised_step, only: solve_linearised, change_of_deviation
+  use attrito_balance_receptance, only: to_complex, to_real
+  use attrito_balance_stuck_system, only: stuck_system_type
+  use attrito_balance_unknowns, only: unknowns_type, new_unknowns
+  use attrito_balance_work, only: contact_work, residual_work
+  use attrito_contact_fourier, only: fourier_type, new_fourier
+  use attrito_contact_quadrature_event, only: evaluate_contact_by_events
+  use attrito_contact_quadrature_sampled, only: contact_forces_type, evaluate_contact
+  use attrito_contact_state, only: state_slipping
+  use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, new_grid
+  use attrito_continuation_solver, only: solver_type
+  implicit none
+  private
+  public :: finer_balance_type, new_finer_balance, finer_point_type
+
+  !> Damping ratio of modes beyond H that have none of their own: it keeps their resonances finite
+  real(wp), parameter :: nominal_ratio = 0.01_wp
+
+  type :: finer_balance_type
+    !> K
+    integer :: harmonics = 0
+    !> Samples, of which no gradient is asked
+    type(fourier_type) :: fourier
+    type(trigonometric_grid_type) :: grid
+    !> Stiffness of the stuck modes, complex where damping is structural, and their damping [n]
+    complex(wp), allocatable, private :: stiffness(:)
+    real(wp), allocatable, private :: damping(:)
+  contains
+    procedure :: correct
+    procedure :: destroy
+  end type finer_balance_type
+
+  !> The point as the finer balance would have it, to first order
+  type :: finer_point_type
+    !> Relative displacements of this rank's rows [2 K + 1, rows] and angular frequency
+    real(wp), allocatable :: motion(:, :)
+    real(wp) :: omega = 0.0_wp
+    !> Coefficients of the monitors [2 K + 1, monitors]
+    real(wp), allocatable :: monitors(:, :)
+  end type finer_point_type
+
+contains
+
+  !> For so many harmonics and samples.
+  function new_finer_balance(structure, stuck, harmonics, samples) result(self)
+    type(structure_type), intent(in) :: structure
+    type(stuck_system_type), intent(in) :: stuck
+    integer, intent(in) :: harmonics, samples
+    type(finer_balance_type) :: self
+
+    self%harmonics = harmonics
+    self%fourier = new_fourier(0, samples)
+    self%grid = new_grid(harmonics)
+    self%stiffness = stuck%modal_stiffness
+    self%damping = stuck%modal_damping
+    if (structure%damping_kind == damping_viscous) self%damping = projected(structure%damping, stuck%modes)
+    if (structure%damping_kind == damping_loss_factor) then
+      self%stiffness = cmplx(stuck%modal_stiffness, structure%damping_value*projected(structure%stiffness, stuck%modes), wp)
+    else
+      where (self%damping <= 0.0_wp) self%damping = 2.0_wp*nominal_ratio*sqrt(stuck%modal_stiffness*stuck%modal_mass)
+    end if
+  end function new_finer_balance
+
+  !> x^T A x of every mode: what a matrix that couples them is to each by itself.
+  pure function projected(matrix, modes) result(diagonal)
+    real(wp), intent(in) :: matrix(:, :), modes(:, :)
+    real(wp) :: diagonal(size(modes, 2))
+
+    diagonal = sum(modes*matmul(matrix, modes), 1)
+  end function projected
+
+  !> The solver's present point, corrected. Where the linearised step is singular the harmonics up to H stay.
+  subroutine correct(self, solver, point)
+    class(finer_balance_type), intent(in) :: self
+    type(solver_type), intent(inout) :: solver
+    type(finer_point_type), intent(out) :: point
+    complex(wp), allocatable :: response(:, :)
+    real(wp), allocatable :: generalised(:, :), change(:, :), released(:, :)
+
+    associate (balance => solver%context%balance)
+      allocate (response(size(balance%response, 1), 0:self%harmonics), source=(0.0_wp, 0.0_wp))
+      response(:, :balance%receptance%harmonics) = balance%response
+      call respond_beyond(self, solver, response)
+      generalised = to_real(response)
+      point%motion = resized(solver%motion, 2*self%harmonics + 1)
+      if (self%harmonics > balance%receptance%harmonics) then
+        associate (beyond => balance%coefficients() + 1)
+          point%motion(beyond:, :) = matmul(generalised(beyond:, :), balance%directions)
+        end associate
+      end if
+      call change_forces(self, solver, point%motion, change, released)
+      call step(solver, change, released, response, point)
+      point%monitors = matmul(to_real(response), matmul(transpose(balance%receptance%basis), solver%structure%monitors))
+      balance%work = balance%work + residual_work(2*self%harmonics + 1, balance%rows(), size(response, 1))
+    end associate
+  end subroutine correct
+
+  !> Response at the harmonics beyond H to the contact forces and loads there.
+  subroutine respond_beyond(self, solver, response)
+    class(finer_balance_type), intent(in) :: self
+    type(solver_type), intent(in) :: solver
+    complex(wp), intent(inout) :: response(:, 0:)
+    real(wp), allocatable :: forces(:, :)
+    complex(wp), allocatable :: columns(:, :)
+    integer :: h, i, k, loaded
+
+    associate (balance => solver%context%balance, stuck => solver%stuck, lowest => solver%context%balance%receptance%harmonics + 1)
+      if (self%harmonics < lowest) return
+      k = 2*self%harmonics + 1
+      allocate (forces(k, size(balance%directions, 1)), source=0.0_wp)
+      do i = 1, size(balance%law)
+        if (balance%forces(i)%state < state_slipping) cycle
+        associate (first => balance%law(i)%first_row, last => balance%law(i)%first_row + balance%law(i)%tangents)
+          forces = forces - matmul(resized(balance%forces(i)%deviation, k), transpose(balance%directions(:, first:last)))
+        end associate
+      end do
+      call balance%ranks%sum(forces)
+      loaded = min(size(solver%structure%harmonic_load, 2), k)
+      forces(:loaded, :) = forces(:loaded, :) + balance%level*matmul(transpose(solver%structure%harmonic_load(:, :loaded)), &
+                                                                     balance%receptance%basis)
+      if (.not. stuck%uncoupled) forces = matmul(forces, stuck%modes)
+      columns = to_complex(forces)
+      do h = lowest, self%harmonics
+        columns(:, h + 1) = columns(:, h + 1)/(self%stiffness + cmplx(-(h*solver%omega)**2*stuck%modal_mass, &
+                                                                      h*solver%omega*self%damping, wp))
+      end do
+      forces = to_real(columns)
+      if (.not. stuck%uncoupled) forces = matmul(forces, transpose(stuck%modes))
+      columns = to_complex(forces)
+      response(:, lowest:) = columns(:, lowest + 1:)
+    end associate
+  end subroutine respond_beyond
+
+  !> What the finer balance's forces differ by at the harmonics up to H, and where its periodic sliders would go.
+  subroutine change_forces(self, solver, motion, change, released)
+    class(finer_balance_type), intent(in) :: self
+    type(solver_type), intent(inout) :: solver
+    !> [2 K + 1, rows]
+    real(wp), intent(in) :: motion(:, :)
+    !> [2 H + 1, rows], [2, contacts]
+    real(wp), allocatable, intent(out) :: change(:, :), released(:, :)
+    type(contact_forces_type) :: forces
+    integer :: i, k
+
+    associate (balance => solver%context%balance)
+      k = balance%coefficients()
+      allocate (change(k, balance%rows()), released(2, size(balance%law)), source=0.0_wp)
+      do i = 1, size(balance%law)
+        if (balance%forces(i)%state < state_slipping) cycle
+        associate (law => balance%law(i), before => balance%forces(i), first => balance%law(i)%first_row, &
+                   last => balance%law(i)%first_row + balance%law(i)%tangents)
+          if (allocated(forces%deviation)) deallocate (forces%deviation)
+          allocate (forces%deviation(k, law%tangents + 1))
+          forces%without_jacobian = .true.
+          if (balance%by_events .and. law%tangents == 1) then
+            call evaluate_contact_by_events(law, self%grid, motion(:, first:last), before%slider(1), forces)
+          else
+            call evaluate_contact(law, self%fourier, motion(:, first:last), before%slider, before%periodic, forces)
+          end if
+          change(:, first:last) = forces%deviation - before%deviation(:k, :)
+          if (before%periodic) released(:, i) = forces%moved - before%moved
+          balance%work = balance%work + contact_work(law, size(motion, 1), self%fourier%samples, balance%by_events)/4.0_wp
+        end associate
+      end do
+    end associate
+  end subroutine change_forces
+
+  !> One linearised step at the equation that picked the point, for a change of the forces.
+  subroutine step(solver, change, released, response, point)
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: change(:, :), released(:, :)
+    !> [n, 0:K]
+    complex(wp), intent(inout) :: response(:, 0:)
+    type(finer_point_type), intent(inout) :: point
+    type(unknowns_type) :: right, moved
+    complex(wp), allocatable :: added(:, :)
+    integer :: iterations, status, k
+
+    point%omega = solver%omega
+    associate (balance => solver%context%balance, harmonics => solver%context%balance%receptance%harmonics)
+      allocate (added, mold=balance%response)
+      call balance%respond_to_deviation(change, added)
+      k = size(change, 1)
+      right = new_unknowns(k, size(change, 2), size(released, 2))
+      moved = right
+      right%motion = balance%recover(added)
+      right%slider = released
+      call solve_linearised(balance, solver%context%constraint, right, solver%context%linear, moved, iterations, status)
+      if (status /= 0) return
+      call balance%respond_to_deviation(change + change_of_deviation(balance, right, moved), added)
+      response(:, :harmonics) = response(:, :harmonics) + added
+      call balance%receptance%respond_derivative(balance%response, added)
+      response(:, :harmonics) = response(:, :harmonics) + moved%omega*added
+      point%motion(:k, :) = point%motion(:k, :) + moved%motion
+      point%omega = solver%omega + moved%omega
+    end associate
+  end subroutine step
+
+  !> Give the transforms back.
+  subroutine destroy(self)
+    class(finer_balance_type), intent(inout) :: self
+
+    call self%fourier%destroy()
+  end subroutine destroy
+end module attrito_accuracy_finer_balance

@@ -1,0 +1,55 @@
+!> Work counted rather than timed: floating-point operations by formulas, the same on every machine. With k = 2 H + 1 coefficients a
+!> row, J samples, m rows of contacts, n generalised coordinates, and a active unknowns:
+!>
+!>     contact by events            168 k^2                 (8 intervals of a period, Jacobian included)
+!>     contact by samples           4 k^2 J, with two tangents 12 k^2 J + 28 k J
+!>     residual                     6 k m n
+!>     linearised step              4 (a/k) a n + 2 a^3 / 3, by iterations 4 a n each
+!>
+!> A contact that sticks all over the period counts nothing.
+module attrito_balance_work
+  use attrito_core_kinds, only: wp
+  use attrito_model_contacts, only: contact_type
+  implicit none
+  private
+  public :: contact_work, residual_work, step_work
+
+contains
+
+  !> Forces and Jacobian of one contact that slips or opens.
+  pure real(wp) function contact_work(law, coefficients, samples, by_events)
+    type(contact_type), intent(in) :: law
+    integer, intent(in) :: coefficients, samples
+    logical, intent(in) :: by_events
+    real(wp) :: k
+
+    k = coefficients
+    if (law%tangents == 2) then
+      contact_work = 12.0_wp*k**2*samples + 28.0_wp*k*samples
+    else if (by_events) then
+      contact_work = 168.0_wp*k**2
+    else
+      contact_work = 4.0_wp*k**2*samples
+    end if
+  end function contact_work
+
+  !> From rows to generalised coordinates and back, the derivative by omega included.
+  pure real(wp) function residual_work(coefficients, rows, coordinates)
+    integer, intent(in) :: coefficients, rows, coordinates
+
+    residual_work = 6.0_wp*coefficients*real(rows, wp)*coordinates
+  end function residual_work
+
+  !> One linearised step on so many active unknowns; `iterations`: of GMRES, 0 where the system is eliminated.
+  pure real(wp) function step_work(unknowns, coefficients, coordinates, iterations)
+    integer, intent(in) :: unknowns, coefficients, coordinates, iterations
+    real(wp) :: a
+
+    a = unknowns
+    if (iterations > 0) then
+      step_work = 4.0_wp*a*coordinates*iterations
+    else
+      step_work = 4.0_wp*a**2/coefficients*coordinates + 2.0_wp/3.0_wp*a**3
+    end if
+  end function step_work
+end module attrito_balance_work
