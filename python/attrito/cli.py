@@ -104,6 +104,14 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument("job", help="job file (TOML)")
     one.set_defaults(work=_run)
 
+    one = commands.add_parser("chart", help="error against cost of all ways to solve a job's scene -> CSV, HDF5, PNG")
+    one.add_argument("job", help="job file (TOML)")
+    one.add_argument("-o", "--output", default="chart.h5", help="data (default: chart.h5); the picture goes beside it")
+    one.add_argument(
+        "--seconds", type=float, default=20.0, help="a series ends where a run of it takes longer (default: 20)"
+    )
+    one.set_defaults(work=_chart)
+
     one = commands.add_parser("integrate", help="a job integrated in time -> group /integration of its output file")
     one.add_argument("job", help="job file (TOML)")
     one.set_defaults(work=_integrate)
@@ -217,6 +225,20 @@ def _run(options: argparse.Namespace) -> None:
     from attrito.running import run_job
 
     run_job(MPI.COMM_WORLD, options.job)
+
+
+def _chart(options: argparse.Namespace) -> None:
+    from pathlib import Path
+
+    from attrito.chart import chart_job, table, write
+    from attrito.chart_picture import picture
+    from attrito.plots import save
+
+    picture_path = str(Path(options.output).with_suffix(".png"))
+    found = chart_job(options.job, options.seconds, lambda text: print(text, file=sys.stderr, flush=True))
+    write(found, options.output, str(Path(options.job).resolve()))
+    save(picture(found), picture_path)
+    sys.stdout.write(table(found))
 
 
 def _integrate(options: argparse.Namespace) -> None:

@@ -129,7 +129,7 @@ TABLES: dict[str, dict[str, Key]] = {
             number(1e-8, 1),
             None,
             "relative error accepted in the monitors' amplitude: it chooses harmonics and quadrature where they are not"
-            " given ([method.md](method.md#error-control))",
+            " given ([accuracy.md](accuracy.md))",
         ),
         "quadrature": Key(
             choice("event", "sampled", "auto"),

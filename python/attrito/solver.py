@@ -138,6 +138,8 @@ class Solver:
         self._scene, self._options = scene, options
         # A row of the last point
         self.coefficients = 2 * options.harmonics + 1
+        # Counted up to the end of the last static load path
+        self.static_work = 0.0
         m = len(scene.mass)
         damping = None if scene.damping is None else _pointer(scene.damping)
         self._handle = ctypes.c_void_p(
@@ -171,6 +173,7 @@ class Solver:
         raw = _Point()
         sizes = path.shape[1], path.shape[0]
         self._call("attrito_walk_static_path", *sizes, _pointer(path), steps, _omega(frequency_hz), ctypes.byref(raw))
+        self.static_work = raw.work
         return self._monitors(raw.harmonic_count)[0][:, 0]
 
     def sweep(self, start_hz: float, stop_hz: float, level: float, branch: int, max_points: int) -> Iterator[Point]:

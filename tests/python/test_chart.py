@@ -1,0 +1,90 @@
+"""A chart tells error against cost of all ways to solve a job's scene."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import h5py
+import numpy as np
+import pytest
+from jobs import attrito_here, wedge, write_job
+
+from attrito import chart
+from attrito.chart import Chart, Way
+
+
+@pytest.fixture
+def few_ways(monkeypatch):
+    """Short ladders; what they hold is the same."""
+    ladders = {
+        "HARMONICS": (1, 5, 20),
+        "SAMPLES": (128, 1024),
+        "SAMPLED_HARMONICS": (20,),
+        "TOLERANCES": (1e-2,),
+        "STEPS": (32, 128),
+        "SCHEMES": ("newmark", "event"),
+    }
+    for name, values in ladders.items():
+        monkeypatch.setattr(chart, name, values)
+
+
+def rubbing_wedge(**balance) -> dict:
+    return wedge(force=14.0) | {"balance": balance, "sweep": {"start_hz": 140.0, "stop_hz": 110.0}}
+
+
+def test_a_chart_is_a_table_a_picture_and_data_that_describe_themselves(tmp_path, capfd, few_ways):
+    write_job(tmp_path, rubbing_wedge(tolerance=1e-3))
+    done = attrito_here(tmp_path, capfd, "chart", "job.toml", "-o", "wedge.h5")
+    assert done.returncode == 0
+    assert "reference: " in done.stderr
+    rows = list(csv.DictReader(io.StringIO(done.stdout)))
+    error = {(row["series"], row["setting"]): float(row["error"]) for row in rows if row["error"]}
+    # More harmonics, samples or steps are nearer; the mean that is frozen keeps its error.
+    assert error["event", "H = 1"] > error["event", "H = 5"] > error["event", "H = 20"]
+    assert error["sampled", "H = 20, J = 128"] > error["sampled", "H = 20, J = 1024"]
+    assert error["integration", "newmark, 32 steps"] > error["integration", "newmark, 128 steps"]
+    assert error["uncoupled", "H = 20"] > 100.0 * error["event", "H = 20"]
+    # Event-exact integration is another method, and comes to the same motion.
+    assert error["events in time", "exact"] < 1e-6
+    for row in rows:
+        if row["series"] == "tolerance":
+            assert float(row["error"]) < float(row["tolerance"])
+    chosen = [row for row in rows if row["chosen"] == "true"]
+    assert [float(row["tolerance"]) for row in chosen] == [1e-3]
+    assert (tmp_path / "wedge.png").stat().st_size > 10_000
+    with h5py.File(tmp_path / "wedge.h5") as file:
+        assert file.attrs["format"] == "attrito chart"
+        assert len(file["error"]) == len(rows)
+        assert all({"description", "unit"} <= set(file[name].attrs) for name in file)
+        assert file["error"][:] == pytest.approx([float(row["error"] or "nan") for row in rows], rel=1e-5, nan_ok=True)
+
+
+def test_work_is_counted_without_the_static_path_and_grows_with_harmonics(tmp_path, few_ways):
+    path = tmp_path / write_job(tmp_path, rubbing_wedge())
+    found = {way.label: way.work for way in chart.chart_job(str(path), 5.0).ways if way.series == "event"}
+    # A contact by events counts 168 k^2, an elimination at most (2/3) (2 k)^3, k = 2 H + 1, for each iteration.
+    assert found["H = 20"] > 168.0 * 41**2
+    assert 9.0 < found["H = 20"] / found["H = 5"] < (41 / 11) ** 3 * 3.0
+
+
+def test_the_efficient_front_holds_what_nothing_beats():
+    costs = [(1.0, 1e-1), (2.0, 1e-2), (3.0, 5e-2), (4.0, 1e-3), (np.nan, 1e-9), (5.0, np.nan)]
+    ways = [Way("event", "", error=error, seconds=seconds) for seconds, error in costs]
+    found = Chart(ways, 1.0, 1.0, ways[0], 0.01).efficient()
+    assert found.tolist() == [True, True, False, True, False, False]
+
+
+def test_a_scene_without_some_coordinates_is_that_of_the_others():
+    from attrito.verify.wedge import PARAMETER_SETS, wedge_scene
+
+    whole = wedge_scene(next(iter(PARAMETER_SETS.values())), 45.0)
+    part = chart.restricted(whole, np.array([0]))
+    assert part.stiffness == pytest.approx(whole.stiffness[:1, :1], rel=0.0)
+    assert part.directions == pytest.approx(whole.directions[:, :1], rel=0.0)
+
+
+def test_a_chart_of_no_job_is_a_fault_of_the_input(tmp_path, capfd):
+    done = attrito_here(tmp_path, capfd, "chart", "missing.toml")
+    assert done.returncode == 2
+    assert "missing.toml: file = " in done.stderr
