@@ -8,11 +8,13 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from attrito.job_reference import as_markdown
+import api_reference
+
+from attrito import job_reference
 
 DOCS = Path(__file__).resolve().parent
 BEGIN, END = "<!-- made by script/reference", "<!-- end of what is made -->"
-MADE = {"job.md": as_markdown}
+MADE = {"job.md": job_reference.as_markdown, "python.md": api_reference.as_markdown}
 
 
 def page(name: str) -> str:

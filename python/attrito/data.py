@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import os
+import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
@@ -20,6 +21,7 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from attrito.faults import Fault, InputError
+from attrito.job_reference import as_job
 from attrito.results import as_text
 
 
@@ -90,6 +92,12 @@ class Quantity(NDArrayOperatorsMixin):
 
     def __float__(self) -> float:
         return float(self.values)
+
+    def __int__(self) -> int:
+        return int(self.values)
+
+    def __str__(self) -> str:
+        return str(self.values)
 
     def __repr__(self) -> str:
         shown = np.array2string(self.values, threshold=20, separator=", ")
@@ -182,7 +190,12 @@ class File(Group):
 
     @property
     def job(self) -> dict[str, Any]:
-        """The job as it was resolved, every table with every key; empty in a file without one."""
+        """The job without what is at its default, ready to be run again; empty in a file without one."""
+        return tomllib.loads(as_job(self.resolved_job)) if self.resolved_job else {}
+
+    @property
+    def resolved_job(self) -> dict[str, Any]:
+        """The job with every table and every key; None for what has no value."""
         return json.loads(self.attributes.get("job", "{}"))
 
     def close(self) -> None:

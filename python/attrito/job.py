@@ -83,9 +83,9 @@ def read_job(source: str | os.PathLike[str] | Mapping[str, Any] | Job, folder: s
 
 
 def _plain(value: Any) -> Any:
-    """What TOML knows: arrays and tuples as lists, numbers of numpy as Python's, paths as text."""
+    """What TOML knows: arrays and tuples as lists, numbers of numpy as Python's, paths as text; None is absent."""
     if isinstance(value, Mapping):
-        return {str(name): _plain(item) for name, item in value.items()}
+        return {str(name): _plain(item) for name, item in value.items() if item is not None}
     if isinstance(value, np.ndarray | np.generic):
         return _plain(value.tolist())
     if isinstance(value, list | tuple):

@@ -182,8 +182,9 @@ def read_model(path: str | Path, matrices: bool = True) -> Model:
             _check_format(file, str(path))
             return _Reader(file, str(path)).model(matrices)
     except OSError as error:
-        expected = "an HDF5 file written by attrito import" if Path(path).is_file() else "a file"
-        raise InputError(Fault(str(path), "file", str(error), expected)) from error
+        there = Path(path).is_file()
+        expected = "an HDF5 file written by attrito import" if there else "a file that attrito import has written"
+        raise InputError(Fault(str(path), "file", str(error) if there else "absent", expected)) from error
 
 
 def _check_format(file: h5py.File, path: str) -> None:

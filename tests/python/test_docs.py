@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-import importlib.util
+import importlib
+import os
 import re
 import shlex
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+from jobs import ENVIRONMENT, attrito_here
 
 from attrito.cli import _parser
 from attrito.job import read_job
@@ -17,9 +22,10 @@ from attrito.job_schema import ARRAYS, TABLES
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])
-SPEC = importlib.util.spec_from_file_location("generate", ROOT / "docs" / "generate.py")
-generate = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(generate)
+sys.path.insert(0, str(ROOT / "docs"))
+generate = importlib.import_module("generate")
+
+COMMAND = re.compile(r"\s*(mpirun .*attrito|\.venv/bin/attrito|attrito) ")
 
 names = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 
@@ -74,10 +80,74 @@ def test_commands_of_a_page_are_commands_of_the_program(page):
     blocks = re.findall(r"```[a-z]*\n(.*?)```", page.read_text(), flags=re.DOTALL)
     lines = [line for block in blocks for line in block.replace("\\\n", " ").splitlines()]
     for line in lines:
-        words = shlex.split(line, comments=True) if re.match(r"\s*(mpirun|\.venv/bin/attrito|attrito) ", line) else []
+        words = shlex.split(line.split(" | head")[0], comments=True) if COMMAND.match(line) else []
         if not words:
             continue
         command = words[[Path(word).name for word in words].index("attrito") + 1 :]
         # What is in brackets is a choice; one of each is enough to parse.
         tidy = re.sub(r"\[([^|\]]*)(\|[^\]]*)?\]", r"\1", " ".join(command))
         _parser().parse_args(tidy.split())
+
+
+def test_every_page_is_in_the_index():
+    index = (ROOT / "docs" / "index.md").read_text()
+    pages = {page.name for page in (ROOT / "docs").glob("*.md")} - {"index.md"}
+    assert sorted(page for page in pages if f"]({page})" not in index) == []
+
+
+def test_messages_that_are_explained_are_messages_of_the_program():
+    sources = [*(ROOT / "python").rglob("*.py"), *(ROOT / "src").rglob("*.?90")]
+    # Texts that go on in the next line of the source are one.
+    said = re.sub(r"[\"']\s*\n\s*(f?[\"']|//\s*&?\s*)", "", "\n".join(source.read_text() for source in sources))
+    rows = re.findall(r"^\| (`.*?`)[^|`]* \|", (ROOT / "docs" / "troubleshooting.md").read_text(), flags=re.MULTILINE)
+    assert len(rows) > 15
+    columns = ("unique", "stable")
+    unknown = [row for row in rows if row.strip("`") not in said and row.strip("`") not in columns]
+    assert unknown == []
+
+
+@pytest.mark.parametrize("script", sorted((ROOT / "input" / "python").glob("*.py")), ids=lambda path: path.name)
+def test_a_script_runs_and_says_something(script, tmp_path, capfd):
+    arguments = []
+    if script.stem == "read_a_result":
+        (tmp_path / "wedge.toml").write_text(
+            (ROOT / "input" / "wedge.toml").read_text().replace("../out/wedge/wedge.h5", "wedge.h5")
+        )
+        assert attrito_here(tmp_path, capfd, "run", "wedge.toml").returncode == 0
+        arguments = ["wedge.h5"]
+    done = subprocess.run(
+        [sys.executable, str(script), *arguments],
+        cwd=tmp_path,
+        env=os.environ | ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        timeout=180,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() and "Warning" not in done.stderr
+
+
+def test_the_first_run_s_own_model_gives_the_numbers_that_it_tells(tmp_path):
+    """The commands of docs/first-run.md on input/strip.inp, in a copy of the folders they need."""
+    text = (ROOT / "docs" / "first-run.md").read_text()
+    blocks = re.findall(r"```\n(.*?)```", text[text.index("## 2.") :], flags=re.DOTALL)
+    commands = "\n".join(block for block in blocks if re.match(r"mkdir|attrito", block))
+    shutil.copytree(ROOT / "input", tmp_path / "input")
+    (tmp_path / "bin").mkdir()
+    (tmp_path / "bin" / "attrito").write_text(f'#!/bin/sh\nexec "{sys.executable}" -m attrito.cli "$@"\n')
+    (tmp_path / "bin" / "attrito").chmod(0o755)
+    path = f"{tmp_path / 'bin'}:{os.environ['PATH']}"
+    done = subprocess.run(
+        ["bash", "-e", "-c", commands],
+        cwd=tmp_path,
+        env=os.environ | ENVIRONMENT | {"PATH": path},
+        capture_output=True,
+        text=True,
+        timeout=180,
+    )
+    assert done.returncode == 0, done.stderr
+    told = next(block for block in blocks if block.startswith("model.h5:"))
+    assert [line for line in told.splitlines()[1:] if line not in done.stdout] == []
+    assert "stuck 759.8" in done.stdout and "frictionless 464.7" in done.stdout
+    assert (tmp_path / "out" / "strip" / "frf.png").stat().st_size > 10_000
+    assert "Every point has a solution" in (tmp_path / "out" / "strip" / "report.html").read_text()

@@ -35,7 +35,7 @@ def test_a_job_as_a_dictionary_gives_what_its_file_gives(result, tmp_path, capfd
     done = attrito_here(tmp_path, capfd, "run", "job.toml")
     assert done.returncode == 0, done.stderr
     with attrito.open(tmp_path / "result.h5") as other:
-        assert other.job == result.job
+        assert other.resolved_job == result.resolved_job
         for name in ("frequency_hz", "residual", "coordinates"):
             assert np.array_equal(other.points[name], result.points[name])
 
@@ -55,7 +55,7 @@ def test_arrays_know_their_units_names_and_descriptions(result):
 def test_a_group_lists_and_completes_its_members(result):
     assert {"points", "monitors", "contacts", "linear"} <= set(result)
     assert "amplitude" in dir(result.monitors.x) and list(result.monitors) == ["x", "y"]
-    assert result.attributes["format"] == "attrito result" and result.job["balance"]["harmonics"] == 5
+    assert result.attributes["format"] == "attrito result" and result.resolved_job["balance"]["harmonics"] == 5
     assert result.points.dataset("coordinates")[0, :, 0].shape == (2,)
     with pytest.raises(AttributeError, match="has no 'frequency'; it has .*frequency_hz"):
         result.points.frequency.max()
@@ -79,6 +79,7 @@ def test_quantities_compute_like_arrays_and_give_plain_ones():
     assert np.array_equal(length - np.asarray(length), np.zeros((2, 2))) and (length > 2).sum() == 2
     assert length[1].unit == "user length" and length[1, 0] == 3.0 and length.shape == (2, 2) and len(length) == 2
     assert repr(length[0]) == "Quantity([1., 2.], 'user length')" and float(attrito.Quantity(2.5)) == 2.5
+    assert int(attrito.Quantity(3)) == 3 and f"{attrito.Quantity(3)}" == "3"
     assert [row.sum() for row in length] == [3.0, 7.0] and bool(attrito.Quantity(1))
     states = attrito.Quantity([0, 2, -1], "1", "", ("stuck", "open"))
     assert states.labels.tolist() == ["stuck", "", ""]
@@ -97,6 +98,13 @@ def test_points_without_a_solution_warn_or_raise_and_are_in_the_result(tmp_path)
     with pytest.raises(attrito.UnsolvedError, match="max_points") as caught:
         attrito.run(job, MPI.COMM_SELF, folder=tmp_path, quiet=True, strict=True)
     assert caught.value.file == str(tmp_path / "result.h5") and isinstance(caught.value, attrito.NumericsError)
+
+
+def test_the_job_in_a_result_can_be_changed_and_run_again(result, tmp_path):
+    job = result.job | {"sweep": {"frequencies_hz": [131.0, 132.0], "start_hz": None}}
+    with attrito.run(job, MPI.COMM_SELF, folder=tmp_path, quiet=True) as again:
+        assert again.points.frequency_hz.values.tolist() == [131.0, 132.0]
+        assert again.monitors.x.amplitude[1] == pytest.approx(result.monitors.x.amplitude[0], rel=1e-6)
 
 
 def test_faults_of_a_dictionary_are_told_together(tmp_path):

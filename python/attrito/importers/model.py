@@ -146,7 +146,8 @@ def _stray_nodes(node: np.ndarray, dofs: str, mesh: str, read: Mesh) -> list[Fau
     stray = np.setdiff1d(node, read.node_ids)
     if len(stray) == 0:
         return []
-    return [Fault(dofs, "file", f"node {stray[0]} ({len(stray)} such nodes)", f"nodes of the mesh {mesh}")]
+    expected = f"nodes of the mesh {mesh} (elements C3D8I add nodes of their own: use C3D8, C3D10 or C3D20)"
+    return [Fault(dofs, "file", f"node {stray[0]} ({len(stray)} such nodes)", expected)]
 
 
 def _notes(model: Model) -> list[str]:
