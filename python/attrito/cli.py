@@ -121,6 +121,7 @@ def _parser() -> argparse.ArgumentParser:
     kind = one.add_mutually_exclusive_group()
     kind.add_argument("--contacts", action="store_true", help="a row a point and contact")
     kind.add_argument("--multipliers", action="store_true", help="a row a point and Floquet multiplier")
+    kind.add_argument("--bifurcations", action="store_true", help="a row a turning point or crossing multiplier")
     one.set_defaults(work=_table)
 
     one = commands.add_parser("plot", help="result.h5 -> PNG, PDF, SVG: frequency response, loops or contact map")
@@ -250,9 +251,10 @@ def _integrate(options: argparse.Namespace) -> None:
 
 
 def _table(options: argparse.Namespace) -> None:
-    from attrito.results import Result, contact_table, multiplier_table, table
+    from attrito.results import Result, bifurcation_table, contact_table, multiplier_table, table
 
-    kind = contact_table if options.contacts else multiplier_table if options.multipliers else table
+    kinds = {"contacts": contact_table, "multipliers": multiplier_table, "bifurcations": bifurcation_table}
+    kind = next((work for name, work in kinds.items() if getattr(options, name)), table)
     with Result(options.result) as result:
         sys.stdout.write(kind(result))
 

@@ -158,6 +158,12 @@ TABLES: dict[str, dict[str, Key]] = {
         "max_points": Key(
             integer(2), 1000, "of a sweep; one that ends before its stop is told, in `/points` too, and exits with 1"
         ),
+        "locate": Key(
+            boolean,
+            True,
+            "find turning points along sweeps, and where multipliers cross the unit circle if stability is examined"
+            " ([method.md](method.md#stability))",
+        ),
     },
     "stability": {
         "method": Key(

@@ -26,6 +26,8 @@ BRANCH_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E
 LIMIT_COLOUR = "#8a8a8a"
 DASHES = (0, (3, 1.8))
 LINEAR_STYLE = {"stuck": "-", "frictionless": (0, (1, 1.2))}
+BIFURCATION_MARKER = {"fold": "^", "contact_fold": "v", "flip": "s", "neimark_sacker": "P", "branch_point": "*"}
+BIFURCATION_MARKER["contact_crossing"] = "d"
 FAILURE_MARKER = dict(zip(NO_SOLUTION, ("D", "x"), strict=True))
 # Of a curve, about
 ERROR_BARS = 40
@@ -114,8 +116,8 @@ def frequency_response(result: Result, monitor: str, log: bool | None = None, lo
     """Amplitude of a monitor against frequency, one line a level and branch.
 
     Several levels are divided by the level: a linear structure would give one curve. One level is shown as it is.
-    Unstable stretches are dashed, points without a solution are marked, bounds of points that are not unique are
-    shaded, estimated errors are bars. The linear responses (all stuck, frictionless) are thin lines behind.
+    Unstable stretches are dashed, points without a solution and bifurcations are marked, bounds of points that are not
+    unique are shaded, estimated errors are bars. The linear responses (all stuck, frictionless) are thin lines behind.
 
     Parameters
     ----------
@@ -165,6 +167,7 @@ def frequency_response(result: Result, monitor: str, log: bool | None = None, lo
         elif len(span):
             axes.set_ylim(0, 1.05 * span.max())
         _mark_failures(axes, result, frequency, amplitude)
+        _mark_bifurcations(axes, result, monitor, several)
         name = f"Amplitude of {monitor} / level" if several else f"Amplitude of {monitor}"
         label = with_unit(name, result.unit(f"/monitors/{monitor}/amplitude"), 0.8 * figure.get_figheight())
         axes.set(xlabel="Frequency (Hz)", ylabel=label)
@@ -245,6 +248,19 @@ def _mark_failures(axes: Axes, result: Result, frequency: np.ndarray, amplitude:
         if (rest := failed & ~placed).any():
             floor = axes.get_xaxis_transform()
             axes.plot(frequency[rest], np.zeros(rest.sum()), **look, transform=floor, clip_on=False)
+
+
+def _mark_bifurcations(axes: Axes, result: Result, monitor: str, per_level: bool) -> None:
+    """Mark where branches turn and where multipliers cross the unit circle, by kind."""
+    if not result.has("/bifurcations/kind"):
+        return
+    names = result.names("/bifurcations/kind")
+    kind, frequency, level = (result.array(f"/bifurcations/{name}") for name in ("kind", "frequency_hz", "level"))
+    amplitude = result.array(f"/bifurcations/amplitude/{monitor}") / (level if per_level else 1.0)
+    for index in np.unique(kind):
+        own = kind == index
+        look = {"marker": BIFURCATION_MARKER[names[index]], "linestyle": "none", "color": "k", "markersize": 5}
+        axes.plot(frequency[own], amplitude[own], **look, zorder=4, label=names[index].replace("_", " "))
 
 
 def _identity(levels: np.ndarray, branches: np.ndarray, level: float, branch: int) -> tuple[object, str]:

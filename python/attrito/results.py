@@ -208,6 +208,25 @@ def multiplier_table(result: Result) -> str:
     return _csv(columns | _level_column(result, point))
 
 
+def bifurcation_table(result: Result) -> str:
+    """CSV, one line a bifurcation: `branch, point, frequency_hz, kind, real, imag, uncertain_hz`, then amplitudes."""
+    if not result.has("/bifurcations/kind"):
+        return "branch,point,frequency_hz,kind,real,imag,uncertain_hz\n"
+    names = result.names("/bifurcations/kind")
+    column = {name: result.array(f"/bifurcations/{name}") for name in ("branch", "point", "kind", "level")}
+    columns: dict[str, Iterable[str]] = {
+        "branch": map(str, column["branch"]),
+        "point": map(str, column["point"]),
+        "frequency_hz": _numbers(result.array("/bifurcations/frequency_hz")),
+        "kind": [names[index] for index in column["kind"]],
+    }
+    for name in ("real", "imag", "uncertain_hz"):
+        columns[name] = _numbers(result.array(f"/bifurcations/{name}"))
+    for name in result.monitors:
+        columns[f"{name}_amplitude"] = _numbers(result.array(f"/bifurcations/amplitude/{name}"))
+    return _csv(columns | _level_column(result, column["point"]))
+
+
 def _level_column(result: Result, point: np.ndarray) -> dict[str, Iterable[str]]:
     """The column `level`, if there is more than one."""
     level = result.array("/points/level")

@@ -14,6 +14,7 @@ import h5py
 import numpy as np
 
 from attrito import __version__
+from attrito.bifurcations import Finder, write_bifurcations
 from attrito.faults import InputError, NumericsError, UnsolvedError
 from attrito.job import TOLERANCE, Job, read_job
 from attrito.parallel import on_root
@@ -71,6 +72,7 @@ def run_job(comm: Comm, path: str | Job) -> str:
             linear = _linear_responses(solver, job)
             sampler = Sampler(comm, solver, reduced, options, job["static"]["bounds"])
             examiner = Examiner(comm, solver, job)
+            finder = Finder(solver, job, progress)
             on_root(comm, lambda: _write_linear(partial, linear, reduced.monitor_names))
             solver.open_result(partial)
             progress.begin(len(reduced.mass), len(reduced.laws["tangents"]), linear)
@@ -80,6 +82,7 @@ def run_job(comm: Comm, path: str | Job) -> str:
                 sampler.visit(point)
                 progress.point(point, reduced.monitor_names[0])
                 outcomes[point.outcome] += 1
+                finder.visit(point)
     except (InputError, NumericsError) as error:
         if progress.count == 0:
             on_root(comm, lambda: Path(partial).unlink(missing_ok=True))
@@ -92,6 +95,7 @@ def run_job(comm: Comm, path: str | Job) -> str:
     on_root(comm, lambda: _write_incomplete(partial, incomplete))
     on_root(comm, lambda: write_bounds(partial, reduced, sampler))
     on_root(comm, lambda: write_multipliers(partial, examiner))
+    on_root(comm, lambda: write_bifurcations(partial, finder.found, reduced.monitor_names))
     on_root(comm, lambda: os.replace(partial, result))
     progress.end(result, time.perf_counter() - started, outcomes)
     complaints = list(incomplete)

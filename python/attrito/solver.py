@@ -108,6 +108,7 @@ class Point:
     `states` counts contacts stuck, shaken down, slipping, open; `harmonics` are the coefficients of the monitors,
     `[monitors, 2 H + 1]`, and `amplitude` half their ranges over the period, `[monitors]`, user length. `errors` are
     the parts of `estimate` in the order of `ERRORS`; `work` counts floating-point operations of the session up to here.
+    `followed`: a point of a sweep, not of a list of frequencies.
     """
 
     frequency_hz: float
@@ -127,6 +128,7 @@ class Point:
     amplitude: np.ndarray
     finished: bool
     reached_stop: bool
+    followed: bool
 
 
 class Solver:
@@ -184,7 +186,7 @@ class Solver:
         raw = _Point()
         while not raw.finished:
             self._library.attrito_next_point(self._handle, ctypes.byref(raw))
-            yield self._point(raw)
+            yield self._point(raw, followed=True)
 
     def solve_at(self, frequencies_hz: list[float], level: float, branch: int) -> Iterator[Point]:
         """Solve frequencies one by one, each starting from the one before."""
@@ -193,7 +195,7 @@ class Solver:
         raw = _Point()
         for frequency in frequencies_hz:
             self._library.attrito_solve_at(self._handle, _omega(frequency), branch, ctypes.byref(raw))
-            yield self._point(raw)
+            yield self._point(raw, followed=False)
 
     def linear_response(self, stuck: bool, frequencies_hz: np.ndarray, natural: int) -> tuple[np.ndarray, np.ndarray]:
         """Amplitudes `[monitors, frequencies]` at level 1 with contacts stuck, or closed without friction.
@@ -245,7 +247,7 @@ class Solver:
         self._library.attrito_monitors(self._handle, _pointer(harmonics), _pointer(amplitude))
         return harmonics, amplitude
 
-    def _point(self, raw: _Point) -> Point:
+    def _point(self, raw: _Point, followed: bool) -> Point:
         self.coefficients = 2 * raw.harmonic_count + 1
         return Point(
             raw.frequency_hz,
@@ -264,6 +266,7 @@ class Solver:
             *self._monitors(raw.harmonic_count),
             bool(raw.finished),
             bool(raw.reached_stop),
+            followed,
         )
 
     def _call(self, name: str, *arguments: object) -> None:

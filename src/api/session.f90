@@ -2,6 +2,7 @@
 module attrito_api_session
   use, intrinsic :: iso_c_binding
   use attrito_core_communicator, only: communicator_type
+  use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contact_type, contacts_type
   use attrito_model_structure, only: structure_type
   use attrito_accuracy_error_control, only: error_control_type
@@ -11,10 +12,21 @@ module attrito_api_session
   use attrito_integrate_system, only: system_type
   use attrito_output_point_report, only: point_report_type
   use attrito_output_result_file, only: result_file_type
+  use attrito_stability_crossing, only: moduli_type
   use attrito_stability_examine, only: examination_type
   implicit none
   private
-  public :: session_type, session_of, contact_law_type, law_of
+  public :: session_type, bifurcation_type, session_of, contact_law_type, law_of
+
+  !> A turning point, or where a multiplier crosses the unit circle
+  type :: bifurcation_type
+    !> See `attrito_api_bifurcations`
+    integer :: kind = 0
+    !> What is left open of its frequency
+    real(wp) :: uncertain_hz = 0.0_wp
+    complex(wp) :: multiplier = 0.0_wp
+    type(point_report_type) :: point
+  end type bifurcation_type
 
   type :: session_type
     type(communicator_type) :: ranks
@@ -31,6 +43,9 @@ module attrito_api_session
     !> The linear system in time, once it is asked for, and what was found of the last point's stability
     type(system_type), allocatable :: in_time
     type(examination_type) :: examination
+    !> Dynamic multipliers of the last two points, none if they were not examined; bifurcations of the step between
+    type(moduli_type) :: moduli(2)
+    type(bifurcation_type), allocatable :: bifurcations(:)
   end type session_type
 
   type, bind(c) :: contact_law_type

@@ -22,6 +22,7 @@ module attrito_api_solver
   use attrito_continuation_static_path, only: walk_static_path
   use attrito_output_point_report, only: point_report_type, report_point
   use attrito_output_result_file, only: open_result, write_point, close_result
+  use attrito_stability_crossing, only: moduli_type
   use attrito_api_message, only: tell, text_of
   use attrito_api_session, only: session_type, session_of, contact_law_type, law_of
   implicit none
@@ -152,6 +153,7 @@ contains
     session => session_of(handle)
     call session%solver%set_loads(session%solver%context%balance%static_factors, level)
     session%sweep = new_sweep(session%solver, start, stop, branch, max_points)
+    session%moduli = moduli_type()
   end subroutine attrito_begin_sweep
 
   !> The next point of the sweep.
@@ -161,6 +163,8 @@ contains
     type(session_type), pointer :: session
 
     session => session_of(handle)
+    session%moduli(1) = session%moduli(2)
+    session%moduli(2) = moduli_type()
     call session%accuracy%advance(session%sweep, session%solver)
     call report_point(session%solver, session%sweep%branch, session%accuracy%errors, session%point)
     point = point_of(session%point)

@@ -5,6 +5,7 @@ module attrito_api_stability
   use attrito_output_point_report, only: outcome_converged, outcome_unstable, outcome_indeterminate
   use attrito_integrate_system, only: system_type
   use attrito_model_structure, only: damping_loss_factor
+  use attrito_stability_crossing, only: moduli_of
   use attrito_stability_examine, only: examine, examine_options_type, system_of
   use attrito_stability_multipliers, only: multiplier_type
   use attrito_stability_verdict, only: not_examined, stable, unstable, indeterminate
@@ -39,6 +40,7 @@ contains
     status = tell(error, message)
     if (allocated(error)) return
     call examine(session%solver, session%in_time, examine_options_type(methods, orbit), session%examination)
+    call moduli_of(session%solver, session%examination, session%moduli(2))
     report%verdict = session%examination%verdict
     report%distance = session%examination%distance
     report%change = session%examination%change

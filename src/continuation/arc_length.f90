@@ -9,15 +9,16 @@ module attrito_continuation_arc_length
   use attrito_core_kinds, only: wp
   use attrito_core_trigonometric, only: resized
   use attrito_balance_border, only: constraint_type, inner_product
-  use attrito_balance_linearised_step, only: solve_linearised
-  use attrito_balance_newton_context, only: least_stiffening
-  use attrito_balance_unknowns, only: unknowns_type, new_unknowns
-  use attrito_continuation_cascade, only: solve_by_cascade
+  use attrito_continuation_closed_branch, only: comes_home
+  use attrito_continuation_known_points, only: known_points_type
+  use attrito_continuation_cascade, only: solve_by_cascade, place_type, place_of, return_to
   use attrito_continuation_rebalancing, only: field_type, rebalance
   use attrito_continuation_solver, only: solver_type
+  use attrito_continuation_step, only: step_type, step_between
+  use attrito_continuation_tangent, only: tangent_type, find_tangent, frequency_tangent, turn_round
   implicit none
   private
-  public :: sweep_type, new_sweep
+  public :: sweep_type, new_sweep, new_branch_sweep
 
   !> Distance of predicted from corrected point, relative to the response, that the step aims at, and that it still accepts
   real(wp), parameter :: aimed_error = 0.02_wp, accepted_error = 0.2_wp
@@ -25,6 +26,8 @@ module attrito_continuation_arc_length
   real(wp), parameter :: first_step = 0.01_wp, smallest_step = 1.0e-6_wp
   !> Part of the sweep to move on by where the branch was lost
   real(wp), parameter :: jump = 0.01_wp
+  !> Steps after which a branch may have come back to where it was begun
+  integer, parameter :: fewest_steps = 4
   !> Steps in a row of which but this part is anything but a mean position, after which a body is taken to walk away: past the end of
   !> its branch friction no longer balances over the period, and no solution repeats
   real(wp), parameter :: walking_share = 1.0e-3_wp
@@ -38,12 +41,22 @@ module attrito_continuation_arc_length
     real(wp) :: largest_step = 0.04_wp
     integer :: branch = 0, points = 0, max_points = 1000
     logical :: finished = .false.
-    !> Did it end at its stop?
-    logical :: reached_stop = .false.
+    !> Did it end at its stop? Did the branch close upon itself?
+    logical :: reached_stop = .false., closed = .false.
+    !> Does it follow one branch only, from where the solver stood when it began, and end where that is lost?
+    logical :: one_branch = .false.
+    !> Where the branch was begun
+    type(known_points_type), private :: home
+    integer, private :: steps = 0
+    !> The farthest that the branch went, angular frequency
+    real(wp), private :: farthest = 0.0_wp
     real(wp), private :: step = first_step
-    !> Unit tangent: scaled motion [2 H + 1, rows] and frequency; what periodic sliders do along it [2, contacts]
-    real(wp), allocatable, private :: tangent(:, :), tangent_slider(:, :)
-    real(wp), private :: tangent_omega = 0.0_wp
+    !> The last step that was accepted; does the frequency turn on it, as `look_ahead` finds?
+    type(step_type) :: last
+    logical :: turned = .false.
+    !> Tangent at the present point once it was asked for, before that at the point before
+    type(tangent_type) :: tangent
+    logical, private :: looked_ahead = .false.
     !> Last step taken, scaled, of unit length
     real(wp), allocatable, private :: secant(:, :)
     real(wp), private :: secant_omega = 0.0_wp
@@ -57,6 +70,9 @@ module attrito_continuation_arc_length
   contains
     procedure :: advance
     procedure :: set_harmonics
+    procedure :: look_ahead
+    procedure :: way_back
+    procedure :: end_last_step_at
   end type sweep_type
 
 contains
@@ -76,23 +92,65 @@ contains
     call solver%set_scales(start, stop)
   end function new_sweep
 
+  !> A sweep along the one branch that the solver stands on, from there in a direction until it leaves a range, closes, or is lost.
+  function new_branch_sweep(solver, start, stop, towards, branch, max_points) result(self)
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: start, stop
+    type(tangent_type), intent(in) :: towards
+    integer, intent(in) :: branch, max_points
+    type(sweep_type) :: self
+
+    self = new_sweep(solver, start, stop, branch, max_points)
+    self%one_branch = .true.
+    self%tangent = towards
+    self%way = sign(1.0_wp, towards%omega)
+  end function new_branch_sweep
+
+  !> The direction back from the present point.
+  function way_back(self, solver) result(towards)
+    class(sweep_type), intent(in) :: self
+    type(solver_type), intent(in) :: solver
+    type(tangent_type) :: towards
+
+    towards = frequency_tangent(solver, -self%way)
+    if (.not. allocated(self%secant)) return
+    towards%motion = -self%secant
+    towards%omega = -self%secant_omega
+  end function way_back
+
   !> Solve the next point; the solver's report says how it ended.
   subroutine advance(self, solver)
     class(sweep_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
 
     if (self%points > 0) call share_out(self, solver)
-    if (self%points == 0) then
+    if (self%points == 0 .and. self%one_branch) then
+      call begin_here(self, solver)
+    else if (self%points == 0) then
       call begin_at(self, solver, self%start)
     else if (self%on_branch) then
       call follow(self, solver)
+      call watch_closing(self, solver)
     else
       self%branch = self%branch + 1
-      call begin_at(self, solver, solver%omega + jump*(self%stop - self%start))
+      call begin_at(self, solver, self%farthest + jump*(self%stop - self%start))
     end if
     self%points = self%points + 1
+    if (self%one_branch .and. .not. self%on_branch) self%finished = .true.
+    self%farthest = merge(max(self%farthest, solver%omega), min(self%farthest, solver%omega), self%stop > self%start)
     if (self%points >= self%max_points) self%finished = .true.
   end subroutine advance
+
+  !> Let the last step end where the solver stands, which may be more finely solved than the step was.
+  subroutine end_last_step_at(self, solver)
+    class(sweep_type), intent(inout) :: self
+    type(solver_type), intent(in) :: solver
+
+    if (.not. self%last%is_taken()) return
+    self%last%to = place_of(solver)
+    self%last%from%motion = resized(self%last%from%motion, size(solver%motion, 1))
+    self%last%across%motion = resized(self%last%across%motion, size(solver%motion, 1))
+  end subroutine end_last_step_at
 
   !> Let what the sweep remembers have so many harmonics.
   subroutine set_harmonics(self, harmonics)
@@ -101,7 +159,7 @@ contains
     complex(wp), allocatable :: slope(:, :)
     integer :: common
 
-    if (allocated(self%tangent)) self%tangent = resized(self%tangent, 2*harmonics + 1)
+    if (allocated(self%tangent%motion)) self%tangent%motion = resized(self%tangent%motion, 2*harmonics + 1)
     if (allocated(self%secant)) self%secant = resized(self%secant, 2*harmonics + 1)
     if (.not. allocated(self%slope)) return
     common = min(size(self%slope, 2), harmonics + 1)
@@ -117,12 +175,12 @@ contains
     type(field_type) :: fields(3)
 
     fields%by_contact = [.false., .true., .false.]
-    call move_alloc(self%tangent, fields(1)%columns)
-    call move_alloc(self%tangent_slider, fields(2)%columns)
+    call move_alloc(self%tangent%motion, fields(1)%columns)
+    call move_alloc(self%tangent%slider, fields(2)%columns)
     call move_alloc(self%secant, fields(3)%columns)
     call rebalance(solver, fields)
-    call move_alloc(fields(1)%columns, self%tangent)
-    call move_alloc(fields(2)%columns, self%tangent_slider)
+    call move_alloc(fields(1)%columns, self%tangent%motion)
+    call move_alloc(fields(2)%columns, self%tangent%slider)
     call move_alloc(fields(3)%columns, self%secant)
   end subroutine share_out
 
@@ -142,63 +200,132 @@ contains
     self%finished = abs(target - self%stop) <= 0.0_wp
     self%reached_stop = self%finished
     self%way = sign(1.0_wp, self%stop - self%start)
-    if (allocated(self%tangent)) deallocate (self%tangent)
+    self%tangent = tangent_type()
+    self%last = step_type()
+    self%looked_ahead = .false.
+    self%closed = .false.
+    self%steps = 0
+    self%farthest = target
+    call self%home%drop_from(1)
+    call self%home%add(solver, .false.)
     if (allocated(self%secant)) deallocate (self%secant)
   end subroutine begin_at
+
+  !> The first point of the branch that the solver stands on.
+  subroutine begin_here(self, solver)
+    type(sweep_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+
+    call solver%solve_at(solver%omega)
+    self%on_branch = solver%report%converged
+    self%farthest = solver%omega
+    call self%home%add(solver, .false.)
+  end subroutine begin_here
+
+  !> A branch that comes back to where it was begun is complete; a sweep goes on beyond it.
+  subroutine watch_closing(self, solver)
+    type(sweep_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+    integer :: iterations
+
+    self%steps = self%steps + 1
+    if (.not. self%on_branch .or. self%finished .or. self%steps < fewest_steps) return
+    iterations = solver%report%iterations
+    self%closed = comes_home(self%home, solver, self%last)
+    if (.not. self%closed) return
+    solver%report%iterations = iterations + solver%report%iterations
+    self%on_branch = .false.
+    self%finished = self%one_branch
+  end subroutine watch_closing
 
   !> One accepted step along the branch, the sweep's last point, or the loss of the branch.
   subroutine follow(self, solver)
     type(sweep_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
-    real(wp), allocatable :: motion(:, :), slider(:, :)
-    logical, allocatable :: periodic(:)
-    real(wp) :: omega, error
-    integer :: iterations, status
-    logical :: accepted, flipped
+    type(place_type) :: before
+    real(wp) :: error
+    integer :: iterations
+    logical :: accepted
 
+    before = place_of(solver)
     call follow_stuck(self, solver, accepted)
-    if (accepted) return
-    call find_tangent(self, solver, status)
-    if (status /= 0) then
+    if (accepted) then
+      self%last = step_between(before, solver, frequency_tangent(solver, self%way))
+      self%looked_ahead = .false.
+      return
+    end if
+    if (.not. self%looked_ahead) call look_ahead(self, solver)
+    if (.not. self%looked_ahead) then
       call lose_branch(self, solver)
       return
     end if
-    motion = solver%motion
-    omega = solver%omega
-    slider = solver%context%balance%slider
-    periodic = solver%context%balance%periodic
-    iterations = 0
-    flipped = .false.
-    do
-      call predict_and_correct(self, solver, error)
-      iterations = iterations + solver%report%iterations
-      accepted = solver%report%converged .and. (error < accepted_error .or. self%step <= smallest_step)
-      if (accepted) accepted = .not. runs_back(self, solver, motion, omega)
-      if (accepted) exit
-      if (solver%report%converged .and. error < accepted_error .and. .not. flipped) then
-        ! It runs back on itself: at a kink sharper than a right angle the tangent was turned the wrong way.
-        flipped = .true.
-        self%tangent = -self%tangent
-        self%tangent_slider = -self%tangent_slider
-        self%tangent_omega = -self%tangent_omega
-        self%step = 2.0_wp*self%step
-      end if
-      solver%motion = motion
-      solver%omega = omega
-      call solver%set_slider(slider, periodic)
-      self%step = 0.5_wp*self%step
-      if (self%step < smallest_step) exit
-    end do
+    self%looked_ahead = .false.
+    self%turned = .false.
+    call take_step(self, solver, before, error, iterations, accepted)
     if (accepted) then
-      call remember_step(self, solver, motion, omega)
+      call remember_step(self, solver, before)
       call adapt_step(self, error)
       call watch_walking(self, solver)
     else
       call lose_branch(self, solver)
     end if
     solver%report%iterations = iterations
-    if (accepted) call end_at_range(self, solver, motion, omega, slider, periodic)
+    if (accepted) call end_at_range(self, solver, before)
   end subroutine follow
+
+  !> A step from a place along the tangent there, as long as converges not too far from where it was predicted.
+  subroutine take_step(self, solver, before, error, iterations, accepted)
+    type(sweep_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+    type(place_type), intent(in) :: before
+    !> Of the prediction, relative to the response
+    real(wp), intent(out) :: error
+    !> Of all tries
+    integer, intent(out) :: iterations
+    logical, intent(out) :: accepted
+    logical :: flipped
+
+    iterations = 0
+    flipped = .false.
+    do
+      call predict_and_correct(self, solver, error)
+      iterations = iterations + solver%report%iterations
+      accepted = solver%report%converged .and. (error < accepted_error .or. self%step <= smallest_step)
+      if (accepted) accepted = .not. runs_back(self, solver, before)
+      if (accepted) return
+      if (solver%report%converged .and. error < accepted_error .and. .not. flipped) then
+        ! It runs back on itself: at a kink sharper than a right angle the tangent was turned the wrong way.
+        flipped = .true.
+        call turn_round(self%tangent)
+        self%step = 2.0_wp*self%step
+      end if
+      call return_to(solver, before)
+      self%step = 0.5_wp*self%step
+      if (self%step < smallest_step) return
+    end do
+  end subroutine take_step
+
+  !> Find the tangent at the present point of the branch, and whether the frequency turned on the last step; what the last point's
+  !> evaluation left is lost.
+  subroutine look_ahead(self, solver)
+    class(sweep_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+    type(tangent_type) :: tangent
+    real(wp) :: share
+    integer :: status
+
+    self%turned = .false.
+    if (.not. self%on_branch .or. self%looked_ahead) return
+    if (.not. allocated(self%tangent%motion)) self%tangent = frequency_tangent(solver, self%way)
+    call find_tangent(solver, self%tangent, tangent, status)
+    self%looked_ahead = status == 0
+    if (.not. self%looked_ahead) return
+    self%tangent = tangent
+    if (.not. self%last%is_taken()) return
+    ! Where hardly more than mean positions change, the frequency's sign is rounding.
+    share = share_of_harmonics(solver, tangent%motion, tangent%omega)
+    self%turned = self%last%across%omega*tangent%omega < 0.0_wp .and. share > walking_share
+  end subroutine look_ahead
 
   !> Where every contact sticks the branch is the linear response: a step in frequency, its error that of a straight line through the
   !> last two points.
@@ -236,7 +363,7 @@ contains
       return
     end if
     self%slope = (solver%context%balance%response - response)/(target - omega)
-    if (allocated(self%tangent)) deallocate (self%tangent)
+    self%tangent = tangent_type()
     if (allocated(self%secant)) deallocate (self%secant)
     self%reached_stop = abs(target - self%stop) <= 0.0_wp
     self%finished = self%reached_stop .or. abs(target - self%start) <= 0.0_wp
@@ -275,44 +402,8 @@ contains
     solver%no_orbit_in_time = .false.
     solver%omega = solver%omega + smallest_step*(self%stop - self%start)
     self%on_branch = .false.
+    self%last = step_type()
   end subroutine lose_branch
-
-  !> Tangent at the present point, turned the way of the last one.
-  subroutine find_tangent(self, solver, status)
-    type(sweep_type), intent(inout) :: self
-    type(solver_type), intent(inout) :: solver
-    !> 0, or not: the bordered system is singular
-    integer, intent(out) :: status
-    type(constraint_type) :: constraint
-    type(unknowns_type) :: right, step
-    real(wp) :: length
-    integer :: iterations
-
-    associate (context => solver%context)
-      right = new_unknowns(size(solver%motion, 1), size(solver%motion, 2), size(context%balance%law))
-      step = right
-      if (allocated(self%tangent)) then
-        constraint%motion = self%tangent/context%motion_scale
-        constraint%frequency = self%tangent_omega/context%frequency_scale
-      else
-        constraint%motion = right%motion
-        constraint%frequency = self%way/context%frequency_scale
-      end if
-      call context%balance%evaluate(solver%motion, solver%omega, status)
-      right%omega = 1.0_wp
-      context%balance%stiffening = least_stiffening
-      call solve_linearised(context%balance, constraint, right, context%linear, step, iterations, status)
-      context%balance%stiffening = 0.0_wp
-      if (status /= 0) return
-      step%motion = step%motion/context%motion_scale
-      step%slider = step%slider/context%motion_scale
-      step%omega = step%omega/context%frequency_scale
-      length = sqrt(inner_product(context%balance, step%motion, step%motion) + step%omega**2)
-      self%tangent = step%motion/length
-      self%tangent_slider = step%slider/length
-      self%tangent_omega = step%omega/length
-    end associate
-  end subroutine find_tangent
 
   !> Predict along the tangent and correct in the plane across it. `error`: how far the corrector moved, relative to the response.
   subroutine predict_and_correct(self, solver, error)
@@ -324,14 +415,14 @@ contains
     real(wp) :: predicted_omega
 
     associate (context => solver%context, balance => solver%context%balance)
-      predicted = solver%motion + self%step*context%motion_scale*self%tangent
-      predicted_omega = solver%omega + self%step*context%frequency_scale*self%tangent_omega
-      constraint%motion = self%tangent/context%motion_scale
-      constraint%frequency = self%tangent_omega/context%frequency_scale
+      predicted = solver%motion + self%step*context%motion_scale*self%tangent%motion
+      predicted_omega = solver%omega + self%step*context%frequency_scale*self%tangent%omega
+      constraint%motion = self%tangent%motion/context%motion_scale
+      constraint%frequency = self%tangent%omega/context%frequency_scale
       constraint%value = inner_product(balance, constraint%motion, predicted) + constraint%frequency*predicted_omega
       solver%motion = predicted
       solver%omega = predicted_omega
-      balance%slider = balance%slider + self%step*context%motion_scale*self%tangent_slider
+      balance%slider = balance%slider + self%step*context%motion_scale*self%tangent%slider
       call solver%solve_with(constraint)
       ! The mean may jump from point to point as sliders shake down, however small the step: it does not steer it.
       moved = solver%motion - predicted
@@ -351,33 +442,35 @@ contains
   end function size_of_response
 
   !> Does the step just made return along the one before?
-  logical function runs_back(self, solver, motion, omega)
+  logical function runs_back(self, solver, before)
     type(sweep_type), intent(in) :: self
     type(solver_type), intent(in) :: solver
-    real(wp), intent(in) :: motion(:, :), omega
+    type(place_type), intent(in) :: before
     real(wp), allocatable :: moved(:, :)
     real(wp) :: moved_omega, length
 
     runs_back = .false.
     if (.not. allocated(self%secant)) return
     associate (context => solver%context, balance => solver%context%balance)
-      moved = (solver%motion - motion)/context%motion_scale
-      moved_omega = (solver%omega - omega)/context%frequency_scale
+      moved = (solver%motion - before%motion)/context%motion_scale
+      moved_omega = (solver%omega - before%omega)/context%frequency_scale
       length = sqrt(inner_product(balance, moved, moved) + moved_omega**2)
       runs_back = inner_product(balance, moved, self%secant) + moved_omega*self%secant_omega < turned_back*length
     end associate
   end function runs_back
 
-  !> Keep the direction of the step just accepted.
-  subroutine remember_step(self, solver, motion, omega)
+  !> Keep the step just accepted, and its direction.
+  subroutine remember_step(self, solver, before)
     type(sweep_type), intent(inout) :: self
     type(solver_type), intent(in) :: solver
-    real(wp), intent(in) :: motion(:, :), omega
+    type(place_type), intent(in) :: before
     real(wp) :: length
 
+    self%last = step_between(before, solver, self%tangent)
+
     associate (context => solver%context, balance => solver%context%balance)
-      self%secant = (solver%motion - motion)/context%motion_scale
-      self%secant_omega = (solver%omega - omega)/context%frequency_scale
+      self%secant = (solver%motion - before%motion)/context%motion_scale
+      self%secant_omega = (solver%omega - before%omega)/context%frequency_scale
       length = sqrt(inner_product(balance, self%secant, self%secant) + self%secant_omega**2)
       self%secant = self%secant/length
       self%secant_omega = self%secant_omega/length
@@ -389,24 +482,28 @@ contains
   subroutine watch_walking(self, solver)
     type(sweep_type), intent(inout) :: self
     type(solver_type), intent(in) :: solver
-    real(wp) :: share
-
-    share = sum(self%secant(2:, :)**2)
-    call solver%context%balance%ranks%sum(share)
-    share = sqrt(share + self%secant_omega**2)
-    self%walking = merge(self%walking + 1, 0, share < walking_share)
+    self%walking = merge(self%walking + 1, 0, share_of_harmonics(solver, self%secant, self%secant_omega) < walking_share)
     if (self%walking < most_walking) return
     self%on_branch = .false.
     self%walking = 0
   end subroutine watch_walking
 
+  !> Part of a unit direction that is anything but a mean position.
+  real(wp) function share_of_harmonics(solver, motion, omega) result(share)
+    type(solver_type), intent(in) :: solver
+    real(wp), intent(in) :: motion(:, :), omega
+
+    share = sum(motion(2:, :)**2)
+    call solver%context%balance%ranks%sum(share)
+    share = sqrt(share + omega**2)
+  end function share_of_harmonics
+
   !> A step over an end of the range is taken back to the end itself.
-  subroutine end_at_range(self, solver, motion, omega, slider, periodic)
+  subroutine end_at_range(self, solver, before)
     type(sweep_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
-    !> Motion, frequency and sliders of the point before the step
-    real(wp), intent(in) :: motion(:, :), omega, slider(:, :)
-    logical, intent(in) :: periodic(:)
+    !> Before the step
+    type(place_type), intent(in) :: before
     real(wp) :: target
     integer :: iterations
 
@@ -420,11 +517,12 @@ contains
     self%finished = .true.
     self%reached_stop = abs(target - self%stop) <= 0.0_wp
     iterations = solver%report%iterations
-    solver%motion = motion + (target - omega)/(solver%omega - omega)*(solver%motion - motion)
-    solver%omega = omega
-    call solver%set_slider(slider, periodic)
+    solver%motion = before%motion + (target - before%omega)/(solver%omega - before%omega)*(solver%motion - before%motion)
+    solver%omega = before%omega
+    call solver%set_slider(before%slider, before%periodic)
     call solve_by_cascade(solver, target)
     solver%omega = target
+    if (solver%report%converged) self%last = step_between(before, solver, frequency_tangent(solver, self%way))
     solver%report%iterations = iterations + solver%report%iterations
   end subroutine end_at_range
 

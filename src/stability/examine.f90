@@ -20,6 +20,7 @@ module attrito_stability_examine
   implicit none
   private
   public :: examination_type, examine_options_type, examine, system_of, by_monodromy, by_hill
+  public :: balanced_orbit, exact_orbit, automatic_orbit
 
   !> Engines, to be added
   integer, parameter :: by_monodromy = 1, by_hill = 2
@@ -36,6 +37,8 @@ module attrito_stability_examine
     integer :: methods = by_monodromy
     !> One of the orbits above
     integer :: orbit = automatic_orbit
+    !> Let integration in time decide where multipliers do not
+    logical :: decide = .true.
   end type examine_options_type
 
   !> How far the event-exact orbit may lie from the balance's, part of the motion's half range, to be taken for the same
@@ -118,7 +121,7 @@ contains
     call exact_legs(system, loading, swings_of(system%law, motion), start, orbit, nudges, self)
     if (self%distance < 0.0_wp) return
     call judge_orbit(system, options, loading%period, orbit, nudges, self)
-    if (self%verdict /= indeterminate) return
+    if (self%verdict /= indeterminate .or. .not. options%decide) return
     self%verdict = decide_in_time(system, loading, start)
     if (self%verdict /= indeterminate) self%reason = self%reason//'; decided by integration in time'
   end subroutine examine_orbit

@@ -1,0 +1,68 @@
+!> A step along a branch, to be solved anywhere between its ends: in the plane across a direction p,
+!>
+!> $$ p \cdot (x - x_a - s (x_b - x_a)) = 0, \qquad 0 \le s \le 1, $$
+!>
+!> x being scaled motion and frequency, from the point of the straight line between both ends.
+module attrito_continuation_step
+  use attrito_core_kinds, only: wp
+  use attrito_balance_border, only: constraint_type, inner_product
+  use attrito_continuation_cascade, only: place_type, place_of
+  use attrito_continuation_solver, only: solver_type
+  use attrito_continuation_tangent, only: tangent_type
+  implicit none
+  private
+  public :: step_type, step_between
+
+  type :: step_type
+    type(place_type) :: from, to
+    !> Across which the planes are
+    type(tangent_type) :: across
+  contains
+    procedure :: is_taken
+    procedure :: solve_part
+  end type step_type
+
+contains
+
+  !> The step from a place to where the solver stands.
+  function step_between(from, solver, across) result(self)
+    type(place_type), intent(in) :: from
+    type(solver_type), intent(in) :: solver
+    type(tangent_type), intent(in) :: across
+    type(step_type) :: self
+
+    self = step_type(from, place_of(solver), across)
+  end function step_between
+
+  !> Is there one?
+  pure logical function is_taken(self)
+    class(step_type), intent(in) :: self
+
+    is_taken = allocated(self%from%motion) .and. allocated(self%to%motion)
+  end function is_taken
+
+  !> Solve a part s of the way. Sliders start where they did at the beginning of the step, periodic ones between both ends.
+  subroutine solve_part(self, solver, s, converged)
+    class(step_type), intent(in) :: self
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: s
+    logical, intent(out) :: converged
+    type(constraint_type) :: constraint
+    real(wp), allocatable :: slider(:, :)
+    logical :: periodic(size(self%from%periodic))
+
+    associate (context => solver%context, a => self%from, b => self%to)
+      solver%motion = a%motion + s*(b%motion - a%motion)
+      solver%omega = a%omega + s*(b%omega - a%omega)
+      periodic = a%periodic .or. b%periodic
+      slider = a%slider
+      where (spread(periodic, 1, 2)) slider = a%slider + s*(b%slider - a%slider)
+      call solver%set_slider(slider, periodic)
+      constraint%motion = self%across%motion/context%motion_scale
+      constraint%frequency = self%across%omega/context%frequency_scale
+      constraint%value = inner_product(context%balance, constraint%motion, solver%motion) + constraint%frequency*solver%omega
+      call solver%solve_with(constraint)
+      converged = solver%report%converged
+    end associate
+  end subroutine solve_part
+end module attrito_continuation_step

@@ -1,0 +1,80 @@
+!> The tangent of a branch,
+!>
+!> $$ r_d \, t + r_\omega \, t_\omega = 0, \qquad |t|^2 + t_\omega^2 = 1, $$
+!>
+!> in motion and frequency that are scaled; turned towards a direction by the bordered system that it solves, p . t > 0.
+!> Source: Keller 1977.
+module attrito_continuation_tangent
+  use attrito_core_kinds, only: wp
+  use attrito_balance_border, only: constraint_type, inner_product
+  use attrito_balance_linearised_step, only: solve_linearised
+  use attrito_balance_newton_context, only: least_stiffening
+  use attrito_balance_unknowns, only: unknowns_type, new_unknowns
+  use attrito_continuation_solver, only: solver_type
+  implicit none
+  private
+  public :: tangent_type, find_tangent, frequency_tangent, turn_round
+
+  type :: tangent_type
+    !> Scaled motion [2 H + 1, rows], what periodic sliders do along it [2, contacts], and scaled frequency
+    real(wp), allocatable :: motion(:, :), slider(:, :)
+    real(wp) :: omega = 0.0_wp
+  end type tangent_type
+
+contains
+
+  !> At the solver's present point.
+  subroutine find_tangent(solver, towards, tangent, status)
+    type(solver_type), intent(inout) :: solver
+    type(tangent_type), intent(in) :: towards
+    type(tangent_type), intent(out) :: tangent
+    !> 0, or not: the bordered system is singular
+    integer, intent(out) :: status
+    type(constraint_type) :: constraint
+    type(unknowns_type) :: right, step
+    real(wp) :: length
+    integer :: iterations
+
+    associate (context => solver%context)
+      right = new_unknowns(size(solver%motion, 1), size(solver%motion, 2), size(context%balance%law))
+      step = right
+      constraint%motion = towards%motion/context%motion_scale
+      constraint%frequency = towards%omega/context%frequency_scale
+      call context%balance%evaluate(solver%motion, solver%omega, status)
+      right%omega = 1.0_wp
+      context%balance%stiffening = least_stiffening
+      call solve_linearised(context%balance, constraint, right, context%linear, step, iterations, status)
+      context%balance%stiffening = 0.0_wp
+      if (status /= 0) return
+      step%motion = step%motion/context%motion_scale
+      step%slider = step%slider/context%motion_scale
+      step%omega = step%omega/context%frequency_scale
+      length = sqrt(inner_product(context%balance, step%motion, step%motion) + step%omega**2)
+      tangent%motion = step%motion/length
+      tangent%slider = step%slider/length
+      tangent%omega = step%omega/length
+    end associate
+  end subroutine find_tangent
+
+  !> The direction of growing or falling frequency, 1 or -1, at fixed motion.
+  pure function frequency_tangent(solver, way) result(tangent)
+    type(solver_type), intent(in) :: solver
+    real(wp), intent(in) :: way
+    type(tangent_type) :: tangent
+
+    allocate (tangent%motion, mold=solver%motion)
+    allocate (tangent%slider, mold=solver%context%balance%slider)
+    tangent%motion = 0.0_wp
+    tangent%slider = 0.0_wp
+    tangent%omega = way
+  end function frequency_tangent
+
+  !> The other way along the branch.
+  pure subroutine turn_round(tangent)
+    type(tangent_type), intent(inout) :: tangent
+
+    tangent%motion = -tangent%motion
+    tangent%slider = -tangent%slider
+    tangent%omega = -tangent%omega
+  end subroutine turn_round
+end module attrito_continuation_tangent
