@@ -102,7 +102,7 @@ contains
       end if
       call change_forces(self, solver, point%motion, change, released)
       call step(solver, change, released, response, point)
-      point%monitors = matmul(to_real(response), matmul(transpose(balance%receptance%basis), solver%structure%monitors))
+      point%monitors = matmul(to_real(response), balance%monitors)
       balance%work = balance%work + residual_work(2*self%harmonics + 1, balance%rows(), size(response, 1))
     end associate
   end subroutine correct
@@ -197,7 +197,8 @@ contains
       moved = right
       right%motion = balance%recover(added)
       right%slider = released
-      call solve_linearised(balance, solver%context%constraint, right, solver%context%linear, moved, iterations, status)
+      call solve_linearised(balance, solver%context%constraint, right, solver%context%linear, moved, iterations, status, &
+                            solver%context%preconditioner)
       if (status /= 0) return
       call balance%respond_to_deviation(change + change_of_deviation(balance, right, moved), added)
       response(:, :harmonics) = response(:, :harmonics) + added

@@ -10,14 +10,15 @@ module attrito_balance_condensed_dense
   use attrito_core_lapack, only: solve_dense
   use attrito_balance_border, only: border_type
   use attrito_balance_harmonic_balance, only: balance_type
+  use attrito_balance_receptance, only: to_real
   implicit none
   private
   public :: solve_by_elimination
 
   !> An active entry of D's rows
   type :: entry_type
-    !> Row of B among all ranks', coefficient in it
-    integer :: row = 0, coefficient = 0
+    !> Row of B among all ranks', coefficient in it; place of the row among the active ones of its rank, if that is this one
+    integer :: row = 0, coefficient = 0, place = 0
   end type entry_type
 
   !> Receptance at one harmonic
@@ -34,22 +35,23 @@ contains
   subroutine solve_by_elimination(balance, border, rho, last, y, omega, status)
     type(balance_type), intent(in) :: balance
     type(border_type), intent(in) :: border
-    !> Right-hand side of the balance [2 H + 1, rows], and sigma - p^T rho
+    !> Right-hand side of the balance [2 H + 1, active rows], and sigma - p^T rho
     real(wp), intent(in) :: rho(:, :), last
-    !> D delta d [2 H + 1, rows] and step of omega
+    !> D delta d [2 H + 1, active rows] and step of omega
     real(wp), intent(out) :: y(:, :), omega
     !> 0, or not: singular
     integer, intent(out) :: status
     type(entry_type), allocatable :: mine(:), all(:)
-    real(wp), allocatable :: transposed_rows(:, :), everyone(:, :), system(:, :), solution(:, :), bottom(:, :)
+    real(wp), allocatable :: transposed_rows(:, :), everyone(:, :), system(:, :), solution(:, :), bottom(:, :), row(:, :)
     integer :: i, n
 
     call list_active(balance, mine, all)
     n = size(all)
     call assemble_rows(balance, mine, all, rho, transposed_rows)
     call balance%ranks%gather_columns(transposed_rows, everyone)
-    call balance%ranks%gather_columns(reshape([(border%row(mine(i)%coefficient, mine(i)%row - balance%first_row + 1), &
-                                                i=1, size(mine))], [1, size(mine)]), bottom)
+    row = 0.0_wp*rho
+    if (border%has_motion) row = border%row_at(balance%active%directions)
+    call balance%ranks%gather_columns(reshape([(row(mine(i)%coefficient, mine(i)%place), i=1, size(mine))], [1, size(mine)]), bottom)
     allocate (solution(n + 1, 1), source=0.0_wp)
     status = 0
     if (balance%ranks%is_root()) then
@@ -65,26 +67,31 @@ contains
     omega = 0.0_wp
     if (status /= 0) return
     call balance%ranks%broadcast(solution(:, 1))
-    call scatter(balance, all, solution(:n, 1), y)
+    i = offset_of_rank(mine, all)
+    call scatter(mine, solution(i + 1:i + size(mine), 1), y)
     omega = solution(n + 1, 1)
   end subroutine solve_by_elimination
 
-  !> Active rows of this rank and of all, in the order of ranks.
+  !> Active entries of this rank and of all, in the order of ranks.
   subroutine list_active(balance, mine, all)
     type(balance_type), intent(in) :: balance
     type(entry_type), allocatable, intent(out) :: mine(:), all(:)
-    integer, allocatable :: packed(:), unpacked(:)
+    integer, allocatable :: packed(:), unpacked(:), places(:)
     integer :: contact, i, k
 
     k = balance%coefficients()
     packed = [integer ::]
-    do contact = 1, size(balance%law)
-      associate (active => balance%forces(contact)%active, law => balance%law(contact))
-        packed = [packed, pack([((balance%first_row + law%first_row - 2)*k + i, i=1, size(active))], active)]
-      end associate
-    end do
+    places = [integer ::]
+    associate (rows => balance%active)
+      do contact = 1, size(rows%contacts)
+        associate (active => balance%forces(rows%contacts(contact))%active)
+          packed = [packed, pack([((balance%first_row + rows%source(contact) - 2)*k + i, i=1, size(active))], active)]
+          places = [places, pack([(rows%first(contact) + (i - 1)/k, i=1, size(active))], active)]
+        end associate
+      end do
+    end associate
     call balance%ranks%gather_integers(packed, unpacked)
-    mine = [(entry_type((packed(i) - 1)/k + 1, modulo(packed(i) - 1, k) + 1), i=1, size(packed))]
+    mine = [(entry_type((packed(i) - 1)/k + 1, modulo(packed(i) - 1, k) + 1, places(i)), i=1, size(packed))]
     all = [(entry_type((unpacked(i) - 1)/k + 1, modulo(unpacked(i) - 1, k) + 1), i=1, size(unpacked))]
   end subroutine list_active
 
@@ -95,33 +102,30 @@ contains
     real(wp), intent(in) :: rho(:, :)
     real(wp), allocatable, intent(out) :: transposed_rows(:, :)
     type(block_type), allocatable :: blocks(:)
-    real(wp), allocatable :: receptance(:, :), rows(:, :)
+    real(wp), allocatable :: receptance(:, :), rows(:, :), by_omega(:, :)
     integer, allocatable :: kept(:)
-    integer :: contact, column, i, k, n, top, bottom, offset, above
+    integer :: contact, column, i, k, n, offset
 
     n = size(all)
     k = balance%coefficients()
     allocate (transposed_rows(n + 2, size(mine)))
     call receptance_blocks(balance, all, blocks)
+    by_omega = -matmul(to_real(balance%response_omega), balance%active%directions)
     column = 0
-    above = 0
     offset = offset_of_rank(mine, all)
-    do contact = 1, size(balance%law)
-      associate (forces => balance%forces(contact), law => balance%law(contact))
-        if (.not. any(forces%active)) cycle
-        top = law%first_row
-        bottom = top + law%tangents
+    do contact = 1, size(balance%active%contacts)
+      associate (forces => balance%forces(balance%active%contacts(contact)), first => balance%active%first(contact), &
+                 last => balance%active%first(contact) + balance%active%rows(contact) - 1)
         kept = pack([(i, i=1, size(forces%active))], forces%active)
-        call receptance_to(blocks, all, above, law%tangents + 1, k, receptance)
-        receptance(:, n + 1) = reshape(balance%residual_omega(:, top:bottom), [k*(bottom - top + 1)])
-        receptance(:, n + 2) = reshape(rho(:, top:bottom), [k*(bottom - top + 1)])
+        call receptance_to(blocks, all, first - 1, balance%active%rows(contact), k, receptance)
+        receptance(:, n + 1) = reshape(by_omega(:, first:last), [size(forces%active)])
+        receptance(:, n + 2) = reshape(rho(:, first:last), [size(forces%active)])
         rows = (1.0_wp - balance%stiffening)*matmul(forces%jacobian(kept, :), receptance)
         do i = 1, size(kept)
           rows(i, offset + column + i) = rows(i, offset + column + i) + 1.0_wp
         end do
         transposed_rows(:, column + 1:column + size(kept)) = transpose(rows)
         column = column + size(kept)
-        above = above + law%tangents + 1
       end associate
     end do
   end subroutine assemble_rows
@@ -131,16 +135,12 @@ contains
     type(balance_type), intent(in) :: balance
     type(entry_type), intent(in) :: all(:)
     type(block_type), allocatable, intent(out) :: blocks(:)
-    integer, allocatable :: rows(:)
-    integer :: contact, h, i
+    integer :: h, i, row
+    integer :: rows(balance%active%count)
 
-    rows = [integer ::]
-    do contact = 1, size(balance%law)
-      associate (law => balance%law(contact))
-        if (.not. any(balance%forces(contact)%active)) cycle
-        rows = [rows, [(balance%first_row + law%first_row - 1 + i, i=0, law%tangents)]]
-      end associate
-    end do
+    associate (active => balance%active)
+      rows = [((balance%first_row - 1 + active%source(i) + row, row=0, active%rows(i) - 1), i=1, size(active%rows))]
+    end associate
     allocate (blocks(0:balance%receptance%harmonics))
     do h = 0, balance%receptance%harmonics
       blocks(h)%columns = pack([(i, i=1, size(all))], all%coefficient/2 == h)
@@ -194,17 +194,15 @@ contains
     end do
   end subroutine receptance_to
 
-  !> Put the solution of all active entries into the field of this rank's rows.
-  pure subroutine scatter(balance, all, solution, field)
-    type(balance_type), intent(in) :: balance
-    type(entry_type), intent(in) :: all(:)
+  !> Put the solution of this rank's entries into the field of its active rows.
+  pure subroutine scatter(mine, solution, field)
+    type(entry_type), intent(in) :: mine(:)
     real(wp), intent(in) :: solution(:)
     real(wp), intent(inout) :: field(:, :)
-    integer :: i, row
+    integer :: i
 
-    do i = 1, size(all)
-      row = all(i)%row - balance%first_row + 1
-      if (row >= 1 .and. row <= size(field, 2)) field(all(i)%coefficient, row) = solution(i)
+    do i = 1, size(mine)
+      field(mine(i)%coefficient, mine(i)%place) = solution(i)
     end do
   end subroutine scatter
 end module attrito_balance_condensed_dense

@@ -11,6 +11,7 @@ module attrito_balance_condensed_krylov
   use attrito_balance_condensed_operator, only: condensed_operator_type, new_condensed_operator
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_balance_two_level, only: two_level_type, new_two_level
+  use attrito_balance_two_level_factors, only: two_level_factors_type
   implicit none
   private
   public :: krylov_options_type, solve_by_krylov
@@ -61,50 +62,68 @@ module attrito_balance_condensed_krylov
 contains
 
   !> Solve for y and omega; the balance holds the Jacobian of its last evaluation.
-  subroutine solve_by_krylov(balance, border, rho, last, options, y, omega, iterations, status)
+  subroutine solve_by_krylov(balance, border, rho, last, options, factors, y, omega, iterations, status)
     type(balance_type), target, intent(inout) :: balance
     type(border_type), intent(in) :: border
-    !> Right-hand side of the balance [2 H + 1, rows], and sigma - p^T rho
+    !> Right-hand side of the balance [2 H + 1, active rows], and sigma - p^T rho
     real(wp), intent(in) :: rho(:, :), last
     type(krylov_options_type), intent(in) :: options
-    !> D delta d [2 H + 1, rows] and step of omega
+    !> Of the preconditioner; made anew where they do not serve any more
+    type(two_level_factors_type), target, intent(inout) :: factors
+    !> D delta d [2 H + 1, active rows] and step of omega
     real(wp), intent(out) :: y(:, :), omega
     integer, intent(out) :: iterations
     !> 0, or not: singular, or not converged
     integer, intent(out) :: status
     type(system_type), target :: context
-    real(wp), allocatable :: right(:, :), part(:, :)
+    real(wp), allocatable :: right(:, :)
+    logical :: anew, converged
+    integer :: count
     PetscErrorCode :: ierr
 
     y = 0.0_wp
     omega = 0.0_wp
     iterations = 0
+    status = 0
     context%system = new_condensed_operator(balance, border, options%tolerance)
-    call new_two_level(context%system, options%low_modes, context%preconditioner, status)
-    if (status /= 0) return
-    right = context%system%active%multiply_jacobian(balance, context%system%active%gather(rho))
-    part = 0.0_wp*right
-    call run(context, options, right, last, part, omega, iterations, ierr)
-    status = merge(0, 1, ierr == 0)
-    call context%system%active%scatter(part, y)
+    right = context%system%multiply_jacobian(rho)
+    do
+      anew = .not. factors%serve(balance)
+      if (anew) call factors%make(balance, options%low_modes, status)
+      if (status /= 0) return
+      call new_two_level(context%system, factors, context%preconditioner)
+      call run(context, options%tolerance, min(options%max_iterations, factors%patience()), right, last, y, omega, count, &
+               converged, ierr)
+      status = merge(0, 1, ierr == 0)
+      iterations = iterations + count
+      call factors%count(count)
+      ! A step short of its tolerance, with factors just made, is still the best one known: Newton's line search judges it.
+      if (converged .or. anew .or. status /= 0) return
+      call factors%discard()
+    end do
   end subroutine solve_by_krylov
 
   !> Create the solver, solve and give everything back.
-  subroutine run(context, options, right, last, y, omega, iterations, ierr)
+  subroutine run(context, tolerance, most, right, last, y, omega, iterations, converged, ierr)
     type(system_type), target, intent(inout) :: context
-    type(krylov_options_type), intent(in) :: options
+    real(wp), intent(in) :: tolerance
+    !> Iterations
+    integer, intent(in) :: most
     real(wp), intent(in) :: right(:, :), last
     real(wp), intent(out) :: y(:, :), omega
     integer, intent(out) :: iterations
+    logical, intent(out) :: converged
     PetscErrorCode, intent(out) :: ierr
     type(tVec) :: x, b
     type(tMat) :: matrix
     type(tKSP) :: ksp
     type(tPC) :: pc
     PetscInt :: n, count
-    KSPConvergedReason :: reason
+    PetscInt, parameter :: longest_restart = 100
+    PetscReal :: residual, size_of_right
 
     iterations = 0
+    converged = .false.
     y = 0.0_wp
     omega = 0.0_wp
     associate (ranks => context%system%balance%ranks)
@@ -117,17 +136,18 @@ contains
       PetscCall(KSPCreate(ranks%handle, ksp, ierr))
     end associate
     PetscCall(KSPSetType(ksp, KSPGMRES, ierr))
-    PetscCall(KSPGMRESSetRestart(ksp, min(options%max_iterations, 100), ierr))
+    PetscCall(KSPGMRESSetRestart(ksp, min(most, longest_restart), ierr))
     PetscCall(KSPSetPCSide(ksp, PC_RIGHT, ierr))
     PetscCall(KSPSetOperators(ksp, matrix, matrix, ierr))
     PetscCall(KSPGetPC(ksp, pc, ierr))
     PetscCall(PCSetType(pc, PCSHELL, ierr))
     PetscCall(PCShellSetContext(pc, context, ierr))
     PetscCall(PCShellSetApply(pc, precondition, ierr))
-    PetscCall(KSPSetTolerances(ksp, options%tolerance, 0.0_wp, PETSC_DEFAULT_REAL, options%max_iterations, ierr))
+    PetscCall(KSPSetTolerances(ksp, tolerance, 0.0_wp, PETSC_DEFAULT_REAL, most, ierr))
     PetscCall(store(context, b, right, last, ierr))
     PetscCall(KSPSolve(ksp, b, x, ierr))
-    PetscCall(KSPGetConvergedReason(ksp, reason, ierr))
+    PetscCall(KSPGetResidualNorm(ksp, residual, ierr))
+    PetscCall(VecNorm(b, NORM_2, size_of_right, ierr))
     PetscCall(KSPGetIterationNumber(ksp, count, ierr))
     PetscCall(load(context, x, y, omega, ierr))
     PetscCall(KSPDestroy(ksp, ierr))
@@ -135,8 +155,7 @@ contains
     PetscCall(VecDestroy(x, ierr))
     PetscCall(VecDestroy(b, ierr))
     iterations = count
-    ! A step short of its tolerance is still the best one known: Newton's line search judges it.
-    ierr = 0
+    converged = residual <= tolerance*size_of_right
   end subroutine run
 
   !> The system times a vector.

@@ -3,27 +3,32 @@
 !>   [ I + D R_AA   D b       ] [ y            ]   [ D rho         ]
 !>   [ -p^T R_A     q - p^T b ] [ delta omega  ] = [ sigma - p^T rho ]
 !>
-!> y = D delta d on the rows A of the contacts that slip or open. Where it saves time R_AA is applied with its high modes summed
-!> beforehand, to a tolerance: the solution is then that of an inexact Newton step, whose residual remains exact.
+!> y = D delta d on the rows A of the contacts that slip or open. R_AA is applied through the generalised coordinates: what crosses
+!> ranks is one block of their harmonics. Where it saves time its high modes are summed beforehand, to a tolerance: the solution is
+!> then that of an inexact Newton step, whose residual remains exact.
 module attrito_balance_condensed_operator
   use attrito_core_kinds, only: wp
-  use attrito_balance_active_rows, only: active_rows_type, new_active_rows
+  use attrito_contact_state, only: state_shaken_down
   use attrito_balance_border, only: border_type
   use attrito_balance_harmonic_balance, only: balance_type
+  use attrito_balance_receptance, only: to_complex, to_real
   implicit none
   private
   public :: condensed_operator_type, new_condensed_operator
 
   type :: condensed_operator_type
     type(balance_type), pointer :: balance => null()
-    type(active_rows_type) :: active
     !> Column of omega, D b, and row of the constraint, R^T p [2 H + 1, active rows]
     real(wp), allocatable :: column(:, :), row(:, :)
     !> q - p^T b
     real(wp) :: corner = 1.0_wp
+    !> Is the row anything but zero?
+    logical :: has_row = .false.
   contains
     procedure :: apply
+    procedure :: multiply_jacobian
     procedure :: product_with_row
+    procedure, private :: receive
   end type condensed_operator_type
 
 contains
@@ -37,12 +42,27 @@ contains
     type(condensed_operator_type) :: self
 
     self%balance => balance
-    self%active = new_active_rows(balance)
-    call balance%split%prepare(balance%receptance, balance%ranks, self%active%rows_of_all(balance), tolerance)
-    self%column = self%active%multiply_jacobian(balance, self%active%gather(balance%residual_omega))
-    self%row = self%active%gather(border%row)
+    call balance%split%prepare(balance%receptance, balance%ranks, rows_of_all(balance), tolerance)
+    self%column = self%multiply_jacobian(-matmul(to_real(balance%response_omega), balance%active%directions))
+    self%has_row = border%has_motion
+    if (self%has_row) then
+      self%row = border%row_at(balance%active%directions)
+    else
+      self%row = 0.0_wp*self%column
+    end if
     self%corner = border%corner
   end function new_condensed_operator
+
+  !> Active rows by their place among the rows of all ranks.
+  pure function rows_of_all(balance) result(rows)
+    type(balance_type), intent(in) :: balance
+    integer :: rows(balance%active%count)
+    integer :: i, row
+
+    associate (active => balance%active)
+      rows = [((balance%first_row - 1 + active%source(i) + row, row=0, active%rows(i) - 1), i=1, size(active%rows))]
+    end associate
+  end function rows_of_all
 
   !> The system times (y, delta omega); delta omega is the same on every rank.
   subroutine apply(self, y, omega, product, last)
@@ -51,15 +71,76 @@ contains
     real(wp), intent(in) :: omega
     real(wp), intent(out) :: product(:, :), last
 
-    product = y + self%active%multiply_jacobian(self%balance, self%active%receive(self%balance, y)) + self%column*omega
+    product = y + self%multiply_jacobian(self%receive(y)) + self%column*omega
     last = self%corner*omega - self%product_with_row(y)
   end subroutine apply
+
+  !> R_AA y: what the rows receive from forces y on them, of all ranks; by the split receptance where that is in use.
+  function receive(self, y) result(motion)
+    class(condensed_operator_type), intent(in) :: self
+    real(wp), intent(in), contiguous :: y(:, :)
+    real(wp) :: motion(size(y, 1), size(y, 2))
+    complex(wp), allocatable :: response(:, :)
+
+    associate (balance => self%balance)
+      if (balance%split%in_use) then
+        motion = balance%split%receive(balance%ranks, y)
+        if (allocated(balance%frozen_mean)) motion(1, :) = 0.0_wp
+        return
+      end if
+      allocate (response, mold=balance%response)
+      call balance%respond_to_active(y, response)
+      motion = -matmul(to_real(response), balance%active%directions)
+    end associate
+  end function receive
+
+  !> D d, contact by contact, D being what the balance holds.
+  function multiply_jacobian(self, motion) result(product)
+    class(condensed_operator_type), intent(in) :: self
+    real(wp), intent(in), contiguous :: motion(:, :)
+    real(wp) :: product(size(motion, 1), size(motion, 2))
+    integer :: i
+
+    associate (active => self%balance%active)
+      do i = 1, size(active%contacts)
+        associate (first => active%first(i), last => active%first(i) + active%rows(i) - 1, &
+                   forces => self%balance%forces(active%contacts(i)))
+          if (forces%state == state_shaken_down) then
+            product(:, first:last) = few_rows(forces%jacobian, forces%active, motion(:, first:last))
+          else
+            product(:, first:last) = reshape(matmul(forces%jacobian, reshape(motion(:, first:last), [size(forces%active)])), &
+                                             shape(motion(:, first:last)))
+          end if
+        end associate
+      end do
+    end associate
+    product = (1.0_wp - self%balance%stiffening)*product
+  end function multiply_jacobian
+
+  !> A product with a matrix of which few rows are not zero.
+  pure function few_rows(matrix, active, field) result(product)
+    real(wp), intent(in) :: matrix(:, :), field(:, :)
+    logical, intent(in) :: active(:)
+    real(wp) :: product(size(field, 1), size(field, 2))
+    integer :: column, coefficient, row
+
+    product = 0.0_wp
+    row = 0
+    do column = 1, size(field, 2)
+      do coefficient = 1, size(field, 1)
+        row = row + 1
+        if (active(row)) product(coefficient, column) = dot_product(matrix(row, :), [field])
+      end do
+    end do
+  end function few_rows
 
   !> p^T R_A y, over all ranks.
   real(wp) function product_with_row(self, y)
     class(condensed_operator_type), intent(in) :: self
     real(wp), intent(in) :: y(:, :)
 
+    product_with_row = 0.0_wp
+    if (.not. self%has_row) return
     product_with_row = sum(self%row*y)
     call self%balance%ranks%sum(product_with_row)
   end function product_with_row

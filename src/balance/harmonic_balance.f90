@@ -18,6 +18,7 @@ module attrito_balance_harmonic_balance
   use attrito_contact_state, only: state_stuck
   use attrito_contact_stuck, only: surely_stuck
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, new_grid
+  use attrito_balance_active_rows, only: active_rows_type
   use attrito_balance_receptance, only: receptance_type, to_complex, to_real
   use attrito_balance_split_receptance, only: split_receptance_type
   use attrito_balance_work, only: contact_work, residual_work
@@ -29,7 +30,14 @@ module attrito_balance_harmonic_balance
   type :: stuck_mean_type
     real(wp), allocatable :: slider(:, :), static_factors(:)
     complex(wp), allocatable :: response(:)
+    !> Relative displacements [rows]
+    real(wp), allocatable :: motion(:)
   end type stuck_mean_type
+
+  !> Mean deviation of the rows that are not active, and what it puts on the generalised coordinates of this rank [n]
+  type :: resting_load_type
+    real(wp), allocatable :: deviation(:), load(:)
+  end type resting_load_type
 
   type :: balance_type
     type(communicator_type) :: ranks
@@ -49,7 +57,9 @@ module attrito_balance_harmonic_balance
     !> Loads in generalised coordinates: static ones [n, loads], harmonic ones at level 1 [n, 0:H]
     real(wp), allocatable :: static_loads(:, :)
     complex(wp), allocatable :: harmonic_load(:, :)
-    !> Factors on them
+    !> Monitors in generalised coordinates [n, monitors]
+    real(wp), allocatable :: monitors(:, :)
+    !> Factors on the loads
     real(wp), allocatable :: static_factors(:)
     real(wp) :: level = 1.0_wp
     !> Part of their springs that contacts keep in the Newton step when they slip or open: 0 is Newton's method; more holds a motion
@@ -60,13 +70,18 @@ module attrito_balance_harmonic_balance
     logical, allocatable :: periodic(:)
     !> Uncoupled: mean of the generalised coordinates [n]
     complex(wp), allocatable :: frozen_mean(:)
-    !> Of the last evaluation: contacts' forces, residual and its derivative by omega [2 H + 1, rows], response [n, 0:H]
+    !> Of the last evaluation: contacts' forces and which of them depend on the motion, residual [2 H + 1, rows], response and its
+    !> derivative by omega, forces held [n, 0:H]
     type(contact_forces_type), allocatable :: forces(:)
-    real(wp), allocatable :: residual(:, :), residual_omega(:, :)
-    complex(wp), allocatable :: response(:, :)
+    type(active_rows_type) :: active
+    real(wp), allocatable :: residual(:, :)
+    complex(wp), allocatable :: response(:, :), response_omega(:, :)
+    !> How often contacts have been shared out, or the series' length has changed
+    integer :: changes = 0
     type(stuck_mean_type), private :: kept
     !> Floating-point operations so far by the formulas of `attrito_balance_work`, this rank's share
     real(wp) :: work = 0.0_wp
+    type(resting_load_type), private :: resting
   contains
     procedure :: take_contacts
     procedure :: set_resolution
@@ -75,6 +90,8 @@ module attrito_balance_harmonic_balance
     procedure :: evaluate
     procedure :: evaluate_stuck
     procedure :: respond_to_deviation
+    procedure :: respond_to_active
+    procedure :: residual_omega
     procedure :: recover
     procedure :: linear_response
     procedure :: linear_motion
@@ -99,9 +116,11 @@ contains
     self%ranks = ranks
     call ranks%share(size(contacts%law), first, last)
     self%static_loads = matmul(transpose(self%receptance%basis), structure%static_loads)
+    self%monitors = matmul(transpose(self%receptance%basis), structure%monitors)
     allocate (self%static_factors(size(structure%static_loads, 2)), source=1.0_wp)
     call set_series(self, structure, self%receptance%harmonics, samples)
     allocate (self%response(size(self%static_loads, 1), 0:self%receptance%harmonics))
+    allocate (self%response_omega, mold=self%response)
     call self%take_contacts(contacts, first, last)
   end subroutine new_balance
 
@@ -140,7 +159,9 @@ contains
       self%forces(i)%deviation = resized(self%forces(i)%deviation, deviation_coefficients(self))
     end do
     self%residual = resized(self%residual, self%coefficients())
-    self%residual_omega = self%residual
+    deallocate (self%response_omega)
+    allocate (self%response_omega, mold=self%response)
+    self%changes = self%changes + 1
     self%split = split_receptance_type()
   end subroutine set_resolution
 
@@ -168,14 +189,16 @@ contains
     self%directions = self%receptance%directions(:, self%first_row:last_row)
     self%slider = reshape([(0.0_wp, i=1, 2*size(self%law))], [2, size(self%law)])
     self%periodic = spread(.false., 1, size(self%law))
+    self%changes = self%changes + 1
+    self%active = active_rows_type()
     if (allocated(self%kept%slider)) deallocate (self%kept%slider)
+    if (allocated(self%resting%load)) deallocate (self%resting%load)
     if (allocated(self%forces)) deallocate (self%forces)
     allocate (self%forces(size(self%law)))
     do i = 1, size(self%law)
       allocate (self%forces(i)%deviation(deviation_coefficients(self), self%law(i)%tangents + 1))
     end do
     self%residual = reshape([(0.0_wp, i=1, self%coefficients()*self%rows())], [self%coefficients(), self%rows()])
-    self%residual_omega = self%residual
   end subroutine take_contacts
 
   !> Rows of B on this rank.
@@ -201,29 +224,50 @@ contains
     real(wp), intent(in) :: omega
     !> 0, or not: it cannot be evaluated here
     integer, intent(out) :: status
-    complex(wp), allocatable :: derivative(:, :)
-    integer :: i, k
+    integer :: i
 
-    k = self%coefficients()
     call self%receptance%set_frequency(omega, status)
     if (status /= 0) return
-    allocate (derivative, mold=self%response)
     do i = 1, size(self%law)
       call evaluate_forces(self, i, motion)
-      if (allocated(self%forces(i)%jacobian)) self%work = self%work + contact_work(self%law(i), k, self%fourier%samples, &
-                                                                                   self%by_events)
-      associate (law => self%law(i))
-        self%residual(:, law%first_row:law%first_row + law%tangents) = self%forces(i)%deviation(:k, :)
-      end associate
+      if (allocated(self%forces(i)%jacobian)) then
+        self%work = self%work + contact_work(self%law(i), self%coefficients(), self%fourier%samples, self%by_events)
+      end if
     end do
-    call self%respond_to_deviation(self%residual, self%response)
+    call self%active%find(self%law, self%forces, self%directions)
+    call respond_to_load(self, load_of_forces(self), self%response)
     self%response = self%response + linear_response(self)
     if (allocated(self%frozen_mean)) self%response(:, 0) = self%frozen_mean
-    call self%receptance%respond_derivative(self%response, derivative)
-    self%work = self%work + residual_work(k, self%rows(), size(self%response, 1))
+    call self%receptance%respond_derivative(self%response, self%response_omega)
+    self%work = self%work + residual_work(self%coefficients(), self%rows(), size(self%response, 1))
     self%residual = motion - self%recover(self%response)
-    self%residual_omega = -self%recover(derivative)
   end subroutine evaluate
+
+  !> What the contacts' deviations put on the generalised coordinates, -B^T g, of this rank [2 H + 1, n]: rows that are not active have
+  !> a constant one, which mostly is that of the last evaluation.
+  function load_of_forces(self) result(load)
+    class(balance_type), intent(inout) :: self
+    real(wp), allocatable :: load(:, :)
+    real(wp) :: resting(size(self%directions, 2)), moving(self%coefficients(), self%active%count)
+    logical :: same
+    integer :: i
+
+    do i = 1, size(self%law)
+      resting(self%law(i)%first_row:self%law(i)%first_row + self%law(i)%tangents) = self%forces(i)%deviation(1, :)
+    end do
+    associate (active => self%active)
+      do i = 1, size(active%contacts)
+        moving(:, active%first(i):active%first(i) + active%rows(i) - 1) = &
+          self%forces(active%contacts(i))%deviation(:size(moving, 1), :)
+        resting(active%source(i):active%source(i) + active%rows(i) - 1) = 0.0_wp
+      end do
+      load = -matmul(moving, transpose(active%directions))
+    end associate
+    same = allocated(self%resting%load)
+    if (same) same = all(abs(self%resting%deviation - resting) <= 0.0_wp)
+    if (.not. same) self%resting = resting_load_type(resting, -matmul(self%directions, resting))
+    load(1, :) = load(1, :) + self%resting%load
+  end function load_of_forces
 
   !> Forces and Jacobian of one contact of this rank.
   subroutine evaluate_forces(self, contact, motion)
@@ -251,6 +295,8 @@ contains
     !> [2 H + 1, rows]
     real(wp), intent(out) :: motion(:, :)
     logical, intent(out) :: stuck
+    real(wp), allocatable :: loaded(:, :)
+    integer, allocatable :: rows(:)
     real(wp) :: moving
     integer :: i, status
 
@@ -259,27 +305,34 @@ contains
     call self%receptance%set_frequency(omega, status)
     if (status /= 0) return
     call self%receptance%respond(self%level*self%harmonic_load, self%response)
+    rows = loaded_coefficients(self)
+    allocate (loaded(size(rows), size(motion, 2)))
     if (allocated(self%frozen_mean)) then
       self%response(:, 0) = self%frozen_mean
+      loaded(1, :) = matmul(real(self%frozen_mean, wp), self%directions)
     else
-      self%response(:, 0) = mean_response(self)
+      call update_mean(self)
+      self%response(:, 0) = self%kept%response
+      loaded(1, :) = self%kept%motion
     end if
-    motion = recover_loaded(self, self%response)
-    self%work = self%work + residual_work(1, self%rows(), size(self%response, 1))
+    loaded(2:, :) = recover_coefficients(self, self%response, rows(2:))
+    motion(rows, :) = loaded
     moving = 0.0_wp
     do i = 1, size(self%law)
-      if (still_stuck(self, i, motion)) cycle
+      if (still_stuck(self, i, loaded)) cycle
       call evaluate_forces(self, i, motion)
       if (self%forces(i)%state /= state_stuck) moving = 1.0_wp
       if (moving > 0.0_wp) exit
     end do
     stuck = self%ranks%largest(moving) <= 0.0_wp
+    if (stuck) call self%active%find(self%law, self%forces, self%directions)
   end subroutine evaluate_stuck
 
   !> Is a contact that was stuck, with its slider where it is, surely stuck again? Then its forces need no evaluation.
   pure logical function still_stuck(self, contact, motion)
     type(balance_type), intent(in) :: self
     integer, intent(in) :: contact
+    !> The mean and those harmonics that are not zero [coefficients, rows]
     real(wp), intent(in) :: motion(:, :)
 
     associate (forces => self%forces(contact), law => self%law(contact))
@@ -291,9 +344,8 @@ contains
 
   !> Mean of the response to the static loads and to what stuck contacts add to their springs: sliders, preloads, gaps [n]. Kept: it
   !> stays the same along a sweep.
-  function mean_response(self) result(mean)
+  subroutine update_mean(self)
     type(balance_type), intent(inout) :: self
-    complex(wp), allocatable :: mean(:)
     real(wp) :: deviation(size(self%directions, 2)), force(size(self%directions, 1)), changed
     complex(wp) :: load(size(self%directions, 1), 0:self%receptance%harmonics), response(size(load, 1), 0:self%receptance%harmonics)
     integer :: i
@@ -313,31 +365,35 @@ contains
       load = 0.0_wp
       load(:, 0) = force + matmul(self%static_loads, self%static_factors)
       call self%receptance%respond(load, response)
-      self%kept = stuck_mean_type(self%slider, self%static_factors, response(:, 0))
+      self%kept = stuck_mean_type(self%slider, self%static_factors, response(:, 0), &
+                                  matmul(real(response(:, 0), wp), self%directions))
     end if
-    mean = self%kept%response
-  end function mean_response
+  end subroutine update_mean
 
-  !> Relative displacements of this rank's rows from a response of which only the mean and the harmonics that are loaded move.
-  function recover_loaded(self, response) result(motion)
+  !> Coefficients that the stuck response has: the mean, and the harmonics that are loaded.
+  pure function loaded_coefficients(self) result(rows)
     type(balance_type), intent(in) :: self
-    complex(wp), intent(in) :: response(:, 0:)
-    real(wp) :: motion(2*ubound(response, 2) + 1, size(self%directions, 2))
-    real(wp), allocatable :: coefficients(:, :), moving(:, :)
     integer, allocatable :: rows(:)
     integer :: h
 
     rows = [1]
-    do h = 1, ubound(response, 2)
+    do h = 1, ubound(self%harmonic_load, 2)
       if (any(abs(real(self%harmonic_load(:, h), wp)) + abs(aimag(self%harmonic_load(:, h))) > 0.0_wp)) rows = [rows, 2*h, 2*h + 1]
     end do
+  end function loaded_coefficients
+
+  !> Some coefficients of this rank's rows from a response [size(rows), rows of B].
+  function recover_coefficients(self, response, rows) result(motion)
+    type(balance_type), intent(in) :: self
+    complex(wp), intent(in) :: response(:, 0:)
+    integer, intent(in) :: rows(:)
+    real(wp), allocatable :: motion(:, :)
+    real(wp), allocatable :: coefficients(:, :)
+
     coefficients = to_real(response)
     coefficients = coefficients(rows, :)
-    ! Apart, since gfortran 12 loses a product by BLAS that is assigned to rows picked by a vector.
-    moving = matmul(coefficients, self%directions)
-    motion = 0.0_wp
-    motion(rows, :) = moving
-  end function recover_loaded
+    motion = matmul(coefficients, self%directions)
+  end function recover_coefficients
 
   !> Response to the loads alone, every contact stuck at zero slider [n, 0:H].
   function linear_response(self) result(response)
@@ -357,13 +413,41 @@ contains
     !> g of this rank's rows [2 H + 1, rows]
     real(wp), intent(in) :: deviation(:, :)
     complex(wp), intent(out) :: response(:, 0:)
-    real(wp), allocatable :: generalised(:, :)
 
-    generalised = -matmul(deviation, transpose(self%directions))
-    call self%ranks%sum(generalised)
-    call self%receptance%respond(to_complex(generalised), response)
-    if (allocated(self%frozen_mean)) response(:, 0) = 0.0_wp
+    call respond_to_load(self, -matmul(deviation, transpose(self%directions)), response)
   end subroutine respond_to_deviation
+
+  !> The same to a deviation of the active rows alone.
+  subroutine respond_to_active(self, deviation, response)
+    class(balance_type), intent(in) :: self
+    !> g of this rank's active rows [2 H + 1, active%count]
+    real(wp), intent(in) :: deviation(:, :)
+    complex(wp), intent(out) :: response(:, 0:)
+
+    call respond_to_load(self, -matmul(deviation, transpose(self%active%directions)), response)
+  end subroutine respond_to_active
+
+  !> Response to loads on the generalised coordinates, summed over ranks.
+  subroutine respond_to_load(self, load, response)
+    class(balance_type), intent(in) :: self
+    !> Of this rank [2 H + 1, n]
+    real(wp), intent(in) :: load(:, :)
+    complex(wp), intent(out) :: response(:, 0:)
+    real(wp), allocatable :: together(:, :)
+
+    together = load
+    call self%ranks%sum(together)
+    call self%receptance%respond(to_complex(together), response)
+    if (allocated(self%frozen_mean)) response(:, 0) = 0.0_wp
+  end subroutine respond_to_load
+
+  !> Derivative of the residual by omega [2 H + 1, rows].
+  function residual_omega(self) result(derivative)
+    class(balance_type), intent(in) :: self
+    real(wp), allocatable :: derivative(:, :)
+
+    derivative = -self%recover(self%response_omega)
+  end function residual_omega
 
   !> Relative displacements of this rank's rows [2 H + 1, rows] from a response [n, 0:H].
   pure function recover(self, response) result(motion)
@@ -378,8 +462,14 @@ contains
   function linear_motion(self) result(motion)
     class(balance_type), intent(in) :: self
     real(wp), allocatable :: motion(:, :)
+    real(wp), allocatable :: moving(:, :)
+    integer, allocatable :: rows(:)
 
-    motion = recover_loaded(self, linear_response(self))
+    rows = loaded_coefficients(self)
+    allocate (motion(self%coefficients(), self%rows()), source=0.0_wp)
+    ! Apart, since gfortran 12 loses a product by BLAS that is assigned to rows picked by a vector.
+    moving = recover_coefficients(self, linear_response(self), rows)
+    motion(rows, :) = moving
   end function linear_motion
 
   !> Give the transforms back.

@@ -5,7 +5,7 @@
 !>
 !> D = dg/dd is block-diagonal over contacts, zero for one that stays stuck, and holds that periodic sliders w = P(w, d) follow the
 !> motion. With y = D delta d a small system on the rows of contacts that slip or open is left, solved by elimination or, when large,
-!> by GMRES; then delta d = rho - R y - b delta omega.
+!> by GMRES; then delta d = rho - R y - b delta omega, all rows of which are recovered from the generalised coordinates at once.
 module attrito_balance_linearised_step
   use attrito_core_kinds, only: wp
   use attrito_contact_quadrature_sampled, only: released
@@ -13,6 +13,8 @@ module attrito_balance_linearised_step
   use attrito_balance_condensed_dense, only: solve_by_elimination
   use attrito_balance_condensed_krylov, only: krylov_options_type, solve_by_krylov
   use attrito_balance_harmonic_balance, only: balance_type
+  use attrito_balance_receptance, only: to_real
+  use attrito_balance_two_level_factors, only: two_level_factors_type
   use attrito_balance_unknowns, only: unknowns_type
   use attrito_balance_work, only: step_work
   implicit none
@@ -28,7 +30,7 @@ module attrito_balance_linearised_step
 contains
 
   !> Solve for the step; the balance holds the Jacobian of its last evaluation.
-  subroutine solve_linearised(balance, constraint, right, options, step, iterations, status)
+  subroutine solve_linearised(balance, constraint, right, options, step, iterations, status, kept)
     type(balance_type), intent(inout) :: balance
     type(constraint_type), intent(in) :: constraint
     !> Right-hand sides of balance and sliders; `omega` is the constraint's
@@ -39,33 +41,72 @@ contains
     integer, intent(out) :: iterations
     !> 0, or not: singular
     integer, intent(out) :: status
+    !> Of GMRES's preconditioner, if they are to serve more than one step
+    type(two_level_factors_type), optional, intent(inout) :: kept
     type(border_type) :: border
+    type(two_level_factors_type) :: own
     real(wp), allocatable :: rho(:, :), y(:, :)
-    complex(wp), allocatable :: response(:, :)
+    complex(wp), allocatable :: response(:, :), to_y(:, :)
     real(wp) :: last
     integer :: active
 
     iterations = 0
-    rho = right%motion
-    allocate (y, mold=rho)
-    allocate (response, mold=balance%response)
-    call release_sliders(balance, right%slider, y)
-    call balance%respond_to_deviation(y, response)
-    rho = rho + balance%recover(response)
+    allocate (response, to_y, mold=balance%response)
+    call respond_to_sliders(balance, right%slider, response)
+    rho = balance%active%gather(right%motion) + matmul(to_real(response), balance%active%directions)
     border = new_border(balance, constraint)
-    last = right%omega - inner_product(balance, constraint%motion, rho)
+    last = right%omega - border%product_with(response)
+    if (border%has_motion) last = last - inner_product(balance, constraint%motion, right%motion)
+    allocate (y, mold=rho)
     active = active_unknowns(balance)
-    if (active > options%dense_limit) then
-      call solve_by_krylov(balance, border, rho, last, options%krylov, y, step%omega, iterations, status)
-    else
+    if (active <= options%dense_limit) then
       call solve_by_elimination(balance, border, rho, last, y, step%omega, status)
+    else if (present(kept)) then
+      call solve_by_krylov(balance, border, rho, last, options%krylov, kept, y, step%omega, iterations, status)
+    else
+      call solve_by_krylov(balance, border, rho, last, options%krylov, own, y, step%omega, iterations, status)
     end if
     balance%work = balance%work + step_work(active, size(rho, 1), size(response, 1), iterations)/balance%ranks%ranks
     if (status /= 0) return
-    call balance%respond_to_deviation(y, response)
-    step%motion = rho + balance%recover(response) - balance%residual_omega*step%omega
+    call balance%respond_to_active(y, to_y)
+    step%motion = right%motion + balance%recover(response + to_y + step%omega*balance%response_omega)
     call follow_sliders(balance, right%slider, step)
   end subroutine solve_linearised
+
+  !> Response to the change of the forces by what sliders have yet to go [n, 0:H].
+  subroutine respond_to_sliders(balance, rho_slider, response)
+    type(balance_type), intent(in) :: balance
+    !> [2, contacts]
+    real(wp), intent(in) :: rho_slider(:, :)
+    complex(wp), intent(out) :: response(:, 0:)
+    real(wp) :: deviation(balance%coefficients(), balance%active%count), largest
+
+    response = 0.0_wp
+    deviation = release_sliders(balance, rho_slider)
+    largest = 0.0_wp
+    if (size(deviation) > 0) largest = maxval(abs(deviation))
+    if (balance%ranks%largest(largest) > 0.0_wp) call balance%respond_to_active(deviation, response)
+  end subroutine respond_to_sliders
+
+  !> Change g_w (I - P_w)^-1 rho_w of the forces by what sliders have yet to go [2 H + 1, active rows].
+  pure function release_sliders(balance, rho_slider) result(deviation)
+    type(balance_type), intent(in) :: balance
+    !> [2, contacts]
+    real(wp), intent(in) :: rho_slider(:, :)
+    real(wp) :: deviation(balance%coefficients(), balance%active%count), moved(2, 1)
+    integer :: i
+
+    deviation = 0.0_wp
+    associate (active => balance%active)
+      do i = 1, size(active%contacts)
+        associate (forces => balance%forces(active%contacts(i)), first => active%first(i))
+          if (.not. forces%follows()) cycle
+          moved = released(forces%link%holding, rho_slider(:, active%contacts(i):active%contacts(i)))
+          deviation(:, first:first + 1) = reshape(matmul(forces%link%force, moved), [size(deviation, 1), 2])
+        end associate
+      end do
+    end associate
+  end function release_sliders
 
   !> The linearised equations times a step: what `solve_linearised` inverts.
   subroutine apply_linearised(balance, constraint, step, product)
@@ -94,7 +135,7 @@ contains
     end do
     allocate (response, mold=balance%response)
     call balance%respond_to_deviation(deviation, response)
-    product%motion = step%motion - balance%recover(response) + balance%residual_omega*step%omega
+    product%motion = step%motion - balance%recover(response) + balance%residual_omega()*step%omega
     product%omega = inner_product(balance, constraint%motion, step%motion) + constraint%frequency*step%omega
   end subroutine apply_linearised
 
@@ -107,16 +148,18 @@ contains
     real(wp) :: change(size(step%motion, 1), size(step%motion, 2))
     integer :: i, k
 
-    call release_sliders(balance, right%slider, change)
+    change = 0.0_wp
     k = size(step%motion, 1)
-    do i = 1, size(balance%law)
-      associate (forces => balance%forces(i), first => balance%law(i)%first_row, rows => balance%law(i)%tangents + 1)
-        if (.not. allocated(forces%jacobian)) cycle
-        change(:, first:first + rows - 1) = change(:, first:first + rows - 1) + reshape( &
-                                            matmul(forces%jacobian, reshape(step%motion(:, first:first + rows - 1), [k*rows])), &
-                                            [k, rows])
-      end associate
-    end do
+    associate (active => balance%active, by_sliders => release_sliders(balance, right%slider))
+      do i = 1, size(active%contacts)
+        associate (forces => balance%forces(active%contacts(i)), first => active%first(i), source => active%source(i), &
+                   rows => active%rows(i))
+          change(:, source:source + rows - 1) = by_sliders(:, first:first + rows - 1) + reshape( &
+                                                matmul(forces%jacobian, reshape(step%motion(:, source:source + rows - 1), [k*rows])), &
+                                                [k, rows])
+        end associate
+      end do
+    end associate
   end function change_of_deviation
 
   !> Rows of D that are not zero, over all ranks.
@@ -129,26 +172,6 @@ contains
     call balance%ranks%sum(total)
     active_unknowns = nint(total)
   end function active_unknowns
-
-  !> Change g_w (I - P_w)^-1 rho_w of the forces by what sliders have yet to go [2 H + 1, rows].
-  pure subroutine release_sliders(balance, rho_slider, deviation)
-    type(balance_type), intent(in) :: balance
-    !> [2, contacts]
-    real(wp), intent(in) :: rho_slider(:, :)
-    real(wp), intent(out) :: deviation(:, :)
-    real(wp) :: moved(2, 1)
-    integer :: i, k
-
-    k = size(deviation, 1)
-    deviation = 0.0_wp
-    do i = 1, size(balance%law)
-      associate (forces => balance%forces(i), first => balance%law(i)%first_row)
-        if (.not. forces%follows()) cycle
-        moved = released(forces%link%holding, rho_slider(:, i:i))
-        deviation(:, first:first + 1) = reshape(matmul(forces%link%force, moved), [k, 2])
-      end associate
-    end do
-  end subroutine release_sliders
 
   !> Step of the sliders; those that are no unknowns take their right-hand side.
   pure subroutine follow_sliders(balance, rho_slider, step)

@@ -279,12 +279,41 @@ contains
 
     PetscCall(MatShellGetContext(jacobian, context, ierr))
     step = room(context)
-    product = room(context)
     PetscCall(load(context, x, step, ierr))
-    call apply_linearised(context%balance, context%constraint, step, product)
+    if (is_last_step(context, step)) then
+      ! The line search asks for this product to learn how steep the descent is: it is known, to the tolerance of the linear solve.
+      product = context%right
+    else
+      product = room(context)
+      call apply_linearised(context%balance, context%constraint, step, product)
+    end if
     product%omega = context%frequency_scale*product%omega
     PetscCall(store(context, y, product, ierr))
   end subroutine multiply
+
+  !> Is a step the one last solved for? To rounding, since it was scaled in between.
+  logical function is_last_step(context, step)
+    type(newton_context_type), intent(in) :: context
+    type(unknowns_type), intent(in) :: step
+    real(wp) :: differs
+
+    is_last_step = allocated(context%step%motion)
+    if (.not. is_last_step) return
+    associate (last => context%step)
+      differs = merge(0.0_wp, 1.0_wp, close_to(reshape(step%motion, [size(step%motion)]), &
+                                               reshape(last%motion, [size(last%motion)])) &
+                      .and. close_to(reshape(step%slider, [size(step%slider)]), reshape(last%slider, [size(last%slider)])) &
+                      .and. close_to([step%omega], [last%omega]))
+    end associate
+    is_last_step = context%balance%ranks%largest(differs) <= 0.0_wp
+  end function is_last_step
+
+  pure logical function close_to(a, b)
+    real(wp), intent(in) :: a(:), b(:)
+
+    close_to = size(a) == size(b)
+    if (close_to) close_to = all(abs(a - b) <= 4.0_wp*epsilon(1.0_wp)*abs(b))
+  end function close_to
 
   !> Shell preconditioner: the inverse.
   subroutine apply_inverse(pc, x, y, ierr)
@@ -303,14 +332,18 @@ contains
     PetscCall(load(context, x, right, ierr))
     right%omega = right%omega/context%frequency_scale
     do attempt = 1, 2
-      call solve_linearised(context%balance, context%constraint, right, context%linear, step, iterations, status)
+      call solve_linearised(context%balance, context%constraint, right, context%linear, step, iterations, status, &
+                            context%preconditioner)
       context%linear_iterations = context%linear_iterations + iterations
       if (status /= 0) step = room(context)
       PetscCall(store(context, y, step, ierr))
       PetscCall(VecNorm(y, NORM_INFINITY, longest, ierr))
+      context%step = step
+      context%right = right
       if (status == 0 .and. longest <= longest_step) exit
       ! Nearly singular. If nothing helps, no part of this step leads anywhere, and none at all ends the line search at once.
       PetscCall(VecSet(y, zero, ierr))
+      deallocate (context%step%motion)
       if (context%balance%stiffening >= least_stiffening) exit
       context%balance%stiffening = least_stiffening
     end do

@@ -6,6 +6,7 @@ module attrito_balance_newton_context
   use attrito_balance_border, only: constraint_type
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_balance_linearised_step, only: linear_options_type
+  use attrito_balance_two_level_factors, only: two_level_factors_type
   use attrito_balance_unknowns, only: unknowns_type
   implicit none
   private
@@ -24,10 +25,14 @@ module attrito_balance_newton_context
     !> Norm of the scaled residual that counts as converged
     real(wp) :: tolerance = 1.0e-10_wp
     type(linear_options_type) :: linear
+    !> GMRES's preconditioner, from one step to the next
+    type(two_level_factors_type) :: preconditioner
     !> Iterations of GMRES since the solve began
     integer :: linear_iterations = 0
     !> Springs that contacts keep at first, and norm of the residual at the last Jacobian
     real(wp) :: stiffening = 0.0_wp, last_norm = 0.0_wp
+    !> The last step that was solved for, and the right-hand side that it answers
+    type(unknowns_type) :: step, right
     !> Where the balance was last evaluated
     type(unknowns_type) :: evaluated
     logical :: is_evaluated = .false.

@@ -29,6 +29,6 @@ contains
   pure real(wp) function swing(coefficients)
     real(wp), intent(in) :: coefficients(:)
 
-    swing = sum(hypot(coefficients(2::2), coefficients(3::2)))
+    swing = sum(sqrt(coefficients(2::2)**2 + coefficients(3::2)**2))
   end function swing
 end module attrito_contact_stuck

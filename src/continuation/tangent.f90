@@ -43,7 +43,7 @@ contains
       call context%balance%evaluate(solver%motion, solver%omega, status)
       right%omega = 1.0_wp
       context%balance%stiffening = least_stiffening
-      call solve_linearised(context%balance, constraint, right, context%linear, step, iterations, status)
+      call solve_linearised(context%balance, constraint, right, context%linear, step, iterations, status, context%preconditioner)
       context%balance%stiffening = 0.0_wp
       if (status /= 0) return
       step%motion = step%motion/context%motion_scale

@@ -52,14 +52,14 @@ contains
     real(wp) :: range(2)
     integer :: i
 
-    associate (balance => solver%context%balance, monitors => solver%structure%monitors)
+    associate (balance => solver%context%balance, monitors => solver%context%balance%monitors)
       report%frequency_hz = solver%omega/two_pi
       report%level = balance%level
       report%branch = branch
       report%iterations = solver%report%iterations
       report%linear_iterations = solver%report%linear_iterations
       report%residual = solver%report%residual
-      report%harmonics = matmul(to_real(balance%response), matmul(transpose(balance%receptance%basis), monitors))
+      report%harmonics = matmul(to_real(balance%response), monitors)
       allocate (report%amplitude(size(monitors, 2)))
       do i = 1, size(monitors, 2)
         range = extrema(report%harmonics(:, i))

@@ -10,6 +10,7 @@ program test_linearised_step
   use attrito_balance_linearised_step, only: linear_options_type, solve_linearised, apply_linearised
   use attrito_balance_receptance, only: receptance_type
   use attrito_balance_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
+  use attrito_balance_two_level_factors, only: two_level_factors_type
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_contact_state, only: state_stuck
   use scenes, only: scene_type, rubbing_frame, rubbing_frame_with_high_modes, damp, noise
@@ -31,6 +32,8 @@ program test_linearised_step
                       test('by GMRES, high modes summed, the step meets the equations to the tolerance, the mean frozen or not', &
                            high_modes), &
                       test('the preconditioner of all modes is the inverse', exact_preconditioner), &
+                      test('a preconditioner kept from another motion leaves the step what it is', kept_preconditioner), &
+                      test('a preconditioner that costs more iterations than to make it is made anew', worn_preconditioner), &
                       test('with every contact stuck the step is the residual itself', all_stuck), &
                       test('a constraint on omega alone keeps omega', fixed_frequency), &
                       test('the residual''s derivative by omega is that of differences', by_omega)])
@@ -244,6 +247,69 @@ contains
     call balance%destroy()
   end subroutine exact_preconditioner
 
+  !> Other contacts move and the frequency has changed: GMRES leaves its tolerance of the right-hand side all the same.
+  subroutine kept_preconditioner(error)
+    type(error_type), allocatable, intent(out) :: error
+    real(wp), parameter :: krylov_tolerance = 1.0e-4_wp
+    type(balance_type) :: balance
+    type(two_level_factors_type) :: kept
+    type(linear_options_type) :: by_gmres
+    type(unknowns_type) :: right, step, back
+    real(wp) :: motion(k, rows)
+    integer, allocatable :: known(:)
+    integer :: i, iterations, status
+
+    by_gmres = linear_options_type(dense_limit=0, krylov=krylov_options_type(tolerance=krylov_tolerance, low_modes=4))
+    do i = 1, 2
+      call prepare(0.0_wp, balance, motion, damping_ratio)
+      balance%slider = 0.0_wp
+      if (i == 2) motion = 0.3_wp*motion
+      call balance%evaluate(motion, omega, status)
+      call kept%discard()
+      right = random_right(balance)
+      step = right
+      back = right
+      call solve_linearised(balance, random_constraint(), right, by_gmres, step, iterations, status, kept)
+      known = kept%contacts
+      motion = motion*merge(0.3_wp, 1.5_wp, i == 1)
+      call balance%evaluate(motion, 1.02_wp*omega, status)
+      call check(error, size(known) /= size(balance%active%contacts), 'the same contacts move: the test is void')
+      call solve_linearised(balance, random_constraint(), right, by_gmres, step, iterations, status, kept)
+      call check(error, status == 0 .and. size(known) == size(kept%contacts), 'it was made anew: the test is void')
+      call apply_linearised(balance, random_constraint(), step, back)
+      call check_close(error, packed(back), packed(right), 2.0_wp*krylov_tolerance*norm2(packed(step)), 'the step put back')
+      call balance%destroy()
+    end do
+  end subroutine kept_preconditioner
+
+  !> Iterations beyond those of the first solve add up; contacts shared out anew, and springs kept, count at once.
+  subroutine worn_preconditioner(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(balance_type) :: balance
+    type(two_level_factors_type) :: factors
+    real(wp) :: motion(k, rows)
+    integer :: i, status
+
+    call prepare(0.0_wp, balance, motion)
+    call check(error, .not. factors%serve(balance), 'nothing serves')
+    call factors%make(balance, 4, status)
+    do i = 1, 20
+      call factors%count(10)
+    end do
+    call check(error, status == 0 .and. factors%serve(balance), 'what takes the usual iterations is given up')
+    call factors%count(10 + (factors%patience() - 10)/2)
+    call check(error, factors%serve(balance), 'it is given up too early')
+    call factors%count(factors%patience())
+    call check(error, .not. factors%serve(balance), 'it is not given up')
+    call factors%make(balance, 4, status)
+    balance%stiffening = 0.1_wp
+    call check(error, .not. factors%serve(balance), 'it serves other springs')
+    balance%stiffening = 0.0_wp
+    balance%changes = balance%changes + 1
+    call check(error, .not. factors%serve(balance), 'it serves other contacts')
+    call balance%destroy()
+  end subroutine worn_preconditioner
+
   subroutine lively(error)
     type(error_type), allocatable, intent(out) :: error
     type(balance_type) :: balance
@@ -315,7 +381,7 @@ contains
     real(wp) :: motion(k, rows), expected(k, rows), jacobian(n, n + 1)
 
     call prepare(0.0_wp, balance, motion)
-    expected = balance%residual_omega
+    expected = balance%residual_omega()
     call difference(balance, motion, jacobian)
     call check_close(error, expected, reshape(jacobian(:k*rows, n + 1), [k, rows]), tolerance, 'derivative')
     call balance%destroy()
