@@ -3,7 +3,7 @@
     .venv/bin/python benchmarks/stuck.py > stuck.json
     .venv/bin/python benchmarks/stuck.py --plane 100 --hexahedral 100 1000 --modes 200
 
-Prints JSON: for each scene milliseconds a point of the sweep (every contact checked, monitors reported, called from
+Prints JSON: for each scene milliseconds of the processor a point of the sweep (every contact checked, monitors reported, called from
 Python) and of the linear response (set up, solved, rows recovered), and their ratio, in one run.
 """
 
@@ -28,11 +28,11 @@ def measure(name: str, scene: ReducedScene, options: dict, points: int) -> dict:
     least = min(scenes.slip_thresholds(scene, stuck, frequency).min() for frequency in (start, stop))
     with common.TimedSolver(scene, Options(harmonics=5, **options)) as solver:
         solver.walk_static_path(np.array([[0.0], [1.0]]), 10, start)
-        started, swept = time.perf_counter(), []
+        started, swept = time.process_time(), []
         while len(swept) < points:
             swept += list(solver.sweep(start, stop, 0.1 * least, 0, points))
             start, stop = stop, start
-        seconds = (time.perf_counter() - started) / len(swept)
+        seconds = (time.process_time() - started) / len(swept)
         linear = solver.linear_response(start)
     return {
         "scene": name,

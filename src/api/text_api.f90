@@ -2,10 +2,10 @@
 module attrito_api_text
   use, intrinsic :: iso_c_binding
   use, intrinsic :: iso_fortran_env, only: int64
-  use attrito_core_text_numbers, only: read_columns, read_separated
+  use attrito_core_text_numbers, only: read_columns, read_entries, read_separated
   implicit none
   private
-  public :: attrito_read_numbers
+  public :: attrito_read_numbers, attrito_read_entries
 
 contains
 
@@ -27,4 +27,18 @@ contains
       call read_columns(text, first + 1_int64, int(last, int64), begin, width, table, bad)
     end if
   end function attrito_read_numbers
+
+  !> Whole numbers above zero [fields, lines] and, last in each line, a value [lines]; returns the first line, from 1, that holds
+  !> anything else, or 0.
+  function attrito_read_entries(text, lines, first, last, fields, whole, values) bind(c) result(bad)
+    character(kind=c_char), intent(in) :: text(*)
+    integer(c_int), value :: lines, fields
+    !> Where each line begins and where the next character after it stands, from 0
+    integer(c_int64_t), intent(in) :: first(lines), last(lines)
+    integer(c_int32_t), intent(out) :: whole(lines, fields)
+    real(c_double), intent(out) :: values(lines)
+    integer(c_int) :: bad
+
+    call read_entries(text, first + 1_int64, int(last, int64), whole, values, bad)
+  end function attrito_read_entries
 end module attrito_api_text

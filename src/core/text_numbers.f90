@@ -7,12 +7,12 @@
 !> numbers, the C library's strtod reads them.
 module attrito_core_text_numbers
   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_loc, c_null_char, c_null_ptr, c_ptr
-  use, intrinsic :: iso_fortran_env, only: int64, real128
+  use, intrinsic :: iso_fortran_env, only: int32, int64, real128
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_quiet_nan, ieee_value
   use attrito_core_kinds, only: wp
   implicit none
   private
-  public :: read_separated, read_columns, read_number
+  public :: read_separated, read_columns, read_entries, read_number
 
   !> Longest number looked at; no program writes more
   integer, parameter :: longest = 64
@@ -74,6 +74,80 @@ contains
       end do
     end do
   end subroutine read_separated
+
+  !> Lines of whole numbers above zero and then one number, separated by blanks or single commas: what nearly all lines of a matrix
+  !> file are, in half the time of `read_separated`. Anything else ends the reading.
+  subroutine read_entries(text, first, last, whole, values, bad)
+    character, intent(in) :: text(*)
+    !> [lines], where each line begins and ends in the text, from 1
+    integer(int64), intent(in) :: first(:), last(:)
+    !> [lines, whole numbers a line], of up to nine digits
+    integer(int32), intent(out) :: whole(:, :)
+    !> [lines]
+    real(wp), intent(out) :: values(:)
+    !> First line that holds anything else; 0: none
+    integer, intent(out) :: bad
+    integer :: line, field
+    integer(int64) :: place, start
+    logical :: found
+
+    bad = 0
+    do line = 1, size(first)
+      place = first(line)
+      do field = 1, size(whole, 2)
+        call read_whole(text, place, last(line), whole(line, field), found)
+        if (.not. found) exit
+      end do
+      if (found) then
+        call skip_blanks(text, place, last(line))
+        start = place
+        do while (place <= last(line))
+          if (text(place) == "," .or. is_blank(text(place))) exit
+          place = place + 1
+        end do
+        found = place > start
+        if (found) call read_number(text, start, place - 1, values(line), found)
+        call skip_blanks(text, place, last(line))
+        found = found .and. place > last(line)
+      end if
+      if (.not. found) then
+        bad = line
+        return
+      end if
+    end do
+  end subroutine read_entries
+
+  !> A whole number above zero and the separator after it: blanks, or a comma among them.
+  pure subroutine read_whole(text, place, last, whole, found)
+    character, intent(in) :: text(*)
+    !> Where it is looked for; then what follows the separator
+    integer(int64), intent(inout) :: place
+    integer(int64), intent(in) :: last
+    integer(int32), intent(out) :: whole
+    logical, intent(out) :: found
+    integer(int64), parameter :: most_digits = 9
+    integer(int64) :: start
+    integer :: digit
+
+    whole = 0
+    call skip_blanks(text, place, last)
+    start = place
+    do while (place <= last)
+      digit = iachar(text(place)) - iachar("0")
+      if (digit < 0 .or. digit > 9 .or. place - start >= most_digits) exit
+      whole = 10*whole + digit
+      place = place + 1
+    end do
+    start = place
+    call skip_blanks(text, place, last)
+    found = whole > 0 .and. place <= last
+    if (.not. found) return
+    if (text(place) == ",") then
+      place = place + 1
+    else
+      found = place > start
+    end if
+  end subroutine read_whole
 
   !> Fields of lines at fixed places, as Fortran formats and Nastran write them, side by side without separators.
   subroutine read_columns(text, first, last, begin, width, table, bad)

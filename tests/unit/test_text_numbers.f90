@@ -1,9 +1,9 @@
 !> Numbers out of text: rounded as they should be, wherever a line puts them.
 program test_text_numbers
-  use, intrinsic :: iso_fortran_env, only: int64
+  use, intrinsic :: iso_fortran_env, only: int32, int64
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
-  use attrito_core_text_numbers, only: read_columns, read_number, read_separated
+  use attrito_core_text_numbers, only: read_columns, read_entries, read_number, read_separated
   use testing, only: test, run_suite, check, check_close
   implicit none
 
@@ -13,9 +13,47 @@ program test_text_numbers
                 test('halfway cases round to the even neighbour, others to the nearer one', halfway), &
                 test('numbers of any length read as the compiler reads them', random_numbers), &
                 test('fields may be separated by blanks, commas or both, and be empty', separated_fields), &
+                test('lines of whole numbers and a value read as separated fields do', entries), &
+                test('a line that holds anything else than whole numbers and a value is not read as one', no_entries), &
                 test('fields at fixed places may touch, and be empty', fixed_fields)], quiet=.false.) > 0) error stop 1
 
 contains
+
+  !> `read_separated` is the plain twin.
+  subroutine entries(error)
+    type(error_type), allocatable, intent(out) :: error
+    character(40), parameter :: lines(5) = [character(40) :: '1 2 3.5', '  12,  7,-1.25E-03', '999999999 , 1 , 0', &
+                                            '3'//achar(9)//'4 1.2345678901234567e-11'//achar(13), '5,6,7 ']
+    character :: text(200)
+    integer(int64) :: first(5), last(5)
+    integer(int32) :: whole(5, 2)
+    real(wp) :: values(5), table(3, 5)
+    integer :: k, bad
+
+    text = letters(lines(1)//lines(2)//lines(3)//lines(4)//lines(5))
+    first = [(1_int64 + 40*k, k=0, 4)]
+    last = first + len_trim(lines) - 1
+    call read_separated(text, first, last, table, bad)
+    call check(error, bad == 0, 'the plain twin does not read them: the test is void')
+    call read_entries(text, first, last, whole, values, bad)
+    call check(error, bad == 0, 'they are not read')
+    call check_close(error, real(transpose(whole), wp), table(:2, :), 0.0_wp, 'whole numbers')
+    call check_close(error, values, table(3, :), 0.0_wp, 'values')
+  end subroutine entries
+
+  subroutine no_entries(error)
+    type(error_type), allocatable, intent(out) :: error
+    character(24), parameter :: lines(12) = [character(24) :: '', '1 2', '1,,3.0', '0 2 1.0', '-1 2 1.0', '1.0 2 3.0', '1e1 2 3.0', &
+                                             '1 2 3.0 4', '1 2 3.0,', '1 2 x', '1234567890 2 3.0', '1 2 1e999']
+    integer(int32) :: whole(1, 2)
+    real(wp) :: values(1)
+    integer :: k, bad
+
+    do k = 1, size(lines)
+      call read_entries(letters(lines(k)), [1_int64], [len_trim(lines(k), int64)], whole, values, bad)
+      call check(error, bad == 1, lines(k)//'is read')
+    end do
+  end subroutine no_entries
 
   !> The number that a text spells; not found: `found` is false.
   function spelled(text, found) result(number)

@@ -51,6 +51,13 @@ def read_abaqus(path: str | Path, key: str, numbers: DofNumbers) -> Source:
             columns = len(block.line(lines[0]).replace(",", " ").split())
         if columns not in (3, 5):
             raise block.fault(lines[0], f"lines {NAMED}, or {PLAIN}")
+        found = block.entries(lines, columns)
+        if found is not None and (columns == 3 or found[0][1::2].max() <= DIRECTIONS):
+            whole, value = found
+            row, column = (numbers.numbers(*whole[k : k + 2]) for k in (0, 2)) if columns == 5 else whole - 1
+            size = max(size, int(row.max()) + 1, int(column.max()) + 1)
+            entries.add(row, column, value)
+            continue
         expected = f"numbers {NAMED if columns == 5 else PLAIN}"
         table, lines = block.records(lines, columns, expected)
         if len(lines) == 0:

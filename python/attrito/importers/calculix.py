@@ -29,6 +29,13 @@ def read_calculix(path: str | Path, key: str, size: int) -> Source:
     path = str(path)
     entries, count = Entries(path, key), 0
     for block in read_text(path):
+        found = block.entries(np.arange(len(block)), 3)
+        if found is not None:
+            row, column = found[0] - 1
+            if column.max() < size and not np.any(row > column):
+                entries.add(row, column, found[1])
+                count += len(block)
+                continue
         table, lines = block.records(np.arange(len(block)), 3, LINE)
         row, column = table[:, 0], table[:, 1]
         whole = (row == np.floor(row)) & (column == np.floor(column))

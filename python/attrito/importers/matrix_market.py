@@ -38,6 +38,17 @@ def read_matrix_market(path: str | Path, key: str) -> Source:
             sizes, lines = [int(word) for word in words], lines[1:]
         if len(lines) == 0:
             continue
+        found = block.entries(lines, 3)
+        if found is not None:
+            (row, column), value = found[0] - 1, found[1]
+            if (
+                row.max() < sizes[0]
+                and column.max() < sizes[1]
+                and not (symmetry == "symmetric" and np.any(row < column))
+            ):
+                entries.add(row, column, value)
+                count += len(lines)
+                continue
         table, lines = block.records(lines, 3, ENTRY)
         expected = f"a row from 1 to {sizes[0]} and a column from 1 to {sizes[1]}"
         row, column = (integers(block, lines, table[:, k], (1, sizes[k]), expected) - 1 for k in (0, 1))

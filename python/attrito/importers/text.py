@@ -1,7 +1,8 @@
 """Large text files in blocks of whole lines, and the numbers in them.
 
 A block of text is turned into a table of numbers by the library (some 5 to 20 million numbers a second, each correctly
-rounded); which lines hold what is decided here, on arrays of line beginnings.
+rounded), lines of whole numbers and a value into arrays of these, in half the time; which lines hold what is decided
+here, on arrays of line beginnings.
 """
 
 from __future__ import annotations
@@ -84,6 +85,22 @@ class Block:
             table, lines = table[filled], lines[filled]
             self.complete(table, lines, expected)
         return table, lines
+
+    def entries(self, lines: np.ndarray, fields: int) -> tuple[np.ndarray, np.ndarray] | None:
+        """Whole numbers above 0 `[fields - 1, lines]`, int32, and the value `[lines]` that ends each line.
+
+        None if a line holds anything else, or nothing: `records` reads such lines, or says what is wrong with them.
+        """
+        whole, values = np.empty((fields - 1, len(lines)), np.int32), np.empty(len(lines))
+        first, last = (np.ascontiguousarray(place[lines], np.int64) for place in (self.first, self.last))
+        bad = library.load().attrito_read_entries(
+            self.text.ctypes.data_as(ctypes.c_void_p),
+            ctypes.c_int(len(lines)),
+            *(array.ctypes.data_as(ctypes.c_void_p) for array in (first, last)),
+            ctypes.c_int(fields - 1),
+            *(array.ctypes.data_as(ctypes.c_void_p) for array in (whole, values)),
+        )
+        return None if bad else (whole, values)
 
     def complete(self, table: np.ndarray, lines: np.ndarray, expected: str) -> np.ndarray:
         """The table, if every line filled all its fields."""
