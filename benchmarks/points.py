@@ -4,8 +4,8 @@
     .venv/bin/python benchmarks/points.py --cases 1000:5:sliding
     mpirun -n 2 .venv/bin/python benchmarks/points.py --cases 1000:5:sliding
 
-A case is contacts:harmonics:level, the level one of `scenes.LEVELS` or a part of the median slip threshold. Static loads
-are walked first; a first point at 0.9 of the first stuck frequency follows from there, and ordinary ones from each
+A case is contacts:harmonics:level, the level one of `scenes.LEVELS` or a part of the median slip threshold. Static
+loads are walked first; a first point at 0.9 of the first stuck frequency follows, then ordinary ones from each
 other, a fifth of a per cent apart, away from resonance and back. Prints JSON: for each case and point seconds of the
 processor (this rank's), Newton's and GMRES's iterations, states of the contacts and the amplitude of the monitor; the
 least and the median of the ordinary points' seconds, wall seconds of all of them, and the most memory held so far, of

@@ -3,8 +3,8 @@
     .venv/bin/python benchmarks/stuck.py > stuck.json
     .venv/bin/python benchmarks/stuck.py --plane 100 --hexahedral 100 1000 --modes 200
 
-Prints JSON: for each scene milliseconds of the processor a point of the sweep (every contact checked, monitors reported, called from
-Python) and of the linear response (set up, solved, rows recovered), and their ratio, in one run.
+Prints JSON: for each scene milliseconds of the processor a point of the sweep (every contact checked, monitors
+reported, called from Python) and of the linear response (set up, solved, rows recovered), and their ratio, in one run.
 """
 
 from __future__ import annotations

@@ -61,7 +61,8 @@ def test_ordinary_points_are_solved_and_come_back_to_where_they_began():
     solved = [row["first"], *row["points"]]
     assert [point["outcome"] for point in solved] == 5 * ["converged"]
     assert all(point["states"]["slipping"] == 9 for point in solved)
-    # Where every contact slips the motion does not depend on the way; the residual is 1e-10 of the response, its condition some 1e2.
+    # Where every contact slips the motion does not depend on the way; the residual is 1e-10 of the response, and its
+    # condition some 1e2.
     assert solved[-1]["amplitude"] == pytest.approx(solved[0]["amplitude"], rel=1e-7)
 
 
