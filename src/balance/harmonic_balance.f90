@@ -243,8 +243,8 @@ contains
     self%residual = motion - self%recover(self%response)
   end subroutine evaluate
 
-  !> What the contacts' deviations put on the generalised coordinates, -B^T g, of this rank [2 H + 1, n]: rows that are not active have
-  !> a constant one, which mostly is that of the last evaluation.
+  !> What the contacts' deviations put on the generalised coordinates, -B^T g, of this rank [2 H + 1, n]: rows that are not active
+  !> have a constant one, which mostly is that of the last evaluation.
   function load_of_forces(self) result(load)
     class(balance_type), intent(inout) :: self
     real(wp), allocatable :: load(:, :)

@@ -2,9 +2,10 @@
 !>
 !> $$ R_{local}, \qquad E = (I + D R_{local})^{-1} D, \qquad Z + U^T E U $$
 !>
-!> The blocks E couple the rows and harmonics of one contact; the coarse system couples the harmonics of some ten modes and is factored
-!> on every rank. Making them costs as much as a dozen iterations of GMRES, so they are made anew only when iterations in excess of what
-!> they took at first have cost as much, when contacts have moved to other ranks, or when much more of the springs is kept.
+!> The blocks E couple the rows and harmonics of one contact; the coarse system couples the harmonics of some ten modes and is
+!> factored on every rank. Making them costs as much as a dozen iterations of GMRES, so they are made anew only when iterations in
+!> excess of what they took at first have cost as much, when contacts have moved to other ranks or the series' length has changed, or
+!> when much more of the springs is kept.
 module attrito_balance_two_level_factors
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: solve_dense, factor
