@@ -30,9 +30,9 @@ from attrito.solver import Options, Point, ReducedScene, Solver
 TOLERANCES = (1e-1, 1e-2, 1e-3)
 # Fixed runs beside them: what costs are told against, and short series whose estimates are checked
 FIXED = (3, 5, 20)
-POINTS = 9
+POINTS = 7
 # Of the reference
-HARMONICS = {1: 60, 2: 20}
+HARMONICS = {1: 40, 2: 20}
 SAMPLES = {1: 512, 2: 1024}
 
 

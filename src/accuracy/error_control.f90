@@ -3,8 +3,9 @@
 !> $$ e = \max_m |\tilde a_m - a_m| / \tilde a_m $$
 !>
 !> a: amplitudes of the point; ~a: those of a finer balance to first order (`attrito_accuracy_finer_balance`), with harmonics up to
-!> 3 H, or with twice the samples, whose error is a quarter: 4/3 of the change is the error of the samples. Harmonics left out fade as
-!> those do that are there, so the tail of the motion tells how many more, or fewer, are needed.
+!> 3 H and with twice the samples, whose error is a quarter: 4/3 of what they change is the error of the samples. The error is split
+!> by the motion that either change of the forces makes by itself. Harmonics left out fade as those do that are there, so the tail of
+!> the motion tells how many more, or fewer, are needed.
 module attrito_accuracy_error_control
   use attrito_core_kinds, only: wp
   use attrito_core_trigonometric, only: extrema, resized
@@ -176,8 +177,7 @@ contains
     class(error_control_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
     type(finer_point_type), intent(out) :: finer
-    type(finer_point_type) :: denser
-    real(wp) :: moving, sampled
+    real(wp) :: moving, sampled, error
     integer :: harmonics
 
     self%errors%harmonics = 0.0_wp
@@ -189,19 +189,27 @@ contains
       call balance%ranks%sum(moving)
       call balance%ranks%sum(sampled)
       if (moving <= 0.0_wp .and. size(solver%structure%harmonic_load, 2) <= balance%coefficients()) return
-      harmonics = min(3*balance%receptance%harmonics, (balance%fourier%samples - 1)/2)
-      if (harmonics > balance%receptance%harmonics) then
-        call prepare(self%longer, solver, harmonics, balance%fourier%samples)
-        call self%longer%correct(solver, finer)
-        self%errors%harmonics = relative_change(solver, finer%monitors)
-      end if
+      harmonics = min(longer_series(balance%receptance%harmonics), (balance%fourier%samples - 1)/2)
+      call prepare(self%longer, solver, harmonics, balance%fourier%samples)
       if (sampled > 0.0_wp) then
         call prepare(self%denser, solver, balance%receptance%harmonics, 2*balance%fourier%samples)
-        call self%denser%correct(solver, denser)
-        self%errors%samples = 4.0_wp/3.0_wp*relative_change(solver, denser%monitors)
+        call self%longer%correct(solver, finer, self%denser)
+      else
+        call self%longer%correct(solver, finer)
       end if
+      error = relative_change(solver, finer%monitors)
+      self%errors%samples = finer%samples_share*error
+      self%errors%harmonics = error - self%errors%samples
     end associate
   end subroutine estimate
+
+  !> Harmonics of the longer series: three times as many, of long ones at most 20 or half as many more. Where forces fade like h^-2
+  !> and motion like h^-4, what is beyond H falls like H^-3: two thirds of it are seen at least, 26 parts in 27 with a short series.
+  pure integer function longer_series(harmonics)
+    integer, intent(in) :: harmonics
+
+    longer_series = min(3*harmonics, max(harmonics + 20, harmonics + harmonics/2))
+  end function longer_series
 
   !> Make a finer balance anew where it is not the one that is asked for.
   subroutine prepare(finer, solver, harmonics, samples)

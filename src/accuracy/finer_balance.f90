@@ -10,7 +10,7 @@ module attrito_accuracy_finer_balance
   use attrito_core_kinds, only: wp
   use attrito_core_trigonometric, only: resized
   use attrito_model_structure, only: structure_type, damping_viscous, damping_loss_factor
-  use attrito_balance_linearised_step, only: solve_linearised, change_of_deviation
+  use attrito_balance_linearised_step, only: linear_options_type, solve_linearised, change_of_deviation
   use attrito_balance_receptance, only: to_complex, to_real
   use attrito_balance_stuck_system, only: stuck_system_type
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
@@ -27,6 +27,9 @@ module attrito_accuracy_finer_balance
 
   !> Damping ratio of modes beyond H that have none of their own: it keeps their resonances finite
   real(wp), parameter :: nominal_ratio = 0.01_wp
+
+  !> Relative residual of GMRES, where the step is large: an error needs two digits
+  real(wp), parameter :: accepted_residual = 1.0e-2_wp
 
   type :: finer_balance_type
     !> K
@@ -49,6 +52,8 @@ module attrito_accuracy_finer_balance
     real(wp) :: omega = 0.0_wp
     !> Coefficients of the monitors [2 K + 1, monitors]
     real(wp), allocatable :: monitors(:, :)
+    !> Part of what forces are changed by that is due to samples
+    real(wp) :: samples_share = 0.0_wp
   end type finer_point_type
 
 contains
@@ -82,10 +87,12 @@ contains
   end function projected
 
   !> The solver's present point, corrected. Where the linearised step is singular the harmonics up to H stay.
-  subroutine correct(self, solver, point)
+  subroutine correct(self, solver, point, denser)
     class(finer_balance_type), intent(in) :: self
     type(solver_type), intent(inout) :: solver
     type(finer_point_type), intent(out) :: point
+    !> As many harmonics as the solver has, and twice the samples: what these change goes into the same step
+    type(finer_balance_type), intent(in), optional :: denser
     complex(wp), allocatable :: response(:, :)
     real(wp), allocatable :: generalised(:, :), change(:, :), released(:, :)
 
@@ -101,6 +108,7 @@ contains
         end associate
       end if
       call change_forces(self, solver, point%motion, change, released)
+      if (present(denser)) call add_samples(denser, solver, change, released, point%samples_share)
       call step(solver, change, released, response, point)
       point%monitors = matmul(to_real(response), balance%monitors)
       balance%work = balance%work + residual_work(2*self%harmonics + 1, balance%rows(), size(response, 1))
@@ -177,6 +185,40 @@ contains
     end associate
   end subroutine change_forces
 
+  !> Add what more samples change of the forces, extrapolated: the error falls like the square of their number.
+  subroutine add_samples(denser, solver, change, released, share)
+    type(finer_balance_type), intent(in) :: denser
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(inout) :: change(:, :), released(:, :)
+    !> Of samples in the motion that both changes by themselves make
+    real(wp), intent(out) :: share
+    real(wp), parameter :: extrapolation = 4.0_wp/3.0_wp
+    real(wp), allocatable :: by_samples(:, :), released_by_samples(:, :)
+    real(wp) :: harmonics, samples
+
+    call change_forces(denser, solver, solver%motion, by_samples, released_by_samples)
+    harmonics = moved_by(solver, change)
+    samples = extrapolation*moved_by(solver, by_samples)
+    share = samples/max(samples + harmonics, tiny(1.0_wp))
+    change = change + extrapolation*by_samples
+    released = released + extrapolation*released_by_samples
+  end subroutine add_samples
+
+  !> Norm of the motion that a change of forces makes of the contacts, these being stuck.
+  real(wp) function moved_by(solver, change)
+    type(solver_type), intent(in) :: solver
+    real(wp), intent(in) :: change(:, :)
+    complex(wp), allocatable :: response(:, :)
+
+    associate (balance => solver%context%balance)
+      allocate (response, mold=balance%response)
+      call balance%respond_to_deviation(change, response)
+      moved_by = sum(balance%recover(response)**2)
+      call balance%ranks%sum(moved_by)
+      moved_by = sqrt(moved_by)
+    end associate
+  end function moved_by
+
   !> One linearised step at the equation that picked the point, for a change of the forces.
   subroutine step(solver, change, released, response, point)
     type(solver_type), intent(inout) :: solver
@@ -185,6 +227,7 @@ contains
     complex(wp), intent(inout) :: response(:, 0:)
     type(finer_point_type), intent(inout) :: point
     type(unknowns_type) :: right, moved
+    type(linear_options_type) :: options
     complex(wp), allocatable :: added(:, :)
     integer :: iterations, status, k
 
@@ -197,7 +240,9 @@ contains
       moved = right
       right%motion = balance%recover(added)
       right%slider = released
-      call solve_linearised(balance, solver%context%constraint, right, solver%context%linear, moved, iterations, status, &
+      options = solver%context%linear
+      options%krylov%tolerance = accepted_residual
+      call solve_linearised(balance, solver%context%constraint, right, options, moved, iterations, status, &
                             solver%context%preconditioner)
       if (status /= 0) return
       call balance%respond_to_deviation(change + change_of_deviation(balance, right, moved), added)
