@@ -75,9 +75,7 @@ def glance(view: View) -> list[tuple[str, bool]]:
     estimate = np.where(view.solved, view.result.array("/points/estimate"), np.nan)
     if np.isfinite(estimate).any():
         worst = int(np.nanargmax(estimate))
-        words = (
-            f"Estimated truncation error of the amplitude: at most {estimate[worst]:.1e} of it ({view.place(worst)})."
-        )
+        words = f"Estimated error of the amplitude: at most {estimate[worst]:.1e} of it ({view.place(worst)})."
         lines.append((words, estimate[worst] > LARGE_ERROR))
     incomplete = view.result.attributes("/points").get("incomplete", "")
     return lines + ([(incomplete, True)] if incomplete else [])

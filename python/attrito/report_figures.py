@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from attrito.plots import BRANCH_COLOURS, Look, legend_below, with_unit
@@ -16,6 +17,13 @@ LOOK = Look(width=130.0, font_size=10.0)
 SMALL = Look(width=75.0, height=62.0, font_size=9.0)
 # Harmonics and contacts beyond these are left out of figures, which the caption says.
 MOST_HARMONICS = 9
+ERROR_LOOKS = {
+    "residual": ("o", BRANCH_COLOURS[0], "relative residual"),
+    "estimate": ("s", BRANCH_COLOURS[1], "estimated error"),
+    "error_harmonics": ("^", BRANCH_COLOURS[2], "of it harmonics"),
+    "error_samples": ("v", BRANCH_COLOURS[3], "samples"),
+    "error_modes": ("D", BRANCH_COLOURS[5], "modes"),
+}
 KIND_LOOKS = {"floquet": ("o", "#0072B2"), "slip": ("s", "#E69F00"), "stuck": ("^", "#009E73")}
 
 
@@ -24,19 +32,32 @@ def _axes(height: float = 3.0, rows: int = 1) -> tuple[Figure, np.ndarray]:
     return figure, np.atleast_1d(figure.subplots(rows, 1, sharex=True))
 
 
+def _runs(result: Result, own: np.ndarray) -> list[np.ndarray]:
+    """Numbers of some points, branch by branch, so that no line joins two branches."""
+    chosen = np.flatnonzero(own)
+    return np.split(chosen, np.flatnonzero(np.diff(result.array("/points/branch")[chosen])) + 1)
+
+
+def _lines(axes: Axes, result: Result, own: np.ndarray, values: np.ndarray, label: str | None, **look: object) -> None:
+    """Values `[np]` over frequency at some points, one line a branch."""
+    frequency = result.array("/points/frequency_hz")
+    for run in _runs(result, own):
+        axes.plot(frequency[run], values[run], label=label, **look)
+        label = None
+
+
 def contact_shares(result: Result, own: np.ndarray) -> Figure:
     """How much of the contacts' time is stick, slip and lift-off, and what they dissipate, over some points."""
-    frequency = result.array("/points/frequency_hz")[own]
     with matplotlib.rc_context(LOOK.style()):
         figure, (upper, lower) = _axes(4.0, rows=2)
         colours = {"stick": "#0072B2", "slip": "#E69F00", "open": "#D55E00"}
         dashes = {"stick": "-", "slip": (0, (4, 1.5)), "open": (0, (1, 1.2))}
         for name, colour in colours.items():
-            share = _solved(result, own, f"/contacts/{name}").mean(axis=1)
-            upper.plot(frequency, share, color=colour, linestyle=dashes[name], label=name)
+            share = _solved(result, f"/contacts/{name}").mean(axis=1)
+            _lines(upper, result, own, share, name, color=colour, linestyle=dashes[name])
         upper.set(ylabel="Share of time", ylim=(-0.03, 1.03))
-        energy = _solved(result, own, "/contacts/dissipated_energy").sum(axis=1)
-        lower.plot(frequency, energy, color=BRANCH_COLOURS[3])
+        energy = _solved(result, "/contacts/dissipated_energy").sum(axis=1)
+        _lines(lower, result, own, energy, None, color=BRANCH_COLOURS[3])
         unit = result.unit("/contacts/dissipated_energy")
         lower.set(xlabel="Frequency (Hz)", ylabel=with_unit("Dissipated a period", unit, 1.2), ylim=(0, None))
         legend_below(lower, 3, labelled=upper)
@@ -45,23 +66,22 @@ def contact_shares(result: Result, own: np.ndarray) -> Figure:
 
 def harmonics(result: Result, monitor: str, own: np.ndarray) -> Figure:
     """Amplitude of each harmonic of a monitor over some points, and its mean."""
-    frequency = result.array("/points/frequency_hz")[own]
-    coefficients = result.monitor(monitor, "harmonics")[own]
+    coefficients = result.monitor(monitor, "harmonics")
     highest = (coefficients.shape[1] - 1) // 2
     with matplotlib.rc_context(LOOK.style()):
         figure, (axes,) = _axes(3.8)
         lines = {"mean": np.abs(coefficients[:, 0])}
         for harmonic in range(1, min(highest, MOST_HARMONICS) + 1):
             lines[str(harmonic)] = np.hypot(coefficients[:, 2 * harmonic - 1], coefficients[:, 2 * harmonic])
-        largest = np.nanmax(np.concatenate([[0.0], *lines.values()]))
+        largest = np.nanmax(np.concatenate([[0.0], *(values[own] for values in lines.values())]))
         for index, (name, values) in enumerate(lines.items()):
             shown = np.where(values > 1e-12 * largest, values, np.nan)
-            if np.isfinite(shown).any():
+            if np.isfinite(shown[own]).any():
                 colour = (
                     "#555555" if index == 0 else matplotlib.colormaps["viridis"](0.9 * (index - 1) / max(highest, 1))
                 )
                 style = (0, (1, 1.2)) if index == 0 else "-"
-                axes.plot(frequency, shown, color=colour, linestyle=style, label=name)
+                _lines(axes, result, own, shown, name, color=colour, linestyle=style)
         if largest > 0:
             axes.set_yscale("log")
         unit = result.unit(f"/monitors/{monitor}/harmonics")
@@ -71,7 +91,7 @@ def harmonics(result: Result, monitor: str, own: np.ndarray) -> Figure:
 
 
 def convergence(result: Result) -> Figure:
-    """Newton iterations of each point; its residual and its estimated truncation error."""
+    """Newton iterations of each point; its residual, and its estimated error with the parts that are known."""
     point = np.arange(result.points)
     solved = result.converged
     with matplotlib.rc_context(LOOK.style()):
@@ -83,18 +103,18 @@ def convergence(result: Result) -> Figure:
         upper.set(ylabel="Newton iterations", ylim=(0, None))
         if not solved.all():
             upper.legend(loc="best")
-        for name, colour, marker, label in (
-            ("residual", BRANCH_COLOURS[0], "o", "relative residual"),
-            ("estimate", BRANCH_COLOURS[1], "s", "estimated truncation error"),
-        ):
-            values = result.array(f"/points/{name}")
-            good = np.isfinite(values) & (values > 0)
-            if good.any():
+        kept = {name: result.array(f"/points/{name}") for name in ERROR_LOOKS if result.has(f"/points/{name}")}
+        known = {name: np.isfinite(values) & (values > 0) for name, values in kept.items()}
+        # One part alone is the whole estimate, and would hide it.
+        several = sum(known[name].any() for name in kept if name.startswith("error_")) > 1
+        for name, values in kept.items():
+            good, (marker, colour, label) = known[name], ERROR_LOOKS[name]
+            if good.any() and (several or not name.startswith("error_")):
                 lower.plot(point[good], values[good], marker, color=colour, markersize=2.6, label=label)
                 lower.set_yscale("log")
         lower.set(xlabel="Point", ylabel="Of the motion")
         if lower.get_legend_handles_labels()[0]:
-            legend_below(lower, 2)
+            legend_below(lower, 3)
     return figure
 
 
@@ -122,7 +142,7 @@ def contact_intervals(result: Result, point: int) -> Figure | None:
 
 def interval_over_sweep(result: Result, own: np.ndarray, contact: int) -> Figure:
     """Mean forces of a contact with their intervals over some points."""
-    frequency = result.array("/points/frequency_hz")[own]
+    frequency = result.array("/points/frequency_hz")
     kinds = {"n": ("N", BRANCH_COLOURS[0]), "t1": ("T1", BRANCH_COLOURS[1]), "t2": ("T2", BRANCH_COLOURS[2])}
     with matplotlib.rc_context(LOOK.style()):
         figure, (axes,) = _axes(3.4)
@@ -130,15 +150,15 @@ def interval_over_sweep(result: Result, own: np.ndarray, contact: int) -> Figure
             if not result.has(f"/contacts/{name}_low"):
                 continue
             mean, low, high = (
-                result.dataset(f"/contacts/{name}_{side}")[:, contact][own] for side in ("mean", "low", "high")
+                result.dataset(f"/contacts/{name}_{side}")[:, contact] for side in ("mean", "low", "high")
             )
-            if not np.isfinite(mean).any():
+            if not np.isfinite(mean[own]).any():
                 continue
-            axes.plot(frequency, mean, color=colour, label=f"mean {label}")
+            _lines(axes, result, own, mean, f"mean {label}", color=colour)
             bounded = np.isfinite(low + high)
-            if bounded.any():
-                bounds = [np.where(bounded, bound, np.nan) for bound in (low, high)]
-                axes.fill_between(frequency, *bounds, color=colour, alpha=0.25, linewidth=0)
+            low, high = (np.where(bounded, bound, np.nan) for bound in (low, high))
+            for run in _runs(result, own):
+                axes.fill_between(frequency[run], low[run], high[run], color=colour, alpha=0.25, linewidth=0)
         axes.set(xlabel="Frequency (Hz)", ylabel=with_unit("Mean force", result.unit("/contacts/n_mean"), 2.6))
         legend_below(axes, 3)
     return figure
@@ -181,8 +201,8 @@ def largest_multiplier(result: Result) -> Figure:
     return figure
 
 
-def _solved(result: Result, own: np.ndarray, path: str) -> np.ndarray:
-    """A dataset `[np, nc]` at some points, NaN where there is no solution."""
-    values = np.array(result.array(path)[own], dtype=float)
-    values[~result.converged[own]] = np.nan
+def _solved(result: Result, path: str) -> np.ndarray:
+    """A dataset `[np, nc]`, NaN where there is no solution."""
+    values = np.array(result.array(path), dtype=float)
+    values[~result.converged] = np.nan
     return values

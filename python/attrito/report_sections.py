@@ -39,7 +39,7 @@ def responses(page: Page, view: View) -> None:
     units = {view.result.unit(f"/monitors/{name}/amplitude") for name in view.monitors}
     page.text(
         f"Amplitudes: half the range over the period ({'; '.join(sorted(units))}). From, to: the interval of solutions"
-        " where a point is not unique. Error: by truncation of the series, part of the amplitude."
+        " where a point is not unique. Estimated error: part of the amplitude."
     )
 
 
@@ -47,6 +47,8 @@ def _response(view: View, name: str) -> str:
     words = f"{name}: half the range over the period."
     if len(view.peaks) > 1:
         words += " Divided by the level: a linear structure would give one curve."
+    if (view.result.array("/points/estimate") > 0).any():
+        words += " Bars: estimated error."
     if (view.result.array("/points/stable") == 0).any():
         words += " Dashed: unstable."
     loose = view.result.array("/points/unique") == 0
@@ -65,7 +67,10 @@ def _peak(view: View, name: str, point: int) -> list[str]:
     estimate = _number(view.result.array("/points/estimate")[point], ".1e")
     if unique != "no":
         low = high = np.nan
-    numbers = [f"{view.frequency[point]:.6g}", f"{amplitude:.5g}", f"{amplitude / level:.5g}"]
+    # Where a sweep ends nothing peaks; the largest amplitude says little there.
+    swept = view.frequency[view.sweep(point)]
+    end = " (the end)" if len(swept) > 1 and view.frequency[point] in (swept.min(), swept.max()) else ""
+    numbers = [f"{view.frequency[point]:.6g}{end}", f"{amplitude:.5g}", f"{amplitude / level:.5g}"]
     return [name, f"{level:.4g}", *numbers, part, _number(low, ".5g"), _number(high, ".5g"), estimate, stable, unique]
 
 
