@@ -66,7 +66,9 @@ pre { font: 13px/1.45 ui-monospace, "DejaVu Sans Mono", monospace; }
   .panels { grid-template-columns: 1fr 1fr; }
   .panels.small { grid-template-columns: 1fr 1fr 1fr; }
   figure.alone svg { max-width: 12cm; }
-  .wide { overflow: visible; font-size: 8pt; }
+  .wide { overflow: visible; }
+  table { font-size: 7.5pt; }
+  th, td { padding-right: .5rem; }
   a { color: inherit; text-decoration: none; }
 }
 """
