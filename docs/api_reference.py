@@ -18,6 +18,7 @@ ORDER = (
     "table",
     "contact_table",
     "multiplier_table",
+    "bifurcation_table",
     "File",
     "Group",
     "Quantity",

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from attrito.faults import Fault, InputError, NumericsError, UnsolvedError
     from attrito.importers import import_model
     from attrito.report import write_report
-    from attrito.results import Result, contact_table, multiplier_table, table
+    from attrito.results import Result, bifurcation_table, contact_table, multiplier_table, table
 
 try:
     __version__ = version("attrito")
@@ -42,6 +42,7 @@ _PLACES = {
     "Result": "results",
     "table": "results",
     "contact_table": "results",
+    "bifurcation_table": "results",
     "multiplier_table": "results",
     "Fault": "faults",
     "InputError": "faults",
@@ -59,6 +60,7 @@ __all__ = [
     "Result",
     "UnsolvedError",
     "UnsolvedWarning",
+    "bifurcation_table",
     "contact_table",
     "import_model",
     "integrate",

@@ -71,7 +71,7 @@ def glance(view: View) -> list[tuple[str, bool]]:
     levels = len(view.peaks)
     span = f"{view.frequency.min():.6g} to {view.frequency.max():.6g} Hz"
     lines = [(f"{count} points, {levels} level{'s' * (levels > 1)}, {span}.", False), _solutions(view)]
-    lines += [*_verdicts(view), *_families(view)]
+    lines += [*_verdicts(view), *_bifurcations(view), *_families(view)]
     estimate = np.where(view.solved, view.result.array("/points/estimate"), np.nan)
     if np.isfinite(estimate).any():
         worst = int(np.nanargmax(estimate))
@@ -98,6 +98,18 @@ def _verdicts(view: View) -> list[tuple[str, bool]]:
     verdict = f"Unstable: {where}." if where else "No point that was examined is unstable."
     lines = [(f"{(stable == 1).sum()} points are stable. {verdict}", bool(where))]
     return lines + ([(f"{undecided} points have no verdict on their stability.", True)] if undecided else [])
+
+
+def _bifurcations(view: View) -> list[tuple[str, bool]]:
+    if not view.result.has("/bifurcations/kind"):
+        return []
+    names = view.result.names("/bifurcations/kind")
+    counts = Counter(names[kind].replace("_", " ") for kind in view.result.array("/bifurcations/kind"))
+    return (
+        [(f"Located along sweeps: {', '.join(f'{count} {name}' for name, count in counts.items())}.", False)]
+        if counts
+        else []
+    )
 
 
 def _families(view: View) -> list[tuple[str, bool]]:

@@ -188,10 +188,30 @@ def stability(page: Page, view: View) -> None:
         page.figures(figures)
     else:
         page.text("No multipliers in this result: [stability] method of the job asks for them.")
+    _bifurcations(page, view)
     if result.has("/stability/reason"):
         told = Counter(text.decode(errors="replace") for text in result.array("/stability/reason") if text)
         if told:
             page.table(["reason", "points"], told.most_common(MOST_REASONS))
+
+
+def _bifurcations(page: Page, view: View) -> None:
+    result = view.result
+    if not result.has("/bifurcations/kind") or not len(result.array("/bifurcations/kind")):
+        return
+    names = result.names("/bifurcations/kind")
+    columns = {
+        name: result.array(f"/bifurcations/{name}")
+        for name in ("frequency_hz", "uncertain_hz", "level", "real", "imag")
+    }
+    rows = []
+    for index, kind in enumerate(result.array("/bifurcations/kind")):
+        one = {name: values[index] for name, values in columns.items()}
+        crossing = f"{one['real']:.4f} {one['imag']:+.4f}i" if np.isfinite(one["real"]) else "-"
+        place = [f"{one['frequency_hz']:.7g}", f"{one['uncertain_hz']:.1e}", f"{one['level']:.4g}"]
+        rows.append([names[kind].replace("_", " "), *place, crossing])
+    page.subsection("Turning points and bifurcations")
+    page.table(["kind", "at Hz", "uncertain by", "level", "multiplier that crosses"], rows)
 
 
 def convergence(page: Page, view: View) -> None:

@@ -161,6 +161,25 @@ def test_what_failed_and_what_is_unstable_is_told_first(tmp_path):
     assert any("family" in line and "94 Hz" in line for line, _ in told)
 
 
+def test_bifurcations_are_counted_first_and_listed(tmp_path):
+    path = synthetic.write_result(tmp_path / "r.h5", [90.0, 91.0], {"tip": [1.0, 2.0]}, level=[3.0, 3.0])
+    with h5py.File(path, "r+") as file:
+        file["monitors/tip"].create_dataset("harmonics", data=np.ones((2, 3)))
+        group = file.create_group("bifurcations")
+        columns = {"frequency_hz": [90.25, 90.5], "uncertain_hz": [1e-6, 1e-7], "level": [3.0, 3.0], "kind": [0, 1]}
+        columns |= {"real": [np.nan, -1.0], "imag": [np.nan, 0.0], "branch": [0, 0], "point": [1, 1]}
+        columns |= {"amplitude/tip": [1.2, 1.5]}
+        for name, values in columns.items():
+            group.create_dataset(name, data=values)
+        group["kind"].attrs["names"] = np.array(["contact_fold", "flip"], dtype="S16")
+    with Result(path) as result:
+        assert ("Located along sweeps: 1 contact fold, 1 flip.", False) in glance(View(result))
+        text = make_page(result).html()
+    check_page(text)
+    assert "<tr><td>contact fold</td><td>90.25</td><td>1.0e-06</td><td>3</td><td>-</td></tr>" in text
+    assert "<tr><td>flip</td><td>90.5</td><td>1.0e-07</td><td>3</td><td>-1.0000 +0.0000i</td></tr>" in text
+
+
 def test_stretches_end_where_level_or_branch_changes(tmp_path):
     path = synthetic.write_result(
         tmp_path / "r.h5", [1.0, 2.0, 1.0, 2.0, 3.0], {"tip": [1.0] * 5}, level=[1, 1, 2, 2, 2], branch=[0, 0, 1, 1, 2]
