@@ -105,11 +105,8 @@ def _bifurcations(view: View) -> list[tuple[str, bool]]:
         return []
     names = view.result.names("/bifurcations/kind")
     counts = Counter(names[kind].replace("_", " ") for kind in view.result.array("/bifurcations/kind"))
-    return (
-        [(f"Located along sweeps: {', '.join(f'{count} {name}' for name, count in counts.items())}.", False)]
-        if counts
-        else []
-    )
+    words = ", ".join(f"{count} {name}" for name, count in counts.items())
+    return [(f"Located along sweeps: {words}.", False)] if counts else []
 
 
 def _families(view: View) -> list[tuple[str, bool]]:

@@ -7,9 +7,9 @@ import pytest
 import synthetic
 from matplotlib.collections import PathCollection, PolyCollection
 
-from attrito.contact_plots import Loop, contact_map, hysteresis
+from attrito.contact_plots import Loop, contact_map, hysteresis, surfaces
 from attrito.faults import InputError
-from attrito.plots import frequency_response, save
+from attrito.plots import Look, frequency_response, save
 from attrito.results import Result
 
 
@@ -167,3 +167,76 @@ def test_a_figure_that_cannot_be_written_is_a_fault(tmp_path):
     for path in (tmp_path / "none" / "a.png", tmp_path / "a.nonsense"):
         with pytest.raises(InputError, match="a writable"):
             save(figure, path)
+
+
+def tilted(tmp_path, places, normal):
+    """A result whose contacts lie at some places of a plane through (1, 2, 3) that is tilted about z, then x."""
+    turn = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]]) @ np.array(
+        [[1.0, 0.0, 0.0], [0.0, 0.28, -0.96], [0.0, 0.96, 0.28]]
+    )
+    flat = np.column_stack([places, np.zeros(len(places))])
+    frame = np.broadcast_to(np.array([turn[:, 0], turn[:, 1], normal * turn[:, 2]]), (len(places), 3, 3))
+    parameters = {"set": np.array([b"one"] * len(places)), "position": flat @ turn.T + [1.0, 2.0, 3.0], "frame": frame}
+    parameters["area"] = np.full(len(places), 0.5)
+    data = synthetic.contact_data(1, len(places))
+    return synthetic.write_result(tmp_path / "r.h5", [1.0], {}, contacts=data, parameters=parameters), turn
+
+
+@pytest.mark.parametrize("normal", [1.0, -1.0])
+def test_a_surface_is_seen_along_the_normal_of_its_plane_without_distortion(tmp_path, normal):
+    places = np.random.default_rng(5).uniform(size=(12, 2)) * [5.0, 2.0]
+    path, turn = tilted(tmp_path, places, normal)
+    with Result(path) as result:
+        (surface,) = surfaces(result)
+    apart = [np.linalg.norm(points[:, None] - points[None, :], axis=2) for points in (places, surface.seen)]
+    assert apart[1] == pytest.approx(apart[0], abs=1e-12)
+    across = np.cross(*surface.axes)
+    # Seen from outside: the normal of the contacts points away from who looks.
+    assert across == pytest.approx(-normal * turn[:, 2], abs=1e-12)
+    assert np.ptp(surface.seen[:, 0]) > np.ptp(surface.seen[:, 1])
+
+
+def test_contacts_in_a_row_are_seen_along_their_own_normal(tmp_path):
+    path, turn = tilted(tmp_path, np.column_stack([np.linspace(0.0, 3.0, 5), np.zeros(5)]), 1.0)
+    with Result(path) as result:
+        (surface,) = surfaces(result)
+    assert np.cross(*surface.axes) == pytest.approx(-turn[:, 2], abs=1e-12)
+    assert surface.seen[:, 1] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_maps_of_energy_are_per_area_and_maps_of_states_name_them(tmp_path):
+    path, _ = tilted(tmp_path, np.random.default_rng(5).uniform(size=(12, 2)), 1.0)
+    with Result(path) as result:
+        energy = result.array("/contacts/dissipated_energy")[0]
+        bar = contact_map(result, 0, "energy").axes[1]
+        assert bar.get_ylim()[1] == pytest.approx(energy.max() / 0.5)
+        assert "per area" in bar.get_ylabel()
+        axes = contact_map(result, 0, "state").axes[0]
+        assert sorted(text.get_text() for text in axes.get_legend().get_texts()) == [
+            "open",
+            "shaken down",
+            "slipping",
+            "stuck",
+        ]
+
+
+def test_a_look_sets_size_and_letters(tmp_path):
+    with response(tmp_path, [1.0, 2.0, 3.0]) as result:
+        figure = frequency_response(
+            result, "tip", look=Look(width=85.0, height=60.0, font="DejaVu Serif", font_size=7.0)
+        )
+    assert figure.get_size_inches() * 25.4 == pytest.approx([85.0, 60.0])
+    ticks = figure.axes[0].get_xticklabels()[0]
+    assert ticks.get_fontsize() == pytest.approx(7.0) and ticks.get_fontfamily() == ["DejaVu Serif"]
+    assert Look(width=127.0).size((10.0, 4.0)) == pytest.approx((5.0, 2.0))
+    assert Look(height=50.8).size((10.0, 4.0)) == pytest.approx((5.0, 2.0))
+    with pytest.raises(InputError, match="font = 'No Such Font'"):
+        Look(font="No Such Font")
+
+
+def test_a_pdf_keeps_its_letters_as_letters(tmp_path):
+    save(hysteresis([Loop("contact 7", np.arange(3), np.arange(3), np.arange(3))]), tmp_path / "loops.pdf")
+    written = (tmp_path / "loops.pdf").read_bytes()
+    # Fonts of type 42 are embedded TrueType; type 3 would be outlines, which journals refuse.
+    assert written.startswith(b"%PDF") and b"/Type3" not in written
+    assert b"/TrueType" in written or b"/CIDFontType2" in written
