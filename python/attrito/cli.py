@@ -21,7 +21,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code."""
     options = _parser().parse_args(arguments)
-    parallel = options.command in ("run", "reduce", "integrate", "export")
+    parallel = options.command in ("run", "reduce", "integrate", "export", "verify")
     try:
         options.work(options)
     except InputError as error:
@@ -167,10 +167,13 @@ def _parser() -> argparse.ArgumentParser:
     one.set_defaults(work=_keys)
 
     one = commands.add_parser("verify", help="reproduce Zucca & Firrone 2014: figures, data, and a table of numbers")
-    one.add_argument("what", choices=["paper"], help="what to reproduce")
-    one.add_argument("-o", "--output", metavar="DIR", default="out/paper", help="folder to write (default: out/paper)")
+    one.add_argument("what", choices=["paper", "torture"], help="the paper, or methods on thousands of small scenes")
+    one.add_argument("-o", "--output", metavar="DIR", help="folder to write (default: out/paper, out/torture)")
     one.add_argument("--harmonics", type=int, default=5, help="harmonics of the balance (default: 5, as in the paper)")
-    one.add_argument("--quick", action="store_true", help="coarse curves, and nothing that needs many harmonics")
+    one.add_argument(
+        "--quick", action="store_true", help="coarse curves, few scenes, and nothing that needs many harmonics"
+    )
+    one.add_argument("--scenes", type=_positive, metavar="N", help="torture: at least so many scenes (default: all)")
     one.set_defaults(work=_verify)
 
     one = commands.add_parser("export", help="motion of the whole structure at points -> VTU or XDMF, animated")
@@ -334,11 +337,19 @@ def _keys(options: argparse.Namespace) -> None:
 
 
 def _verify(options: argparse.Namespace) -> None:
+    if options.what == "torture":
+        from mpi4py import MPI
+
+        from attrito.verify.torture import QUICK_SCENES, verify_torture
+
+        scenes = options.scenes or (QUICK_SCENES if options.quick else None)
+        verify_torture(MPI.COMM_WORLD, options.output or "out/torture", scenes)
+        return
     from attrito.verify import verify_paper
 
     if options.harmonics < 1:
         raise InputError(Fault("verify", "--harmonics", options.harmonics, "at least 1"))
-    verify_paper(options.output, options.harmonics, options.quick)
+    verify_paper(options.output or "out/paper", options.harmonics, options.quick)
 
 
 def _monitor(result, options: argparse.Namespace) -> str:

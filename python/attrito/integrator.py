@@ -126,7 +126,7 @@ class Integrator:
         self._scene = scene
         self._handle = ctypes.c_void_p()
         self._factors = np.ones(len(scene.static))
-        self.contacts = len(scene.laws["tangents"])
+        self.size, self.contacts = len(scene.mass), len(scene.laws["tangents"])
         laws = (type(make_law(scene.laws, 0)) * self.contacts)(*(make_law(scene.laws, i) for i in range(self.contacts)))
         arrays = [
             scene.mass,

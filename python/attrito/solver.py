@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 OUTCOMES = ("converged", "unstable", "indeterminate", "no_period_one_orbit", "not_converged")
 # Parts of a point's estimated error
 ERRORS = ("error_harmonics", "error_samples", "error_modes")
+# What the cascade tries, in its order; see src/continuation/cascade.f90.
+ATTEMPTS = ("newton_briefly", "motion_in_time", "newton", "stuck_response", "frequency_steps", "force_steps")
 DAMPING_KINDS = {"none": 0, "viscous": 1, "ratio": 2, "mass": 3, "loss_factor": 4}
 
 
@@ -196,6 +198,16 @@ class Solver:
         for frequency in frequencies_hz:
             self._library.attrito_solve_at(self._handle, _omega(frequency), branch, ctypes.byref(raw))
             yield self._point(raw, followed=False)
+
+    def try_at(self, attempt: str, frequency_hz: float) -> Point:
+        """A point by one of `ATTEMPTS` alone; the session stands where it stood before, whatever it found.
+
+        After `solve_at` or `sweep` have begun, which set the level of the loads.
+        """
+        raw = _Point()
+        number = ATTEMPTS.index(attempt) + 1
+        self._library.attrito_try_at(self._handle, number, _omega(frequency_hz), ctypes.byref(raw))
+        return self._point(raw)
 
     def linear_response(self, stuck: bool, frequencies_hz: np.ndarray, natural: int) -> tuple[np.ndarray, np.ndarray]:
         """Amplitudes `[monitors, frequencies]` at level 1 with contacts stuck, or closed without friction.

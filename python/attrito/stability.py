@@ -64,11 +64,7 @@ class Examiner:
         self._points += 1
         if not self._methods or point.outcome != "converged":
             return point
-        report, message = _Report(), library.message_buffer()
-        status = self._solver.call(
-            "attrito_examine", self._methods, self._orbit, self._viscous, ctypes.byref(report), message, len(message)
-        )
-        library.check(status, message)
+        report, reason = examine_point(self._solver, self._methods, self._orbit, self._viscous)
         if self._root:
             for index, (name, engine) in enumerate(ENGINES.items()):
                 self._fetch(number, index, engine, getattr(report, name))
@@ -76,18 +72,30 @@ class Examiner:
                 self.distances[number] = report.distance
             if report.monodromy:
                 self.changes[number] = report.change
-            if message.value:
-                self.reasons[number] = message.value.decode()
+            if reason:
+                self.reasons[number] = reason
         return dataclasses.replace(point, outcome=OUTCOMES.get(report.verdict, point.outcome))
 
     def _fetch(self, number: int, index: int, engine: int, count: int) -> None:
         if not count:
             return
-        real, imaginary, kind = np.zeros(count), np.zeros(count), np.zeros(count, dtype=np.int32)
-        self._solver.call(
-            "attrito_multipliers", engine, *(ctypes.c_void_p(a.ctypes.data) for a in (real, imaginary, kind))
-        )
+        real, imaginary, kind = fetch_multipliers(self._solver, engine, count)
         self.rows += zip([number] * count, [index] * count, real, imaginary, kind, strict=True)
+
+
+def examine_point(solver: Solver, methods: int, orbit: int, viscous: int = 0) -> tuple[_Report, str]:
+    """What the library finds at the point where a solver stands, and why it has no verdict. Collective."""
+    report, message = _Report(), library.message_buffer()
+    status = solver.call("attrito_examine", methods, orbit, viscous, ctypes.byref(report), message, len(message))
+    library.check(status, message)
+    return report, message.value.decode()
+
+
+def fetch_multipliers(solver: Solver, engine: int, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Real parts, imaginary parts and kinds of the last examination's multipliers by one engine, at the root."""
+    real, imaginary, kind = np.zeros(count), np.zeros(count), np.zeros(count, dtype=np.int32)
+    solver.call("attrito_multipliers", engine, *(ctypes.c_void_p(a.ctypes.data) for a in (real, imaginary, kind)))
+    return real, imaginary, kind
 
 
 def write_multipliers(path: str, examiner: Examiner) -> None:

@@ -39,7 +39,8 @@ contains
     call prepare(session, equivalent_viscous /= 0, error)
     status = tell(error, message)
     if (allocated(error)) return
-    call examine(session%solver, session%in_time, examine_options_type(methods, orbit), session%examination)
+    call examine(session%solver, session%in_time, examine_options_type(methods, orbit, truncation=session%point%errors%harmonics), &
+                 session%examination)
     call moduli_of(session%solver, session%examination, session%moduli(2))
     report%verdict = session%examination%verdict
     report%distance = session%examination%distance

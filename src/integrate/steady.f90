@@ -3,9 +3,9 @@
 !> $$ \delta_k = \max\Big( \frac{|p_n - p_{n-k}|}{A}, \frac{|\dot p_n - \dot p_{n-k}|}{\omega A}, \frac{|w_n - w_{n-k}|}{A_u} \Big) $$
 !>
 !> with A the half range of the motion over the last period in the norm of the mass matrix, A_u the largest half range of a contact's
-!> displacement. Period one if delta_1 <= tolerance. Period k if delta_k <= tolerance while every smaller delta stays above 1e-6 (a
-!> mode that alternates while it dies out has a small delta_2 too, and is waited for). Neither within the cycles: still settling if
-!> delta_1 has halved over the last half of them, else not periodic.
+!> displacement. Period one if delta_1 <= tolerance. Period k if delta_k <= tolerance while every smaller delta stays above 1e-6 and a
+!> hundred tolerances (a mode that alternates while it dies out has a small delta_2 too, and is waited for). Neither within the
+!> cycles: still settling if delta_1 has halved over the last half of them, else not periodic.
 module attrito_integrate_steady
   use attrito_core_kinds, only: wp
   use attrito_integrate_state, only: state_type
@@ -83,10 +83,11 @@ contains
 
   pure subroutine recognise(self)
     type(steady_type), intent(inout) :: self
-    real(wp), parameter :: distinct = 1.0e-6_wp
+    real(wp) :: distinct
     integer :: k
 
     self%period = 0
+    distinct = max(1.0e-6_wp, 100*self%tolerance)
     do k = 1, size(self%defect)
       if (self%defect(k) > self%tolerance) cycle
       if (all(self%defect(:k - 1) > distinct)) self%period = k

@@ -11,7 +11,7 @@ module attrito_stability_examine
   use attrito_integrate_state, only: state_type
   use attrito_stability_graze, only: nudged, grazing_contact
   use attrito_stability_hill, only: hill_multipliers, too_large
-  use attrito_stability_in_time, only: decide_in_time
+  use attrito_stability_in_time, only: decide_in_time, settle
   use attrito_stability_leg, only: orbit_legs_type, legs_of_motion
   use attrito_stability_multipliers, only: multiplier_type, multipliers_of
   use attrito_stability_shooting, only: shoot, march_period
@@ -39,7 +39,12 @@ module attrito_stability_examine
     integer :: orbit = automatic_orbit
     !> Let integration in time decide where multipliers do not
     logical :: decide = .true.
+    !> Estimated relative error of the balance's motion by truncation
+    real(wp) :: truncation = 0.0_wp
   end type examine_options_type
+
+  !> Truncation beyond which its multipliers are not to be trusted at all: contacts that open and land in stick magnify it
+  real(wp), parameter :: coarse = 1.0e-3_wp
 
   !> How far the event-exact orbit may lie from the balance's, part of the motion's half range, to be taken for the same
   real(wp), parameter :: farthest = 0.1_wp
@@ -115,7 +120,7 @@ contains
       call balanced_legs(solver, motion, slider, orbit, nudges)
       call judge_orbit(system, options, loading%period, orbit, nudges, self)
       if (options%orbit == balanced_orbit .or. all(orbit%stuck)) return
-      if (self%verdict == not_examined .or. is_sure(self) .or. any(system%law%tangents > 1)) return
+      if (self%verdict == not_examined .or. is_sure(self, options%truncation) .or. any(system%law%tangents > 1)) return
     end if
     start = start_of(solver, system, slider)
     call exact_legs(system, loading, swings_of(system%law, motion), start, orbit, nudges, self)
@@ -127,10 +132,11 @@ contains
   end subroutine examine_orbit
 
   !> Is a verdict on the balance's orbit beyond what the balance leaves out?
-  pure logical function is_sure(self)
+  pure logical function is_sure(self, truncation)
     type(examination_type), intent(in) :: self
+    real(wp), intent(in) :: truncation
 
-    is_sure = self%verdict /= indeterminate
+    is_sure = self%verdict /= indeterminate .and. truncation <= coarse
     if (allocated(self%monodromy)) is_sure = is_sure .and. abs(largest_multiplier(self%monodromy) - 1.0_wp) > margin
     if (allocated(self%hill)) is_sure = is_sure .and. abs(largest_multiplier(self%hill) - 1.0_wp) > margin
   end function is_sure
@@ -195,8 +201,8 @@ contains
     logical :: found
     integer :: i
 
-    call shoot(system, loading, start, orbit, moved, found)
-    if (.not. found .or. moved > farthest) then
+    call find_exact(system, loading, start, orbit, moved, found)
+    if (.not. found) then
       self%verdict = indeterminate
       self%reason = 'no event-exact orbit near that of the balance'
       return
@@ -209,6 +215,31 @@ contains
       call march_period(other, loading, state, nudges(i), range)
     end do
   end subroutine exact_legs
+
+  !> The event-exact orbit near the balance's, by Newton's method from there, or from what motion in time settles to.
+  subroutine find_exact(system, loading, start, orbit, moved, found)
+    type(system_type), intent(in) :: system
+    type(loading_type), intent(in) :: loading
+    !> Of the balance's period, then of the orbit's
+    type(state_type), intent(inout) :: start
+    type(orbit_legs_type), intent(out) :: orbit
+    !> Distance, part of the motion's half range
+    real(wp), intent(out) :: moved
+    logical, intent(out) :: found
+    type(state_type) :: origin
+    real(wp) :: range
+
+    origin = start
+    call shoot(system, loading, start, orbit, moved, found)
+    found = found .and. moved <= farthest
+    if (found) return
+    start = origin
+    call settle(system, loading, start, range, found)
+    if (.not. found) return
+    call shoot(system, loading, start, orbit, moved, found)
+    moved = norm2(start%motion - origin%motion)/range
+    found = found .and. moved <= farthest
+  end subroutine find_exact
 
   !> Size of each contact's normal displacement, without its mean.
   pure function swings_of(law, motion) result(swing)

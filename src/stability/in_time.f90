@@ -9,11 +9,13 @@ module attrito_stability_in_time
   use attrito_stability_verdict, only: stable, unstable, indeterminate
   implicit none
   private
-  public :: decide_in_time
+  public :: decide_in_time, settle
 
   !> Perturbations, part of the motion's half range; how many, and the periods they are followed
   real(wp), parameter :: perturbation = 1.0e-6_wp
   integer, parameter :: perturbations = 6, periods = 400
+  !> Periods after which a motion that has not settled is taken to go on so
+  integer, parameter :: periods_to_settle = 100
   !> Factors by which all have shrunk or one has grown
   real(wp), parameter :: gone = 1.0e-1_wp, far = 1.0e3_wp
 
@@ -53,6 +55,27 @@ contains
       distance = hypot(norm2(state%motion - start%motion), norm2(state%rate - start%rate))
     end function distance
   end function decide_in_time
+
+  !> March until a period changes the motion by no more than a perturbation would.
+  subroutine settle(system, loading, state, range, settled)
+    type(system_type), intent(in) :: system
+    type(loading_type), intent(in) :: loading
+    type(state_type), intent(inout) :: state
+    !> Half range of the motion over the last period
+    real(wp), intent(out) :: range
+    logical, intent(out) :: settled
+    type(state_type) :: before
+    type(orbit_legs_type) :: orbit
+    integer :: cycle
+
+    settled = .false.
+    do cycle = 1, periods_to_settle
+      before = state
+      call march_period(system, loading, state, orbit, range)
+      settled = hypot(norm2(state%motion - before%motion), norm2(state%rate - before%rate)) <= perturbation*range
+      if (settled) return
+    end do
+  end subroutine settle
 
   !> A direction of unit length, without pattern: turns by the golden angle.
   pure function direction(n, which) result(unit)

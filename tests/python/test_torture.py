@@ -5,6 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from jobs import run, table, wedge
+from mpi4py import MPI
+
+from attrito.family import Family as Members
+from attrito.integrator import Integrator, Run
+from attrito.solver import Options, Solver
+from attrito.stability import ENGINES, ORBITS, examine_point
+from attrito.verify.torture.grid import NEAR
+from attrito.verify.torture.methods import SAMPLES, distance, state_of
+from attrito.verify.torture.scenes import Family
 
 
 @pytest.mark.parametrize("frequency_hz", [65.641, 71.2821, 88.2051])
@@ -24,3 +33,34 @@ def test_a_very_stiff_contact_without_friction_leaves_a_body_the_response_it_has
     assert point["outcome"] == "converged"
     # The residual, 1e-10 of the stuck response or rounding of the motion, grows by the ratio of stiffnesses at most.
     assert float(point["x_amplitude"]) == pytest.approx(free, rel=1e-8)
+
+
+def test_a_verdict_on_coarse_harmonics_is_that_of_the_event_exact_orbit():
+    # Ten harmonics of an impact: multipliers of the balance's orbit say it is unstable. Motion in time stays.
+    family = Family(1, 100.0, 0.3, "apart", 45.0)
+    at = 138.974359
+    scene = family.scene()
+    with Integrator(scene) as session, Solver(MPI.COMM_SELF, scene, Options(harmonics=10, by_events=True)) as solver:
+        solver.walk_static_path(np.array([[0.0], [1.0]]), 20, at)
+        (point,) = solver.solve_at([at], 1.0, 0)
+        balance, _ = examine_point(solver, ENGINES["monodromy"], ORBITS["balance"])
+        chosen, _ = examine_point(solver, ENGINES["monodromy"], ORBITS["auto"])
+        slider = Members(MPI.COMM_SELF, solver, 1, 2).visit(lambda members: members.describe().slider)
+        state = state_of(point.harmonics, at, slider)
+        session.start(state.displacement, state.velocity, state.sliders, np.ones(1))
+        orbit = session.run(Run(at, samples=SAMPLES, cycles=4000, periodicity_tolerance=1e-8))
+    assert balance.verdict == 0
+    assert chosen.verdict == 1
+    assert 1e-3 < chosen.distance < 1e-2
+    assert (orbit.outcome, orbit.period) == ("converged", 1)
+    assert distance(point, orbit) < NEAR
+
+
+def test_a_mode_that_alternates_while_it_dies_out_is_no_motion_of_period_two():
+    # The orbit has a multiplier near -0.96: states two periods apart agree long before successive ones do.
+    family = Family(1, 10.0, 3.0, "none", 80.0)
+    with Integrator(family.scene()) as session:
+        session.start_static(np.array([[0.0], [1.0]]))
+        loose = session.run(Run(60.0, periodicity_tolerance=1e-7, cycles=2000))
+        tight = session.run(Run(60.0, periodicity_tolerance=1e-12, cycles=2000))
+    assert tight.period == loose.period == 1

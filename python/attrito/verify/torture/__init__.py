@@ -1,0 +1,76 @@
+"""`attrito verify torture`: every method on thousands of small scenes, and what integration in time says of it."""
+
+from __future__ import annotations
+
+import csv
+import os
+import random
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from attrito.plots import save
+from attrito.verify.torture import pictures, report
+from attrito.verify.torture.grid import Grid, gather, write_csv, write_hdf5
+from attrito.verify.torture.methods import solve_family
+from attrito.verify.torture.scenes import FREQUENCIES, Family, families
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+# Of the order in which families are taken, so that a part of them is of all kinds.
+SEED = 1
+SILENCE = 10.0
+QUICK_SCENES = 160
+
+
+def verify_torture(
+    comm: Comm, folder: str | os.PathLike[str], scenes: int | None = None, say: Callable[[str], None] = print
+) -> str:
+    """Run the grid into a folder, families shared out over ranks; returns the report's path.
+
+    Parameters
+    ----------
+    folder : gets `torture.h5`, `scenes.csv`, `figures.csv`, `report.md`, `verdicts.png` and `methods.png`
+    scenes : at least so many, of all kinds; all unless given
+    say : is told of each step, at the root
+    """
+    chosen = choose(scenes)
+    started = time.perf_counter()
+    mine = chosen[comm.rank :: comm.size]
+    columns, told = [], started
+    for number, family in enumerate(mine, 1):
+        columns.append(solve_family(family))
+        if comm.rank == 0 and time.perf_counter() - told > SILENCE:
+            told = time.perf_counter()
+            say(f"{number} of {len(mine)} families, {told - started:.0f} s")
+    parts = comm.gather((mine, columns))
+    place = Path(folder)
+    if comm.rank == 0:
+        place.mkdir(parents=True, exist_ok=True)
+        known = {family: one for families_of, found in parts for family, one in zip(families_of, found, strict=True)}
+        ordered = [family for family in families() if family in known]
+        write(place, gather(ordered, [known[family] for family in ordered]))
+        say(f"{len(ordered) * FREQUENCIES} scenes in {time.perf_counter() - started:.0f} s: {place / 'report.md'}")
+    return str(place / "report.md")
+
+
+def choose(scenes: int | None) -> list[Family]:
+    """Families with at least so many scenes, in a fixed order without pattern; all unless given."""
+    every = families()
+    random.Random(SEED).shuffle(every)
+    return every if scenes is None else every[: -(-scenes // FREQUENCIES)]
+
+
+def write(place: Path, grid: Grid) -> None:
+    """All files of a grid."""
+    write_hdf5(place / "torture.h5", grid)
+    write_csv(place / "scenes.csv", grid)
+    with (place / "figures.csv").open("w", newline="") as file:
+        csv.writer(file).writerows(
+            [("figure", "value"), *((name, f"{x:.9g}") for name, x in report.figures(grid).items())]
+        )
+    (place / "report.md").write_text(report.markdown(grid))
+    save(pictures.verdict_map(grid), place / "verdicts.png")
+    save(pictures.method_map(grid), place / "methods.png")
