@@ -23,6 +23,7 @@ from attrito.rom import make_rom, mode_error, model_path, reduced_scene, rom_fin
 from attrito.scene import Scene, build_scene
 from attrito.solver import Options, Point, Solver
 from attrito.stability import Examiner, write_multipliers
+from attrito.statics import friction_margin, warning, write_margin
 from attrito.uniqueness import Sampler, write_bounds
 
 if TYPE_CHECKING:
@@ -64,6 +65,9 @@ def run_job(comm: Comm, path: str | Job) -> str:
     result = job.file(job["output"]["file"])
     partial = f"{result}.partial"
     options = on_root(comm, lambda: solver_options(job))
+    margin = on_root(comm, lambda: friction_margin(reduced))
+    if (wedges := warning(margin)) is not None:
+        progress.say(wedges)
     outcomes: Counter[str] = Counter()
     incomplete: list[str] = []
     try:
@@ -95,6 +99,7 @@ def run_job(comm: Comm, path: str | Job) -> str:
     on_root(comm, lambda: _write_incomplete(partial, incomplete))
     on_root(comm, lambda: write_bounds(partial, reduced, sampler))
     on_root(comm, lambda: write_multipliers(partial, examiner))
+    on_root(comm, lambda: write_margin(partial, margin))
     on_root(comm, lambda: write_bifurcations(partial, finder.found, reduced.monitor_names))
     on_root(comm, lambda: os.replace(partial, result))
     progress.end(result, time.perf_counter() - started, outcomes)
