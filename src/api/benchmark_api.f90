@@ -2,6 +2,7 @@
 module attrito_api_benchmark
   use, intrinsic :: iso_c_binding
   use attrito_core_kinds, only: wp
+  use attrito_core_lapack, only: few_rows_times
   use attrito_model_contacts, only: contact_type
   use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_quadrature_event, only: evaluate_contact_by_events
@@ -113,8 +114,8 @@ contains
         call balance%receptance%respond(balance%harmonic_load, response)
         do h = 1, balance%receptance%harmonics
           if (all(abs(balance%harmonic_load(:, h)) <= 0.0_wp)) cycle
-          motion = matmul(transpose(reshape([real(response(:, h + 1), wp), -aimag(response(:, h + 1))], [size(response, 1), 2])), &
-                          balance%directions)
+          motion = few_rows_times(reshape([real(response(:, h + 1), wp), -aimag(response(:, h + 1))], [size(response, 1), 2]), &
+                                  balance%directions)
         end do
       end do
       seconds = (clock() - started)/repeats

@@ -9,6 +9,7 @@
 module attrito_balance_harmonic_balance
   use attrito_core_communicator, only: communicator_type
   use attrito_core_kinds, only: wp
+  use attrito_core_lapack, only: few_rows_times
   use attrito_core_trigonometric, only: resized
   use attrito_model_contacts, only: contact_type, contacts_type
   use attrito_model_structure, only: structure_type
@@ -309,7 +310,7 @@ contains
     allocate (loaded(size(rows), size(motion, 2)))
     if (allocated(self%frozen_mean)) then
       self%response(:, 0) = self%frozen_mean
-      loaded(1, :) = matmul(real(self%frozen_mean, wp), self%directions)
+      loaded(:1, :) = recover_coefficients(self, self%response, [1])
     else
       call update_mean(self)
       self%response(:, 0) = self%kept%response
@@ -391,8 +392,8 @@ contains
     real(wp), allocatable :: coefficients(:, :)
 
     coefficients = to_real(response)
-    coefficients = coefficients(rows, :)
-    motion = matmul(coefficients, self%directions)
+    coefficients = transpose(coefficients(rows, :))
+    motion = few_rows_times(coefficients, self%directions)
   end function recover_coefficients
 
   !> Response to the loads alone, every contact stuck at zero slider [n, 0:H].

@@ -182,8 +182,11 @@ contains
     type(solver_type), intent(in) :: solver
     type(place_type) :: place
 
-    place = place_type(solver%motion, solver%context%balance%slider, solver%context%balance%periodic, &
-                       solver%omega, solver%all_stick)
+    place%motion = solver%motion
+    place%slider = solver%context%balance%slider
+    place%periodic = solver%context%balance%periodic
+    place%omega = solver%omega
+    place%all_stick = solver%all_stick
   end function place_of
 
   !> Let a solver stand at a place.

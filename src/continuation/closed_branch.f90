@@ -26,6 +26,10 @@ contains
     real(wp) :: length_omega, way_omega, part, square, off
 
     associate (context => solver%context, balance => solver%context%balance, point => home%points(1))
+      ! A step along the linear response passes what lies between its frequencies, and no more.
+      comes_home = .not. (step%from%all_stick .and. step%to%all_stick) &
+                   .or. (point%omega - step%from%omega)*(point%omega - step%to%omega) <= 0.0_wp
+      if (.not. comes_home) return
       length = scaled(step%to%motion - step%from%motion, context%motion_scale)
       length_omega = (step%to%omega - step%from%omega)/context%frequency_scale
       way = scaled(home%own_motion(solver, 1) - step%from%motion, &

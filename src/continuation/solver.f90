@@ -302,14 +302,15 @@ contains
     class(solver_type), intent(inout) :: self
     real(wp), intent(in) :: omega
     logical, intent(out) :: stuck
-    real(wp) :: motion(size(self%motion, 1), size(self%motion, 2))
+    real(wp), allocatable :: motion(:, :)
 
     stuck = .false.
     if (.not. self%all_stick) return
+    allocate (motion, mold=self%motion)
     call self%context%balance%evaluate_stuck(omega, motion, stuck)
     call self%context%forget()
     if (.not. stuck) return
-    self%motion = motion
+    call move_alloc(motion, self%motion)
     self%omega = omega
     self%report = newton_report_type(converged=.true., residual=0.0_wp)
   end subroutine solve_stuck_at

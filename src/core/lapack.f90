@@ -3,7 +3,7 @@ module attrito_core_lapack
   use attrito_core_kinds, only: wp
   implicit none
   private
-  public :: multiply_by_transpose, transposed_product, subtract_product
+  public :: multiply_by_transpose, transposed_product, few_rows_times, subtract_product
   public :: solve_dense, factor, solve_factored, factor_complex, solve_factored_complex, symmetric_eigenpairs
   public :: eigenvalues_of, complex_eigenvalues_of, singular_values, complex_singular_values
 
@@ -15,6 +15,13 @@ module attrito_core_lapack
       real(wp), intent(in) :: alpha, beta, a(lda, *), b(ldb, *)
       real(wp), intent(inout) :: c(ldc, *)
     end subroutine dgemm
+    subroutine dgemv(trans, m, n, alpha, a, lda, x, incx, beta, y, incy)
+      import :: wp
+      character, intent(in) :: trans
+      integer, intent(in) :: m, n, lda, incx, incy
+      real(wp), intent(in) :: alpha, a(lda, *), x(*), beta
+      real(wp), intent(inout) :: y(*)
+    end subroutine dgemv
     subroutine dgesv(n, nrhs, a, lda, ipiv, b, ldb, info)
       import :: wp
       integer, intent(in) :: n, nrhs, lda, ldb
@@ -118,6 +125,22 @@ contains
     if (size(c) == 0 .or. size(a, 1) == 0) return
     call dgemm('T', 'N', size(a, 2), size(b, 2), size(a, 1), 1.0_wp, a, size(a, 1), b, size(b, 1), 0.0_wp, c, size(a, 2))
   end function transposed_product
+
+  !> b^T a for few columns b, one at a time: a product of matrices would first copy `a`.
+  function few_rows_times(b, a) result(c)
+    !> [n, few]
+    real(wp), intent(in), contiguous :: b(:, :)
+    !> [n, q]
+    real(wp), intent(in), contiguous :: a(:, :)
+    real(wp) :: c(size(b, 2), size(a, 2))
+    integer :: i
+
+    c = 0.0_wp
+    if (size(c) == 0 .or. size(a, 1) == 0) return
+    do i = 1, size(b, 2)
+      call dgemv('T', size(a, 1), size(a, 2), 1.0_wp, a, size(a, 1), b(:, i), 1, 0.0_wp, c(i, 1), size(c, 1))
+    end do
+  end function few_rows_times
 
   !> c <- c - a b.
   subroutine subtract_product(a, b, c)
