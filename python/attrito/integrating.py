@@ -22,6 +22,7 @@ from attrito.faults import InputError, UnsolvedError
 from attrito.integrator import Integrator, Orbit, Run
 from attrito.job import Job, read_job
 from attrito.parallel import on_root
+from attrito.restart import read_point
 from attrito.rom import make_rom, reduced_scene, rom_path
 from attrito.scene import Scene, build_scene
 from attrito.solver import ReducedScene
@@ -146,24 +147,11 @@ def _end_at(path: np.ndarray, profile: list) -> np.ndarray:
 
 def _point(job: Job, size: int, contacts: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """State at the start of the period of a point of the job's result: displacement, velocity, sliders."""
-    number = int(job["integrate"]["start"].split(":")[1])
     path = job.file(job["output"]["file"])
-    key = "[integrate] start"
-    try:
-        with h5py.File(path) as file:
-            coordinates = file["points/coordinates"]
-            if number >= len(coordinates):
-                raise InputError(job.fault(key, f"point:{number}", f"a point of {path}: 0 to {len(coordinates) - 1}"))
-            if coordinates.shape[1] != size or file["contacts/slider"].shape[1] != contacts:
-                raise InputError(job.fault(key, f"point:{number}", f"a result of this scene in {path}"))
-            motion, slider = coordinates[number], file["contacts/slider"][number]
-            omega = 2.0 * np.pi * file["points/frequency_hz"][number]
-    except (OSError, KeyError):
-        raise InputError(job.fault(key, f"point:{number}", f"a result of `attrito run` in {path}")) from None
-    if not np.all(np.isfinite(motion)):
-        raise InputError(job.fault(key, f"point:{number}", "a point that has converged"))
+    point = read_point(job, "[integrate] start", job["integrate"]["start"], path, size, contacts)
+    motion, omega = point.coordinates, 2.0 * np.pi * point.frequency_hz
     harmonics = np.arange(1, (motion.shape[1] - 1) // 2 + 1)
-    return motion[:, 0] + motion[:, 1::2].sum(axis=1), omega * motion[:, 2::2] @ harmonics, slider
+    return motion[:, 0] + motion[:, 1::2].sum(axis=1), omega * motion[:, 2::2] @ harmonics, point.slider
 
 
 def summary(file: str, scene: ReducedScene, choices: Run, orbit: Orbit) -> list[str]:

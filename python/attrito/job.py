@@ -272,7 +272,7 @@ def _check_sweep(job: Job) -> list[Fault]:
     ends = [key for key in ("start_hz", "stop_hz") if sweep[key] is not None]
     if sweep["frequencies_hz"] is not None:
         faults = [job.fault(f"[sweep] {key}", sweep[key], "no such key beside frequencies_hz") for key in ends]
-        for key, default in (("both_directions", False), ("max_points", 1000)):
+        for key, default in (("both_directions", False), ("max_points", 1000), ("branches", 1), ("start", None)):
             if (value := job["continuation"][key]) != default:
                 faults.append(job.fault(f"[continuation] {key}", value, "no such key beside [sweep] frequencies_hz"))
         return faults

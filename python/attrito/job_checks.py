@@ -195,6 +195,13 @@ def start(value: Any) -> str:
     raise ValueError('"static", "rest" or "point:<number>"')
 
 
+def stored_point(value: Any) -> str:
+    """A point of a result: "point:<number>"."""
+    if isinstance(value, str) and re.fullmatch(r"point:\d+", value):
+        return value
+    raise ValueError('"point:<number>"')
+
+
 def node_reference(value: Any) -> int | str:
     """A node's id or a node set's name."""
     return either(integer(1), text)(value)

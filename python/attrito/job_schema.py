@@ -21,6 +21,7 @@ from attrito.job_checks import (
     node_reference,
     number,
     start,
+    stored_point,
     term,
     terms,
     text,
@@ -153,7 +154,19 @@ TABLES: dict[str, dict[str, Key]] = {
         "levels": Key(listing(number(0, above=True), 1), [1.0], "factors on all harmonic loads, a sweep each"),
     },
     "continuation": {
-        "branches": Key(integer(1, 1), 1, "that are followed"),
+        "branches": Key(
+            integer(1),
+            1,
+            "beyond 1, that many are looked for at each level: from both ends, beyond folds, out of motion in time, by"
+            " homotopy in the preload ([method.md](method.md#getting-from-point-to-point))",
+        ),
+        "start": Key(
+            stored_point,
+            None,
+            'a point of an older result, `"point:12"`, to begin at instead of at `start_hz`; with `both_directions`'
+            " also from it towards `start_hz`",
+        ),
+        "start_file": Key(text, None, "that result; absent: the output file as it was"),
         "both_directions": Key(boolean, False, "sweep back too"),
         "max_points": Key(
             integer(2), 1000, "of a sweep; one that ends before its stop is told, in `/points` too, and exits with 1"

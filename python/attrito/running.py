@@ -19,9 +19,11 @@ from attrito.faults import InputError, NumericsError, UnsolvedError
 from attrito.job import TOLERANCE, Job, read_job
 from attrito.parallel import on_root
 from attrito.progress import Progress
+from attrito.restart import StoredPoint, read_point
 from attrito.rom import make_rom, mode_error, model_path, reduced_scene, rom_fingerprint, rom_path
 from attrito.scene import Scene, build_scene
-from attrito.solver import Options, Point, Solver
+from attrito.search import Search
+from attrito.solver import Options, Point, ReducedScene, Solver
 from attrito.stability import Examiner, write_multipliers
 from attrito.statics import friction_margin, warning, write_margin
 from attrito.uniqueness import Sampler, write_bounds
@@ -77,16 +79,19 @@ def run_job(comm: Comm, path: str | Job) -> str:
             sampler = Sampler(comm, solver, reduced, options, job["static"]["bounds"])
             examiner = Examiner(comm, solver, job)
             finder = Finder(solver, job, progress)
+            search = Search(solver, job, load_path, finder, progress)
+            restart = on_root(comm, lambda: _restart(job, reduced))
             on_root(comm, lambda: _write_linear(partial, linear, reduced.monitor_names))
             solver.open_result(partial)
             progress.begin(len(reduced.mass), len(reduced.laws["tangents"]), linear)
-            for point in _points(solver, job, load_path, progress, incomplete):
+            for point, first in _points(solver, job, load_path, progress, incomplete, search, restart):
                 point = examiner.examine(point)
                 solver.write_point()
                 sampler.visit(point)
                 progress.point(point, reduced.monitor_names[0])
                 outcomes[point.outcome] += 1
                 finder.visit(point)
+                search.keep(point, first)
     except (InputError, NumericsError) as error:
         if progress.count == 0:
             on_root(comm, lambda: Path(partial).unlink(missing_ok=True))
@@ -148,35 +153,65 @@ def _on_root_only(comm: Comm, work) -> Scene | None:
 
 
 def _points(
-    solver: Solver, job: Job, load_path: np.ndarray, progress: Progress, incomplete: list[str]
-) -> Iterator[Point]:
-    """Every point of the job: for each level the static path, then the sweep, and back if the job says so."""
+    solver: Solver,
+    job: Job,
+    load_path: np.ndarray,
+    progress: Progress,
+    incomplete: list[str],
+    search: Search,
+    restart: StoredPoint | None,
+) -> Iterator[tuple[Point, bool]]:
+    """Every point of the job, and whether it is the first of a sweep.
+
+    For each level the static path, then the sweep, and back if the job says so; then other branches if asked for.
+    """
     sweep = job["sweep"]
     listed = sweep["frequencies_hz"]
     ends = [(listed[0], listed[-1])] if listed else [(sweep["start_hz"], sweep["stop_hz"])]
     if job["continuation"]["both_directions"] and not listed:
         ends.append(ends[0][::-1])
+    most = job["continuation"]["max_points"]
     branch = 0
     for level in sweep["levels"]:
+        search.begin_level(level)
         for start, stop in ends:
-            means = solver.walk_static_path(load_path, job["static"]["steps"], start)
+            begin = start if restart is None else restart.frequency_hz
+            means = solver.walk_static_path(load_path, job["static"]["steps"], begin)
             progress.static(means)
             if listed:
                 points = solver.solve_at(listed, level, branch)
+            elif restart is not None:
+                if not solver.stand_at(restart, level):
+                    raise NumericsError(f"the point to start at, {begin:.6g} Hz, is not solved at level {level:g}")
+                points = solver.follow(start, stop, branch, most, 1 if stop > start else -1)
             else:
-                points = solver.sweep(start, stop, level, branch, job["continuation"]["max_points"])
+                points = solver.sweep(start, stop, level, branch, most)
             point = None
-            for point in points:
+            for count, point in enumerate(points):
                 branch = max(branch, point.branch)
-                yield point
+                yield point, count == 0
             if point is not None and not listed and not point.reached_stop:
                 incomplete.append(
-                    f"the sweep of level {level:g} from {start:g} Hz ended at {point.frequency_hz:.6g} Hz,"
-                    f" before its stop at {stop:g} Hz: the branch turned back over its start, or [continuation]"
-                    " max_points was reached"
+                    f"the sweep of level {level:g} from {begin:g} Hz ended at {point.frequency_hz:.6g} Hz,"
+                    f" before its stop at {stop:g} Hz: the branch turned back over its start, closed upon itself or was"
+                    " lost, or [continuation] max_points was reached"
                 )
                 progress.say(incomplete[-1])
             branch += 1
+        if search.searches:
+            for point, first in search.branches(*sorted(ends[0]), branch):
+                branch = max(branch, point.branch + 1)
+                yield point, first
+
+
+def _restart(job: Job, scene: ReducedScene) -> StoredPoint | None:
+    """The point of an older result that the job starts at."""
+    continuation = job["continuation"]
+    if continuation["start"] is None:
+        return None
+    path = job.file(continuation["start_file"] or job["output"]["file"])
+    contacts = len(scene.laws["tangents"])
+    return read_point(job, "[continuation] start", continuation["start"], path, len(scene.mass), contacts)
 
 
 def _linear_responses(solver: Solver, job: Job) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:

@@ -14,6 +14,8 @@ from attrito import library
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
+    from attrito.restart import StoredPoint
+
 OUTCOMES = ("converged", "unstable", "indeterminate", "no_period_one_orbit", "not_converged")
 # Parts of a point's estimated error
 ERRORS = ("error_harmonics", "error_samples", "error_modes")
@@ -182,13 +184,48 @@ class Solver:
 
     def sweep(self, start_hz: float, stop_hz: float, level: float, branch: int, max_points: int) -> Iterator[Point]:
         """Follow the branch from one frequency to another, a point at a time."""
-        self._library.attrito_begin_sweep(
-            self._handle, _omega(start_hz), _omega(stop_hz), ctypes.c_double(level), branch, max_points
-        )
+        self.set_excitation(start_hz, stop_hz, level, branch, max_points)
         raw = _Point()
         while not raw.finished:
             self._library.attrito_next_point(self._handle, ctypes.byref(raw))
             yield self._point(raw, followed=True)
+
+    def set_excitation(
+        self, start_hz: float, stop_hz: float, level: float, branch: int = 0, max_points: int = 0
+    ) -> None:
+        """Harmonic loads at a level, and scales for a range of frequency; a sweep may begin."""
+        self._library.attrito_begin_sweep(
+            self._handle, _omega(start_hz), _omega(stop_hz), ctypes.c_double(level), branch, max_points
+        )
+
+    def follow(self, start_hz: float, stop_hz: float, branch: int, max_points: int, way: int) -> Iterator[Point]:
+        """Follow the one branch that the solver stands on until it leaves a range, closes, or is lost.
+
+        Towards growing (1) or falling (-1) frequency, or (0) back from where the last sweep stands; the first point is
+        where it stands.
+        """
+        self._library.attrito_begin_branch(self._handle, _omega(start_hz), _omega(stop_hz), way, branch, max_points)
+        raw = _Point()
+        while not raw.finished:
+            self._library.attrito_next_point(self._handle, ctypes.byref(raw))
+            yield self._point(raw, followed=True)
+
+    def stand_at(self, point: StoredPoint, level: float) -> bool:
+        """Solve at a point of a result, from its motion; the solver then stands there."""
+        return bool(
+            self.call(
+                "attrito_stand_at_motion",
+                point.coordinates.shape[1],
+                _pointer(np.ascontiguousarray(point.coordinates, dtype=float)),
+                _pointer(np.ascontiguousarray(point.slider, dtype=float)),
+                _omega(point.frequency_hz),
+                ctypes.c_double(level),
+            )
+        )
+
+    def seek(self, way: int, frequency_hz: float, factor: float) -> bool:
+        """Look for a point at a frequency by one of `attrito.search.STARTS`; the solver then stands there."""
+        return bool(self.call("attrito_seek", way, _omega(frequency_hz), ctypes.c_double(factor)))
 
     def solve_at(self, frequencies_hz: list[float], level: float, branch: int) -> Iterator[Point]:
         """Solve frequencies one by one, each starting from the one before."""

@@ -7,6 +7,7 @@ module attrito_api_session
   use attrito_model_structure, only: structure_type
   use attrito_accuracy_error_control, only: error_control_type
   use attrito_continuation_arc_length, only: sweep_type
+  use attrito_continuation_known_points, only: known_points_type
   use attrito_continuation_members, only: family_type, member_type
   use attrito_continuation_solver, only: solver_type
   use attrito_integrate_system, only: system_type
@@ -46,6 +47,8 @@ module attrito_api_session
     !> Dynamic multipliers of the last two points, none if they were not examined; bifurcations of the step between
     type(moduli_type) :: moduli(2)
     type(bifurcation_type), allocatable :: bifurcations(:)
+    !> Points of branches while others are sought
+    type(known_points_type) :: known
   end type session_type
 
   type, bind(c) :: contact_law_type

@@ -1,7 +1,7 @@
 !> Points of branches that are known already: to come back to, and to tell whether a solution lies on one of those branches.
 !>
 !> A solution x at omega lies on a known branch if Newton's method, from the straight line between two neighbouring points of it on
-!> either side of omega and with the sliders of x, comes to x. So steps may be long, and members of one family count as one.
+!> either side of omega comes to x. So steps may be long, and members of one family count as one.
 module attrito_continuation_known_points
   use attrito_core_kinds, only: wp
   use attrito_core_trigonometric, only: resized
@@ -110,7 +110,7 @@ contains
     type(place_type) :: here
     real(wp), allocatable :: line(:, :), end(:, :)
     real(wp) :: share, width
-    integer :: i
+    integer :: i, attempt
 
     has = .false.
     here = place_of(solver)
@@ -126,11 +126,15 @@ contains
         line = line + share*(end - line)
         if (distance(solver, line, here%motion) > near_line*width + near_motion*size_of(solver, here%motion)) cycle
       end associate
-      solver%motion = line
-      call solver%solve_at(here%omega)
-      if (solver%report%converged) has = distance(solver, solver%motion, here%motion) <= same*size_of(solver, here%motion)
-      call return_to(solver, here)
-      if (has) return
+      ! With the sliders of the solution, and with those of the branch: where all stick both give the same harmonics.
+      do attempt = 1, 2
+        if (attempt == 2) call self%stand_at(solver, i - 1)
+        solver%motion = line
+        call solver%solve_at(here%omega)
+        if (solver%report%converged) has = distance(solver, solver%motion, here%motion) <= same*size_of(solver, here%motion)
+        call return_to(solver, here)
+        if (has) return
+      end do
     end do
   end function has
 

@@ -13,7 +13,7 @@ from test_stability import examined, stiff_wedge
 COLUMNS = "branch,point,frequency_hz,kind,real,imag,uncertain_hz,x_amplitude,y_amplitude"
 
 
-def swept(job: Job, start: float, stop: float, **continuation: object) -> Job:
+def swept(job: Job, start: float, stop: float, /, **continuation: object) -> Job:
     """The job as a sweep."""
     job["sweep"] = {"start_hz": start, "stop_hz": stop}
     job["continuation"] = continuation

@@ -1,0 +1,120 @@
+!> C interface of branches that are sought: points that are known, starts from elsewhere, sweeps along one branch. Collective.
+module attrito_api_branches
+  use, intrinsic :: iso_c_binding
+  use attrito_core_kinds, only: wp
+  use attrito_core_trigonometric, only: resized
+  use attrito_continuation_arc_length, only: new_branch_sweep
+  use attrito_continuation_cascade, only: solve_by_cascade
+  use attrito_continuation_other_starts, only: start_cold, start_in_motion, start_from_preload
+  use attrito_continuation_tangent, only: tangent_type, frequency_tangent
+  use attrito_stability_crossing, only: moduli_type
+  use attrito_api_session, only: session_type, session_of
+  implicit none
+  private
+
+  ! Ways to look for a start, in the order of STARTS in search.py
+  integer, parameter :: cold = 0, in_motion = 1, from_preload = 2
+
+contains
+
+  !> Remember where the session stands as a point that is known; `follows`: the branch goes on from the one remembered last.
+  subroutine attrito_keep_point(handle, follows) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: follows
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    call session%known%add(session%solver, follows /= 0)
+  end subroutine attrito_keep_point
+
+  !> Forget all points but the first so many.
+  subroutine attrito_forget_points(handle, count) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: count
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    call session%known%drop_from(count + 1)
+  end subroutine attrito_forget_points
+
+  !> Stand at a point that is known, from 0.
+  subroutine attrito_stand_at_point(handle, number) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: number
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    call session%known%stand_at(session%solver, number + 1)
+  end subroutine attrito_stand_at_point
+
+  !> Does the session stand on a branch of the first so many points that are known?
+  integer(c_int) function attrito_is_known(handle, count) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: count
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    attrito_is_known = merge(1, 0, session%known%has(session%solver, count))
+  end function attrito_is_known
+
+  !> Look for a point at an angular frequency: 1 if one was found, on which the session then stands.
+  integer(c_int) function attrito_seek(handle, way, omega, factor) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: way
+    real(c_double), value :: omega, factor
+    type(session_type), pointer :: session
+    logical :: found
+
+    session => session_of(handle)
+    select case (way)
+     case (cold)
+      call start_cold(session%solver, omega, found)
+     case (in_motion)
+      call start_in_motion(session%solver, omega, factor, found)
+     case default  ! from_preload
+      call start_from_preload(session%solver, omega, factor, found)
+    end select
+    attrito_seek = merge(1, 0, found)
+  end function attrito_seek
+
+  !> Begin a sweep along the branch on which the session stands, within a range of angular frequency: towards growing (1) or falling
+  !> (-1) frequency, or (0) back from where the last sweep stands.
+  subroutine attrito_begin_branch(handle, start, stop, way, branch, max_points) bind(c)
+    type(c_ptr), value :: handle
+    real(c_double), value :: start, stop
+    integer(c_int), value :: way, branch, max_points
+    type(session_type), pointer :: session
+    type(tangent_type) :: towards
+
+    session => session_of(handle)
+    towards = frequency_tangent(session%solver, real(way, wp))
+    if (way == 0) towards = session%sweep%way_back(session%solver)
+    session%sweep = new_branch_sweep(session%solver, start, stop, towards, branch, max_points)
+    session%moduli = moduli_type()
+  end subroutine attrito_begin_branch
+
+  !> Stand at a motion of the model's coordinates [m, coefficients] at an angular frequency, with sliders [contacts, 2], and solve
+  !> there; 1 if that converges.
+  integer(c_int) function attrito_stand_at_motion(handle, coefficients, coordinates, slider, omega, level) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: coefficients
+    real(c_double), intent(in) :: coordinates(coefficients, *), slider(2, *)
+    real(c_double), value :: omega, level
+    type(session_type), pointer :: session
+    integer :: m
+
+    session => session_of(handle)
+    m = size(session%structure%mass, 1)
+    associate (solver => session%solver, balance => session%solver%context%balance)
+      call solver%set_loads(balance%static_factors, level)
+      solver%motion = resized(matmul(coordinates(:, :m), &
+                                     solver%contacts%directions(:, balance%first_row:balance%first_row + balance%rows() - 1)), &
+                              size(solver%motion, 1))
+      solver%omega = omega
+      solver%all_stick = .false.
+      call solver%set_slider(slider(:, balance%first_contact:balance%first_contact + size(balance%law) - 1))
+      call solve_by_cascade(solver, omega)
+      attrito_stand_at_motion = merge(1, 0, solver%report%converged)
+    end associate
+  end function attrito_stand_at_motion
+end module attrito_api_branches

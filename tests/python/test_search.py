@@ -1,0 +1,54 @@
+"""Branches that coexist are found, once each; sweeps begin at points of older results."""
+
+from __future__ import annotations
+
+import pytest
+from jobs import run, table
+from test_bifurcations import swept
+from test_stability import stiff_wedge
+
+
+def test_both_stable_branches_of_the_stiff_wedge_are_found_and_each_once(tmp_path):
+    # Between its folds at 88.1 and 91.0 Hz the branch passes three times; in this window the three do not meet.
+    run(tmp_path, swept(stiff_wedge([], 5), 90.8, 89.2, branches=2))
+    rows = table(tmp_path)
+    ends = {}
+    for branch in ("0", "1"):
+        own = [row for row in rows if row["branch"] == branch]
+        frequencies = [float(row["frequency_hz"]) for row in own]
+        assert {round(min(frequencies), 6), round(max(frequencies), 6)} == {89.2, 90.8}
+        ends[branch] = [float(row["x_amplitude"]) for row in own if row["frequency_hz"] == "90.8"]
+    assert {row["branch"] for row in rows} == {"0", "1"}
+    # Known at 90 Hz: 0.1613 and 0.1269 mm.
+    apart = abs(ends["0"][0] - ends["1"][0])
+    assert apart > 0.25e-4
+
+
+def test_no_branch_is_found_twice(tmp_path):
+    # All of it is one branch here, which starts from both ends, from motion in time and by homotopy lead to again.
+    done = run(tmp_path, swept(stiff_wedge([], 5), 93.0, 87.5, branches=3))
+    assert {row["branch"] for row in table(tmp_path)} == {"0"}
+    assert "another branch" not in done.stdout
+
+
+def test_a_sweep_begins_at_a_point_of_an_older_result(tmp_path):
+    job = swept(stiff_wedge([], 5), 100.0, 98.0)
+    run(tmp_path, job)
+    older = table(tmp_path)
+    job["continuation"] = {"start": "point:7", "start_file": "result.h5"}
+    job["output"]["file"] = "again.h5"
+    run(tmp_path, job)
+    rows = table(tmp_path, result="again.h5")
+    # Converged to 1e-10 of the response both times.
+    for column in ("frequency_hz", "x_amplitude", "y_amplitude"):
+        assert float(rows[0][column]) == pytest.approx(float(older[7][column]), rel=1e-8)
+        assert float(rows[-1][column]) == pytest.approx(float(older[-1][column]), rel=1e-8)
+
+
+def test_a_point_that_is_not_there_is_a_fault(tmp_path):
+    job = swept(stiff_wedge([], 5), 100.0, 99.0, start="point:12")
+    done = run(tmp_path, job, code=2)
+    assert "[continuation] start" in done.stderr
+    job["continuation"] = {"start": "static"}
+    done = run(tmp_path, job, code=2)
+    assert '"point:<number>"' in done.stderr
