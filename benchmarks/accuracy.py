@@ -16,9 +16,11 @@ the estimate of the reference's own. Cost is processor time of the sweep, withou
 from __future__ import annotations
 
 import argparse
+import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import common  # isort: skip (sets the threads of BLAS before numpy is loaded)
 import numpy as np
@@ -265,33 +267,38 @@ def blade_maker(path: str) -> Callable[[np.random.Generator], Case]:
     return blade(scene, job["sweep"]["start_hz"], job["sweep"]["stop_hz"])
 
 
+def kept(path: str | None) -> Iterator[dict | None]:
+    """What an earlier run with the same seed has come to."""
+    if path and Path(path).exists():
+        yield from map(json.loads, Path(path).read_text().splitlines())
+
+
 def main() -> None:
-    """Solve scenes until there are enough, and report; interrupted, of those solved so far."""
+    """Solve scenes until there are enough, and report."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--scenes", type=int, default=500)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--keep", metavar="FILE", help="what each try came to, a line each; a run goes on from there")
     parser.add_argument("--blade", metavar="JOB", help="a job that has been run: a scene in fifty is like it")
     arguments = parser.parse_args()
     makers = [wedge, wedge, lambda r: chain(r, 1), lambda r: chain(r, 2), lambda r: block(r, 1)]
     hexahedral, bladed = (lambda r: block(r, 2)), blade_maker(arguments.blade) if arguments.blade else None
-    cases: list[dict] = []
-    tried = 0
-    try:
-        while len(cases) < arguments.scenes:
-            random = np.random.default_rng([arguments.seed, tried])
-            maker = makers[tried % len(makers)]
-            if tried % 20 == 19:
-                maker = hexahedral
-            if tried % 50 == 49 and bladed is not None:
-                maker = bladed
-            tried += 1
-            case = examine(maker(random))
-            if case is not None:
-                cases.append(case)
-                if len(cases) % 20 == 0:
-                    common.progress(f"{len(cases)} of {arguments.scenes} scenes, {tried} tried")
-    except KeyboardInterrupt:
-        common.progress(f"interrupted after {len(cases)} scenes")
+    cases = list(kept(arguments.keep))
+    while sum(case is not None for case in cases) < arguments.scenes:
+        tried = len(cases)
+        random = np.random.default_rng([arguments.seed, tried])
+        maker = makers[tried % len(makers)]
+        if tried % 20 == 19:
+            maker = hexahedral
+        if tried % 50 == 49 and bladed is not None:
+            maker = bladed
+        cases.append(examine(maker(random)))
+        if arguments.keep:
+            with open(arguments.keep, "a") as stream:
+                stream.write(json.dumps(cases[-1]) + "\n")
+        if len(cases) % 20 == 0:
+            common.progress(f"{sum(case is not None for case in cases)} scenes, {len(cases)} tried")
+    tried, cases = len(cases), [case for case in cases if case is not None]
     common.report({"tried": tried, "seed": arguments.seed, "summary": summary(cases), "cases": cases})
 
 

@@ -165,9 +165,10 @@ class Bench:
         return replace(self._options, harmonics=harmonics, samples=samples, **choices)
 
     def _ways(self) -> Iterator[Way]:
-        tolerances = {*TOLERANCES, self._job["balance"]["tolerance"] or TOLERANCE}
+        own = self._job["balance"]["tolerance"] or TOLERANCE
+        tolerances = {*TOLERANCES, own}
         for tolerance in sorted(tolerances, reverse=True):
-            if tolerance >= REFERENCE[self._tangents]:
+            if tolerance > REFERENCE[self._tangents] or tolerance == own:
                 yield self._balance(
                     "tolerance", self._scene, self._automatic(tolerance), label=f"{tolerance:g}", tolerance=tolerance
                 )

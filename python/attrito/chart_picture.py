@@ -17,7 +17,10 @@ LEAST_ERROR = 1e-9
 
 
 def picture(chart: Chart) -> Figure:
-    """A panel a cost; the efficient front is a line, the way of the job's tolerance a star."""
+    """A panel a cost; the efficient front is a line, the way of the job's tolerance a star.
+
+    The dotted line is the reference's own estimated error: what is below it cannot be told apart.
+    """
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(12.4, 4.6), constrained_layout=True)
         panels = figure.subplots(1, 2, sharey=True)
@@ -25,6 +28,7 @@ def picture(chart: Chart) -> Figure:
             for series, label in SERIES.items():
                 _draw(axes, [way for way in chart.ways if way.series == series], cost, series, label)
             _mark(axes, chart, cost)
+            axes.axhline(chart.reference.estimate, color="#8a8a8a", linestyle=":", linewidth=1.0, label="reference")
             axes.set(xscale="log", yscale="log", xlabel="Processor time (s)" if cost == "seconds" else "Counted work")
         panels[0].set_ylabel("Relative error of the peak")
         panels[0].set_ylim(bottom=LEAST_ERROR / 3, top=2.0)
