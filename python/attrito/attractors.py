@@ -12,6 +12,7 @@ import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import h5py
 import numpy as np
 
 from attrito.integrator import Integrator, Orbit, Run
@@ -121,7 +122,8 @@ def _gathered(met: list[tuple[str, Orbit]]) -> list[Attractor]:
 
 
 def _holds(orbit: Orbit) -> bool:
-    return bool(np.any(orbit.stick >= 1.0 - 1e-12))
+    # At its limit a contact still slips by what the integration leaves open.
+    return bool(np.any(orbit.stick >= 1.0 - ALIKE))
 
 
 def _alike(one: Attractor, orbit: Orbit) -> bool:
@@ -134,3 +136,34 @@ def _alike(one: Attractor, orbit: Orbit) -> bool:
     if not (one.family and _holds(orbit)):
         far = max(far, np.abs(one.mean - orbit.mean).max())
     return bool(far <= scale)
+
+
+def told(monitors: list[str], met: list[Attractor]) -> list[str]:
+    """One line a motion."""
+    lines = []
+    for one in met:
+        period = f"period {one.period}" if one.period else "no period" if one.settled else "still settling"
+        sizes = ", ".join(f"{name} {value:.6g}" for name, value in zip(monitors, one.amplitude, strict=True))
+        family = " (a contact keeps its slider: one of a family)" if one.family else ""
+        lines.append(f"  from {', '.join(one.starts)}: {period}, amplitude {sizes}{family}")
+    return lines
+
+
+def write_attractors(path: str, monitors: list[str], met: list[Attractor]) -> None:
+    """Add them to the group /integration of a file, if any were looked for."""
+    if not met:
+        return
+    with h5py.File(path, "r+") as file:
+        group = file.create_group("integration/attractors")
+        data = {
+            "period": ([one.period for one in met], "in periods of the excitation; 0: none recognised", "1"),
+            "settled": ([int(one.settled) for one in met], "1: it does not settle any more", "1"),
+            "family": ([int(one.family) for one in met], "1: a contact keeps its slider, means differ by start", "1"),
+            "starts": ([", ".join(one.starts) for one in met], "starts that came to it", "1"),
+        }
+        for i, name in enumerate(monitors):
+            data[f"{name}/amplitude"] = ([one.amplitude[i] for one in met], "half the range", "user length")
+            data[f"{name}/mean"] = ([one.mean[i] for one in met], "mean over the period", "user length")
+        for name, (values, description, unit) in data.items():
+            group[name] = values
+            group[name].attrs["description"], group[name].attrs["unit"] = description, unit

@@ -18,6 +18,7 @@ import h5py
 import numpy as np
 
 from attrito import __version__
+from attrito.attractors import Attractor, State, find_attractors, told, write_attractors
 from attrito.faults import InputError, UnsolvedError
 from attrito.integrator import Integrator, Orbit, Run
 from attrito.job import Job, read_job
@@ -53,9 +54,11 @@ def integrate_job(comm: Comm, path: str | Job, say: Callable[[str], None] = prin
         with Integrator(reduced) as session:
             place(session, job, scene, reduced)
             orbit = session.run(choices)
+            met = attractors_of(session, job, scene, reduced, choices)
         file = job.file(job["output"]["file"])
         write(file, job, reduced, choices, orbit)
-        for line in summary(file, reduced, choices, orbit):
+        write_attractors(file, reduced.monitor_names, met)
+        for line in [*summary(file, reduced, choices, orbit), *told(reduced.monitor_names, met)]:
             say(line)
         return file, orbit.outcome
 
@@ -136,6 +139,18 @@ def place(session: Integrator, job: Job, scene: Scene, reduced: ReducedScene) ->
     else:
         displacement, velocity, stored = _point(job, len(reduced.mass), session.contacts)
         session.start(displacement, velocity, stored if keys["sliders"] is None else sliders, path[-1])
+
+
+def attractors_of(session: Integrator, job: Job, scene: Scene, reduced: ReducedScene, choices: Run) -> list[Attractor]:
+    """Motions that the eight starts come to, if the job asks for them; a point to start from is one of the starts."""
+    keys = job["integrate"]
+    if not keys["attractors"]:
+        return []
+    point, amplitude = None, 0.0
+    if keys["start"].startswith("point:"):
+        point = State(*_point(job, len(reduced.mass), session.contacts))
+        amplitude = float(np.abs(point.displacement).max())
+    return find_attractors(session, choices, scene.load_path, point, amplitude)
 
 
 def _end_at(path: np.ndarray, profile: list) -> np.ndarray:

@@ -218,6 +218,12 @@ TABLES: dict[str, dict[str, Key]] = {
             number(0, above=True), 1e-10, "steady: the state changes less over a period, relative to the amplitude"
         ),
         "max_period_multiple": Key(integer(1), 4, "longest period recognised, in periods of the excitation"),
+        "attractors": Key(
+            boolean,
+            False,
+            "also integrate from eight stated starts and list the motions met"
+            " ([method.md](method.md#motions-that-coexist))",
+        ),
         "samples": Key(integer(8), 256, "of the record, a period"),
         "history": Key(choice("period", "run"), "period", "what is recorded: the last period, or the whole run"),
         "equivalent_viscous": Key(

@@ -244,7 +244,7 @@ class Solver:
         raw = _Point()
         number = ATTEMPTS.index(attempt) + 1
         self._library.attrito_try_at(self._handle, number, _omega(frequency_hz), ctypes.byref(raw))
-        return self._point(raw)
+        return self._point(raw, followed=False)
 
     def linear_response(self, stuck: bool, frequencies_hz: np.ndarray, natural: int) -> tuple[np.ndarray, np.ndarray]:
         """Amplitudes `[monitors, frequencies]` at level 1 with contacts stuck, or closed without friction.
