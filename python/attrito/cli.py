@@ -21,7 +21,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code."""
     options = _parser().parse_args(arguments)
-    parallel = options.command in ("run", "reduce", "integrate", "export", "verify")
+    parallel = options.command in ("run", "reduce", "peak", "integrate", "export", "verify")
     try:
         options.work(options)
     except InputError as error:
@@ -111,6 +111,11 @@ def _parser() -> argparse.ArgumentParser:
         "--seconds", type=float, default=20.0, help="a series ends where a run of it takes longer (default: 20)"
     )
     one.set_defaults(work=_chart)
+
+    one = commands.add_parser("peak", help="a resonance peak followed in the level or preload -> HDF5, table, picture")
+    one.add_argument("job", help="job file (TOML) with a table [peak]")
+    one.add_argument("-o", "--output", help="picture to write (default: the file of peaks, ending .png)")
+    one.set_defaults(work=_peak)
 
     one = commands.add_parser("integrate", help="a job integrated in time -> group /integration of its output file")
     one.add_argument("job", help="job file (TOML)")
@@ -243,6 +248,14 @@ def _chart(options: argparse.Namespace) -> None:
     write(found, options.output, str(Path(options.job).resolve()))
     save(picture(found), picture_path)
     sys.stdout.write(table(found))
+
+
+def _peak(options: argparse.Namespace) -> None:
+    from mpi4py import MPI
+
+    from attrito.peak import peak_job
+
+    peak_job(MPI.COMM_WORLD, options.job, options.output)
 
 
 def _integrate(options: argparse.Namespace) -> None:

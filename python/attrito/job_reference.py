@@ -21,6 +21,7 @@ PURPOSES = {
     "balance": "The harmonic balance.",
     "sweep": "Required: `start_hz` and `stop_hz`, or `frequencies_hz`.",
     "continuation": "How a sweep is followed.",
+    "peak": "For `attrito peak`: a resonance peak followed in a parameter ([peaks.md](peaks.md)).",
     "stability": "Floquet multipliers of the points.",
     "integrate": "For `attrito integrate`; the group `/integration` goes into the output file.",
     "output": "Required.",

@@ -178,6 +178,29 @@ TABLES: dict[str, dict[str, Key]] = {
             " ([method.md](method.md#stability))",
         ),
     },
+    "peak": {
+        "parameter": Key(
+            choice("level", "preload"),
+            "level",
+            "what the peak is followed in: a factor on all harmonic or static loads",
+        ),
+        "start": Key(number(0, above=True), None, "its value to begin at, where contacts stick or slip"),
+        "stop": Key(number(0, above=True), None, "its value to end at"),
+        "values": Key(listing(number(0, above=True)), [], "between them at which the peak is located too"),
+        "level": Key(number(0, above=True), 1.0, 'with `parameter = "preload"`: factor on the harmonic loads'),
+        "monitor": Key(text, None, "whose peak; absent: the first of the output"),
+        "amplitude": Key(
+            choice("half_range", "first_harmonic"),
+            "half_range",
+            "that is largest at the peak: half the range, or of one harmonic",
+        ),
+        "near_hz": Key(
+            number(0, above=True), None, "where the linear peak is; absent: the largest between the ends of the sweep"
+        ),
+        "optimum": Key(boolean, True, "locate extrema of the peak over the parameter"),
+        "max_points": Key(integer(2), 1000, "of the curve"),
+        "file": Key(text, None, "of peaks; absent: that of the output, ending `.peaks.h5`"),
+    },
     "stability": {
         "method": Key(
             choice("none", "monodromy", "hill", "both"),

@@ -79,6 +79,8 @@ module attrito_balance_harmonic_balance
     complex(wp), allocatable :: response(:, :), response_omega(:, :)
     !> How often contacts have been shared out, or the series' length has changed
     integer :: changes = 0
+    !> How often it was evaluated: what solving costs, whatever the machine
+    integer :: evaluations = 0
     type(stuck_mean_type), private :: kept
     !> Floating-point operations so far by the formulas of `attrito_balance_work`, this rank's share
     real(wp) :: work = 0.0_wp
@@ -227,6 +229,7 @@ contains
     integer, intent(out) :: status
     integer :: i
 
+    self%evaluations = self%evaluations + 1
     call self%receptance%set_frequency(omega, status)
     if (status /= 0) return
     do i = 1, size(self%law)
@@ -303,6 +306,7 @@ contains
 
     stuck = .false.
     motion = 0.0_wp
+    self%evaluations = self%evaluations + 1
     call self%receptance%set_frequency(omega, status)
     if (status /= 0) return
     call self%receptance%respond(self%level*self%harmonic_load, self%response)

@@ -26,6 +26,7 @@ module attrito_balance_receptance
     procedure(set_frequency), deferred :: set_frequency
     procedure(respond), deferred :: respond
     procedure(respond_derivative), deferred :: respond_derivative
+    procedure(respond_derivative), deferred :: respond_inertia
     procedure(block_between), deferred :: block_between
     procedure(low_shapes), deferred :: low_shapes
     procedure(low_stiffness), deferred :: low_stiffness
@@ -61,7 +62,7 @@ module attrito_balance_receptance
       complex(wp), intent(out) :: response(:, 0:)
     end subroutine respond
 
-    !> dX_h/domega = -Z_h^-1 (dZ_h/domega) X_h.
+    !> dX_h/domega = -Z_h^-1 (dZ_h/domega) X_h; `respond_inertia`: -Z_h^-1 (d^2Z_h/domega^2) X_h = 2 h^2 Z_h^-1 M X_h.
     subroutine respond_derivative(self, response, derivative)
       import :: receptance_type, wp
       class(receptance_type), intent(in) :: self

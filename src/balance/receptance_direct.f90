@@ -27,6 +27,7 @@ module attrito_balance_receptance_direct
     procedure :: set_frequency
     procedure :: respond
     procedure :: respond_derivative
+    procedure :: respond_inertia
     procedure :: block_between
     procedure :: low_shapes
     procedure :: low_stiffness
@@ -118,6 +119,19 @@ contains
     end do
     call self%respond(force, derivative)
   end subroutine respond_derivative
+
+  subroutine respond_inertia(self, response, derivative)
+    class(receptance_direct_type), intent(in) :: self
+    complex(wp), intent(in) :: response(:, 0:)
+    complex(wp), intent(out) :: derivative(:, 0:)
+    complex(wp) :: force(size(response, 1), 0:self%harmonics)
+    integer :: h
+
+    do h = 0, self%harmonics
+      force(:, h) = 2.0_wp*h**2*matmul(self%mass, response(:, h))
+    end do
+    call self%respond(force, derivative)
+  end subroutine respond_inertia
 
   subroutine block_between(self, h, rows_a, rows_b, block)
     class(receptance_direct_type), intent(in) :: self

@@ -72,6 +72,7 @@ module attrito_continuation_solver
     procedure :: solve_with
     procedure :: solve_at
     procedure :: solve_stuck_at
+    procedure :: accept
     procedure :: set_scales
     procedure :: set_loads
     procedure :: set_slider
@@ -151,21 +152,38 @@ contains
       self%report%linear_iterations = linear_iterations
       self%report%defect = largest_defect(self)/self%context%motion_scale
       if (self%report%converged) then
-        self%motion = unknowns%motion
-        self%omega = unknowns%omega
-        call keep_slider(self, slider)
-        self%all_stick = none_moves(self)
+        call self%accept(unknowns%motion, unknowns%omega, slider)
       else
         balance%slider = slider
         balance%periodic = periodic
-      end if
-      if (self%options%reset_slider) then
-        balance%slider = self%static_slider
-        balance%periodic = .false.
+        if (self%options%reset_slider) call reset_slider(self)
       end if
     end associate
     call self%context%forget()
   end subroutine solve_with
+
+  !> Stand at the point that the balance was last evaluated at; sliders go on from it.
+  subroutine accept(self, motion, omega, slider_before)
+    class(solver_type), intent(inout) :: self
+    real(wp), intent(in) :: motion(:, :), omega
+    !> Sliders at the point before [2, contacts]
+    real(wp), intent(in) :: slider_before(:, :)
+
+    self%motion = motion
+    self%omega = omega
+    call keep_slider(self, slider_before)
+    self%all_stick = none_moves(self)
+    if (self%options%reset_slider) call reset_slider(self)
+    call self%context%forget()
+  end subroutine accept
+
+  !> Let the next point start from where the static solution left the sliders.
+  subroutine reset_slider(self)
+    class(solver_type), intent(inout) :: self
+
+    self%context%balance%slider = self%static_slider
+    self%context%balance%periodic = .false.
+  end subroutine reset_slider
 
   !> Has every contact stuck all over the period?
   logical function none_moves(self)

@@ -3,7 +3,7 @@ module attrito_core_trigonometric
   use attrito_core_kinds, only: wp, two_pi
   implicit none
   private
-  public :: harmonics_at, value_at, extrema, resized
+  public :: harmonics_at, value_at, extrema, extreme_places, resized
 
 contains
 
@@ -61,25 +61,42 @@ contains
     end do
   end function value_at
 
-  !> Smallest and largest value over the period: those of a grid, each polished by Newton's method on x' = 0 where it is the least or
-  !> greatest of its neighbours (two that are nearly equal may change places).
+  !> Smallest and largest value over the period.
   pure function extrema(coefficients) result(range)
     !> [a_0, a_c1, a_s1, ...]
     real(wp), intent(in) :: coefficients(:)
     !> [lowest, highest]
     real(wp) :: range(2)
-    real(wp) :: grid(16*size(coefficients)), jet(3)
+    real(wp) :: jet(3), places(2)
+    integer :: i
+
+    places = extreme_places(coefficients)
+    do i = 1, 2
+      jet = value_at(coefficients, places(i))
+      range(i) = jet(1)
+    end do
+  end function extrema
+
+  !> Where the smallest and the largest value over the period are: those of a grid, each polished by Newton's method on x' = 0 where it
+  !> is the least or greatest of its neighbours (two that are nearly equal may change places).
+  pure function extreme_places(coefficients) result(places)
+    !> [a_0, a_c1, a_s1, ...]
+    real(wp), intent(in) :: coefficients(:)
+    !> Angles of [lowest, highest]
+    real(wp) :: places(2)
+    real(wp) :: grid(16*size(coefficients)), jet(3), range(2)
     integer :: j
 
     do j = 1, size(grid)
       jet = value_at(coefficients, theta_of(j))
       grid(j) = jet(1)
     end do
+    places = [theta_of(minloc(grid, 1)), theta_of(maxloc(grid, 1))]
     range = [minval(grid), maxval(grid)]
     do j = 1, size(grid)
       associate (before => grid(modulo(j - 2, size(grid)) + 1), after => grid(modulo(j, size(grid)) + 1))
-        if (grid(j) <= min(before, after)) range(1) = min(range(1), polished(j))
-        if (grid(j) >= max(before, after)) range(2) = max(range(2), polished(j))
+        if (grid(j) <= min(before, after)) call keep_better(j, -1.0_wp, range(1), places(1))
+        if (grid(j) >= max(before, after)) call keep_better(j, 1.0_wp, range(2), places(2))
       end associate
     end do
 
@@ -91,8 +108,12 @@ contains
       theta_of = two_pi*(sample - 1)/size(grid)
     end function theta_of
 
-    pure real(wp) function polished(sample)
+    !> Take the extremum beside a grid point if it goes farther than what there is.
+    pure subroutine keep_better(sample, side, value, place)
       integer, intent(in) :: sample
+      !> -1: smallest, 1: largest
+      real(wp), intent(in) :: side
+      real(wp), intent(inout) :: value, place
       real(wp) :: theta, local(3), step
       integer :: iteration
 
@@ -105,7 +126,9 @@ contains
         theta = theta + step
       end do
       local = value_at(coefficients, theta)
-      polished = local(1)
-    end function polished
-  end function extrema
+      if (side*(local(1) - value) < 0.0_wp) return
+      value = local(1)
+      place = theta
+    end subroutine keep_better
+  end function extreme_places
 end module attrito_core_trigonometric

@@ -6,6 +6,7 @@ program test_contact_events
   use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_quadrature_event, only: evaluate_contact_by_events
   use attrito_contact_quadrature_sampled, only: contact_forces_type, evaluate_contact
+  use attrito_contact_second_derivative_event, only: differentiate_twice_by_events
   use attrito_contact_state, only: state_stuck, state_shaken_down, state_slipping, state_open
   use attrito_contact_trigonometric_roots, only: new_grid, roots_of
   use scenes, only: noise
@@ -23,6 +24,7 @@ program test_contact_events
                 test('a contact in stick and slip has the Jacobian of differences', slipping), &
                 test('a contact that opens and lands has the Jacobian of differences', lift_off), &
                 test('a shaken-down contact has the Jacobian of differences', shaken_down), &
+                test('the second derivative is that of differences of the Jacobian, and symmetric', second_derivative), &
                 test('a stuck contact has a constant deviation and no Jacobian', stuck), &
                 test('an open contact has the Jacobian of minus its springs', opened), &
                 test('one period reaches the steady loop, whatever the start', forgets), &
@@ -176,6 +178,35 @@ contains
 
     call check_jacobian(error, 0.1_wp*motion_of(1, 10.0_wp), 5.0_wp, state_shaken_down)
   end subroutine shaken_down
+
+  subroutine second_derivative(error)
+    type(error_type), allocatable, intent(out) :: error
+    real(wp), parameter :: step = 1.0e-5_wp
+    type(contact_forces_type) :: here, ahead, behind
+    real(wp) :: motion(k, 2), along(k, 2), x(2*k, 2), product(2*k, 2), swapped(2*k, 1)
+    integer :: seed, slip
+
+    slip = 0
+    do seed = 1, 12
+      motion = motion_of(seed, merge(0.1_wp, 1.0_wp, seed <= 6))
+      if (seed > 10) motion = 0.1_wp*motion_of(seed, 10.0_wp)
+      along = reshape(noise(2*k, 100 + seed), [k, 2])
+      x = reshape(noise(4*k, 200 + seed), [2*k, 2])
+      here = forces_of(motion, 5.0_wp)
+      ahead = forces_of(motion + step*along, 5.0_wp)
+      behind = forces_of(motion - step*along, 5.0_wp)
+      call differentiate_twice_by_events(law, new_grid(harmonics), motion, 5.0_wp, here%active, along, x, product)
+      if (here%state == state_slipping) slip = slip + 1
+      ! Differences are wrong by step^2 (1e-10) times a third derivative, which grows like the inverse squared slopes of crossings.
+      if (.not. (allocated(ahead%jacobian) .and. allocated(behind%jacobian))) cycle
+      call check_close(error, product, matmul(ahead%jacobian - behind%jacobian, x)/(2.0_wp*step), &
+                       1.0e-6_wp*max(1.0_wp, maxval(abs(product))), 'change of the Jacobian')
+      call differentiate_twice_by_events(law, new_grid(harmonics), motion, 5.0_wp, here%active, reshape(x(:, 1), [k, 2]), &
+                                         reshape(along, [2*k, 1]), swapped)
+      call check_close(error, swapped(:, 1), product(:, 1), 1.0e-10_wp*max(1.0_wp, maxval(abs(product))), 'symmetry')
+    end do
+    call check(error, slip >= 8, 'most slip: else the test is void')
+  end subroutine second_derivative
 
   subroutine stuck(error)
     type(error_type), allocatable, intent(out) :: error

@@ -1,0 +1,199 @@
+"""`attrito peak`: a resonance peak followed in the level or the preload, without sweeps, into an HDF5 file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from attrito.faults import InputError, NumericsError
+from attrito.job import Job, read_job
+from attrito.parallel import on_root
+from attrito.peak_file import Found, elasticity, table, write
+from attrito.peak_plot import peak_curve
+from attrito.peak_tracker import Peak, PeakTracker
+from attrito.plots import save
+from attrito.progress import Progress
+from attrito.rom import make_rom, reduced_scene, rom_path
+from attrito.running import solver_options
+from attrito.scene import Scene, build_scene
+from attrito.solver import ReducedScene, Solver
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+# Of the parameter's logarithm: the peak is stationary at its optimum, so its own error is of second order.
+OPTIMUM_TOLERANCE = 1e-6
+
+
+def peak_job(comm: Comm, path: str, picture: str | None = None) -> str:
+    """Follow the peak that a job asks for: file, table on standard output, picture. Returns the file's path.
+
+    What was found of a curve that is lost is written and shown before `NumericsError` is raised.
+    """
+    progress = Progress(comm)
+    job = on_root(comm, lambda: read_job(path))
+    on_root(comm, lambda: _check(job))
+    kept: list[Scene] = []
+    on_root(comm, lambda: kept.append(build_scene(job)))
+    scene = kept[0] if kept else None
+    if rom_path(job) is not None:
+        progress.reduction(make_rom(comm, job, scene, progress.say, progress.step))
+    reduced, load_path = on_root(comm, lambda: (reduced_scene(job, scene), scene.load_path))
+    found: list[Found] = []
+    with Solver(comm, reduced, solver_options(job)) as solver:
+        for one in follow(solver, job, reduced, load_path):
+            found.append(one)
+            progress.say(line(one, job["peak"]["parameter"]))
+    file = peak_path(job)
+
+    def show() -> str:
+        write(file, job, reduced, found)
+        print(table(file), end="")
+        place = picture or str(Path(file).with_suffix(".png"))
+        save(peak_curve(file), place)
+        return place
+
+    progress.say(f"{file}, {on_root(comm, show)}")
+    missed = _missed(job, found)
+    if missed:
+        raise NumericsError(f"{file}: {missed}")
+    return file
+
+
+def peak_path(job: Job) -> str:
+    """Where the peaks of a job go."""
+    if job["peak"]["file"] is not None:
+        return job.file(job["peak"]["file"])
+    return str(Path(job.file(job["output"]["file"])).with_suffix(".peaks.h5"))
+
+
+def follow(solver: Solver, job: Job, scene: ReducedScene, load_path: np.ndarray) -> Iterator[Found]:
+    """Peaks of a job along its parameter; the last one has not converged if the curve was lost."""
+    keys = job["peak"]
+    tracker, peak = begin(solver, job, scene, load_path, keys["start"])
+    if keys["parameter"] == "preload" and peak.outcome != "not_converged":
+        peak = tracker.follow_in("preload")
+    yield Found(peak, "value")
+    stops = _stops(keys)
+    if peak.outcome == "not_converged":
+        return
+    count = 1
+    for stop in stops:
+        for after in tracker.follow(stop):
+            before, peak = peak, after
+            reached = abs(peak.parameter - stop) <= 1e-12 * stop
+            converged = "not_converged" not in (before.outcome, peak.outcome)
+            if converged and keys["optimum"] and _is_between(before, peak, keys["parameter"]):
+                yield Found(locate_optimum(tracker, before, peak), "optimum")
+                peak = tracker.at(peak.parameter)
+            count += 1
+            yield Found(peak, "value" if reached else "step")
+            if peak.outcome == "not_converged" or count >= keys["max_points"]:
+                return
+
+
+def begin(
+    solver: Solver, job: Job, scene: ReducedScene, load_path: np.ndarray, value: float
+) -> tuple[PeakTracker, Peak]:
+    """Walk the static path and find the first peak, at a value of the job's parameter."""
+    keys = job["peak"]
+    by_level = keys["parameter"] == "level"
+    monitor = scene.monitor_names.index(keys["monitor"]) if keys["monitor"] is not None else 0
+    band = (min(_band(job)), max(_band(job)))
+    solver.walk_static_path(load_path * (1.0 if by_level else value), job["static"]["steps"], band[0])
+    tracker = PeakTracker(solver, monitor, keys["amplitude"], band, load_path[-1])
+    near = keys["near_hz"] if keys["near_hz"] is not None else tracker.linear_peak_hz()
+    return tracker, tracker.begin(value if by_level else keys["level"], near)
+
+
+def locate_optimum(tracker: PeakTracker, before: Peak, after: Peak) -> Peak:
+    """The extremum of the peak over the parameter between two peaks."""
+
+    def slope(logarithm: float) -> float:
+        peak = tracker.at(float(np.exp(logarithm)))
+        if peak.outcome == "not_converged":
+            raise NumericsError(f"the peak was lost at {tracker.parameter} {np.exp(logarithm):g} near its optimum")
+        return elasticity(peak, tracker.parameter)
+
+    ends = np.log([before.parameter, after.parameter])
+    best = brentq(slope, *ends, xtol=OPTIMUM_TOLERANCE, rtol=1e-12)
+    return tracker.at(float(np.exp(best)))
+
+
+def line(found: Found, parameter: str) -> str:
+    """One line a peak."""
+    peak = found.peak
+    stuck, shaken_down, slipping, opened = peak.point.states
+    return (
+        f"{parameter} {peak.parameter:<10.6g} {peak.frequency_hz:11.6g} Hz  amplitude {peak.amplitude:11.5e}"
+        f"  per level {peak.response:11.5e}  stuck {stuck + shaken_down:3d} slipping {slipping:3d} open {opened:3d}"
+        f"  {peak.point.iterations:3d} iterations  {found.kind}  {peak.outcome}"
+    )
+
+
+def _stops(keys: dict[str, Any]) -> list[float]:
+    """Values to stop at, in the order of the curve."""
+    low, high = sorted((keys["start"], keys["stop"]))
+    inside = sorted({value for value in keys["values"] if low < value < high})
+    return [*(inside if keys["stop"] > keys["start"] else inside[::-1]), keys["stop"]]
+
+
+def _is_between(before: Peak, after: Peak, parameter: str) -> bool:
+    """Whether the response has an extremum over the parameter between two peaks; stuck, it does not change."""
+    if sum(before.point.states[2:]) == 0 or sum(after.point.states[2:]) == 0:
+        return False
+    return elasticity(before, parameter) * elasticity(after, parameter) < 0.0
+
+
+def _band(job: Job) -> list[float]:
+    sweep = job["sweep"]
+    return sweep["frequencies_hz"] or [sweep["start_hz"], sweep["stop_hz"]]
+
+
+def _missed(job: Job, found: list[Found]) -> str:
+    keys = job["peak"]
+    last = found[-1]
+    if not last.converged:
+        known = [one.peak.parameter for one in found if one.converged]
+        where = f"beyond {keys['parameter']} {known[-1]:g}" if known else "from the start"
+        return f"the peak is lost {where}: no point of the curve was found there"
+    if abs(last.peak.parameter - keys["stop"]) > 1e-12 * keys["stop"]:
+        return f"[peak] max_points was reached at {keys['parameter']} {last.peak.parameter:g}"
+    return ""
+
+
+def _check(job: Job) -> None:
+    keys = job["peak"]
+    faults = [
+        job.fault(f"[peak] {name}", "missing", "a value of the parameter to follow the peak from and to")
+        for name in ("start", "stop")
+        if keys[name] is None
+    ]
+    if not faults and keys["start"] == keys["stop"]:
+        faults.append(job.fault("[peak] stop", keys["stop"], "a value other than start"))
+    if job["balance"]["harmonics"] == "auto":
+        faults.append(job.fault("[balance] harmonics", "auto", "a number: it stays the same along the curve of peaks"))
+    if job["balance"]["quadrature"] == "auto":
+        faults.append(job.fault("[balance] quadrature", "auto", '"event" or "sampled", the same all along'))
+    names = [monitor["name"] for monitor in job["output"]["monitors"]]
+    if keys["monitor"] not in (None, *names):
+        faults.append(job.fault("[peak] monitor", keys["monitor"], "one of " + ", ".join(names)))
+    if min(_band(job)) == max(_band(job)):
+        faults.append(job.fault("[sweep] frequencies_hz", _band(job), "a band, in which the peak is looked for"))
+    if keys["parameter"] == "preload":
+        if job["balance"]["approach"] == "uncoupled":
+            expected = '"level": uncoupled, the mean is frozen and does not follow the preload'
+            faults.append(job.fault("[peak] parameter", "preload", expected))
+        if not any(load["kind"] in ("static", "centrifugal") for load in job["load"]):
+            faults.append(job.fault("[peak] parameter", "preload", '"level", since the job has no static load'))
+        if any(load["spin_softening"] for load in job["load"]):
+            expected = '"level": spin softening belongs to one speed, and so to one preload'
+            faults.append(job.fault("[peak] parameter", "preload", expected))
+    elif keys["level"] != 1.0:
+        faults.append(job.fault("[peak] level", keys["level"], 'no such key but with parameter = "preload"'))
+    if faults:
+        raise InputError(*faults)

@@ -1,0 +1,169 @@
+"""The file of `attrito peak`: peaks along a curve, as HDF5 and as a table."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from attrito import __version__
+from attrito.faults import Fault, InputError
+from attrito.job import Job
+from attrito.peak_tracker import Peak
+from attrito.solver import OUTCOMES, ReducedScene
+
+KINDS = ("step", "value", "optimum")
+STATES = ("stuck", "shaken_down", "slipping", "open")
+REFERENCES = "Zucca & Firrone 2014, doi:10.1016/j.jsv.2013.09.032"
+
+
+@dataclass(frozen=True)
+class Found:
+    """A peak on the curve, and why it is there: one of `KINDS`."""
+
+    peak: Peak
+    kind: str
+
+    @property
+    def converged(self) -> bool:
+        """Whether there is a peak to tell of."""
+        return self.peak.outcome != "not_converged"
+
+
+def elasticity(peak: Peak, parameter: str) -> float:
+    """Relative change of the peak per relative change of the parameter: of amplitude per level, or of amplitude."""
+    return peak.slope * peak.parameter / peak.amplitude - (1.0 if parameter == "level" else 0.0)
+
+
+COLUMNS = {
+    "level": ("factor on the harmonic loads", "1"),
+    "preload": ("factor on the static loads", "1"),
+    "frequency_hz": ("frequency of the peak", "Hz"),
+    "amplitude": ("amplitude of the monitor at the peak", "user length"),
+    "response": ("amplitude by level", "user length"),
+    "elasticity": ("relative change by relative change of the parameter: of response, or of amplitude (preload)", "1"),
+    "curvature": ("second derivative of the amplitude by frequency; negative at a maximum", "user length/Hz^2"),
+    "residual": ("relative residual of the balance", "1"),
+    "estimate": ("estimated relative error by truncation", "1"),
+}
+COUNTS = {
+    "iterations": "Newton steps, failed steps included",
+    "evaluations": "of the balance since the start, static path included",
+    "unique": "1 yes, 0 no, -1 not examined",
+}
+
+
+def columns(found: list[Found], parameter: str) -> dict[str, np.ndarray]:
+    """Every column of the table by name; NaN where there is no peak."""
+    rows: dict[str, list[Any]] = {name: [] for name in [*COLUMNS, *COUNTS]}
+    for one in found:
+        peak = one.peak
+        known = one.converged
+        values = {
+            "level": peak.level,
+            "preload": peak.parameter if parameter == "preload" else 1.0,
+            "frequency_hz": peak.frequency_hz if known else np.nan,
+            "amplitude": peak.amplitude if known else np.nan,
+            "response": peak.response if known else np.nan,
+            "elasticity": elasticity(peak, parameter) if known else np.nan,
+            # By angular frequency in the library.
+            "curvature": (2.0 * np.pi) ** 2 * peak.curvature if known else np.nan,
+            "residual": peak.point.residual,
+            "estimate": peak.point.estimate,
+            "iterations": peak.point.iterations,
+            "evaluations": peak.evaluations,
+            "unique": int(peak.point.unique),
+        }
+        for name, value in values.items():
+            rows[name].append(value)
+    return {name: np.array(values) for name, values in rows.items()}
+
+
+def write(path: str, job: Job, scene: ReducedScene, found: list[Found]) -> None:
+    """Write the peaks; the file appears when it is complete."""
+    keys = job["peak"]
+    partial = f"{path}.partial"
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    data = columns(found, keys["parameter"])
+    with h5py.File(partial, "w") as file:
+        file.attrs["format"] = "attrito peaks"
+        file.attrs["format_version"] = 1
+        file.attrs["attrito_version"] = __version__
+        file.attrs["description"] = "A resonance peak followed in a parameter; see docs/peaks.md of attrito"
+        file.attrs["references"] = REFERENCES
+        file.attrs["job"] = json.dumps(job.tables)
+        file.attrs["parameter"] = keys["parameter"]
+        file.attrs["amplitude"] = keys["amplitude"]
+        file.attrs["monitor"] = keys["monitor"] or scene.monitor_names[0]
+
+        def put(name: str, values: np.ndarray, description: str, unit: str = "1", names: tuple = ()) -> None:
+            stored = file.create_dataset(f"peaks/{name}", data=values)
+            stored.attrs["description"], stored.attrs["unit"] = description, unit
+            if names:
+                stored.attrs["names"] = list(names)
+
+        for name, (description, unit) in COLUMNS.items():
+            put(name, data[name], description, unit)
+        for name, description in COUNTS.items():
+            put(name, data[name].astype(np.int32), description)
+        put("kind", np.array([KINDS.index(one.kind) for one in found], dtype=np.int32), "why it is there", names=KINDS)
+        outcomes = np.array([OUTCOMES.index(one.peak.outcome) for one in found], dtype=np.int32)
+        put("outcome", outcomes, "how it ended", names=OUTCOMES)
+        states = np.array([one.peak.point.states for one in found], dtype=np.int32)
+        put("states", states, "contacts in each state", names=STATES)
+        for i, name in enumerate(scene.monitor_names):
+            harmonics = np.array([one.peak.point.harmonics[i] for one in found])
+            put(f"monitors/{name}/harmonics", harmonics, "mean, cos 1, sin 1, cos 2, ...", "user length")
+            ranges = np.array([one.peak.point.amplitude[i] for one in found])
+            put(f"monitors/{name}/amplitude", ranges, "half the range over the period", "user length")
+    os.replace(partial, path)
+
+
+def read_peaks(path: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """Columns of a file of peaks, and its attributes."""
+    try:
+        with h5py.File(path) as file:
+            if file.attrs.get("format") != "attrito peaks":
+                raise InputError(Fault(path, "format", file.attrs.get("format", "absent"), "peaks of `attrito peak`"))
+            data = {name: file[f"peaks/{name}"][()] for name in [*COLUMNS, *COUNTS, "kind", "outcome", "states"]}
+            return data, dict(file.attrs)
+    except OSError as error:
+        raise InputError(Fault(path, "file", str(error), "peaks of `attrito peak`")) from None
+
+
+def table(path: str) -> str:
+    """The peaks as CSV."""
+    data, _ = read_peaks(path)
+    names = ["kind", *COLUMNS, *COUNTS, *STATES, "outcome"]
+    lines = [",".join(names)]
+    for i in range(len(data["level"])):
+        row = [KINDS[data["kind"][i]], *(f"{data[name][i]:.12g}" for name in COLUMNS)]
+        row += [str(data[name][i]) for name in COUNTS] + [str(count) for count in data["states"][i]]
+        lines.append(",".join([*row, OUTCOMES[data["outcome"][i]]]))
+    return "\n".join(lines) + "\n"
+
+
+def smooth_curve(parameter: np.ndarray, amplitude: np.ndarray, power: np.ndarray, count: int = 24) -> np.ndarray:
+    """The curve between peaks by their exact slopes, `[2, points]`: cubic Hermite pieces in logarithms.
+
+    Parameters
+    ----------
+    parameter, amplitude : at the peaks in the order of the curve
+    power : d log(amplitude)/d log(parameter) there
+    """
+    x, y = np.log(parameter), np.log(amplitude)
+    pieces = []
+    for i in range(len(x) - 1):
+        first, last = (i, i + 1) if x[i] < x[i + 1] else (i + 1, i)
+        if x[first] == x[last]:
+            continue
+        piece = CubicHermiteSpline([x[first], x[last]], [y[first], y[last]], [power[first], power[last]])
+        at = np.linspace(x[i], x[i + 1], count)
+        pieces.append(np.array([at, piece(at)]))
+    return np.exp(np.concatenate(pieces, axis=1)) if pieces else np.array([parameter, amplitude])

@@ -1,0 +1,123 @@
+!> C interface of peaks followed in a parameter. All calls are collective and give every rank the same.
+module attrito_api_peak
+  use, intrinsic :: iso_c_binding
+  use attrito_core_kinds, only: wp
+  use attrito_accuracy_finer_balance, only: finer_point_type
+  use attrito_output_point_report, only: report_point
+  use attrito_peak_condition, only: problem_type, value_of
+  use attrito_peak_curve, only: begin_curve, follow_parameter
+  use attrito_api_session, only: session_type, session_of
+  use attrito_api_solver, only: point_type, point_of
+  implicit none
+  private
+
+  type, bind(c) :: peak_type
+    type(point_type) :: point
+    !> Value of the parameter; amplitude of the monitor, how it changes with the parameter along the peaks, and with omega twice
+    real(c_double) :: parameter, amplitude, slope, curvature
+    !> Evaluations of the balance since the session began
+    integer(c_int) :: evaluations
+  end type peak_type
+
+contains
+
+  !> Find the peak of a monitor (from 0) at a level, near an angular frequency; sweeps go from start to stop. The static path has been
+  !> walked. `static_factors` [loads] are those at preload 1.
+  subroutine attrito_begin_peak(handle, monitor, measure, loads, static_factors, omega, start, stop, level, branch, peak) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: monitor, measure, loads, branch
+    real(c_double), intent(in) :: static_factors(loads)
+    real(c_double), value :: omega, start, stop, level
+    type(peak_type), intent(out) :: peak
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    call session%solver%set_loads(session%solver%context%balance%static_factors, level)
+    call session%solver%set_scales(start, stop)
+    call begin_curve(session%solver, problem_type(monitor=monitor + 1, measure=measure, static_factors=static_factors), omega, &
+                     session%peak)
+    call describe(session, branch, peak)
+  end subroutine attrito_begin_peak
+
+  !> Follow it in the level (0) or the preload (1) from here on.
+  subroutine attrito_follow_peak_in(handle, parameter, branch, peak) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: parameter, branch
+    type(peak_type), intent(out) :: peak
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    call follow_parameter(session%peak, session%solver, parameter)
+    call describe(session, branch, peak)
+  end subroutine attrito_follow_peak_in
+
+  !> The next steps go towards a value of the parameter.
+  subroutine attrito_turn_peak(handle, value) bind(c)
+    type(c_ptr), value :: handle
+    real(c_double), value :: value
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    call session%peak%turn_towards(session%solver, value)
+  end subroutine attrito_turn_peak
+
+  !> One step along the curve of peaks, or just to a value of the parameter, where it has finished.
+  subroutine attrito_next_peak(handle, stop, branch, peak) bind(c)
+    type(c_ptr), value :: handle
+    real(c_double), value :: stop
+    integer(c_int), value :: branch
+    type(peak_type), intent(out) :: peak
+    type(session_type), pointer :: session
+    logical :: reached
+
+    session => session_of(handle)
+    call session%peak%advance(session%solver, stop, reached)
+    call describe(session, branch, peak)
+    peak%point%finished = merge(1, 0, reached .or. .not. session%peak%found)
+    peak%point%reached_stop = merge(1, 0, reached .and. session%peak%found)
+  end subroutine attrito_next_peak
+
+  !> The peak at a value of the parameter, by as many steps as it takes.
+  subroutine attrito_peak_at(handle, value, branch, peak) bind(c)
+    type(c_ptr), value :: handle
+    real(c_double), value :: value
+    integer(c_int), value :: branch
+    type(peak_type), intent(out) :: peak
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    call session%peak%go_to(session%solver, value)
+    call describe(session, branch, peak)
+  end subroutine attrito_peak_at
+
+  !> Evaluations of the balance since the session began: what solving costs, whatever the machine.
+  integer(c_int) function attrito_evaluations(handle) bind(c)
+    type(c_ptr), value :: handle
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    attrito_evaluations = session%solver%context%balance%evaluations
+  end function attrito_evaluations
+
+  subroutine describe(session, branch, peak)
+    type(session_type), intent(inout) :: session
+    integer, intent(in) :: branch
+    type(peak_type), intent(out) :: peak
+    type(finer_point_type) :: finer
+
+    session%solver%report%converged = session%peak%found
+    session%solver%report%iterations = session%peak%iterations
+    call session%accuracy%estimate(session%solver, finer)
+    call report_point(session%solver, branch, session%accuracy%errors, session%point)
+    peak%point = point_of(session%point)
+    peak%evaluations = session%solver%context%balance%evaluations
+    peak%parameter = value_of(session%peak%problem, session%solver)
+    peak%amplitude = 0.0_wp
+    peak%slope = 0.0_wp
+    peak%curvature = 0.0_wp
+    if (.not. session%peak%found) return
+    peak%amplitude = session%peak%point%amplitude%value
+    peak%slope = session%peak%point%by_parameter_amplitude
+    peak%curvature = session%peak%curvature()
+  end subroutine describe
+end module attrito_api_peak

@@ -1,0 +1,306 @@
+!> The condition that a point is a resonance peak, linearised exactly.
+!>
+!> On the balance r(d, omega, p) = 0 let t be the tangent of the frequency response at fixed parameter p, normalised by a border:
+!>
+!> $$ r_d t + r_\omega \tau = 0, \quad c \cdot t + c_\omega \tau = 1, \qquad \psi = A'[c_t] = 0 $$
+!>
+!> says that the amplitude A is stationary along the response, at its folds too. psi needs first derivatives alone, so what it
+!> vanishes at is a peak whatever the second derivatives are; those make Newton's method on (r, psi) quadratic. Along a direction
+!> X = (x, xi, pi) of the unknowns (d, omega, p), with q the response and q_tX its second derivative at fixed t,
+!>
+!> $$ \psi'[X] = A''[c_t, c_X] + A'\left[ C (q_{tX} + q_z) \right], \qquad r_d z + r_\omega z_\omega = B q_{tX}, \; c \cdot z = 0. $$
+module attrito_peak_condition
+  use attrito_core_kinds, only: wp
+  use attrito_balance_border, only: constraint_type, inner_product
+  use attrito_balance_harmonic_balance, only: balance_type
+  use attrito_balance_linearised_step, only: solve_linearised
+  use attrito_balance_newton_context, only: least_stiffening
+  use attrito_balance_receptance, only: to_real
+  use attrito_balance_unknowns, only: unknowns_type, new_unknowns
+  use attrito_continuation_solver, only: solver_type
+  use attrito_peak_amplitude, only: amplitude_type, amplitude_of
+  use attrito_peak_second_derivative, only: differentiate_twice
+  implicit none
+  private
+  public :: problem_type, direction_type, linearisation_type, linearise, value_of, set_value, scale_of_motion
+  public :: parameter_level, parameter_preload
+
+  !> What a peak is followed in: the factor on all harmonic loads, or that on all static ones
+  integer, parameter :: parameter_level = 0, parameter_preload = 1
+
+  !> Whose peak it is, and in what it is followed
+  type :: problem_type
+    !> Of the model's monitors, from 1; one of attrito_peak_amplitude's measures
+    integer :: monitor = 1, measure = 0
+    integer :: parameter = parameter_level
+    !> Factors on the static loads at parameter 1 [loads]
+    real(wp), allocatable :: static_factors(:)
+    !> The border c that normalises the tangent
+    type(constraint_type) :: border
+  end type problem_type
+
+  !> A change of the unknowns, what it makes of the forces' deviation D x, and of the response [n, 0:H]
+  type :: direction_type
+    type(unknowns_type) :: step
+    real(wp) :: parameter = 0.0_wp
+    complex(wp), allocatable :: deviation(:, :), response(:, :)
+  end type direction_type
+
+  !> The condition and its derivatives at a point
+  type :: linearisation_type
+    type(amplitude_type) :: amplitude
+    !> Newton's step to the balance; the tangent; the way of the parameter
+    type(direction_type) :: newton, along, by_parameter
+    !> psi, and psi' along these three
+    real(wp) :: slope = 0.0_wp, slope_newton = 0.0_wp, slope_along = 0.0_wp, slope_parameter = 0.0_wp
+    !> A' along the way of the parameter: along the peaks too, where psi vanishes
+    real(wp) :: by_parameter_amplitude = 0.0_wp
+    !> Norm of the scaled residual
+    real(wp) :: residual = 0.0_wp
+  end type linearisation_type
+
+contains
+
+  !> The parameter's present value.
+  real(wp) function value_of(problem, solver) result(value)
+    type(problem_type), intent(in) :: problem
+    type(solver_type), intent(in) :: solver
+    integer :: largest
+
+    associate (balance => solver%context%balance)
+      if (problem%parameter == parameter_level) then
+        value = balance%level
+      else
+        largest = maxloc(abs(problem%static_factors), 1)
+        value = balance%static_factors(largest)/problem%static_factors(largest)
+      end if
+    end associate
+  end function value_of
+
+  subroutine set_value(problem, solver, value)
+    type(problem_type), intent(in) :: problem
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: value
+
+    if (problem%parameter == parameter_level) then
+      ! Residuals are relative to the stuck response, which is linear in the level.
+      solver%context%motion_scale = solver%context%motion_scale*value/solver%context%balance%level
+      call solver%set_loads(solver%context%balance%static_factors, value)
+    else
+      call solver%set_loads(value*problem%static_factors, solver%context%balance%level)
+    end if
+  end subroutine set_value
+
+  !> Norm of the harmonics of the motion, over all ranks.
+  real(wp) function scale_of_motion(solver) result(scale)
+    type(solver_type), intent(in) :: solver
+
+    scale = sum(solver%motion(2:, :)**2)
+    call solver%context%balance%ranks%sum(scale)
+    scale = sqrt(scale)
+  end function scale_of_motion
+
+  !> Evaluate at the solver's motion, frequency and parameter.
+  subroutine linearise(problem, solver, self, status)
+    type(problem_type), intent(in) :: problem
+    type(solver_type), intent(inout) :: solver
+    type(linearisation_type), intent(out) :: self
+    !> 0, or not: it cannot be evaluated, or the bordered system is singular
+    integer, intent(out) :: status
+    real(wp), allocatable :: monitor(:)
+    real(wp) :: second(3)
+
+    associate (balance => solver%context%balance)
+      call balance%evaluate(solver%motion, solver%omega, status)
+      call solver%context%forget()
+      if (status /= 0) return
+      self%residual = sqrt(inner_product(balance, balance%residual, balance%residual))/solver%context%motion_scale
+      monitor = matmul(transpose(balance%receptance%basis), solver%structure%monitors(:, problem%monitor))
+      self%amplitude = amplitude_of(matmul(to_real(balance%response), monitor), problem%measure)
+      call find_directions(problem, solver, self, status)
+      if (status /= 0) return
+      self%slope = first(self%along)
+      self%by_parameter_amplitude = first(self%by_parameter)
+      call differentiate_slope(problem, solver, monitor, self, second, status)
+      self%slope_newton = second(1)
+      self%slope_along = second(2)
+      self%slope_parameter = second(3)
+    end associate
+
+  contains
+
+    real(wp) function first(direction)
+      type(direction_type), intent(in) :: direction
+
+      first = dot_product(self%amplitude%gradient, matmul(to_real(direction%response), monitor))
+    end function first
+  end subroutine linearise
+
+  !> Newton's step, the tangent, and the way of the parameter.
+  subroutine find_directions(problem, solver, self, status)
+    type(problem_type), intent(in) :: problem
+    type(solver_type), intent(inout) :: solver
+    type(linearisation_type), intent(inout) :: self
+    integer, intent(out) :: status
+    type(unknowns_type) :: right
+    complex(wp), allocatable :: loaded(:, :)
+
+    associate (balance => solver%context%balance)
+      right = new_unknowns(size(solver%motion, 1), size(solver%motion, 2), size(balance%law))
+      loaded = response_to_parameter(problem, balance)
+      right%motion = -balance%residual
+      call solve(problem, solver, right, self%newton%step, status)
+      if (status /= 0) return
+      right%motion = 0.0_wp
+      right%omega = 1.0_wp
+      call solve(problem, solver, right, self%along%step, status)
+      if (status /= 0) return
+      right%motion = balance%recover(loaded)
+      right%omega = 0.0_wp
+      call solve(problem, solver, right, self%by_parameter%step, status)
+      if (status /= 0) return
+      self%by_parameter%parameter = 1.0_wp
+      call respond(balance, self%newton)
+      call respond(balance, self%along)
+      call respond(balance, self%by_parameter)
+      self%by_parameter%response = self%by_parameter%response + loaded
+    end associate
+  end subroutine find_directions
+
+  !> Response of the stuck system to a unit of the parameter [n, 0:H].
+  function response_to_parameter(problem, balance) result(response)
+    type(problem_type), intent(in) :: problem
+    type(balance_type), intent(in) :: balance
+    complex(wp), allocatable :: response(:, :)
+    complex(wp), allocatable :: load(:, :)
+
+    load = balance%harmonic_load
+    if (problem%parameter == parameter_preload) then
+      load = 0.0_wp
+      load(:, lbound(load, 2)) = matmul(balance%static_loads, problem%static_factors)
+    end if
+    allocate (response, mold=balance%response)
+    call balance%receptance%respond(load, response)
+    if (allocated(balance%frozen_mean)) response(:, 0) = 0.0_wp
+  end function response_to_parameter
+
+  !> Solve the bordered system; a body that only friction holds keeps a little of its springs where it else were singular.
+  subroutine solve(problem, solver, right, step, status)
+    type(problem_type), intent(in) :: problem
+    type(solver_type), intent(inout) :: solver
+    type(unknowns_type), intent(in) :: right
+    type(unknowns_type), intent(inout) :: step
+    integer, intent(out) :: status
+    integer :: iterations
+
+    associate (context => solver%context)
+      step = right
+      call solve_linearised(context%balance, problem%border, right, context%linear, step, iterations, status)
+      if (status == 0) return
+      context%balance%stiffening = least_stiffening
+      call solve_linearised(context%balance, problem%border, right, context%linear, step, iterations, status)
+      context%balance%stiffening = 0.0_wp
+    end associate
+  end subroutine solve
+
+  !> What a step makes of deviation and response, the loads as they are.
+  subroutine respond(balance, direction)
+    type(balance_type), intent(inout) :: balance
+    type(direction_type), intent(inout) :: direction
+    complex(wp), allocatable :: shifted(:, :)
+    real(wp) :: deviation(size(direction%step%motion, 1), size(direction%step%motion, 2))
+    integer :: i, k
+
+    k = size(deviation, 1)
+    deviation = 0.0_wp
+    do i = 1, size(balance%law)
+      associate (forces => balance%forces(i), first => balance%law(i)%first_row, rows => balance%law(i)%tangents + 1)
+        if (.not. allocated(forces%jacobian)) cycle
+        deviation(:, first:first + rows - 1) = reshape(matmul(forces%jacobian, reshape( &
+                                                              direction%step%motion(:, first:first + rows - 1), [k*rows])), [k, rows])
+      end associate
+    end do
+    allocate (direction%deviation, direction%response, shifted, mold=balance%response)
+    call balance%respond_to_deviation(deviation, direction%deviation)
+    call balance%receptance%respond_derivative(balance%response, shifted)
+    if (allocated(balance%frozen_mean)) shifted(:, 0) = 0.0_wp
+    direction%response = direction%deviation + direction%step%omega*shifted
+  end subroutine respond
+
+  !> psi' along Newton's step, the tangent and the way of the parameter.
+  subroutine differentiate_slope(problem, solver, monitor, self, second, status)
+    type(problem_type), intent(in) :: problem
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: monitor(:)
+    type(linearisation_type), intent(in) :: self
+    real(wp), intent(out) :: second(3)
+    integer, intent(out) :: status
+    type(direction_type) :: ways(3), follow
+    complex(wp), allocatable :: bent(:, :), curved(:, :, :)
+    type(unknowns_type) :: right
+    integer :: i
+
+    ways = [self%newton, self%along, self%by_parameter]
+    status = 0
+    second = 0.0_wp
+    associate (balance => solver%context%balance)
+      call bend_forces(balance, solver%motion, self%along%step, ways, curved)
+      right = new_unknowns(size(solver%motion, 1), size(solver%motion, 2), size(balance%law))
+      do i = 1, size(ways)
+        bent = curved(:, :, i) + second_response(balance, self%along, ways(i))
+        right%motion = balance%recover(bent)
+        follow = direction_type()
+        call solve(problem, solver, right, follow%step, status)
+        if (status /= 0) return
+        call respond(balance, follow)
+        second(i) = dot_product(matmul(to_real(self%along%response), monitor), &
+                                matmul(self%amplitude%curvature, matmul(to_real(ways(i)%response), monitor))) &
+                    + dot_product(self%amplitude%gradient, matmul(to_real(bent + follow%response), monitor))
+      end do
+    end associate
+  end subroutine differentiate_slope
+
+  !> Responses to D'[t] x [n, 0:H, ways].
+  subroutine bend_forces(balance, motion, along, ways, curved)
+    type(balance_type), intent(inout) :: balance
+    real(wp), intent(in) :: motion(:, :)
+    type(unknowns_type), intent(in) :: along
+    type(direction_type), intent(in) :: ways(:)
+    complex(wp), allocatable, intent(out) :: curved(:, :, :)
+    real(wp) :: deviation(size(along%motion, 1), size(along%motion, 2), size(ways))
+    integer :: i
+
+    call differentiate_twice(balance, motion, along, [(ways(i)%step, i=1, size(ways))], deviation)
+    allocate (curved(size(balance%response, 1), 0:balance%receptance%harmonics, size(ways)))
+    do i = 1, size(ways)
+      call balance%respond_to_deviation(deviation(:, :, i), curved(:, :, i))
+    end do
+  end subroutine bend_forces
+
+  !> Second derivative of the response along t and a way, forces' own second derivative left out [n, 0:H].
+  function second_response(balance, along, way) result(response)
+    type(balance_type), intent(in) :: balance
+    type(direction_type), intent(in) :: along, way
+    complex(wp), allocatable :: response(:, :)
+    complex(wp), allocatable :: shifted(:, :), twice(:, :), inertia(:, :)
+
+    allocate (response, shifted, twice, inertia, mold=balance%response)
+    associate (receptance => balance%receptance, tau => along%step%omega, xi => way%step%omega)
+      ! Loads that grow with the parameter, too, turn with omega.
+      call receptance%respond_derivative(xi*along%deviation + tau*(way%response - xi*derivative_of(balance)), shifted)
+      call receptance%respond_derivative(derivative_of(balance), twice)
+      call receptance%respond_inertia(balance%response, inertia)
+      response = shifted + tau*xi*(2.0_wp*twice + inertia)
+    end associate
+    if (allocated(balance%frozen_mean)) response(:, 0) = 0.0_wp
+  end function second_response
+
+  !> dq/domega with forces as they are.
+  function derivative_of(balance) result(derivative)
+    type(balance_type), intent(in) :: balance
+    complex(wp), allocatable :: derivative(:, :)
+
+    allocate (derivative, mold=balance%response)
+    call balance%receptance%respond_derivative(balance%response, derivative)
+  end function derivative_of
+end module attrito_peak_condition

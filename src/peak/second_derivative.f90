@@ -1,0 +1,82 @@
+!> Second derivative of all contacts' forces: how the Jacobian D changes along a motion t, times motions x.
+!>
+!> By events it is exact (attrito_contact_second_derivative_event). Samples have none in closed form: there it is the central difference
+!> of the exact Jacobian along t, whose error is of second order in the step and enters no solution, only the rate of Newton's method.
+module attrito_peak_second_derivative
+  use attrito_core_kinds, only: wp
+  use attrito_balance_harmonic_balance, only: balance_type
+  use attrito_balance_unknowns, only: unknowns_type
+  use attrito_contact_quadrature_sampled, only: contact_forces_type, evaluate_contact
+  use attrito_contact_second_derivative_event, only: differentiate_twice_by_events
+  implicit none
+  private
+  public :: differentiate_twice
+
+  !> Step of the difference, relative to the motion: its error, step^2, and that of rounding, 1e-16/step, are alike
+  real(wp), parameter :: relative_step = 1.0e-5_wp
+
+contains
+
+  !> D'[t] x at the balance's last evaluation [2 H + 1, rows, ways].
+  subroutine differentiate_twice(balance, motion, along, ways, deviation)
+    type(balance_type), intent(in) :: balance
+    !> Where it was evaluated [2 H + 1, rows]
+    real(wp), intent(in) :: motion(:, :)
+    type(unknowns_type), intent(in) :: along, ways(:)
+    real(wp), intent(out) :: deviation(:, :, :)
+    real(wp), allocatable :: columns(:, :), product(:, :)
+    integer :: i, k, last, n
+
+    k = size(deviation, 1)
+    deviation = 0.0_wp
+    do i = 1, size(balance%law)
+      associate (law => balance%law(i), forces => balance%forces(i), first => balance%law(i)%first_row)
+        if (.not. allocated(forces%jacobian)) cycle
+        last = first + law%tangents
+        columns = reshape([(ways(n)%motion(:, first:last), n=1, size(ways))], [k*(law%tangents + 1), size(ways)])
+        allocate (product, mold=columns)
+        if (balance%by_events .and. law%tangents == 1) then
+          call differentiate_twice_by_events(law, balance%grid, motion(:, first:last), balance%slider(1, i), forces%active, &
+                                             along%motion(:, first:last), columns, product)
+        else
+          product = difference(balance, motion, i, along, columns)
+        end if
+        do n = 1, size(ways)
+          deviation(:, first:last, n) = reshape(product(:, n), [k, law%tangents + 1])
+        end do
+        deallocate (product)
+      end associate
+    end do
+  end subroutine differentiate_twice
+
+  !> (D(d + e t) - D(d - e t)) x/(2 e) of one contact by samples, its slider going with the motion.
+  function difference(balance, motion, contact, along, columns) result(product)
+    type(balance_type), intent(in) :: balance
+    real(wp), intent(in) :: motion(:, :)
+    integer, intent(in) :: contact
+    type(unknowns_type), intent(in) :: along
+    real(wp), intent(in) :: columns(:, :)
+    real(wp) :: product(size(columns, 1), size(columns, 2))
+    type(contact_forces_type) :: forces
+    real(wp) :: step, slider(2)
+    integer :: side
+
+    product = 0.0_wp
+    associate (law => balance%law(contact), first => balance%law(contact)%first_row, &
+               last => balance%law(contact)%first_row + balance%law(contact)%tangents)
+      step = norm2(along%motion(:, first:last))
+      if (step <= 0.0_wp) return
+      step = relative_step*norm2(motion(2:, first:last))/step
+      if (step <= 0.0_wp) return
+      do side = -1, 1, 2
+        slider = balance%slider(:, contact)
+        if (balance%forces(contact)%follows()) slider = slider + side*step*along%slider(:, contact)
+        forces = contact_forces_type()
+        allocate (forces%deviation, mold=balance%forces(contact)%deviation)
+        call evaluate_contact(law, balance%fourier, motion(:, first:last) + side*step*along%motion(:, first:last), slider, &
+                              balance%periodic(contact), forces)
+        if (allocated(forces%jacobian)) product = product + side/(2.0_wp*step)*matmul(forces%jacobian, columns)
+      end do
+    end associate
+  end function difference
+end module attrito_peak_second_derivative

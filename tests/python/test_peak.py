@@ -1,0 +1,252 @@
+"""Peaks followed without sweeps: closed form, swept peaks, the paper's optimisation curve, similarity, the command."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import h5py
+import jobs
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scipy.optimize import brentq, minimize_scalar
+
+from attrito.peak import begin, follow
+from attrito.peak_file import read_peaks
+from attrito.peak_tracker import PeakTracker
+from attrito.solver import Options, ReducedScene, Solver
+from attrito.verify.wedge import BAND, FORCES, PARAMETER_SETS, PRELOAD, Wedge
+
+KT, LIMIT, DAMPING = 0.5, 1.0, 0.02
+
+
+def jenkins() -> ReducedScene:
+    """A mass on a spring (both 1) that rubs, pressed by a constant force, mu N = 1."""
+    laws = {"tangents": np.ones(1, dtype=np.int32), "tangential_stiffness": np.full(1, KT)}
+    laws |= {"normal_stiffness": np.ones(1), "friction_coefficient": np.full(1, LIMIT), "gap": np.zeros(1)}
+    laws |= {"preload": np.ones(1)}
+    harmonic = np.zeros((3, 2))
+    harmonic[1, 0] = 1.0
+    # The second coordinate is what the contact presses on; the static load balances its preload.
+    return ReducedScene(
+        np.eye(2),
+        np.eye(2),
+        "viscous",
+        0.0,
+        DAMPING * np.eye(2),
+        laws,
+        np.eye(2),
+        np.array([[0.0, 1.0]]),
+        harmonic,
+        np.array([[1.0, 0.0]]),
+        ["x"],
+    )
+
+
+def closed_form(force: float) -> tuple[float, float]:
+    """Peak amplitude and omega of the mass with one harmonic, by the describing function of the Jenkins element."""
+
+    def element(amplitude: float) -> tuple[float, float]:
+        limit = LIMIT / KT
+        if amplitude <= limit:
+            return KT, 0.0
+        theta = np.arccos(1.0 - 2.0 * limit / amplitude)
+        loss = 4.0 * LIMIT / (np.pi * amplitude) * (1.0 - limit / amplitude)
+        return KT / np.pi * (theta - 0.5 * np.sin(2.0 * theta)), loss
+
+    def omega_of(amplitude: float) -> float:
+        # The largest force-to-amplitude ratio's minimum over omega: d/domega of (K - omega^2)^2 + (c omega + L)^2.
+        stiffness, loss = element(amplitude)
+        square = 1.0 + stiffness
+        return brentq(
+            lambda w: -4.0 * w * (square - w * w) + 2.0 * DAMPING * (DAMPING * w + loss), 0.5 * square**0.5, square**0.5
+        )
+
+    def excess(amplitude: float) -> float:
+        stiffness, loss = element(amplitude)
+        w = omega_of(amplitude)
+        return amplitude * np.hypot(1.0 + stiffness - w * w, DAMPING * w + loss) - force
+
+    amplitude = brentq(excess, 1e-3, 1e3, xtol=1e-14, rtol=1e-14)
+    return amplitude, omega_of(amplitude)
+
+
+def test_peaks_of_a_mass_that_rubs_are_those_of_the_describing_function():
+    with Solver(MPI.COMM_SELF, jenkins(), Options(harmonics=1, by_events=True, tolerance=1e-12)) as solver:
+        solver.walk_static_path(np.array([[1.0]]), 1, 0.2)
+        tracker = PeakTracker(solver, 0, "first_harmonic", (0.13, 0.25), np.ones(1))
+        peak = tracker.begin(0.01, tracker.linear_peak_hz())
+        # At 1.4 the peak is hardly above what friction alone holds, 4/pi; it stays a peak.
+        for force in (0.01, 0.2, 0.7, 1.2, 1.5, 3.0):
+            peak = tracker.at(force)
+            amplitude, omega = closed_form(force)
+            assert peak.outcome == "converged" and peak.curvature < 0.0
+            # Newton's method ends at 1e-12 of the response and 1e-7 of the band: of second order in the amplitude.
+            assert peak.amplitude == pytest.approx(amplitude, rel=1e-10)
+            assert 2.0 * np.pi * peak.frequency_hz == pytest.approx(omega, rel=1e-7)
+
+
+def evaluations_of_swept_peaks(wedge: Wedge) -> int:
+    """Of the eight frequency responses of the paper's forces and the location of their peaks, static path left out."""
+    count = 0
+    for force in FORCES:
+        with wedge._solver() as solver:
+            before = solver.call("attrito_evaluations")
+            grid = np.linspace(*BAND)
+            response = [point.amplitude[0] for point in solver.solve_at(grid.tolist(), force, 0)]
+            largest = int(np.argmax(response))
+            minimize_scalar(
+                lambda f, solver=solver, force=force: -next(solver.solve_at([f], force, 0)).amplitude[0],
+                bounds=(grid[largest + 1], grid[largest - 1]),
+                method="bounded",
+                options={"xatol": 1e-6},
+            )
+            count += solver.call("attrito_evaluations") - before
+    return count
+
+
+def curve_job(**keys) -> dict:
+    """What `follow` asks of a job."""
+    peak = {"parameter": "level", "start": FORCES[0], "stop": FORCES[-1], "values": list(FORCES[1:-1]), "level": 1.0}
+    peak |= {"monitor": None, "amplitude": "half_range", "near_hz": None, "optimum": True, "max_points": 200}
+    sweep = {"frequencies_hz": None, "start_hz": BAND[0], "stop_hz": BAND[1]}
+    return dict(peak=peak | keys, sweep=sweep, static={"steps": 20})
+
+
+@pytest.mark.parametrize("degrees", [0.0, 45.0])
+def test_the_optimisation_curve_is_that_of_swept_peaks_at_a_twentieth_of_the_evaluations(degrees):
+    wedge = Wedge(PARAMETER_SETS["unrounded"], degrees, "C", 5)
+    with Solver(MPI.COMM_SELF, wedge.scene, wedge._options) as solver:
+        solver.walk_static_path(np.array([[0.0], [1.0]]), 20, BAND[1])
+        walked = solver.call("attrito_evaluations")
+        found = list(follow(solver, curve_job(optimum=False), wedge.scene, np.array([[0.0], [1.0]])))
+        count = solver.call("attrito_evaluations") - 2 * walked
+    at = {round(one.peak.parameter, 9): one.peak for one in found if one.kind == "value"}
+    for force in FORCES:
+        swept = wedge.peak(force)
+        assert at[force].curvature < 0.0
+        # Swept peaks are located to 1e-6 Hz, the maximum being flat; both balances end at 1e-12 of the stuck response.
+        assert at[force].response == pytest.approx(swept.response, rel=1e-9)
+        assert at[force].frequency_hz == pytest.approx(swept.frequency_hz, abs=1e-4)
+    assert 20 * count <= evaluations_of_swept_peaks(wedge)
+
+
+def test_the_least_peak_on_the_level_wall_is_that_of_the_paper():
+    wedge = Wedge(PARAMETER_SETS["unrounded"], 0.0, "C", 5)
+    with Solver(MPI.COMM_SELF, wedge.scene, wedge._options) as solver:
+        found = list(follow(solver, curve_job(values=[]), wedge.scene, np.array([[0.0], [1.0]])))
+    best = [one.peak for one in found if one.kind == "optimum"]
+    assert len(best) == 1
+    assert best[0].response == pytest.approx(7.044e-6, abs=2e-9)
+    assert PRELOAD / best[0].level == pytest.approx(20.2, abs=0.2)
+    parameters = [one.peak.parameter for one in found]
+    assert parameters == sorted(parameters)
+
+
+def test_followed_in_the_preload_the_peak_is_that_in_the_level_by_similarity():
+    wedge = Wedge(PARAMETER_SETS["unrounded"], 0.0, "C", 5)
+    path = np.array([[0.0], [1.0]])
+    with Solver(MPI.COMM_SELF, wedge.scene, wedge._options) as solver:
+        job = curve_job(parameter="preload", start=2.0, stop=0.5, values=[1.0], level=24.0)
+        by_preload = [one for one in follow(solver, job, wedge.scene, path) if one.kind == "value"]
+    with Solver(MPI.COMM_SELF, wedge.scene, wedge._options) as solver:
+        tracker, _ = begin(solver, curve_job(), wedge.scene, path, 12.0)
+        for one in by_preload:
+            # Twice all loads is twice the motion.
+            level = 24.0 / one.peak.parameter
+            assert one.peak.amplitude == pytest.approx(one.peak.parameter * tracker.at(level).amplitude, rel=1e-9)
+
+
+def test_a_peak_of_a_contact_with_two_tangents_is_the_swept_one():
+    scene = jenkins()
+    laws = scene.laws | {"tangents": np.full(1, 2, dtype=np.int32), "tangential_stiffness": np.full(1, 0.02)}
+    harmonic = np.zeros((3, 3))
+    harmonic[1, 0], harmonic[2, 1] = 1.0, 0.4
+    scene = ReducedScene(
+        np.eye(3),
+        np.diag([1.0, 1.1, 1.0]),
+        "viscous",
+        0.0,
+        0.1 * np.eye(3),
+        laws,
+        np.eye(3),
+        np.array([[0.0, 0.0, 1.0]]),
+        harmonic,
+        np.array([[1.0, 0.0, 0.0]]),
+        ["x"],
+    )
+    options = Options(harmonics=3, samples=128, tolerance=1e-12)
+    with Solver(MPI.COMM_SELF, scene, options) as solver:
+        solver.walk_static_path(np.array([[1.0]]), 1, 0.2)
+        tracker = PeakTracker(solver, 0, "half_range", (0.13, 0.25), np.ones(1))
+        tracker.begin(0.01, tracker.linear_peak_hz())
+        peak = tracker.at(10.0)
+        assert peak.outcome == "converged" and peak.curvature < 0.0 and peak.point.states[2] == 1
+        swept = minimize_scalar(
+            lambda f: -next(solver.solve_at([f], 10.0, 0)).amplitude[0],
+            bounds=(peak.frequency_hz - 0.003, peak.frequency_hz + 0.003),
+            method="bounded",
+            options={"xatol": 1e-8},
+        )
+    # Located to 1e-7 of the frequency here and 1e-8 Hz there; the amplitude is flat.
+    assert peak.amplitude == pytest.approx(-swept.fun, rel=1e-8)
+
+
+def job(**peak) -> jobs.Job:
+    made = jobs.wedge(force=1.0)
+    made["sweep"] = {"start_hz": 150.0, "stop_hz": 85.0}
+    made["peak"] = {"start": 1.0, "stop": 20.0, "values": [6.0, 12.0]} | peak
+    return made
+
+
+def test_the_command_writes_file_table_and_picture(tmp_path, capfd):
+    done = jobs.attrito_here(tmp_path, capfd, "peak", jobs.write_job(tmp_path, job()))
+    assert done.returncode == 0, done.stderr
+    rows = list(csv.DictReader(io.StringIO(done.stdout[done.stdout.index("kind,level") :])))
+    rows = [row for row in rows if row["outcome"] == "converged"]
+    assert {"6", "12", "20"} <= {row["level"] for row in rows}
+    assert (tmp_path / "result.peaks.png").stat().st_size > 10000
+    data, attributes = read_peaks(str(tmp_path / "result.peaks.h5"))
+    assert attributes["parameter"] == "level" and len(data["level"]) == len(rows)
+    with h5py.File(tmp_path / "result.peaks.h5") as file:
+        named: list[str] = []
+        file.visititems(lambda name, item: named.append(name) if isinstance(item, h5py.Dataset) else None)
+        assert all(file[name].attrs["description"] and file[name].attrs["unit"] for name in named)
+
+
+def test_ranks_find_the_same_peaks(tmp_path):
+    made = job()
+    made["contact"] = made["contact"] * 2
+    for contact in made["contact"]:
+        contact["tangential_stiffness"] = contact["normal_stiffness"] = 1.5e5
+    found = []
+    for ranks in (None, 2):
+        done = jobs.attrito(tmp_path, "peak", jobs.write_job(tmp_path, made), ranks=ranks)
+        assert done.returncode == 0, done.stdout + done.stderr
+        found.append(read_peaks(str(tmp_path / "result.peaks.h5"))[0])
+    # Sums over ranks differ in rounding; the balance ends at 1e-10 of the response.
+    assert np.allclose(found[0]["amplitude"], found[1]["amplitude"], rtol=1e-8, atol=0.0)
+
+
+@pytest.mark.parametrize(
+    ("keys", "key"),
+    [
+        ({"stop": 1.0}, "[peak] stop = 1.0: expected a value other than start"),
+        ({"start": None}, "[peak] start = 'missing'"),
+        ({"monitor": "z"}, "[peak] monitor = 'z': expected one of x"),
+        ({"level": 2.0}, "[peak] level = 2.0: expected no such key"),
+    ],
+)
+def test_a_fault_of_the_peaks_keys_is_told(tmp_path, capfd, keys, key):
+    made = job(**keys)
+    made["peak"] = {name: value for name, value in made["peak"].items() if value is not None}
+    done = jobs.attrito_here(tmp_path, capfd, "peak", jobs.write_job(tmp_path, made))
+    assert done.returncode == 2 and key in done.stderr
+
+
+def test_an_uncoupled_balance_cannot_follow_the_preload(tmp_path, capfd):
+    made = job(parameter="preload")
+    made["balance"] = made.get("balance", {}) | {"approach": "uncoupled"}
+    done = jobs.attrito_here(tmp_path, capfd, "peak", jobs.write_job(tmp_path, made))
+    assert done.returncode == 2 and "[peak] parameter = 'preload'" in done.stderr
