@@ -21,7 +21,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code."""
     options = _parser().parse_args(arguments)
-    parallel = options.command in ("run", "reduce", "peak", "integrate", "export", "verify")
+    parallel = options.command in ("run", "reduce", "peak", "study", "integrate", "export", "verify")
     try:
         options.work(options)
     except InputError as error:
@@ -116,6 +116,10 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument("job", help="job file (TOML) with a table [peak]")
     one.add_argument("-o", "--output", help="picture to write (default: the file of peaks, ending .png)")
     one.set_defaults(work=_peak)
+
+    one = commands.add_parser("study", help="the peaks of a job for many values of its keys -> HDF5 and picture")
+    one.add_argument("study", help="study file (TOML)")
+    one.set_defaults(work=_study)
 
     one = commands.add_parser("integrate", help="a job integrated in time -> group /integration of its output file")
     one.add_argument("job", help="job file (TOML)")
@@ -256,6 +260,14 @@ def _peak(options: argparse.Namespace) -> None:
     from attrito.peak import peak_job
 
     peak_job(MPI.COMM_WORLD, options.job, options.output)
+
+
+def _study(options: argparse.Namespace) -> None:
+    from mpi4py import MPI
+
+    from attrito.study import run_study
+
+    run_study(MPI.COMM_WORLD, options.study)
 
 
 def _integrate(options: argparse.Namespace) -> None:

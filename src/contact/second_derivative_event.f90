@@ -7,7 +7,8 @@
 !> Its Fourier integrals change along t as the ends of intervals move across a jump of the integrand, and as what a slider at rest
 !> took over at o moves with o and b:
 !>
-!> $$ D'[t] x = \sum_e [\![ -k_t w_x ]\!]_e \dot\theta_e \, e(\theta_e)/\pi - k_t \sum_\text{rests} \dot w_x \int_\text{rest} e \, d\theta/\pi $$
+!> $$ D'[t] x = \frac{1}{\pi} \left( \sum_e [\![ -k_t w_x ]\!]_e \dot\theta_e \, e(\theta_e)
+!>    - k_t \sum_\text{rests} \dot w_x \int_\text{rest} e \, d\theta \right) $$
 !>
 !> Exact wherever events cross their thresholds at a slope; it is symmetric in t and x, being a second derivative.
 module attrito_contact_second_derivative_event
@@ -110,7 +111,7 @@ contains
      case (regime_slip)
       basis = basis_at(theta, (size(x, 1) - 1)/2)
       change = dot_product(basis, x(:, 1)) - interval%side*events%slope*dot_product(basis, x(:, 2))
-     case (regime_open)
+     case default
       change = dot_product(basis_at(theta, (size(x, 1) - 1)/2), x(:, 1))
     end select
   end function slider_derivative

@@ -77,8 +77,8 @@ contains
     end do
   end function extrema
 
-  !> Where the smallest and the largest value over the period are: those of a grid, each polished by Newton's method on x' = 0 where it
-  !> is the least or greatest of its neighbours (two that are nearly equal may change places).
+  !> Where the smallest and the largest value over the period are: those of a grid, each polished by Newton's method on x' = 0 where
+  !> it is the least or greatest of its neighbours (two that are nearly equal may change places).
   pure function extreme_places(coefficients) result(places)
     !> [a_0, a_c1, a_s1, ...]
     real(wp), intent(in) :: coefficients(:)

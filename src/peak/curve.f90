@@ -1,6 +1,6 @@
 !> A resonance peak followed in a parameter p, the level or the preload: where r(d, omega, p) = 0 and psi(d, omega, p) = 0.
 !>
-!> Newton's step from a point is n + sigma t + pi d_p, its parts those of attrito_peak_condition; what is left of all unknowns are two,
+!> Newton's step from a point is n + sigma t + pi d_p, its parts those of attrito_peak_condition; two unknowns are left,
 !>
 !> $$ \psi + \psi'[n] + \sigma \psi'[t] + \pi \psi'[d_p] = 0, \qquad l[n] + \sigma \, l[t] + \pi \, l[d_p] = \lambda - l, $$
 !>
@@ -13,8 +13,8 @@ module attrito_peak_curve
   use attrito_balance_newton, only: newton_report_type
   use attrito_continuation_cascade, only: solve_by_cascade
   use attrito_continuation_solver, only: solver_type
-  use attrito_peak_condition, only: problem_type, direction_type, linearisation_type, linearise, value_of, set_value, scale_of_motion, &
-                                    parameter_level
+  use attrito_peak_condition, only: problem_type, direction_type, linearisation_type, linearise, value_of, set_value, &
+                                    scale_of_motion, parameter_level
   implicit none
   private
   public :: curve_type, begin_curve, follow_parameter
@@ -71,8 +71,8 @@ module attrito_peak_curve
 
 contains
 
-  !> Find the peak of the solver's loads near an angular frequency, the linear peak's: at a level at which contacts still stick, or a small
-  !> one, and then followed to the level asked for.
+  !> Find the peak of the solver's loads near an angular frequency, the linear peak's: at a level at which contacts still stick, or a
+  !> small one, and then followed to the level asked for.
   subroutine begin_curve(solver, problem, omega, self)
     type(solver_type), intent(inout) :: solver
     !> Its parameter is set to the level here; its border is made here

@@ -1,7 +1,8 @@
 !> Second derivative of all contacts' forces: how the Jacobian D changes along a motion t, times motions x.
 !>
-!> By events it is exact (attrito_contact_second_derivative_event). Samples have none in closed form: there it is the central difference
-!> of the exact Jacobian along t, whose error is of second order in the step and enters no solution, only the rate of Newton's method.
+!> By events it is exact (attrito_contact_second_derivative_event). Samples have none in closed form: there it is the central
+!> difference of the exact Jacobian along t, whose error is of second order in the step and enters no solution, only the rate of
+!> Newton's method.
 module attrito_peak_second_derivative
   use attrito_core_kinds, only: wp
   use attrito_balance_harmonic_balance, only: balance_type

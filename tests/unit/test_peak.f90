@@ -7,8 +7,8 @@ program test_peak
   use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
   use attrito_continuation_static_path, only: walk_static_path
   use attrito_peak_amplitude, only: amplitude_type, amplitude_of, half_range, first_harmonic
-  use attrito_peak_condition, only: problem_type, direction_type, linearisation_type, linearise, value_of, set_value, parameter_level, &
-                                    parameter_preload
+  use attrito_peak_condition, only: problem_type, direction_type, linearisation_type, linearise, value_of, set_value, &
+                                    parameter_level, parameter_preload
   use attrito_peak_curve, only: curve_type, begin_curve
   use scenes, only: scene_type, wedge, rubbing_frame, damp, noise
   use attrito_model_structure, only: damping_ratio, damping_viscous

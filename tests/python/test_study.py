@@ -1,0 +1,133 @@
+"""Studies: what is varied, batches, groups of ranks, and one that was killed."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import jobs
+import numpy as np
+import pytest
+
+from attrito.job import read_job
+from attrito.study_design import batches, places, read_study, set_value
+
+STUDY = {
+    "job": "job.toml",
+    "file": "study.h5",
+    "samples": 24,
+    "batch": 2,
+    "vary": [
+        {"name": "mu", "keys": ["contact[*].friction_coefficient"], "low": 0.3, "high": 0.6},
+        {"name": "preload", "keys": ["static.load_path[1]"], "low": 0.8, "high": 1.2},
+    ],
+}
+
+
+def write(folder: Path, **changes) -> str:
+    """The wedge and a study of it; returns the study's name."""
+    made = jobs.wedge(force=1.0)
+    made["sweep"] = {"start_hz": 150.0, "stop_hz": 85.0}
+    made["static"] = {"load_path": [0.0, 1.0]}
+    made["peak"] = {"start": 10.0}
+    jobs.write_job(folder, made)
+    study = {key: value for key, value in (STUDY | changes).items() if value is not None}
+    study["vary"] = [{key: value for key, value in row.items() if value is not None} for row in study["vary"]]
+    return jobs.write_job(folder, study, "study.toml")
+
+
+def results(folder: Path) -> dict[str, np.ndarray]:
+    """Every dataset of the study."""
+    found: dict[str, np.ndarray] = {}
+    with h5py.File(folder / "study.h5") as file:
+        file.visititems(lambda name, item: found.update({name: item[()]}) if isinstance(item, h5py.Dataset) else None)
+        assert all(file[name].attrs["description"] and file[name].attrs["unit"] for name in found)
+    return found
+
+
+def test_a_study_that_was_killed_goes_on_and_ends_like_one_that_was_not(tmp_path):
+    whole, broken = tmp_path / "whole", tmp_path / "broken"
+    for folder in (whole, broken):
+        folder.mkdir()
+        write(folder)
+    done = jobs.attrito(whole, "study", "study.toml")
+    assert done.returncode == 0, done.stderr
+    command = [sys.executable, "-m", "attrito.cli", "study", "study.toml"]
+    running = subprocess.Popen(command, cwd=broken, env=os.environ | jobs.ENVIRONMENT, stdout=subprocess.DEVNULL)
+    deadline = time.monotonic() + jobs.TIMEOUT
+    while len(list(broken.glob("study.h5.parts/*/*.json"))) < 3 and time.monotonic() < deadline:
+        time.sleep(0.01)
+    running.send_signal(signal.SIGKILL)
+    running.wait()
+    kept = len(list(broken.glob("study.h5.parts/*/*.json")))
+    assert 3 <= kept < 12 and not (broken / "study.h5").exists()
+    done = jobs.attrito(broken, "study", "study.toml")
+    assert done.returncode == 0 and f"{kept} of them there already" in done.stdout
+    first, second = results(whole), results(broken)
+    assert first.keys() == second.keys()
+    assert all(np.array_equal(first[name], second[name], equal_nan=True) for name in first)
+    assert not (broken / "study.h5.parts").exists() and (broken / "study.png").stat().st_size > 10000
+
+
+def test_groups_of_ranks_find_what_one_process_finds(tmp_path):
+    found = []
+    for ranks in (None, 2):
+        write(tmp_path, samples=8)
+        done = jobs.attrito(tmp_path, "study", "study.toml", ranks=ranks)
+        assert done.returncode == 0, done.stdout + done.stderr
+        found.append(results(tmp_path))
+    assert np.array_equal(found[0]["peaks/amplitude"], found[1]["peaks/amplitude"])
+
+
+def test_a_sample_is_the_job_with_its_values(tmp_path):
+    write(tmp_path, design="grid", samples=None, vary=[STUDY["vary"][0] | {"low": None, "high": None, "values": [0.4]}])
+    done = jobs.attrito(tmp_path, "study", "study.toml")
+    assert done.returncode == 0, done.stdout + done.stderr
+    made = jobs.wedge(force=1.0)
+    made["contact"][0]["friction_coefficient"] = 0.4
+    made["sweep"] = {"frequencies_hz": np.linspace(128.0, 120.0, 161).tolist(), "levels": [10.0]}
+    jobs.run(tmp_path, made)
+    highest = max(float(row["x_amplitude"]) for row in jobs.table(tmp_path))
+    peak = results(tmp_path)["peaks/amplitude"][0, 0]
+    # Listed frequencies miss the peak by a fortieth of a hertz at most.
+    assert highest <= peak <= highest * (1.0 + 1e-4)
+
+
+def test_keys_are_found_and_changed_by_their_paths(tmp_path):
+    write(tmp_path)
+    tables = read_job(tmp_path / "job.toml").tables
+    assert [index for _, index in places(tables, "contact[*].friction_coefficient")] == ["friction_coefficient"]
+    set_value(tables, "static.load_path[1]", 0.5, factor=True)
+    assert tables["static"]["load_path"] == [0.0, 0.5]
+    for key in ("contact[3].gap", "static.slider", "static", "no such"):
+        with pytest.raises(ValueError):
+            places(tables, key)
+
+
+def test_batches_hold_every_sample_once_and_are_short(tmp_path):
+    study = read_study(str(tmp_path / write(tmp_path)))
+    values = study.sample()
+    order = batches(study, values)
+    assert sorted(np.concatenate(order).tolist()) == list(range(24)) and max(map(len, order)) <= 2
+    assert np.array_equal(values, study.sample())
+    assert values[:, 0].min() >= 0.3 and values[:, 1].max() <= 1.2
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ({"desing": "grid"}, "desing"),
+        ({"samples": None}, "samples"),
+        ({"vary": [{"name": "a", "keys": ["contact[7].gap"], "low": 0.0, "high": 1.0}]}, "vary[0] keys"),
+        ({"vary": [{"name": "a", "keys": ["static.slider"], "low": 0.0, "high": 1.0}]}, "vary[0] keys"),
+        ({"vary": [{"name": "a", "keys": ["contact[0].gap"]}]}, "vary[0] values"),
+    ],
+)
+def test_a_fault_of_a_study_is_told(tmp_path, capfd, changes, key):
+    done = jobs.attrito_here(tmp_path, capfd, "study", write(tmp_path, **changes))
+    assert done.returncode == 2 and key in done.stderr
