@@ -63,37 +63,67 @@ class Finder:
         self._looks = job["continuation"]["locate"]
         self._how = METHODS[job["stability"]["method"]], ORBITS[job["stability"]["orbit"]]
         self._points = 0
+        self._last: list[Bifurcation] = []
         self.found: list[Bifurcation] = []
 
     def visit(self, point: Point) -> None:
         """Look at the step that led to a point, which is written already. Collective."""
         number = self._points
         self._points += 1
+        self._last = []
         if not self._looks or not point.followed or point.outcome in ("not_converged", "no_period_one_orbit"):
             return
         for i in range(self._solver.call("attrito_find_bifurcations", *self._how)):
             report, amplitude = _Report(), np.zeros(len(point.amplitude))
             self._solver.call("attrito_bifurcation", i, ctypes.byref(report), ctypes.c_void_p(amplitude.ctypes.data))
+            new = Bifurcation(
+                KINDS[report.kind],
+                number,
+                point.branch,
+                point.level,
+                report.frequency_hz,
+                report.uncertain_hz,
+                complex(report.re, report.im),
+                amplitude,
+            )
+            self._last.append(new)
+            if self._add(new):
+                self._progress.say(f"{new.kind.replace('_', ' ')} at {new.frequency_hz:.7g} Hz")
+
+    def put_down(self) -> dict[str, np.ndarray]:
+        """What was found of the last point."""
+        rows = [
+            [KINDS.index(one.kind), one.branch, one.level, one.frequency_hz, one.uncertain_hz, one.multiplier.real,
+             one.multiplier.imag, *one.amplitude]
+            for one in self._last
+        ]  # fmt: skip
+        return {"bifurcations": np.array(rows, dtype=float)} if rows else {}
+
+    def take_up(self, found: dict[str, np.ndarray]) -> None:
+        """Go on after a point of which `put_down` told this."""
+        for kind, branch, level, frequency, uncertain, real, imaginary, *amplitude in found.get("bifurcations", ()):
+            multiplier = complex(real, imaginary)
             self._add(
                 Bifurcation(
-                    KINDS[report.kind],
-                    number,
-                    point.branch,
-                    point.level,
-                    report.frequency_hz,
-                    report.uncertain_hz,
-                    complex(report.re, report.im),
-                    amplitude,
+                    KINDS[int(kind)],
+                    self._points,
+                    int(branch),
+                    float(level),
+                    float(frequency),
+                    float(uncertain),
+                    multiplier,
+                    np.array(amplitude),
                 )
             )
+        self._points += 1
 
-    def _add(self, new: Bifurcation) -> None:
+    def _add(self, new: Bifurcation) -> bool:
         """Keep it, unless it is a fold's own crossing, told by an orbit that turns at another frequency."""
         if any(_is_of_fold(new, fold) for fold in self.found):
-            return
+            return False
         self.found = [one for one in self.found if not _is_of_fold(one, new)]
         self.found.append(new)
-        self._progress.say(f"{new.kind.replace('_', ' ')} at {new.frequency_hz:.7g} Hz")
+        return True
 
 
 def _is_of_fold(crossing: Bifurcation, fold: Bifurcation) -> bool:

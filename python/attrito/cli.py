@@ -102,6 +102,13 @@ def _parser() -> argparse.ArgumentParser:
 
     one = commands.add_parser("run", help="a job -> result.h5")
     one.add_argument("job", help="job file (TOML)")
+    one.add_argument("--resume", action="store_true", help="go on after the last point of a run that was cut short")
+    one.add_argument(
+        "--max-seconds",
+        type=_seconds,
+        metavar="S",
+        help="stop before this wall time, after a whole point (exit code 1)",
+    )
     one.set_defaults(work=_run)
 
     one = commands.add_parser("chart", help="error against cost of all ways to solve a job's scene -> CSV, HDF5, PNG")
@@ -237,7 +244,7 @@ def _run(options: argparse.Namespace) -> None:
 
     from attrito.running import run_job
 
-    run_job(MPI.COMM_WORLD, options.job)
+    run_job(MPI.COMM_WORLD, options.job, options.resume, options.max_seconds)
 
 
 def _chart(options: argparse.Namespace) -> None:
@@ -429,6 +436,16 @@ def _measure(text: str) -> float:
     if not 0.0 < value <= 2000.0:
         raise argparse.ArgumentTypeError(f"{text!r}: expected a number above 0, at most 2000")
     return value
+
+
+def _seconds(text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = 0.0
+    if not 0.0 < seconds < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a number of seconds above 0")
+    return seconds
 
 
 def _numbered(path: str, point: int) -> str:

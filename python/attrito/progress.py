@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from mpi4py.MPI import Comm
 
+    from attrito.recorder import Place
     from attrito.reduction import Report
     from attrito.solver import Point
+    from attrito.stages import Stages
 
 
 # Seconds between words on a step that takes long
@@ -29,6 +29,7 @@ class Progress:
         self._speaks = comm.rank == 0
         self._terminal = self._speaks and sys.stdout.isatty()
         self.count = 0
+        self.iterations = 0
         self._pending = False
         self._step = ""
         self._begun = (0.0, 0)
@@ -86,14 +87,15 @@ class Progress:
         """The static load path was walked."""
         self.say("static load path walked: monitors " + ", ".join(f"{value:.4g}" for value in means))
 
-    def point(self, point: Point, monitor: str) -> None:
-        """One line a point."""
+    def point(self, point: Point, monitor: str, number: int) -> None:
+        """One line a point, the `number`th of the run."""
+        self.iterations += point.iterations
         self.count += 1
         if not self._speaks:
             return
         stuck, shaken_down, slipping, opened = point.states
         line = (
-            f"{self.count - 1:5d}  {point.frequency_hz:11.5g} Hz  level {point.level:<8.4g}"
+            f"{number - 1:5d}  {point.frequency_hz:11.5g} Hz  level {point.level:<8.4g}"
             f" {monitor} {point.amplitude[0]:11.4e}"
             f"  stuck {stuck + shaken_down:3d} slipping {slipping:3d} open {opened:3d}"
             f"  {point.iterations:3d} iterations  {point.outcome}"
@@ -104,9 +106,12 @@ class Progress:
         else:
             print(line, flush=True)
 
-    def end(self, result: str, seconds: float, outcomes: Mapping[str, int]) -> None:
-        """Where the result is."""
-        failed = outcomes.get("not_converged", 0)
-        missing = outcomes.get("no_period_one_orbit", 0)
-        without = f", {missing} without an orbit of period one" if missing else ""
-        self.say(f"{self.count} points, {failed} of them not converged{without}, in {seconds:.1f} s: {result}")
+    def end(self, result: str, stages: Stages, place: Place) -> None:
+        """Where the result is, and what it took. Collective."""
+        megabytes = stages.peak_megabytes()
+        ways = ", ".join(f"{count} {name}" for name, count in place.outcomes.items())
+        self.say(f"{place.points} points ({ways}) in {stages.total:.1f} s: {result}")
+        each = ", ".join(f"{stage} {seconds:.1f}" for stage, seconds in stages.seconds.items() if seconds >= 0.05)
+        self.say(f"seconds: {each or 'none'}; {self.iterations} iterations of Newton's method")
+        held = f"{max(megabytes):.0f} MB on the largest of {len(megabytes)} ranks, {sum(megabytes):.0f} MB in all"
+        self.say("memory: " + (held if len(megabytes) > 1 else f"{megabytes[0]:.0f} MB"))

@@ -12,6 +12,8 @@ import h5py
 import numpy as np
 
 from attrito.faults import Fault, InputError
+from attrito.journal import is_journal
+from attrito.result_file import write_result
 
 # The other outcomes say that a solution was found, and what is wrong with it.
 NO_SOLUTION = ("no_period_one_orbit", "not_converged")
@@ -22,7 +24,7 @@ class Result:
 
     Parameters
     ----------
-    path : the file
+    path : the file, or the journal of a run that is not over
 
     Raises
     ------
@@ -34,7 +36,7 @@ class Result:
         if not Path(path).is_file():
             raise InputError(Fault(self.path, "file", "absent", "a result of `attrito run`"))
         try:
-            self._file = h5py.File(path, "r")
+            self._file = _open(self.path)
         except OSError as error:
             raise InputError(Fault(self.path, "file", "not HDF5", "a result of `attrito run`")) from error
         form = as_text(self._file.attrs.get("format", "absent"))
@@ -231,6 +233,13 @@ def _level_column(result: Result, point: np.ndarray) -> dict[str, Iterable[str]]
     """The column `level`, if there is more than one."""
     level = result.array("/points/level")
     return {"level": _numbers(level[point])} if len(np.unique(level)) > 1 else {}
+
+
+def _open(path: str) -> h5py.File:
+    """The file; of a run that is not over, what its journal holds so far."""
+    if is_journal(path):
+        return write_result(path, path, driver="core", backing_store=False)
+    return h5py.File(path, "r")
 
 
 def _csv(columns: dict[str, Iterable[str]]) -> str:

@@ -2,43 +2,41 @@
 
 from __future__ import annotations
 
-import json
 import os
-import time
-from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
-import h5py
 import numpy as np
 
-from attrito import __version__
 from attrito.bifurcations import Finder, write_bifurcations
+from attrito.course import Course
 from attrito.faults import InputError, NumericsError, UnsolvedError
 from attrito.job import TOLERANCE, Job, read_job
+from attrito.journal import Record
 from attrito.parallel import on_root
 from attrito.progress import Progress
+from attrito.recorder import Place, Recorder
 from attrito.restart import StoredPoint, read_point
-from attrito.rom import make_rom, mode_error, model_path, reduced_scene, rom_fingerprint, rom_path
+from attrito.result_file import write_result
+from attrito.rom import make_rom, mode_error, reduced_scene, rom_path
+from attrito.run_header import first_record, linear_responses
 from attrito.scene import Scene, build_scene
 from attrito.search import Search
-from attrito.solver import Options, Point, ReducedScene, Solver
+from attrito.solver import Options, ReducedScene, Solver
 from attrito.stability import Examiner, write_multipliers
-from attrito.statics import friction_margin, warning, write_margin
+from attrito.stages import Stages
+from attrito.statics import Margin, friction_margin, warning, write_margin
+from attrito.stop import Stop
 from attrito.uniqueness import Sampler, write_bounds
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
-REFERENCES = (
-    "Zucca & Firrone 2014, doi:10.1016/j.jsv.2013.09.032; Craig & Bampton 1968, doi:10.2514/3.4741; "
-    "Cameron & Griffin 1989, doi:10.1115/1.3176036; PETSc, SLEPc, MUMPS, FFTW, HDF5"
-)
-LINEAR_POINTS = 400
+Kept = TypeVar("Kept")
+
 # Where they are chosen point by point, to begin with
 FIRST_HARMONICS, FIRST_SAMPLES = 3, 64
-NATURAL_FREQUENCIES = 20
 
 
 def reduce_job(comm: Comm, path: str | Job) -> str:
@@ -53,74 +51,182 @@ def reduce_job(comm: Comm, path: str | Job) -> str:
     return rom_path(job)
 
 
-def run_job(comm: Comm, path: str | Job) -> str:
-    """Run a job; returns the result's path. A point that did not converge is in the result, and raises at the end."""
-    progress = Progress(comm)
-    started = time.perf_counter()
-    job = on_root(comm, lambda: read_job(path))
-    scene = _on_root_only(comm, lambda: build_scene(job))
-    _say_notes(progress, scene)
-    if rom_path(job) is not None:
-        progress.reduction(make_rom(comm, job, scene, progress.say, progress.step))
-    reduced = on_root(comm, lambda: reduced_scene(job, scene))
-    load_path = on_root(comm, lambda: scene.load_path)
-    result = job.file(job["output"]["file"])
-    partial = f"{result}.partial"
-    options = on_root(comm, lambda: solver_options(job))
-    margin = on_root(comm, lambda: friction_margin(reduced))
-    if (wedges := warning(margin)) is not None:
-        progress.say(wedges)
-    outcomes: Counter[str] = Counter()
-    incomplete: list[str] = []
-    try:
+def run_job(comm: Comm, path: str | Job, resume: bool = False, max_seconds: float | None = None) -> str:
+    """Run a job; returns the result's path.
+
+    Parameters
+    ----------
+    path : the job file, or the job
+    resume : go on after the last point that an earlier run of the same job left; where there is none, begin
+    max_seconds : wall time to keep within: the run ends in good order before it
+
+    Raises
+    ------
+    InputError : the input is at fault
+    UnsolvedError : points are without a solution; they are in the result
+    NumericsError : the solver gave up, or the run was stopped; what was solved is kept
+    """
+    progress, stages = Progress(comm), Stages(comm)
+    with Stop(comm, max_seconds) as stop:
+        job = on_root(comm, lambda: read_job(path))
+        scene = _on_root_only(comm, lambda: build_scene(job))
+        _say_notes(progress, scene)
+        stages.end("input")
+        if rom_path(job) is not None:
+            progress.reduction(make_rom(comm, job, scene, progress.say, progress.step))
+            stages.end("reduction")
+        reduced = on_root(comm, lambda: reduced_scene(job, scene))
+        load_path = on_root(comm, lambda: scene.load_path)
+        options = on_root(comm, lambda: solver_options(job))
+        margin = on_root(comm, lambda: friction_margin(reduced))
+        if (wedges := warning(margin)) is not None:
+            progress.say(wedges)
         with Solver(comm, reduced, options) as solver:
-            on_root(comm, lambda: _write_root(partial, job, scene))
-            linear = _linear_responses(solver, job)
-            sampler = Sampler(comm, solver, reduced, options, job["static"]["bounds"])
-            examiner = Examiner(comm, solver, job)
-            finder = Finder(solver, job, progress)
-            search = Search(solver, job, load_path, finder, progress)
-            restart = on_root(comm, lambda: _restart(job, reduced))
-            on_root(comm, lambda: _write_linear(partial, linear, reduced.monitor_names))
-            solver.open_result(partial)
+            linear = linear_responses(solver, job)
             progress.begin(len(reduced.mass), len(reduced.laws["tangents"]), linear)
-            for point, first in _points(solver, job, load_path, progress, incomplete, search, restart):
-                point = examiner.examine(point)
-                solver.write_point()
-                sampler.visit(point)
-                progress.point(point, reduced.monitor_names[0])
-                outcomes[point.outcome] += 1
-                finder.visit(point)
-                search.keep(point, first)
-    except (InputError, NumericsError) as error:
-        if progress.count == 0:
-            on_root(comm, lambda: Path(partial).unlink(missing_ok=True))
-        elif isinstance(error, NumericsError):
-            raise NumericsError(f"{error}; the {progress.count} points solved before are in {partial}") from None
-        raise
-    except KeyboardInterrupt:
-        progress.say(f"interrupted: the {progress.count} points solved so far are in {partial}")
-        raise
-    on_root(comm, lambda: _write_incomplete(partial, incomplete))
-    on_root(comm, lambda: write_bounds(partial, reduced, sampler))
-    on_root(comm, lambda: write_multipliers(partial, examiner))
-    on_root(comm, lambda: write_margin(partial, margin))
-    on_root(comm, lambda: write_bifurcations(partial, finder.found, reduced.monitor_names))
-    on_root(comm, lambda: os.replace(partial, result))
-    progress.end(result, time.perf_counter() - started, outcomes)
-    complaints = list(incomplete)
-    if outcomes["not_converged"]:
-        complaints.append(
-            f"{outcomes['not_converged']} point(s) did not converge; they are in the file with outcome not_converged"
-        )
-    if outcomes["no_period_one_orbit"]:
-        complaints.append(
-            f"{outcomes['no_period_one_orbit']} point(s) without an orbit of the excitation's period, by motion in time"
-            " too (it walks, bounces or takes several periods); they are in the file with outcome no_period_one_orbit"
-        )
+            first = _on_root_only(comm, lambda: first_record(job, scene, reduced, comm.size, linear))
+            stages.end("linear responses")
+            run = _Run(comm, job, solver, reduced, options, progress, stages)
+            try:
+                run.solve(first, load_path, resume, stop)
+            finally:
+                run.recorder.close()
+    run.finish(margin)
+    progress.end(run.result, stages, run.place)
+    complaints = run.complaints()
     if complaints:
-        raise UnsolvedError(result, "; ".join(complaints))
-    return result
+        raise UnsolvedError(run.result, "; ".join(complaints))
+    return run.result
+
+
+class _Run:
+    """The solving part of a run, from its first point to the result file."""
+
+    def __init__(
+        self,
+        comm: Comm,
+        job: Job,
+        solver: Solver,
+        reduced: ReducedScene,
+        options: Options,
+        progress: Progress,
+        stages: Stages,
+    ):
+        self._comm, self._job, self._solver, self._reduced = comm, job, solver, reduced
+        self._progress, self._stages = progress, stages
+        self._sampler = Sampler(comm, solver, reduced, options, job["static"]["bounds"])
+        self._examiner = Examiner(comm, solver, job)
+        self._finder = Finder(solver, job, progress)
+        self.result = job.file(job["output"]["file"])
+        self.journal = f"{self.result}.partial"
+        self.recorder = Recorder(comm, solver, self.journal, (self._examiner, self._sampler, self._finder))
+        self.place = Place()
+
+    def solve(self, first: Record | None, load_path: np.ndarray, resume: bool, stop: Stop) -> None:
+        """Solve all points, each on disk before the next begins."""
+        progress, stages = self._progress, self._stages
+        search = Search(self._solver, self._job, load_path, self._finder, progress)
+        start = on_root(self._comm, lambda: _start(self._job, self._reduced))
+        self._begin(first, resume, search)
+        try:
+            course = Course(self._solver, self._job, load_path, search, start, progress)
+            for point in course.points(self.place):
+                stages.end("points")
+                point = self._examiner.examine(point)
+                stages.end("stability")
+                self.recorder.hear()
+                self._sampler.visit(point)
+                stages.end("bounds")
+                self._finder.visit(point)
+                stages.end("bifurcations")
+                search.keep(point, self.place.taken == 1)
+                self.place.add(point)
+                self.recorder.write(point, self.place)
+                stages.end("writing")
+                progress.point(point, self._reduced.monitor_names[0], self.place.points)
+                reason = stop.asked()
+                if reason and not course.is_done(self.place):
+                    raise NumericsError(f"stopped by {reason}")
+        except NumericsError as error:
+            if self.recorder.written:
+                raise NumericsError(f"{error}; {self._left()}") from None
+            on_root(self._comm, lambda: Path(self.journal).unlink(missing_ok=True))
+            raise
+        except (InputError, KeyboardInterrupt):
+            progress.say(self._left())
+            raise
+
+    def _begin(self, first: Record | None, resume: bool, search: Search) -> None:
+        there = on_root(self._comm, lambda: _journal_before(self.journal, resume))
+        if there and resume:
+            self.place = self.recorder.resume(self._job.path, first, search)
+            self._progress.say(f"going on after {self.place.points} points of {self.journal}")
+            self._progress.count = self.place.points
+            return
+        if resume:
+            self._progress.say(f"nothing to go on from ({self.journal} is absent): beginning")
+        self.recorder.begin(first)
+
+    def _left(self) -> str:
+        return (
+            f"the {self.recorder.written} points solved so far are in {self.journal} (attrito table reads it);"
+            f" go on with attrito run --resume {self._job.path}"
+        )
+
+    def finish(self, margin: Margin | None) -> None:
+        """Make the result file; an older one stays until it is complete."""
+        on_root(self._comm, lambda: self._make_result(margin))
+        self._stages.end("writing")
+
+    def _make_result(self, margin: Margin | None) -> None:
+        new = f"{self.result}.new"
+        try:
+            with write_result(self.journal, new) as file:
+                if self.place.incomplete:
+                    file["points"].attrs["incomplete"] = "; ".join(self.place.incomplete)
+            write_bounds(new, self._reduced, self._sampler)
+            write_multipliers(new, self._examiner)
+            write_margin(new, margin)
+            write_bifurcations(new, self._finder.found, self._reduced.monitor_names)
+            os.replace(new, self.result)
+        except OSError as error:
+            Path(new).unlink(missing_ok=True)
+            error.filename = error.filename or new
+            raise
+        Path(self.journal).unlink()
+        Path(f"{self.journal}.old").unlink(missing_ok=True)
+
+    def complaints(self) -> list[str]:
+        """What the numerics did not deliver."""
+        found = list(self.place.incomplete)
+        if failed := self.place.outcomes.get("not_converged", 0):
+            found.append(f"{failed} point(s) did not converge; they are in the file with outcome not_converged")
+        if missing := self.place.outcomes.get("no_period_one_orbit", 0):
+            found.append(
+                f"{missing} point(s) without an orbit of the excitation's period, by motion in time too (it walks,"
+                " bounces or takes several periods); they are in the file with outcome no_period_one_orbit"
+            )
+        return found
+
+
+def _start(job: Job, scene: ReducedScene) -> StoredPoint | None:
+    """The point of an older result that the job starts at."""
+    continuation = job["continuation"]
+    if continuation["start"] is None:
+        return None
+    path = job.file(continuation["start_file"] or job["output"]["file"])
+    contacts = len(scene.laws["tangents"])
+    return read_point(job, "[continuation] start", continuation["start"], path, len(scene.mass), contacts)
+
+
+def _journal_before(path: str, resume: bool) -> bool:
+    """Whether an earlier run left a journal; one that is not gone on from is kept once, under another name."""
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    if not Path(path).is_file():
+        return False
+    if not resume:
+        os.replace(path, f"{path}.old")
+    return True
 
 
 def solver_options(job: Job) -> Options:
@@ -145,150 +251,13 @@ def solver_options(job: Job) -> Options:
     )
 
 
-def _on_root_only(comm: Comm, work) -> Scene | None:
+def _on_root_only(comm: Comm, work: Callable[[], Kept]) -> Kept | None:
     """What stays on rank 0; its faults are raised everywhere."""
-    kept: list[Scene] = []
+    kept: list[Kept] = []
     on_root(comm, lambda: kept.append(work()))
     return kept[0] if kept else None
-
-
-def _points(
-    solver: Solver,
-    job: Job,
-    load_path: np.ndarray,
-    progress: Progress,
-    incomplete: list[str],
-    search: Search,
-    restart: StoredPoint | None,
-) -> Iterator[tuple[Point, bool]]:
-    """Every point of the job, and whether it is the first of a sweep.
-
-    For each level the static path, then the sweep, and back if the job says so; then other branches if asked for.
-    """
-    sweep = job["sweep"]
-    listed = sweep["frequencies_hz"]
-    ends = [(listed[0], listed[-1])] if listed else [(sweep["start_hz"], sweep["stop_hz"])]
-    if job["continuation"]["both_directions"] and not listed:
-        ends.append(ends[0][::-1])
-    most = job["continuation"]["max_points"]
-    branch = 0
-    for level in sweep["levels"]:
-        search.begin_level(level)
-        for start, stop in ends:
-            begin = start if restart is None else restart.frequency_hz
-            means = solver.walk_static_path(load_path, job["static"]["steps"], begin)
-            progress.static(means)
-            if listed:
-                points = solver.solve_at(listed, level, branch)
-            elif restart is not None:
-                if not solver.stand_at(restart, level):
-                    raise NumericsError(f"the point to start at, {begin:.6g} Hz, is not solved at level {level:g}")
-                points = solver.follow(start, stop, branch, most, 1 if stop > start else -1)
-            else:
-                points = solver.sweep(start, stop, level, branch, most)
-            point = None
-            for count, point in enumerate(points):
-                branch = max(branch, point.branch)
-                yield point, count == 0
-            if point is not None and not listed and not point.reached_stop:
-                incomplete.append(
-                    f"the sweep of level {level:g} from {begin:g} Hz ended at {point.frequency_hz:.6g} Hz,"
-                    f" before its stop at {stop:g} Hz: the branch turned back over its start, closed upon itself or was"
-                    " lost, or [continuation] max_points was reached"
-                )
-                progress.say(incomplete[-1])
-            branch += 1
-        if search.searches:
-            for point, first in search.branches(*sorted(ends[0]), branch):
-                branch = max(branch, point.branch + 1)
-                yield point, first
-
-
-def _restart(job: Job, scene: ReducedScene) -> StoredPoint | None:
-    """The point of an older result that the job starts at."""
-    continuation = job["continuation"]
-    if continuation["start"] is None:
-        return None
-    path = job.file(continuation["start_file"] or job["output"]["file"])
-    contacts = len(scene.laws["tangents"])
-    return read_point(job, "[continuation] start", continuation["start"], path, len(scene.mass), contacts)
-
-
-def _linear_responses(solver: Solver, job: Job) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Frequencies, amplitudes and natural frequencies of the linear systems, stuck and frictionless."""
-    sweep = job["sweep"]
-    given = sweep["frequencies_hz"] or [sweep["start_hz"], sweep["stop_hz"]]
-    low, high = min(given), max(given)
-    responses = {}
-    for name, stuck in (("stuck", True), ("frictionless", False)):
-        grid = np.linspace(low, high, LINEAR_POINTS) if high > low else np.array([low])
-        natural = solver.linear_response(stuck, grid[:1], NATURAL_FREQUENCIES)[1]
-        # Resonances are drawn by points of their own, close enough for the sharpest.
-        inside = natural[(natural > low) & (natural < high)]
-        near = [inside * (1.0 + sign * width) for width in np.geomspace(1e-5, 1e-2, 16) for sign in (-1, 1)]
-        grid = np.unique(np.concatenate([grid, inside, *near]))
-        grid = grid[(grid >= low) & (grid <= high)]
-        responses[name] = (grid, solver.linear_response(stuck, grid, 0)[0], natural)
-    return responses
-
-
-def _write_root(path: str, job: Job, scene: Scene) -> None:
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    with h5py.File(path, "w") as file:
-        file.attrs["format"] = "attrito result"
-        file.attrs["format_version"] = 1
-        file.attrs["attrito_version"] = __version__
-        file.attrs["description"] = (
-            "Steady response of a structure with friction contacts; see docs/files.md of attrito"
-        )
-        file.attrs["references"] = REFERENCES
-        file.attrs["job"] = json.dumps(job.tables)
-        file.attrs["job_file"] = str(Path(job.path).resolve()) if Path(job.path).is_file() else ""
-        file.attrs["model_file"] = _absolute(model_path(job))
-        file.attrs["rom_file"] = _absolute(rom_path(job))
-        file.attrs["rom_fingerprint"] = rom_fingerprint(rom_path(job))
-        units = {
-            "tangential_stiffness": "user force/length",
-            "normal_stiffness": "user force/length",
-            "gap": "user length",
-            "preload": "user force",
-            "area": "user area",
-            "position": "user length",
-        }
-        for name, values in {**scene.contacts.laws, **scene.contacts.places}.items():
-            kind = h5py.string_dtype() if values.dtype == object else values.dtype
-            stored = file.create_dataset(f"contacts/parameters/{name}", data=values, dtype=kind)
-            stored.attrs["description"] = name.replace("_", " ")
-            stored.attrs["unit"] = units.get(name, "1")
-
-
-def _write_incomplete(path: str, incomplete: list[str]) -> None:
-    if incomplete:
-        with h5py.File(path, "r+") as file:
-            file["points"].attrs["incomplete"] = "; ".join(incomplete)
-
-
-def _write_linear(path: str, responses: dict, monitors: list[str]) -> None:
-    with h5py.File(path, "r+") as file:
-        for kind, (frequency, amplitude, natural) in responses.items():
-            what = "every contact stuck" if kind == "stuck" else "contacts closed, no friction"
-            data = {
-                "frequency_hz": (frequency, "frequency", "Hz"),
-                "natural_hz": (natural, "natural frequencies", "Hz"),
-            }
-            data |= {
-                name: (values, f"amplitude at level 1, {what}", "user length")
-                for name, values in zip(monitors, amplitude, strict=True)
-            }
-            for name, (values, description, unit) in data.items():
-                stored = file.create_dataset(f"linear/{kind}/{name}", data=values)
-                stored.attrs["description"], stored.attrs["unit"] = description, unit
 
 
 def _say_notes(progress: Progress, scene: Scene | None) -> None:
     for note in scene.contacts.notes if scene is not None else []:
         progress.say(note)
-
-
-def _absolute(path: str | None) -> str:
-    return "" if path is None else str(Path(path).resolve())

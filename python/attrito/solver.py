@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from attrito import library
+from attrito.journal import Series
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -22,6 +24,18 @@ ERRORS = ("error_harmonics", "error_samples", "error_modes")
 # What the cascade tries, in its order; see src/continuation/cascade.f90.
 ATTEMPTS = ("newton_briefly", "motion_in_time", "newton", "stuck_response", "frequency_steps", "force_steps")
 DAMPING_KINDS = {"none": 0, "viscous": 1, "ratio": 2, "mass": 3, "loss_factor": 4}
+
+
+# void f(path, kind, dimensions, extent, values, description, unit, names)
+_LISTENER = ctypes.CFUNCTYPE(
+    None,
+    ctypes.c_char_p,
+    ctypes.c_char_p,
+    ctypes.c_int,
+    ctypes.POINTER(ctypes.c_int),
+    ctypes.POINTER(ctypes.c_double),
+    *[ctypes.c_char_p] * 3,
+)
 
 
 class _Options(ctypes.Structure):
@@ -185,6 +199,10 @@ class Solver:
     def sweep(self, start_hz: float, stop_hz: float, level: float, branch: int, max_points: int) -> Iterator[Point]:
         """Follow the branch from one frequency to another, a point at a time."""
         self.set_excitation(start_hz, stop_hz, level, branch, max_points)
+        yield from self.go_on()
+
+    def go_on(self) -> Iterator[Point]:
+        """The points of a sweep that are left after the last."""
         raw = _Point()
         while not raw.finished:
             self._library.attrito_next_point(self._handle, ctypes.byref(raw))
@@ -205,10 +223,7 @@ class Solver:
         where it stands.
         """
         self._library.attrito_begin_branch(self._handle, _omega(start_hz), _omega(stop_hz), way, branch, max_points)
-        raw = _Point()
-        while not raw.finished:
-            self._library.attrito_next_point(self._handle, ctypes.byref(raw))
-            yield self._point(raw, followed=True)
+        yield from self.go_on()
 
     def stand_at(self, point: StoredPoint, level: float) -> bool:
         """Solve at a point of a result, from its motion; the solver then stands there."""
@@ -231,6 +246,10 @@ class Solver:
         """Solve frequencies one by one, each starting from the one before."""
         low, high = min(frequencies_hz), max(frequencies_hz)
         self._library.attrito_begin_sweep(self._handle, _omega(low), _omega(high), ctypes.c_double(level), branch, 0)
+        yield from self.go_on_at(frequencies_hz, branch)
+
+    def go_on_at(self, frequencies_hz: list[float], branch: int) -> Iterator[Point]:
+        """The frequencies of a list that are left after the last point."""
         raw = _Point()
         for frequency in frequencies_hz:
             self._library.attrito_solve_at(self._handle, _omega(frequency), branch, ctypes.byref(raw))
@@ -265,14 +284,32 @@ class Solver:
         )
         return amplitude, lowest
 
-    def open_result(self, path: str) -> None:
-        """Create the series of points in a result file whose root is written."""
+    def tell_point(self, hear: Callable[[str, Series, np.ndarray], None] | None) -> None:
+        """Hand the last point to `hear`, series by series: path, what it is, and the entry. None but at the root."""
         names = "\n".join(self._scene.monitor_names).encode()
-        self._call("attrito_open_result", str(path).encode(), names)
 
-    def write_point(self) -> None:
-        """Append the last point to the result file."""
-        self._call("attrito_write_point")
+        def told(
+            path: bytes, kind: bytes, dimensions: int, extent, values, description: bytes, unit: bytes, names: bytes
+        ):
+            shape = tuple(extent[:dimensions])
+            entry = np.array(values[: math.prod(shape)]).reshape(shape)
+            what = Series(
+                kind.decode(), description.decode(), unit.decode(), tuple(filter(None, names.decode().split(",")))
+            )
+            hear(path.decode(), what, entry.astype(np.int32) if what.kind == "int32" else entry)
+
+        self._library.attrito_tell_point(self._handle, names, _LISTENER(told) if hear is not None else _LISTENER())
+
+    def put_down(self) -> np.ndarray:
+        """What the last point leaves for the next on this rank: numbers that `take_up` understands."""
+        numbers = np.zeros(self._library.attrito_put_down(self._handle))
+        self._library.attrito_fetch_state(self._handle, _pointer(numbers))
+        return numbers
+
+    def take_up(self, numbers: np.ndarray) -> bool:
+        """Go on from what was put down on as many ranks; False if it is not of this kind."""
+        numbers = np.ascontiguousarray(numbers)
+        return bool(self._library.attrito_take_up(self._handle, len(numbers), _pointer(numbers)))
 
     def call(self, name: str, *arguments: object) -> int:
         """A function of the library that takes this session and returns a number; see `attrito.family`."""

@@ -76,6 +76,30 @@ class Examiner:
                 self.reasons[number] = reason
         return dataclasses.replace(point, outcome=OUTCOMES.get(report.verdict, point.outcome))
 
+    def put_down(self) -> dict[str, np.ndarray]:
+        """What was found of the last point, at the root."""
+        last = self._points - 1
+        rows = [row[1:] for row in self.rows if row[0] == last]
+        found = {"stability/multipliers": np.array(rows, dtype=float)} if rows else {}
+        if last in self.reasons:
+            found["stability/reason"] = np.frombuffer(self.reasons[last].encode(), np.uint8)
+        for name, numbers in (("distance", self.distances), ("change", self.changes)):
+            if last in numbers:
+                found[f"stability/{name}"] = np.array(numbers[last])
+        return found
+
+    def take_up(self, found: dict[str, np.ndarray]) -> None:
+        """Go on after a point of which `put_down` told this."""
+        number = self._points
+        self._points += 1
+        for engine, real, imaginary, kind in found.get("stability/multipliers", np.empty((0, 4))):
+            self.rows.append((number, int(engine), real, imaginary, int(kind)))
+        if "stability/reason" in found:
+            self.reasons[number] = found["stability/reason"].tobytes().decode()
+        for name, numbers in (("distance", self.distances), ("change", self.changes)):
+            if f"stability/{name}" in found:
+                numbers[number] = float(found[f"stability/{name}"])
+
     def _fetch(self, number: int, index: int, engine: int, count: int) -> None:
         if not count:
             return

@@ -8,6 +8,7 @@
 !> the motion tells how many more, or fewer, are needed.
 module attrito_accuracy_error_control
   use attrito_core_kinds, only: wp
+  use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: extrema, resized
   use attrito_balance_border, only: constraint_type
   use attrito_balance_newton, only: newton_report_type
@@ -55,6 +56,7 @@ module attrito_accuracy_error_control
     procedure :: estimate
     procedure :: advance
     procedure :: solve_at
+    procedure :: keep
     procedure :: destroy
   end type error_control_type
 
@@ -66,6 +68,17 @@ contains
 
     all = self%harmonics + self%samples + self%modes
   end function all
+
+  !> What a point leaves for the next: put down after it, or taken up in its place.
+  subroutine keep(self, store)
+    class(error_control_type), intent(inout) :: self
+    type(state_store_type), intent(inout) :: store
+
+    call store%keep(self%errors%harmonics)
+    call store%keep(self%errors%samples)
+    call store%keep(self%next_harmonics)
+    call store%keep(self%next_samples)
+  end subroutine keep
 
   !> The sweep's next point, within the accepted error where harmonics or samples are to be chosen.
   subroutine advance(self, sweep, solver)

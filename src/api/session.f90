@@ -13,7 +13,6 @@ module attrito_api_session
   use attrito_integrate_system, only: system_type
   use attrito_peak_curve, only: curve_type
   use attrito_output_point_report, only: point_report_type
-  use attrito_output_result_file, only: result_file_type
   use attrito_stability_crossing, only: moduli_type
   use attrito_stability_examine, only: examination_type
   implicit none
@@ -38,7 +37,8 @@ module attrito_api_session
     type(sweep_type) :: sweep
     type(error_control_type) :: accuracy
     type(point_report_type) :: point
-    type(result_file_type) :: result
+    !> What the last point leaves for the next, while it is fetched
+    real(wp), allocatable :: state(:)
     !> While other members of the last point's family are visited: the point, and two of them to return to
     type(family_type) :: family
     type(member_type) :: members(0:1)

@@ -21,9 +21,8 @@ module attrito_api_solver
   use attrito_integrate_averaged_periods, only: new_averaged_periods
   use attrito_continuation_static_path, only: walk_static_path
   use attrito_output_point_report, only: point_report_type, report_point
-  use attrito_output_result_file, only: open_result, write_point, close_result
   use attrito_stability_crossing, only: moduli_type
-  use attrito_api_message, only: tell, text_of
+  use attrito_api_message, only: tell
   use attrito_api_session, only: session_type, session_of, contact_law_type, law_of
   implicit none
   private
@@ -268,34 +267,6 @@ contains
     end do
   end function attrito_linear_response
 
-  !> Open the series of a result file whose root is written; names of monitors, one a line.
-  integer(c_int) function attrito_open_result(handle, path, monitors, message, length) bind(c)
-    type(c_ptr), value :: handle
-    character(kind=c_char), intent(in) :: path(*), monitors(*)
-    integer(c_int), value :: length
-    character(kind=c_char), intent(out) :: message(length)
-    type(session_type), pointer :: session
-    type(error_type), allocatable :: error
-
-    session => session_of(handle)
-    call open_result(session%solver, session%ranks%handle, text_of(path), size(session%contacts%law), &
-                     lines_of(text_of(monitors), size(session%structure%monitors, 2)), session%result, error)
-    attrito_open_result = tell(error, message)
-  end function attrito_open_result
-
-  !> Append the last point to the result file.
-  integer(c_int) function attrito_write_point(handle, message, length) bind(c)
-    type(c_ptr), value :: handle
-    integer(c_int), value :: length
-    character(kind=c_char), intent(out) :: message(length)
-    type(session_type), pointer :: session
-    type(error_type), allocatable :: error
-
-    session => session_of(handle)
-    call write_point(session%solver, session%point, session%result, error)
-    attrito_write_point = tell(error, message)
-  end function attrito_write_point
-
   !> The last call of a process, before MPI ends.
   subroutine attrito_stop() bind(c)
 
@@ -308,7 +279,6 @@ contains
     type(session_type), pointer :: session
 
     session => session_of(handle)
-    call close_result(session%result)
     call session%accuracy%destroy()
     call session%solver%destroy()
     deallocate (session)
@@ -353,18 +323,4 @@ contains
                        report%states, report%series, report%samples, report%frequency_hz, report%level, report%residual, &
                        report%errors%all(), report%errors%harmonics, report%errors%samples, report%errors%modes, report%work)
   end function point_of
-
-  pure function lines_of(text, count) result(lines)
-    character(*), intent(in) :: text
-    integer, intent(in) :: count
-    character(64) :: lines(count)
-    integer :: i, first, next
-
-    first = 1
-    do i = 1, count
-      next = index(text(first:)//new_line('a'), new_line('a')) + first - 1
-      lines(i) = text(first:next - 1)
-      first = next + 1
-    end do
-  end function lines_of
 end module attrito_api_solver

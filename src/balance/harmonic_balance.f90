@@ -10,12 +10,13 @@ module attrito_balance_harmonic_balance
   use attrito_core_communicator, only: communicator_type
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: few_rows_times
+  use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: resized
   use attrito_model_contacts, only: contact_type, contacts_type
   use attrito_model_structure, only: structure_type
   use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_quadrature_event, only: evaluate_contact_by_events
-  use attrito_contact_quadrature_sampled, only: contact_forces_type, evaluate_contact
+  use attrito_contact_quadrature_sampled, only: contact_forces_type, evaluate_contact, stay_stuck
   use attrito_contact_state, only: state_stuck
   use attrito_contact_stuck, only: surely_stuck
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, new_grid
@@ -98,6 +99,7 @@ module attrito_balance_harmonic_balance
     procedure :: recover
     procedure :: linear_response
     procedure :: linear_motion
+    procedure :: keep
     procedure :: destroy
   end type balance_type
 
@@ -476,6 +478,54 @@ contains
     moving = recover_coefficients(self, linear_response(self), rows)
     motion(rows, :) = moving
   end function linear_motion
+
+  !> What the next point starts from, the contacts being this rank's. Sums that grow with the rows that were ever active are dropped:
+  !> their rounding would tell how they grew.
+  subroutine keep(self, store)
+    class(balance_type), intent(inout) :: self
+    type(state_store_type), intent(inout) :: store
+    integer :: i
+
+    call store%keep(self%static_factors)
+    call store%keep(self%level)
+    call store%keep(self%work)
+    call store%keep(self%slider)
+    call store%keep(self%periodic)
+    call store%keep(self%frozen_mean)
+    call store%keep(self%response)
+    do i = 1, size(self%forces)
+      call keep_forces(self%law(i), self%coefficients(), self%forces(i), store)
+    end do
+    self%split = split_receptance_type()
+  end subroutine keep
+
+  !> Of a contact's last evaluation only what outlives the next: that it was stuck, and how much work it was.
+  subroutine keep_forces(law, coefficients, forces, store)
+    type(contact_type), intent(in) :: law
+    integer, intent(in) :: coefficients
+    type(contact_forces_type), intent(inout) :: forces
+    type(state_store_type), intent(inout) :: store
+    logical :: moves, evaluated, unique, could_rest
+    integer :: i
+
+    moves = allocated(forces%jacobian)
+    evaluated = allocated(forces%active)
+    call store%keep(moves)
+    call store%keep(evaluated)
+    call store%keep(forces%state)
+    unique = forces%unique
+    could_rest = forces%could_rest
+    call store%keep(unique)
+    call store%keep(could_rest)
+    do i = 1, size(forces%slider)
+      call store%keep(forces%slider(i))
+    end do
+    if (.not. store%reading) return
+    if (evaluated .and. forces%state == state_stuck) call stay_stuck(law, forces%slider, coefficients, forces)
+    forces%unique = unique
+    forces%could_rest = could_rest
+    if (moves .and. .not. allocated(forces%jacobian)) allocate (forces%jacobian(0, 0))
+  end subroutine keep_forces
 
   !> Give the transforms back.
   subroutine destroy(self)

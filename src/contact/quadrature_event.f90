@@ -10,7 +10,7 @@ module attrito_contact_quadrature_event
   use attrito_model_contacts, only: contact_type
   use attrito_contact_moments, only: moments_type, new_moments, ends_type, new_ends
   use attrito_contact_event_march, only: event_motion_type, interval_type, new_event_motion, march_events
-  use attrito_contact_quadrature_sampled, only: contact_forces_type, stay_stuck
+  use attrito_contact_quadrature_sampled, only: contact_forces_type, hold_slider, stay_stuck
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open, state_stuck, state_shaken_down, state_slipping, &
                                    state_open
   use attrito_contact_stuck, only: surely_stuck
@@ -54,6 +54,7 @@ contains
     call integrate(law, events, intervals(:count), motion, forces)
     call classify(events, intervals(:count), abs(forces%slider(1) - slider) > 0.0_wp, forces)
     if (.not. forces%without_jacobian) call differentiate(forces, size(motion, 1))
+    if (forces%state == state_stuck) call hold_slider(law, forces%slider, forces)
   end subroutine evaluate_contact_by_events
 
   !> Coefficients of the deviation and its Jacobian, from the moments of where the slider moves and where the contact is open.

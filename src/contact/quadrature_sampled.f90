@@ -18,7 +18,7 @@ module attrito_contact_quadrature_sampled
   use attrito_contact_stuck, only: surely_stuck
   implicit none
   private
-  public :: stay_stuck, contact_forces_type, periodic_slider_type, evaluate_contact, contact_samples_type, sample_contact, released
+  public :: stay_stuck, hold_slider, contact_forces_type, periodic_slider_type, evaluate_contact, contact_samples_type, sample_contact, released
 
   !> Two tangents: the start slider w of a period that is to leave it where it was, w = P(w, d). A change of motion moves it by
   !> holding^-1 P_d delta d, holding = I - dP/dw, and the forces g by g_w times that.
@@ -119,6 +119,7 @@ contains
     call fourier%to_coefficients(deviation, forces%deviation)
     call classify(samples, forces)
     call differentiate(law, fourier, samples, forces)
+    if (forces%state == state_stuck) call hold_slider(law, forces%slider, forces)
   end subroutine evaluate_contact
 
   !> A contact that stays stuck: a constant deviation, no Jacobian, its slider where it was.
@@ -128,23 +129,32 @@ contains
     !> Of motion a row
     integer, intent(in) :: coefficients
     type(contact_forces_type), intent(inout) :: forces
-    integer :: n
 
-    n = law%tangents
-    forces%deviation = 0.0_wp
-    forces%deviation(1, :n) = -law%tangential_stiffness*slider(:n)
-    forces%deviation(1, n + 1) = law%preload - law%normal_stiffness*law%gap
-    forces%slider = slider
+    call hold_slider(law, slider, forces)
     forces%moved = 0.0_wp
     forces%could_rest = .true.
+    forces%unique = .false.
+    forces%active = spread(.false., 1, coefficients*(law%tangents + 1))
+    if (allocated(forces%jacobian)) deallocate (forces%jacobian)
+  end subroutine stay_stuck
+
+  !> What a stuck contact is, without the rounding of samples or events: one that is not evaluated again is then what it would be.
+  pure subroutine hold_slider(law, slider, forces)
+    type(contact_type), intent(in) :: law
+    real(wp), intent(in) :: slider(2)
+    type(contact_forces_type), intent(inout) :: forces
+
+    associate (n => law%tangents)
+      forces%deviation = 0.0_wp
+      forces%deviation(1, :n) = -law%tangential_stiffness*slider(:n)
+      forces%deviation(1, n + 1) = law%preload - law%normal_stiffness*law%gap
+    end associate
+    forces%slider = slider
     forces%state = state_stuck
     forces%stick = 1.0_wp
     forces%slip = 0.0_wp
     forces%open = 0.0_wp
-    forces%unique = .false.
-    forces%active = spread(.false., 1, coefficients*(n + 1))
-    if (allocated(forces%jacobian)) deallocate (forces%jacobian)
-  end subroutine stay_stuck
+  end subroutine hold_slider
 
   !> March the law over the samples of one period until its slider repeats.
   subroutine sample_contact(law, fourier, motion, slider, passes, samples)

@@ -7,6 +7,7 @@
 !> Source: Keller 1977; Seydel 2010, doi:10.1007/978-1-4419-1740-9.
 module attrito_continuation_arc_length
   use attrito_core_kinds, only: wp
+  use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: resized
   use attrito_balance_border, only: constraint_type, inner_product
   use attrito_continuation_closed_branch, only: comes_home
@@ -69,6 +70,7 @@ module attrito_continuation_arc_length
     integer, private :: walking = 0
   contains
     procedure :: advance
+    procedure :: keep
     procedure :: set_harmonics
     procedure :: look_ahead
     procedure :: way_back
@@ -117,6 +119,36 @@ contains
     towards%motion = -self%secant
     towards%omega = -self%secant_omega
   end function way_back
+
+  !> What a point leaves for the next: put down after it, or taken up in its place.
+  subroutine keep(self, store)
+    class(sweep_type), intent(inout) :: self
+    type(state_store_type), intent(inout) :: store
+
+    call store%keep(self%start)
+    call store%keep(self%stop)
+    call store%keep(self%branch)
+    call store%keep(self%points)
+    call store%keep(self%max_points)
+    call store%keep(self%finished)
+    call store%keep(self%reached_stop)
+    call store%keep(self%closed)
+    call store%keep(self%one_branch)
+    call self%home%keep(store)
+    call store%keep(self%steps)
+    call store%keep(self%farthest)
+    call store%keep(self%step)
+    call self%last%keep(store)
+    call store%keep(self%turned)
+    call self%tangent%keep(store)
+    call store%keep(self%looked_ahead)
+    call store%keep(self%secant)
+    call store%keep(self%secant_omega)
+    call store%keep(self%way)
+    call store%keep(self%slope)
+    call store%keep(self%on_branch)
+    call store%keep(self%walking)
+  end subroutine keep
 
   !> Solve the next point; the solver's report says how it ended.
   subroutine advance(self, solver)

@@ -6,6 +6,7 @@
 !> fails leaves the solver where it was, with a report that says so.
 module attrito_continuation_cascade
   use attrito_core_kinds, only: wp
+  use attrito_core_state_store, only: state_store_type
   use attrito_continuation_solver, only: solver_type
   use attrito_continuation_start_in_time, only: has_time, solve_in_time
   implicit none
@@ -30,6 +31,8 @@ module attrito_continuation_cascade
     logical, allocatable :: periodic(:)
     real(wp) :: omega = 0.0_wp
     logical :: all_stick = .false.
+  contains
+    procedure :: keep
   end type place_type
 
   !> A way from 0 to 1 along which some parameter goes from where it is to where it should be.
@@ -176,6 +179,18 @@ contains
     solver%motion = solver%context%balance%linear_motion()
     call solve_here(solver, omega, iterations, converged)
   end subroutine solve_from_stuck
+
+  !> Put down in a store, or taken up from it.
+  subroutine keep(self, store)
+    class(place_type), intent(inout) :: self
+    type(state_store_type), intent(inout) :: store
+
+    call store%keep(self%motion)
+    call store%keep(self%slider)
+    call store%keep(self%periodic)
+    call store%keep(self%omega)
+    call store%keep(self%all_stick)
+  end subroutine keep
 
   !> Where a solver stands.
   function place_of(solver) result(place)

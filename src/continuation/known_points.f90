@@ -4,6 +4,7 @@
 !> either side of omega comes to x. So steps may be long, and members of one family count as one.
 module attrito_continuation_known_points
   use attrito_core_kinds, only: wp
+  use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: resized
   use attrito_continuation_cascade, only: place_type, place_of, return_to
   use attrito_continuation_solver, only: solver_type
@@ -34,6 +35,7 @@ module attrito_continuation_known_points
     procedure :: stand_at
     procedure :: has
     procedure :: own_motion
+    procedure :: keep
   end type known_points_type
 
 contains
@@ -71,6 +73,26 @@ contains
                                                    point%periodic)
     end associate
   end subroutine add
+
+  !> Put down in a store, or taken up from it.
+  subroutine keep(self, store)
+    class(known_points_type), intent(inout) :: self
+    type(state_store_type), intent(inout) :: store
+    integer :: i
+
+    call store%keep(self%count)
+    if (store%reading) then
+      if (allocated(self%points)) deallocate (self%points)
+      if (self%count > 0) allocate (self%points(max(64, self%count)))
+    end if
+    do i = 1, self%count
+      call store%keep(self%points(i)%omega)
+      call store%keep(self%points(i)%motion)
+      call store%keep(self%points(i)%slider)
+      call store%keep(self%points(i)%periodic)
+      call store%keep(self%points(i)%follows)
+    end do
+  end subroutine keep
 
   !> Forget a point and all after it.
   pure subroutine drop_from(self, number)

@@ -3,9 +3,7 @@
 !> Ranks keep contiguous runs of contacts, cut where the work of all that come before is an even part of the total; they are cut anew
 !> when that would relieve the busiest rank. The work is counted from states, so it is the same on every run.
 module attrito_continuation_rebalancing
-  use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
-  use attrito_balance_newton, only: new_newton
   use attrito_contact_quadrature_sampled, only: contact_forces_type
   use attrito_contact_state, only: state_shaken_down
   use attrito_continuation_solver, only: solver_type
@@ -79,7 +77,6 @@ contains
     integer, intent(in) :: owner(:)
     type(field_type), intent(inout) :: fields(:)
     type(field_type) :: own(4)
-    type(error_type), allocatable :: error
     integer :: first, last, i
 
     associate (balance => solver%context%balance)
@@ -95,14 +92,11 @@ contains
       do i = 1, size(fields)
         if (allocated(fields(i)%columns)) call hand_over(solver, first, last, fields(i))
       end do
-      call solver%newton%destroy()
-      call balance%take_contacts(solver%contacts, first, last)
+      call solver%hold_contacts(first, last)
       solver%motion = own(1)%columns
       solver%static_slider = own(2)%columns
       balance%slider = own(3)%columns
       balance%periodic = own(4)%columns(1, :) > 0.5_wp
-      call solver%context%forget()
-      call new_newton(solver%context, solver%options%max_iterations, solver%newton, error)
     end associate
   end subroutine move
 

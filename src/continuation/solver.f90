@@ -3,6 +3,7 @@ module attrito_continuation_solver
   use attrito_core_communicator, only: communicator_type
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
+  use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: resized
   use attrito_model_contacts, only: contacts_type
   use attrito_model_structure, only: structure_type
@@ -12,6 +13,7 @@ module attrito_continuation_solver
   use attrito_balance_newton_context, only: newton_context_type
   use attrito_balance_receptance, only: receptance_type
   use attrito_balance_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
+  use attrito_balance_two_level_factors, only: two_level_factors_type
   use attrito_balance_unknowns, only: unknowns_type
   use attrito_contact_state, only: state_stuck, state_shaken_down
   use attrito_continuation_motion_in_time, only: motion_in_time_type
@@ -76,6 +78,8 @@ module attrito_continuation_solver
     procedure :: set_scales
     procedure :: set_loads
     procedure :: set_slider
+    procedure :: hold_contacts
+    procedure :: keep
     procedure :: set_resolution
     procedure :: destroy
   end type solver_type
@@ -452,6 +456,51 @@ contains
     call self%context%forget()
     call new_newton(self%context, self%options%max_iterations, self%newton, error)
   end subroutine set_resolution
+
+  !> Let this rank hold these contacts. Motion and sliders of the solver are to follow.
+  subroutine hold_contacts(self, first, last)
+    class(solver_type), intent(inout) :: self
+    !> The first and the last of this rank, from 1
+    integer, intent(in) :: first, last
+    type(error_type), allocatable :: error
+
+    call self%newton%destroy()
+    call self%context%balance%take_contacts(self%contacts, first, last)
+    call self%context%forget()
+    call new_newton(self%context, self%options%max_iterations, self%newton, error)
+  end subroutine hold_contacts
+
+  !> What a point leaves for the next: put down after it, or taken up in its place.
+  subroutine keep(self, store)
+    class(solver_type), intent(inout) :: self
+    type(state_store_type), intent(inout) :: store
+    integer :: first, last, harmonics, samples
+
+    harmonics = self%options%harmonics
+    samples = self%options%samples
+    call store%keep(harmonics)
+    call store%keep(samples)
+    if (store%reading) call self%set_resolution(harmonics, samples)
+    associate (balance => self%context%balance, context => self%context)
+      first = balance%first_contact
+      last = first + size(balance%law) - 1
+      call store%keep(first)
+      call store%keep(last)
+      if (store%reading) call self%hold_contacts(max(first, 1), min(last, size(self%contacts%law)))
+      call store%keep(self%motion)
+      call store%keep(self%static_slider)
+      call store%keep(self%omega)
+      call store%keep(self%all_stick)
+      call store%keep(context%motion_scale)
+      call store%keep(context%frequency_scale)
+      call store%keep(context%tolerance)
+      call balance%keep(store)
+      ! Made anew by the next point, whether this process solves it or another.
+      context%preconditioner = two_level_factors_type()
+      if (allocated(context%step%motion)) deallocate (context%step%motion)
+      call context%forget()
+    end associate
+  end subroutine keep
 
   !> Give back what libraries hold.
   subroutine destroy(self)

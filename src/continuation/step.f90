@@ -5,6 +5,7 @@
 !> x being scaled motion and frequency, from the point of the straight line between both ends.
 module attrito_continuation_step
   use attrito_core_kinds, only: wp
+  use attrito_core_state_store, only: state_store_type
   use attrito_balance_border, only: constraint_type, inner_product
   use attrito_continuation_cascade, only: place_type, place_of
   use attrito_continuation_solver, only: solver_type
@@ -20,6 +21,7 @@ module attrito_continuation_step
   contains
     procedure :: is_taken
     procedure :: solve_part
+    procedure :: keep
   end type step_type
 
 contains
@@ -40,6 +42,16 @@ contains
 
     is_taken = allocated(self%from%motion) .and. allocated(self%to%motion)
   end function is_taken
+
+  !> Put down in a store, or taken up from it.
+  subroutine keep(self, store)
+    class(step_type), intent(inout) :: self
+    type(state_store_type), intent(inout) :: store
+
+    call self%from%keep(store)
+    call self%to%keep(store)
+    call self%across%keep(store)
+  end subroutine keep
 
   !> Solve a part s of the way. Sliders start where they did at the beginning of the step, periodic ones between both ends.
   subroutine solve_part(self, solver, s, converged)

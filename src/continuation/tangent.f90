@@ -6,6 +6,7 @@
 !> Source: Keller 1977.
 module attrito_continuation_tangent
   use attrito_core_kinds, only: wp
+  use attrito_core_state_store, only: state_store_type
   use attrito_balance_border, only: constraint_type, inner_product
   use attrito_balance_linearised_step, only: solve_linearised
   use attrito_balance_newton_context, only: least_stiffening
@@ -19,9 +20,21 @@ module attrito_continuation_tangent
     !> Scaled motion [2 H + 1, rows], what periodic sliders do along it [2, contacts], and scaled frequency
     real(wp), allocatable :: motion(:, :), slider(:, :)
     real(wp) :: omega = 0.0_wp
+  contains
+    procedure :: keep
   end type tangent_type
 
 contains
+
+  !> Put down in a store, or taken up from it.
+  subroutine keep(self, store)
+    class(tangent_type), intent(inout) :: self
+    type(state_store_type), intent(inout) :: store
+
+    call store%keep(self%motion)
+    call store%keep(self%slider)
+    call store%keep(self%omega)
+  end subroutine keep
 
   !> At the solver's present point.
   subroutine find_tangent(solver, towards, tangent, status)

@@ -1,29 +1,25 @@
-!> Datasets of an open HDF5 file: of fixed size, or series that grow; and the transfer of one block by all ranks together.
+!> Datasets of an open HDF5 file: of fixed size, and the transfer of one block by all ranks together.
 !>
 !> Sizes and starts are told as h5py tells them, slowest dimension first and from 0; an array `values(nk, 3, nc)` of Fortran is
 !> a block `[nc, 3, nk]` of the file. A block of fewer dimensions than its dataset counts as one entry in the dimensions
 !> that it lacks, the slowest ones. Arrays of each kind of number: `attrito_core_hdf5_array`. Usage: `attrito_core_hdf5_file`.
 module attrito_core_hdf5_dataset
-  use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use, intrinsic :: iso_c_binding, only: c_ptr
   use, intrinsic :: iso_fortran_env, only: int8, int32, int64
   use hdf5, only: hid_t, hsize_t, &
-    h5dcreate_f, h5dopen_f, h5dclose_f, h5dwrite_f, h5dread_f, h5dget_space_f, h5dset_extent_f, &
-    h5pcreate_f, h5pclose_f, h5pset_chunk_f, h5pset_create_inter_group_f, h5pset_dxpl_mpio_f, h5pset_fill_value_f, &
+    h5dcreate_f, h5dopen_f, h5dclose_f, h5dwrite_f, h5dread_f, h5dget_space_f, &
+    h5pcreate_f, h5pclose_f, h5pset_chunk_f, h5pset_create_inter_group_f, h5pset_dxpl_mpio_f, &
     h5screate_simple_f, h5sclose_f, h5sselect_hyperslab_f, h5sselect_none_f, &
     h5sget_simple_extent_ndims_f, h5sget_simple_extent_dims_f, h5kind_to_type, &
     H5P_DATASET_CREATE_F, H5P_DATASET_XFER_F, H5P_LINK_CREATE_F, H5FD_MPIO_COLLECTIVE_F, H5S_SELECT_SET_F, &
-    H5S_UNLIMITED_F, H5_INTEGER_KIND, H5_REAL_KIND
+    H5_INTEGER_KIND, H5_REAL_KIND
   use attrito_core_errors, only: error_type, fault_of_input
   use attrito_core_hdf5_attribute, only: write_attribute
   use attrito_core_hdf5_file, only: agree_in_file, exists_in_file, hdf5_file_type
   use attrito_core_kinds, only: wp
   implicit none
   private
-  public :: create_array, create_series, extend_series, widen_series, array_shape, transfer_block, put_array
-
-  !> Entries of a series in a chunk, and numbers in a chunk, at most
-  integer(hsize_t), parameter :: chunk_entries = 512, chunk_numbers = 32768
+  public :: create_array, array_shape, transfer_block, put_array
 
 contains
 
@@ -54,48 +50,6 @@ contains
     call create_dataset(file, name, kind, space, creation, description, unit, error)
   end subroutine create_array
 
-  !> Create a dataset without entries that grows in its first dimension; what is never written reads as NaN, or as 0.
-  subroutine create_series(file, name, kind, extent, description, unit, error, widens)
-    !> The file
-    type(hdf5_file_type), intent(in) :: file
-    !> Path from the root
-    character(*), intent(in) :: name
-    !> `real64`, `int64`, `int32` or `int8`
-    character(*), intent(in) :: kind
-    !> Sizes of one entry, slowest first; `[integer ::]` when an entry is a number
-    integer, intent(in) :: extent(:)
-    !> One sentence
-    character(*), intent(in) :: description
-    !> `1`, `Hz`, `user length`, ...
-    character(*), intent(in) :: unit
-    !> There is one already, or the disk is full
-    type(error_type), allocatable, intent(out) :: error
-    !> Entries may get more numbers in their fastest dimension; what is not written of it reads as 0
-    logical, intent(in), optional :: widens
-    real(wp) :: fill
-    integer(hid_t) :: space, creation
-    integer(hsize_t) :: now(size(extent) + 1), most(size(extent) + 1), chunk(size(extent) + 1)
-    integer :: last, ierr
-
-    last = size(extent) + 1
-    now = [reversed(extent), 0_hsize_t]
-    most = now
-    most(last) = H5S_UNLIMITED_F
-    fill = ieee_value(1.0_wp, ieee_quiet_nan)
-    if (present(widens)) then
-      if (widens) fill = 0.0_wp
-      if (widens) most(1) = H5S_UNLIMITED_F
-    end if
-    chunk = max(now, 1_hsize_t)
-    if (last > 1) chunk(last - 1) = clip(chunk_numbers/product(chunk(:last - 2)), chunk(last - 1))
-    chunk(last) = clip(chunk_numbers/product(chunk(:last - 1))/16, chunk_entries)
-    call h5screate_simple_f(last, now, space, ierr, most)
-    call h5pcreate_f(H5P_DATASET_CREATE_F, creation, ierr)
-    call h5pset_chunk_f(creation, last, chunk, ierr)
-    if (kind == 'real64') call h5pset_fill_value_f(creation, type_of(kind), fill, ierr)
-    call create_dataset(file, name, kind, space, creation, description, unit, error)
-  end subroutine create_series
-
   !> Create the dataset and release what describes it.
   subroutine create_dataset(file, name, kind, space, creation, description, unit, error)
     type(hdf5_file_type), intent(in) :: file
@@ -120,53 +74,6 @@ contains
     if (.not. allocated(error)) call write_attribute(file, name, 'description', description, error)
     if (.not. allocated(error)) call write_attribute(file, name, 'unit', unit, error)
   end subroutine create_dataset
-
-  !> Give a series so many entries.
-  subroutine extend_series(file, name, entries, error)
-    !> The file
-    type(hdf5_file_type), intent(in) :: file
-    !> Path from the root
-    character(*), intent(in) :: name
-    !> Size of the first dimension from now on
-    integer, intent(in) :: entries
-    !> No such series
-    type(error_type), allocatable, intent(out) :: error
-    integer(hsize_t), allocatable :: extent(:)
-    integer(hid_t) :: dataset
-    integer :: status, ierr
-
-    extent = reversed(array_shape(file, name, error))
-    if (allocated(error)) return
-    extent(size(extent)) = entries
-    call h5dopen_f(file%id, name, dataset, ierr)
-    call h5dset_extent_f(dataset, extent, status)
-    call h5dclose_f(dataset, ierr)
-    call agree_in_file(file, status, 'cannot grow', name, error)
-  end subroutine extend_series
-
-  !> Give the entries of a series that widens at least so many numbers in their fastest dimension.
-  subroutine widen_series(file, name, numbers, error)
-    !> The file
-    type(hdf5_file_type), intent(in) :: file
-    !> Path from the root
-    character(*), intent(in) :: name
-    !> Size of the last dimension
-    integer, intent(in) :: numbers
-    !> No such series
-    type(error_type), allocatable, intent(out) :: error
-    integer(hsize_t), allocatable :: extent(:)
-    integer(hid_t) :: dataset
-    integer :: status, ierr
-
-    extent = reversed(array_shape(file, name, error))
-    if (allocated(error)) return
-    if (extent(1) >= numbers) return
-    extent(1) = numbers
-    call h5dopen_f(file%id, name, dataset, ierr)
-    call h5dset_extent_f(dataset, extent, status)
-    call h5dclose_f(dataset, ierr)
-    call agree_in_file(file, status, 'cannot widen', name, error)
-  end subroutine widen_series
 
   !> Sizes of a dataset, slowest first.
   function array_shape(file, name, error) result(extent)
@@ -282,12 +189,6 @@ contains
     if (allocated(error) .or. any(extent == 0)) return
     call transfer_block(file, name, kind, [integer ::], merge(extent, 0, file%rank == 0), address, .true., error)
   end subroutine put_array
-
-  pure integer(hsize_t) function clip(wanted, most)
-    integer(hsize_t), intent(in) :: wanted, most
-
-    clip = max(1_hsize_t, min(wanted, most))
-  end function clip
 
   pure function reversed(sizes)
     integer, intent(in) :: sizes(:)

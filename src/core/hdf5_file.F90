@@ -6,17 +6,14 @@
 !>
 !> ```fortran
 !> type(hdf5_file_type) :: file
-!> call create_file(file, comm, 'result.h5', error)                           ! or open_file (read), append_file (read, write)
+!> call create_file(file, comm, 'result.h5', error)                           ! or open_file, to read
 !> call write_attribute(file, '/', 'format', 'attrito result', error)         ! text, texts, integer, real
 !> call write_array(file, '/points/target', t, 'target frequency', 'Hz', error)   ! replicated: rank 0 writes
 !>
-!> ! A dataset [points, nc, 3, nk] that grows; the shape is told in the order of the file, slowest first, without the points
-!> call create_series(file, '/contacts/force', 'real64', [nc, 3, nk], 'contact force', 'user force', error)
-!> call extend_series(file, '/contacts/force', points, error)
-!> ! Each rank writes its contacts of the newest point, counted from 0: force(nk, 3, my_contacts), Fortran's order reversed.
+!> ! Each rank writes its rows, counted from 0, of a dataset [rows, n]: basis(n, my_rows), Fortran's order reversed.
 !> ! A rank without a share passes an empty array; `start` that is short is completed by zeros.
-!> call write_block(file, '/contacts/force', [points - 1, my_first], force, error)
-!> call flush_file(file, error)
+!> call create_array(file, '/recovery/basis', 'real64', [rows, n], 'basis', '1', error)
+!> call write_block(file, '/recovery/basis', [my_first], basis, error)
 !>
 !> extent = array_shape(file, '/mass/row_offsets', error)                     ! slowest first; empty if there is none
 !> call read_block(file, '/mass/row_offsets', [first_row], offsets, error)    ! as many as `offsets` holds
@@ -24,13 +21,13 @@
 !> ```
 module attrito_core_hdf5_file
   use hdf5, only: hid_t, &
-    h5open_f, h5eset_auto_f, h5fcreate_f, h5fopen_f, h5fclose_f, h5fflush_f, h5lexists_f, &
-    h5gcreate_f, h5gclose_f, h5pcreate_f, h5pclose_f, h5pset_fapl_mpio_f, H5P_FILE_ACCESS_F, H5F_ACC_TRUNC_F, H5F_ACC_RDONLY_F, H5F_ACC_RDWR_F, H5F_SCOPE_GLOBAL_F
+    h5open_f, h5eset_auto_f, h5fcreate_f, h5fopen_f, h5fclose_f, h5lexists_f, &
+    h5gcreate_f, h5gclose_f, h5pcreate_f, h5pclose_f, h5pset_fapl_mpio_f, H5P_FILE_ACCESS_F, H5F_ACC_TRUNC_F, H5F_ACC_RDONLY_F
   use mpi, only: MPI_ALLREDUCE, MPI_COMM_RANK, MPI_INFO_NULL, MPI_INTEGER, MPI_MIN
   use attrito_core_errors, only: error_type, fault_of_input, raise
   implicit none
   private
-  public :: hdf5_file_type, create_file, open_file, append_file, close_file, flush_file, create_group
+  public :: hdf5_file_type, create_file, open_file, close_file, create_group
   public :: exists_in_file, agree_in_file
 
   type :: hdf5_file_type
@@ -75,39 +72,15 @@ contains
     character(*), intent(in) :: path
     !> No such file, or not HDF5
     type(error_type), allocatable, intent(out) :: error
-
-    call open_existing(file, comm, path, H5F_ACC_RDONLY_F, error)
-  end subroutine open_file
-
-  !> Open an existing file for reading and writing.
-  subroutine append_file(file, comm, path, error)
-    !> The file, open for writing
-    type(hdf5_file_type), intent(out) :: file
-    !> The ranks that write it together
-    integer, intent(in) :: comm
-    !> Where
-    character(*), intent(in) :: path
-    !> No such file, not HDF5, or open elsewhere
-    type(error_type), allocatable, intent(out) :: error
-
-    call open_existing(file, comm, path, H5F_ACC_RDWR_F, error)
-  end subroutine append_file
-
-  subroutine open_existing(file, comm, path, mode, error)
-    type(hdf5_file_type), intent(out) :: file
-    integer, intent(in) :: comm
-    character(*), intent(in) :: path
-    integer, intent(in) :: mode
-    type(error_type), allocatable, intent(out) :: error
     integer(hid_t) :: access
     integer :: ierr
 
     call prepare_file(file, comm, path, access)
-    call h5fopen_f(path, mode, file%id, ierr, access_prp=access)
+    call h5fopen_f(path, H5F_ACC_RDONLY_F, file%id, ierr, access_prp=access)
     call agree_in_file(file, ierr, 'cannot be opened (is it there, and an HDF5 file?)', '', error)
     call h5pclose_f(access, ierr)
     if (allocated(error)) error%status = fault_of_input
-  end subroutine open_existing
+  end subroutine open_file
 
   !> HDF5 is opened once a process and never closed here: Python's h5py may share it. Its own error print is turned off.
   subroutine prepare_file(file, comm, path, access)
@@ -135,18 +108,6 @@ contains
     if (file%id >= 0) call h5fclose_f(file%id, ierr)
     file%id = -1
   end subroutine close_file
-
-  !> Bring the file on disk up to date.
-  subroutine flush_file(file, error)
-    !> The file
-    type(hdf5_file_type), intent(in) :: file
-    !> The disk is full
-    type(error_type), allocatable, intent(out) :: error
-    integer :: ierr
-
-    call h5fflush_f(file%id, H5F_SCOPE_GLOBAL_F, ierr)
-    call agree_in_file(file, ierr, 'cannot be written to disk', '', error)
-  end subroutine flush_file
 
   !> Make a group that is to carry attributes; others appear by themselves.
   subroutine create_group(file, name, error)

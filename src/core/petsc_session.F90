@@ -40,12 +40,12 @@ contains
     if (running) return
     call read_environment(ierr)
     if (ierr == 0) call SlepcInitializeNoArguments(ierr)
-    if (ierr == 0) call PetscPopSignalHandler(ierr)
     if (ierr == 0) ierr = push_error_handler(c_funloc(return_error), c_null_ptr)
     if (ierr /= 0) call raise_petsc(error, int(ierr), 'starting')
   end subroutine start_petsc
 
-  !> PETSC_OPTIONS of the environment, which PETSc leaves unread where it is told to leave the command line alone.
+  !> PETSC_OPTIONS of the environment, which PETSc leaves unread where it is told to leave the command line alone; and that signals are
+  !> not PETSc's, which the caller may have handlers for.
   subroutine read_environment(ierr)
     PetscErrorCode, intent(out) :: ierr
     character(:), allocatable :: options
@@ -54,7 +54,7 @@ contains
     call get_environment_variable('PETSC_OPTIONS', length=length)
     allocate (character(length) :: options)
     call get_environment_variable('PETSC_OPTIONS', options)
-    PetscCall(PetscOptionsInsertString(PETSC_NULL_OPTIONS, options, ierr))
+    PetscCall(PetscOptionsInsertString(PETSC_NULL_OPTIONS, options//' -no_signal_handler', ierr))
   end subroutine read_environment
 
   !> End SLEPc, and PETSc with it; to be called before MPI ends.

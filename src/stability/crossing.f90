@@ -10,6 +10,7 @@
 !> Source: Kuznetsov 2004, doi:10.1007/978-1-4757-3978-7; di Bernardo et al. 2008, doi:10.1007/978-1-84628-708-4.
 module attrito_stability_crossing
   use attrito_core_kinds, only: wp
+  use attrito_core_state_store, only: state_store_type
   use attrito_continuation_cascade, only: place_type, place_of
   use attrito_continuation_solver, only: solver_type
   use attrito_continuation_step, only: step_type
@@ -36,6 +37,8 @@ module attrito_stability_crossing
     complex(wp), allocatable :: value(:)
     !> Are they of the event-exact orbit?
     logical :: exact = .false.
+  contains
+    procedure :: keep
   end type moduli_type
 
   type :: crossing_type
@@ -57,6 +60,15 @@ module attrito_stability_crossing
   end type end_type
 
 contains
+
+  !> Put down in a store, or taken up from it.
+  subroutine keep(self, store)
+    class(moduli_type), intent(inout) :: self
+    type(state_store_type), intent(inout) :: store
+
+    call store%keep(self%value)
+    call store%keep(self%exact)
+  end subroutine keep
 
   !> What an examination found, told to every rank; none if it found nothing.
   subroutine moduli_of(solver, examination, self)

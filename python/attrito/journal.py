@@ -1,0 +1,177 @@
+r"""The journal of a run: a file that only grows, one record a point, whole or not there.
+
+    attrito journal 1\n
+    record, record, ...
+    record = b"REC\n", header bytes (u32), payload bytes (u64), CRC-32 of header and payload (u32), header, payload
+
+Numbers are little-endian. The header is JSON: `note`, free; `arrays`, `[name, type, shape]` each, whose numbers follow
+one another in the payload; and, in the record where a series first occurs, what it is. A process that is killed while
+it writes leaves a record that is cut short or whose sum is wrong: reading ends before it, and going on cuts it off.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import math
+import os
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from attrito.faults import Fault, InputError
+
+MAGIC = b"attrito journal 1\n"
+_HEAD = struct.Struct("<4sIQI")
+_MARK = b"REC\n"
+# Types of numbers that a journal holds: nothing that reading could run.
+_TYPES = ("<f8", "<i4", "<i8", "|i1", "|u1", "|b1")
+
+
+@dataclass(frozen=True)
+class Series:
+    """What a series of numbers is: `real64` or `int32`, in words, its unit, and what whole numbers stand for."""
+
+    kind: str
+    description: str
+    unit: str
+    names: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Record:
+    """One record.
+
+    Parameters
+    ----------
+    note : what JSON holds
+    arrays : by name
+    series : what those of them are that occur for the first time
+    """
+
+    note: dict
+    arrays: dict[str, np.ndarray] = field(default_factory=dict)
+    series: dict[str, Series] = field(default_factory=dict)
+
+
+class Journal:
+    """A journal open for writing, by one process alone.
+
+    Parameters
+    ----------
+    path : the file
+    keep : bytes of it to go on after; 0 makes it anew
+
+    Raises
+    ------
+    InputError : another process writes it
+    OSError : the system does not let it be written
+    """
+
+    def __init__(self, path: str, keep: int = 0):
+        self.path = path
+        self._file = open(path, "r+b" if keep else "w+b", buffering=0)  # noqa: SIM115
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            self._file.close()
+            raise InputError(Fault(path, "file", "in use", "that no other run writes it")) from None
+        except OSError:
+            # A file system without locks.
+            pass
+        self._end = keep
+        self._file.truncate(keep)
+        if not keep:
+            self._write(MAGIC)
+
+    def append(self, record: Record) -> None:
+        """Write a record and wait until it is on disk; what cannot be written whole is taken back."""
+        arrays = {name: _plain(values) for name, values in record.arrays.items()}
+        header = json.dumps(
+            {
+                "note": record.note,
+                "arrays": [[name, values.dtype.str, values.shape] for name, values in arrays.items()],
+                "series": {name: [s.kind, s.description, s.unit, s.names] for name, s in record.series.items()},
+            }
+        ).encode()
+        payload = b"".join(values.tobytes() for values in arrays.values())
+        checksum = zlib.crc32(payload, zlib.crc32(header))
+        self._write(_HEAD.pack(_MARK, len(header), len(payload), checksum) + header + payload)
+
+    def _write(self, data: bytes) -> None:
+        rest = memoryview(data)
+        try:
+            self._file.seek(self._end)
+            while rest:
+                rest = rest[self._file.write(rest) :]
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            self._file.truncate(self._end)
+            error.filename = self.path
+            raise
+        self._end += len(data)
+
+    def close(self) -> None:
+        """Closing twice does no harm."""
+        self._file.close()
+
+
+def is_journal(path: str | os.PathLike[str]) -> bool:
+    """Whether a file begins as a journal does."""
+    with open(path, "rb") as file:
+        return file.read(len(MAGIC)) == MAGIC
+
+
+def read_journal(path: str) -> Iterator[tuple[Record, int]]:
+    """Whole records in their order, each with the number of bytes up to its end."""
+    size = Path(path).stat().st_size
+    with open(path, "rb") as file:
+        if file.read(len(MAGIC)) != MAGIC:
+            raise InputError(Fault(path, "file", "not a journal", "what an unfinished `attrito run` left"))
+        end = len(MAGIC)
+        while (record := _read_record(file, size - end)) is not None:
+            end = file.tell()
+            yield record, end
+
+
+def _read_record(file: BinaryIO, room: int) -> Record | None:
+    """The next record; None where there is no whole one."""
+    head = file.read(_HEAD.size)
+    if len(head) < _HEAD.size:
+        return None
+    mark, header_bytes, payload_bytes, checksum = _HEAD.unpack(head)
+    if mark != _MARK or header_bytes + payload_bytes > room - _HEAD.size:
+        return None
+    header, payload = file.read(header_bytes), file.read(payload_bytes)
+    if zlib.crc32(payload, zlib.crc32(header)) != checksum:
+        return None
+    try:
+        return _decode(json.loads(header), payload)
+    except (ValueError, KeyError, TypeError):
+        # Summed right, and yet nothing that `append` wrote.
+        return None
+
+
+def _decode(header: dict, payload: bytes) -> Record:
+    arrays, place = {}, 0
+    for name, kind, shape in header["arrays"]:
+        if kind not in _TYPES:
+            raise ValueError(kind)
+        dtype, count = np.dtype(kind), math.prod(shape)
+        arrays[name] = np.frombuffer(payload, dtype, count, place).reshape(shape)
+        place += count * dtype.itemsize
+    series = {name: Series(*what[:3], tuple(what[3])) for name, what in header["series"].items()}
+    return Record(header["note"], arrays, series)
+
+
+def _plain(values: np.ndarray) -> np.ndarray:
+    values = np.ascontiguousarray(values).reshape(np.shape(values))
+    plain = values.astype(values.dtype.newbyteorder("<"), copy=False)
+    if plain.dtype.str not in _TYPES:
+        raise TypeError(f"a journal does not hold {plain.dtype}")
+    return plain

@@ -1,0 +1,94 @@
+!> C interface of what a point is: told series by series, and put down so that a later process goes on from it.
+module attrito_api_point
+  use, intrinsic :: iso_c_binding
+  use attrito_core_kinds, only: wp
+  use attrito_core_state_store, only: state_store_type, writing_store, reading_store
+  use attrito_output_listener, only: new_listener
+  use attrito_output_point_series, only: tell_point
+  use attrito_api_message, only: text_of
+  use attrito_api_session, only: session_type, session_of
+  implicit none
+  private
+
+contains
+
+  !> Tell what the last point is; names of monitors, one a line. Collective.
+  subroutine attrito_tell_point(handle, monitors, listener) bind(c)
+    type(c_ptr), value :: handle
+    character(kind=c_char), intent(in) :: monitors(*)
+    !> See `listener_type`; null except at the root
+    type(c_funptr), value :: listener
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    call tell_point(session%solver, session%point, lines_of(text_of(monitors), size(session%structure%monitors, 2)), &
+                    new_listener(listener))
+  end subroutine attrito_tell_point
+
+  !> Put down what the last point leaves for the next on this rank; returns how many numbers that is.
+  integer(c_int) function attrito_put_down(handle) bind(c)
+    type(c_ptr), value :: handle
+    type(session_type), pointer :: session
+    type(state_store_type) :: store
+
+    session => session_of(handle)
+    store = writing_store()
+    call keep(session, store)
+    session%state = store%numbers(:store%place)
+    attrito_put_down = store%place
+  end function attrito_put_down
+
+  !> The numbers put down last.
+  subroutine attrito_fetch_state(handle, numbers) bind(c)
+    type(c_ptr), value :: handle
+    real(c_double), intent(out) :: numbers(*)
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    numbers(:size(session%state)) = session%state
+  end subroutine attrito_fetch_state
+
+  !> Take up, in place of the last point, what was put down on as many ranks; 1 if it is of this session's kind, else 0. Collective.
+  integer(c_int) function attrito_take_up(handle, count, numbers) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: count
+    real(c_double), intent(in) :: numbers(count)
+    type(session_type), pointer :: session
+    type(state_store_type) :: store
+    real(wp) :: unread
+
+    session => session_of(handle)
+    store = reading_store(numbers)
+    call keep(session, store)
+    unread = merge(0.0_wp, 1.0_wp, store%is_read())
+    attrito_take_up = merge(1, 0, session%ranks%largest(unread) <= 0.0_wp)
+  end function attrito_take_up
+
+  !> All that a session remembers from point to point.
+  subroutine keep(session, store)
+    type(session_type), intent(inout) :: session
+    type(state_store_type), intent(inout) :: store
+    integer :: i
+
+    call session%solver%keep(store)
+    call session%sweep%keep(store)
+    call session%accuracy%keep(store)
+    do i = 1, size(session%moduli)
+      call session%moduli(i)%keep(store)
+    end do
+  end subroutine keep
+
+  pure function lines_of(text, count) result(lines)
+    character(*), intent(in) :: text
+    integer, intent(in) :: count
+    character(64) :: lines(count)
+    integer :: i, first, next
+
+    first = 1
+    do i = 1, count
+      next = index(text(first:)//new_line('a'), new_line('a')) + first - 1
+      lines(i) = text(first:next - 1)
+      first = next + 1
+    end do
+  end function lines_of
+end module attrito_api_point

@@ -1,0 +1,263 @@
+!> What `result.h5` tells of a point, series by series; the layout is in docs/files.md. Each rank has its own contacts, and the
+!> root, to whom they are gathered, tells its listener.
+module attrito_output_point_series
+  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+  use attrito_core_kinds, only: wp, pi
+  use attrito_core_trigonometric, only: extrema
+  use attrito_model_contacts, only: contact_type
+  use attrito_continuation_solver, only: solver_type
+  use attrito_balance_receptance, only: to_real
+  use attrito_output_listener, only: listener_type
+  use attrito_output_point_report, only: point_report_type, outcome_names
+  implicit none
+  private
+  public :: tell_point
+
+  character(12), parameter :: state_names(0:3) = [character(12) :: 'stuck', 'shaken_down', 'slipping', 'open']
+  !> Series of one number a contact, in the order of `numbers_of`
+  integer, parameter :: contact_columns = 14
+  character(20), parameter :: contact_series(contact_columns) = [character(20) :: 'n_mean', 'n_min', 'n_low', 'n_high', 't1_mean', &
+    't1_low', 't1_high', 't2_mean', 't2_low', 't2_high', 'stick', 'slip', 'open', 'dissipated_energy']
+  character(64), parameter :: contact_descriptions(contact_columns) = [character(64) :: 'mean normal force', &
+    'least normal force over the period', 'lower bound of the mean normal force', 'upper bound of the mean normal force', &
+    'mean tangential force, first direction', 'its lower bound', 'its upper bound', 'mean tangential force, second direction', &
+    'its lower bound', 'its upper bound', 'part of the period in stick', 'part of the period in slip', &
+    'part of the period in lift-off', 'work done against friction per period']
+  character(12), parameter :: contact_units(contact_columns) = [character(12) :: 'user force', 'user force', 'user force', &
+    'user force', 'user force', 'user force', 'user force', 'user force', 'user force', 'user force', '1', '1', '1', 'user energy']
+
+  !> Rows of what a rank tells of a contact before its series: state, unique, slider
+  integer, parameter :: first_rows = 4
+
+contains
+
+  !> Tell of the solver's present point. Collective; `listener` listens at the root.
+  subroutine tell_point(solver, report, monitors, listener)
+    type(solver_type), intent(in) :: solver
+    type(point_report_type), intent(in) :: report
+    !> Names of the monitors
+    character(*), intent(in) :: monitors(:)
+    type(listener_type), intent(in) :: listener
+    real(wp), allocatable :: coordinates(:, :)
+    integer :: i
+
+    call tell_numbers(report, listener)
+    coordinates = matmul(to_real(solver%context%balance%response), transpose(solver%context%balance%receptance%basis))
+    call tell_rows('/points/coordinates', coordinates, 'Fourier coefficients of the coordinates: mean, cosine 1, sine 1, ...')
+    do i = 1, size(monitors)
+      call tell_monitor(i, '/monitors/'//trim(monitors(i))//'/')
+    end do
+    call tell_contacts(solver, report, listener)
+
+  contains
+
+    subroutine tell_monitor(monitor, path)
+      integer, intent(in) :: monitor
+      character(*), intent(in) :: path
+      real(wp) :: bound
+
+      bound = merge(report%amplitude(monitor), blank(), report%unique == 1)
+      call tell_length(path//'amplitude', report%amplitude(monitor), 'half the range over the period')
+      call tell_length(path//'mean', report%mean(monitor), 'mean over the period')
+      call tell_length(path//'low', bound, 'lower bound of the amplitude')
+      call tell_length(path//'high', bound, 'upper bound of the amplitude')
+      call tell_rows(path//'harmonics', report%harmonics(:, monitor:monitor), 'Fourier coefficients')
+    end subroutine tell_monitor
+
+    subroutine tell_length(path, value, description)
+      character(*), intent(in) :: path, description
+      real(wp), intent(in) :: value
+
+      call listener%tell(path, 'real64', [integer ::], [merge(value, blank(), report%is_solved())], description, 'user length')
+    end subroutine tell_length
+
+    !> Series [2 H + 1, n]; of one only its coefficients are a dimension.
+    subroutine tell_rows(path, values, description)
+      character(*), intent(in) :: path, description
+      real(wp), intent(in) :: values(:, :)
+      real(wp) :: told(size(values))
+      logical :: listed
+
+      told = reshape(values, [size(values)])
+      if (.not. report%is_solved()) told = blank()
+      listed = path == '/points/coordinates'
+      call listener%tell(path, 'real64', pack([size(values, 2), size(values, 1)], [listed, .true.]), told, description, &
+                         'user length')
+    end subroutine tell_rows
+  end subroutine tell_point
+
+  !> What is one number a point.
+  subroutine tell_numbers(report, listener)
+    type(point_report_type), intent(in) :: report
+    type(listener_type), intent(in) :: listener
+    logical :: solved
+
+    solved = report%is_solved()
+    call tell_real('frequency_hz', report%frequency_hz, 'frequency of the fundamental harmonic', 'Hz')
+    call tell_real('level', report%level, 'factor on the harmonic loads', '1')
+    call tell_integer('branch', report%branch, 'number of the connected run of points')
+    call tell_integer('iterations', report%iterations, 'iterations of Newton''s method, all tries together')
+    call tell_integer('linear_iterations', report%linear_iterations, 'iterations of GMRES, where linear systems are large')
+    call tell_integer('period', merge(1, -1, solved), 'period of the solution in periods of the excitation')
+    call listener%tell('/points/outcome', 'int32', [integer ::], [real(report%outcome, wp)], &
+                       'how the point ended: index into the attribute names', '1', outcome_names)
+    call tell_integer('unique', merge(report%unique, -1, solved), '1 unique, 0 one of a family, -1 not examined')
+    call tell_integer('stable', report%stable, '1 stable, 0 unstable, -1 not examined')
+    call tell_real('residual', report%residual, 'norm of the residual relative to the stuck response', '1')
+    call tell_real('estimate', merge(report%errors%all(), blank(), solved), 'estimated relative error of the amplitude', '1')
+    call tell_real('error_harmonics', merge(report%errors%harmonics, blank(), solved), 'part of the estimate: harmonics left out', &
+                   '1')
+    call tell_real('error_samples', merge(report%errors%samples, blank(), solved), &
+                   'part of the estimate: samples of contact forces', '1')
+    call tell_real('error_modes', merge(report%errors%modes, blank(), solved), &
+                   'part of the estimate: modes that the reduction left out', '1')
+    call tell_integer('harmonics', report%series, 'harmonics of the balance; coefficients beyond are 0')
+    call tell_integer('samples', report%samples, 'samples a period of contacts that go by samples')
+    call tell_real('work', report%work, 'floating-point operations up to here, by formulas', '1')
+
+  contains
+
+    subroutine tell_real(name, value, description, unit)
+      character(*), intent(in) :: name, description, unit
+      real(wp), intent(in) :: value
+
+      call listener%tell('/points/'//name, 'real64', [integer ::], [value], description, unit)
+    end subroutine tell_real
+
+    subroutine tell_integer(name, value, description)
+      character(*), intent(in) :: name, description
+      integer, intent(in) :: value
+
+      call listener%tell('/points/'//name, 'int32', [integer ::], [real(value, wp)], description, '1')
+    end subroutine tell_integer
+  end subroutine tell_numbers
+
+  !> Contacts of all ranks, gathered in one go.
+  subroutine tell_contacts(solver, report, listener)
+    type(solver_type), intent(in) :: solver
+    type(point_report_type), intent(in) :: report
+    type(listener_type), intent(in) :: listener
+    real(wp), allocatable :: rows(:, :)
+    integer :: k, n, i, motion, force
+
+    call solver%context%balance%ranks%gather_columns(numbers_of(solver, report), rows)
+    if (.not. listener%listens()) return
+    k = solver%context%balance%coefficients()
+    n = size(rows, 2)
+    call listener%tell('/contacts/state', 'int32', [n], rows(1, :), 'state over the period: index into the attribute names', &
+                       '1', state_names)
+    call listener%tell('/contacts/unique', 'int32', [n], rows(2, :), '1: mean T and mean N are single-valued, 0 not, -1 not examined', &
+                       '1')
+    do i = 1, contact_columns
+      call listener%tell('/contacts/'//trim(contact_series(i)), 'real64', [n], rows(first_rows + i, :), &
+                         trim(contact_descriptions(i)), trim(contact_units(i)))
+    end do
+    motion = first_rows + contact_columns
+    force = motion + 3*k
+    call listener%tell('/contacts/displacement', 'real64', [n, 3, k], flat(rows(motion + 1:force, :)), &
+                       'relative displacement t1, t2, n', 'user length')
+    call listener%tell('/contacts/force', 'real64', [n, 3, k], flat(rows(force + 1:, :)), 'contact force t1, t2, n', 'user force')
+    call listener%tell('/contacts/slider', 'real64', [n, 2], flat(rows(3:4, :)), 'slider at the start of the period', 'user length')
+  end subroutine tell_contacts
+
+  !> Of each of this rank's contacts: state, unique, slider, numbers, displacement and force [rows, contacts]. The last iterate of a
+  !> point that was not found is no solution: blank.
+  function numbers_of(solver, report) result(rows)
+    type(solver_type), intent(in) :: solver
+    type(point_report_type), intent(in) :: report
+    real(wp), allocatable :: rows(:, :)
+    real(wp), allocatable :: numbers(:, :), motion(:, :, :), force(:, :, :)
+    integer :: k, i, unique
+
+    associate (balance => solver%context%balance)
+      k = balance%coefficients()
+      call describe_contacts(solver, report, numbers, motion, force)
+      allocate (rows(first_rows + contact_columns + 6*k, size(balance%forces)))
+      do i = 1, size(balance%forces)
+        associate (forces => balance%forces(i))
+          unique = merge(report%unique - 1, 0, forces%unique)
+          if (report%unique /= 0) unique = report%unique
+          rows(:, i) = [real(forces%state, wp), real(unique, wp), forces%slider, numbers(i, :), flat(motion(:, :, i)), &
+                        flat(force(:, :, i))]
+        end associate
+      end do
+    end associate
+    if (report%is_solved()) return
+    rows = blank()
+    rows(1:2, :) = -1.0_wp
+  end function numbers_of
+
+  !> Numbers, displacement and force of this rank's contacts.
+  subroutine describe_contacts(solver, report, numbers, motion, force)
+    type(solver_type), intent(in) :: solver
+    type(point_report_type), intent(in) :: report
+    !> [contacts, columns]
+    real(wp), allocatable, intent(out) :: numbers(:, :)
+    !> Coefficients, rows t1, t2, n [2 H + 1, 3, contacts]
+    real(wp), allocatable, intent(out) :: motion(:, :, :), force(:, :, :)
+    real(wp), allocatable :: recovered(:, :)
+    integer :: i, k, n, row, place
+
+    associate (balance => solver%context%balance)
+      n = size(balance%law)
+      k = balance%coefficients()
+      allocate (numbers(n, contact_columns), source=blank())
+      allocate (motion(k, 3, n), force(k, 3, n), source=0.0_wp)
+      recovered = balance%recover(balance%response)
+      do i = 1, n
+        associate (law => balance%law(i), forces => balance%forces(i))
+          do row = 1, law%tangents + 1
+            place = merge(3, row, row > law%tangents)
+            motion(:, place, i) = recovered(:, law%first_row + row - 1)
+            force(:, place, i) = forces%deviation(:k, row) + motion(:, place, i) &
+                                 *merge(law%normal_stiffness, law%tangential_stiffness, row > law%tangents)
+          end do
+          numbers(i, 1:2) = [force(1, 3, i), least_normal_force(law, motion(:, 3, i))]
+          numbers(i, 5) = force(1, 1, i)
+          if (law%tangents == 2) numbers(i, 8) = force(1, 2, i)
+          if (report%unique == 1) then
+            numbers(i, 3:4) = numbers(i, 1)
+            numbers(i, 6:7) = numbers(i, 5)
+            numbers(i, 9:10) = numbers(i, 8)
+          end if
+          numbers(i, 11:14) = [forces%stick, forces%slip, forces%open, &
+                               work_per_period(force(:, 1, i), motion(:, 1, i)) + work_per_period(force(:, 2, i), motion(:, 2, i))]
+        end associate
+      end do
+    end associate
+  end subroutine describe_contacts
+
+  !> Least normal force over the period, located.
+  pure real(wp) function least_normal_force(law, closing)
+    type(contact_type), intent(in) :: law
+    !> Coefficients of v
+    real(wp), intent(in) :: closing(:)
+    real(wp) :: range(2)
+
+    range = extrema(closing)
+    least_normal_force = max(law%preload + law%normal_stiffness*(range(1) - law%gap), 0.0_wp)
+  end function least_normal_force
+
+  !> Work of a force on a displacement over a period, pi sum_h h (F_c u_s - F_s u_c).
+  pure real(wp) function work_per_period(force, displacement)
+    real(wp), intent(in) :: force(:), displacement(:)
+    integer :: h
+
+    work_per_period = 0.0_wp
+    do h = 1, (size(force) - 1)/2
+      work_per_period = work_per_period + pi*h*(force(2*h)*displacement(2*h + 1) - force(2*h + 1)*displacement(2*h))
+    end do
+  end function work_per_period
+
+  pure function flat(values)
+    real(wp), intent(in) :: values(:, :)
+    real(wp) :: flat(size(values))
+
+    flat = reshape(values, [size(values)])
+  end function flat
+
+  !> What there is nothing to tell of
+  pure real(wp) function blank()
+    blank = ieee_value(blank, ieee_quiet_nan)
+  end function blank
+end module attrito_output_point_series

@@ -1,0 +1,231 @@
+"""Runs that are cut short: what is on disk, and that going on from it leads where the run would have come to."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from jobs import ENVIRONMENT, Job, attrito, attrito_here, chain, table, wedge, write_job
+from restarts import differences, run_in_pieces, run_to_the_end
+
+from attrito.faults import InputError
+from attrito.journal import MAGIC, Journal, Record, Series, is_journal, read_journal
+
+HERE = Path(__file__).parent
+
+
+def rubbing(tangents: int) -> Job:
+    """Three contacts that stick, slip and shake down within a few points."""
+    job = chain(tangents=tangents)
+    job["sweep"] = {"start_hz": 82.0, "stop_hz": 80.0}
+    job["continuation"] = {"max_points": 9}
+    job["load"][1]["cosine"] = [[0, 30.0]]
+    return job
+
+
+def of_two_levels() -> Job:
+    """Two sweeps there and back of the wedge, one with every contact stuck; with stability and bounds."""
+    job = wedge(force=1.0)
+    job["balance"] = {"harmonics": 3, "quadrature": "event"}
+    job["sweep"] = {"start_hz": 136.0, "stop_hz": 134.5, "levels": [0.5, 5.0]}
+    job["continuation"] = {"both_directions": True}
+    job["stability"] = {"method": "monodromy"}
+    return job
+
+
+def of_listed_frequencies() -> Job:
+    """Three frequencies of the uncoupled wedge, the middle one not to be solved."""
+    job = wedge()
+    job["balance"] |= {"approach": "uncoupled", "max_iterations": 2}
+    job["sweep"] = {"frequencies_hz": [128.0, 132.0, 136.0]}
+    return job
+
+
+@pytest.mark.parametrize(
+    "job",
+    [rubbing(1), rubbing(2), of_two_levels(), of_listed_frequencies()],
+    ids=["one tangent", "two tangents", "levels and directions, stability", "listed, uncoupled"],
+)
+def test_a_run_resumed_after_every_point_gives_the_same_file_bit_for_bit(tmp_path, job):
+    path = tmp_path / write_job(tmp_path, job)
+    result = tmp_path / "result.h5"
+    complaint = run_to_the_end(path)
+    whole = result.rename(tmp_path / "whole.h5")
+    runs, same = run_in_pieces(path)
+    assert runs > 2
+    assert complaint == same
+    assert differences(result, whole) == []
+
+
+def test_two_ranks_resumed_after_every_point_give_the_same_file_bit_for_bit(tmp_path):
+    # Contacts move from rank to rank as they begin to slip.
+    job = chain(contacts=5)
+    job["sweep"] = {"start_hz": 82.0, "stop_hz": 80.0}
+    job["continuation"] = {"max_points": 12}
+    write_job(tmp_path, job)
+    done = subprocess.run(
+        ["mpirun", "-n", "2", sys.executable, str(HERE / "restarts.py"), "job.toml", "result.h5"],
+        cwd=tmp_path, env=os.environ | ENVIRONMENT, capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert differences(tmp_path / "result.h5", tmp_path / "result.whole") == []
+
+
+@pytest.fixture(scope="module")
+def cut(tmp_path_factory) -> Path:
+    """A folder with the journal of a run that was stopped in its midst."""
+    folder = tmp_path_factory.mktemp("cut")
+    done = attrito(folder, "run", write_job(folder, rubbing(1)), "--max-seconds", "0.001")
+    assert done.returncode == 1
+    assert "stopped by --max-seconds 0.001; the 1 points solved so far are in result.h5.partial" in done.stderr
+    assert "go on with attrito run --resume job.toml" in done.stderr
+    return folder
+
+
+def copy_of(cut: Path, folder: Path) -> Path:
+    """The stopped run in a folder of its own; returns its journal."""
+    for name in ("job.toml", "result.h5.partial"):
+        (folder / name).write_bytes((cut / name).read_bytes())
+    return folder / "result.h5.partial"
+
+
+def test_the_journal_of_a_stopped_run_reads_as_a_result(cut):
+    rows = table(cut, result="result.h5.partial")
+    assert [row["outcome"] for row in rows] == ["converged"]
+
+
+def test_a_journal_cut_anywhere_keeps_every_whole_point(tmp_path):
+    # Every length that a kill could leave, of a journal of three records.
+    path = str(tmp_path / "journal")
+    journal = Journal(path)
+    for number in range(3):
+        journal.append(Record({"number": number}, {"x": np.arange(number + 1.0)}, {"x": Series("real64", "some", "1")}))
+    journal.close()
+    whole = Path(path).read_bytes()
+    ends = [end for _, end in read_journal(path)]
+    assert ends[-1] == len(whole)
+    for length in range(len(MAGIC), len(whole) + 1):
+        Path(path).write_bytes(whole[:length])
+        records = [record for record, _ in read_journal(path)]
+        assert [record.note["number"] for record in records] == list(range(sum(end <= length for end in ends)))
+    # And what a disk may have made of its end.
+    for place in range(ends[1], len(whole)):
+        Path(path).write_bytes(whole[:place] + bytes([whole[place] ^ 0x40]) + whole[place + 1 :])
+        assert len(list(read_journal(path))) == 2
+
+
+def test_a_record_of_absurd_size_is_none(tmp_path):
+    path = tmp_path / "journal"
+    path.write_bytes(MAGIC + b"REC\n" + b"\xff" * 16 + b"{}")
+    assert list(read_journal(str(path))) == []
+
+
+def test_going_on_drops_what_was_cut_short(tmp_path):
+    attrito(tmp_path, "run", write_job(tmp_path, rubbing(1)))
+    whole = (tmp_path / "result.h5").rename(tmp_path / "whole.h5")
+    attrito(tmp_path, "run", "job.toml", "--max-seconds", "0.001")
+    journal = tmp_path / "result.h5.partial"
+    with journal.open("ab") as file:
+        file.write(b"REC\n half a rec")
+    done = attrito(tmp_path, "run", "--resume", "job.toml")
+    assert done.returncode == 1, done.stderr
+    assert "going on after 1 points of result.h5.partial" in done.stdout
+    assert not journal.exists()
+    assert differences(tmp_path / "result.h5", whole) == []
+
+
+def test_resume_with_nothing_to_go_on_from_begins(tmp_path, capfd):
+    done = attrito_here(tmp_path, capfd, "run", "--resume", write_job(tmp_path, wedge()))
+    assert done.returncode == 0
+    assert "nothing to go on from (result.h5.partial is absent): beginning" in done.stdout
+
+
+def test_another_job_is_not_gone_on_with(cut, tmp_path, capfd):
+    copy_of(cut, tmp_path)
+    job = rubbing(1)
+    job["sweep"]["stop_hz"] = 78.0
+    job["balance"]["samples"] = 64
+    done = attrito_here(tmp_path, capfd, "run", "--resume", write_job(tmp_path, job))
+    assert done.returncode == 2
+    lines = done.stderr.splitlines()
+    assert "job.toml: balance.samples = 64: expected 128, as result.h5.partial began with" in lines[0]
+    assert "job.toml: sweep.stop_hz = 78.0: expected 80.0, as result.h5.partial began with" in lines[1]
+    assert len(lines) == 2
+
+
+def test_another_model_or_number_of_ranks_is_not_gone_on_with(cut, tmp_path):
+    journal = copy_of(cut, tmp_path)
+    before = journal.read_bytes()
+    done = attrito(tmp_path, "run", "--resume", "job.toml", ranks=2)
+    assert done.returncode == 2
+    assert "job.toml: ranks = 2: expected 1, as result.h5.partial began with" in done.stderr
+    assert journal.read_bytes() == before
+
+
+def test_a_run_that_begins_anew_keeps_the_journal_it_finds_until_it_is_done(cut, tmp_path, capfd):
+    journal = copy_of(cut, tmp_path)
+    before = journal.read_bytes()
+    attrito_here(tmp_path, capfd, "run", "job.toml", "--max-seconds", "0.001")
+    assert (tmp_path / "result.h5.partial.old").read_bytes() == before
+    attrito_here(tmp_path, capfd, "run", "job.toml")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["job.toml", "result.h5"]
+
+
+def test_a_journal_in_use_is_left_alone(cut, tmp_path, capfd):
+    journal = copy_of(cut, tmp_path)
+    held = Journal(str(journal), journal.stat().st_size)
+    done = attrito_here(tmp_path, capfd, "run", "--resume", "job.toml")
+    held.close()
+    assert done.returncode == 2
+    assert "result.h5.partial: file = 'in use': expected that no other run writes it" in done.stderr
+
+
+# mpirun passes SIGUSR1 and SIGUSR2 on; at SIGTERM it kills, which is what the journal is for.
+@pytest.mark.parametrize(("number", "ranks"), [(signal.SIGTERM, None), (signal.SIGUSR1, None), (signal.SIGUSR1, 2)])
+def test_a_signal_ends_a_run_after_a_whole_point(tmp_path, number, ranks):
+    job = rubbing(1)
+    job["sweep"]["levels"] = np.linspace(0.5, 1.0, 200).tolist()
+    command = [sys.executable, "-m", "attrito.cli", "run", write_job(tmp_path, job)]
+    started = subprocess.Popen(
+        command if ranks is None else ["mpirun", "-n", str(ranks), *command],
+        cwd=tmp_path, env=os.environ | ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    journal = tmp_path / "result.h5.partial"
+    wait_for(lambda: journal.is_file() and len(list(read_journal(str(journal)))) > 3)
+    started.send_signal(number)
+    out, error = started.communicate(timeout=60)
+    assert started.returncode == 1, out + error
+    solved = len(list(read_journal(str(journal)))) - 1
+    assert f"stopped by {number.name}; the {solved} points solved so far are in result.h5.partial" in error
+    assert is_journal(journal)
+    assert "\r" not in out
+
+
+def wait_for(ready, seconds: float = 50.0) -> None:
+    """Until something holds."""
+    end = time.monotonic() + seconds
+    while not ready():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+def test_what_is_no_journal_is_told(tmp_path):
+    path = tmp_path / "other"
+    path.write_bytes(b"other")
+    with pytest.raises(InputError, match="expected what an unfinished `attrito run` left"):
+        list(read_journal(str(path)))
+
+
+def test_the_summary_tells_time_memory_and_outcomes(tmp_path, capfd):
+    done = attrito_here(tmp_path, capfd, "run", write_job(tmp_path, wedge()))
+    counts, seconds, memory = done.stdout.splitlines()[-3:]
+    assert counts.startswith("1 points (1 converged) in ")
+    assert seconds.startswith("seconds: ")
+    assert seconds.endswith("iterations of Newton's method")
+    assert memory.startswith("memory: ") and memory.endswith(" MB")
