@@ -18,7 +18,8 @@ module attrito_contact_quadrature_sampled
   use attrito_contact_stuck, only: surely_stuck
   implicit none
   private
-  public :: stay_stuck, hold_slider, contact_forces_type, periodic_slider_type, evaluate_contact, contact_samples_type, sample_contact, released
+  public :: stay_stuck, hold_slider, contact_forces_type, periodic_slider_type, evaluate_contact, contact_samples_type, &
+            sample_contact, released
 
   !> Two tangents: the start slider w of a period that is to leave it where it was, w = P(w, d). A change of motion moves it by
   !> holding^-1 P_d delta d, holding = I - dP/dw, and the forces g by g_w times that.

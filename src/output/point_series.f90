@@ -146,8 +146,8 @@ contains
     n = size(rows, 2)
     call listener%tell('/contacts/state', 'int32', [n], rows(1, :), 'state over the period: index into the attribute names', &
                        '1', state_names)
-    call listener%tell('/contacts/unique', 'int32', [n], rows(2, :), '1: mean T and mean N are single-valued, 0 not, -1 not examined', &
-                       '1')
+    call listener%tell('/contacts/unique', 'int32', [n], rows(2, :), &
+                       '1: mean T and mean N are single-valued, 0 not, -1 not examined', '1')
     do i = 1, contact_columns
       call listener%tell('/contacts/'//trim(contact_series(i)), 'real64', [n], rows(first_rows + i, :), &
                          trim(contact_descriptions(i)), trim(contact_units(i)))

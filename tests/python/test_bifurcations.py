@@ -88,10 +88,10 @@ def lossless(tmp_path: Path) -> Job:
 
 
 def test_a_fold_where_a_contact_changes_what_it_does_is_located_and_told_apart(tmp_path):
-    run(tmp_path, swept(lossless(tmp_path), 80.0, 320.0, max_points=150), code=1)
+    run(tmp_path, swept(lossless(tmp_path), 80.0, 320.0, max_points=140), code=1)
     found = bifurcations(tmp_path)
     corners = [frequency for kind, frequency in found if kind == "contact_fold"]
-    # Lap after lap the same, though steps fall elsewhere.
+    # Two laps, the same though steps fall elsewhere.
     assert len(corners) == 2
     assert corners[0] == pytest.approx(corners[1], abs=1e-5)
     folds = [frequency for kind, frequency in found if kind == "fold"]
