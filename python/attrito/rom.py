@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
 LARGEST_DENSE = 4000
+# Error below which modes, solved to residuals of 1e-12, tell nothing
+LEAST_ERROR = 1e-12
 # Raised when the reduction of the same input changes, so that no older rom.h5 is taken for it.
 REDUCTION_VERSION = 2
 
@@ -220,7 +222,8 @@ def mode_error(path: str | None) -> float:
         errors = receptance_errors(file["quality/receptance"][:], file["quality/receptance_error"][:])
     watched = [i for i, name in enumerate(names) if name.startswith("monitor:")]
     loads = [i for i in range(len(names)) if i not in watched] or watched
-    return float(np.nan_to_num(errors[np.ix_(watched, loads)]).max(initial=0.0))
+    worst = float(np.nan_to_num(errors[np.ix_(watched, loads)]).max(initial=0.0))
+    return worst if worst > LEAST_ERROR else 0.0
 
 
 def rom_fingerprint(path: str | None) -> str:

@@ -78,10 +78,11 @@ def run_job(comm: Comm, path: str | Job, resume: bool = False, max_seconds: floa
         reduced = on_root(comm, lambda: reduced_scene(job, scene))
         load_path = on_root(comm, lambda: scene.load_path)
         options = on_root(comm, lambda: solver_options(job))
-        margin = on_root(comm, lambda: friction_margin(reduced))
-        if (wedges := warning(margin)) is not None:
-            progress.say(wedges)
         with Solver(comm, reduced, options) as solver:
+            # Of a structure that is held, as the solver has found by now.
+            margin = on_root(comm, lambda: friction_margin(reduced))
+            if (wedges := warning(margin)) is not None:
+                progress.say(wedges)
             linear = linear_responses(solver, job)
             progress.begin(len(reduced.mass), len(reduced.laws["tangents"]), linear)
             first = _on_root_only(comm, lambda: first_record(job, scene, reduced, comm.size, linear))

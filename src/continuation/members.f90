@@ -38,6 +38,8 @@ module attrito_continuation_members
   type :: family_type
     type(member_type) :: shown
     logical :: reset_slider = .false.
+    !> Counted before other members were visited, which is no work of the point
+    real(wp) :: work = 0.0_wp
   end type family_type
 
   !> A member, or how it changes, on every rank
@@ -60,6 +62,7 @@ contains
 
     call keep_member(solver, self%shown)
     self%reset_slider = solver%options%reset_slider
+    self%work = solver%context%balance%work
     solver%options%reset_slider = .false.
     ! The point's own sliders, not those that the next one is to start from.
     do i = 1, size(solver%context%balance%forces)
@@ -75,6 +78,7 @@ contains
 
     solver%options%reset_slider = self%reset_slider
     call return_to_member(solver, self%shown)
+    solver%context%balance%work = self%work
   end subroutine leave_family
 
   !> Remember where the solver stands.
