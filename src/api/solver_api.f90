@@ -188,7 +188,7 @@ contains
     call session%accuracy%solve_at(session%solver, omega)
     session%solver%omega = omega
     call report_point(session%solver, branch, session%accuracy%errors, session%point)
-    if (.not. session%solver%report%converged) session%solver%omega = before
+    if (.not. (session%solver%report%converged .or. session%solver%walks)) session%solver%omega = before
     point = point_of(session%point)
   end subroutine attrito_solve_at
 

@@ -72,6 +72,8 @@ module attrito_balance_harmonic_balance
     logical, allocatable :: periodic(:)
     !> Uncoupled: mean of the generalised coordinates [n]
     complex(wp), allocatable :: frozen_mean(:)
+    !> Where springs beside the structure's own, `receptance%held` of its stiffness, pull its mean to [n]
+    complex(wp), allocatable :: held_mean(:)
     !> Of the last evaluation: contacts' forces and which of them depend on the motion, residual [2 H + 1, rows], response and its
     !> derivative by omega, forces held [n, 0:H]
     type(contact_forces_type), allocatable :: forces(:)
@@ -100,6 +102,8 @@ module attrito_balance_harmonic_balance
     procedure :: linear_response
     procedure :: linear_motion
     procedure :: keep
+    procedure :: hold_mean
+    procedure :: let_go
     procedure :: destroy
   end type balance_type
 
@@ -243,6 +247,11 @@ contains
     call self%active%find(self%law, self%forces, self%directions)
     call respond_to_load(self, load_of_forces(self), self%response)
     self%response = self%response + linear_response(self)
+    if (allocated(self%held_mean)) then
+      associate (held => self%receptance%held)
+        self%response(:, 0) = self%response(:, 0) + held/(1.0_wp + held)*self%held_mean
+      end associate
+    end if
     if (allocated(self%frozen_mean)) self%response(:, 0) = self%frozen_mean
     call self%receptance%respond_derivative(self%response, self%response_omega)
     self%work = self%work + residual_work(self%coefficients(), self%rows(), size(self%response, 1))
@@ -526,6 +535,22 @@ contains
     forces%could_rest = could_rest
     if (moves .and. .not. allocated(forces%jacobian)) allocate (forces%jacobian(0, 0))
   end subroutine keep_forces
+  !> Springs to where the mean of the last evaluation is: `part` of the stuck system's stiffness, at harmonic 0 alone.
+  subroutine hold_mean(self, part)
+    class(balance_type), intent(inout) :: self
+    real(wp), intent(in) :: part
+
+    self%held_mean = self%response(:, lbound(self%response, 2))
+    call self%receptance%hold_mean(part)
+  end subroutine hold_mean
+
+  !> Without such springs again.
+  subroutine let_go(self)
+    class(balance_type), intent(inout) :: self
+
+    if (allocated(self%held_mean)) deallocate (self%held_mean)
+    call self%receptance%hold_mean(0.0_wp)
+  end subroutine let_go
 
   !> Give the transforms back.
   subroutine destroy(self)

@@ -21,6 +21,8 @@ module attrito_balance_receptance
     integer :: lowest = 0
     !> Angular frequency it is set to
     real(wp) :: omega = -1.0_wp
+    !> Part of its stiffness that is added to that of the mean: see `hold_mean`
+    real(wp) :: held = 0.0_wp
   contains
     procedure(set_harmonics), deferred :: set_harmonics
     procedure(set_frequency), deferred :: set_frequency
@@ -32,6 +34,7 @@ module attrito_balance_receptance
     procedure(low_stiffness), deferred :: low_stiffness
     procedure(remainder), deferred :: remainder
     procedure :: uncoupled_modes
+    procedure :: hold_mean
   end type receptance_type
 
   abstract interface
@@ -124,6 +127,15 @@ contains
 
     allocate (stiffness(0), mass(0), damping(0))
   end subroutine uncoupled_modes
+
+  !> Let the mean's stiffness be (1 + part) K~ from the next frequency that is set on: 0 is the structure itself.
+  subroutine hold_mean(self, part)
+    class(receptance_type), intent(inout) :: self
+    real(wp), intent(in) :: part
+
+    self%held = part
+    self%omega = -1.0_wp
+  end subroutine hold_mean
 
   !> Real coefficients [2 H + 1, n] as complex columns [n, 0:H].
   pure function to_complex(coefficients) result(columns)

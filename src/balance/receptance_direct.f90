@@ -85,6 +85,7 @@ contains
     do h = first, self%harmonics
       self%factors(:, :, h) = cmplx(self%stuck_stiffness - (h*omega)**2*self%mass, h*omega*self%viscous, wp)
       if (h > 0) self%factors(:, :, h) = self%factors(:, :, h) + (0.0_wp, 1.0_wp)*self%structural
+      if (h == 0) self%factors(:, :, h) = (1.0_wp + self%held)*self%factors(:, :, h)
       call factor_complex(self%factors(:, :, h), self%pivots(:, h), status)
       if (status /= 0) return
     end do
@@ -164,6 +165,7 @@ contains
         stiffness(i) = cmplx(dot_product(x, matmul(self%stuck_stiffness, x)) - frequency**2*dot_product(x, matmul(self%mass, x)), &
                              frequency*dot_product(x, matmul(self%viscous, x)), wp)
         if (h > 0) stiffness(i) = stiffness(i) + (0.0_wp, 1.0_wp)*dot_product(x, matmul(self%structural, x))
+        if (h == 0) stiffness(i) = (1.0_wp + self%held)*stiffness(i)
       end associate
     end do
   end function low_stiffness

@@ -64,6 +64,7 @@ contains
     if (omega == self%omega) return
     do h = 0, self%harmonics
       stiffness = cmplx(self%modal_stiffness - (h*omega)**2*self%modal_mass, h*omega*self%modal_damping, wp)
+      if (h == 0) stiffness = (1.0_wp + self%held)*stiffness
       if (any(abs(real(stiffness, wp)) + abs(aimag(stiffness)) <= 0.0_wp)) then
         if (h >= self%lowest) status = 1
         stiffness = 1.0_wp

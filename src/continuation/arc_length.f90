@@ -10,6 +10,7 @@ module attrito_continuation_arc_length
   use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: resized
   use attrito_balance_border, only: constraint_type, inner_product
+  use attrito_continuation_attempts, only: nothing_holds
   use attrito_continuation_closed_branch, only: comes_home
   use attrito_continuation_known_points, only: known_points_type
   use attrito_continuation_cascade, only: solve_by_cascade, place_type, place_of, return_to
@@ -32,7 +33,9 @@ module attrito_continuation_arc_length
   !> Steps in a row of which but this part is anything but a mean position, after which a body is taken to walk away: past the end of
   !> its branch friction no longer balances over the period, and no solution repeats
   real(wp), parameter :: walking_share = 1.0e-3_wp
-  integer, parameter :: most_walking = 20
+  !> The same where every contact slips: friction then balances at single frequencies, and rounding makes a branch of these
+  real(wp), parameter :: drifting_share = 0.5_wp
+  integer, parameter :: most_walking = 6
   !> Cosine between successive steps below which the branch is taken to run back on itself
   real(wp), parameter :: turned_back = -0.95_wp
 
@@ -164,8 +167,7 @@ contains
       call follow(self, solver)
       call watch_closing(self, solver)
     else
-      self%branch = self%branch + 1
-      call begin_at(self, solver, self%farthest + jump*(self%stop - self%start))
+      call begin_beyond(self, solver)
     end if
     self%points = self%points + 1
     if (self%one_branch .and. .not. self%on_branch) self%finished = .true.
@@ -224,7 +226,7 @@ contains
     real(wp) :: target
 
     target = omega
-    if (beyond_stop(self, omega)) target = self%stop
+    if (beyond_stop(self, omega + smallest_step*(self%stop - self%start))) target = self%stop
     call solve_by_cascade(solver, target)
     solver%omega = target
     self%on_branch = solver%report%converged
@@ -270,7 +272,16 @@ contains
     self%finished = self%one_branch
   end subroutine watch_closing
 
-  !> One accepted step along the branch, the sweep's last point, or the loss of the branch.
+  !> Where the branch was lost: a place beyond all that the sweep has come to, and the branch there.
+  subroutine begin_beyond(self, solver)
+    type(sweep_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+
+    self%branch = self%branch + 1
+    call begin_at(self, solver, self%farthest + jump*(self%stop - self%start))
+  end subroutine begin_beyond
+
+  !> One accepted step along the branch, the sweep's last point, or, where no step converges, a place beyond.
   subroutine follow(self, solver)
     type(sweep_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
@@ -298,11 +309,12 @@ contains
       call remember_step(self, solver, before)
       call adapt_step(self, error)
       call watch_walking(self, solver)
+      solver%report%iterations = iterations
+      call end_at_range(self, solver, before)
     else
       call lose_branch(self, solver)
+      solver%report%iterations = iterations + solver%report%iterations
     end if
-    solver%report%iterations = iterations
-    if (accepted) call end_at_range(self, solver, before)
   end subroutine follow
 
   !> A step from a place along the tangent there, as long as converges not too far from where it was predicted.
@@ -425,15 +437,19 @@ contains
     self%step = min(self%step*min(max(sqrt(aimed_error/max(error, 1.0e-12_wp)), 0.4_wp), 1.6_wp), self%largest_step)
   end subroutine adapt_step
 
-  !> No step from here converges: report a point just beyond as not converged; the sweep moves on from there.
+  !> No step from here converges: the sweep looks for a place beyond; where one branch alone is asked for it has ended.
   subroutine lose_branch(self, solver)
     type(sweep_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
 
-    solver%report%converged = .false.
-    solver%no_orbit_in_time = .false.
-    solver%omega = solver%omega + smallest_step*(self%stop - self%start)
-    self%on_branch = .false.
+    if (.not. self%one_branch) then
+      call begin_beyond(self, solver)
+    else
+      solver%report%converged = .false.
+      solver%no_orbit = .false.
+      solver%omega = solver%omega + smallest_step*(self%stop - self%start)
+      self%on_branch = .false.
+    end if
     self%last = step_type()
   end subroutine lose_branch
 
@@ -514,7 +530,9 @@ contains
   subroutine watch_walking(self, solver)
     type(sweep_type), intent(inout) :: self
     type(solver_type), intent(in) :: solver
-    self%walking = merge(self%walking + 1, 0, share_of_harmonics(solver, self%secant, self%secant_omega) < walking_share)
+    real(wp) :: limit
+    limit = merge(drifting_share, walking_share, nothing_holds(solver%context%balance))
+    self%walking = merge(self%walking + 1, 0, share_of_harmonics(solver, self%secant, self%secant_omega) < limit)
     if (self%walking < most_walking) return
     self%on_branch = .false.
     self%walking = 0

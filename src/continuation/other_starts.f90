@@ -4,9 +4,10 @@
 !> $$ f_0(t) = \gamma^{1 - t} f_0, \qquad t = 0 \dots 1. $$
 module attrito_continuation_other_starts
   use attrito_core_kinds, only: wp
-  use attrito_continuation_cascade, only: solve_by_cascade, march_along, way_type
+  use attrito_continuation_cascade, only: solve_by_cascade
   use attrito_continuation_solver, only: solver_type
   use attrito_continuation_start_in_time, only: has_time, solve_in_time
+  use attrito_continuation_ways, only: march_along, way_type
   implicit none
   private
   public :: start_cold, start_in_motion, start_from_preload
@@ -33,6 +34,8 @@ contains
     solver%motion(2:, :) = 0.0_wp
     solver%all_stick = .false.
     call solver%set_slider(solver%static_slider)
+    solver%walks = .false.
+    solver%no_orbit = .false.
     call solve_by_cascade(solver, omega)
     found = solver%report%converged
   end subroutine start_cold
@@ -48,9 +51,9 @@ contains
     if (.not. has_time(solver)) return
     iterations = 0
     solver%motion(2:, :) = factor*solver%motion(2:, :)
-    call solve_in_time(solver, omega, iterations, found)
+    call solve_in_time(solver, omega, .false., iterations, found)
     solver%walks = .false.
-    solver%no_orbit_in_time = .false.
+    solver%no_orbit = .false.
   end subroutine start_in_motion
 
   !> From the solution at static loads times a factor.

@@ -15,18 +15,12 @@ module attrito_continuation_solver
   use attrito_balance_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
   use attrito_balance_two_level_factors, only: two_level_factors_type
   use attrito_balance_unknowns, only: unknowns_type
-  use attrito_contact_state, only: state_stuck, state_shaken_down
+  use attrito_continuation_attempts, only: solve_briefly, solve_persistently
   use attrito_continuation_motion_in_time, only: motion_in_time_type
+  use attrito_continuation_sliders, only: found_moving, keep_sliders, largest_defect, none_moves
   implicit none
   private
   public :: solver_type, solver_options_type, new_solver
-
-  !> Parts of their springs that contacts keep in the Newton step, one try after another
-  real(wp), parameter :: stiffenings(2) = [0.0_wp, 0.1_wp]
-
-  !> A brief try goes on from one stretch of iterations to the next while each brings the residual down so far
-  integer, parameter :: brief_iterations = 8
-  real(wp), parameter :: brief_progress = 1.0e-2_wp
 
   !> Norm of the residual beyond which nothing counts as converged
   real(wp), parameter :: loosest_tolerance = 1.0e-6_wp
@@ -66,8 +60,8 @@ module attrito_continuation_solver
     logical :: all_stick = .false.
     !> Give a start up early, after a few iterations of Newton's method alone: others follow
     logical :: brief = .false.
-    !> Where no point was found: motion in time did not come to an orbit of the excitation's period either; it even walks
-    logical :: no_orbit_in_time = .false., walks = .false.
+    !> Where no point was found: there is none near, by the balance with its mean held or by motion in time; a body walks
+    logical :: no_orbit = .false., walks = .false.
     !> Where starts come from that no point before leads to; may be missing
     class(motion_in_time_type), allocatable :: in_time
   contains
@@ -136,14 +130,14 @@ contains
       self%context%tolerance = loose_tolerance(self, tight)
       do round = 1, self%options%rounds
         if (self%brief) then
-          call solve_briefly(self, unknowns, constraint)
+          call solve_briefly(self%newton, unknowns, constraint, self%report)
         else
-          call solve_stiffening(self, unknowns, constraint)
+          call solve_persistently(self%newton, unknowns, constraint, self%options%uncoupled, self%report)
         end if
         iterations = iterations + self%report%iterations
         linear_iterations = linear_iterations + self%report%linear_iterations
         if (.not. self%report%converged) exit
-        if (found_moving(self)) then
+        if (found_moving(balance, self%options%tolerance*self%context%motion_scale)) then
           unknowns%slider = balance%slider
           call self%context%forget()
         else
@@ -154,7 +148,7 @@ contains
       self%context%tolerance = tight
       self%report%iterations = iterations
       self%report%linear_iterations = linear_iterations
-      self%report%defect = largest_defect(self)/self%context%motion_scale
+      self%report%defect = largest_defect(balance)/self%context%motion_scale
       if (self%report%converged) then
         call self%accept(unknowns%motion, unknowns%omega, slider)
       else
@@ -175,8 +169,8 @@ contains
 
     self%motion = motion
     self%omega = omega
-    call keep_slider(self, slider_before)
-    self%all_stick = none_moves(self)
+    call keep_sliders(self%context%balance, slider_before, self%options%tolerance*self%context%motion_scale)
+    self%all_stick = none_moves(self%context%balance)
     if (self%options%reset_slider) call reset_slider(self)
     call self%context%forget()
   end subroutine accept
@@ -188,15 +182,6 @@ contains
     self%context%balance%slider = self%static_slider
     self%context%balance%periodic = .false.
   end subroutine reset_slider
-
-  !> Has every contact stuck all over the period?
-  logical function none_moves(self)
-    class(solver_type), intent(in) :: self
-    real(wp) :: moving
-
-    moving = merge(1.0_wp, 0.0_wp, any(self%context%balance%forces%state > state_shaken_down))
-    none_moves = self%context%balance%ranks%largest(moving) <= 0.0_wp
-  end function none_moves
 
   !> Tolerance that tells which sliders move on: with one tangent there are none, and the first solve is the last.
   real(wp) function loose_tolerance(self, tight)
@@ -211,96 +196,6 @@ contains
     call self%context%balance%ranks%sum(square)
     loose_tolerance = max(tight, share*sqrt(square)/self%context%motion_scale)
   end function loose_tolerance
-
-  !> Sliders that a further period would move become periodic, from where it would move them; says whether there were any.
-  logical function found_moving(self)
-    class(solver_type), intent(inout) :: self
-    real(wp) :: found
-    integer :: i
-
-    found = 0.0_wp
-    associate (balance => self%context%balance)
-      do i = 1, size(balance%forces)
-        associate (forces => balance%forces(i))
-          if (balance%periodic(i)) cycle
-          if (norm2(forces%moved) <= self%options%tolerance*self%context%motion_scale) cycle
-          balance%periodic(i) = .true.
-          balance%slider(:, i) = forces%slider + forces%moved
-          found = 1.0_wp
-        end associate
-      end do
-      found_moving = balance%ranks%largest(found) > 0.0_wp
-    end associate
-  end function found_moving
-
-  !> Let the sliders of the last evaluation be the start of the next point; a periodic one that has come to rest was shaken down.
-  subroutine keep_slider(self, before)
-    class(solver_type), intent(inout) :: self
-    !> Sliders at the point before [2, contacts]
-    real(wp), intent(in) :: before(:, :)
-    integer :: i
-
-    associate (balance => self%context%balance)
-      do i = 1, size(balance%forces)
-        associate (forces => balance%forces(i))
-          if (balance%periodic(i) .and. forces%state == state_stuck) then
-            balance%periodic(i) = .false.
-            if (norm2(forces%slider - before(:, i)) > self%options%tolerance*self%context%motion_scale) then
-              forces%state = state_shaken_down
-            end if
-          end if
-          balance%slider(:, i) = forces%slider
-        end associate
-      end do
-    end associate
-  end subroutine keep_slider
-
-  !> Newton's method, given up as soon as it makes little progress.
-  subroutine solve_briefly(self, unknowns, constraint)
-    class(solver_type), intent(inout) :: self
-    type(unknowns_type), intent(inout) :: unknowns
-    type(constraint_type), intent(in) :: constraint
-    integer :: iterations, linear_iterations
-    real(wp) :: goal
-
-    iterations = 0
-    linear_iterations = 0
-    goal = brief_progress
-    do
-      self%newton%max_iterations = min(brief_iterations, self%options%max_iterations - iterations)
-      call self%newton%solve(unknowns, constraint, 0.0_wp, self%report)
-      iterations = iterations + self%report%iterations
-      linear_iterations = linear_iterations + self%report%linear_iterations
-      if (self%report%converged .or. self%report%residual > goal .or. iterations >= self%options%max_iterations) exit
-      goal = brief_progress*self%report%residual
-    end do
-    self%newton%max_iterations = self%options%max_iterations
-    self%report%iterations = iterations
-    self%report%linear_iterations = linear_iterations
-  end subroutine solve_briefly
-
-  !> Newton's method, and where it fails from the same start once more with contacts that keep some of their springs in the step: a
-  !> body that only friction holds has a singular Jacobian wherever all its contacts slip.
-  subroutine solve_stiffening(self, unknowns, constraint)
-    class(solver_type), intent(inout) :: self
-    type(unknowns_type), intent(inout) :: unknowns
-    type(constraint_type), intent(in) :: constraint
-    type(unknowns_type) :: start
-    integer :: attempt, iterations, linear_iterations
-
-    start = unknowns
-    iterations = 0
-    linear_iterations = 0
-    do attempt = 1, size(stiffenings)
-      unknowns = start
-      call self%newton%solve(unknowns, constraint, stiffenings(attempt), self%report)
-      iterations = iterations + self%report%iterations
-      linear_iterations = linear_iterations + self%report%linear_iterations
-      if (self%report%converged) exit
-    end do
-    self%report%iterations = iterations
-    self%report%linear_iterations = linear_iterations
-  end subroutine solve_stiffening
 
   !> Solve at a given angular frequency.
   subroutine solve_at(self, omega)
@@ -336,20 +231,6 @@ contains
     self%omega = omega
     self%report = newton_report_type(converged=.true., residual=0.0_wp)
   end subroutine solve_stuck_at
-
-  !> The farthest that one more period would move a slider.
-  real(wp) function largest_defect(self)
-    class(solver_type), intent(in) :: self
-    integer :: i
-
-    associate (balance => self%context%balance)
-      largest_defect = 0.0_wp
-      do i = 1, size(balance%forces)
-        largest_defect = max(largest_defect, norm2(balance%forces(i)%moved))
-      end do
-      largest_defect = balance%ranks%largest(largest_defect)
-    end associate
-  end function largest_defect
 
   !> Scales from the stuck response between two angular frequencies: the largest norm of its harmonics, and the width.
   subroutine set_scales(self, omega_a, omega_b)
@@ -491,6 +372,8 @@ contains
       call store%keep(self%static_slider)
       call store%keep(self%omega)
       call store%keep(self%all_stick)
+      call store%keep(self%no_orbit)
+      call store%keep(self%walks)
       call store%keep(context%motion_scale)
       call store%keep(context%frequency_scale)
       call store%keep(context%tolerance)

@@ -6,14 +6,16 @@
 !> and runs on under the loads of the point that is looked for until Newton's method converges from what it has come to.
 module attrito_continuation_start_in_time
   use attrito_core_kinds, only: wp
+  use attrito_continuation_held_mean, only: let_walk, held_solved, held_walks
   use attrito_continuation_motion_in_time, only: excitation_type, periods_type
   use attrito_continuation_solver, only: solver_type
   implicit none
   private
   public :: has_time, solve_in_time
 
-  !> Stretches of motion in time that Newton's method starts from; all but every third are given up early
-  integer, parameter :: attempts_in_time = 12, full_attempt = 3
+  !> Stretches of motion in time that Newton's method starts from, all but every third briefly; how many where hardly anything is
+  !> hoped for
+  integer, parameter :: attempts_in_time = 12, full_attempt = 3, attempts_lost = 3
   !> Periods averaged at first, and after how many attempts they double: the longer a motion wanders, the longer its mean takes
   integer, parameter :: periods_averaged = 5, attempts_alike = 4
   !> Stretches one after another that walk, and are then known to; change over a period of a motion that has settled
@@ -30,9 +32,11 @@ contains
   end function has_time
 
   !> Newton's method from motion in time, which begins where the solver stands and runs on until that converges, or is seen to walk.
-  subroutine solve_in_time(solver, omega, iterations, converged)
+  subroutine solve_in_time(solver, omega, lost, iterations, converged)
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: omega
+    !> Had the point before no orbit? Then it does not go on for long.
+    logical, intent(in) :: lost
     !> Counts on
     integer, intent(inout) :: iterations
     logical, intent(out) :: converged
@@ -42,27 +46,54 @@ contains
     call stand_in_time(solver, converged)
     if (.not. converged) return
     walked = 0
-    associate (balance => solver%context%balance)
-      do attempt = 1, attempts_in_time
-        solver%brief = modulo(attempt, full_attempt) /= 0
-        call solver%in_time%run_on(excitation_type(omega, balance%static_factors, balance%level), balance%receptance%harmonics, &
-                                   periods_averaged*2**((attempt - 1)/attempts_alike), periods)
-        converged = .false.
-        if (.not. periods%moved) exit
-        solver%motion = periods%motion(:, balance%first_row:balance%first_row + balance%rows() - 1)
-        call solver%set_slider(periods%slider(:, balance%first_contact:balance%first_contact + size(balance%law) - 1))
-        call solver%solve_at(omega)
-        iterations = iterations + solver%report%iterations
-        converged = solver%report%converged
-        if (converged) exit
-        walked = merge(walked + 1, 0, periods%walks)
-        solver%walks = walked == attempts_walking
-        if (solver%walks) exit
-      end do
-    end associate
-    solver%brief = .false.
-    solver%no_orbit_in_time = solver%walks .or. (.not. converged .and. periods%moved .and. periods%change > settled)
+    do attempt = 1, merge(attempts_lost, attempts_in_time, lost .or. solver%walks)
+      call move_on(solver, omega, periods_averaged*2**((attempt - 1)/attempts_alike), periods)
+      converged = .false.
+      if (.not. periods%moved) exit
+      solver%brief = modulo(attempt, full_attempt) /= 0 .or. solver%walks
+      call solver%solve_at(omega)
+      iterations = iterations + solver%report%iterations
+      converged = solver%report%converged
+      if (.not. (converged .or. solver%brief)) call walk_from_here(solver, omega, iterations, converged)
+      solver%brief = .false.
+      if (converged) exit
+      walked = merge(walked + 1, 0, periods%walks)
+      if (walked == attempts_walking) solver%walks = .true.
+      if (solver%walks .and. attempt >= attempts_lost) exit
+    end do
+    solver%no_orbit = solver%walks .or. (.not. converged .and. periods%moved .and. periods%change > settled)
   end subroutine solve_in_time
+
+  !> With springs on the mean that give way.
+  subroutine walk_from_here(solver, omega, iterations, converged)
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: omega
+    !> Counts on
+    integer, intent(inout) :: iterations
+    logical, intent(out) :: converged
+    integer :: outcome
+
+    call let_walk(solver, omega, iterations, outcome)
+    converged = outcome == held_solved
+    solver%walks = outcome == held_walks
+  end subroutine walk_from_here
+
+  !> A stretch of motion in time; the solver stands at its mean.
+  subroutine move_on(solver, omega, count, periods)
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: omega
+    !> Periods averaged
+    integer, intent(in) :: count
+    type(periods_type), intent(out) :: periods
+
+    associate (balance => solver%context%balance)
+      call solver%in_time%run_on(excitation_type(omega, balance%static_factors, balance%level), balance%receptance%harmonics, &
+                                 count, periods)
+      if (.not. periods%moved) return
+      solver%motion = periods%motion(:, balance%first_row:balance%first_row + balance%rows() - 1)
+      call solver%set_slider(periods%slider(:, balance%first_contact:balance%first_contact + size(balance%law) - 1))
+    end associate
+  end subroutine move_on
 
   !> Let motion in time stand where the solver does, at the start of a period.
   subroutine stand_in_time(solver, stands)

@@ -7,7 +7,7 @@
 module attrito_continuation_static_path
   use attrito_core_errors, only: error_type, raise
   use attrito_core_kinds, only: wp
-  use attrito_continuation_cascade, only: march_along, way_type
+  use attrito_continuation_ways, only: march_along, way_type
   use attrito_continuation_solver, only: solver_type
   implicit none
   private
@@ -40,6 +40,8 @@ contains
 
     solver%motion = 0.0_wp
     solver%omega = omega
+    solver%walks = .false.
+    solver%no_orbit = .false.
     call solver%set_slider(0.0_wp*solver%static_slider)
     from = 0.0_wp
     if (allocated(solver%context%balance%frozen_mean)) deallocate (solver%context%balance%frozen_mean)

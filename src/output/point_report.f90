@@ -67,7 +67,7 @@ contains
       end do
       report%mean = report%harmonics(1, :)
       call count_states(balance, report)
-      report%outcome = merge(outcome_no_period_one_orbit, outcome_not_converged, solver%no_orbit_in_time)
+      report%outcome = merge(outcome_no_period_one_orbit, outcome_not_converged, solver%no_orbit)
       if (solver%report%converged) then
         report%outcome = merge(outcome_converged, outcome_indeterminate, solver%report%defect <= accepted_defect)
       end if

@@ -6,6 +6,7 @@ program test_averaged_periods
   use attrito_model_contacts, only: contact_type, new_contacts
   use attrito_model_structure, only: damping_loss_factor, damping_ratio
   use attrito_balance_receptance, only: to_real
+  use attrito_continuation_arc_length, only: sweep_type, new_sweep
   use attrito_continuation_cascade, only: solve_by_cascade
   use attrito_continuation_motion_in_time, only: excitation_type, periods_type
   use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
@@ -166,7 +167,9 @@ contains
     type(error_type), allocatable, intent(out) :: error
     type(scene_type) :: scene
     type(solver_type) :: solver
+    type(sweep_type) :: sweep
     type(contact_type) :: law
+    real(wp) :: force
 
     ! Along it is shaken by sin t, which moves it as -sin t, and pressed more, by cos t, as it goes back.
     law = contact_type(tangents=1, tangential_stiffness=10.0_wp, normal_stiffness=10.0_wp, friction_coefficient=0.3_wp)
@@ -182,10 +185,38 @@ contains
     call solver%set_scales(0.9_wp, 1.1_wp)
     call solve_by_cascade(solver, 1.0_wp)
     call check(error, .not. solver%report%converged, 'it is held')
-    call check(error, solver%walks .and. solver%no_orbit_in_time, 'it is not said to walk')
+    call check(error, solver%walks .and. solver%no_orbit, 'it is not said to walk')
     call check(error, solver%report%iterations < 200, 'what is not there is looked for too long')
+    force = mean_friction(solver)
+    call check(error, abs(force) > 1.0e-2_wp*law%friction_coefficient, 'friction balances after all')
+    solver%motion(1, 1) = solver%motion(1, 1) + 0.1_wp
+    ! Its march loses digits of the motion's size, ten at most, not of the shift.
+    call check_close(error, mean_friction(solver), force, 1.0e-12_wp, 'mean friction somewhere else')
+    call solve_by_cascade(solver, 1.02_wp)
+    call check(error, solver%walks, 'a little beyond it is not said to walk')
+    call check(error, solver%report%iterations <= 20, 'a little beyond it is looked for as long')
+    solver%walks = .false.
+    solver%no_orbit = .false.
+    sweep = new_sweep(solver, 0.9_wp, 1.1_wp, 0, 300)
+    do while (.not. sweep%finished)
+      call sweep%advance(solver)
+      call check(error, solver%walks .and. .not. solver%report%converged, 'it does not walk all along a sweep')
+    end do
+    call check(error, sweep%reached_stop, 'the sweep does not reach its stop')
     call solver%destroy()
   end subroutine walking
+
+  !> Mean tangential force on the first contact, where the solver stands.
+  real(wp) function mean_friction(solver)
+    type(solver_type), intent(inout) :: solver
+    integer :: status
+
+    associate (balance => solver%context%balance)
+      call balance%evaluate(solver%motion, solver%omega, status)
+      call solver%context%forget()
+      mean_friction = balance%law(1)%tangential_stiffness*solver%motion(1, 1) + balance%forces(1)%deviation(1, 1)
+    end associate
+  end function mean_friction
 
   !> How many of the frequencies 85, 87.5, ... are solved; each solution is one by the uncondensed residual.
   subroutine count_solved(error, scene, points, in_time, alone, solved)

@@ -1,7 +1,7 @@
 !> Ways to march that fail on purpose.
 module ways
   use attrito_core_kinds, only: wp
-  use attrito_continuation_cascade, only: way_type
+  use attrito_continuation_ways, only: way_type
   use attrito_continuation_solver, only: solver_type
   implicit none
   private
@@ -51,7 +51,7 @@ program test_branches
   use attrito_model_structure, only: damping_none
   use attrito_balance_receptance, only: to_real
   use attrito_continuation_arc_length, only: sweep_type, new_sweep
-  use attrito_continuation_cascade, only: march_along
+  use attrito_continuation_ways, only: march_along
   use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
   use attrito_continuation_static_path, only: walk_static_path
   use scenes, only: scene_type, wedge, one_sided_oscillator

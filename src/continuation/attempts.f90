@@ -1,0 +1,160 @@
+!> Ways to apply Newton's method from one start: briefly, with springs on the mean first, with contacts that keep some of their
+!> springs in the step.
+!>
+!> A body that only friction holds has a nearly singular Jacobian where few contacts hold, and a singular one where all slip. With
+!> springs on its mean position (`attrito_continuation_held_mean` says why)
+!>
+!> $$ r(d, \omega) = \frac{\epsilon}{1 + \epsilon} B (\hat q_0 - q_0) $$
+!>
+!> is regular, and where contacts hold its solution is near one without springs. Where none does, nothing else is tried: wherever the
+!> body is, friction does not balance.
+module attrito_continuation_attempts
+  use attrito_core_kinds, only: wp
+  use attrito_balance_border, only: constraint_type
+  use attrito_balance_harmonic_balance, only: balance_type
+  use attrito_balance_newton, only: newton_type, newton_report_type
+  use attrito_balance_unknowns, only: unknowns_type
+  use attrito_contact_state, only: state_shaken_down
+  implicit none
+  private
+  public :: solve_briefly, solve_persistently, nothing_holds, holding_stiffness
+
+  !> A brief try goes on from one stretch of iterations to the next while each brings the residual down so far
+  integer, parameter :: brief_iterations = 8
+  real(wp), parameter :: brief_progress = 1.0e-2_wp
+
+  !> Stiffness of the springs that hold the mean, part of the stuck system's
+  real(wp), parameter :: holding_stiffness = 1.0e-3_wp
+  !> How often they give way until the body is known to walk
+  integer, parameter :: most_held = 3
+
+  !> Part of their springs that contacts keep in the step of the last try
+  real(wp), parameter :: stiffening = 0.1_wp
+
+contains
+
+  !> Newton's method, given up as soon as it makes little progress.
+  subroutine solve_briefly(newton, unknowns, constraint, report)
+    type(newton_type), intent(inout) :: newton
+    type(unknowns_type), intent(inout) :: unknowns
+    type(constraint_type), intent(in) :: constraint
+    type(newton_report_type), intent(inout) :: report
+    integer :: before, iterations, linear_iterations
+    real(wp) :: goal
+
+    before = newton%max_iterations
+    iterations = 0
+    linear_iterations = 0
+    goal = brief_progress
+    do
+      newton%max_iterations = min(brief_iterations, before - iterations)
+      call newton%solve(unknowns, constraint, 0.0_wp, report)
+      call count_on(report, iterations, linear_iterations)
+      if (report%converged .or. report%residual > goal .or. report%iterations >= before) exit
+      goal = brief_progress*report%residual
+    end do
+    newton%max_iterations = before
+  end subroutine solve_briefly
+
+  !> One way after another from the same start.
+  subroutine solve_persistently(newton, unknowns, constraint, mean_is_fixed, report)
+    type(newton_type), intent(inout) :: newton
+    type(unknowns_type), intent(inout) :: unknowns
+    type(constraint_type), intent(in) :: constraint
+    !> There is no mean to hold
+    logical, intent(in) :: mean_is_fixed
+    type(newton_report_type), intent(inout) :: report
+    type(unknowns_type) :: start
+    logical :: can_hold, walks
+    integer :: iterations, linear_iterations
+
+    can_hold = .not. (mean_is_fixed .or. allocated(newton%context%balance%held_mean))
+    start = unknowns
+    iterations = 0
+    linear_iterations = 0
+    if (can_hold) then
+      call solve_briefly(newton, unknowns, constraint, report)
+      call count_on(report, iterations, linear_iterations)
+      if (report%converged) return
+      unknowns = start
+      call solve_holding(newton, unknowns, constraint, report, walks)
+      call count_on(report, iterations, linear_iterations)
+      if (report%converged .or. walks) return
+      unknowns = start
+    end if
+    call newton%solve(unknowns, constraint, 0.0_wp, report)
+    call count_on(report, iterations, linear_iterations)
+    if (report%converged) return
+    unknowns = start
+    call newton%solve(unknowns, constraint, stiffening, report)
+    call count_on(report, iterations, linear_iterations)
+  end subroutine solve_persistently
+
+  !> With springs on the mean, and from there without them.
+  subroutine solve_holding(newton, unknowns, constraint, report, walks)
+    type(newton_type), intent(inout) :: newton
+    type(unknowns_type), intent(inout) :: unknowns
+    type(constraint_type), intent(in) :: constraint
+    type(newton_report_type), intent(inout) :: report
+    !> Springs alone hold the body
+    logical, intent(out) :: walks
+    complex(wp), allocatable :: place(:), step(:)
+    integer :: i, iterations, linear_iterations, status
+    real(wp) :: before
+
+    iterations = 0
+    linear_iterations = 0
+    walks = .false.
+    report%converged = .false.
+    report%iterations = 0
+    report%linear_iterations = 0
+    before = huge(before)
+    associate (context => newton%context)
+      do i = 1, most_held
+        call context%balance%evaluate(unknowns%motion, unknowns%omega, status)
+        call context%forget()
+        if (status /= 0) return
+        call context%balance%hold_mean(holding_stiffness)
+        call solve_briefly(newton, unknowns, constraint, report)
+        call context%balance%let_go()
+        call context%forget()
+        call count_on(report, iterations, linear_iterations)
+        if (.not. (report%converged .and. nothing_holds(context%balance))) exit
+        if (allocated(place)) then
+          step = context%balance%response(:, 0) - place
+          ! Where the structure holds the body each step is a small part of the one before.
+          walks = norm2(abs(step)) > 0.5_wp*before
+          if (norm2(abs(step)) <= 0.5_wp*before .and. before < huge(before)) exit
+          before = norm2(abs(step))
+        end if
+        place = context%balance%response(:, 0)
+        if (walks) exit
+      end do
+    end associate
+    if (.not. report%converged) return
+    report%converged = .false.
+    if (walks) return
+    call solve_briefly(newton, unknowns, constraint, report)
+    call count_on(report, iterations, linear_iterations)
+  end subroutine solve_holding
+
+  !> Does every contact slip or open in the period?
+  logical function nothing_holds(balance)
+    type(balance_type), intent(in) :: balance
+    real(wp) :: holds
+
+    holds = merge(1.0_wp, 0.0_wp, any(balance%forces%state <= state_shaken_down))
+    nothing_holds = balance%ranks%largest(holds) <= 0.0_wp
+  end function nothing_holds
+
+  !> Let a report tell of all tries so far.
+  pure subroutine count_on(report, iterations, linear_iterations)
+    type(newton_report_type), intent(inout) :: report
+    integer, intent(inout) :: iterations, linear_iterations
+
+    iterations = iterations + report%iterations
+    linear_iterations = linear_iterations + report%linear_iterations
+    report%iterations = iterations
+    report%linear_iterations = linear_iterations
+  end subroutine count_on
+end module attrito_continuation_attempts
