@@ -9,6 +9,7 @@ module attrito_core_text_numbers
   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_loc, c_null_char, c_null_ptr, c_ptr
   use, intrinsic :: iso_fortran_env, only: int32, int64, real128
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_quiet_nan, ieee_value
+  use, intrinsic :: ieee_exceptions, only: ieee_get_status, ieee_overflow, ieee_set_halting_mode, ieee_set_status, ieee_status_type
   use attrito_core_kinds, only: wp
   implicit none
   private
@@ -333,6 +334,7 @@ contains
     logical, intent(out) :: found
     character(kind=c_char), target :: copy(longest + 12)
     character(12) :: tail
+    type(ieee_status_type) :: before
     integer :: k, length
 
     found = spelled <= longest
@@ -349,7 +351,11 @@ contains
       length = length + len_trim(tail)
     end if
     copy(length + 1) = c_null_char
+    ! A number too large is told by its value, not by an exception.
+    call ieee_get_status(before)
+    call ieee_set_halting_mode(ieee_overflow, .false.)
     number = strtod(copy, c_null_ptr)
+    call ieee_set_status(before)
     found = ieee_is_finite(number)
   end subroutine read_by_library
 

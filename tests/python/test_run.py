@@ -123,6 +123,7 @@ def test_both_directions_come_back_on_a_branch_of_their_own(tmp_path):
 def test_any_number_of_ranks_gives_the_same_tables(tmp_path, tangents):
     # Three contacts: four ranks are more than there are contacts.
     job = shaken(60.0, tangents=tangents)
+    job["sweep"]["stop_hz"] = 80.0
     run(tmp_path, job)
     expected = table(tmp_path), table(tmp_path, "--contacts")
     assert "slipping" in {row["state"] for row in expected[1]}
