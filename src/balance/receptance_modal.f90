@@ -57,21 +57,25 @@ contains
     class(receptance_modal_type), intent(inout) :: self
     real(wp), intent(in) :: omega
     integer, intent(out) :: status
-    complex(wp) :: stiffness(size(self%modal_mass))
+    real(wp), dimension(size(self%modal_mass)) :: stiffness, loss, square
     integer :: h
 
     status = 0
     if (omega == self%omega) return
     do h = 0, self%harmonics
-      stiffness = cmplx(self%modal_stiffness - (h*omega)**2*self%modal_mass, h*omega*self%modal_damping, wp)
+      stiffness = self%modal_stiffness - (h*omega)**2*self%modal_mass
+      loss = h*omega*self%modal_damping
       if (h == 0) stiffness = (1.0_wp + self%held)*stiffness
-      if (any(abs(real(stiffness, wp)) + abs(aimag(stiffness)) <= 0.0_wp)) then
+      if (any(abs(stiffness) + abs(loss) <= 0.0_wp)) then
         if (h >= self%lowest) status = 1
         stiffness = 1.0_wp
+        loss = 0.0_wp
       end if
-      self%flexibility(:, h) = 1.0_wp/stiffness
-      if (h > 0) self%parts(:, 2*h + 1) = aimag(self%flexibility(:, h))
-      self%parts(:, max(2*h, 1)) = real(self%flexibility(:, h), wp)
+      ! Not by a division of complex numbers, whose care for overflow is not needed and takes several times as long.
+      square = stiffness**2 + loss**2
+      self%parts(:, max(2*h, 1)) = stiffness/square
+      if (h > 0) self%parts(:, 2*h + 1) = -loss/square
+      self%flexibility(:, h) = cmplx(stiffness/square, -loss/square, wp)
     end do
     ! Refused as often as it is asked for.
     self%omega = merge(omega, -1.0_wp, status == 0)

@@ -13,10 +13,10 @@ module attrito_continuation_arc_length
   use attrito_continuation_attempts, only: nothing_holds
   use attrito_continuation_closed_branch, only: comes_home
   use attrito_continuation_known_points, only: known_points_type
-  use attrito_continuation_cascade, only: solve_by_cascade, place_type, place_of, return_to
+  use attrito_continuation_cascade, only: solve_by_cascade, place_type, return_to
   use attrito_continuation_rebalancing, only: field_type, rebalance
   use attrito_continuation_solver, only: solver_type
-  use attrito_continuation_step, only: step_type, step_between
+  use attrito_continuation_step, only: step_type
   use attrito_continuation_tangent, only: tangent_type, find_tangent, frequency_tangent, turn_round
   implicit none
   private
@@ -181,9 +181,11 @@ contains
     type(solver_type), intent(in) :: solver
 
     if (.not. self%last%is_taken()) return
-    self%last%to = place_of(solver)
+    call self%last%to%mark(solver)
     self%last%from%motion = resized(self%last%from%motion, size(solver%motion, 1))
-    self%last%across%motion = resized(self%last%across%motion, size(solver%motion, 1))
+    associate (across => self%last%across)
+      if (allocated(across%motion)) across%motion = resized(across%motion, size(solver%motion, 1))
+    end associate
   end subroutine end_last_step_at
 
   !> Let what the sweep remembers have so many harmonics.
@@ -196,6 +198,7 @@ contains
     if (allocated(self%tangent%motion)) self%tangent%motion = resized(self%tangent%motion, 2*harmonics + 1)
     if (allocated(self%secant)) self%secant = resized(self%secant, 2*harmonics + 1)
     if (.not. allocated(self%slope)) return
+    if (size(self%slope, 2) == harmonics + 1) return
     common = min(size(self%slope, 2), harmonics + 1)
     allocate (slope(size(self%slope, 1), harmonics + 1), source=(0.0_wp, 0.0_wp))
     slope(:, :common) = self%slope(:, :common)
@@ -290,10 +293,10 @@ contains
     integer :: iterations
     logical :: accepted
 
-    before = place_of(solver)
+    call before%mark(solver)
     call follow_stuck(self, solver, accepted)
     if (accepted) then
-      self%last = step_between(before, solver, frequency_tangent(solver, self%way))
+      call self%last%take(before, solver, tangent_type(omega=self%way))
       self%looked_ahead = .false.
       return
     end if
@@ -417,16 +420,16 @@ contains
   !> Distance of a predicted response from the true one, relative to its harmonics [n, 0:H].
   pure real(wp) function error_of_line(predicted, true)
     complex(wp), intent(in) :: predicted(:, 0:), true(:, 0:)
-    real(wp) :: missed, size_of_it
-    integer :: h
 
-    missed = 0.0_wp
-    size_of_it = tiny(1.0_wp)
-    do h = 1, ubound(true, 2)
-      missed = missed + sum(abs(predicted(:, h) - true(:, h))**2)
-      size_of_it = size_of_it + sum(abs(true(:, h))**2)
-    end do
-    error_of_line = sqrt(missed/size_of_it)
+    error_of_line = sqrt(square(predicted(:, 1:) - true(:, 1:))/max(square(true(:, 1:)), tiny(1.0_wp)))
+
+  contains
+
+    pure real(wp) function square(response)
+      complex(wp), intent(in) :: response(:, :)
+
+      square = sum(real(response, wp)**2 + aimag(response)**2)
+    end function square
   end function error_of_line
 
   !> The next step aims at the same error.
@@ -514,7 +517,7 @@ contains
     type(place_type), intent(in) :: before
     real(wp) :: length
 
-    self%last = step_between(before, solver, self%tangent)
+    call self%last%take(before, solver, self%tangent)
 
     associate (context => solver%context, balance => solver%context%balance)
       self%secant = (solver%motion - before%motion)/context%motion_scale
@@ -572,7 +575,7 @@ contains
     call solver%set_slider(before%slider, before%periodic)
     call solve_by_cascade(solver, target)
     solver%omega = target
-    if (solver%report%converged) self%last = step_between(before, solver, frequency_tangent(solver, self%way))
+    if (solver%report%converged) call self%last%take(before, solver, tangent_type(omega=self%way))
     solver%report%iterations = iterations + solver%report%iterations
   end subroutine end_at_range
 

@@ -32,6 +32,7 @@ module attrito_continuation_cascade
     real(wp) :: omega = 0.0_wp
     logical :: all_stick = .false.
   contains
+    procedure :: mark
     procedure :: keep
   end type place_type
 
@@ -246,12 +247,20 @@ contains
     type(solver_type), intent(in) :: solver
     type(place_type) :: place
 
-    place%motion = solver%motion
-    place%slider = solver%context%balance%slider
-    place%periodic = solver%context%balance%periodic
-    place%omega = solver%omega
-    place%all_stick = solver%all_stick
+    call place%mark(solver)
   end function place_of
+
+  !> Be where a solver stands: a copy less than by assigning `place_of`.
+  subroutine mark(self, solver)
+    class(place_type), intent(inout) :: self
+    type(solver_type), intent(in) :: solver
+
+    self%motion = solver%motion
+    self%slider = solver%context%balance%slider
+    self%periodic = solver%context%balance%periodic
+    self%omega = solver%omega
+    self%all_stick = solver%all_stick
+  end subroutine mark
 
   !> Let a solver stand at a place.
   subroutine return_to(solver, place)

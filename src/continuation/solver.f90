@@ -262,7 +262,7 @@ contains
         call balance%receptance%set_frequency(grid(i), status)
         if (status /= 0) cycle
         response = balance%linear_response()
-        square = sum(abs(response(:, 2:))**2)
+        square = sum(real(response(:, 2:), wp)**2 + aimag(response(:, 2:))**2)
         if (square < highest) cycle
         highest = square
         at = grid(i)

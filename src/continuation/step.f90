@@ -7,18 +7,19 @@ module attrito_continuation_step
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_balance_border, only: constraint_type, inner_product
-  use attrito_continuation_cascade, only: place_type, place_of
+  use attrito_continuation_cascade, only: place_type
   use attrito_continuation_solver, only: solver_type
   use attrito_continuation_tangent, only: tangent_type
   implicit none
   private
-  public :: step_type, step_between
+  public :: step_type
 
   type :: step_type
     type(place_type) :: from, to
-    !> Across which the planes are
+    !> Across which the planes are; without motion: of constant frequency
     type(tangent_type) :: across
   contains
+    procedure :: take
     procedure :: is_taken
     procedure :: solve_part
     procedure :: keep
@@ -26,15 +27,17 @@ module attrito_continuation_step
 
 contains
 
-  !> The step from a place to where the solver stands.
-  function step_between(from, solver, across) result(self)
+  !> Be the step from a place to where the solver stands.
+  subroutine take(self, from, solver, across)
+    class(step_type), intent(inout) :: self
     type(place_type), intent(in) :: from
     type(solver_type), intent(in) :: solver
     type(tangent_type), intent(in) :: across
-    type(step_type) :: self
 
-    self = step_type(from, place_of(solver), across)
-  end function step_between
+    self%from = from
+    call self%to%mark(solver)
+    self%across = across
+  end subroutine take
 
   !> Is there one?
   pure logical function is_taken(self)
@@ -70,7 +73,11 @@ contains
       slider = a%slider
       where (spread(periodic, 1, 2)) slider = a%slider + s*(b%slider - a%slider)
       call solver%set_slider(slider, periodic)
-      constraint%motion = self%across%motion/context%motion_scale
+      if (allocated(self%across%motion)) then
+        constraint%motion = self%across%motion/context%motion_scale
+      else
+        constraint%motion = 0.0_wp*solver%motion
+      end if
       constraint%frequency = self%across%omega/context%frequency_scale
       constraint%value = inner_product(context%balance, constraint%motion, solver%motion) + constraint%frequency*solver%omega
       call solver%solve_with(constraint)

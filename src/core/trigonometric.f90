@@ -68,11 +68,17 @@ contains
     !> [lowest, highest]
     real(wp) :: range(2)
     real(wp) :: jet(3), places(2)
-    integer :: i
+    integer :: i, used
 
-    places = extreme_places(coefficients)
+    ! Harmonics that are zero, as most are where every contact sticks, are left out.
+    used = 1 + 2*(findloc(abs(coefficients) > 0.0_wp, .true., 1, back=.true.)/2)
+    if (used <= 3) then
+      range = coefficients(1) + norm2(coefficients(2:used))*[-1.0_wp, 1.0_wp]
+      return
+    end if
+    places = extreme_places(coefficients(:used))
     do i = 1, 2
-      jet = value_at(coefficients, places(i))
+      jet = value_at(coefficients(:used), places(i))
       range(i) = jet(1)
     end do
   end function extrema
