@@ -37,20 +37,20 @@ contains
     if (allocated(session%bifurcations)) deallocate (session%bifurcations)
     allocate (session%bifurcations(0))
     count = 0
-    associate (solver => session%solver, sweep => session%sweep)
-      if (.not. sweep%last%is_taken()) return
-      call sweep%end_last_step_at(solver)
-      if (.not. (solver%all_stick .and. sweep%last%from%all_stick)) call sweep%look_ahead(solver)
+    associate (solver => session%solver, sweep => session%sweep, step => session%sweep%stepper%last)
+      if (.not. step%is_taken()) return
+      call step%end_at(solver)
+      if (.not. (solver%all_stick .and. step%from%all_stick)) call sweep%look_ahead(solver)
       here = place_of(solver)
       allocate (crossings(0))
       if (allocated(session%moduli(1)%value) .and. allocated(session%moduli(2)%value)) then
-        call locate_crossings(solver, session%in_time, examine_options_type(methods, orbit, decide=.false.), sweep%last, &
+        call locate_crossings(solver, session%in_time, examine_options_type(methods, orbit, decide=.false.), step, &
                               session%moduli, crossings)
       end if
       do i = 1, size(crossings)
         call add_crossing(session, crossings(i))
       end do
-      if (sweep%turned) call add_turning_point(session)
+      if (sweep%stepper%turned) call add_turning_point(session)
       call return_to(solver, here)
     end associate
     count = size(session%bifurcations)
@@ -84,9 +84,9 @@ contains
     complex(wp) :: multiplier
     integer :: i
 
-    associate (step => session%sweep%last)
+    associate (step => session%sweep%stepper%last)
       call return_to(session%solver, step%from)
-      call locate_turning_point(session%solver, step, step%across, session%sweep%tangent, turning)
+      call locate_turning_point(session%solver, step, step%across, session%sweep%stepper%tangent, turning)
     end associate
     multiplier = cmplx(ieee_value(1.0_wp, ieee_quiet_nan), ieee_value(1.0_wp, ieee_quiet_nan), wp)
     if (turning%smooth) multiplier = 1.0_wp

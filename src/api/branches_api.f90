@@ -88,7 +88,7 @@ contains
 
     session => session_of(handle)
     towards = frequency_tangent(session%solver, real(way, wp))
-    if (way == 0) towards = session%sweep%way_back(session%solver)
+    if (way == 0) towards = session%sweep%stepper%way_back(session%solver)
     session%sweep = new_branch_sweep(session%solver, start, stop, towards, branch, max_points)
     session%moduli = moduli_type()
   end subroutine attrito_begin_branch

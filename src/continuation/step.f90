@@ -6,6 +6,7 @@
 module attrito_continuation_step
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
+  use attrito_core_trigonometric, only: resized
   use attrito_balance_border, only: constraint_type, inner_product
   use attrito_continuation_cascade, only: place_type
   use attrito_continuation_solver, only: solver_type
@@ -21,6 +22,7 @@ module attrito_continuation_step
   contains
     procedure :: take
     procedure :: is_taken
+    procedure :: end_at
     procedure :: solve_part
     procedure :: keep
   end type step_type
@@ -45,6 +47,18 @@ contains
 
     is_taken = allocated(self%from%motion) .and. allocated(self%to%motion)
   end function is_taken
+
+  !> Let it end where the solver stands, which may be more finely solved than the step was.
+  subroutine end_at(self, solver)
+    class(step_type), intent(inout) :: self
+    type(solver_type), intent(in) :: solver
+
+    call self%to%mark(solver)
+    self%from%motion = resized(self%from%motion, size(solver%motion, 1))
+    associate (across => self%across)
+      if (allocated(across%motion)) across%motion = resized(across%motion, size(solver%motion, 1))
+    end associate
+  end subroutine end_at
 
   !> Put down in a store, or taken up from it.
   subroutine keep(self, store)

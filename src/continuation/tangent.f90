@@ -14,7 +14,7 @@ module attrito_continuation_tangent
   use attrito_continuation_solver, only: solver_type
   implicit none
   private
-  public :: tangent_type, find_tangent, frequency_tangent, turn_round
+  public :: tangent_type, find_tangent, frequency_tangent, turn_round, share_of_harmonics
 
   type :: tangent_type
     !> Scaled motion [2 H + 1, rows], what periodic sliders do along it [2, contacts], and scaled frequency
@@ -39,6 +39,7 @@ contains
   !> At the solver's present point.
   subroutine find_tangent(solver, towards, tangent, status)
     type(solver_type), intent(inout) :: solver
+    !> Without motion: growing or falling frequency
     type(tangent_type), intent(in) :: towards
     type(tangent_type), intent(out) :: tangent
     !> 0, or not: the bordered system is singular
@@ -51,7 +52,11 @@ contains
     associate (context => solver%context)
       right = new_unknowns(size(solver%motion, 1), size(solver%motion, 2), size(context%balance%law))
       step = right
-      constraint%motion = towards%motion/context%motion_scale
+      if (allocated(towards%motion)) then
+        constraint%motion = towards%motion/context%motion_scale
+      else
+        constraint%motion = 0.0_wp*solver%motion
+      end if
       constraint%frequency = towards%omega/context%frequency_scale
       call context%balance%evaluate(solver%motion, solver%omega, status)
       right%omega = 1.0_wp
@@ -90,4 +95,14 @@ contains
     tangent%slider = -tangent%slider
     tangent%omega = -tangent%omega
   end subroutine turn_round
+
+  !> Part of a unit direction that is anything but a mean position.
+  real(wp) function share_of_harmonics(solver, motion, omega) result(share)
+    type(solver_type), intent(in) :: solver
+    real(wp), intent(in) :: motion(:, :), omega
+
+    share = sum(motion(2:, :)**2)
+    call solver%context%balance%ranks%sum(share)
+    share = sqrt(share + omega**2)
+  end function share_of_harmonics
 end module attrito_continuation_tangent
