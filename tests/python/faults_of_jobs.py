@@ -1,0 +1,289 @@
+"""Faults of jobs: text, tables, keys and their values."""
+
+from __future__ import annotations
+
+from fault_cases import Case, both, drop, frequencies, in_words, put
+
+NAN, INFINITE = float("nan"), float("inf")
+
+
+JOB = [
+    Case(
+        "a line that is not TOML",
+        in_words("[sweep]", "[sweep"),
+        ("job.toml: file = ", "line ", ": expected a job in TOML"),
+    ),
+    Case(
+        "an unknown table",
+        put("continuatoin", branches=1),
+        ("job.toml: [continuatoin] = 'unknown table': expected one of balance, contact,",),
+    ),
+    Case(
+        "an unknown key",
+        put("balance", sample=128),
+        ("job.toml: [balance] sample = 128: expected a known key: approach, harmonics,",),
+    ),
+    Case(
+        "an unknown key of a contact",
+        put("contact", 0, stiffness=1.0),
+        ("job.toml: contact[0] stiffness = 1.0: expected a known key: normal, tangents, tangential_stiffness,",),
+    ),
+    Case(
+        "a table that is a number",
+        lambda job: job.update(balance=5),
+        ("job.toml: balance = 5: expected a table [balance]",),
+    ),
+    Case(
+        "one table where a list of tables belongs",
+        lambda job: job.update(load=job["load"][1]),
+        ("job.toml: load = 'dict': expected tables [[load]]",),
+    ),
+    Case(
+        "a text where a number belongs",
+        put("contact", 0, normal_stiffness="stiff"),
+        ("job.toml: contact[0] normal_stiffness = 'stiff': expected a number above 0",),
+    ),
+    Case(
+        "true where a number belongs",
+        put("contact", 0, gap=True),
+        ("job.toml: contact[0] gap = True: expected a number",),
+    ),
+    Case(
+        "a negative stiffness",
+        put("contact", 0, normal_stiffness=-3.0e5),
+        ("job.toml: contact[0] normal_stiffness = -300000.0: expected a number above 0",),
+    ),
+    Case(
+        "a stiffness of zero",
+        put("contact", 0, tangential_stiffness=0.0),
+        ("job.toml: contact[0] tangential_stiffness = 0.0: expected a number above 0",),
+    ),
+    Case(
+        "a stiffness that is not a number",
+        put("contact", 0, tangential_stiffness=NAN),
+        ("job.toml: contact[0] tangential_stiffness = nan: expected a number above 0",),
+    ),
+    Case(
+        "an infinite stiffness",
+        put("contact", 0, normal_stiffness=INFINITE),
+        ("job.toml: contact[0] normal_stiffness = inf: expected a number above 0",),
+    ),
+    Case(
+        "a number beyond all floating point",
+        put("contact", 0, normal_stiffness=10**400),
+        ("job.toml: contact[0] normal_stiffness = 1000", ": expected a number above 0"),
+    ),
+    Case(
+        "a negative friction coefficient",
+        put("contact", 0, friction_coefficient=-0.5),
+        ("job.toml: contact[0] friction_coefficient = -0.5: expected a number of at least 0",),
+    ),
+    Case(
+        "a contact without a friction coefficient",
+        drop("contact", 0, "friction_coefficient"),
+        ("job.toml: contact[0] friction_coefficient = 'missing': expected this key to be given",),
+    ),
+    Case(
+        "no harmonics",
+        put("balance", harmonics=0),
+        ("job.toml: [balance] harmonics = 0: expected an integer from 1 to 1000",),
+    ),
+    Case(
+        "a broken number of harmonics",
+        put("balance", harmonics=2.5),
+        ("job.toml: [balance] harmonics = 2.5: expected an integer from 1 to 1000",),
+    ),
+    Case(
+        "too few samples for the harmonics",
+        put("balance", samples=16),
+        ("job.toml: [balance] samples = 16: expected at least 22 samples for 5 harmonics",),
+    ),
+    Case(
+        "more samples than memory holds",
+        put("balance", samples=10**9),
+        ("job.toml: [balance] samples = 1000000000: expected an integer from 8 to 1048576",),
+    ),
+    Case(
+        "an integer beyond 32 bits",
+        put("static", steps=2**32 + 1),
+        ("job.toml: [static] steps = 4294967297: expected an integer from 1 to 2147483647",),
+    ),
+    Case(
+        "a load on a harmonic that is not solved for",
+        put("load", 1, harmonic=6),
+        ("job.toml: load[1] harmonic = 6: expected a harmonic that is solved for: at most 5",),
+    ),
+    Case(
+        "a sweep that stops where it starts",
+        frequencies(start_hz=140.0, stop_hz=140.0),
+        ("job.toml: [sweep] stop_hz = 140.0: expected a frequency other than start_hz",),
+    ),
+    Case(
+        "a sweep without its stop",
+        frequencies(start_hz=140.0),
+        ("job.toml: [sweep] stop_hz = 'missing': expected start_hz and stop_hz, or frequencies_hz",),
+    ),
+    Case(
+        "listed frequencies beside a sweep",
+        put("sweep", start_hz=140.0, stop_hz=100.0),
+        (
+            "job.toml: [sweep] start_hz = 140.0: expected no such key beside frequencies_hz",
+            "job.toml: [sweep] stop_hz = 100.0: expected no such key beside frequencies_hz",
+        ),
+    ),
+    Case(
+        "a negative frequency in a list",
+        frequencies(frequencies_hz=[132.0, -1.0]),
+        ("job.toml: [sweep] frequencies_hz = [132.0, -1.0]: expected a number above 0, not -1.0, as item 1",),
+    ),
+    Case(
+        "no sweep at all",
+        drop("sweep"),
+        ("job.toml: [sweep] = 'missing': expected a table with start_hz, stop_hz,",),
+    ),
+    Case(
+        "no contact",
+        drop("contact"),
+        ("job.toml: contact = 'missing': expected at least one [[contact]] or [[contact_set]]",),
+    ),
+    Case(
+        "no harmonic load",
+        drop("load", 1),
+        ("job.toml: load = 'missing': expected at least one [[load]] of kind harmonic",),
+    ),
+    Case(
+        "a harmonic load without terms",
+        put("load", 1, cosine=[]),
+        ("job.toml: load[1] cosine = []: expected cosine or sine terms",),
+    ),
+    Case(
+        "a load of an unknown kind",
+        put("load", 0, kind="thermal"),
+        ('job.toml: load[0] kind = \'thermal\': expected one of "static", "harmonic", "centrifugal"',),
+    ),
+    Case(
+        "a key of another kind of load",
+        put("load", 0, harmonic=2),
+        ("job.toml: load[0] harmonic = 2: expected no such key on a load of kind static",),
+    ),
+    Case(
+        "two loads of one name",
+        put("load", 1, name="preload"),
+        ("job.toml: load[1] name = 'preload': expected a name that no other load has",),
+    ),
+    Case(
+        "a load path with an unknown load",
+        put("static", load_path=[{"preload": 0.0}, {"prelaod": 1.0}]),
+        ("job.toml: [static] load_path[1] = 'prelaod': expected names of static loads: preload",),
+    ),
+    Case(
+        "no monitors",
+        drop("output", "monitors"),
+        ("job.toml: [output] monitors = 'missing': expected this key to be given",),
+    ),
+    Case(
+        "two monitors of one name",
+        put("output", monitors=[{"name": "x", "dofs": [[0, 1.0]]}, {"name": "x", "dofs": [[1, 1.0]]}]),
+        ("job.toml: [output] monitors = 'x': expected names that differ",),
+    ),
+    Case(
+        "a monitor with a slash in its name",
+        put("output", monitors=[{"name": "tip/x", "dofs": [[0, 1.0]]}]),
+        ("job.toml: [output] monitors = [{'name': 'tip/x'", "expected a name of at most 64 bytes without slash"),
+    ),
+    Case(
+        "a dof without its coefficient, deep in a list",
+        put("contact", 0, tangents=[[0, 1.0]]),
+        ("job.toml: contact[0] tangents = [[0, 1.0]]: expected a pair [dof, coefficient], not 0, as item 0 of item 0",),
+    ),
+    Case(
+        "two kinds of damping",
+        both(drop("model", "damping"), put("damping", ratio=0.01, loss_factor=0.01)),
+        ("job.toml: [damping] = 'ratio, loss_factor': expected only one kind of damping",),
+    ),
+    Case(
+        "a damping ratio beside a damping matrix",
+        put("damping", ratio=0.01),
+        ("job.toml: [damping] ratio = 0.01: expected no such key beside the model's own damping matrix",),
+    ),
+    Case(
+        "neither modes nor a frequency for the reduction",
+        put("reduction"),
+        ("job.toml: [reduction] modes = None: expected either modes or max_frequency_hz",),
+    ),
+    Case(
+        "both modes and a frequency for the reduction",
+        put("reduction", modes=1, max_frequency_hz=500.0),
+        ("job.toml: [reduction] modes = 1: expected either modes or max_frequency_hz",),
+    ),
+    Case(
+        "nothing to reduce",
+        put("reduction", modes=0),
+        ("job.toml: [reduction] = 'given': expected none: all 2 dofs are boundary dofs",),
+    ),
+    Case(
+        "a quadrature nobody knows",
+        put("balance", quadrature="exact"),
+        ('job.toml: [balance] quadrature = \'exact\': expected one of "event", "sampled", "auto"',),
+    ),
+    Case(
+        "harmonics in words",
+        put("balance", harmonics="many"),
+        ("job.toml: [balance] harmonics = 'many': expected an integer from 1 to 1000, or \"auto\"",),
+    ),
+    Case(
+        "a tolerance with nothing left to choose",
+        put("balance", harmonics=5, quadrature="event", tolerance=0.01),
+        ("job.toml: [balance] tolerance = 0.01: expected no such key but with harmonics, quadrature or [reduction]",),
+    ),
+    Case(
+        "a tolerance out of reach",
+        put("balance", tolerance=1e-9),
+        ("job.toml: [balance] tolerance = 1e-09: expected a number of at least 1e-08 and of at most 1",),
+    ),
+    Case(
+        "an error to meet beside a number of modes",
+        put("reduction", modes=1, error=0.1),
+        ('job.toml: [reduction] error = 0.1: expected no such key but with modes = "auto"',),
+    ),
+    Case(
+        "an ordering nobody knows",
+        put("reduction", modes=1, ordering="metis"),
+        ('job.toml: [reduction] ordering = \'metis\': expected one of "scotch", "pord", "amf", "qamd", "amd"',),
+    ),
+    Case(
+        "a word for the factors' place",
+        put("reduction", modes=1, out_of_core="maybe"),
+        ("job.toml: [reduction] out_of_core = 'maybe': expected true or false, or \"auto\"",),
+    ),
+    Case(
+        "a stability method",
+        put("stability", method="floquet"),
+        ('job.toml: [stability] method = \'floquet\': expected one of "none", "monodromy", "hill", "both"',),
+    ),
+    Case(
+        "stability of an uncoupled balance",
+        lambda job: job.update(stability={"method": "both"}) or job["balance"].update(approach="uncoupled"),
+        ("job.toml: [stability] method = 'both': expected \"none\": an uncoupled balance",),
+    ),
+    Case(
+        "stability under a loss factor",
+        lambda job: job.update(stability={"method": "hill"}, damping={"loss_factor": 0.01}),
+        ("job.toml: [damping] loss_factor = 0.01: expected ratio, rayleigh or a matrix",),
+    ),
+    Case(
+        "a result that would overwrite the job",
+        put("output", file="job.toml"),
+        ("job.toml: [output] file = 'job.toml': expected a file other than that of the job",),
+    ),
+    Case(
+        "a result in a folder that is a file",
+        put("output", file="result.h5/wedge.h5"),
+        ("job.toml: [output] file = 'result.h5/wedge.h5': expected a file in a folder (result.h5 is a file)",),
+    ),
+    Case(
+        "a result that is a folder",
+        put("output", file="."),
+        ("job.toml: [output] file = '.': expected a file, not a folder",),
+    ),
+]
