@@ -3,14 +3,17 @@
     .venv/bin/python benchmarks/branches.py --picture docs/branches.png > branches.json
 
 Sweeps up and down at one force, and integration in time along both: each frequency from the steady motion at the one
-before. Prints JSON: where contacts of the stuck response would slip and open, where its branch folds, where the branch
-on which contacts lift off ends, and the orbits that integration holds on to.
+before. A sweep follows its first branch past its fold to where it is lost, and goes on beyond all that it has come to.
+Prints JSON: where contacts of the stuck response would slip and open, where its branch folds, the first point that the
+sweep finds beyond the fold, with the parts of the period for which contacts are open, where the branch on which they
+lift off ends, and the orbits that integration holds on to.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
+from dataclasses import dataclass
 
 import common  # isort: skip (sets the threads of BLAS before numpy is loaded)
 import evidence
@@ -21,22 +24,52 @@ from scipy.optimize import brentq
 from attrito.integrator import Integrator
 from attrito.solver import Options, Point, ReducedScene
 
-STANDSTILL = 1e-7
 STATIC_PATH = np.array([[0.0], [1.0]])
 
 
-def sweep(solver: common.TimedSolver, start: float, stop: float, arguments: argparse.Namespace) -> list[Point]:
-    """The branch that begins at one end, up to where it is lost or comes to a standstill."""
+@dataclass(frozen=True)
+class Place:
+    """A point of a sweep, and the part of the period for which each contact is open there."""
+
+    point: Point
+    open: np.ndarray
+
+
+def sweep(solver: common.TimedSolver, start: float, stop: float, arguments: argparse.Namespace) -> list[Place]:
+    """From one end to the other, over all branches on the way."""
     solver.walk_static_path(STATIC_PATH, 10, start)
     started = time.process_time()
-    points = []
+    places = []
     for point in solver.sweep(start, stop, arguments.force, 0, arguments.max_points):
-        if point.outcome != "converged" or point.branch > 0 or time.process_time() - started > arguments.max_seconds:
+        places.append(Place(point, open_parts(solver)))
+        if time.process_time() - started > arguments.max_seconds:
             break
-        points.append(point)
-        if len(points) > 3 and abs(points[-1].frequency_hz - points[-4].frequency_hz) < STANDSTILL * start:
-            break
-    return points
+    return places
+
+
+def open_parts(solver: common.TimedSolver) -> np.ndarray:
+    """At the last point, of each contact."""
+    told = {}
+    solver.tell_point(lambda path, _, entry: told.update({path: entry}))
+    return told["/contacts/open"]
+
+
+def solved(places: list[Place], beyond: bool) -> list[Place]:
+    """Those with a solution on the first branch, or beyond where it was lost."""
+    return [place for place in places if place.point.outcome == "converged" and (place.point.branch > 0) == beyond]
+
+
+def beyond_fold(places: list[Place]) -> dict | None:
+    """The first point that is found after the first branch was lost."""
+    if not (found := solved(places, beyond=True)):
+        return None
+    return {
+        "frequency_hz": found[0].point.frequency_hz,
+        "amplitude": float(found[0].point.amplitude[0]),
+        "open_median": float(np.median(found[0].open)),
+        "open_most": float(found[0].open.max()),
+        **common.states(found[0].point),
+    }
 
 
 def follow(scene: ReducedScene, frequencies: np.ndarray, arguments: argparse.Namespace) -> list[dict]:
@@ -60,27 +93,31 @@ def crossing(threshold: object, force: float, low: float, high: float) -> float 
     return float(brentq(lambda f: threshold(f).min() - force, low, high))
 
 
-def fold(points: list[Point]) -> Point:
-    """The first point at which the frequency turns, or the last."""
-    frequencies = np.array([point.frequency_hz for point in points])
+def fold(places: list[Place]) -> float:
+    """Frequency of the first point of a branch at which it turns, or of the last."""
+    frequencies = np.array([place.point.frequency_hz for place in places])
     turned = np.flatnonzero(np.diff(frequencies) * np.sign(frequencies[1] - frequencies[0]) < 0.0)
-    return points[turned[0] if len(turned) else -1]
+    return float(frequencies[turned[0] if len(turned) else -1])
 
 
-def table(points: list[Point]) -> list[dict]:
+def table(places: list[Place]) -> list[dict]:
     """Points as JSON."""
     return [
         {
-            "frequency_hz": point.frequency_hz,
-            "amplitude": float(point.amplitude[0]),
-            "estimate": point.estimate,
-            **common.states(point),
+            "frequency_hz": place.point.frequency_hz,
+            "branch": place.point.branch,
+            "outcome": place.point.outcome,
+            "amplitude": float(place.point.amplitude[0]),
+            "estimate": place.point.estimate,
+            "open_median": float(np.median(place.open)),
+            "open_most": float(place.open.max()),
+            **common.states(place.point),
         }
-        for point in points
+        for place in places
     ]
 
 
-def draw(up: list[Point], down: list[Point], orbits: dict[str, list[dict]], found: dict, path: str) -> None:
+def draw(up: list[Place], down: list[Place], orbits: dict[str, list[dict]], found: dict, path: str) -> None:
     """Amplitude against frequency: both branches with the state of their contacts, and orbits of integration."""
     import matplotlib
 
@@ -88,7 +125,8 @@ def draw(up: list[Point], down: list[Point], orbits: dict[str, list[dict]], foun
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(figsize=(8, 5), layout="constrained")
-    for points, style, label in ((up, "-", "branch from below"), (down, "--", "branch from above")):
+    for places, style, label in ((up, "-", "branch from below"), (down, "--", "branch from above")):
+        points = [place.point for place in solved(places, beyond=False)]
         frequencies, amplitudes = np.array([(p.frequency_hz, 1e6 * p.amplitude[0]) for p in points]).T
         axes.plot(frequencies, amplitudes, style, color="0.6", zorder=1, label=label)
         stuck = np.array([p.states[0] + p.states[1] == sum(p.states) for p in points])
@@ -99,8 +137,17 @@ def draw(up: list[Point], down: list[Point], orbits: dict[str, list[dict]], foun
             (every, "C3", "all slip or open"),
         ):
             axes.plot(
-                frequencies[chosen], amplitudes[chosen], ".", color=color, ms=5, label=name if points is up else None
+                frequencies[chosen], amplitudes[chosen], ".", color=color, ms=5, label=name if places is up else None
             )
+    if found["beyond_fold"]:
+        axes.plot(
+            found["beyond_fold"]["frequency_hz"],
+            1e6 * found["beyond_fold"]["amplitude"],
+            "*",
+            color="C2",
+            ms=13,
+            label="first point that the sweep up finds beyond the fold",
+        )
     for way, marker in (("up", "^"), ("down", "v")):
         for walking, color in ((False, "k"), (True, "C4")):
             rows = [row for row in orbits[way] if row["integration"] == ("walks" if walking else "period_one")]
@@ -154,9 +201,12 @@ def main() -> None:
     found = {
         "slips_hz": crossing(lambda f: scenes.slip_thresholds(scene, stuck, f), arguments.force, low, resonance),
         "opens_hz": crossing(lambda f: scenes.opening_thresholds(scene, stuck, f), arguments.force, low, resonance),
-        "folds_hz": fold(up).frequency_hz,
-        "from_below_lost_hz": up[-1].frequency_hz,
-        "from_above_lost_hz": down[-1].frequency_hz,
+        "folds_hz": fold(solved(up, beyond=False)),
+        "from_below_lost_hz": solved(up, beyond=False)[-1].point.frequency_hz,
+        "from_above_lost_hz": solved(down, beyond=False)[-1].point.frequency_hz,
+        "beyond_fold": beyond_fold(up),
+        "below_lift_off": beyond_fold(down),
+        "reached_stop": [up[-1].point.reached_stop, down[-1].point.reached_stop],
     }
     common.progress(str(found))
     orbits = {"up": [], "down": []}

@@ -21,12 +21,17 @@ NEARLY = 1e-3
 SETTLING = 0.05
 STEPS = 512
 TOLERANCE = 1e-7
+# Periods between two looks, and how much alike steps of a period that far apart are of a motion that walks.
+LOOK = 25
+ALIKE = 0.01
+# Of the period whose amplitude is told: half a step off its peak costs 1e-4 of it.
+SAMPLES = 256
 
 
 def march(scene: ReducedScene, frequency_hz: float, level: float, cycles: int = 400, seconds: float = 20.0) -> dict:
     """Evidence at one point: one tangent by located events, two by exact steps of the stuck modes.
 
-    `seconds`: of the processor; a march is looked at every 25 cycles, later less often, and given up beyond.
+    `seconds`: of the processor; a march is looked at every LOOK cycles, later less often, and given up beyond.
     """
     with Integrator(scene) as integrator:
         integrator.start_static(np.array([[0.0], [1.0]]), 10)
@@ -38,7 +43,8 @@ def march_on(
 ) -> tuple[dict, Orbit]:
     """The same from where the integrator stands, and the last orbit."""
     scheme = "event" if np.all(scene.laws["tangents"] == 1) else "exponential"
-    started, marched, stretch = time.process_time(), 0, 25
+    started, marched, stretch = time.process_time(), 0, LOOK
+    steps = [np.zeros(integrator.size)]
     while True:
         stretch = min(stretch, cycles - marched)
         orbit = integrator.run(
@@ -47,20 +53,23 @@ def march_on(
         marched += orbit.cycles
         spent = time.process_time() - started
         steady = orbit.outcome == "converged" or orbit.period > 1
-        if steady or marched >= cycles or spent > seconds:
+        if not steady:
+            one_period = Run(frequency_hz, level, scheme, STEPS, cycles=1, samples=SAMPLES)
+            step, amplitude = one_more(integrator, scene, one_period)
+            steps.append(step)
+        walking = not steady and walks(steps)
+        if steady or walking or marched >= cycles or spent > seconds:
             break
-        stretch = max(25, min(2 * stretch, int(stretch * (seconds - spent) / max(spent, 1e-3))))
-    found = verdict(orbit)
-    if found == "none" and walks(integrator, Run(frequency_hz, level, scheme, STEPS, cycles=1, samples=16)):
-        found = "walks"
-    elif found == "none" and orbit.defect < NEARLY:
+        stretch = max(LOOK, min(2 * stretch, int(stretch * (seconds - spent) / max(spent, 1e-3))))
+    found = "walks" if walking else verdict(orbit)
+    if found == "none" and orbit.defect < NEARLY:
         found = "nearly"
     return {
         "integration": found,
         "period": orbit.period,
         "cycles": marched,
         "defect": orbit.defect,
-        "integrated_amplitude": float(orbit.amplitude[0]),
+        "integrated_amplitude": amplitude if walking else float(orbit.amplitude[0]),
         "open_most": float(orbit.open.max()),
         "open_mean": float(orbit.open.mean()),
         "slip_mean": float(orbit.slip.mean()),
@@ -68,14 +77,21 @@ def march_on(
     }, orbit
 
 
-def walks(integrator: Integrator, one_period: Run) -> bool:
-    """Does the motion go the same way every period, a few per mille alike?"""
-    places = [integrator.state()[0]]
-    for _ in range(3):
-        integrator.run(one_period)
-        places.append(integrator.state()[0])
-    steps = np.diff(places, axis=0)
-    return bool(np.linalg.norm(np.diff(steps, axis=0), axis=1).max() < 0.005 * np.linalg.norm(steps[0]))
+def one_more(integrator: Integrator, scene: ReducedScene, one_period: Run) -> tuple[np.ndarray, float]:
+    """What one more period changes of the displacements, and the first monitor's amplitude but for that."""
+    before = integrator.state()[0]
+    orbit = integrator.run(one_period)
+    step = integrator.state()[0] - before
+    swing = orbit.monitors[:, 0] - scene.monitors[0] @ step * (orbit.time - orbit.time[0]) * one_period.frequency_hz
+    return step, 0.5 * float(np.ptp(swing))
+
+
+def walks(steps: list[np.ndarray]) -> bool:
+    """Is a period's step what it was LOOK periods or more before, to a hundredth?
+
+    A motion that comes to rest in the end then takes thousands of periods to do so.
+    """
+    return bool(np.linalg.norm(steps[-1] - steps[-2]) < ALIKE * np.linalg.norm(steps[-1]))
 
 
 def verdict(orbit: Orbit) -> str:

@@ -5,9 +5,11 @@
 
 Levels are parts of the one at which half the contacts would slip at 0.9 of the first stuck frequency; sweeps go from
 0.75 to 1.25 of that frequency and back, and are given up after a number of points or of seconds. Prints JSON: for each
-sweep points, branches (each a loss of the one before), points that failed with their frequency, the largest states, and
-whether the end was reached; in it, too, the band in which the ways up and down differ. Where a branch was lost, motion
-is integrated in time: without an orbit of the excitation's period there was nothing to follow.
+sweep points, branches (each a loss of the one before), points without an orbit and points that failed with their
+frequency, the largest states, and whether the end was reached; in it, too, the band in which the ways up and down
+differ. Points without an orbit, where they begin and end and some between, and all that failed are integrated in time
+from the static solution: an orbit that integration comes to would belie the sweep, and a walk must have the amplitude
+that the balance has found with its mean held.
 """
 
 from __future__ import annotations
@@ -37,7 +39,8 @@ def sweep(
         if time.process_time() - started > limits[1]:
             break
     seconds = time.process_time() - started
-    failed = [point for point in points if point.outcome != "converged"]
+    without = [point for point in points if point.outcome == "no_period_one_orbit"]
+    failed = [point for point in points if point.outcome not in ("converged", "no_period_one_orbit")]
     solved = [point for point in points if point.outcome == "converged"]
     frequencies = np.array([point.frequency_hz for point in solved])
     return {
@@ -48,22 +51,28 @@ def sweep(
         "reached_stop": points[-1].reached_stop,
         "branches": len({point.branch for point in points}),
         "folds": int(np.sum(np.diff(np.sign(np.diff(frequencies))) != 0)) if len(frequencies) > 2 else 0,
+        "solved": len(solved),
+        "without": len(without),
         "failed": len(failed),
-        "failed_at": [
-            {
-                "frequency_hz": point.frequency_hz,
-                "branch": point.branch,
-                "outcome": point.outcome,
-                **common.states(point),
-            }
-            for point in failed
-        ],
+        "without_at": [place(point) for point in without],
+        "failed_at": [place(point) for point in failed],
         "most_slipping": max((point.states[2] for point in solved), default=0),
         "most_open": max((point.states[3] for point in solved), default=0),
         "largest_amplitude": max((float(point.amplitude[0]) for point in solved), default=None),
         "iterations": sum(point.iterations for point in points),
         "seconds": seconds,
     }, points
+
+
+def place(point: Point) -> dict:
+    """Of a point that is not solved."""
+    return {
+        "frequency_hz": point.frequency_hz,
+        "branch": point.branch,
+        "outcome": point.outcome,
+        "amplitude": float(point.amplitude[0]),
+        **common.states(point),
+    }
 
 
 def band(up: list[Point], down: list[Point]) -> list[float] | None:
@@ -83,23 +92,36 @@ def band(up: list[Point], down: list[Point]) -> list[float] | None:
     return [float(apart[0]), float(apart[-1])] if len(apart) else None
 
 
-def where_lost(way: dict, points: list[Point], most: int) -> list[float]:
-    """Frequencies that failed, spread over at most `most`, and beyond the last one of a sweep given up."""
-    failed = [row["frequency_hz"] for row in way["failed_at"]]
-    chosen = np.unique(np.linspace(0, len(failed) - 1, most).round().astype(int)) if failed else []
-    lost = [failed[i] for i in chosen]
+def where_lost(way: dict, points: list[Point], most: int) -> list[dict]:
+    """Points that failed and those without an orbit, at most `most` of each, and beyond where a sweep was given up."""
+    lost = spread(way["failed_at"], most) + spread(way["without_at"], most)
     if not way["reached_stop"] and points[-1].outcome == "converged":
-        lost += [points[-1].frequency_hz + part * (way["to_hz"] - way["from_hz"]) for part in (0.0, 0.01, 0.03)]
+        width = way["to_hz"] - way["from_hz"]
+        lost += [{"frequency_hz": points[-1].frequency_hz + part * width} for part in (0.0, 0.01, 0.03)]
     return lost
 
 
+def spread(rows: list[dict], most: int) -> list[dict]:
+    """At most so many of them, the first and the last among them."""
+    return [rows[i] for i in np.unique(np.linspace(0, len(rows) - 1, most).round().astype(int))] if rows else []
+
+
 def gather(scene: ReducedScene, force: float, way: dict, points: list[Point], marching: tuple[int, float]) -> dict:
-    """What integration in time finds where a sweep lost its branch."""
+    """What integration in time finds where a sweep has no orbit."""
     rows = [
-        {"frequency_hz": frequency, **evidence.march(scene, frequency, force, seconds=marching[1])}
-        for frequency in where_lost(way, points, marching[0])
+        row | evidence.march(scene, row["frequency_hz"], force, seconds=marching[1])
+        for row in where_lost(way, points, marching[0])
     ]
-    return {"evidence": rows, **evidence.count(way["points"] - way["failed"], rows)}
+    apart = [
+        abs(row["integrated_amplitude"] / row["amplitude"] - 1.0)
+        for row in rows
+        if row["integration"] == "walks" and "amplitude" in row
+    ]
+    return {
+        "evidence": rows,
+        "walks_differ_in_amplitude": max(apart, default=None),
+        **evidence.count(way["solved"], rows),
+    }
 
 
 def measure(
@@ -121,7 +143,12 @@ def measure(
         ways = {"up": up, "down": down, "apart_hz": band(upward, downward)}
         rows.append({"contacts": contacts, "level": part, "force": part * median, **options, **ways})
         curves.append((contacts, part, upward, downward))
-        common.progress(f"{contacts} contacts, level {part:g}: failed {up['failed']} up, {down['failed']} down")
+        for name, way in (("up", up), ("down", down)):
+            common.progress(
+                f"{contacts} contacts, level {part:g}, {name}: {way['solved']} solved, {way['without']} without, "
+                f"{way['failed']} failed, stop reached: {way['reached_stop']}, {way['seconds']:.1f} s, "
+                f"{way.get('integration')}, amplitudes within {way.get('walks_differ_in_amplitude')}"
+            )
     return rows, curves
 
 

@@ -204,8 +204,9 @@ class _Run:
             found.append(f"{failed} point(s) did not converge; they are in the file with outcome not_converged")
         if missing := self.place.outcomes.get("no_period_one_orbit", 0):
             found.append(
-                f"{missing} point(s) without an orbit of the excitation's period, by motion in time too (it walks,"
-                " bounces or takes several periods); they are in the file with outcome no_period_one_orbit"
+                f"{missing} point(s) without an orbit of the excitation's period: friction alone does not hold the body"
+                " there, or motion in time walks, bounces or takes several periods; they are in the file with outcome"
+                " no_period_one_orbit"
             )
         return found
 

@@ -22,7 +22,17 @@ OUTCOMES = ("converged", "unstable", "indeterminate", "no_period_one_orbit", "no
 # Parts of a point's estimated error
 ERRORS = ("error_harmonics", "error_samples", "error_modes")
 # What the cascade tries, in its order; see src/continuation/cascade.f90.
-ATTEMPTS = ("newton_briefly", "motion_in_time", "newton", "stuck_response", "frequency_steps", "force_steps")
+# Of the cascade, in its order; src/continuation/cascade.f90 has the same names.
+ATTEMPTS = (
+    "newton_briefly",
+    "held_mean",
+    "motion_in_time",
+    "held_force_steps",
+    "newton",
+    "stuck_response",
+    "frequency_steps",
+    "force_steps",
+)
 DAMPING_KINDS = {"none": 0, "viscous": 1, "ratio": 2, "mass": 3, "loss_factor": 4}
 
 
@@ -261,8 +271,8 @@ class Solver:
         After `solve_at` or `sweep` have begun, which set the level of the loads.
         """
         raw = _Point()
-        number = ATTEMPTS.index(attempt) + 1
-        self._library.attrito_try_at(self._handle, number, _omega(frequency_hz), ctypes.byref(raw))
+        if self._library.attrito_try_at(self._handle, attempt.encode(), _omega(frequency_hz), ctypes.byref(raw)) != 0:
+            raise ValueError(f"{attempt!r} is none of the cascade's attempts: {', '.join(ATTEMPTS)}")
         return self._point(raw, followed=False)
 
     def linear_response(self, stuck: bool, frequencies_hz: np.ndarray, natural: int) -> tuple[np.ndarray, np.ndarray]:

@@ -15,14 +15,14 @@ module attrito_api_solver
   use attrito_balance_receptance, only: receptance_type, to_complex, to_real
   use attrito_balance_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
   use attrito_continuation_arc_length, only: new_sweep
-  use attrito_continuation_cascade, only: place_type, place_of, return_to, solve_by_attempt
+  use attrito_continuation_cascade, only: place_type, place_of, return_to, solve_by_attempt, attempt_names
   use attrito_continuation_rebalancing, only: field_type, rebalance
   use attrito_continuation_solver, only: solver_options_type, new_solver
   use attrito_integrate_averaged_periods, only: new_averaged_periods
   use attrito_continuation_static_path, only: walk_static_path
   use attrito_output_point_report, only: point_report_type, report_point
   use attrito_stability_crossing, only: moduli_type
-  use attrito_api_message, only: tell
+  use attrito_api_message, only: tell, text_of
   use attrito_api_session, only: session_type, session_of, contact_law_type, law_of
   implicit none
   private
@@ -192,24 +192,34 @@ contains
     point = point_of(session%point)
   end subroutine attrito_solve_at
 
-  !> A point at an angular frequency by one attempt of the cascade alone, from 1 in its order; the session then stands where it stood
-  !> before, whether that found a point or not.
-  subroutine attrito_try_at(handle, attempt, omega, point) bind(c)
+  !> A point at an angular frequency by one attempt of the cascade alone; the session then stands where it stood before, whether that
+  !> found a point or not. 0, or 1: there is no attempt of that name.
+  integer(c_int) function attrito_try_at(handle, attempt, omega, point) bind(c)
     type(c_ptr), value :: handle
-    integer(c_int), value :: attempt
+    !> One of the cascade's names
+    character(kind=c_char), intent(in) :: attempt(*)
     real(c_double), value :: omega
     type(point_type), intent(out) :: point
     type(session_type), pointer :: session
     type(place_type) :: before
+    logical :: walks, no_orbit
+    integer :: number
 
     session => session_of(handle)
+    number = findloc(attempt_names == text_of(attempt), .true., 1)
+    attrito_try_at = merge(0, 1, number > 0)
+    if (number == 0) return
     before = place_of(session%solver)
-    call solve_by_attempt(session%solver, attempt, omega)
+    walks = session%solver%walks
+    no_orbit = session%solver%no_orbit
+    call solve_by_attempt(session%solver, number, omega)
     session%solver%omega = omega
     call report_point(session%solver, 0, session%accuracy%errors, session%point)
     call return_to(session%solver, before)
+    session%solver%walks = walks
+    session%solver%no_orbit = no_orbit
     point = point_of(session%point)
-  end subroutine attrito_try_at
+  end function attrito_try_at
 
   !> Coefficients of the monitors [monitors, 2 H + 1] and their amplitudes at the last point.
   subroutine attrito_monitors(handle, harmonics, amplitude) bind(c)

@@ -1,10 +1,11 @@
 !> A sweep over frequency along branches of solutions, which may fold: from a start to a stop, point by point.
 !>
-!> Where no step along the branch converges, where it ends or closes upon itself, the sweep looks for a place beyond all that it has
-!> come to. One that follows a single branch ends there.
+!> Where no step along the branch converges, where it ends, closes upon itself or runs back over the start, it looks for a place
+!> beyond all that it has come to. One that follows a single branch ends there.
 module attrito_continuation_arc_length
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
+  use attrito_balance_newton, only: newton_report_type
   use attrito_continuation_closed_branch, only: comes_home
   use attrito_continuation_known_points, only: known_points_type
   use attrito_continuation_cascade, only: solve_by_cascade, place_type
@@ -108,14 +109,14 @@ contains
       call begin_here(self, solver)
     else if (self%points == 0) then
       call begin_at(self, solver, self%range%start)
-    else if (self%on_branch) then
+    else if (self%on_branch .and. .not. is_back_at_start(self, solver)) then
       call follow(self, solver)
       call watch_closing(self, solver)
     else
       call begin_beyond(self, solver)
     end if
     self%points = self%points + 1
-    if (self%one_branch .and. .not. self%on_branch) self%finished = .true.
+    if (self%one_branch .and. (is_back_at_start(self, solver) .or. .not. self%on_branch)) self%finished = .true.
     self%farthest = merge(max(self%farthest, solver%omega), min(self%farthest, solver%omega), self%range%width() > 0.0_wp)
     if (self%points >= self%max_points) self%finished = .true.
   end subroutine advance
@@ -166,19 +167,22 @@ contains
   subroutine watch_closing(self, solver)
     type(sweep_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
-    integer :: iterations
+    type(newton_report_type) :: report
 
     self%steps = self%steps + 1
     if (.not. self%on_branch .or. self%finished .or. self%steps < fewest_steps) return
-    iterations = solver%report%iterations
+    report = solver%report
     self%closed = comes_home(self%home, solver, self%stepper%last)
-    if (.not. self%closed) return
-    solver%report%iterations = iterations + solver%report%iterations
+    if (.not. self%closed) then
+      solver%report = report
+      return
+    end if
+    solver%report%iterations = report%iterations + solver%report%iterations
     self%on_branch = .false.
     self%finished = self%one_branch
   end subroutine watch_closing
 
-  !> Where the branch was lost: a place beyond all that the sweep has come to, and the branch there.
+  !> Where the branch was lost or left the range: a place beyond all that the sweep has come to, and the branch there.
   subroutine begin_beyond(self, solver)
     type(sweep_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
@@ -258,14 +262,22 @@ contains
     solver%report%iterations = iterations + solver%report%iterations
   end subroutine end_at_range
 
-  !> A sweep that comes to either end of its range is finished.
+  !> A sweep that comes to its stop is finished.
   pure subroutine note_end(self, omega)
     type(sweep_type), intent(inout) :: self
     real(wp), intent(in) :: omega
 
     self%reached_stop = abs(omega - self%range%stop) <= 0.0_wp
-    self%finished = self%reached_stop .or. abs(omega - self%range%start) <= 0.0_wp
+    self%finished = self%reached_stop
   end subroutine note_end
+
+  !> Has the branch run back over where the sweep began?
+  pure logical function is_back_at_start(self, solver)
+    type(sweep_type), intent(in) :: self
+    type(solver_type), intent(in) :: solver
+
+    is_back_at_start = self%steps > 0 .and. abs(solver%omega - self%range%start) <= 0.0_wp
+  end function is_back_at_start
 
   !> Whether the frequency turned on the last step, `stepper%turned`; what the last point's evaluation left is lost.
   subroutine look_ahead(self, solver)

@@ -2,31 +2,27 @@
 !> springs in the step.
 !>
 !> A body that only friction holds has a nearly singular Jacobian where few contacts hold, and a singular one where all slip. With
-!> springs on its mean position (`attrito_continuation_held_mean` says why)
-!>
-!> $$ r(d, \omega) = \frac{\epsilon}{1 + \epsilon} B (\hat q_0 - q_0) $$
-!>
-!> is regular, and where contacts hold its solution is near one without springs. Where none does, nothing else is tried: wherever the
-!> body is, friction does not balance.
+!> springs on its mean (`attrito_continuation_springs_on_mean`) it is regular, and where contacts hold the solution is near one
+!> without springs. Where none does, nothing else is tried: wherever the body is, friction does not balance.
 module attrito_continuation_attempts
   use attrito_core_kinds, only: wp
   use attrito_balance_border, only: constraint_type
-  use attrito_balance_harmonic_balance, only: balance_type
   use attrito_balance_newton, only: newton_type, newton_report_type
   use attrito_balance_unknowns, only: unknowns_type
-  use attrito_contact_state, only: state_shaken_down
+  use attrito_continuation_sliders, only: nothing_holds
+  use attrito_continuation_springs_on_mean, only: fasten, release, retreat_type
   implicit none
   private
-  public :: solve_briefly, solve_persistently, nothing_holds, holding_stiffness
+  public :: solve_briefly, solve_persistently
 
   !> A brief try goes on from one stretch of iterations to the next while each brings the residual down so far
   integer, parameter :: brief_iterations = 8
   real(wp), parameter :: brief_progress = 1.0e-2_wp
 
-  !> Stiffness of the springs that hold the mean, part of the stuck system's
-  real(wp), parameter :: holding_stiffness = 1.0e-3_wp
-  !> How often they give way until the body is known to walk
+  !> How often springs on the mean give way, and how much alike the last steps of a mean are that walks: a guess, which only decides
+  !> whether more is tried
   integer, parameter :: most_held = 3
+  real(wp), parameter :: alike = 0.5_wp
 
   !> Part of their springs that contacts keep in the step of the last try
   real(wp), parameter :: stiffening = 0.1_wp
@@ -98,54 +94,33 @@ contains
     type(newton_report_type), intent(inout) :: report
     !> Springs alone hold the body
     logical, intent(out) :: walks
-    complex(wp), allocatable :: place(:), step(:)
-    integer :: i, iterations, linear_iterations, status
-    real(wp) :: before
+    type(retreat_type) :: retreat
+    integer :: i, iterations, linear_iterations
+    logical :: fastened
 
     iterations = 0
     linear_iterations = 0
     walks = .false.
-    report%converged = .false.
-    report%iterations = 0
-    report%linear_iterations = 0
-    before = huge(before)
+    report = newton_report_type()
     associate (context => newton%context)
       do i = 1, most_held
-        call context%balance%evaluate(unknowns%motion, unknowns%omega, status)
-        call context%forget()
-        if (status /= 0) return
-        call context%balance%hold_mean(holding_stiffness)
+        call fasten(context, unknowns%motion, unknowns%omega, fastened)
+        if (.not. fastened) return
         call solve_briefly(newton, unknowns, constraint, report)
-        call context%balance%let_go()
-        call context%forget()
+        call release(context)
         call count_on(report, iterations, linear_iterations)
-        if (.not. (report%converged .and. nothing_holds(context%balance))) exit
-        if (allocated(place)) then
-          step = context%balance%response(:, 0) - place
-          ! Where the structure holds the body each step is a small part of the one before.
-          walks = norm2(abs(step)) > 0.5_wp*before
-          if (norm2(abs(step)) <= 0.5_wp*before .and. before < huge(before)) exit
-          before = norm2(abs(step))
-        end if
-        place = context%balance%response(:, 0)
+        if (.not. report%converged) return
+        if (.not. nothing_holds(context%balance)) exit
+        call retreat%move_to(context%balance%response(:, 0))
+        walks = retreat%repeats(alike)
         if (walks) exit
       end do
     end associate
-    if (.not. report%converged) return
     report%converged = .false.
     if (walks) return
     call solve_briefly(newton, unknowns, constraint, report)
     call count_on(report, iterations, linear_iterations)
   end subroutine solve_holding
-
-  !> Does every contact slip or open in the period?
-  logical function nothing_holds(balance)
-    type(balance_type), intent(in) :: balance
-    real(wp) :: holds
-
-    holds = merge(1.0_wp, 0.0_wp, any(balance%forces%state <= state_shaken_down))
-    nothing_holds = balance%ranks%largest(holds) <= 0.0_wp
-  end function nothing_holds
 
   !> Let a report tell of all tries so far.
   pure subroutine count_on(report, iterations, linear_iterations)

@@ -14,13 +14,15 @@ module attrito_continuation_cascade
   use attrito_continuation_ways, only: march_along, frequency_way_type, level_way_type
   implicit none
   private
-  public :: solve_by_cascade, solve_by_attempt, place_type, place_of, return_to
+  public :: solve_by_cascade, solve_by_attempt, attempt_names, place_type, place_of, return_to
 
   ! The attempts, in their order
   integer, parameter :: from_here_briefly = 1, held_from_here = 2, from_motion_in_time = 3, held_by_level = 4, from_here = 5, &
                         from_stuck_response = 6, by_frequency = 7, by_level = 8
   integer, parameter :: attempts(8) = [from_here_briefly, held_from_here, from_motion_in_time, held_by_level, from_here, &
                                        from_stuck_response, by_frequency, by_level]
+  character(*), parameter :: attempt_names(8) = [character(18) :: 'newton_briefly', 'held_mean', 'motion_in_time', &
+                                                 'held_force_steps', 'newton', 'stuck_response', 'frequency_steps', 'force_steps']
 
   !> Iterations after which a way of small steps is given up, and one with the mean held
   integer, parameter :: way_iterations = 200, held_iterations = 60
@@ -57,7 +59,7 @@ contains
     before = place_of(solver)
     iterations = 0
     do i = 1, size(attempts)
-      if (.not. makes_sense(solver, attempts(i), walked)) cycle
+      if (.not. (is_possible(solver, attempts(i)) .and. is_worth_while(solver, attempts(i), walked))) cycle
       call try(solver, attempts(i), omega, before, lost, iterations, converged)
       if (converged) exit
       if (solver%walks .and. .not. allocated(walking%motion)) walking = place_of(solver)
@@ -75,8 +77,23 @@ contains
     solver%report%iterations = iterations
   end subroutine solve_by_cascade
 
-  !> Is an attempt worth its while?
-  pure logical function makes_sense(solver, attempt, walked)
+  !> Is there what an attempt needs?
+  pure logical function is_possible(solver, attempt)
+    type(solver_type), intent(in) :: solver
+    integer, intent(in) :: attempt
+
+    select case (attempt)
+     case (held_from_here, held_by_level)
+      is_possible = can_hold(solver)
+     case (from_motion_in_time)
+      is_possible = has_time(solver)
+     case default
+      is_possible = .true.
+    end select
+  end function is_possible
+
+  !> Is an attempt worth its while at its place in the order?
+  pure logical function is_worth_while(solver, attempt, walked)
     type(solver_type), intent(in) :: solver
     integer, intent(in) :: attempt
     !> Did the point before walk? Then it stands at no solution.
@@ -84,18 +101,14 @@ contains
 
     select case (attempt)
      case (from_here_briefly)
-      makes_sense = .not. walked .and. (has_time(solver) .or. can_hold(solver))
+      is_worth_while = .not. walked .and. (has_time(solver) .or. can_hold(solver))
      case (held_from_here)
       ! Motion in time comes to it by itself, and where a body is held it gets there sooner.
-      makes_sense = can_hold(solver) .and. (walked .or. .not. has_time(solver))
-     case (held_by_level)
-      makes_sense = can_hold(solver)
-     case (from_motion_in_time)
-      makes_sense = has_time(solver)
+      is_worth_while = walked .or. .not. has_time(solver)
      case default
-      makes_sense = .true.
+      is_worth_while = .true.
     end select
-  end function makes_sense
+  end function is_worth_while
 
   !> Has an attempt that failed left nothing to look for? Less is needed where the point before had no orbit either.
   pure logical function is_enough(solver, attempt, walked, lost)
@@ -111,7 +124,7 @@ contains
   !> Solve at an angular frequency by one attempt alone, for methods to be compared; the solver stays where it gets to, or returns.
   subroutine solve_by_attempt(solver, attempt, omega)
     type(solver_type), intent(inout) :: solver
-    !> Place in the order above, from 1
+    !> Place among `attempt_names`, from 1
     integer, intent(in) :: attempt
     real(wp), intent(in) :: omega
     type(place_type) :: before
@@ -123,13 +136,10 @@ contains
     before = place_of(solver)
     iterations = 0
     converged = .false.
-    if (makes_sense(solver, attempt, .false.)) call try(solver, attempt, omega, before, .false., iterations, converged)
-    if (converged) then
-      solver%no_orbit = .false.
-      solver%walks = .false.
-    else
-      call return_to(solver, before)
-    end if
+    if (is_possible(solver, attempt)) call try(solver, attempt, omega, before, .false., iterations, converged)
+    solver%walks = solver%walks .and. .not. converged
+    solver%no_orbit = solver%walks .or. (solver%no_orbit .and. .not. converged)
+    if (.not. converged) call return_to(solver, before)
     solver%report%converged = converged
     solver%report%iterations = iterations
   end subroutine solve_by_attempt

@@ -24,6 +24,7 @@ contains
     type(place_type) :: here
     real(wp), allocatable :: length(:, :), way(:, :)
     real(wp) :: length_omega, way_omega, part, square, off
+    integer :: status
 
     associate (context => solver%context, balance => solver%context%balance, point => home%points(1))
       ! A step along the linear response passes what lies between its frequencies, and no more.
@@ -53,7 +54,10 @@ contains
         off = inner_product(balance, way, way)
         comes_home = sqrt(off) <= met
       end if
-      if (.not. comes_home) call return_to(solver, here)
+      if (comes_home) return
+      call return_to(solver, here)
+      call balance%evaluate(solver%motion, solver%omega, status)
+      call context%forget()
     end associate
   end function comes_home
 

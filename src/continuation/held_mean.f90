@@ -1,18 +1,10 @@
-!> A body that friction alone holds, with springs that hold its mean: is it held without them, or does it walk?
-!>
-!> $$ r(d, \omega) = \frac{\epsilon}{1 + \epsilon} B (\hat q_0 - q_0), \qquad \hat q_0 \leftarrow q_0 $$
-!>
-!> Where every contact slips or opens in every period nothing tells where the body is: residuals do not change as it is moved, the
-!> Jacobian is singular, and as many equations as there are free directions are left, mean forces of friction that must balance. In
-!> general they do not, and no orbit of the excitation's period is near. Springs on the mean position alone, a part epsilon of the
-!> stuck system's stiffness, make the system regular. They give way: each solve begins where the one before left the body (a proximal
-!> point method). Where contacts hold, such steps end at a solution without springs. Where nothing does, each step is the last one
-!> over again: springs have to lend the same force wherever the body is, and without them it walks.
-!> Source: Rockafellar 1976, doi:10.1137/0314056 (proximal points).
+!> A body that friction alone holds: is it held, or does it walk? Springs on its mean position give way, solve by solve
+!> (`attrito_continuation_springs_on_mean`), until contacts hold the body without them, or the mean takes the same step every time.
 module attrito_continuation_held_mean
   use attrito_core_kinds, only: wp
-  use attrito_continuation_attempts, only: nothing_holds, holding_stiffness
+  use attrito_continuation_sliders, only: nothing_holds
   use attrito_continuation_solver, only: solver_type
+  use attrito_continuation_springs_on_mean, only: fasten, release, retreat_type
   implicit none
   private
   public :: can_hold, solve_held, let_walk, held_solved, held_walks, held_failed
@@ -23,8 +15,6 @@ module attrito_continuation_held_mean
   !> Steps at most, and how much alike they are in the end: rounding and the tolerance leave some 1e-6 of those seen
   integer, parameter :: most_steps = 8
   real(wp), parameter :: alike = 1.0e-3_wp
-  !> Steps relative to the mean that are none
-  real(wp), parameter :: rounding = 1.0e-12_wp
 
 contains
 
@@ -39,18 +29,13 @@ contains
   subroutine solve_held(solver, omega)
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: omega
-    integer :: status
+    logical :: fastened
 
-    associate (balance => solver%context%balance)
-      call balance%evaluate(solver%motion, solver%omega, status)
-      solver%report%converged = .false.
-      if (status /= 0) return
-      call balance%hold_mean(holding_stiffness)
-      call solver%context%forget()
-      call solver%solve_at(omega)
-      call balance%let_go()
-      call solver%context%forget()
-    end associate
+    solver%report%converged = .false.
+    call fasten(solver%context, solver%motion, solver%omega, fastened)
+    if (.not. fastened) return
+    call solver%solve_at(omega)
+    call release(solver%context)
   end subroutine solve_held
 
   !> From where the solver stands let the springs give way, step by step.
@@ -61,8 +46,7 @@ contains
     integer, intent(inout) :: iterations
     !> One of `held_...`; the solver stands at a solution without springs, at one with them, or where it has come to
     integer, intent(out) :: outcome
-    complex(wp), allocatable :: place(:), step(:), before(:)
-    logical :: repeats
+    type(retreat_type) :: retreat
     integer :: i
 
     outcome = held_failed
@@ -70,21 +54,14 @@ contains
       call solve_held(solver, omega)
       iterations = iterations + solver%report%iterations
       if (.not. solver%report%converged) return
-      associate (mean => solver%context%balance%response(:, 0))
-        if (allocated(place)) step = mean - place
-        place = mean
-      end associate
+      call retreat%move_to(solver%context%balance%response(:, 0))
       if (nothing_holds(solver%context%balance)) then
-        repeats = allocated(before)
-        if (repeats) repeats = norm2(abs(step - before)) <= alike*norm2(abs(step)) .and. &
-                               norm2(abs(step)) > rounding*norm2(abs(place))
-        if (repeats) outcome = held_walks
+        if (retreat%repeats(alike)) outcome = held_walks
       else
         call solve_free(solver, omega, iterations)
         if (solver%report%converged) outcome = held_solved
       end if
       if (outcome /= held_failed) return
-      if (allocated(step)) before = step
     end do
     call solve_free(solver, omega, iterations)
     if (solver%report%converged) outcome = held_solved

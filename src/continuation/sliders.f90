@@ -1,11 +1,12 @@
-!> What becomes of sliders after a solve: those that a further period would move, those that stay, and how far any of them would go.
+!> What becomes of sliders after a solve: those that a further period would move, those that stay, and how far any of them would go;
+!> and whether any contact moves, or any holds.
 module attrito_continuation_sliders
   use attrito_core_kinds, only: wp
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_contact_state, only: state_stuck, state_shaken_down
   implicit none
   private
-  public :: found_moving, keep_sliders, largest_defect, none_moves
+  public :: found_moving, keep_sliders, largest_defect, none_moves, nothing_holds
 
 contains
 
@@ -68,4 +69,13 @@ contains
     moving = merge(1.0_wp, 0.0_wp, any(balance%forces%state > state_shaken_down))
     none_moves = balance%ranks%largest(moving) <= 0.0_wp
   end function none_moves
+
+  !> Does every contact slip or open in the period?
+  logical function nothing_holds(balance)
+    type(balance_type), intent(in) :: balance
+    real(wp) :: holds
+
+    holds = merge(1.0_wp, 0.0_wp, any(balance%forces%state <= state_shaken_down))
+    nothing_holds = balance%ranks%largest(holds) <= 0.0_wp
+  end function nothing_holds
 end module attrito_continuation_sliders

@@ -128,13 +128,22 @@ def test_a_sweep_tells_what_integration_finds_where_it_was_given_up():
     assert "evidence" not in row["up"]
 
 
-def test_a_block_shaken_upright_sticks_until_contacts_open():
-    size = ("--harmonics", "3", "--step", "0", "--max-points", "30", "--range", "1400", "1500")
+def test_a_block_shaken_upright_sticks_until_contacts_open_and_the_sweep_goes_on_beyond_the_fold():
+    size = ("--harmonics", "3", "--step", "0", "--max-points", "60", "--range", "1400", "1500")
     found = run("branches.py", *size)
     assert found["slips_hz"] < found["opens_hz"] < found["folds_hz"] < 1.02 * found["slips_hz"]
     assert found["up"][0]["stuck"] == 10
     assert found["down"][0]["slipping"] > 0
     assert found["orbits"] == {"up": [], "down": []}
+    # The first branch runs back over the start; what lies beyond its fold is the other one, on which all but the
+    # outermost contacts lift off. From above that one passes below the fold: both are there.
+    beyond = found["beyond_fold"]
+    assert found["from_below_lost_hz"] == pytest.approx(1400.0, rel=1e-12)
+    assert beyond["frequency_hz"] > found["folds_hz"]
+    assert beyond["slipping"] >= 8
+    assert 0.25 < beyond["open_median"] < beyond["open_most"] < 0.55
+    assert found["from_above_lost_hz"] < found["opens_hz"]
+    assert found["reached_stop"] == [True, True]
 
 
 def test_every_format_of_matrix_files_reads_to_the_same_matrix():

@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 from attrito.family import Family as Members
 from attrito.integrator import Integrator, Run
-from attrito.solver import Options, Solver
+from attrito.solver import ATTEMPTS, Options, Solver
 from attrito.stability import ENGINES, ORBITS, examine_point
 from attrito.verify.torture.grid import NEAR
 from attrito.verify.torture.methods import SAMPLES, distance, state_of
@@ -64,3 +64,26 @@ def test_a_mode_that_alternates_while_it_dies_out_is_no_motion_of_period_two():
         loose = session.run(Run(60.0, periodicity_tolerance=1e-7, cycles=2000))
         tight = session.run(Run(60.0, periodicity_tolerance=1e-12, cycles=2000))
     assert tight.period == loose.period == 1
+
+
+def test_an_attempt_is_asked_for_by_its_name_and_leaves_the_session_where_it_stood():
+    scene = Family(1, 10.0, 0.3, "small", 45.0).scene()
+    frequencies = [80.0, 85.0]
+    points = []
+    for attempts in ((), ATTEMPTS):
+        with Solver(MPI.COMM_SELF, scene, Options(harmonics=10, by_events=True)) as solver:
+            solver.walk_static_path(np.array([[0.0], [1.0]]), 20, frequencies[0])
+            solving = solver.solve_at(frequencies, 1.0, 0)
+            next(solving)
+            found = {name: solver.try_at(name, frequencies[1]) for name in attempts}
+            points.append(next(solving))
+    assert [points[1].outcome, points[1].iterations] == [points[0].outcome, points[0].iterations]
+    assert points[1].amplitude[0] == points[0].amplitude[0]
+    # Newton's method alone gives up after 30 iterations, and briefly after 8 that gain little, or when it is done.
+    assert 0 < found["newton_briefly"].iterations <= found["newton"].iterations
+    assert found["force_steps"].iterations > found["newton"].iterations
+    with (
+        Solver(MPI.COMM_SELF, scene, Options()) as solver,
+        pytest.raises(ValueError, match="newton_briefly, held_mean"),
+    ):
+        solver.try_at("guess", frequencies[0])
