@@ -232,11 +232,11 @@ contains
     self%report = newton_report_type(converged=.true., residual=0.0_wp)
   end subroutine solve_stuck_at
 
-  !> Scales from the stuck response between two angular frequencies: the largest norm of its harmonics, and the width.
+  !> Scales from the stuck response between two angular frequencies: the largest norm of its harmonics at both ends and the
+  !> resonances between, and the width.
   subroutine set_scales(self, omega_a, omega_b)
     class(solver_type), intent(inout) :: self
     real(wp), intent(in) :: omega_a, omega_b
-    integer, parameter :: steps = 50
     real(wp), parameter :: least_ratio = 1.0e-4_wp
     real(wp), allocatable :: grid(:), resonances(:), motion(:, :)
     complex(wp), allocatable :: response(:, :)
@@ -246,8 +246,7 @@ contains
     associate (balance => self%context%balance, low => min(omega_a, omega_b), high => max(omega_a, omega_b))
       resonances = self%stuck%omega
       resonances = pack(resonances, resonances > low .and. resonances < high)
-      grid = [[(low + (high - low)*i/steps, i=0, steps)], resonances]
-      if (high <= low .or. .not. self%stuck%uncoupled) grid = [low, resonances, high]
+      grid = [low, resonances, high]
       ! A stuck structure may be undamped: keep off its resonances by what a damping ratio of this size would.
       resonances = self%stuck%omega
       do i = 1, size(grid)
