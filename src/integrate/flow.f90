@@ -16,6 +16,9 @@ module attrito_integrate_flow
   private
   public :: flow_one_period
 
+  !> Part of the period that a segment may take, so that the motion's range is seen at their ends
+  real(wp), parameter :: longest_segment = 0.125_wp
+
 contains
 
   !> March a whole period; what passes is shown to the recorder.
@@ -38,7 +41,8 @@ contains
       rest = loading%period - state%theta
       if (rest <= 1.0e-14_wp*loading%period) exit
       call expand(system, loading, state, segment)
-      segment%length = min(step_length(segment), rest, next_knot(loading, state%cycle, state%theta))
+      segment%length = min(step_length(segment), rest, longest_segment*loading%period, &
+                           next_knot(loading, state%cycle, state%theta))
       if (in_a_row > 8 + 4*size(system%law)) then
         segment%length = min(segment%length, 1.0e-9_wp*loading%period)
         contact = 0

@@ -13,7 +13,7 @@ module attrito_integrate_recorder
   private
   public :: recorder_type, trace_type, new_recorder, record
 
-  !> One segment of the period as the linearised flow sees it
+  !> A stretch of the period in which no contact changes what it does, as the linearised flow sees it
   type :: trace_type
     !> Units of the clock
     real(wp) :: length = 0.0_wp
@@ -41,7 +41,7 @@ module attrito_integrate_recorder
     !> Seconds [room], monitors [monitors, room], displacement and force of rows [rows, room], regime [contacts, room]
     real(wp), allocatable :: time_of(:), monitor(:, :), displacement(:, :), force(:, :)
     integer, allocatable :: regime(:, :)
-    !> Event-exact integration: keep a trace of every segment
+    !> Event-exact integration: keep a trace of every stretch between events
     logical :: traces = .false.
     type(trace_type), allocatable :: trace(:)
   end type recorder_type
@@ -94,8 +94,15 @@ contains
     type(segment_type), intent(in) :: segment
     type(trace_type) :: trace
     real(wp) :: dv
-    integer :: i
+    integer :: i, last
 
+    last = size(self%trace)
+    if (last > 0) then
+      if (all(self%trace(last)%regime == segment%regime .and. self%trace(last)%side == segment%side)) then
+        self%trace(last)%length = self%trace(last)%length + segment%length
+        return
+      end if
+    end if
     trace%length = segment%length
     trace%regime = segment%regime
     trace%side = segment%side

@@ -10,6 +10,8 @@ module attrito_integrate_segment
     !> When it begins: whole periods, units of the clock since; and how long it lasts
     integer :: cycle = 0
     real(wp) :: theta = 0.0_wp, length = 0.0_wp
+    !> Highest angular frequency of what moves meanwhile, over the clock's
+    real(wp) :: pace = 1.0_wp
     !> Coefficients of powers of the time since: modal displacement [m, 0:n] and acceleration by the loads [m, 0:n]
     real(wp), allocatable :: motion(:, :), load(:, :)
     !> Of displacement and force of each row of B [0:n, rows]

@@ -30,6 +30,10 @@ module attrito_integrate_system
     real(wp), allocatable :: static_loads(:, :), harmonic_load(:, :)
     !> Monitors [m, monitors]
     real(wp), allocatable :: monitors(:, :)
+    !> Stiffness of the structure without its contacts, Phi^T K Phi over the clock's square [m, m], and its highest frequency at most;
+    !> not allocated where a march of all contacts open gains nothing by it
+    real(wp), allocatable :: flight(:, :)
+    real(wp) :: flight_pace = 1.0_wp
     !> Modes Phi [m, m], and M Phi to turn coordinates into modes
     real(wp), allocatable :: modes(:, :), weighted(:, :)
   end type system_type
@@ -73,9 +77,20 @@ contains
     self%static_loads = matmul(transpose(modes), structure%static_loads)/self%clock**2
     self%harmonic_load = matmul(transpose(modes), structure%harmonic_load)/self%clock**2
     self%monitors = matmul(transpose(modes), structure%monitors)
+    call set_flight(self, matmul(transpose(modes), matmul(structure%stiffness, modes))/self%clock**2)
     self%modes = modes
     self%weighted = matmul(structure%mass, modes)
   end subroutine new_system
+
+  !> Keep the stiffness of the open structure if steps are longer with it by more than its products cost.
+  pure subroutine set_flight(self, stiffness)
+    type(system_type), intent(inout) :: self
+    !> [m, m]
+    real(wp), intent(in) :: stiffness(:, :)
+
+    self%flight_pace = sqrt(maxval(sum(abs(stiffness), 1)))
+    if (self%flight_pace*size(stiffness, 1) < 1 + 2*size(self%springs)) self%flight = stiffness
+  end subroutine set_flight
 
   !> Split modal damping into its diagonal and, unless that is rounding, the rest.
   pure subroutine set_viscous(self, damping)

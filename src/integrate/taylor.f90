@@ -3,9 +3,11 @@
 !> $$ (k+1)(k+2)\, p_{k+2} = f_k - \Lambda p_k - (k+1) D p_{k+1} - \Phi^T B^T g_k(p_k) $$
 !>
 !> with g_k the contact forces less their stuck springs: stick (-k_t w, N_p - k_n gap) at k = 0 and nothing after; slip
-!> mu N_k side - k_t u_k; open -k_t u_k, -k_n v_k. The series converges everywhere; a step is as long as its last coefficients stay
-!> below rounding. Unlike modal exponentials it needs no eigenvectors for each combination of contact states (unsymmetric, at times
-!> defective; four to the power of the contacts of them), no care at resonance, and costs the same just after an event.
+!> mu N_k side - k_t u_k; open -k_t u_k, -k_n v_k. While all contacts are open Lambda p + Phi^T B^T g is Phi^T K Phi p, which is small
+!> where contacts are stiff: computed as such it allows steps of the open structure's own time. The series converges everywhere; a
+!> step is as long as its last coefficients stay below rounding. Unlike modal exponentials it needs no eigenvectors for each
+!> combination of contact states (unsymmetric, at times defective; four to the power of the contacts of them), no care at resonance,
+!> and costs the same just after an event.
 module attrito_integrate_taylor
   use attrito_core_kinds, only: wp
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open
@@ -19,7 +21,7 @@ module attrito_integrate_taylor
 
   !> Of the polynomials; with steps of 2 to 3 over the highest angular frequency, rounding is reached
   integer, parameter :: degree = 24
-  !> Longest step over the fastest mode: beyond, terms of the series cancel to more than a digit
+  !> Longest step over the fastest mode that moves: beyond, terms of the series cancel to more than a digit
   real(wp), parameter :: longest = 4.0_wp
 
 contains
@@ -30,8 +32,11 @@ contains
     type(loading_type), intent(in) :: loading
     type(state_type), intent(in) :: state
     type(segment_type), intent(inout) :: segment
+    logical :: flies
     integer :: k
 
+    flies = allocated(system%flight) .and. all(state%regime == regime_open)
+    segment%pace = merge(system%flight_pace, 1.0_wp, flies)
     segment%cycle = state%cycle
     segment%theta = state%theta
     segment%regime = state%regime
@@ -41,9 +46,15 @@ contains
       p(:, 0) = state%motion
       p(:, 1) = state%rate
       do k = 0, degree - 2
-        p(:, k + 2) = segment%load(:, k) - system%eigenvalues*p(:, k) - (k + 1)*system%damping*p(:, k + 1)
+        p(:, k + 2) = segment%load(:, k) - (k + 1)*system%damping*p(:, k + 1)
         if (allocated(system%coupling)) p(:, k + 2) = p(:, k + 2) - (k + 1)*matmul(system%coupling, p(:, k + 1))
-        call push(system, state, segment, k)
+        call find_forces(system, state, segment, k)
+        if (flies) then
+          p(:, k + 2) = p(:, k + 2) - matmul(system%flight, p(:, k))
+        else
+          p(:, k + 2) = p(:, k + 2) - system%eigenvalues*p(:, k)
+          call push(system, state, segment, k)
+        end if
         p(:, k + 2) = p(:, k + 2)/((k + 1)*(k + 2))
       end do
     end associate
@@ -51,7 +62,7 @@ contains
     call find_forces(system, state, segment, degree)
   end subroutine expand
 
-  !> Add the contacts' acceleration of order k to coefficient k + 2.
+  !> Add the acceleration of order k by the contacts' forces to coefficient k + 2.
   pure subroutine push(system, state, segment, k)
     type(system_type), intent(in) :: system
     type(state_type), intent(in) :: state
@@ -60,7 +71,6 @@ contains
     real(wp) :: g(2)
     integer :: i, row
 
-    call find_forces(system, state, segment, k)
     do i = 1, size(system%law)
       row = system%law(i)%first_row
       g = segment%force(k, row:row + 1)
@@ -126,7 +136,7 @@ contains
     integer :: k
 
     scale = norm2(segment%motion(:, 0)) + norm2(segment%motion(:, 1))
-    step_length = longest
+    step_length = longest/segment%pace
     do k = degree - 1, degree
       last = norm2(segment%motion(:, k))
       if (last > 0.0_wp) step_length = min(step_length, (rounding*max(scale, last)/last)**(1.0_wp/k))

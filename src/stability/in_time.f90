@@ -4,8 +4,7 @@ module attrito_stability_in_time
   use attrito_integrate_loading, only: loading_type
   use attrito_integrate_state, only: state_type, new_state
   use attrito_integrate_system, only: system_type
-  use attrito_stability_leg, only: orbit_legs_type
-  use attrito_stability_shooting, only: march_period
+  use attrito_stability_shooting, only: march_unseen
   use attrito_stability_verdict, only: stable, unstable, indeterminate
   implicit none
   private
@@ -16,8 +15,8 @@ module attrito_stability_in_time
   integer, parameter :: perturbations = 6, periods = 400
   !> Periods after which a motion that has not settled is taken to go on so
   integer, parameter :: periods_to_settle = 100
-  !> Factors by which all have shrunk or one has grown
-  real(wp), parameter :: gone = 1.0e-1_wp, far = 1.0e3_wp
+  !> Factors by which all have shrunk in the end, by which one is gone before, by which one has grown
+  real(wp), parameter :: gone = 1.0e-1_wp, forgotten = 1.0e-3_wp, far = 1.0e3_wp
 
 contains
 
@@ -28,21 +27,21 @@ contains
     !> Where the orbit's period starts
     type(state_type), intent(in) :: start
     type(state_type) :: state
-    type(orbit_legs_type) :: orbit
     real(wp) :: range, push(2*size(start%motion))
     integer :: i, m, cycle, died
 
     m = size(start%motion)
     state = start
-    call march_period(system, loading, state, orbit, range)
+    call march_unseen(system, loading, state, range)
     died = 0
     verdict = unstable
     do i = 1, perturbations
       push = perturbation*range*direction(2*m, i)
       state = new_state(system, start%motion + push(:m), start%rate + push(m + 1:), start%slider)
       do cycle = 1, periods
-        call march_period(system, loading, state, orbit, range)
+        call march_unseen(system, loading, state, range)
         if (distance() > far*perturbation*range) return
+        if (distance() < forgotten*perturbation*range) exit
       end do
       if (distance() < gone*perturbation*range) died = died + 1
     end do
@@ -65,13 +64,12 @@ contains
     real(wp), intent(out) :: range
     logical, intent(out) :: settled
     type(state_type) :: before
-    type(orbit_legs_type) :: orbit
     integer :: cycle
 
     settled = .false.
     do cycle = 1, periods_to_settle
       before = state
-      call march_period(system, loading, state, orbit, range)
+      call march_unseen(system, loading, state, range)
       settled = hypot(norm2(state%motion - before%motion), norm2(state%rate - before%rate)) <= perturbation*range
       if (settled) return
     end do

@@ -25,6 +25,8 @@ module attrito_stability_monodromy
   real(wp), parameter :: longest = 2.0_wp
   !> Most terms; with steps as short as that rounding is reached well before
   integer, parameter :: most_terms = 60
+  !> Squares pay while their number times m is below so many steps: one takes 16 m^3 products, a step some 25 terms of 8 m^2 and more
+  real(wp), parameter :: steps_per_square = 6.0_wp
   !> Part of a column that a term must be to matter
   real(wp), parameter :: rounding = 1.0e-2_wp*epsilon(1.0_wp)
 
@@ -190,7 +192,7 @@ contains
     end associate
   end function couple
 
-  !> The flow over a leg.
+  !> The flow over a leg, in equal steps or by squares of one.
   subroutine pass(reduced, coupling, length, now)
     type(reduced_type), intent(in) :: reduced
     type(coupling_type), intent(in) :: coupling
@@ -198,14 +200,54 @@ contains
     real(wp), intent(in) :: length
     type(perturbation_type), intent(inout) :: now
     real(wp), allocatable :: held(:, :)
-    integer :: step, steps
+    integer :: step, steps, doublings
 
-    held = matmul(coupling%held, now%slider)
     steps = max(1, ceiling(length*sqrt(maxval(reduced%system%eigenvalues))/longest))
+    doublings = ceiling(log(real(steps, wp))/log(2.0_wp))
+    if (doublings*size(now%motion, 1) < steps_per_square*steps) then
+      call pass_by_squares(reduced, coupling, length, doublings, now)
+      return
+    end if
+    held = matmul(coupling%held, now%slider)
     do step = 1, steps
       call step_on(reduced, coupling, held, length/steps, now)
     end do
   end subroutine pass
+
+  !> The flow of one step, as a matrix, squared so many times.
+  subroutine pass_by_squares(reduced, coupling, length, doublings, now)
+    type(reduced_type), intent(in) :: reduced
+    type(coupling_type), intent(in) :: coupling
+    real(wp), intent(in) :: length
+    integer, intent(in) :: doublings
+    type(perturbation_type), intent(inout) :: now
+    type(perturbation_type) :: unit
+    real(wp), allocatable :: flow(:, :), state(:, :)
+    integer :: m, n, i
+
+    m = size(now%motion, 1)
+    n = 2*m + size(now%slider, 1)
+    allocate (unit%motion(m, n), unit%rate(m, n), unit%slider(n - 2*m, n), flow(n, n), source=0.0_wp)
+    do i = 1, n
+      flow(i, i) = 1.0_wp
+    end do
+    unit%motion = flow(:m, :)
+    unit%rate = flow(m + 1:2*m, :)
+    unit%slider = flow(2*m + 1:, :)
+    call step_on(reduced, coupling, matmul(coupling%held, unit%slider), length/2**doublings, unit)
+    flow(:m, :) = unit%motion
+    flow(m + 1:2*m, :) = unit%rate
+    do i = 1, doublings
+      flow = matmul(flow, flow)
+    end do
+    allocate (state(n, size(now%motion, 2)))
+    state(:m, :) = now%motion
+    state(m + 1:2*m, :) = now%rate
+    state(2*m + 1:, :) = now%slider
+    state = matmul(flow, state)
+    now%motion = state(:m, :)
+    now%rate = state(m + 1:2*m, :)
+  end subroutine pass_by_squares
 
   !> One step of the series, p_{k+2} = (held_k - Lambda p_k - (k + 1) D p_{k+1} + pushed seen^T p_k)/((k + 1)(k + 2)), until its
   !> terms are below rounding.

@@ -20,7 +20,7 @@ module attrito_stability_shooting
   use attrito_stability_reduced, only: reduce_to
   implicit none
   private
-  public :: shoot, march_period
+  public :: shoot, march_period, march_unseen
 
   !> Most Newton steps, and the change that counts as none, relative to the state
   integer, parameter :: most_steps = 20
@@ -82,17 +82,40 @@ contains
     type(orbit_legs_type), intent(out) :: orbit
     !> Half range of the motion over the period, in the norm of the mass matrix
     real(wp), intent(out) :: range
-    type(segment_type) :: segment
     type(recorder_type) :: recorder
+
+    recorder = new_recorder(system, 1, 0)
+    recorder%traces = .true.
+    call march(system, loading, state, recorder, range)
+    call legs_of_trace(system%law, recorder%trace, loading%period, orbit)
+  end subroutine march_period
+
+  !> March one period from a state.
+  subroutine march_unseen(system, loading, state, range)
+    type(system_type), intent(in) :: system
+    type(loading_type), intent(in) :: loading
+    type(state_type), intent(inout) :: state
+    !> As above
+    real(wp), intent(out) :: range
+    type(recorder_type) :: recorder
+
+    recorder = new_recorder(system, 1, 0)
+    call march(system, loading, state, recorder, range)
+  end subroutine march_unseen
+
+  subroutine march(system, loading, state, recorder, range)
+    type(system_type), intent(in) :: system
+    type(loading_type), intent(in) :: loading
+    type(state_type), intent(inout) :: state
+    type(recorder_type), intent(inout) :: recorder
+    real(wp), intent(out) :: range
+    type(segment_type) :: segment
     real(wp) :: low(size(state%motion)), high(size(state%motion))
 
     segment = new_segment(size(state%motion), size(system%springs), size(system%law), degree)
-    recorder = new_recorder(system, 1, 0)
-    recorder%traces = .true.
     call flow_one_period(system, loading, state, segment, recorder, low, high)
-    call legs_of_trace(system%law, recorder%trace, loading%period, orbit)
     range = 0.5_wp*norm2(high - low)
-  end subroutine march_period
+  end subroutine march
 
   !> The state moved by a step, brought onto the law: contacts that slip go on slipping.
   subroutine move(system, full, state)
