@@ -27,7 +27,7 @@ OUTCOMES = {0: "unstable", 1: "converged", 2: "indeterminate"}
 
 class _Report(ctypes.Structure):
     _fields_ = [(name, ctypes.c_int) for name in ("verdict", *ENGINES)] + [
-        (name, ctypes.c_double) for name in ("distance", "change")
+        (name, ctypes.c_double) for name in ("distance", "change", "low", "high")
     ]
 
 
@@ -45,6 +45,7 @@ class Examiner:
     reasons : why a point, by number, has no verdict
     distances, changes : of a point, by number: how far the event-exact orbit lies from the balance's; what doubling the
         modes last changed of its multipliers
+    lows, highs : of an indeterminate point, by number: the interval of its largest multiplier's modulus
     """
 
     def __init__(self, comm: Comm, solver: Solver, job: Job):
@@ -57,6 +58,8 @@ class Examiner:
         self.reasons: dict[int, str] = {}
         self.distances: dict[int, float] = {}
         self.changes: dict[int, float] = {}
+        self.lows: dict[int, float] = {}
+        self.highs: dict[int, float] = {}
 
     def examine(self, point: Point) -> Point:
         """The point with its verdict: the solver stands at it, and it is not written yet. Collective."""
@@ -72,6 +75,8 @@ class Examiner:
                 self.distances[number] = report.distance
             if report.monodromy:
                 self.changes[number] = report.change
+            if report.high >= report.low:
+                self.lows[number], self.highs[number] = report.low, report.high
             if reason:
                 self.reasons[number] = reason
         return dataclasses.replace(point, outcome=OUTCOMES.get(report.verdict, point.outcome))
@@ -83,7 +88,7 @@ class Examiner:
         found = {"stability/multipliers": np.array(rows, dtype=float)} if rows else {}
         if last in self.reasons:
             found["stability/reason"] = np.frombuffer(self.reasons[last].encode(), np.uint8)
-        for name, numbers in (("distance", self.distances), ("change", self.changes)):
+        for name, numbers in self._numbers():
             if last in numbers:
                 found[f"stability/{name}"] = np.array(numbers[last])
         return found
@@ -96,9 +101,12 @@ class Examiner:
             self.rows.append((number, int(engine), real, imaginary, int(kind)))
         if "stability/reason" in found:
             self.reasons[number] = found["stability/reason"].tobytes().decode()
-        for name, numbers in (("distance", self.distances), ("change", self.changes)):
+        for name, numbers in self._numbers():
             if f"stability/{name}" in found:
                 numbers[number] = float(found[f"stability/{name}"])
+
+    def _numbers(self) -> tuple[tuple[str, dict[int, float]], ...]:
+        return ("distance", self.distances), ("change", self.changes), ("low", self.lows), ("high", self.highs)
 
     def _fetch(self, number: int, index: int, engine: int, count: int) -> None:
         if not count:
@@ -147,11 +155,12 @@ def write_multipliers(path: str, examiner: Examiner) -> None:
                 stored.attrs["names"] = np.array(names, dtype="S9")
         points = len(file["points/stable"])
         real, imaginary, kind = columns[2:]
-        largest, distance, change = np.full((3, points), np.nan)
+        largest, distance, change, low, high = np.full((5, points), np.nan)
         decides = kind == KINDS.index("floquet")
         np.fmax.at(largest, columns[0][decides].astype(int), np.hypot(real, imaginary)[decides])
-        distance[list(examiner.distances)] = list(examiner.distances.values())
-        change[list(examiner.changes)] = list(examiner.changes.values())
+        known = (examiner.distances, examiner.changes, examiner.lows, examiner.highs)
+        for column, numbers in zip((distance, change, low, high), known, strict=True):
+            column[list(numbers)] = list(numbers.values())
         reasons = [examiner.reasons.get(point, "") for point in range(points)]
         for name, values, kind, description in (
             ("largest_multiplier", largest, float, "largest modulus of the point's dynamic multipliers"),
@@ -162,6 +171,8 @@ def write_multipliers(path: str, examiner: Examiner) -> None:
                 "of the event-exact orbit from the balance's, part of the motion's half range",
             ),
             ("change", change, float, "what doubling the modes last changed of the multipliers by the monodromy"),
+            ("low", low, float, "of an indeterminate point: its largest multiplier's modulus is at least that"),
+            ("high", high, float, "and at most that"),
             ("reason", reasons, h5py.string_dtype(), "why the point has no verdict"),
         ):
             stored = file.create_dataset(f"stability/{name}", data=values, dtype=kind)

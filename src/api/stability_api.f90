@@ -18,7 +18,7 @@ module attrito_api_stability
     !> `not_examined`, `unstable`, `stable`, `indeterminate`; and how many multipliers each engine found
     integer(c_int) :: verdict, monodromy, hill
     !> See `examination_type`
-    real(c_double) :: distance, change
+    real(c_double) :: distance, change, low, high
   end type examination_report_type
 
 contains
@@ -35,7 +35,7 @@ contains
     type(error_type), allocatable :: error
 
     session => session_of(handle)
-    report = examination_report_type(not_examined, 0, 0, -1.0_c_double, 0.0_c_double)
+    report = examination_report_type(not_examined, 0, 0, -1.0_c_double, 0.0_c_double, 0.0_c_double, -1.0_c_double)
     call prepare(session, equivalent_viscous /= 0, error)
     status = tell(error, message)
     if (allocated(error)) return
@@ -45,6 +45,8 @@ contains
     report%verdict = session%examination%verdict
     report%distance = session%examination%distance
     report%change = session%examination%change
+    report%low = session%examination%low
+    report%high = session%examination%high
     if (allocated(session%examination%monodromy)) report%monodromy = size(session%examination%monodromy)
     if (allocated(session%examination%hill)) report%hill = size(session%examination%hill)
     call say(session%examination%reason, message)

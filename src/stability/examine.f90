@@ -16,7 +16,7 @@ module attrito_stability_examine
   use attrito_stability_multipliers, only: multiplier_type, multipliers_of
   use attrito_stability_shooting, only: shoot, march_period
   use attrito_stability_start, only: loading_of, start_of
-  use attrito_stability_verdict, only: judge, largest_multiplier, not_examined, indeterminate
+  use attrito_stability_verdict, only: judge, largest_multiplier, band, not_examined, indeterminate
   implicit none
   private
   public :: examination_type, examine_options_type, examine, system_of, by_monodromy, by_hill
@@ -63,6 +63,8 @@ module attrito_stability_examine
     real(wp) :: distance = -1.0_wp
     !> What doubling the modes last changed of the multipliers by the monodromy; zero if all are in
     real(wp) :: change = 0.0_wp
+    !> Interval in which the largest modulus of the dynamic multipliers lies, where they do not decide; high < low: nothing is known
+    real(wp) :: low = 0.0_wp, high = -1.0_wp
   end type examination_type
 
 contains
@@ -153,6 +155,8 @@ contains
 
     self%reason = ''
     self%verdict = not_examined
+    self%low = 0.0_wp
+    self%high = -1.0_wp
     info = 0
     if (iand(options%methods, by_monodromy) /= 0) then
       call multipliers_of(system, orbit, period, self%monodromy, self%change, info)
@@ -165,10 +169,44 @@ contains
     end if
     self%verdict = verdict_of(self, .not. all(orbit%stuck))
     contact = max(grazing_contact(orbit, nudges(1)), grazing_contact(orbit, nudges(2)))
-    if (contact == 0) return
-    self%verdict = indeterminate
-    self%reason = 'contact '//number(contact - 1)//' grazes'
+    if (contact > 0) then
+      self%verdict = indeterminate
+      self%reason = 'contact '//number(contact - 1)//' grazes'
+    end if
+    call find_interval(system, period, orbit, nudges, contact > 0, self)
   end subroutine judge_orbit
+
+  !> Where the largest modulus lies if that does not decide: between those of the engines, and on both sides of a graze.
+  subroutine find_interval(system, period, orbit, nudges, grazes, self)
+    type(system_type), intent(in) :: system
+    real(wp), intent(in) :: period
+    type(orbit_legs_type), intent(in) :: orbit, nudges(2)
+    logical, intent(in) :: grazes
+    type(examination_type), intent(inout) :: self
+    type(multiplier_type), allocatable :: beside(:)
+    real(wp) :: change
+    integer :: i, info
+
+    if (self%verdict /= indeterminate) return
+    self%low = huge(1.0_wp)
+    if (allocated(self%monodromy)) call take_in(self%monodromy)
+    if (allocated(self%hill)) call take_in(self%hill)
+    do i = 1, merge(2, 0, grazes)
+      call multipliers_of(system, nudges(i), period, beside, change, info)
+      if (info == 0) call take_in(beside)
+    end do
+    self%low = max(0.0_wp, self%low - band(.not. all(orbit%stuck)))
+    self%high = self%high + band(.not. all(orbit%stuck))
+
+  contains
+
+    subroutine take_in(multipliers)
+      type(multiplier_type), intent(in) :: multipliers(:)
+
+      self%low = min(self%low, largest_multiplier(multipliers))
+      self%high = max(self%high, largest_multiplier(multipliers))
+    end subroutine take_in
+  end subroutine find_interval
 
   !> Legs of the balance's orbit, and with contacts nudged.
   subroutine balanced_legs(solver, motion, slider, orbit, nudges)
@@ -205,6 +243,8 @@ contains
     if (.not. found) then
       self%verdict = indeterminate
       self%reason = 'no event-exact orbit near that of the balance'
+      self%low = 0.0_wp
+      self%high = -1.0_wp
       return
     end if
     self%distance = moved

@@ -5,7 +5,7 @@ module attrito_stability_verdict
   use attrito_stability_multipliers, only: multiplier_type, kind_floquet
   implicit none
   private
-  public :: judge, largest_multiplier, not_examined, unstable, stable, indeterminate
+  public :: judge, largest_multiplier, band, not_examined, unstable, stable, indeterminate
 
   !> As `/points/stable` counts them, but for the last, which is told by the outcome
   integer, parameter :: not_examined = -1, unstable = 0, stable = 1, indeterminate = 2
@@ -25,8 +25,16 @@ contains
 
     excess = largest_multiplier(multipliers) - 1.0_wp
     judge = indeterminate
-    if (abs(excess) > merge(band_switching, band_linear, switches)) judge = merge(unstable, stable, excess > 0.0_wp)
+    if (abs(excess) > band(switches)) judge = merge(unstable, stable, excess > 0.0_wp)
   end function judge
+
+  !> What is left open of a modulus.
+  pure real(wp) function band(switches)
+    !> Does any contact slip or open?
+    logical, intent(in) :: switches
+
+    band = merge(band_switching, band_linear, switches)
+  end function band
 
   !> Largest modulus of those that decide.
   pure real(wp) function largest_multiplier(multipliers)

@@ -191,3 +191,25 @@ def test_a_loss_factor_is_examined_as_the_viscous_damping_equal_to_it(tmp_path):
         run(tmp_path, job)
         found.append(np.sort_complex(multipliers(table(tmp_path, "--multipliers"), "monodromy", "floquet")))
     assert np.abs(found[0] - found[1]).max() < 1e-9
+
+
+def test_at_a_graze_the_interval_of_the_largest_multiplier_begins_at_that_of_the_free_mass(tmp_path):
+    # Level wall at the amplitude of the free response along y: no contact on one side of it, a touch on the other.
+    job = wedge()
+    omega, damping = 2.0 * np.pi * 200.0, 20.0 * np.pi
+    gap = 5.0 / abs((500.0 * np.pi) ** 2 - omega**2 + 1j * damping * omega)
+    job["contact"][0] |= {"normal": [[1, 1.0]], "tangents": [[[0, 1.0]]], "gap": gap}
+    job["load"][0]["dofs"] = []
+    job["load"][1]["cosine"] = [[1, 5.0]]
+    job["sweep"] = {"frequencies_hz": [200.0]}
+    run(tmp_path, examined(job, "monodromy", orbit="balance"))
+    (point,) = table(tmp_path)
+    assert point["outcome"] == "indeterminate"
+    with h5py.File(tmp_path / "result.h5") as file:
+        low, high = (file[f"stability/{name}"][0] for name in ("low", "high"))
+        assert file["stability/reason"].asstr()[0] == "contact 0 grazes"
+    # Free: exp(-c T / 2), less the 1e-5 that is left open of a modulus. A touch of 1e-8 of the amplitude lasts
+    # 2 sqrt(2e-8)/omega, in which kn changes the flow by kn 2.8e-4/omega^2 at most.
+    free = np.exp(-0.5 * damping / 200.0)
+    assert low == pytest.approx(free - 1e-5, abs=1e-9)
+    assert 2e-5 < high - low < 2e-5 + 3.0e5 * 2.9e-4 / omega**2
