@@ -183,13 +183,19 @@ def _parser() -> argparse.ArgumentParser:
     one.set_defaults(work=_keys)
 
     one = commands.add_parser("verify", help="reproduce Zucca & Firrone 2014: figures, data, and a table of numbers")
-    one.add_argument("what", choices=["paper", "torture"], help="the paper, or methods on thousands of small scenes")
-    one.add_argument("-o", "--output", metavar="DIR", help="folder to write (default: out/paper, out/torture)")
+    one.add_argument(
+        "what",
+        choices=["paper", "torture", "integrators"],
+        help="the paper, methods on thousands of small scenes, or largest stable steps of integrators on some of these",
+    )
+    one.add_argument("-o", "--output", metavar="DIR", help="folder to write (default: out/paper, out/torture, ...)")
     one.add_argument("--harmonics", type=int, default=5, help="harmonics of the balance (default: 5, as in the paper)")
     one.add_argument(
         "--quick", action="store_true", help="coarse curves, few scenes, and nothing that needs many harmonics"
     )
-    one.add_argument("--scenes", type=_positive, metavar="N", help="torture: at least so many scenes (default: all)")
+    one.add_argument(
+        "--scenes", type=_positive, metavar="N", help="so many of the small scenes (default: all; integrators: 500)"
+    )
     one.set_defaults(work=_verify)
 
     one = commands.add_parser("export", help="motion of the whole structure at points -> VTU or XDMF, animated")
@@ -376,6 +382,14 @@ def _verify(options: argparse.Namespace) -> None:
 
         scenes = options.scenes or (QUICK_SCENES if options.quick else None)
         verify_torture(MPI.COMM_WORLD, options.output or "out/torture", scenes)
+        return
+    if options.what == "integrators":
+        from mpi4py import MPI
+
+        from attrito.verify.torture.integrators import QUICK, verify_integrators
+
+        scenes = options.scenes or (QUICK if options.quick else None)
+        verify_integrators(MPI.COMM_WORLD, options.output or "out/integrators", scenes)
         return
     from attrito.verify import verify_paper
 

@@ -5,10 +5,13 @@ from __future__ import annotations
 import csv
 import os
 import random
+import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from attrito.plots import save
 from attrito.verify.torture import pictures, report
@@ -30,6 +33,8 @@ def verify_torture(
 ) -> str:
     """Run the grid into a folder, families shared out over ranks; returns the report's path.
 
+    Every family is kept in the folder `parts` as it is done, until all are: a run that was ended goes on from there.
+
     Parameters
     ----------
     folder : gets `torture.h5`, `scenes.csv`, `figures.csv`, `report.md`, `verdicts.png` and `methods.png`
@@ -40,18 +45,19 @@ def verify_torture(
     started = time.perf_counter()
     mine = chosen[comm.rank :: comm.size]
     columns, told = [], started
+    place = Path(folder)
     for number, family in enumerate(mine, 1):
-        columns.append(solve_family(family))
+        columns.append(_solved(place / "parts", family))
         if comm.rank == 0 and time.perf_counter() - told > SILENCE:
             told = time.perf_counter()
             say(f"{number} of {len(mine)} families, {told - started:.0f} s")
     parts = comm.gather((mine, columns))
-    place = Path(folder)
     if comm.rank == 0:
         place.mkdir(parents=True, exist_ok=True)
         known = {family: one for families_of, found in parts for family, one in zip(families_of, found, strict=True)}
         ordered = [family for family in families() if family in known]
         write(place, gather(ordered, [known[family] for family in ordered]))
+        shutil.rmtree(place / "parts")
         say(f"{len(ordered) * FREQUENCIES} scenes in {time.perf_counter() - started:.0f} s: {place / 'report.md'}")
     return str(place / "report.md")
 
@@ -61,6 +67,20 @@ def choose(scenes: int | None) -> list[Family]:
     every = families()
     random.Random(SEED).shuffle(every)
     return every if scenes is None else every[: -(-scenes // FREQUENCIES)]
+
+
+def _solved(parts: Path, family: Family) -> dict[str, np.ndarray]:
+    """Columns of a family, from its file if that is there."""
+    path = parts / f"{family.name.replace('/', '_')}.npz"
+    if path.is_file():
+        with np.load(path) as file:
+            return dict(file)
+    columns = solve_family(family)
+    parts.mkdir(parents=True, exist_ok=True)
+    with path.with_suffix(".new").open("wb") as file:
+        np.savez(file, **columns)
+    path.with_suffix(".new").replace(path)
+    return columns
 
 
 def write(place: Path, grid: Grid) -> None:

@@ -56,7 +56,8 @@ COLUMNS = {
     "verdict": "index into the attribute names",
     "right": "1: motion in time bears the verdict out, 0: it does not, -1: it says nothing of it",
     "explanation": "of a verdict that is not borne out: index into the attribute names",
-    "seconds_verdict": "processor time of solution, verdict and motion in time, mean over the family, s",
+    "seconds_verdict": "processor time of solution and verdict, and of motion in time where there is none, s",
+    "seconds_check": "processor time of the motion in time that a verdict is held against, s",
     "seconds_methods": "processor time of all other methods, s",
 }
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -24,7 +26,7 @@ LONGEST_PERIOD = 32
 # seconds in which it falls by 1e11. Samples of its last period; change a period that counts as none.
 CYCLES, SECONDS, SAMPLES, PERIODICITY = 2 * LONGEST_PERIOD, 0.8, 128, 1e-8
 # Every so many frequencies each attempt of the cascade is made by itself.
-METHODS_EVERY = 4
+METHODS_EVERY = 8
 METHODS = ("coupled", "uncoupled", *ATTEMPTS)
 # Why a verdict is missing, or what decided it, by a part of the library's sentence.
 REASONS = {
@@ -51,52 +53,59 @@ class Columns:
             self.data[name] = np.full(self.count, np.nan)
         self.data[name][index] = value
 
+    @contextmanager
+    def timed(self, name: str, index: int) -> Iterator[None]:
+        """Add the processor time that passes meanwhile."""
+        started = time.process_time()
+        yield
+        self.data[name][index] += time.process_time() - started
+
 
 def solve_family(family: Family, harmonics: int = HARMONICS) -> dict[str, np.ndarray]:
-    """Columns `[frequencies]` of one family; see `columns.py` for what they mean."""
+    """Columns `[frequencies]` of one family; see `grid.py` for what they mean."""
     scene, grid = family.scene(), frequencies()
     columns = Columns(len(grid))
-    started = time.process_time()
     options = Options(harmonics=harmonics, samples=max(128, 8 * harmonics), by_events=True)
     with Integrator(scene) as session, Solver(MPI.COMM_SELF, scene, options) as solver:
-        _coupled(columns, scene, session, solver, harmonics, grid)
-    spent = time.process_time() - started
+        _coupled(columns, scene, session, solver, grid)
+    started = time.process_time()
     _uncoupled(columns, scene, harmonics, grid)
-    columns.data["seconds_verdict"] = np.full(len(grid), (spent - columns.data["seconds_methods"].sum()) / len(grid))
-    columns.data["seconds_methods"] += (time.process_time() - started - spent) / len(grid)
+    columns.data["seconds_methods"] += (time.process_time() - started) / len(grid)
     return columns.data
 
 
-def _coupled(columns, scene: ReducedScene, session: Integrator, solver: Solver, harmonics: int, grid) -> None:
+def _coupled(columns: Columns, scene: ReducedScene, session: Integrator, solver: Solver, grid: np.ndarray) -> None:
+    for name in ("static_failed", "seconds_verdict", "seconds_check", "seconds_methods"):
+        columns.data[name] = np.zeros(len(grid))
     try:
         solver.walk_static_path(PATH, STATIC_STEPS, grid[0])
     except NumericsError:
-        columns.data |= {"static_failed": np.ones(len(grid)), "seconds_methods": np.zeros(len(grid))}
+        columns.data["static_failed"][:] = 1.0
         return
-    columns.data["static_failed"] = np.zeros(len(grid))
-    columns.data["seconds_methods"] = np.zeros(len(grid))
     members = Members(MPI.COMM_SELF, solver, session.contacts, len(scene.monitors))
     points = solver.solve_at(list(grid), 1.0, 0)
     for i in range(len(grid)):
         # Attempts start from the point before, which the first has not.
         if i % METHODS_EVERY == METHODS_EVERY - 1:
-            started = time.process_time()
-            _try_each(columns, solver, i, grid[i])
-            columns.put("seconds_methods", i, time.process_time() - started)
-        point = next(points)
+            with columns.timed("seconds_methods", i):
+                _try_each(columns, solver, i, grid[i])
+        with columns.timed("seconds_verdict", i):
+            point = next(points)
+            decided = point.outcome == "converged" and _examine(columns, solver, i)
         _keep(columns, "coupled", i, point)
         columns.put("estimate", i, point.estimate)
-        state = None
-        if point.outcome == "converged":
-            _examine(columns, solver, i)
-            state = _state(point, members)
-            session.start(*_tuple(pushed(state, point.amplitude.max(), 2.0 * np.pi * grid[i])), PATH[-1])
-        else:
-            session.start_static(PATH)
-        _in_time(columns, session, point, i, grid[i], state is not None)
+        # Where there is a verdict motion in time is the check of it, elsewhere it is what is known.
+        with columns.timed("seconds_check" if decided else "seconds_verdict", i):
+            if point.outcome == "converged":
+                state = _state(point, members)
+                session.start(*_tuple(pushed(state, point.amplitude.max(), 2.0 * np.pi * grid[i])), PATH[-1])
+            else:
+                session.start_static(PATH)
+            _in_time(columns, session, point, i, grid[i])
 
 
-def _examine(columns: Columns, solver: Solver, index: int) -> None:
+def _examine(columns: Columns, solver: Solver, index: int) -> bool:
+    """Keep what is found of a point's stability; returns whether it has a verdict."""
     report, reason = examine_point(solver, ENGINES["monodromy"], ORBITS["auto"])
     columns.put("stable", index, report.verdict)
     columns.put("orbit_distance", index, report.distance if report.distance >= 0.0 else np.nan)
@@ -105,6 +114,7 @@ def _examine(columns: Columns, solver: Solver, index: int) -> None:
         real, imaginary, kind = fetch_multipliers(solver, ENGINES["monodromy"], report.monodromy)
         dynamic = kind == KINDS.index("floquet")
         columns.put("largest_multiplier", index, np.hypot(real, imaginary)[dynamic].max(initial=0.0))
+    return report.verdict in (0, 1)
 
 
 def _try_each(columns: Columns, solver: Solver, index: int, frequency_hz: float) -> None:
@@ -130,7 +140,7 @@ def _keep(columns: Columns, method: str, index: int, point: Point) -> None:
     columns.put(f"{method}_amplitude", index, point.amplitude[0] if solved else np.nan)
 
 
-def _in_time(columns: Columns, session: Integrator, point: Point, index: int, frequency_hz: float, near: bool) -> None:
+def _in_time(columns: Columns, session: Integrator, point: Point, index: int, frequency_hz: float) -> None:
     """Motion in time from the solution, pushed a little, or from the static solution: where it goes."""
     choices = Run(
         frequency_hz,
@@ -145,7 +155,7 @@ def _in_time(columns: Columns, session: Integrator, point: Point, index: int, fr
     columns.put("time_period", index, orbit.period)
     columns.put("time_amplitude", index, orbit.amplitude[0])
     columns.put("time_cycles", index, orbit.cycles)
-    if near:
+    if point.outcome == "converged":
         columns.put("time_distance", index, distance(point, orbit))
 
 

@@ -45,6 +45,7 @@ def figures(grid: Grid) -> dict[str, float]:
         "verdicts_right_percent": 100.0 * float((data["right"] == 1).sum()) / max(1, int(checked.sum())),
         "verdicts_unexplained": float(unexplained.sum()),
         "seconds_verdicts": float(np.nansum(data["seconds_verdict"])),
+        "seconds_check": float(np.nansum(data["seconds_check"])),
         "seconds_methods": float(np.nansum(data["seconds_methods"])),
     }
 
@@ -53,7 +54,8 @@ def _counts(grid: Grid) -> list[str]:
     numbers = figures(grid)
     ratios = [f"{ratio:g}" for ratio in RATIOS]
     lines = [
-        f"Processor time: {numbers['seconds_verdicts']:.0f} s for solutions, verdicts and motion in time,"
+        f"Processor time: {numbers['seconds_verdicts']:.0f} s for solutions and verdicts, with motion in time where"
+        f" there are none, {numbers['seconds_check']:.0f} s to hold verdicts against motion in time,"
         f" {numbers['seconds_methods']:.0f} s for the other methods. Newton iterations, median over all scenes:"
         f" {numbers['median_iterations']:g}; over those solved: {numbers['median_iterations_solved']:g}.\n",
         "## Verdicts by contact stiffness\n",

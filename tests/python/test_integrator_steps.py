@@ -1,0 +1,104 @@
+"""Largest stable steps of the schemes of time integration: theory, sharp to one step a period, and their study."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+
+import numpy as np
+import pytest
+from jobs import attrito
+
+from attrito.integrator import Integrator
+from attrito.verify.torture.integrators import (
+    FEWEST_STEPS,
+    FINEST,
+    GROWTH,
+    LIMIT,
+    PATH,
+    SCHEMES,
+    draw,
+    highest_frequencies,
+    is_bounded,
+    march,
+    steps_tried,
+)
+from attrito.verify.torture.scenes import DAMPING, FORCE, Family
+
+STUCK = Family(1, 100.0, 3.0, "large", 45.0)
+OPEN = Family(1, 100.0, 0.3, "apart", 0.0)
+
+
+def outcome(scene, family, scheme, frequency_hz, steps):
+    """A march from the static solution, and whether it is bounded."""
+    with Integrator(scene) as session:
+        session.start_static(PATH)
+        orbit = march(session, session.state(), frequency_hz, scheme, steps)
+    return is_bounded(orbit, family), orbit
+
+
+@pytest.mark.parametrize(("family", "which"), [(STUCK, 0), (OPEN, 1)], ids=["stuck", "open"])
+@pytest.mark.parametrize("damping", [1.0, 10.0])
+def test_central_difference_is_bounded_up_to_two_over_the_highest_frequency_whatever_the_damping(
+    family, which, damping
+):
+    scene = family.scene()
+    # The highest mode moves along y.
+    along_y = np.array([[0.0, 0.0], [FORCE, 0.1 * FORCE], [0.0, 0.0]])
+    scene = dataclasses.replace(scene, damping=damping * DAMPING * np.eye(2), harmonic=along_y)
+    frequency_hz = 63.0
+    highest = highest_frequencies(scene)[which] / (2.0 * np.pi * frequency_hz)
+    # h omega <= 2: with one step a period fewer it grows by 1.1 and more a step, over hundreds of steps.
+    fewest = int(np.ceil(2.0 * np.pi * highest / LIMIT))
+    assert 2.0 * np.pi * highest / (fewest - 1) > 1.005 * LIMIT
+    stable, orbit = outcome(scene, family, "central_difference", frequency_hz, fewest)
+    assert stable
+    if family is STUCK:
+        assert orbit.stick[0] == pytest.approx(1.0)
+    else:
+        assert orbit.open[0] == pytest.approx(1.0)
+    assert not outcome(scene, family, "central_difference", frequency_hz, fewest - 1)[0]
+
+
+@pytest.mark.parametrize("scheme", [scheme for scheme in SCHEMES if scheme != "central_difference"])
+def test_implicit_and_exponential_schemes_are_stable_at_any_step_where_a_contact_sticks(scheme):
+    family = dataclasses.replace(STUCK, ratio=1.0e4)
+    scene = family.scene()
+    stable, orbit = outcome(scene, family, scheme, 63.0, FEWEST_STEPS)
+    # Two hundred times what central difference allows.
+    assert (
+        2.0 * np.pi * highest_frequencies(scene)[0] / (2.0 * np.pi * 63.0) / FEWEST_STEPS * 2.0 * np.pi > 100.0 * LIMIT
+    )
+    assert stable
+    assert orbit.stick[0] == pytest.approx(1.0)
+
+
+def test_steps_that_are_tried_grow_by_a_factor_from_the_finest_to_a_quarter_of_a_period():
+    counts = steps_tried(50.0)
+    sizes = 2.0 * np.pi * 50.0 / np.array(counts)
+    assert sizes[0] <= FINEST
+    assert counts[-1] == FEWEST_STEPS
+    # Whole numbers of steps: half a step in the fewest but one.
+    assert np.all(np.diff(sizes) > 0.0)
+    assert np.all(sizes[1:-1] / sizes[:-2] == pytest.approx(GROWTH, rel=0.15))
+
+
+def test_scenes_are_drawn_once_each_and_are_no_more_than_there_are():
+    assert len(set(draw(500))) == 500
+    assert len(draw(10**6)) == 14_400
+
+
+def test_the_study_of_steps_finds_theory_where_contacts_stick(tmp_path):
+    done = attrito(tmp_path, "verify", "integrators", "--scenes", "4", "-o", "steps")
+    assert done.returncode == 0, done.stdout + done.stderr
+    with (tmp_path / "steps" / "steps.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert {row["scheme"] for row in rows} == set(SCHEMES)
+    for row in rows:
+        assert 0.0 <= float(row["stable"]) < float(row["fails"])
+        if "True" in (row["slips"], row["opens"]):
+            continue
+        # Linear: no step within the limit of central difference fails, and none at all of the others.
+        assert float(row["fails"]) > (LIMIT if row["scheme"] == "central_difference" else 1e300)
+    assert (tmp_path / "steps" / "report.md").read_text().startswith("# Largest stable steps, 4 scenes")
+    assert (tmp_path / "steps" / "steps.png").stat().st_size > 0
