@@ -205,8 +205,7 @@ TABLES: dict[str, dict[str, Key]] = {
         "method": Key(
             choice("none", "monodromy", "hill", "both"),
             "none",
-            "examine every point; `both` must agree. Contacts that slip or open with one tangent, coupled balance"
-            " ([method.md](method.md#stability))",
+            "examine every point; `both` must agree. Coupled balance ([method.md](method.md#stability))",
         ),
         "orbit": Key(
             choice("auto", "balance", "exact"),

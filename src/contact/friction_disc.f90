@@ -17,7 +17,7 @@ module attrito_contact_friction_disc
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open
   implicit none
   private
-  public :: slide_on_disc
+  public :: slide_on_disc, slip_type, turn
 
   !> A step that ends on the rim, w = u - r e, and how the angle of e follows what the step is made of
   type :: slip_type

@@ -11,6 +11,7 @@
 module attrito_integrate_schemes
   use attrito_core_kinds, only: wp
   use attrito_integrate_equilibrium, only: operator_type, new_operator, solve_equilibrium, apply
+  use attrito_integrate_exponential, only: exponential_weights
   use attrito_integrate_loading, only: loading_type, load_at
   use attrito_integrate_return_map, only: return_contacts, slip_directions
   use attrito_integrate_state, only: state_type
@@ -68,7 +69,7 @@ contains
      case (scheme_central_difference)
       call new_operator(system, 1.0_wp + 0.5_wp*self%h*system%damping, 0.5_wp*self%h, 1.0_wp, self%implicit)
      case (scheme_exponential)
-      call set_weights(system, self)
+      self%weights = exponential_weights(system%eigenvalues, system%damping, self%h)
       call new_operator(system, 1.0_wp/self%weights(4, 1, :), 0.0_wp, 1.0_wp, self%implicit)
      case default
       associate (c => 1.0_wp - self%alpha_f, h => self%h)
@@ -207,37 +208,4 @@ contains
     state%rate = rate
     state%slider = new_slider
   end subroutine step_exponential
-
-  !> Of each mode by the exponential of (p, p', F, F') under p'' = F - Lambda p - D p': series of a short time, squared up.
-  pure subroutine set_weights(system, self)
-    type(system_type), intent(in) :: system
-    type(scheme_type), intent(inout) :: self
-    integer, parameter :: squarings = 10
-    real(wp) :: a(4, 4), power(4, 4), sum(4, 4)
-    integer :: r, k
-
-    allocate (self%weights(4, 2, size(system%eigenvalues)))
-    do r = 1, size(system%eigenvalues)
-      a = 0.0_wp
-      a(1, 2) = 1.0_wp
-      a(2, 1:3) = [-system%eigenvalues(r), -system%damping(r), 1.0_wp]
-      a(3, 4) = 1.0_wp
-      a = a*self%h/2**squarings
-      power = 0.0_wp
-      do k = 1, 4
-        power(k, k) = 1.0_wp
-      end do
-      sum = power
-      do k = 1, 16
-        power = matmul(power, a)/k
-        sum = sum + power
-      end do
-      do k = 1, squarings
-        sum = matmul(sum, sum)
-      end do
-      self%weights(1:2, :, r) = transpose(sum(1:2, 1:2))
-      self%weights(4, :, r) = sum(1:2, 4)/self%h
-      self%weights(3, :, r) = sum(1:2, 3) - sum(1:2, 4)/self%h
-    end do
-  end subroutine set_weights
 end module attrito_integrate_schemes

@@ -15,7 +15,8 @@ module attrito_stability_multipliers
   use attrito_stability_reduced, only: reduce_to
   implicit none
   private
-  public :: multiplier_type, multipliers_of, in_modes, sorted_multipliers, kind_floquet, kind_slip, kind_stuck, kind_names
+  public :: multiplier_type, multipliers_of, in_modes, sorted_multipliers, restrict_to_range, largest_change
+  public :: kind_floquet, kind_slip, kind_stuck, kind_names
 
   integer, parameter :: kind_floquet = 0, kind_slip = 1, kind_stuck = 2
   character(7), parameter :: kind_names(0:2) = [character(7) :: 'floquet', 'slip', 'stuck']

@@ -17,15 +17,19 @@ module attrito_stability_verdict
 contains
 
   !> One of `unstable`, `stable`, `indeterminate`.
-  pure integer function judge(multipliers, switches)
+  pure integer function judge(multipliers, switches, uncertain)
     type(multiplier_type), intent(in) :: multipliers(:)
     !> Does any contact slip or open?
     logical, intent(in) :: switches
-    real(wp) :: excess
+    !> How well the multipliers are known; beyond doubt unless given
+    real(wp), intent(in), optional :: uncertain
+    real(wp) :: excess, open
 
     excess = largest_multiplier(multipliers) - 1.0_wp
+    open = band(switches)
+    if (present(uncertain)) open = max(open, uncertain)
     judge = indeterminate
-    if (abs(excess) > band(switches)) judge = merge(unstable, stable, excess > 0.0_wp)
+    if (abs(excess) > open) judge = merge(unstable, stable, excess > 0.0_wp)
   end function judge
 
   !> What is left open of a modulus.

@@ -155,11 +155,33 @@ def test_every_multiplier_of_the_chain_is_found_by_both_engines(tmp_path):
     assert max(np.abs(hill - value).min() for value in large) < 1e-4
 
 
-def test_contacts_with_two_tangents_that_slip_are_not_examined_and_that_is_told(tmp_path):
+def rubbing_in_space() -> Job:
+    """A chain of which every contact slips along both tangents."""
     job = chain(3, 2)
     job["load"][1]["cosine"], job["load"][1]["sine"] = [[0, 60.0]], [[3, 30.0]]
     job["sweep"] = {"frequencies_hz": [80.0]}
-    run(tmp_path, examined(job))
+    return job
+
+
+def test_contacts_that_slip_along_two_tangents_have_the_same_multipliers_on_the_orbit_of_motion_in_time(tmp_path):
+    found = []
+    for orbit, ranks in (("balance", None), ("exact", 2)):
+        run(tmp_path, examined(rubbing_in_space(), orbit=orbit), ranks=ranks)
+        (point,) = table(tmp_path)
+        assert (point["outcome"], point["stable"]) == ("converged", "true")
+        rows = table(tmp_path, "--multipliers")
+        assert {row["method"] for row in rows} == {"monodromy"}
+        # Two of each of nine modes and one of each contact's direction; a zero of each contact's slider.
+        assert [row["kind"] for row in rows] == 21 * ["floquet"] + 3 * ["slip"]
+        found.append(multipliers(rows, "monodromy", "floquet"))
+        with h5py.File(tmp_path / "result.h5") as file:
+            assert 0.0 < file["stability/change"][0] < 1e-3
+    # Each is known to within the change told; five harmonics and 512 samples leave out as much.
+    assert max(np.abs(found[1] - value).min() for value in found[0]) < 2e-3
+
+
+def test_hills_problem_alone_does_not_examine_contacts_that_slip_along_two_tangents_and_that_is_told(tmp_path):
+    run(tmp_path, examined(rubbing_in_space(), "hill"))
     (point,) = table(tmp_path)
     assert (point["outcome"], point["stable"]) == ("converged", "")
     with h5py.File(tmp_path / "result.h5") as file:

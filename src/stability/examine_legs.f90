@@ -1,0 +1,228 @@
+!> Stability of an orbit whose contacts slip along one tangent at most: on the balance's orbit, and where that is not enough on the
+!> event-exact one; what multipliers leave open is decided by integration in time.
+module attrito_stability_examine_legs
+  use attrito_core_kinds, only: wp
+  use attrito_model_contacts, only: contact_type
+  use attrito_continuation_solver, only: solver_type
+  use attrito_integrate_loading, only: loading_type
+  use attrito_integrate_state, only: state_type
+  use attrito_integrate_system, only: system_type
+  use attrito_stability_examination, only: examination_type, examine_options_type, is_sure, number, farthest, by_monodromy, by_hill, &
+                                           balanced_orbit, exact_orbit
+  use attrito_stability_examine_sampled, only: examine_sampled_in_time
+  use attrito_stability_graze, only: nudged, grazing_contact
+  use attrito_stability_hill, only: hill_multipliers, too_large
+  use attrito_stability_in_time, only: decide_in_time, settle
+  use attrito_stability_leg, only: orbit_legs_type, legs_of_motion
+  use attrito_stability_multipliers, only: multiplier_type, multipliers_of
+  use attrito_stability_shooting, only: shoot, march_period
+  use attrito_stability_start, only: loading_of, start_of
+  use attrito_stability_verdict, only: judge, largest_multiplier, band, not_examined, indeterminate
+  implicit none
+  private
+  public :: examine_legs
+
+  !> Multipliers that the two engines may differ by and still agree
+  real(wp), parameter :: agreement = 1.0e-3_wp
+
+contains
+
+  !> Examine a motion of all contacts [2 H + 1, rows] with sliders [2, contacts]; those with two tangents stick.
+  subroutine examine_legs(solver, system, options, motion, slider, self)
+    type(solver_type), intent(in) :: solver
+    type(system_type), intent(in) :: system
+    type(examine_options_type), intent(in) :: options
+    real(wp), intent(in) :: motion(:, :), slider(:, :)
+    type(examination_type), intent(inout) :: self
+    type(orbit_legs_type) :: orbit, nudges(2)
+    type(loading_type) :: loading
+    type(state_type) :: start
+
+    loading = loading_of(solver, system)
+    if (options%orbit /= exact_orbit .or. any(system%law%tangents > 1)) then
+      call balanced_legs(solver, motion, slider(1, :), orbit, nudges)
+      call judge_orbit(system, options, loading%period, orbit, nudges, self)
+      if (options%orbit == balanced_orbit .or. all(orbit%stuck) .or. self%verdict == not_examined) return
+      if (options%orbit /= exact_orbit .and. is_sure(self, options%truncation)) return
+      if (any(system%law%tangents > 1)) then
+        call examine_sampled_in_time(solver, system, options, slider, self)
+        return
+      end if
+    end if
+    start = start_of(solver, system, slider(1, :))
+    call exact_legs(system, loading, swings_of(system%law, motion), start, orbit, nudges, self)
+    if (self%distance < 0.0_wp) return
+    call judge_orbit(system, options, loading%period, orbit, nudges, self)
+    if (self%verdict /= indeterminate .or. .not. options%decide) return
+    self%verdict = decide_in_time(system, loading, start)
+    if (self%verdict /= indeterminate) self%reason = self%reason//'; decided by integration in time'
+  end subroutine examine_legs
+
+  !> Multipliers of an orbit and what they say.
+  subroutine judge_orbit(system, options, period, orbit, nudges, self)
+    type(system_type), intent(in) :: system
+    type(examine_options_type), intent(in) :: options
+    real(wp), intent(in) :: period
+    !> Its legs, and those with contacts nudged
+    type(orbit_legs_type), intent(in) :: orbit, nudges(2)
+    type(examination_type), intent(inout) :: self
+    integer :: info, contact
+
+    self%reason = ''
+    self%verdict = not_examined
+    self%low = 0.0_wp
+    self%high = -1.0_wp
+    info = 0
+    if (iand(options%methods, by_monodromy) /= 0) then
+      call multipliers_of(system, orbit, period, self%monodromy, self%change, info)
+    end if
+    if (iand(options%methods, by_hill) /= 0 .and. info == 0) call hill_multipliers(system, orbit, period, self%hill, info)
+    if (info /= 0) then
+      self%reason = 'eigenvalues were not found'
+      if (info == too_large) self%reason = 'too many contacts slip or open for Hill''s problem'
+      if (.not. allocated(self%monodromy)) return
+    end if
+    self%verdict = verdict_of(self, .not. all(orbit%stuck))
+    contact = max(grazing_contact(orbit, nudges(1)), grazing_contact(orbit, nudges(2)))
+    if (contact > 0) then
+      self%verdict = indeterminate
+      self%reason = 'contact '//number(contact - 1)//' grazes'
+    end if
+    call find_interval(system, period, orbit, nudges, contact > 0, self)
+  end subroutine judge_orbit
+
+  !> Where the largest modulus lies if that does not decide: between those of the engines, and on both sides of a graze.
+  subroutine find_interval(system, period, orbit, nudges, grazes, self)
+    type(system_type), intent(in) :: system
+    real(wp), intent(in) :: period
+    type(orbit_legs_type), intent(in) :: orbit, nudges(2)
+    logical, intent(in) :: grazes
+    type(examination_type), intent(inout) :: self
+    type(multiplier_type), allocatable :: beside(:)
+    real(wp) :: change
+    integer :: i, info
+
+    if (self%verdict /= indeterminate) return
+    self%low = huge(1.0_wp)
+    if (allocated(self%monodromy)) call take_in(self%monodromy)
+    if (allocated(self%hill)) call take_in(self%hill)
+    do i = 1, merge(2, 0, grazes)
+      call multipliers_of(system, nudges(i), period, beside, change, info)
+      if (info == 0) call take_in(beside)
+    end do
+    self%low = max(0.0_wp, self%low - band(.not. all(orbit%stuck)))
+    self%high = self%high + band(.not. all(orbit%stuck))
+
+  contains
+
+    subroutine take_in(multipliers)
+      type(multiplier_type), intent(in) :: multipliers(:)
+
+      self%low = min(self%low, largest_multiplier(multipliers))
+      self%high = max(self%high, largest_multiplier(multipliers))
+    end subroutine take_in
+  end subroutine find_interval
+
+  !> Legs of the balance's orbit, and with contacts nudged.
+  subroutine balanced_legs(solver, motion, slider, orbit, nudges)
+    type(solver_type), intent(in) :: solver
+    real(wp), intent(in) :: motion(:, :), slider(:)
+    type(orbit_legs_type), intent(out) :: orbit, nudges(2)
+    integer :: i
+
+    associate (law => solver%contacts%law, grid => solver%context%balance%grid)
+      call legs_of_motion(law, grid, motion, slider, orbit)
+      do i = 1, 2
+        call legs_of_motion(nudged(law, swings_of(law, motion), 2*i - 3), grid, motion, slider, nudges(i))
+      end do
+    end associate
+  end subroutine balanced_legs
+
+  !> Legs of the event-exact orbit, and of a period with contacts nudged; indeterminate if there is none near the balance's.
+  subroutine exact_legs(system, loading, swings, start, orbit, nudges, self)
+    type(system_type), intent(in) :: system
+    type(loading_type), intent(in) :: loading
+    !> Size of each contact's normal displacement
+    real(wp), intent(in) :: swings(:)
+    !> Of the balance's period, then of the orbit's
+    type(state_type), intent(inout) :: start
+    type(orbit_legs_type), intent(out) :: orbit, nudges(2)
+    type(examination_type), intent(inout) :: self
+    type(system_type) :: other
+    type(state_type) :: state
+    real(wp) :: range, moved
+    logical :: found
+    integer :: i
+
+    call find_exact(system, loading, start, orbit, moved, found)
+    if (.not. found) then
+      self%verdict = indeterminate
+      self%reason = 'no event-exact orbit near that of the balance'
+      self%low = 0.0_wp
+      self%high = -1.0_wp
+      return
+    end if
+    self%distance = moved
+    other = system
+    do i = 1, 2
+      other%law = nudged(system%law, swings, 2*i - 3)
+      state = start
+      call march_period(other, loading, state, nudges(i), range)
+    end do
+  end subroutine exact_legs
+
+  !> The event-exact orbit near the balance's, by Newton's method from there, or from what motion in time settles to.
+  subroutine find_exact(system, loading, start, orbit, moved, found)
+    type(system_type), intent(in) :: system
+    type(loading_type), intent(in) :: loading
+    !> Of the balance's period, then of the orbit's
+    type(state_type), intent(inout) :: start
+    type(orbit_legs_type), intent(out) :: orbit
+    !> Distance, part of the motion's half range
+    real(wp), intent(out) :: moved
+    logical, intent(out) :: found
+    type(state_type) :: origin
+    real(wp) :: range
+
+    origin = start
+    call shoot(system, loading, start, orbit, moved, found)
+    found = found .and. moved <= farthest
+    if (found) return
+    start = origin
+    call settle(system, loading, start, range, found)
+    if (.not. found) return
+    call shoot(system, loading, start, orbit, moved, found)
+    moved = norm2(start%motion - origin%motion)/range
+    found = found .and. moved <= farthest
+  end subroutine find_exact
+
+  !> Size of each contact's normal displacement, without its mean.
+  pure function swings_of(law, motion) result(swing)
+    type(contact_type), intent(in) :: law(:)
+    real(wp), intent(in) :: motion(:, :)
+    real(wp) :: swing(size(law))
+    integer :: i
+
+    swing = [(sum(abs(motion(2:, law(i)%first_row + 1))), i=1, size(law))]
+  end function swings_of
+
+  !> Of the engines that were asked for: they must agree.
+  integer function verdict_of(self, switches) result(verdict)
+    type(examination_type), intent(inout) :: self
+    logical, intent(in) :: switches
+
+    verdict = not_examined
+    if (allocated(self%monodromy)) verdict = judge(self%monodromy, switches)
+    if (.not. allocated(self%hill)) then
+      if (verdict == indeterminate) self%reason = 'a multiplier is 1 in modulus'
+      return
+    end if
+    if (.not. allocated(self%monodromy)) verdict = judge(self%hill, switches)
+    if (verdict == indeterminate) self%reason = 'a multiplier is 1 in modulus'
+    if (.not. allocated(self%monodromy)) return
+    if (abs(largest_multiplier(self%monodromy) - largest_multiplier(self%hill)) <= agreement .and. &
+        verdict == judge(self%hill, switches)) return
+    verdict = indeterminate
+    self%reason = 'monodromy and Hill''s problem differ'
+  end function verdict_of
+end module attrito_stability_examine_legs

@@ -1,0 +1,248 @@
+!> Multipliers of orbits on which contacts slip along two tangents or open, with the error that samples leave.
+!>
+!> Samples are doubled until the largest multiplier is known well enough to say on which side of the unit circle it lies. What the
+!> last doubling changed is the error told: at second order three times what is left.
+module attrito_stability_examine_sampled
+  use attrito_core_kinds, only: wp
+  use attrito_continuation_solver, only: solver_type
+  use attrito_integrate_loading, only: loading_type
+  use attrito_integrate_state, only: state_type
+  use attrito_integrate_system, only: system_type
+  use attrito_stability_examination, only: examination_type, examine_options_type, is_sure, number, farthest, by_monodromy, &
+                                           balanced_orbit, exact_orbit
+  use attrito_stability_graze, only: nudged, grazing_contact
+  use attrito_stability_multipliers, only: multiplier_type, largest_change
+  use attrito_stability_sampled_motion, only: sampled_motion_type, motion_of_harmonics
+  use attrito_stability_sampled_multipliers, only: sampled_multipliers
+  use attrito_stability_sampled_orbit, only: sampled_orbit_type, new_sampled_orbit, legs_of_orbit
+  use attrito_stability_sampled_shooting, only: shoot_sampled
+  use attrito_stability_start, only: loading_of, start_of
+  use attrito_stability_verdict, only: judge, largest_multiplier, band, indeterminate
+  implicit none
+  private
+  public :: examine_sampled, examine_sampled_in_time, sampled_examination_type, examine_in_time
+
+  !> Samples a period
+  integer, parameter :: fewest = 256, most = 4096
+  !> Change of multipliers that is small enough, and the same as a part of the distance from the unit circle
+  real(wp), parameter :: accepted = 1.0e-3_wp, accepted_part = 0.1_wp
+
+  type :: sampled_examination_type
+    type(multiplier_type), allocatable :: multipliers(:)
+    !> By the last doubling of samples
+    real(wp) :: change = 0.0_wp
+    !> A contact that grazes, 0: none
+    integer :: grazes = 0
+    !> Interval of the largest modulus: what samples leave open, and both sides of a graze; high < low: nothing is known
+    real(wp) :: low = 0.0_wp, high = -1.0_wp
+    !> Why there are no multipliers
+    character(:), allocatable :: failure
+  end type sampled_examination_type
+
+  !> Modes beyond which contacts that slip along two tangents are not examined: the flow takes all
+  integer, parameter :: most_modes = 200
+
+  character(*), parameter :: no_orbit = 'no orbit of motion in time near that of the balance'
+
+contains
+
+  !> Examine a motion of all contacts [2 H + 1, rows] with sliders at its start [2, contacts]: on the balance's orbit, then, where
+  !> need be, on that of motion in time.
+  subroutine examine_sampled(solver, system, options, motion, slider, self)
+    type(solver_type), intent(in) :: solver
+    type(system_type), intent(in) :: system
+    type(examine_options_type), intent(in) :: options
+    real(wp), intent(in) :: motion(:, :), slider(:, :)
+    type(examination_type), intent(inout) :: self
+    type(loading_type) :: loading
+    type(sampled_examination_type) :: sampled
+
+    if (iand(options%methods, by_monodromy) == 0) then
+      self%reason = 'a contact slips along two tangents or opens, which Hill''s problem here does not know'
+    else if (size(system%eigenvalues) > most_modes) then
+      self%reason = 'too many modes for contacts that slip along two tangents'
+    end if
+    if (len(self%reason) > 0) return
+    if (options%orbit /= exact_orbit) then
+      loading = loading_of(solver, system)
+      call examine_harmonics(system, loading%period, motion, slider, sampled)
+      call judge_sampled(sampled, self)
+      if (options%orbit == balanced_orbit .or. is_sure(self, options%truncation)) return
+    end if
+    call examine_sampled_in_time(solver, system, options, slider, self)
+  end subroutine examine_sampled
+
+  !> On the orbit of motion in time near the balance's.
+  subroutine examine_sampled_in_time(solver, system, options, slider, self)
+    type(solver_type), intent(in) :: solver
+    type(system_type), intent(in) :: system
+    type(examine_options_type), intent(in) :: options
+    !> [2, contacts]
+    real(wp), intent(in) :: slider(:, :)
+    type(examination_type), intent(inout) :: self
+    type(state_type) :: start
+    type(sampled_examination_type) :: sampled
+    real(wp) :: moved
+
+    if (iand(options%methods, by_monodromy) == 0 .or. size(system%eigenvalues) > most_modes) return
+    start = start_of(solver, system, slider(1, :))
+    start%slider = slider
+    call examine_in_time(system, loading_of(solver, system), start, moved, sampled)
+    if (moved > farthest) sampled%failure = no_orbit
+    call judge_sampled(sampled, self)
+    if (len(sampled%failure) == 0) self%distance = moved
+  end subroutine examine_sampled_in_time
+
+  !> What multipliers of a sampled orbit say.
+  subroutine judge_sampled(sampled, self)
+    type(sampled_examination_type), intent(in) :: sampled
+    type(examination_type), intent(inout) :: self
+
+    self%verdict = indeterminate
+    self%reason = sampled%failure
+    self%low = 0.0_wp
+    self%high = -1.0_wp
+    if (len(sampled%failure) > 0) return
+    self%monodromy = sampled%multipliers
+    self%change = sampled%change
+    self%verdict = judge(self%monodromy, .true., self%change)
+    if (self%verdict == indeterminate) self%reason = 'a multiplier is 1 in modulus, as far as samples tell'
+    if (sampled%grazes > 0) then
+      self%verdict = indeterminate
+      self%reason = 'contact '//number(sampled%grazes - 1)//' grazes'
+    end if
+    if (self%verdict /= indeterminate) return
+    self%low = sampled%low
+    self%high = sampled%high
+  end subroutine judge_sampled
+
+  !> Of a balance's motion of all rows [2 H + 1, rows], with sliders at its start [2, contacts].
+  subroutine examine_harmonics(system, period, motion, slider, self)
+    type(system_type), intent(in) :: system
+    !> In units of the clock
+    real(wp), intent(in) :: period
+    real(wp), intent(in) :: motion(:, :), slider(:, :)
+    type(sampled_examination_type), intent(out) :: self
+    type(sampled_motion_type) :: sampled
+    integer :: samples
+
+    self%failure = ''
+    samples = fewest
+    do
+      sampled = motion_of_harmonics(motion, samples)
+      call add_sampled(system, period, sampled, slider, self)
+      if (is_enough(self, samples)) exit
+      samples = 2*samples
+    end do
+    call look_for_graze(system, period, sampled, slider, self)
+  end subroutine examine_harmonics
+
+  !> Of the orbit of motion in time that lies near a state.
+  subroutine examine_in_time(system, loading, start, moved, self)
+    type(system_type), intent(in) :: system
+    type(loading_type), intent(in) :: loading
+    !> Where the search starts, then where the orbit's period starts
+    type(state_type), intent(inout) :: start
+    !> How far the orbit lies from there, relative to the motion's half range
+    real(wp), intent(out) :: moved
+    type(sampled_examination_type), intent(out) :: self
+    type(sampled_motion_type) :: sampled
+    real(wp) :: further
+    integer :: samples
+    logical :: found
+
+    self%failure = ''
+    samples = fewest
+    moved = 0.0_wp
+    do
+      call shoot_sampled(system, loading, samples, start, sampled, further, found)
+      moved = max(moved, further)
+      if (.not. found) then
+        self%failure = no_orbit
+        return
+      end if
+      call add_sampled(system, loading%period, sampled, start%slider, self)
+      if (is_enough(self, samples)) exit
+      samples = 2*samples
+    end do
+    call look_for_graze(system, loading%period, sampled, start%slider, self)
+  end subroutine examine_in_time
+
+  !> Multipliers of a sampled motion, and what they changed of those before.
+  subroutine add_sampled(system, period, motion, slider, self)
+    type(system_type), intent(in) :: system
+    real(wp), intent(in) :: period
+    type(sampled_motion_type), intent(in) :: motion
+    real(wp), intent(in) :: slider(:, :)
+    type(sampled_examination_type), intent(inout) :: self
+    type(sampled_orbit_type) :: orbit
+    type(multiplier_type), allocatable :: before(:)
+    integer :: info
+
+    if (allocated(self%multipliers)) call move_alloc(self%multipliers, before)
+    call new_sampled_orbit(system%law, motion, slider, orbit)
+    if (.not. orbit%periodic) then
+      self%failure = 'a slider does not come back within the periods it was followed'
+      return
+    end if
+    call sampled_multipliers(system, orbit, period, self%multipliers, info)
+    if (info /= 0) then
+      self%failure = 'eigenvalues were not found'
+      return
+    end if
+    self%change = huge(1.0_wp)
+    if (allocated(before)) self%change = largest_change(before, self%multipliers)
+  end subroutine add_sampled
+
+  pure logical function is_enough(self, samples)
+    type(sampled_examination_type), intent(in) :: self
+    integer, intent(in) :: samples
+
+    is_enough = len(self%failure) > 0 .or. samples >= most
+    if (is_enough) return
+    is_enough = self%change <= min(accepted, accepted_part*abs(largest_multiplier(self%multipliers) - 1.0_wp))
+  end function is_enough
+
+  !> A contact whose deeds change with friction and gap by hardly anything, and the interval of the largest modulus.
+  subroutine look_for_graze(system, period, motion, slider, self)
+    type(system_type), intent(in) :: system
+    real(wp), intent(in) :: period
+    type(sampled_motion_type), intent(in) :: motion
+    real(wp), intent(in) :: slider(:, :)
+    type(sampled_examination_type), intent(inout) :: self
+    type(sampled_orbit_type) :: orbit, beside(2)
+    type(multiplier_type), allocatable :: multipliers(:)
+    integer :: i, info
+
+    if (len(self%failure) > 0) return
+    call new_sampled_orbit(system%law, motion, slider, orbit)
+    do i = 1, 2
+      call new_sampled_orbit(nudged(system%law, swings(), 2*i - 3), motion, slider, beside(i))
+      self%grazes = max(self%grazes, grazing_contact(legs_of_orbit(orbit), legs_of_orbit(beside(i))))
+    end do
+    self%low = largest_multiplier(self%multipliers)
+    self%high = self%low
+    do i = 1, merge(2, 0, self%grazes > 0)
+      call sampled_multipliers(system, beside(i), period, multipliers, info)
+      if (info /= 0) cycle
+      self%low = min(self%low, largest_multiplier(multipliers))
+      self%high = max(self%high, largest_multiplier(multipliers))
+    end do
+    self%low = max(0.0_wp, self%low - max(self%change, band(.true.)))
+    self%high = self%high + max(self%change, band(.true.))
+
+  contains
+
+    !> Size of each contact's normal displacement.
+    pure function swings() result(swing)
+      real(wp) :: swing(size(system%law))
+      integer :: contact
+
+      do contact = 1, size(swing)
+        associate (v => motion%displacement(:, system%law(contact)%first_row + system%law(contact)%tangents))
+          swing(contact) = 0.5_wp*(maxval(v) - minval(v))
+        end associate
+      end do
+    end function swings
+  end subroutine look_for_graze
+end module attrito_stability_examine_sampled

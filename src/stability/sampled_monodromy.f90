@@ -1,0 +1,341 @@
+!> The linearised flow over a period of a sampled orbit, whose contacts may slip along two tangents.
+!>
+!> $$ \delta p'' + D \delta p' + \Lambda \delta p = - \Phi^T B^T \delta g, \qquad \delta T = \mu k_n \delta v\, e + k_t r\, \delta e
+!>    \;\text{(slip)}, \quad k_t (\delta u - \delta w) \;\text{(stick)}, \quad 0 \;\text{(open)} $$
+!>
+!> e turns with u by e' = (u' - (e . u') e)/r; its perturbation, an angle, is carried by the exact derivative of the step that
+!> carries e. Modes are carried exactly under forces that are linear over a step, the forces at its end by one linear solve for the
+!> contacts that do not stick. Steps end at switches, for these forces jump there:
+!>
+!>   slip begins:  r d(angle) = e_across . (du - dw),     slip ends:  dw = du - (mu kn/kt) dv e - r d(angle) e_across,
+!>   landing:      dw = du - (u'/v') dv, or, if it slips at once, along du' by the step itself.
+!>
+!> Of second order in the samples: polygons in e, and forces that are linear over steps; places of switches are better than that.
+module attrito_stability_sampled_monodromy
+  use attrito_core_kinds, only: wp
+  use attrito_core_lapack, only: solve_dense
+  use attrito_contact_state, only: regime_stick, regime_slip, regime_open
+  use attrito_integrate_exponential, only: exponential_weights
+  use attrito_integrate_system, only: system_type
+  use attrito_stability_sampled_orbit, only: sampled_orbit_type
+  implicit none
+  private
+  public :: sampled_monodromy, memory_type, memory_of
+
+  !> Of motion and rate [m, columns], sliders that stick [2, contacts, columns], and angles of slip times their radius [contacts,
+  !> columns]
+  type :: perturbation_type
+    real(wp), allocatable :: motion(:, :), rate(:, :), slider(:, :, :), angle(:, :)
+  end type perturbation_type
+
+  !> A number that a contact remembers where the period begins: a component of its slider (1, 2), or its direction of slip (0)
+  type :: memory_type
+    integer :: contact = 0, component = 0
+  end type memory_type
+
+  !> Contacts that do not stick throughout: their rows, those of B Phi and the accelerations that their forces make [m, rows], and
+  !> where each contact's begin among them, 0 where it sticks [contacts]
+  type :: active_type
+    real(wp), allocatable :: seen(:, :), pushed(:, :)
+    integer, allocatable :: first(:)
+  end type active_type
+
+contains
+
+  !> What contacts that slip or open in the period remember where it begins.
+  pure function memory_of(system, orbit) result(memory)
+    type(system_type), intent(in) :: system
+    type(sampled_orbit_type), intent(in) :: orbit
+    type(memory_type), allocatable :: memory(:)
+    integer :: i, a
+
+    allocate (memory(0))
+    do i = 1, size(orbit%stuck)
+      if (orbit%stuck(i)) cycle
+      if (orbit%regime(i, 1) == regime_stick) memory = [memory, (memory_type(i, a), a=1, system%law(i)%tangents)]
+      if (orbit%regime(i, 1) == regime_slip .and. system%law(i)%tangents > 1) memory = [memory, memory_type(i, 0)]
+    end do
+  end function memory_of
+
+  !> What a unit change of each of (motion [m], rate by the clock [m], memory) becomes in a period.
+  function sampled_monodromy(system, orbit, period) result(matrix)
+    type(system_type), intent(in) :: system
+    type(sampled_orbit_type), intent(in) :: orbit
+    !> In units of the clock
+    real(wp), intent(in) :: period
+    real(wp), allocatable :: matrix(:, :)
+    type(memory_type), allocatable :: memory(:)
+    type(perturbation_type) :: now
+    type(active_type) :: active
+    real(wp) :: weights(4, 2, size(system%eigenvalues)), h, h_of_weights
+    integer :: m, n, i, step
+
+    memory = memory_of(system, orbit)
+    m = size(system%eigenvalues)
+    n = 2*m + size(memory)
+    now = unit_perturbations(m, size(orbit%stuck), memory)
+    active = active_of(system, orbit)
+    h_of_weights = 0.0_wp
+    do step = 1, size(orbit%regime, 2)
+      if (step > 1) call change_regimes(system, orbit, step - 1, step, now)
+      h = period*(orbit%times(step) - orbit%times(step - 1))
+      if (abs(h - h_of_weights) > 1.0e-12_wp*h) then
+        weights = exponential_weights(system%eigenvalues, system%damping, h)
+        h_of_weights = h
+      end if
+      call step_on(system, orbit, step, active, weights, now)
+    end do
+    call change_regimes(system, orbit, size(orbit%regime, 2), 1, now)
+    allocate (matrix(n, n))
+    matrix(:m, :) = now%motion
+    matrix(m + 1:2*m, :) = now%rate
+    do i = 1, size(memory)
+      if (memory(i)%component > 0) matrix(2*m + i, :) = now%slider(memory(i)%component, memory(i)%contact, :)
+      if (memory(i)%component == 0) matrix(2*m + i, :) = now%angle(memory(i)%contact, :)
+    end do
+  end function sampled_monodromy
+
+  pure function unit_perturbations(m, contacts, memory) result(now)
+    integer, intent(in) :: m, contacts
+    type(memory_type), intent(in) :: memory(:)
+    type(perturbation_type) :: now
+    integer :: n, i
+
+    n = 2*m + size(memory)
+    allocate (now%motion(m, n), now%rate(m, n), now%slider(2, contacts, n), now%angle(contacts, n), source=0.0_wp)
+    do i = 1, m
+      now%motion(i, i) = 1.0_wp
+      now%rate(i, m + i) = 1.0_wp
+    end do
+    do i = 1, size(memory)
+      if (memory(i)%component > 0) now%slider(memory(i)%component, memory(i)%contact, 2*m + i) = 1.0_wp
+      if (memory(i)%component == 0) now%angle(memory(i)%contact, 2*m + i) = 1.0_wp
+    end do
+  end function unit_perturbations
+
+  pure function active_of(system, orbit) result(self)
+    type(system_type), intent(in) :: system
+    type(sampled_orbit_type), intent(in) :: orbit
+    type(active_type) :: self
+    integer, allocatable :: rows(:)
+    integer :: i, a
+
+    allocate (rows(0))
+    allocate (self%first(size(orbit%stuck)), source=0)
+    do i = 1, size(orbit%stuck)
+      if (orbit%stuck(i)) cycle
+      self%first(i) = size(rows) + 1
+      associate (law => system%law(i))
+        rows = [rows, (law%first_row + a, a=0, law%tangents)]
+      end associate
+    end do
+    self%seen = system%rows(:, rows)
+    self%pushed = system%pushes(:, rows)
+  end function active_of
+
+  !> What contacts remember where they begin to do something else.
+  subroutine change_regimes(system, orbit, before, after, now)
+    type(system_type), intent(in) :: system
+    type(sampled_orbit_type), intent(in) :: orbit
+    !> Steps
+    integer, intent(in) :: before, after
+    type(perturbation_type), intent(inout) :: now
+    real(wp) :: du(2, size(now%motion, 2)), dv(size(now%motion, 2)), direction(2), across(2)
+    integer :: i, a, n
+
+    do i = 1, size(orbit%stuck)
+      if (orbit%regime(i, before) == orbit%regime(i, after)) cycle
+      associate (law => system%law(i), old => orbit%regime(i, before), new => orbit%regime(i, after))
+        n = law%tangents
+        du = 0.0_wp
+        du(:n, :) = matmul(transpose(system%rows(:, law%first_row:law%first_row + n - 1)), now%motion)
+        dv = matmul(system%rows(:, law%first_row + n), now%motion)
+        if (old == regime_stick .and. new == regime_slip) then
+          direction = orbit%direction(:, i, after)
+          across = [-direction(2), direction(1)]
+          now%angle(i, :) = matmul(across, du - now%slider(:, i, :))
+        else if (new == regime_stick .and. old == regime_slip) then
+          direction = orbit%turned(i, before)%e
+          across = [-direction(2), direction(1)]
+          do a = 1, n
+            now%slider(a, i, :) = du(a, :) - law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness*direction(a)*dv &
+                                  - across(a)*now%angle(i, :)
+          end do
+        else if (new == regime_stick) then
+          do a = 1, n
+            now%slider(a, i, :) = du(a, :) - orbit%landing_slope(a, i, after)*dv
+          end do
+        else
+          now%angle(i, :) = 0.0_wp
+        end if
+      end associate
+    end do
+  end subroutine change_regimes
+
+  !> One step: forces at its beginning, the motion without those at its end, these, the motion.
+  subroutine step_on(system, orbit, step, active, weights, now)
+    type(system_type), intent(in) :: system
+    type(sampled_orbit_type), intent(in) :: orbit
+    integer, intent(in) :: step
+    type(active_type), intent(in) :: active
+    real(wp), intent(in) :: weights(:, :, :)
+    type(perturbation_type), intent(inout) :: now
+    real(wp), dimension(size(now%motion, 1), size(now%motion, 2)) :: before, after, free, rate
+    real(wp), dimension(size(active%seen, 2), size(now%motion, 2)) :: from, to, constant
+    real(wp), dimension(size(active%seen, 2), size(active%seen, 2)) :: stiffness, compliance, matrix
+    integer :: pass, i, info
+
+    from = matmul(transpose(active%seen), now%motion)
+    before = -matmul(active%pushed, forces_before(system, orbit, step, active, from, now))
+    if (allocated(system%coupling)) before = before - matmul(system%coupling, now%rate)
+    call forces_after(system, orbit, step, active, from, now, stiffness, constant)
+    compliance = matmul(transpose(active%seen), spread(weights(4, 1, :), 2, size(from, 1))*active%pushed)
+    rate = now%rate
+    do pass = 1, merge(3, 1, allocated(system%coupling))
+      after = 0.0_wp
+      if (allocated(system%coupling)) after = -matmul(system%coupling, rate)
+      free = times(weights(1, 1, :), now%motion) + times(weights(2, 1, :), now%rate) + times(weights(3, 1, :), before) &
+             + times(weights(4, 1, :), after)
+      matrix = matmul(compliance, stiffness)
+      do i = 1, size(matrix, 1)
+        matrix(i, i) = matrix(i, i) + 1.0_wp
+      end do
+      to = matmul(transpose(active%seen), free) - matmul(compliance, constant)
+      call solve_dense(matrix, to, info)
+      after = after - matmul(active%pushed, matmul(stiffness, to) + constant)
+      rate = times(weights(1, 2, :), now%motion) + times(weights(2, 2, :), now%rate) + times(weights(3, 2, :), before) &
+             + times(weights(4, 2, :), after)
+    end do
+    call turn_directions(system, orbit, step, active, from, to, now)
+    now%motion = free - matmul(spread(weights(4, 1, :), 2, size(from, 1))*active%pushed, matmul(stiffness, to) + constant)
+    now%rate = rate
+  end subroutine step_on
+
+  !> Each row times its weight.
+  pure function times(weight, matrix) result(product)
+    real(wp), intent(in) :: weight(:), matrix(:, :)
+    real(wp) :: product(size(matrix, 1), size(matrix, 2))
+
+    product = spread(weight, 2, size(matrix, 2))*matrix
+  end function times
+
+  !> g of the active rows where a step begins [rows, columns].
+  pure function forces_before(system, orbit, step, active, from, now) result(g)
+    type(system_type), intent(in) :: system
+    type(sampled_orbit_type), intent(in) :: orbit
+    integer, intent(in) :: step
+    type(active_type), intent(in) :: active
+    !> Displacements of the active rows there [rows, columns]
+    real(wp), intent(in) :: from(:, :)
+    type(perturbation_type), intent(in) :: now
+    real(wp) :: g(size(from, 1), size(from, 2)), across(2)
+    integer :: i, a
+
+    g = 0.0_wp
+    do i = 1, size(active%first)
+      if (active%first(i) == 0) cycle
+      associate (law => system%law(i), u => active%first(i), v => active%first(i) + system%law(i)%tangents, &
+                 e => orbit%direction(:, i, step))
+        across = [-e(2), e(1)]
+        if (orbit%regime(i, step) == regime_open) g(v, :) = -law%normal_stiffness*from(v, :)
+        do a = 1, law%tangents
+          select case (orbit%regime(i, step))
+           case (regime_stick)
+            g(u + a - 1, :) = -law%tangential_stiffness*now%slider(a, i, :)
+           case (regime_slip)
+            g(u + a - 1, :) = law%friction_coefficient*law%normal_stiffness*e(a)*from(v, :) &
+                              + law%tangential_stiffness*(across(a)*now%angle(i, :) - from(u + a - 1, :))
+           case default
+            g(u + a - 1, :) = -law%tangential_stiffness*from(u + a - 1, :)
+          end select
+        end do
+      end associate
+    end do
+  end function forces_before
+
+  !> g of the active rows where a step ends, stiffness d + constant.
+  pure subroutine forces_after(system, orbit, step, active, from, now, stiffness, constant)
+    type(system_type), intent(in) :: system
+    type(sampled_orbit_type), intent(in) :: orbit
+    integer, intent(in) :: step
+    type(active_type), intent(in) :: active
+    !> Displacements of the active rows where it begins [rows, columns]
+    real(wp), intent(in) :: from(:, :)
+    type(perturbation_type), intent(in) :: now
+    !> [rows, rows], [rows, columns]
+    real(wp), intent(out) :: stiffness(:, :), constant(:, :)
+    real(wp) :: across(2), slope
+    integer :: i, a, n
+
+    stiffness = 0.0_wp
+    constant = 0.0_wp
+    do i = 1, size(active%first)
+      if (active%first(i) == 0) cycle
+      n = system%law(i)%tangents
+      associate (law => system%law(i), u => active%first(i), v => active%first(i) + n, turned => orbit%turned(i, step))
+        if (orbit%regime(i, step) == regime_open) stiffness(v, v) = -law%normal_stiffness
+        if (orbit%regime(i, step) == regime_slip) across = law%tangential_stiffness*turned%radius*[-turned%e(2), turned%e(1)]
+        slope = law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness
+        do a = 1, n
+          associate (row => u + a - 1)
+            if (orbit%regime(i, step) == regime_stick) then
+              constant(row, :) = -law%tangential_stiffness*now%slider(a, i, :)
+            else
+              stiffness(row, row) = -law%tangential_stiffness
+            end if
+            if (orbit%regime(i, step) /= regime_slip) cycle
+            constant(row, :) = across(a)*kept_angle(system, orbit, step, i, from(u:v, :), now)
+            stiffness(row, u:v - 1) = stiffness(row, u:v - 1) + across(a)*turned%by_to(:n)
+            stiffness(row, v) = law%tangential_stiffness*slope*turned%e(a) + across(a)*slope*turned%by_radii(2)
+          end associate
+        end do
+      end associate
+    end do
+  end subroutine forces_after
+
+  !> What the direction at a step's end has of what was at its beginning: of the direction, displacements and radius [columns].
+  pure function kept_angle(system, orbit, step, contact, from, now) result(angle)
+    type(system_type), intent(in) :: system
+    type(sampled_orbit_type), intent(in) :: orbit
+    integer, intent(in) :: step, contact
+    !> Of the contact's rows [rows, columns]
+    real(wp), intent(in) :: from(:, :)
+    type(perturbation_type), intent(in) :: now
+    real(wp) :: angle(size(from, 2)), kept
+    integer :: n
+
+    associate (law => system%law(contact), turned => orbit%turned(contact, step), e => orbit%direction(:, contact, step), &
+               radius => orbit%radius(contact, step))
+      n = law%tangents
+      ! `by_slider` is by the angle at the beginning, against the turn.
+      kept = -dot_product(turned%by_slider, [-e(2), e(1)])
+      angle = matmul(turned%by_from(:n), from(:n, :)) + law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness &
+              *turned%by_radii(1)*from(n + 1, :)
+      if (abs(kept) > 0.0_wp) angle = angle + kept/radius*now%angle(contact, :)
+    end associate
+  end function kept_angle
+
+  !> Directions of slip, as angles times radius, at the end of a step.
+  pure subroutine turn_directions(system, orbit, step, active, from, to, now)
+    type(system_type), intent(in) :: system
+    type(sampled_orbit_type), intent(in) :: orbit
+    integer, intent(in) :: step
+    type(active_type), intent(in) :: active
+    !> Displacements of the active rows at both ends [rows, columns]
+    real(wp), intent(in) :: from(:, :), to(:, :)
+    type(perturbation_type), intent(inout) :: now
+    real(wp) :: angle(size(from, 2))
+    integer :: i, n
+
+    do i = 1, size(active%first)
+      if (active%first(i) == 0) cycle
+      if (orbit%regime(i, step) /= regime_slip) cycle
+      n = system%law(i)%tangents
+      associate (law => system%law(i), u => active%first(i), v => active%first(i) + n, turned => orbit%turned(i, step))
+        angle = kept_angle(system, orbit, step, i, from(u:v, :), now) + matmul(turned%by_to(:n), to(u:v - 1, :)) &
+                + law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness*turned%by_radii(2)*to(v, :)
+        now%angle(i, :) = turned%radius*angle
+      end associate
+    end do
+  end subroutine turn_directions
+end module attrito_stability_sampled_monodromy

@@ -1,0 +1,382 @@
+!> Stability of orbits whose contacts slip along two tangents, by the flow of a sampled orbit.
+program test_stability_discs
+  use attrito_core_errors, only: error_type
+  use attrito_core_kinds, only: wp, two_pi
+  use attrito_contact_state, only: regime_slip
+  use attrito_continuation_cascade, only: solve_by_cascade
+  use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
+  use attrito_continuation_static_path, only: walk_static_path
+  use attrito_integrate_loading, only: loading_type, new_loading, new_profile
+  use attrito_integrate_state, only: state_type, new_state
+  use attrito_integrate_system, only: system_type, new_system
+  use attrito_model_contacts, only: contact_type, new_contacts
+  use attrito_model_structure, only: damping_viscous
+  use attrito_stability_examine_sampled, only: sampled_examination_type, examine_in_time
+  use attrito_stability_leg, only: orbit_legs_type, legs_of_motion
+  use attrito_stability_multipliers, only: multiplier_type, multipliers_of, kind_floquet, kind_slip
+  use attrito_stability_sampled_monodromy, only: sampled_monodromy
+  use attrito_stability_sampled_motion, only: sampled_motion_type, motion_of_harmonics
+  use attrito_stability_sampled_multipliers, only: sampled_multipliers
+  use attrito_stability_sampled_orbit, only: sampled_orbit_type, new_sampled_orbit
+  use attrito_stability_sampled_shooting, only: march_samples, shoot_sampled
+  use attrito_stability_start, only: loading_of, start_of
+  use attrito_stability_verdict, only: judge, largest_multiplier, stable, unstable
+  use scenes, only: scene_type, wedge
+  use session, only: run_in_session, only_me
+  use testing, only: test, check, check_close
+  implicit none
+
+  call run_in_session('stability_discs', [ &
+                      test('a contact that slips round a circle forgets its direction at the known rate', circle), &
+                      test('contacts of one tangent have the multipliers of the event-exact flow, to second order', lines), &
+                      test('a motion in a plane has the multipliers of its plane beside those across it', plane), &
+                      test('the monodromy is the derivative of the flow', derivative), &
+                      test('an orbit of motion in time is left or come back to as its multipliers say', verdicts)])
+
+contains
+
+  !> Two equal oscillators under a rotating load, and a contact too soft to move them: u runs round a circle of radius R, the slider
+  !> follows on one of radius sqrt(R^2 - r^2), across its direction, which forgets by exp(-2 pi sqrt(R^2 - r^2)/r) a period.
+  subroutine circle(error)
+    type(error_type), allocatable, intent(out) :: error
+    real(wp), parameter :: ratio = 1.2_wp
+    type(scene_type) :: scene
+    type(system_type) :: system
+    type(sampled_orbit_type) :: orbit
+    type(multiplier_type), allocatable :: multipliers(:)
+    real(wp) :: motion(3, 3), apart(2), expected
+    integer :: i, info
+
+    scene = rotating_scene(ratio)
+    call new_system(scene%structure, scene%contacts, system, error)
+    if (allocated(error)) return
+    ! u = (cos, sin) theta
+    motion = reshape([0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], [3, 3])
+    expected = exp(-two_pi*sqrt(ratio**2 - 1.0_wp))
+    do i = 1, 2
+      call new_sampled_orbit(system%law, motion_of_harmonics(motion, 64*i), reshape([0.0_wp, 0.0_wp], [2, 1]), orbit)
+      call check(error, orbit%periodic .and. all(orbit%regime == regime_slip), 'it does not slip throughout')
+      call sampled_multipliers(system, orbit, two_pi/0.5_wp*system%clock, multipliers, info)
+      call check(error, info == 0, 'no eigenvalues')
+      if (allocated(error)) return
+      call check(error, count(multipliers%kind == kind_floquet) == 5 .and. count(multipliers%kind == kind_slip) == 1, 'kinds')
+      apart(i) = minval(abs(multipliers%value - expected))
+    end do
+    ! Chords of angle a lie on R^2 (1 - a^2/6) in the mean, which the exponent follows; the next order is a^2 of it, some 1e-2.
+    call check_close(error, apart(1)/expected, (two_pi/64)**2/12*ratio**2/(ratio**2 - 1.0_wp)*abs(log(expected)), 1.0e-3_wp, &
+                     'multiplier')
+    call check_close(error, log(apart(1)/apart(2))/log(2.0_wp), 2.0_wp, 0.2_wp, 'order')
+  end subroutine circle
+
+  function rotating_scene(ratio) result(scene)
+    !> Radius of the circle over that of the disc
+    real(wp), intent(in) :: ratio
+    type(scene_type) :: scene
+    type(contact_type) :: law
+    real(wp) :: eye(2, 2)
+
+    eye = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [2, 2])
+    law = contact_type(tangents=2, tangential_stiffness=1.0e-9_wp, normal_stiffness=1.0e-9_wp, friction_coefficient=0.5_wp, &
+                       preload=2.0e-9_wp/ratio)
+    scene%contacts = new_contacts([law], reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp], [2, 3]))
+    scene%structure%mass = eye
+    scene%structure%stiffness = eye
+    scene%structure%damping_kind = damping_viscous
+    scene%structure%damping = 0.02_wp*eye
+    scene%structure%static_loads = reshape([0.0_wp, 0.0_wp], [2, 1])
+    scene%structure%harmonic_load = reshape([0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [2, 3])
+    allocate (scene%structure%monitors(2, 0))
+  end function rotating_scene
+
+  !> The wedge with stiff contacts, which slip, open and land: multipliers of the balance's orbit by both flows.
+  subroutine lines(error)
+    type(error_type), allocatable, intent(out) :: error
+
+    call compare_tangents(1, error)
+  end subroutine lines
+
+  !> The same in space, with a spring across the plane.
+  subroutine plane(error)
+    type(error_type), allocatable, intent(out) :: error
+
+    call compare_tangents(2, error)
+  end subroutine plane
+
+  subroutine compare_tangents(tangents, error)
+    integer, intent(in) :: tangents
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_type) :: scene
+    type(system_type) :: system, flat
+    type(solver_type) :: solver
+    type(orbit_legs_type) :: legs
+    type(sampled_orbit_type) :: orbit
+    type(multiplier_type), allocatable :: known(:), multipliers(:)
+    real(wp), allocatable :: motion(:, :)
+    real(wp) :: apart(2), change, slider(2, 1)
+    integer :: i, j, info, number
+
+    do number = 1, 2
+      scene = wedge(45.0_wp)
+      if (number == 2) call stiffen(scene)
+      call balance(scene, merge(132.0_wp, 110.0_wp, number == 1), merge(5.0_wp, 1.0_wp, number == 1), solver, error)
+      if (allocated(error)) return
+      call new_system(solver%structure, solver%contacts, flat, error)
+      associate (context => solver%context%balance)
+        slider(:, 1) = [context%forces(1)%slider(1), 0.0_wp]
+        call legs_of_motion(flat%law, context%grid, solver%motion, slider(1, :), legs)
+      end associate
+      call multipliers_of(flat, legs, two_pi/solver%omega*flat%clock, known, change, info)
+      motion = solver%motion
+      system = flat
+      if (tangents == 2) then
+        call spread_out(scene)
+        call new_system(scene%structure, scene%contacts, system, error)
+        motion = reshape([motion(:, 1), 0.0_wp*motion(:, 1), motion(:, 2)], [size(motion, 1), 3])
+      end if
+      do i = 1, 2
+        call new_sampled_orbit(system%law, motion_of_harmonics(motion, 512*i), slider, orbit)
+        call check(error, orbit%periodic, 'the slider does not come back')
+        call sampled_multipliers(system, orbit, two_pi/solver%omega*system%clock, multipliers, info)
+        call check(error, info == 0, 'no eigenvalues')
+        if (allocated(error)) return
+        apart(i) = maxval([(minval(abs(multipliers%value - known(j)%value)), j=1, size(known))])
+      end do
+      ! The step turns by 2 pi/512 in the excitation and by some twenty times that in the fastest mode: (0.25)^2/12 = 5e-3 of what it
+      ! adds to a multiplier, which is less than a tenth of it.
+      call check_close(error, apart(1), 0.0_wp, 5.0e-4_wp, 'multipliers')
+      call check_close(error, log(apart(1)/apart(2))/log(2.0_wp), 2.0_wp, 0.1_wp, 'order')
+      call solver%destroy()
+    end do
+  end subroutine compare_tangents
+
+  !> Stiff contacts, 20 N of preload, 60 N along x.
+  subroutine stiffen(scene)
+    type(scene_type), intent(inout) :: scene
+
+    scene%contacts%law%tangential_stiffness = 3.0e6_wp
+    scene%contacts%law%normal_stiffness = 3.0e6_wp
+    scene%contacts = new_contacts(scene%contacts%law, scene%contacts%directions)
+    scene%structure%static_loads = reshape([0.0_wp, 20.0_wp], [2, 1])
+    scene%structure%harmonic_load(:, 2) = [60.0_wp, 0.0_wp]
+  end subroutine stiffen
+
+  !> A third coordinate across the plane, its own spring and damper, and a second tangent along it.
+  subroutine spread_out(scene)
+    type(scene_type), intent(inout) :: scene
+    type(scene_type) :: flat
+    type(contact_type) :: law
+
+    flat = scene
+    law = flat%contacts%law(1)
+    law%tangents = 2
+    associate (structure => scene%structure, b => flat%contacts%directions)
+      scene%contacts = new_contacts([law], reshape([b(:, 1), 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, b(:, 2), 0.0_wp], [3, 3]))
+      deallocate (structure%mass, structure%stiffness, structure%damping, structure%static_loads, structure%harmonic_load, &
+                  structure%monitors)
+      allocate (structure%mass(3, 3), structure%stiffness(3, 3), structure%damping(3, 3), structure%static_loads(3, 1), &
+                structure%harmonic_load(3, 3), structure%monitors(3, 0), source=0.0_wp)
+      structure%mass(:2, :2) = flat%structure%mass
+      structure%stiffness(:2, :2) = flat%structure%stiffness
+      structure%damping(:2, :2) = flat%structure%damping
+      structure%static_loads(:2, :) = flat%structure%static_loads
+      structure%harmonic_load(:2, :) = flat%structure%harmonic_load
+      structure%mass(3, 3) = 1.0_wp
+      structure%stiffness(3, 3) = (two_pi*180.0_wp)**2
+      structure%damping(3, 3) = 60.0_wp
+    end associate
+  end subroutine spread_out
+
+  !> The stiff wedge in space, also shaken across its plane: the system in time, and where its balance's period starts.
+  subroutine balance_in_space(frequency_hz, system, loading, start, error)
+    real(wp), intent(in) :: frequency_hz
+    type(system_type), intent(out) :: system
+    type(loading_type), intent(out) :: loading
+    type(state_type), intent(out) :: start
+    type(error_type), allocatable, intent(inout) :: error
+    type(scene_type) :: scene
+    type(solver_type) :: solver
+
+    scene = wedge(45.0_wp)
+    call stiffen(scene)
+    call spread_out(scene)
+    scene%structure%harmonic_load(3, 3) = 20.0_wp
+    call balance(scene, frequency_hz, 1.0_wp, solver, error)
+    if (allocated(error)) return
+    call new_system(solver%structure, solver%contacts, system, error)
+    if (allocated(error)) return
+    loading = loading_of(solver, system)
+    associate (slider => solver%context%balance%forces(1)%slider)
+      start = start_of(solver, system, slider(1:1))
+      start%slider(:, 1) = slider
+    end associate
+    call solver%destroy()
+  end subroutine balance_in_space
+
+  subroutine balance(scene, frequency_hz, level, solver, error)
+    type(scene_type), intent(in) :: scene
+    real(wp), intent(in) :: frequency_hz, level
+    type(solver_type), intent(out) :: solver
+    type(error_type), allocatable, intent(inout) :: error
+    type(error_type), allocatable :: fault
+
+    call new_solver(scene%structure, scene%contacts, only_me(), &
+                    solver_options_type(harmonics=20, samples=512, by_events=.true.), solver, fault)
+    if (.not. allocated(fault)) call walk_static_path(solver, reshape([1.0_wp], [1, 1]), 20, two_pi*frequency_hz, fault)
+    if (allocated(fault)) call check(error, .false., fault%message)
+    if (allocated(error)) return
+    call solver%set_loads([1.0_wp], level)
+    call solver%set_scales(two_pi*85.0_wp, two_pi*140.0_wp)
+    call solve_by_cascade(solver, two_pi*frequency_hz)
+    call check(error, solver%report%converged, 'the balance does not converge')
+  end subroutine balance
+
+  !> All columns against central differences of a period of 16384 exponential steps, of the wedge in space, shaken across its plane,
+  !> too; the contact slips where the period begins, and sticks and opens in it.
+  subroutine derivative(error)
+    type(error_type), allocatable, intent(out) :: error
+    integer, parameter :: fine = 16384, periods = 40
+    type(system_type) :: system
+    type(loading_type) :: loading
+    type(state_type) :: start, state
+    type(sampled_orbit_type) :: orbit
+    type(sampled_motion_type) :: motion
+    real(wp), allocatable :: matrix(:, :), differences(:, :)
+    real(wp) :: h, apart(2)
+    integer :: cycle, regime, i, n
+
+    call spatial_wedge(system, loading, error)
+    if (allocated(error)) return
+    n = size(system%eigenvalues)
+    start = new_state(system, spread(0.0_wp, 1, n), spread(0.0_wp, 1, n), reshape([0.0_wp, 0.0_wp], [2, 1]))
+    do cycle = 1, periods
+      call march(system, loading, merge(fine, 1024, cycle > periods - 5), start)
+    end do
+    n = 2*n + 1
+    h = 1.0e-3_wp*norm2(start%motion)
+    allocate (differences(n, n))
+    do i = 1, n
+      differences(:, i) = (moved(system, loading, start, i, h, fine) - moved(system, loading, start, i, -h, fine))/(2.0_wp*h)
+    end do
+    do i = 1, 2
+      state = start
+      call march(system, loading, fine, state, 512*i, motion)
+      call new_sampled_orbit(system%law, motion, state%slider, orbit)
+      call check(error, orbit%periodic, 'the slider does not come back')
+      call check(error, all([(any(orbit%regime == regime), regime=0, 2)]) .and. orbit%regime(1, 1) == regime_slip, &
+                 'it does not stick, slip and open: the test is void')
+      if (allocated(error)) return
+      matrix = sampled_monodromy(system, orbit, loading%period)
+      apart(i) = maxval(abs(matrix - differences))/maxval(abs(differences))
+    end do
+    ! The change of a thousandth leaves 1e-6 by curvature, and of the scheme's steps one in sixteen that a switch is moved by: 1e-4 of
+    ! the whole where there are a dozen switches of random phase.
+    call check_close(error, apart(2), 0.0_wp, 1.0e-3_wp, 'monodromy')
+    call check_close(error, log(apart(1)/apart(2))/log(2.0_wp), 2.0_wp, 0.3_wp, 'order')
+  end subroutine derivative
+
+  !> Motion, rate and angle of slip times radius after a period from a state of which one of these is changed.
+  function moved(system, loading, start, which, h, steps) result(end)
+    type(system_type), intent(in) :: system
+    type(loading_type), intent(in) :: loading
+    type(state_type), intent(in) :: start
+    integer, intent(in) :: which, steps
+    real(wp), intent(in) :: h
+    real(wp) :: end(2*size(start%motion) + 1), e(2), d(3)
+    type(state_type) :: state
+    integer :: m
+
+    m = size(start%motion)
+    state = start
+    if (which <= m) state%motion(which) = state%motion(which) + h
+    if (which > m .and. which <= 2*m) state%rate(which - m) = state%rate(which - m) + h
+    associate (law => system%law(1), z => matmul(start%motion, system%rows(:, :2)) - start%slider(:, 1))
+      e = z/norm2(z)
+      d = matmul(state%motion - start%motion, system%rows)
+      state%slider(:, 1) = start%slider(:, 1) + d(:2) - law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness*d(3)*e
+      if (which > 2*m) state%slider(:, 1) = state%slider(:, 1) - h*[-e(2), e(1)]
+    end associate
+    call march(system, loading, steps, state)
+    end = [state%motion, state%rate, dot_product([-e(2), e(1)], matmul(state%motion, system%rows(:, :2)) - state%slider(:, 1))]
+  end function moved
+  !> The stiff wedge in space, heavily damped, pressed and shaken so that it sticks, slips along both tangents and opens.
+  subroutine spatial_wedge(system, loading, error)
+    type(system_type), intent(out) :: system
+    type(loading_type), intent(out) :: loading
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_type) :: scene
+    real(wp) :: constant(2, 0)
+
+    scene = wedge(45.0_wp)
+    call stiffen(scene)
+    call spread_out(scene)
+    scene%contacts%law%friction_coefficient = 1.0_wp
+    scene%structure%static_loads(2, 1) = 100.0_wp
+    scene%structure%harmonic_load(3, 3) = 15.0_wp
+    scene%structure%damping = 5.0_wp*scene%structure%damping
+    call new_system(scene%structure, scene%contacts, system, error)
+    if (allocated(error)) return
+    loading = new_loading(two_pi*110.0_wp, system%clock, system%static_loads(:, 1), system%harmonic_load, new_profile(constant), &
+                          new_profile(constant))
+  end subroutine spatial_wedge
+
+  !> March a period of exponential steps; keep some samples of the contacts' motion.
+  subroutine march(system, loading, steps, state, samples, motion)
+    type(system_type), intent(in) :: system
+    type(loading_type), intent(in) :: loading
+    integer, intent(in) :: steps
+    type(state_type), intent(inout) :: state
+    integer, intent(in), optional :: samples
+    type(sampled_motion_type), intent(out), optional :: motion
+    type(sampled_motion_type) :: every
+    real(wp) :: range
+    logical :: converged
+
+    call march_samples(system, loading, steps, state, every, range, converged)
+    if (.not. present(motion)) return
+    allocate (motion%displacement(0:samples, size(system%springs)), motion%rate(0:samples, size(system%springs)))
+    motion%displacement(:, :) = every%displacement(::steps/samples, :)
+    motion%rate(:, :) = steps/samples*every%rate(::steps/samples, :)
+  end subroutine march
+
+  !> The orbit of motion in time, perturbed and marched, is left or come back to at the rate of its largest multiplier.
+  subroutine verdicts(error)
+    type(error_type), allocatable, intent(out) :: error
+    integer, parameter :: steps = 1024
+    real(wp), parameter :: at(3) = [105.0_wp, 110.0_wp, 115.0_wp]
+    type(system_type) :: system
+    type(loading_type) :: loading
+    type(state_type) :: start, state
+    type(sampled_motion_type) :: motion
+    type(sampled_examination_type) :: examination
+    real(wp) :: range, moved, largest, distance(0:60)
+    integer :: i, cycle
+    logical :: found
+
+    do i = 1, size(at)
+      call balance_in_space(at(i), system, loading, start, error)
+      if (allocated(error)) return
+      call examine_in_time(system, loading, start, moved, examination)
+      call check(error, len(examination%failure) == 0 .and. examination%grazes == 0, 'it is not examined')
+      if (allocated(error)) return
+      largest = largest_multiplier(examination%multipliers)
+      call check(error, judge(examination%multipliers, .true., examination%change) == merge(stable, unstable, i == 3), &
+                 'the verdict is another')
+      call shoot_sampled(system, loading, steps, start, motion, moved, found)
+      call check(error, found, 'no orbit in so many steps')
+      state = start
+      ! Perturbations that move switches by much less than a step see the map of the scheme, whose slope goes up and down with where
+      ! in a step they fall: what leaves grows beyond that, what comes back begins there.
+      state%motion = (1.0_wp + merge(1.0e-3_wp, 1.0e-6_wp, i == 3))*state%motion
+      distance(0) = norm2(state%motion - start%motion)
+      do cycle = 1, 60
+        call march_samples(system, loading, steps, state, motion, range, found)
+        distance(cycle) = hypot(norm2(state%motion - start%motion), norm2(state%rate - start%rate))
+      end do
+      ! Smaller multipliers and the phase of a pair are worth a factor, at most ten here, over twenty periods.
+      call check_close(error, log(distance(30)/distance(10))/20, log(largest), log(10.0_wp)/20, 'rate')
+      if (i == 3) call check(error, distance(60) < distance(0), 'it does not come back')
+      if (i < 3) call check(error, distance(60) > 1.0e3_wp*distance(0), 'it does not leave')
+    end do
+  end subroutine verdicts
+
+end program test_stability_discs
