@@ -14,6 +14,7 @@ from attrito.course import Course
 from attrito.faults import InputError, NumericsError, UnsolvedError
 from attrito.job import TOLERANCE, Job, read_job
 from attrito.journal import Record
+from attrito.longer_periods import LongerPeriods, write_periods
 from attrito.parallel import on_root
 from attrito.progress import Progress
 from attrito.recorder import Place, Recorder
@@ -87,7 +88,7 @@ def run_job(comm: Comm, path: str | Job, resume: bool = False, max_seconds: floa
             progress.begin(len(reduced.mass), len(reduced.laws["tangents"]), linear)
             first = _on_root_only(comm, lambda: first_record(job, scene, reduced, comm.size, linear))
             stages.end("linear responses")
-            run = _Run(comm, job, solver, reduced, options, progress, stages)
+            run = _Run(comm, job, solver, reduced, options, progress, stages, load_path)
             try:
                 run.solve(first, load_path, resume, stop)
             finally:
@@ -112,15 +113,19 @@ class _Run:
         options: Options,
         progress: Progress,
         stages: Stages,
+        load_path: np.ndarray,
     ):
         self._comm, self._job, self._solver, self._reduced = comm, job, solver, reduced
         self._progress, self._stages = progress, stages
         self._sampler = Sampler(comm, solver, reduced, options, job["static"]["bounds"])
         self._examiner = Examiner(comm, solver, job)
+        self._longer = LongerPeriods(comm, job, reduced, load_path)
         self._finder = Finder(solver, job, progress)
         self.result = job.file(job["output"]["file"])
         self.journal = f"{self.result}.partial"
-        self.recorder = Recorder(comm, solver, self.journal, (self._examiner, self._sampler, self._finder))
+        self.recorder = Recorder(
+            comm, solver, self.journal, (self._examiner, self._longer, self._sampler, self._finder)
+        )
         self.place = Place()
 
     def solve(self, first: Record | None, load_path: np.ndarray, resume: bool, stop: Stop) -> None:
@@ -133,7 +138,7 @@ class _Run:
             course = Course(self._solver, self._job, load_path, search, start, progress)
             for point in course.points(self.place):
                 stages.end("points")
-                point = self._examiner.examine(point)
+                point = self._longer.visit(self._examiner.examine(point))
                 stages.end("stability")
                 self.recorder.hear()
                 self._sampler.visit(point)
@@ -187,6 +192,7 @@ class _Run:
                     file["points"].attrs["incomplete"] = "; ".join(self.place.incomplete)
             write_bounds(new, self._reduced, self._sampler)
             write_multipliers(new, self._examiner)
+            write_periods(new, self._longer)
             write_margin(new, margin)
             write_bifurcations(new, self._finder.found, self._reduced.monitor_names)
             os.replace(new, self.result)

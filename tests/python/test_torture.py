@@ -87,3 +87,35 @@ def test_an_attempt_is_asked_for_by_its_name_and_leaves_the_session_where_it_sto
         pytest.raises(ValueError, match="newton_briefly, held_mean"),
     ):
         solver.try_at("guess", frequencies[0])
+
+
+@pytest.mark.parametrize(
+    ("frequency_hz", "method", "outcome", "period"),
+    [
+        (60.0, "monodromy", "no_period_one_orbit", "2"),
+        (60.0, "none", "no_period_one_orbit", ""),
+        (88.2051282, "monodromy", "not_converged", "1"),
+    ],
+)
+def test_motion_in_time_tells_its_period_where_the_balance_has_no_orbit(
+    tmp_path, frequency_hz, method, outcome, period
+):
+    # Pulled away from a wall ten thousand times as stiff as its spring. Of period one: there is an orbit after all.
+    family = Family(1, 1.0e4, 0.8, "apart", 80.0)
+    scene = family.scene()
+    job = wedge(stiffness=1.0e4 * (200.0 * np.pi) ** 2)
+    tangent, normal = ([[i, float(x)] for i, x in enumerate(row)] for row in scene.directions)
+    job["contact"][0] |= {"normal": normal, "tangents": [tangent], "friction_coefficient": 0.8}
+    job["load"][0]["dofs"] = [[i, float(x)] for i, x in enumerate(scene.static[0])]
+    job["load"][1]["cosine"] = [[0, 10.0]]
+    job["balance"] = {"harmonics": 10, "samples": 128}
+    job["stability"] = {"method": method}
+    job["sweep"] = {"frequencies_hz": [frequency_hz]}
+    run(tmp_path, job, code=1)
+    (point,) = table(tmp_path)
+    assert (point["outcome"], point["period"]) == (outcome, period)
+    if period:
+        with Integrator(scene) as session:
+            session.start_static(np.array([[0.0], [1.0]]))
+            orbit = session.run(Run(frequency_hz, cycles=400, max_period_multiple=32, periodicity_tolerance=1e-8))
+        assert str(orbit.period) == period
