@@ -70,7 +70,7 @@ def read_job(source: str | os.PathLike[str] | Mapping[str, Any] | Job, folder: s
     if isinstance(source, Job):
         return source
     if isinstance(source, Mapping):
-        return check_job(_plain(source), str(Path(folder) / "job"))
+        return check_job(plain(source), str(Path(folder) / "job"))
     path = str(source)
     try:
         with open(path, "rb") as stream:
@@ -82,14 +82,14 @@ def read_job(source: str | os.PathLike[str] | Mapping[str, Any] | Job, folder: s
     return check_job(raw, path)
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """What TOML knows: arrays and tuples as lists, numbers of numpy as Python's, paths as text; None is absent."""
     if isinstance(value, Mapping):
-        return {str(name): _plain(item) for name, item in value.items() if item is not None}
+        return {str(name): plain(item) for name, item in value.items() if item is not None}
     if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
+        return plain(value.tolist())
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     return os.fspath(value) if isinstance(value, os.PathLike) else value
 
 

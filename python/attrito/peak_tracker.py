@@ -66,6 +66,14 @@ class Peak:
         return self.amplitude / self.level
 
 
+@dataclass(frozen=True)
+class Start:
+    """A motion near a peak: Fourier coefficients of the model's coordinates `[m, 2 H + 1]`."""
+
+    frequency_hz: float
+    coordinates: np.ndarray
+
+
 class PeakTracker:
     """The peak of one monitor of a solver that has walked its static path.
 
@@ -117,6 +125,28 @@ class PeakTracker:
             ctypes.c_double(level),
             branch,
         )[0]
+
+    def begin_near(self, start: Start, level: float, preload: float = 1.0, branch: int = 0) -> Peak:
+        """The peak near a motion, at a level and a factor on the static loads, sliders going on from where they are."""
+        return self._call(
+            "attrito_begin_peak_near",
+            self._monitor,
+            self._amplitude,
+            len(self._static),
+            _pointer(self._static),
+            _omega(start.frequency_hz),
+            _omega(self._band[0]),
+            _omega(self._band[1]),
+            ctypes.c_double(level),
+            ctypes.c_double(preload),
+            start.coordinates.shape[1],
+            _pointer(start.coordinates),
+            branch,
+        )[0]
+
+    def start(self, frequency_hz: float) -> Start:
+        """Where the solver stands, for `begin_near`."""
+        return Start(frequency_hz, self._solver.coordinates())
 
     def follow_in(self, parameter: str, branch: int = 0) -> Peak:
         """Follow it in one of `PARAMETERS` from here on."""

@@ -6,7 +6,7 @@ Everything here is done by rank 0 alone.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -25,12 +25,14 @@ from attrito.pairing import contact_rows, pair_sets
 class Contacts:
     """Contacts on the full model: laws `[nc]`, rows of B `[rows, n]` (each contact's tangents before its normal).
 
-    `places` holds what is known of where they are: `set`, `node_a`, `node_b`, `area`, `position`, `frame`.
+    `places` holds what is known of where they are: `set`, `node_a`, `node_b`, `area`, `position`, `frame`. `tables`:
+    which of the job's [[contact]] and [[contact_set]], in this order, each comes from.
     """
 
     laws: dict[str, np.ndarray]
     rows: csr_matrix
     places: dict[str, np.ndarray]
+    tables: np.ndarray
     notes: list[str] = field(default_factory=list)
 
     @property
@@ -80,11 +82,22 @@ def build_scene(job: Job) -> Scene:
     if places.faults:
         raise InputError(*places.faults)
     soften(job, model)
+    return Scene(model, contacts, static, harmonic, monitors, load_path_of(job, list(static)), boundary)
+
+
+def with_numbers_of(job: Job, scene: Scene) -> Scene:
+    """The scene of a job that differs from a scene's own in its contacts' laws and load path alone: nothing is read."""
+    contacts = replace(scene.contacts, laws=laws_of(job, scene.contacts))
+    return replace(scene, contacts=contacts, load_path=load_path_of(job, list(scene.static)))
+
+
+def load_path_of(job: Job, names: list[str]) -> np.ndarray:
+    """Factors on the static loads of these names at the corners of the load path, `[corners, loads]`."""
     path = [
-        [corner.get(name, 0.0) if isinstance(corner, dict) else corner for name in static]
+        [corner.get(name, 0.0) if isinstance(corner, dict) else corner for name in names]
         for corner in job["static"]["load_path"]
     ]
-    return Scene(model, contacts, static, harmonic, monitors, np.array(path).reshape(len(path), len(static)), boundary)
+    return np.array(path, dtype=float).reshape(len(path), len(names))
 
 
 def load_model(job: Job) -> Model:
@@ -183,7 +196,7 @@ class Places:
 
 
 def _contacts(job: Job, model: Model, places: Places) -> Contacts:
-    blocks: list[Contacts] = []
+    blocks: list[_Block] = []
     for i, contact in enumerate(job["contact"]):
         key = f"contact[{i}]"
         named = [*(("tangents", terms) for terms in contact["tangents"]), ("normal", contact["normal"])]
@@ -193,7 +206,7 @@ def _contacts(job: Job, model: Model, places: Places) -> Contacts:
             rows.append(places.vector(terms, f"{key} {name}"))
             if not rows[-1].any() and len(places.faults) == earlier:
                 places.add(f"{key} {name}", [list(term) for term in terms], "a coefficient that is not zero")
-        blocks.append(_explicit(contact, rows))
+        blocks.append(_explicit(rows))
     for i, contact_set in enumerate(job["contact_set"]):
         try:
             blocks.append(_paired(job, model, contact_set, f"contact_set[{i}]"))
@@ -201,31 +214,53 @@ def _contacts(job: Job, model: Model, places: Places) -> Contacts:
             places.faults += error.faults
     if not blocks:
         raise InputError(*places.faults)
-    joined = {name: np.concatenate([block.laws[name] for block in blocks]) for name in blocks[0].laws}
     where = {name: np.concatenate([block.places[name] for block in blocks]) for name in blocks[0].places}
+    tables = np.repeat(np.arange(len(blocks)), [block.count for block in blocks])
+    laws = {"tangents": np.concatenate([block.tangents for block in blocks])}
     notes = [note for block in blocks for note in block.notes]
-    return Contacts(joined, csr_matrix(vstack([block.rows for block in blocks])), where, notes)
+    found = Contacts(laws, csr_matrix(vstack([block.rows for block in blocks])), where, tables, notes)
+    return replace(found, laws=laws_of(job, found))
 
 
-def _explicit(contact: dict[str, Any], rows: list[np.ndarray]) -> Contacts:
-    laws = {"tangents": np.array([len(rows) - 1], dtype=np.int32)}
-    laws |= {name: np.array([contact[name] if contact[name] is not None else np.nan]) for name in LAW_KEYS}
+def laws_of(job: Job, contacts: Contacts) -> dict[str, np.ndarray]:
+    """Laws that a job gives to contacts whose places are known."""
+    given = [*job["contact"], *job["contact_set"]]
+    laws = {"tangents": contacts.laws["tangents"]}
+    for name in LAW_KEYS:
+        values = [np.nan if keys[name] is None else keys[name] for keys in given]
+        laws[name] = np.array(values, dtype=float)[contacts.tables]
+    by_area = np.array([keys.get("stiffness_per") == "area" for keys in given])[contacts.tables]
+    for name in ("tangential_stiffness", "normal_stiffness", "preload"):
+        laws[name][by_area] *= contacts.places["area"][by_area]
+    return laws
+
+
+@dataclass
+class _Block:
+    """Contacts of one table of the job."""
+
+    tangents: np.ndarray
+    rows: csr_matrix
+    places: dict[str, np.ndarray]
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def count(self) -> int:
+        return len(self.tangents)
+
+
+def _explicit(rows: list[np.ndarray]) -> _Block:
     where: dict[str, np.ndarray] = {"set": np.array(["explicit"], dtype=object)}
     where |= {name: np.array([-1], dtype=np.int64) for name in ("node_a", "node_b")}
     where |= {"area": np.full(1, np.nan), "position": np.full((1, 3), np.nan), "frame": np.full((1, 3, 3), np.nan)}
-    return Contacts(laws, csr_matrix(np.array(rows)), where)
+    return _Block(np.array([len(rows) - 1], dtype=np.int32), csr_matrix(np.array(rows)), where)
 
 
-def _paired(job: Job, model: Model, keys: dict[str, Any], place: str) -> Contacts:
+def _paired(job: Job, model: Model, keys: dict[str, Any], place: str) -> _Block:
     if not model.has_mesh:
         raise InputError(job.fault(f"{place} a", keys["a"], "a model with a mesh: node sets need one"))
     pairs = pair_sets(model, keys["a"], keys["b"], keys["tolerance"], keys["tangents"], job.path, place)
     count = len(pairs.node_a)
-    laws = {"tangents": np.full(count, keys["tangents"], dtype=np.int32)}
-    laws |= {name: np.full(count, keys[name]) for name in LAW_KEYS}
-    if keys["stiffness_per"] == "area":
-        for name in ("tangential_stiffness", "normal_stiffness", "preload"):
-            laws[name] = laws[name] * pairs.area
     where = {
         "set": np.full(count, f"{keys['a']} - {keys['b']}", dtype=object),
         "node_a": pairs.node_a,
@@ -234,4 +269,5 @@ def _paired(job: Job, model: Model, keys: dict[str, Any], place: str) -> Contact
         "position": pairs.position,
         "frame": pairs.frame,
     }
-    return Contacts(laws, contact_rows(pairs, model), where, [f"{place}: {note}" for note in pairs.notes])
+    tangents = np.full(count, keys["tangents"], dtype=np.int32)
+    return _Block(tangents, contact_rows(pairs, model), where, [f"{place}: {note}" for note in pairs.notes])

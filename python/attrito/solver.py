@@ -192,11 +192,29 @@ class Solver:
             len(scene.monitors),
             _pointer(scene.monitors),
         )
-        count = len(scene.laws["tangents"])
-        laws = (_Law * count)(*(make_law(scene.laws, i) for i in range(count)))
-        self._library.attrito_set_contacts(self._handle, count, laws, len(scene.directions), _pointer(scene.directions))
+        laws = _laws(scene)
+        rows = len(scene.directions)
+        self._library.attrito_set_contacts(self._handle, len(laws), laws, rows, _pointer(scene.directions))
         given = _Options(**{name: getattr(options, name) for name, _ in _Options._fields_})
         self._call("attrito_prepare", ctypes.byref(given))
+
+    def take(self, scene: ReducedScene) -> bool:
+        """Go on with a scene that differs in friction, gaps and preloads of contacts alone; False if in more.
+
+        The modes stay. Its static path is to be walked next.
+        """
+        if not _has_the_modes_of(self._scene, scene):
+            return False
+        self._scene = scene
+        laws = _laws(scene)
+        self._library.attrito_change_laws(self._handle, len(laws), laws)
+        return True
+
+    def coordinates(self) -> np.ndarray:
+        """Fourier coefficients of the model's coordinates at the last point, `[m, 2 H + 1]`."""
+        motion = np.zeros((len(self._scene.mass), self.coefficients))
+        self._library.attrito_coordinates(self._handle, self.coefficients, _pointer(motion))
+        return motion
 
     def walk_static_path(self, path: np.ndarray, steps: int, frequency_hz: float) -> np.ndarray:
         """Walk the static load path, `[corners, loads]`; returns the means of the monitors."""
@@ -369,6 +387,23 @@ class Solver:
         message = library.message_buffer()
         status = getattr(self._library, name)(self._handle, *arguments, message, len(message))
         library.check(status, message)
+
+
+# Of a contact's law, what its stuck state does not show
+FREE_OF_MODES = ("friction_coefficient", "gap", "preload")
+
+
+def _has_the_modes_of(a: ReducedScene, b: ReducedScene) -> bool:
+    """Whether two scenes differ in `FREE_OF_MODES` alone."""
+    plain = ("mass", "stiffness", "damping", "directions", "static", "harmonic", "monitors")
+    same = (a.damping_kind, a.damping_value, a.monitor_names) == (b.damping_kind, b.damping_value, b.monitor_names)
+    same = same and all(np.array_equal(getattr(a, name), getattr(b, name)) for name in plain)
+    return same and all(np.array_equal(a.laws[name], b.laws[name]) for name in a.laws if name not in FREE_OF_MODES)
+
+
+def _laws(scene: ReducedScene) -> ctypes.Array:
+    count = len(scene.laws["tangents"])
+    return (_Law * count)(*(make_law(scene.laws, i) for i in range(count)))
 
 
 def sample_contact(

@@ -13,11 +13,12 @@ import numpy as np
 from scipy.stats import qmc
 
 from attrito.faults import Fault, InputError
-from attrito.job import Job, rom_path
+from attrito.job import Job, check_job, plain, rom_path
 from attrito.job_checks import Check, boolean, choice, integer, listing, number, text
+from attrito.scene import LAW_KEYS
 
-# What depends on these is in the reduced model already.
-REDUCED_TABLES = ("model", "reduction", "load", "output")
+# What these hold is in the reduced model, but for the contacts' laws.
+MODEL_TABLES = ("model", "reduction", "load", "output", "contact", "contact_set")
 
 
 @dataclass(frozen=True)
@@ -78,8 +79,29 @@ class Study:
         table = asdict(self)
         return {name: table[name] for name in ("design", "samples", "seed", "batch", "vary")}
 
+    def changed(self, job: Job, row: np.ndarray) -> Job:
+        """The job with the values of a sample, checked as a job is."""
+        return self._changed(job, list(zip(self.vary, row.tolist(), strict=True)))
+
+    def _changed(self, job: Job, values: list[tuple[Vary, float]]) -> Job:
+        touched = {_table(key) for vary, _ in values for key in vary.keys}
+        tables = plain({name: table for name, table in job.tables.items() if name in job.given | touched})
+        for vary, value in values:
+            for key in vary.keys:
+                set_value(tables, key, value, vary.factor)
+        try:
+            return check_job(tables, job.path)
+        except InputError as error:
+            shown = ", ".join(f"{vary.name} = {value:g}" for vary, value in values)
+            faults = [Fault(self.path, f"vary ({shown}): {it.key}", it.value, it.expected) for it in error.faults]
+            raise InputError(*faults) from None
+
+    def keeps_places(self, job: Job) -> bool:
+        """Whether samples differ in contacts' laws and what is not of the model, so that they share what was read."""
+        return all(_is_law(key) or _table(key) not in MODEL_TABLES for vary in self.vary for key in vary.keys)
+
     def check(self, job: Job) -> None:
-        """Raise unless every key is a number of the job that can be varied."""
+        """Raise unless every key is a number of the job that can be varied, and takes the values asked for."""
         faults = []
         if job["peak"]["start"] is None:
             faults.append(job.fault("[peak] start", "missing", "the level or preload at which a study locates peaks"))
@@ -88,9 +110,8 @@ class Study:
         for i, vary in enumerate(self.vary):
             for key in vary.keys:
                 where = f"vary[{i}] keys"
-                table = re.match(r"\w*", key).group()
-                if table in REDUCED_TABLES and rom_path(job) is not None:
-                    expected = "a key outside " + ", ".join(REDUCED_TABLES) + ", which the reduced model holds"
+                if rom_path(job) is not None and _table(key) in MODEL_TABLES and not _is_law(key):
+                    expected = "a number that the reduced model does not hold: of contacts, " + ", ".join(LAW_KEYS)
                     faults.append(Fault(self.path, where, key, expected))
                     continue
                 try:
@@ -99,6 +120,22 @@ class Study:
                     faults.append(Fault(self.path, where, key, str(error)))
         if faults:
             raise InputError(*faults)
+        for vary in self.vary:
+            for value in vary.values or (vary.low, vary.high):
+                try:
+                    self._changed(job, [(vary, value)])
+                except InputError as error:
+                    faults += error.faults
+        if faults:
+            raise InputError(*faults)
+
+
+def _table(key: str) -> str:
+    return re.match(r"\w*", key).group()
+
+
+def _is_law(key: str) -> bool:
+    return _table(key) in ("contact", "contact_set") and key.rpartition(".")[2] in LAW_KEYS
 
 
 CHECKS: dict[str, tuple[Check, Any]] = {
@@ -196,9 +233,10 @@ def places(tables: dict[str, Any], key: str) -> list[tuple[Any, Any]]:
 
 
 def set_value(tables: dict[str, Any], key: str, value: float, factor: bool) -> None:
-    """Give a key of the job a value, or multiply what it has."""
+    """Give a key of the job a value, or multiply what it has; whole numbers stay whole where they can."""
     for container, index in places(tables, key):
-        container[index] = container[index] * value if factor else value
+        new = container[index] * value if factor else value
+        container[index] = int(new) if isinstance(container[index], int) and new == int(new) else new
 
 
 def batches(study: Study, values: np.ndarray) -> list[np.ndarray]:

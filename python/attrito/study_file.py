@@ -17,10 +17,9 @@ from attrito.job import Job
 from attrito.plots import BRANCH_COLOURS, STYLE, save
 from attrito.solver import OUTCOMES
 from attrito.study_design import Study
+from attrito.study_peaks import METHODS
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
-# A peak is swept where tracking was lost.
-METHODS = ("tracked", "swept")
 # Parts of a quantity's range that quantiles are taken over, and the fewest samples in one.
 MOST_PARTS, FEWEST = 15, 8
 

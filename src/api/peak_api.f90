@@ -2,10 +2,12 @@
 module attrito_api_peak
   use, intrinsic :: iso_c_binding
   use attrito_core_kinds, only: wp
+  use attrito_core_trigonometric, only: resized
   use attrito_accuracy_finer_balance, only: finer_point_type
   use attrito_output_point_report, only: report_point
   use attrito_peak_condition, only: problem_type, value_of
-  use attrito_peak_curve, only: begin_curve, follow_parameter
+  use attrito_balance_receptance, only: to_real
+  use attrito_peak_curve, only: begin_curve, begin_curve_near, follow_parameter
   use attrito_api_session, only: session_type, session_of
   use attrito_api_solver, only: point_type, point_of
   implicit none
@@ -38,6 +40,42 @@ contains
                      session%peak)
     call describe(session, branch, peak)
   end subroutine attrito_begin_peak
+
+  !> The same near a motion of the model's coordinates [m, coefficients], at a level and a preload, sliders where they are.
+  subroutine attrito_begin_peak_near(handle, monitor, measure, loads, static_factors, omega, start, stop, level, preload, &
+                                     coefficients, coordinates, branch, peak) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: monitor, measure, loads, coefficients, branch
+    real(c_double), intent(in) :: static_factors(loads), coordinates(coefficients, *)
+    real(c_double), value :: omega, start, stop, level, preload
+    type(peak_type), intent(out) :: peak
+    type(session_type), pointer :: session
+    real(wp), allocatable :: motion(:, :)
+
+    session => session_of(handle)
+    associate (solver => session%solver, balance => session%solver%context%balance)
+      call solver%set_loads(preload*static_factors, level)
+      call solver%set_scales(start, stop)
+      motion = matmul(coordinates(:, :size(session%structure%mass, 1)), &
+                      solver%contacts%directions(:, balance%first_row:balance%first_row + balance%rows() - 1))
+      call begin_curve_near(solver, problem_type(monitor=monitor + 1, measure=measure, static_factors=static_factors), &
+                            resized(motion, size(solver%motion, 1)), omega, session%peak)
+    end associate
+    call describe(session, branch, peak)
+  end subroutine attrito_begin_peak_near
+
+  !> Motion of the model's coordinates at the last point [m, coefficients].
+  subroutine attrito_coordinates(handle, coefficients, coordinates) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: coefficients
+    real(c_double), intent(out) :: coordinates(coefficients, *)
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    associate (balance => session%solver%context%balance)
+      coordinates(:, :size(session%structure%mass, 1)) = matmul(to_real(balance%response), transpose(balance%receptance%basis))
+    end associate
+  end subroutine attrito_coordinates
 
   !> Follow it in the level (0) or the preload (1) from here on.
   subroutine attrito_follow_peak_in(handle, parameter, branch, peak) bind(c)

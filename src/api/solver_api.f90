@@ -125,6 +125,22 @@ contains
     allocate (session%solver%in_time, source=new_averaged_periods(session%structure, session%contacts))
   end function attrito_prepare
 
+  !> Give the contacts other laws of the same stiffnesses and directions: modes stay. A static path is to be walked next.
+  subroutine attrito_change_laws(handle, count, laws) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: count
+    type(contact_law_type), intent(in) :: laws(count)
+    type(session_type), pointer :: session
+    integer :: i
+
+    session => session_of(handle)
+    call session%solver%change_laws([(law_of(laws(i)), i=1, count)])
+    session%contacts = session%solver%contacts
+    if (.not. allocated(session%solver%in_time)) return
+    deallocate (session%solver%in_time)
+    allocate (session%solver%in_time, source=new_averaged_periods(session%structure, session%contacts))
+  end subroutine attrito_change_laws
+
   !> Walk the static load path [corners, static loads], standing at an angular frequency.
   integer(c_int) function attrito_walk_static_path(handle, loads, corners, path, steps, omega, point, message, length) bind(c)
     type(c_ptr), value :: handle

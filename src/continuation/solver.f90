@@ -5,7 +5,7 @@ module attrito_continuation_solver
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: resized
-  use attrito_model_contacts, only: contacts_type
+  use attrito_model_contacts, only: contact_type, contacts_type
   use attrito_model_structure, only: structure_type
   use attrito_balance_border, only: constraint_type
   use attrito_balance_harmonic_balance, only: new_balance
@@ -73,6 +73,7 @@ module attrito_continuation_solver
     procedure :: set_loads
     procedure :: set_slider
     procedure :: hold_contacts
+    procedure :: change_laws
     procedure :: keep
     procedure :: set_resolution
     procedure :: destroy
@@ -349,6 +350,21 @@ contains
     call self%context%forget()
     call new_newton(self%context, self%options%max_iterations, self%newton, error)
   end subroutine hold_contacts
+
+  !> Let the contacts have other friction coefficients, gaps and preloads; motion and sliders are to follow.
+  subroutine change_laws(self, law)
+    class(solver_type), intent(inout) :: self
+    !> Of all contacts
+    type(contact_type), intent(in) :: law(:)
+
+    self%contacts%law%friction_coefficient = law%friction_coefficient
+    self%contacts%law%gap = law%gap
+    self%contacts%law%preload = law%preload
+    associate (balance => self%context%balance)
+      call self%hold_contacts(balance%first_contact, balance%first_contact + size(balance%law) - 1)
+    end associate
+    self%all_stick = .false.
+  end subroutine change_laws
 
   !> What a point leaves for the next: put down after it, or taken up in its place.
   subroutine keep(self, store)

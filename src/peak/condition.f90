@@ -22,7 +22,7 @@ module attrito_peak_condition
   use attrito_peak_second_derivative, only: differentiate_twice
   implicit none
   private
-  public :: problem_type, direction_type, linearisation_type, linearise, value_of, set_value, scale_of_motion
+  public :: problem_type, direction_type, linearisation_type, linearise, slope_along, value_of, set_value, scale_of_motion
   public :: parameter_level, parameter_preload
 
   !> What a peak is followed in: the factor on all harmonic loads, or that on all static ones
@@ -115,7 +115,7 @@ contains
       call solver%context%forget()
       if (status /= 0) return
       self%residual = sqrt(inner_product(balance, balance%residual, balance%residual))/solver%context%motion_scale
-      monitor = matmul(transpose(balance%receptance%basis), solver%structure%monitors(:, problem%monitor))
+      monitor = balance%monitors(:, problem%monitor)
       self%amplitude = amplitude_of(matmul(to_real(balance%response), monitor), problem%measure)
       call find_directions(problem, solver, self, status)
       if (status /= 0) return
@@ -135,6 +135,25 @@ contains
       first = dot_product(self%amplitude%gradient, matmul(to_real(direction%response), monitor))
     end function first
   end subroutine linearise
+
+  !> A and A'[c_X] along a change X of motion and frequency, at the balance's last evaluation.
+  subroutine slope_along(problem, solver, direction, amplitude, slope)
+    type(problem_type), intent(in) :: problem
+    type(solver_type), intent(inout) :: solver
+    !> Its responses are found here
+    type(direction_type), intent(inout) :: direction
+    real(wp), intent(out) :: amplitude, slope
+    type(amplitude_type) :: measured
+
+    associate (balance => solver%context%balance)
+      call respond(balance, direction)
+      associate (monitor => balance%monitors(:, problem%monitor))
+        measured = amplitude_of(matmul(to_real(balance%response), monitor), problem%measure)
+        amplitude = measured%value
+        slope = dot_product(measured%gradient, matmul(to_real(direction%response), monitor))
+      end associate
+    end associate
+  end subroutine slope_along
 
   !> Newton's step, the tangent, and the way of the parameter.
   subroutine find_directions(problem, solver, self, status)

@@ -7,15 +7,19 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
 import jobs
 import numpy as np
 import pytest
+from mpi4py import MPI
 
 from attrito.job import read_job
+from attrito.solver import Solver
 from attrito.study_design import batches, places, read_study, set_value
+from attrito.verify.wedge import PARAMETER_SETS, Wedge
 
 STUDY = {
     "job": "job.toml",
@@ -98,6 +102,36 @@ def test_a_sample_is_the_job_with_its_values(tmp_path):
     assert highest <= peak <= highest * (1.0 + 1e-4)
 
 
+def test_a_sample_does_not_depend_on_the_one_before(tmp_path):
+    """Alone, each is followed from its linear peak; in one batch, looked for near the other's."""
+    found = []
+    for batch in (1, 24):
+        write(tmp_path, batch=batch, samples=6)
+        done = jobs.attrito(tmp_path, "study", "study.toml")
+        assert done.returncode == 0, done.stdout + done.stderr
+        found.append(results(tmp_path))
+    assert found[0]["peaks/method"].tolist() == [[1]] * 6 and sorted(found[1]["peaks/method"].ravel()) == [0] * 5 + [1]
+    # Newton's method ends at 1e-10 of the response, the peak at 1e-7 of the band: of second order in the amplitude.
+    assert np.allclose(found[0]["peaks/amplitude"], found[1]["peaks/amplitude"], rtol=1e-9, atol=0.0)
+
+
+def test_a_session_takes_other_friction_as_a_new_one_would_and_refuses_other_stiffness():
+    wedge = Wedge(PARAMETER_SETS["unrounded"], 45.0, "C", 5)
+    changed = replace(wedge.scene, laws=wedge.scene.laws | {"friction_coefficient": np.full(1, 0.4)})
+    stiffer = replace(wedge.scene, laws=wedge.scene.laws | {"normal_stiffness": np.full(1, 1e6)})
+
+    def solve(solver: Solver) -> list[float]:
+        solver.walk_static_path(np.array([[0.0], [1.0]]), 20, 100.0)
+        return [point.amplitude[0] for point in solver.solve_at([130.0, 125.0, 120.0], 10.0, 0)]
+
+    with Solver(MPI.COMM_SELF, wedge.scene, wedge._options) as solver:
+        solve(solver)
+        assert not solver.take(stiffer) and solver.take(changed)
+        again = solve(solver)
+    with Solver(MPI.COMM_SELF, changed, wedge._options) as solver:
+        assert solve(solver) == again
+
+
 def test_keys_are_found_and_changed_by_their_paths(tmp_path):
     write(tmp_path)
     tables = read_job(tmp_path / "job.toml").tables
@@ -126,6 +160,11 @@ def test_batches_hold_every_sample_once_and_are_short(tmp_path):
         ({"vary": [{"name": "a", "keys": ["contact[7].gap"], "low": 0.0, "high": 1.0}]}, "vary[0] keys"),
         ({"vary": [{"name": "a", "keys": ["static.slider"], "low": 0.0, "high": 1.0}]}, "vary[0] keys"),
         ({"vary": [{"name": "a", "keys": ["contact[0].gap"]}]}, "vary[0] values"),
+        (
+            {"vary": [STUDY["vary"][0] | {"low": -0.1}]},
+            "study.toml: vary (mu = -0.1): contact[0] friction_coefficient = -0.1",
+        ),
+        ({"vary": [{"name": "f", "keys": ["sweep.stop_hz"], "values": [85, 150]}]}, "vary (f = 150): [sweep] stop_hz"),
     ],
 )
 def test_a_fault_of_a_study_is_told(tmp_path, capfd, changes, key):
