@@ -251,6 +251,7 @@ contains
     end do
     if (found) call return_to(solver, highest)
   end subroutine close_in
+
   !> Where the tangents at both ends meet: the corner, if the arc is two smooth ones, and about the middle of a smooth arc.
   pure real(wp) function corner_of(ends)
     type(arc_end_type), intent(in) :: ends(2)

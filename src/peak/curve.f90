@@ -163,7 +163,6 @@ contains
   subroutine correct_here(self, solver)
     class(curve_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
-
     real(wp) :: error
 
     call correct_from(self, solver, plane_type(value=value_of(self%problem, solver)), error)
@@ -251,6 +250,7 @@ contains
         call set_value(self%problem, solver, value)
         call solve_by_cascade(solver, solver%omega)
         iterations = iterations + solver%report%iterations
+        self%iterations = 0
         if (solver%report%converged) call climb_here(self, solver)
         iterations = iterations + self%iterations
         error = 0.5_wp*accepted
