@@ -19,12 +19,14 @@ module attrito_continuation_attempts
   integer, parameter :: brief_iterations = 8
   real(wp), parameter :: brief_progress = 1.0e-2_wp
 
-  !> How often springs on the mean give way, and how much alike the last steps of a mean are that walks: a guess, which only decides
-  !> whether more is tried
+  !> How often springs on the mean give way until the body is known to walk, and how much alike the last steps of a mean that does
+  !> are: a guess, which only decides whether more is tried
   integer, parameter :: most_held = 3
   real(wp), parameter :: alike = 0.5_wp
+  !> Iterations without such springs from where they have led
+  integer, parameter :: free_iterations = 3
 
-  !> Part of their springs that contacts keep in the step of the last try
+  !> Part of their springs that contacts keep in the step of the last tries
   real(wp), parameter :: stiffening = 0.1_wp
 
 contains
@@ -86,13 +88,40 @@ contains
     call count_on(report, iterations, linear_iterations)
   end subroutine solve_persistently
 
-  !> With springs on the mean, and from there without them.
+  !> With springs on the mean, and from there without them. Where the contacts that hold stand near their limit all of them may give
+  !> way in a step without springs, however near the solution: then they keep some of their own in the step.
   subroutine solve_holding(newton, unknowns, constraint, report, walks)
     type(newton_type), intent(inout) :: newton
     type(unknowns_type), intent(inout) :: unknowns
     type(constraint_type), intent(in) :: constraint
     type(newton_report_type), intent(inout) :: report
     !> Springs alone hold the body
+    logical, intent(out) :: walks
+    type(unknowns_type) :: held
+    integer :: iterations, linear_iterations
+
+    call hold(newton, unknowns, constraint, report, walks)
+    if (walks .or. .not. report%converged) then
+      report%converged = .false.
+      return
+    end if
+    iterations = report%iterations
+    linear_iterations = report%linear_iterations
+    held = unknowns
+    call solve_in_few(newton, unknowns, constraint, free_iterations, report)
+    call count_on(report, iterations, linear_iterations)
+    if (report%converged) return
+    unknowns = held
+    call newton%solve(unknowns, constraint, stiffening, report)
+    call count_on(report, iterations, linear_iterations)
+  end subroutine solve_holding
+
+  !> With springs on the mean, which give way while nothing else holds.
+  subroutine hold(newton, unknowns, constraint, report, walks)
+    type(newton_type), intent(inout) :: newton
+    type(unknowns_type), intent(inout) :: unknowns
+    type(constraint_type), intent(in) :: constraint
+    type(newton_report_type), intent(inout) :: report
     logical, intent(out) :: walks
     type(retreat_type) :: retreat
     integer :: i, iterations, linear_iterations
@@ -105,22 +134,33 @@ contains
     associate (context => newton%context)
       do i = 1, most_held
         call fasten(context, unknowns%motion, unknowns%omega, fastened)
+        report%converged = .false.
         if (.not. fastened) return
         call solve_briefly(newton, unknowns, constraint, report)
         call release(context)
         call count_on(report, iterations, linear_iterations)
-        if (.not. report%converged) return
-        if (.not. nothing_holds(context%balance)) exit
+        if (.not. (report%converged .and. nothing_holds(context%balance))) return
         call retreat%move_to(context%balance%response(:, 0))
         walks = retreat%repeats(alike)
-        if (walks) exit
+        if (walks) return
       end do
     end associate
-    report%converged = .false.
-    if (walks) return
-    call solve_briefly(newton, unknowns, constraint, report)
-    call count_on(report, iterations, linear_iterations)
-  end subroutine solve_holding
+  end subroutine hold
+
+  !> Newton's method, for so many iterations at most.
+  subroutine solve_in_few(newton, unknowns, constraint, most, report)
+    type(newton_type), intent(inout) :: newton
+    type(unknowns_type), intent(inout) :: unknowns
+    type(constraint_type), intent(in) :: constraint
+    integer, intent(in) :: most
+    type(newton_report_type), intent(inout) :: report
+    integer :: before
+
+    before = newton%max_iterations
+    newton%max_iterations = min(most, before)
+    call newton%solve(unknowns, constraint, 0.0_wp, report)
+    newton%max_iterations = before
+  end subroutine solve_in_few
 
   !> Let a report tell of all tries so far.
   pure subroutine count_on(report, iterations, linear_iterations)

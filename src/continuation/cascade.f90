@@ -60,8 +60,10 @@ contains
     iterations = 0
     do i = 1, size(attempts)
       if (.not. (is_possible(solver, attempts(i)) .and. is_worth_while(solver, attempts(i), walked))) cycle
-      call try(solver, attempts(i), omega, before, lost, iterations, converged)
+      call try(solver, attempts(i), omega, before, walked, lost, iterations, converged)
       if (converged) exit
+      ! The walk that was followed has ended: what there is beyond is looked for as at a first point.
+      if (attempts(i) == held_from_here .and. .not. solver%walks) lost = .false.
       if (solver%walks .and. .not. allocated(walking%motion)) walking = place_of(solver)
       call return_to(solver, before)
       if (is_enough(solver, attempts(i), walked, lost)) exit
@@ -136,7 +138,7 @@ contains
     before = place_of(solver)
     iterations = 0
     converged = .false.
-    if (is_possible(solver, attempt)) call try(solver, attempt, omega, before, .false., iterations, converged)
+    if (is_possible(solver, attempt)) call try(solver, attempt, omega, before, .false., .false., iterations, converged)
     solver%walks = solver%walks .and. .not. converged
     solver%no_orbit = solver%walks .or. (solver%no_orbit .and. .not. converged)
     if (.not. converged) call return_to(solver, before)
@@ -145,13 +147,13 @@ contains
   end subroutine solve_by_attempt
 
   !> One attempt from a place at which the solver stands. Where a body is seen to walk the solver stands at that.
-  subroutine try(solver, attempt, omega, before, lost, iterations, converged)
+  subroutine try(solver, attempt, omega, before, walked, lost, iterations, converged)
     type(solver_type), intent(inout) :: solver
     integer, intent(in) :: attempt
     real(wp), intent(in) :: omega
     type(place_type), intent(in) :: before
-    !> Had the point before no orbit?
-    logical, intent(in) :: lost
+    !> Did the point before walk; is hardly anything hoped for?
+    logical, intent(in) :: walked, lost
     !> Counts on
     integer, intent(inout) :: iterations
     logical, intent(out) :: converged
@@ -167,7 +169,7 @@ contains
       call march_level(solver, omega, .true., held_iterations, iterations, converged)
       if (converged) call solve_held_here(solver, omega, iterations, converged)
      case (from_motion_in_time)
-      call solve_in_time(solver, omega, lost, iterations, converged)
+      call solve_in_time(solver, omega, walked, lost, iterations, converged)
      case (from_here)
       call solve_here(solver, omega, iterations, converged)
      case (from_stuck_response)

@@ -51,7 +51,7 @@ contains
     if (.not. has_time(solver)) return
     iterations = 0
     solver%motion(2:, :) = factor*solver%motion(2:, :)
-    call solve_in_time(solver, omega, .false., iterations, found)
+    call solve_in_time(solver, omega, .false., .false., iterations, found)
     solver%walks = .false.
     solver%no_orbit = .false.
   end subroutine start_in_motion

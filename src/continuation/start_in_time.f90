@@ -32,20 +32,22 @@ contains
   end function has_time
 
   !> Newton's method from motion in time, which begins where the solver stands and runs on until that converges, or is seen to walk.
-  subroutine solve_in_time(solver, omega, lost, iterations, converged)
+  subroutine solve_in_time(solver, omega, walked, lost, iterations, converged)
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: omega
-    !> Had the point before no orbit? Then it does not go on for long.
+    !> Did the point before walk? Then springs on the mean tell after every stretch whether this one does.
+    logical, intent(in) :: walked
+    !> Is hardly anything hoped for? Then it does not go on for long.
     logical, intent(in) :: lost
     !> Counts on
     integer, intent(inout) :: iterations
     logical, intent(out) :: converged
     type(periods_type) :: periods
-    integer :: attempt, walked
+    integer :: attempt, walking
 
     call stand_in_time(solver, converged)
     if (.not. converged) return
-    walked = 0
+    walking = 0
     do attempt = 1, merge(attempts_lost, attempts_in_time, lost .or. solver%walks)
       call move_on(solver, omega, periods_averaged*2**((attempt - 1)/attempts_alike), periods)
       converged = .false.
@@ -54,11 +56,11 @@ contains
       call solver%solve_at(omega)
       iterations = iterations + solver%report%iterations
       converged = solver%report%converged
-      if (.not. (converged .or. solver%brief)) call walk_from_here(solver, omega, iterations, converged)
+      if (.not. converged .and. (walked .or. .not. solver%brief)) call walk_from_here(solver, omega, iterations, converged)
       solver%brief = .false.
-      if (converged) exit
-      walked = merge(walked + 1, 0, periods%walks)
-      if (walked == attempts_walking) solver%walks = .true.
+      if (converged .or. (walked .and. solver%walks)) exit
+      walking = merge(walking + 1, 0, periods%walks)
+      if (walking == attempts_walking) solver%walks = .true.
       if (solver%walks .and. attempt >= attempts_lost) exit
     end do
     solver%no_orbit = solver%walks .or. (.not. converged .and. periods%moved .and. periods%change > settled)
