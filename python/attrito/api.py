@@ -76,7 +76,7 @@ def run(
     ------
     InputError : the job or the model is at fault; all faults together
     UnsolvedError : with `strict`, points are without a solution; else an `UnsolvedWarning` is given
-    NumericsError : the solver gave up; there is no result
+    NumericsError : the solver gave up; there is no result, and points that were solved are in its journal
 
     Examples
     --------
@@ -96,9 +96,9 @@ def integrate(
     quiet: bool = False,
     strict: bool = False,
 ) -> File:
-    """Integrate a job in time until steady; the file's group `integration` has the history.
+    """Integrate a job in time until steady; the file that is returned has the history in its group `integration`.
 
-    Parameters, errors and what is returned are those of `run`.
+    Parameters and errors are those of `run`; motion that does not become steady is unsolved.
     """
     from attrito.integrating import integrate_job
 
@@ -108,9 +108,9 @@ def integrate(
 def reduce(
     job: JobSource, comm: Comm | None = None, *, folder: str | os.PathLike[str] = ".", quiet: bool = False
 ) -> File:
-    """Make the reduced model of a job, `rom.h5`, unless it is there already; `run` does it, too.
+    """Make the reduced model of a job, `rom.h5`, unless it is there already, and open it; `run` makes it, too.
 
-    Parameters, errors and what is returned are those of `run`.
+    Parameters are those of `run`; errors are `InputError` and `NumericsError`.
     """
     from attrito.running import reduce_job
 

@@ -10,6 +10,7 @@ import h5py
 import numpy as np
 
 from attrito.job import Job
+from attrito.results import NO_SOLUTION
 from attrito.solver import Point, Solver
 from attrito.stability import METHODS, ORBITS
 
@@ -71,7 +72,7 @@ class Finder:
         number = self._points
         self._points += 1
         self._last = []
-        if not self._looks or not point.followed or point.outcome in ("not_converged", "no_period_one_orbit"):
+        if not self._looks or not point.followed or point.outcome in NO_SOLUTION:
             return
         for i in range(self._solver.call("attrito_find_bifurcations", *self._how)):
             report, amplitude = _Report(), np.zeros(len(point.amplitude))

@@ -107,7 +107,10 @@ class Chart:
 
 
 class Bench:
-    """A job's scene, brought to its peak again and again; `seconds`: what one run of a series may take."""
+    """A job's scene, brought to its peak again and again; `seconds`: what one run of a series may take.
+
+    All is coupled but the series that is not, whatever the job's own approach.
+    """
 
     def __init__(self, comm: Comm, job: Job, seconds: float, say: Callable[[str], None]):
         self._comm, self._job, self._seconds, self._say = comm, job, seconds, say
@@ -128,6 +131,8 @@ class Bench:
         self._find_peak()
         accepted = REFERENCE[self._tangents]
         reference = self._balance("reference", self._scene, self._automatic(accepted), count=False)
+        if reference.note:
+            raise NumericsError(f"the reference, {reference.harmonics} harmonics, has no solution: {reference.note}")
         self._say(f"reference: {reference.harmonics} harmonics, estimated error {reference.estimate:.1e}")
         ways = []
         for way in self._ways():
@@ -157,11 +162,12 @@ class Bench:
     def _automatic(self, tolerance: float) -> Options:
         first = max((len(self._scene.harmonic) - 1) // 2, 3)
         samples = max(64, 6 * first + 2)
-        choices = {"by_events": True, "choose_harmonics": True, "choose_samples": True, "accepted_error": tolerance}
-        return replace(self._options, harmonics=first, samples=samples, **choices)
+        choices = {"choose_harmonics": True, "choose_samples": True, "accepted_error": tolerance}
+        return replace(self._options, harmonics=first, samples=samples, by_events=True, uncoupled=False, **choices)
 
     def _fixed(self, harmonics: int, samples: int, **other: object) -> Options:
-        choices = {"by_events": True, "choose_harmonics": False, "choose_samples": False} | other
+        fixed = {"choose_harmonics": False, "choose_samples": False}
+        choices = {"by_events": True, "uncoupled": False} | fixed | other
         return replace(self._options, harmonics=harmonics, samples=samples, **choices)
 
     def _ways(self) -> Iterator[Way]:

@@ -270,6 +270,9 @@ def _check_spin(job: Job) -> list[Fault]:
 def _check_sweep(job: Job) -> list[Fault]:
     sweep = job["sweep"]
     ends = [key for key in ("start_hz", "stop_hz") if sweep[key] is not None]
+    start_file = job["continuation"]["start_file"]
+    if start_file is not None and job["continuation"]["start"] is None:
+        return [job.fault("[continuation] start_file", start_file, "no such key but with start")]
     if sweep["frequencies_hz"] is not None:
         faults = [job.fault(f"[sweep] {key}", sweep[key], "no such key beside frequencies_hz") for key in ends]
         for key, default in (("both_directions", False), ("max_points", 1000), ("branches", 1), ("start", None)):
@@ -291,6 +294,9 @@ def _check_balance(job: Job) -> list[Fault]:
     if job["balance"]["tolerance"] is not None and "auto" not in chosen:
         expected = 'no such key but with harmonics, quadrature or [reduction] modes = "auto"'
         faults.append(job.fault("[balance] tolerance", job["balance"]["tolerance"], expected))
+    if job["balance"]["quadrature"] == "auto" and samples != TABLES["balance"]["samples"].default:
+        expected = 'no such key where they are chosen: quadrature = "auto", which a tolerance stands for too'
+        faults.append(job.fault("[balance] samples", samples, expected))
     if not isinstance(harmonics, int):
         return faults
     if samples < 4 * harmonics + 2:
@@ -335,6 +341,8 @@ def _check_outputs(job: Job) -> list[Fault]:
     if job["output"]["file"] is None:
         return []
     written = {"[output] file": job.file(job["output"]["file"]), "[reduction] file": rom_path(job)}
+    if job["peak"]["file"] is not None:
+        written["[peak] file"] = job.file(job["peak"]["file"])
     faults = []
     for key, path in written.items():
         if path is None:

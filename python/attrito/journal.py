@@ -75,15 +75,13 @@ class Journal:
 
     def __init__(self, path: str, keep: int = 0):
         self.path = path
-        self._file = open(path, "r+b" if keep else "w+b", buffering=0)  # noqa: SIM115
+        # Nothing of it is cut before it is known that no other process writes it.
+        self._file = open(path, "r+b", buffering=0, opener=_open_or_make)  # noqa: SIM115
         try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+            _lock(self._file, path)
+        except InputError:
             self._file.close()
-            raise InputError(Fault(path, "file", "in use", "that no other run writes it")) from None
-        except OSError:
-            # A file system without locks.
-            pass
+            raise
         self._end = keep
         self._file.truncate(keep)
         if not keep:
@@ -119,6 +117,28 @@ class Journal:
     def close(self) -> None:
         """Closing twice does no harm."""
         self._file.close()
+
+
+def set_aside(path: str, name: str) -> None:
+    """Give a journal another name, unless another process writes it."""
+    with open(path, "r+b") as file:
+        _lock(file, path)
+        os.replace(path, name)
+
+
+def _open_or_make(path: str, flags: int) -> int:
+    return os.open(path, flags | os.O_CREAT, 0o666)
+
+
+def _lock(file: BinaryIO, path: str) -> None:
+    """Keep other processes from writing it while it is open; raises `InputError` where one does already."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise InputError(Fault(path, "file", "in use", "that no other run writes it")) from None
+    except OSError:
+        # A file system without locks.
+        pass
 
 
 def is_journal(path: str | os.PathLike[str]) -> bool:

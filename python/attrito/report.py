@@ -28,6 +28,8 @@ SECTIONS = (
 )
 # An estimated error beyond this is told as a warning.
 LARGE_ERROR = 0.05
+# Amplitudes that differ by less than this part of them are the same.
+NO_WIDTH = 1e-9
 
 
 def write_report(result: Result, path: str | os.PathLike[str], point: int | None = None) -> None:
@@ -77,6 +79,10 @@ def glance(view: View) -> list[tuple[str, bool]]:
         worst = int(np.nanargmax(estimate))
         words = f"Estimated error of the amplitude: at most {estimate[worst]:.1e} of it ({view.place(worst)})."
         lines.append((words, estimate[worst] > LARGE_ERROR))
+    if view.approach() == "uncoupled":
+        lines.append(
+            ("Uncoupled: the mean is that of the static solution; no estimate tells what this leaves out.", True)
+        )
     incomplete = view.result.attributes("/points").get("incomplete", "")
     return lines + ([(incomplete, True)] if incomplete else [])
 
@@ -114,9 +120,16 @@ def _families(view: View) -> list[tuple[str, bool]]:
     if not (unique == 0).any():
         return [("Every point examined is unique.", False)] if (unique == 1).any() else []
     where = view.ranges(unique == 0)
-    widest = view.widest_amplitude()
-    if widest is None:
-        reach = "how far these reach was not examined"
-    else:
-        reach = f"whose amplitudes differ by up to {widest:.2g} of them" if widest > 1e-9 else "of the same amplitudes"
-    return [(f"{(unique == 0).sum()} points are each one of a family of solutions ({reach}): {where}.", False)]
+    return [(f"{(unique == 0).sum()} points are each one of a family of solutions ({_reach(view)}): {where}.", False)]
+
+
+def _reach(view: View) -> str:
+    """How far the families' amplitudes reach, as far as that was examined."""
+    widths = view.amplitude_widths()
+    unknown = int(((view.result.array("/points/unique") == 0) & ~np.isfinite(widths)).sum())
+    if not np.isfinite(widths).any():
+        return "how far these reach was not examined"
+    widest = widths[np.isfinite(widths)].max()
+    # Only members that are visited differ in amplitude; others may differ more.
+    reach = f"whose amplitudes differ by {widest:.2g} or more" if widest > NO_WIDTH else "of the same amplitudes"
+    return f"{reach}; of {unknown} of them not examined" if unknown else reach

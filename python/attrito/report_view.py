@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 
 from attrito.results import Result
@@ -55,6 +57,13 @@ class View:
         """Where a point is, in words."""
         return f"point {point}, {self.frequency[point]:.6g} Hz, level {self.level[point]:.4g}"
 
+    def approach(self) -> str:
+        """`coupled` or `uncoupled`; empty where the file does not tell its job."""
+        try:
+            return json.loads(self.result.attribute("job"))["balance"]["approach"]
+        except (ValueError, TypeError, KeyError):
+            return ""
+
     def ranges(self, chosen: np.ndarray) -> str:
         """Where some points are, as stretches of frequency of one level and branch, the longest first."""
         cuts = np.flatnonzero((np.diff(self.level) != 0) | (np.diff(self._branch) != 0)) + 1
@@ -69,14 +78,16 @@ class View:
         rest = f" and {len(runs) - MOST_RANGES} more stretches" if len(runs) > MOST_RANGES else ""
         return "; ".join(words) + rest
 
-    def widest_amplitude(self) -> float | None:
-        """The widest interval of a monitor's amplitude relative to the amplitude; None where none is known."""
-        widths = []
+    def amplitude_widths(self) -> np.ndarray:
+        """[np], widest interval of a monitor's amplitude relative to it; NaN: unique, or not known of all monitors."""
+        widest = np.where(self.result.array("/points/unique") == 0, 0.0, np.nan)
         for name in self.monitors:
             low, high, amplitude = (self.result.monitor(name, quantity) for quantity in ("low", "high", "amplitude"))
-            known = np.isfinite(low + high) & (amplitude > 0) & (self.result.array("/points/unique") == 0)
-            widths += ((high - low)[known] / amplitude[known]).tolist()
-        return max(widths, default=None)
+            width = high - low
+            # Of what does not move nothing is known but that all members stand still.
+            width = np.divide(width, amplitude, out=np.where(width > 0, np.nan, width), where=amplitude > 0)
+            widest = np.maximum(widest, width)
+        return widest
 
     def widest_force(self) -> tuple[int, int, float] | None:
         """Point, contact and width of the widest known interval of a mean tangential force; None without any."""

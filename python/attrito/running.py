@@ -13,7 +13,7 @@ from attrito.bifurcations import Finder, write_bifurcations
 from attrito.course import Course
 from attrito.faults import InputError, NumericsError, UnsolvedError
 from attrito.job import TOLERANCE, Job, read_job
-from attrito.journal import Record
+from attrito.journal import Record, set_aside
 from attrito.longer_periods import LongerPeriods, write_periods
 from attrito.parallel import on_root
 from attrito.progress import Progress
@@ -233,7 +233,7 @@ def _journal_before(path: str, resume: bool) -> bool:
     if not Path(path).is_file():
         return False
     if not resume:
-        os.replace(path, f"{path}.old")
+        set_aside(path, f"{path}.old")
     return True
 
 

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from attrito.progress import Progress
 
 # As the library counts them.
-STARTS = {"cold": 0, "motion in time": 1, "homotopy in preload": 2}
+COLD, IN_TIME, HOMOTOPY = "a cold start", "motion in time", "homotopy in the preload"
+STARTS = {COLD: 0, IN_TIME: 1, HOMOTOPY: 2}
 # Frequencies, beside the ends, at which starts are made whatever is known; factors on the harmonics of a known motion
 # that motion in time begins with, and on the static loads.
 FREQUENCIES = 5
@@ -118,18 +119,18 @@ class Search:
 
     def _seek(self, start: Start, low: float, high: float) -> bool:
         """Whether a start leads to a point on no known branch, at which the solver then stands."""
-        if start.point < 0:
-            self._solver.walk_static_path(self._path, self._steps, start.frequency_hz)
-            self._solver.set_excitation(low, high, self._level)
         if start.point >= 0:
             self._solver.call("attrito_stand_at_point", start.point)
+        else:
+            self._solver.walk_static_path(self._path, self._steps, start.frequency_hz)
+            self._solver.set_excitation(low, high, self._level)
         if not self._solver.seek(STARTS[start.way], start.frequency_hz, start.factor):
             return False
         return not self._solver.call("attrito_is_known", self._kept)
 
     def _starts(self, low: float, high: float) -> Iterator[Start]:
         """All that can be made of what is known, the most promising first."""
-        yield from (Start("cold", frequency) for frequency in (high, low))
+        yield from (Start(COLD, frequency) for frequency in (high, low))
         for fold in self._finder.found[self._first_bifurcation :]:
             if fold.kind not in FOLDS:
                 continue
@@ -137,20 +138,19 @@ class Search:
             for side in (1.0, -1.0):
                 frequency = fold.frequency_hz + side * BEYOND * (high - low)
                 if low <= frequency <= high and point >= 0:
-                    yield Start("motion in time", frequency, 1.0, point)
+                    yield Start(IN_TIME, frequency, 1.0, point)
         for frequency in self._without_stable():
-            point = self._nearest(frequency)
-            for kick in KICKS:
-                if point >= 0:
-                    yield Start("motion in time", frequency, kick, point)
-            yield from (Start("homotopy in preload", frequency, factor) for factor in PRELOADS)
+            yield from self._away_from_known(frequency)
         for frequency in np.linspace(low, high, FREQUENCIES + 2)[1:-1].tolist():
-            yield Start("cold", frequency)
-            point = self._nearest(frequency)
-            for kick in KICKS:
-                if point >= 0:
-                    yield Start("motion in time", frequency, kick, point)
-            yield from (Start("homotopy in preload", frequency, factor) for factor in PRELOADS)
+            yield Start(COLD, frequency)
+            yield from self._away_from_known(frequency)
+
+    def _away_from_known(self, frequency_hz: float) -> Iterator[Start]:
+        """Out of motion in time beside the nearest known motion, and from other preloads."""
+        point = self._nearest(frequency_hz)
+        if point >= 0:
+            yield from (Start(IN_TIME, frequency_hz, kick, point) for kick in KICKS)
+        yield from (Start(HOMOTOPY, frequency_hz, factor) for factor in PRELOADS)
 
     def _nearest(self, frequency_hz: float, branch: int | None = None) -> int:
         """Number of the kept point of the first branch nearest in frequency, of a branch if given; -1: none."""

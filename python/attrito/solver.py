@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 OUTCOMES = ("converged", "unstable", "indeterminate", "no_period_one_orbit", "not_converged")
 # Parts of a point's estimated error
 ERRORS = ("error_harmonics", "error_samples", "error_modes")
-# What the cascade tries, in its order; see src/continuation/cascade.f90.
-# Of the cascade, in its order; src/continuation/cascade.f90 has the same names.
+# What the cascade tries, in its order; src/continuation/cascade.f90 has the same names.
 ATTEMPTS = (
     "newton_briefly",
     "held_mean",

@@ -7,6 +7,7 @@ them the signal reached.
 from __future__ import annotations
 
 import signal
+import threading
 import time
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING
@@ -34,8 +35,10 @@ class Stop:
         self._before: dict[int, object] = {}
 
     def __enter__(self) -> Stop:
-        for number in SIGNALS:
-            self._before[number] = signal.signal(number, self._note)
+        # Python hands signals to the main thread alone; a run in another one heeds its limit of time.
+        if threading.current_thread() is threading.main_thread():
+            for number in SIGNALS:
+                self._before[number] = signal.signal(number, self._note)
         return self
 
     def __exit__(

@@ -237,6 +237,16 @@ JOB = [
         ("job.toml: [balance] tolerance = 0.01: expected no such key but with harmonics, quadrature or [reduction]",),
     ),
     Case(
+        "samples where a tolerance chooses them",
+        put("balance", tolerance=0.01, samples=512),
+        ("job.toml: [balance] samples = 512: expected no such key where they are chosen",),
+    ),
+    Case(
+        "a result to start from without a point of it",
+        put("continuation", start_file="older.h5"),
+        ("job.toml: [continuation] start_file = 'older.h5': expected no such key but with start",),
+    ),
+    Case(
         "a tolerance out of reach",
         put("balance", tolerance=1e-9),
         ("job.toml: [balance] tolerance = 1e-09: expected a number of at least 1e-08 and of at most 1",),
@@ -275,6 +285,11 @@ JOB = [
         "a result that would overwrite the job",
         put("output", file="job.toml"),
         ("job.toml: [output] file = 'job.toml': expected a file other than that of the job",),
+    ),
+    Case(
+        "peaks that would overwrite the result",
+        put("peak", file="result.h5"),
+        ("job.toml: [peak] file = 'result.h5': expected a file other than that of [output] file",),
     ),
     Case(
         "a result in a folder that is a file",

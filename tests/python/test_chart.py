@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -12,6 +13,7 @@ from jobs import attrito_here, wedge, write_job
 
 from attrito import chart
 from attrito.chart import Chart, Way
+from attrito.faults import NumericsError
 
 
 @pytest.fixture
@@ -66,6 +68,29 @@ def test_work_is_counted_without_the_static_path_and_grows_with_harmonics(tmp_pa
     # A contact by events counts 168 k^2, an elimination at most (2/3) (2 k)^3, k = 2 H + 1, for each iteration.
     assert found["H = 20"] > 168.0 * 41**2
     assert 9.0 < found["H = 20"] / found["H = 5"] < (41 / 11) ** 3 * 3.0
+
+
+def test_an_uncoupled_job_is_charted_against_the_coupled_balance(tmp_path, few_ways, monkeypatch):
+    for ladder in ("SAMPLED_HARMONICS", "TOLERANCES", "SCHEMES"):
+        monkeypatch.setattr(chart, ladder, ())
+    monkeypatch.setattr(chart, "HARMONICS", (20,))
+    path = tmp_path / write_job(tmp_path, rubbing_wedge(approach="uncoupled"))
+    error = {way.series: way.error for way in chart.chart_job(str(path), 5.0).ways}
+    # A wall at 45 degrees: the mean that is frozen costs percents, the series at hand less than its tolerance.
+    assert error["uncoupled"] > 0.01 > error["tolerance"] > error["event"]
+
+
+def test_a_chart_without_a_reference_says_so(tmp_path, few_ways, monkeypatch):
+    solve = chart.Bench._solve
+
+    def lost(self, scene, options):
+        seconds, points = solve(self, scene, options)
+        return seconds, [replace(point, outcome="not_converged") for point in points]
+
+    monkeypatch.setattr(chart.Bench, "_solve", lost)
+    path = tmp_path / write_job(tmp_path, rubbing_wedge())
+    with pytest.raises(NumericsError, match="the reference, .* harmonics, has no solution"):
+        chart.chart_job(str(path), 5.0)
 
 
 def test_the_efficient_front_holds_what_nothing_beats():

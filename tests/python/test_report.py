@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import subprocess
@@ -159,6 +160,25 @@ def test_what_failed_and_what_is_unstable_is_told_first(tmp_path):
     assert any("at most 2.0e-01" in line and "92 Hz" in line for line in warnings)
     assert "the sweep ended at 95 Hz" in warnings
     assert any("family" in line and "94 Hz" in line for line, _ in told)
+
+
+def test_a_report_says_of_how_many_families_the_reach_is_not_known_and_that_the_mean_was_frozen(tmp_path):
+    path = synthetic.write_result(
+        tmp_path / "r.h5",
+        [90.0, 91.0, 92.0],
+        {"tip": [1.0, 2.0, 4.0]},
+        unique=[0, 0, 0],
+        tip_low=[1.0, 1.9, np.nan],
+        tip_high=[1.0, 2.1, np.nan],
+    )
+    with h5py.File(path, "r+") as file:
+        file.attrs["job"] = json.dumps({"balance": {"approach": "uncoupled"}})
+    with Result(path) as result:
+        assert View(result).amplitude_widths() == pytest.approx([0.0, 0.1, np.nan], rel=1e-12, nan_ok=True)
+        told = glance(View(result))
+    family = next(line for line, _ in told if "family" in line)
+    assert "(whose amplitudes differ by 0.1 or more; of 1 of them not examined): 90 to 92 Hz." in family
+    assert any(line.startswith("Uncoupled: ") and warn for line, warn in told)
 
 
 def test_bifurcations_are_counted_first_and_listed(tmp_path):

@@ -7,15 +7,18 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
 from jobs import ENVIRONMENT, Job, attrito, attrito_here, chain, table, wedge, write_job
+from mpi4py import MPI
 from restarts import differences, run_in_pieces, run_to_the_end
 
 from attrito.faults import InputError
 from attrito.journal import MAGIC, Journal, Record, Series, is_journal, read_journal
+from attrito.stop import Stop
 
 HERE = Path(__file__).parent
 
@@ -177,13 +180,31 @@ def test_a_run_that_begins_anew_keeps_the_journal_it_finds_until_it_is_done(cut,
     assert sorted(path.name for path in tmp_path.iterdir()) == ["job.toml", "result.h5"]
 
 
-def test_a_journal_in_use_is_left_alone(cut, tmp_path, capfd):
+@pytest.mark.parametrize("points", [True, False], ids=["some points", "no point"])
+@pytest.mark.parametrize("resume", [["--resume"], []], ids=["resume", "anew"])
+def test_a_journal_in_use_is_left_alone(cut, tmp_path, capfd, points, resume):
     journal = copy_of(cut, tmp_path)
-    held = Journal(str(journal), journal.stat().st_size)
-    done = attrito_here(tmp_path, capfd, "run", "--resume", "job.toml")
+    if not points:
+        begun = next(read_journal(str(journal)))[1]
+        journal.write_bytes(journal.read_bytes()[:begun])
+    before = journal.read_bytes()
+    held = Journal(str(journal), len(before))
+    done = attrito_here(tmp_path, capfd, "run", *resume, "job.toml")
     held.close()
     assert done.returncode == 2
     assert "result.h5.partial: file = 'in use': expected that no other run writes it" in done.stderr
+    assert journal.read_bytes() == before
+
+
+def test_a_run_that_is_not_on_the_main_thread_goes_without_signals():
+    def enter() -> str:
+        with Stop(MPI.COMM_SELF, max_seconds=1e6) as stop:
+            return stop.asked()
+
+    before = signal.getsignal(signal.SIGTERM)
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(enter).result() == ""
+    assert signal.getsignal(signal.SIGTERM) is before
 
 
 # mpirun passes SIGUSR1 and SIGUSR2 on; at SIGTERM it kills, which is what the journal is for.
