@@ -49,7 +49,7 @@ function(attrito_stage name)
   set_source_files_properties(${shells} PROPERTIES COMPILE_OPTIONS "${includes}")
 endfunction()
 
-# attrito_shared_library(name): the stages, linked. MUMPS with SCOTCH comes before PETSc, whose own MUMPS is built without it.
+# attrito_shared_library(name): the stages, linked. MUMPS with SCOTCH comes before PETSc, whose own MUMPS is built without it on Debian.
 function(attrito_shared_library name)
   get_property(stages GLOBAL PROPERTY attrito_stages)
   set(objects "")
@@ -58,6 +58,9 @@ function(attrito_shared_library name)
   endforeach()
   add_library(${name} SHARED ${objects})
   set_target_properties(${name} PROPERTIES LINKER_LANGUAGE Fortran VERSION ${PROJECT_VERSION})
-  target_link_libraries(${name} PUBLIC -Wl,--no-as-needed -ldmumps_ptscotch -lmumps_common_ptscotch -Wl,--as-needed
-    PkgConfig::SLEPC PkgConfig::PETSC PkgConfig::FFTW PkgConfig::OPENBLAS hdf5::hdf5_fortran MPI::MPI_Fortran)
+  if(MUMPS_SCOTCH AND MUMPS_SCOTCH_COMMON)
+    target_link_libraries(${name} PUBLIC -Wl,--no-as-needed ${MUMPS_SCOTCH} ${MUMPS_SCOTCH_COMMON} -Wl,--as-needed)
+  endif()
+  target_link_libraries(${name} PUBLIC PkgConfig::SLEPC PkgConfig::PETSC PkgConfig::FFTW ${attrito_blas} hdf5::hdf5_fortran
+    MPI::MPI_Fortran)
 endfunction()

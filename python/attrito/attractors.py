@@ -149,21 +149,20 @@ def told(monitors: list[str], met: list[Attractor]) -> list[str]:
     return lines
 
 
-def write_attractors(path: str, monitors: list[str], met: list[Attractor]) -> None:
+def write_attractors(file: h5py.File, monitors: list[str], met: list[Attractor]) -> None:
     """Add them to the group /integration of a file, if any were looked for."""
     if not met:
         return
-    with h5py.File(path, "r+") as file:
-        group = file.create_group("integration/attractors")
-        data = {
-            "period": ([one.period for one in met], "in periods of the excitation; 0: none recognised", "1"),
-            "settled": ([int(one.settled) for one in met], "1: it does not settle any more", "1"),
-            "family": ([int(one.family) for one in met], "1: a contact keeps its slider, means differ by start", "1"),
-            "starts": ([", ".join(one.starts) for one in met], "starts that came to it", "1"),
-        }
-        for i, name in enumerate(monitors):
-            data[f"{name}/amplitude"] = ([one.amplitude[i] for one in met], "half the range", "user length")
-            data[f"{name}/mean"] = ([one.mean[i] for one in met], "mean over the period", "user length")
-        for name, (values, description, unit) in data.items():
-            group[name] = values
-            group[name].attrs["description"], group[name].attrs["unit"] = description, unit
+    group = file.create_group("integration/attractors")
+    data = {
+        "period": ([one.period for one in met], "in periods of the excitation; 0: none recognised", "1"),
+        "settled": ([int(one.settled) for one in met], "1: it does not settle any more", "1"),
+        "family": ([int(one.family) for one in met], "1: a contact keeps its slider, means differ by start", "1"),
+        "starts": ([", ".join(one.starts) for one in met], "starts that came to it", "1"),
+    }
+    for i, name in enumerate(monitors):
+        data[f"{name}/amplitude"] = ([one.amplitude[i] for one in met], "half the range", "user length")
+        data[f"{name}/mean"] = ([one.mean[i] for one in met], "mean over the period", "user length")
+    for name, (values, description, unit) in data.items():
+        group[name] = values
+        group[name].attrs["description"], group[name].attrs["unit"] = description, unit

@@ -138,8 +138,8 @@ def _is_of_fold(crossing: Bifurcation, fold: Bifurcation) -> bool:
     )
 
 
-def write_bifurcations(path: str, found: list[Bifurcation], monitors: list[str]) -> None:
-    """Add them to a result file that is closed, as `/bifurcations`."""
+def write_bifurcations(file: h5py.File, found: list[Bifurcation], monitors: list[str]) -> None:
+    """Add them to a result file that is open, as `/bifurcations`."""
     columns = {
         "frequency_hz": ("Hz", float, "frequency", [one.frequency_hz for one in found]),
         "uncertain_hz": ("Hz", float, "what is left open of the frequency", [one.uncertain_hz for one in found]),
@@ -150,13 +150,12 @@ def write_bifurcations(path: str, found: list[Bifurcation], monitors: list[str])
         "real": ("1", float, "real part of the multiplier that crosses", [one.multiplier.real for one in found]),
         "imag": ("1", float, "its imaginary part", [one.multiplier.imag for one in found]),
     }
-    with h5py.File(path, "r+") as file:
-        group = file.create_group("bifurcations")
-        for name, (unit, kind, description, values) in columns.items():
-            stored = group.create_dataset(name, data=np.array(values, dtype=kind))
-            stored.attrs["description"], stored.attrs["unit"] = description, unit
-        group["kind"].attrs["names"] = np.array(KINDS, dtype="S16")
-        for i, name in enumerate(monitors):
-            stored = group.create_dataset(f"amplitude/{name}", data=[float(one.amplitude[i]) for one in found])
-            stored.attrs["description"] = "half the range of the monitor over the period"
-            stored.attrs["unit"] = "user length"
+    group = file.create_group("bifurcations")
+    for name, (unit, kind, description, values) in columns.items():
+        stored = group.create_dataset(name, data=np.array(values, dtype=kind))
+        stored.attrs["description"], stored.attrs["unit"] = description, unit
+    group["kind"].attrs["names"] = np.array(KINDS, dtype="S16")
+    for i, name in enumerate(monitors):
+        stored = group.create_dataset(f"amplitude/{name}", data=[float(one.amplitude[i]) for one in found])
+        stored.attrs["description"] = "half the range of the monitor over the period"
+        stored.attrs["unit"] = "user length"

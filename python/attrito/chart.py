@@ -25,10 +25,12 @@ from attrito import __version__
 from attrito.faults import InputError, NumericsError
 from attrito.integrator import Integrator, Run
 from attrito.job import TOLERANCE, Job, read_job, rom_path
-from attrito.rom import make_rom, reduced_scene
+from attrito.rom import ROM, make_rom, reduced_scene
 from attrito.running import solver_options
 from attrito.scene import build_scene
 from attrito.solver import Options, Point, ReducedScene, Solver
+from attrito.stored import stored
+from attrito.whole_file import whole_hdf5
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -207,7 +209,7 @@ class Bench:
         """The reduced model without its highest fixed-interface modes, against the reduced model as it is."""
         if rom_path(self._job) is None:
             return
-        with h5py.File(rom_path(self._job)) as file:
+        with stored(rom_path(self._job), ROM) as file:
             modes = np.flatnonzero(file["coordinates/kind"][:] == 1)
         for count in dict.fromkeys(round(part * len(modes)) for part in MODE_PARTS):
             kept = np.setdiff1d(np.arange(len(self._scene.mass)), modes[count:])
@@ -354,7 +356,7 @@ def table(chart: Chart) -> str:
 
 def write(chart: Chart, path: str, job: str) -> None:
     """`chart.h5`: a dataset a column, an entry a way."""
-    with h5py.File(path, "w") as file:
+    with whole_hdf5(path) as file:
         file.attrs["format"], file.attrs["attrito_version"], file.attrs["job_file"] = "attrito chart", __version__, job
         file.attrs["description"] = "error against cost of the ways to solve a scene; see docs/accuracy.md of attrito"
         for name in ("frequency_hz", "level", "tolerance"):

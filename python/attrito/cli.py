@@ -24,6 +24,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parallel = options.command in ("run", "reduce", "peak", "study", "integrate", "export", "verify")
     try:
         options.work(options)
+        sys.stdout.flush()
     except InputError as error:
         # What the library found names no file.
         place = f"{options.job}: " if "job" in options and not error.faults else ""
@@ -36,11 +37,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("attrito: interrupted", file=sys.stderr)
         return 130
-    except Exception as error:
-        if isinstance(error, OSError) and not parallel:
-            return _tell(str(unusable_file(error)), 2, parallel)
+    except OSError as error:
+        # Of this rank alone, as where its output goes to a disk that is full.
+        print(f"attrito: {unusable_file(error)}", file=sys.stderr, flush=True)
+        _forget_output()
         if parallel:
-            _abort()
+            _abort(2)
+        return 2
+    except Exception:
+        if parallel:
+            _abort(1)
         raise
     return 0
 
@@ -58,13 +64,22 @@ def _tell(message: str, code: int, parallel: bool) -> int:
     return code
 
 
-def _abort() -> None:
-    """An error nobody foresaw on one rank ends all ranks."""
+def _abort(code: int) -> None:
+    """An error on one rank that others do not know of ends all of them."""
     from mpi4py import MPI
 
     if MPI.COMM_WORLD.size > 1:
-        traceback.print_exc()
-        MPI.COMM_WORLD.Abort(1)
+        if code == 1:
+            traceback.print_exc()
+        MPI.COMM_WORLD.Abort(code)
+
+
+def _forget_output() -> None:
+    """What standard output does not take is not tried again when Python ends."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _parser() -> argparse.ArgumentParser:

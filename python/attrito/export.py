@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import h5py
 import numpy as np
 from mpi4py import MPI
 
@@ -17,6 +16,7 @@ from attrito.mesh_pieces import Snapshot, XdmfSeries, share, write_collection, w
 from attrito.pairing import element_family
 from attrito.parallel import everywhere
 from attrito.results import Result
+from attrito.stored import stored
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -171,23 +171,20 @@ def full_field(result: Result, point: int, dofs: int, rom_file: str | None, part
             expected = f"{dofs}, as many as the model has dofs, or the rom.h5 that made them"
             raise InputError(Fault(result.path, "/points/coordinates", f"{len(coordinates)} coordinates", expected))
         return coordinates[part]
-    try:
-        with h5py.File(rom_file, "r") as rom:
-            basis = rom["/recovery/basis"]
-            made_with = result.attribute("rom_fingerprint")
-            if made_with and str(rom.attrs.get("fingerprint", "")) != made_with:
-                expected = f"the reduced model that {result.path} was made with: run its job again"
-                raise InputError(Fault(rom_file, "fingerprint", "of another reduction", expected))
-            if basis.shape != (len(coordinates), dofs):
-                expected = f"{len(coordinates)} x {dofs} to match {result.path} and the model"
-                raise InputError(Fault(rom_file, "/recovery/basis", " x ".join(map(str, basis.shape)), expected))
-            # A few rows at a time: the basis of a large model need not fit into memory.
-            field = np.zeros((len(range(dofs)[part]), coordinates.shape[1]))
-            for begin in range(0, len(coordinates), ROWS):
-                field += basis[begin : begin + ROWS, part].T @ coordinates[begin : begin + ROWS]
-            return field
-    except (OSError, KeyError) as error:
-        raise InputError(Fault(rom_file, "/recovery/basis", "not readable", "a file of `attrito reduce`")) from error
+    with stored(rom_file, "a rom.h5 of `attrito reduce`") as rom:
+        basis = rom["/recovery/basis"]
+        made_with = result.attribute("rom_fingerprint")
+        if made_with and str(rom.attrs.get("fingerprint", "")) != made_with:
+            expected = f"the reduced model that {result.path} was made with: run its job again"
+            raise InputError(Fault(rom_file, "fingerprint", "of another reduction", expected))
+        if basis.shape != (len(coordinates), dofs):
+            expected = f"{len(coordinates)} x {dofs} to match {result.path} and the model"
+            raise InputError(Fault(rom_file, "/recovery/basis", " x ".join(map(str, basis.shape)), expected))
+        # A few rows at a time: the basis of a large model need not fit into memory.
+        field = np.zeros((len(range(dofs)[part]), coordinates.shape[1]))
+        for begin in range(0, len(coordinates), ROWS):
+            field += basis[begin : begin + ROWS, part].T @ coordinates[begin : begin + ROWS]
+        return field
 
 
 def node_motion(field: np.ndarray, model: Model) -> Motion:

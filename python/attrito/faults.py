@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from dataclasses import dataclass
 
 
@@ -41,10 +42,15 @@ class InputError(Exception):
         return (type(self), self.faults)
 
 
+# What the system says of a disk that is full, of a quota, and of a limit on the size of files.
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
 def unusable_file(error: OSError) -> InputError:
     """What the system said when a file could not be read or written (no folder, no permission, no space)."""
-    path = error.filename if error.filename is not None else "attrito"
-    return InputError(Fault(str(path), "file", error.strerror or str(error), "a file that can be read and written"))
+    path = error.filename if error.filename is not None else "output"
+    expected = "room on the disk to write it" if error.errno in NO_ROOM else "a file that can be read and written"
+    return InputError(Fault(str(path), "file", error.strerror or str(error), expected))
 
 
 class NumericsError(Exception):

@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import h5py
 import numpy as np
 
 from attrito.faults import Fault, InputError
+from attrito.stored import stored
 
 FORMATS = ("attrito model", "attrito rom")
 
 
 def describe(path: str) -> list[str]:
     """Lines about a file; `InputError` where it is neither a model nor a reduced one."""
-    try:
-        with h5py.File(path) as file:
-            kind = file.attrs.get("format")
-            if kind == FORMATS[0]:
-                return _model(file)
-            if kind == FORMATS[1]:
-                return [*_reduced_model(file), *_quality(file)]
-    except OSError as error:
-        expected = "an HDF5 file" if Path(path).is_file() else "a file"
-        raise InputError(Fault(path, "file", str(error), expected)) from error
+    with stored(path, "a model.h5 or rom.h5, an HDF5 file") as file:
+        kind = file.attrs.get("format")
+        if kind == FORMATS[0]:
+            return _model(file)
+        if kind == FORMATS[1]:
+            return [*_reduced_model(file), *_quality(file)]
     raise InputError(Fault(path, "format", kind or "missing", " or ".join(f'"{name}"' for name in FORMATS)))
 
 
@@ -91,6 +86,8 @@ def receptance_errors(receptance: np.ndarray, errors: np.ndarray) -> np.ndarray:
     ----------
     receptance, errors : `[frequencies, nv, nv]`, as in rom.h5
     """
+    if receptance.ndim != 3 or receptance.shape != errors.shape or receptance.dtype.kind != "f":
+        raise ValueError(f"quality/receptance of shape {receptance.shape}, receptance_error of {errors.shape}")
     if len(receptance) == 0:
         return np.full(receptance.shape[1:], np.nan)
     largest = np.abs(receptance).max(axis=0)

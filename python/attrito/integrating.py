@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -27,6 +25,8 @@ from attrito.restart import read_point
 from attrito.rom import make_rom, reduced_scene, rom_path
 from attrito.scene import Scene, build_scene
 from attrito.solver import ReducedScene
+from attrito.stored import UNREADABLE
+from attrito.whole_file import whole_hdf5
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -56,8 +56,7 @@ def integrate_job(comm: Comm, path: str | Job, say: Callable[[str], None] = prin
             orbit = session.run(choices)
             met = attractors_of(session, job, scene, reduced, choices)
         file = job.file(job["output"]["file"])
-        write(file, job, reduced, choices, orbit)
-        write_attractors(file, reduced.monitor_names, met)
+        write(file, job, reduced, choices, orbit, met)
         for line in [*summary(file, reduced, choices, orbit), *told(reduced.monitor_names, met)]:
             say(line)
         return file, orbit.outcome
@@ -198,13 +197,10 @@ def summary(file: str, scene: ReducedScene, choices: Run, orbit: Orbit) -> list[
     return [*lines, file]
 
 
-def write(path: str, job: Job, scene: ReducedScene, choices: Run, orbit: Orbit) -> None:
+def write(path: str, job: Job, scene: ReducedScene, choices: Run, orbit: Orbit, met: list[Attractor]) -> None:
     """Write the group /integration, replacing one that is there."""
     Path(path).parent.mkdir(parents=True, exist_ok=True)
-    partial = f"{path}.partial"
-    if _is_ours(path):
-        shutil.copyfile(path, partial)
-    with h5py.File(partial, "a" if _is_ours(path) else "w") as file:
+    with whole_hdf5(path, start=path if _is_ours(path) else None) as file:
         if "format" not in file.attrs:
             file.attrs["format"] = FORMATS[1]
             file.attrs["format_version"] = 1
@@ -226,14 +222,14 @@ def write(path: str, job: Job, scene: ReducedScene, choices: Run, orbit: Orbit) 
             stored = group.create_dataset(name, data=values)
             stored.attrs["description"], stored.attrs["unit"] = description, unit
         group["contacts/history/regime"].attrs["names"] = "stick,slip,open"
-    os.replace(partial, path)
+        write_attractors(file, scene.monitor_names, met)
 
 
 def _is_ours(path: str) -> bool:
     try:
         with h5py.File(path) as file:
             return file.attrs.get("format") in FORMATS
-    except OSError:
+    except UNREADABLE:
         return False
 
 

@@ -356,4 +356,6 @@ def _check_outputs(job: Job) -> list[Fault]:
             faults.append(job.fault(key, path, f"a file in a folder ({blocked} is a file)"))
         elif Path(path).is_dir():
             faults.append(job.fault(key, path, "a file, not a folder"))
+        elif Path(path).exists() and not Path(path).is_file():
+            faults.append(job.fault(key, path, "a file, not a device"))
     return faults

@@ -102,11 +102,10 @@ def can_integrate(scene: ReducedScene) -> bool:
     return scene.damping_kind != "loss_factor" and max(tangents) == 1 and len(tangents) <= MOST_CONTACTS
 
 
-def write_periods(path: str, longer: LongerPeriods) -> None:
-    """Put the periods into a result file that is closed."""
+def write_periods(file: h5py.File, longer: LongerPeriods) -> None:
+    """Put the periods into a result file that is open."""
     if not longer.periods:
         return
-    with h5py.File(path, "r+") as file:
-        for number, period in longer.periods.items():
-            file["points/period"][number] = period
-            file["points/outcome"][number] = OUTCOMES.index(_outcome(period))
+    for number, period in longer.periods.items():
+        file["points/period"][number] = period
+        file["points/outcome"][number] = OUTCOMES.index(_outcome(period))

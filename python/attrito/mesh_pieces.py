@@ -18,7 +18,8 @@ import h5py
 import meshio
 import numpy as np
 
-from attrito.faults import Fault, InputError
+from attrito.faults import NO_ROOM, Fault, InputError, unusable_file
+from attrito.whole_file import whole_file, whole_hdf5
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -64,8 +65,8 @@ def write_vtu(comm: Comm, path: str, cells: list[tuple[str, np.ndarray]], snapsh
         # Nodes that no cell uses stay in the file of a single rank.
         data, local, used = snapshot.fields, cells, slice(None)
     piece = f"{path}.vtu" if comm.size == 1 else f"{path}_rank{comm.rank}.vtu"
-    with _writing(piece):
-        meshio.write(piece, meshio.Mesh(snapshot.points[used], local, point_data=data), file_format="vtu")
+    with _writing(piece), whole_file(piece) as new:
+        meshio.write(new, meshio.Mesh(snapshot.points[used], local, point_data=data), file_format="vtu")
     if comm.size == 1:
         return piece
     if comm.rank == 0:
@@ -103,9 +104,11 @@ class XdmfSeries:
         self.comm, self.path = comm, path
         if comm.size > 1 and not h5py.get_config().mpi:
             raise InputError(Fault("export", "--format", "xdmf", "one rank, or an h5py built for several"))
-        options = {"driver": "mpio", "comm": comm} if comm.size > 1 else {}
+        self._open = contextlib.ExitStack()
         with _writing(f"{path}.h5"):
-            self.file = h5py.File(f"{path}.h5", "w", **options)
+            data = f"{path}.h5"
+            opened = whole_hdf5(data) if comm.size == 1 else h5py.File(data, "w", driver="mpio", comm=comm)
+            self.file = self._open.enter_context(opened)
         self.grids: list[str] = []
         self.cells = cells
         self.points = ""
@@ -115,8 +118,9 @@ class XdmfSeries:
     def __enter__(self) -> XdmfSeries:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.file.close()
+    def __exit__(self, *failure: object) -> None:
+        with _writing(f"{self.path}.h5"):
+            self._open.__exit__(*failure)
 
     def add(self, snapshot: Snapshot, moved: bool) -> None:
         """One instant; `moved` where its points are not those of the instant before."""
@@ -167,8 +171,8 @@ class XdmfSeries:
 
 
 def _write_text(path: str, text: str) -> None:
-    with _writing(path):
-        Path(path).write_text(text)
+    with _writing(path), whole_file(path) as new:
+        Path(new).write_text(text)
 
 
 @contextlib.contextmanager
@@ -177,4 +181,6 @@ def _writing(path: str) -> Iterator[None]:
     try:
         yield
     except OSError as error:
+        if error.errno in NO_ROOM:
+            raise unusable_file(error) from error
         raise InputError(Fault(path, "file", str(error), "a place where a file can be written")) from error

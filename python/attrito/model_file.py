@@ -8,7 +8,6 @@ from __future__ import annotations
 import hashlib
 import importlib.metadata
 import json
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,8 +16,10 @@ import h5py
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from attrito.faults import Fault, InputError
+from attrito.faults import NO_ROOM, Fault, InputError, unusable_file
 from attrito.spin import HOLDINGS
+from attrito.stored import stored
+from attrito.whole_file import whole_hdf5
 
 FORMAT = "attrito model"
 FORMAT_VERSION = 1
@@ -98,18 +99,14 @@ def write_model(path: str | Path, model: Model, source: Sequence[str | Path]) ->
     model : with its stiffness and mass
     source : the files it was read from, for the root attribute `source`
     """
-    path = Path(path)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with h5py.File(temporary, "w") as file:
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
+        with whole_hdf5(path) as file:
             _fill(file, model, source)
-        os.replace(temporary, path)
     except OSError as error:
+        if error.errno in NO_ROOM:
+            raise unusable_file(error) from error
         raise InputError(Fault(str(path), "file", str(error), "a file that can be written")) from error
-    finally:
-        if temporary.exists():
-            temporary.unlink()
 
 
 def _fill(file: h5py.File, model: Model, source: Sequence[str | Path]) -> None:
@@ -177,14 +174,9 @@ def read_model(path: str | Path, matrices: bool = True) -> Model:
     ------
     InputError : no such file, not a model file, or its parts do not fit together
     """
-    try:
-        with h5py.File(path, "r") as file:
-            _check_format(file, str(path))
-            return _Reader(file, str(path)).model(matrices)
-    except OSError as error:
-        there = Path(path).is_file()
-        expected = "an HDF5 file written by attrito import" if there else "a file that attrito import has written"
-        raise InputError(Fault(str(path), "file", str(error) if there else "absent", expected)) from error
+    with stored(path, "a file that attrito import has written") as file:
+        _check_format(file, str(path))
+        return _Reader(file, str(path)).model(matrices)
 
 
 def _check_format(file: h5py.File, path: str) -> None:

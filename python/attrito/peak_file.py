@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
@@ -17,6 +15,8 @@ from attrito.faults import Fault, InputError
 from attrito.job import Job
 from attrito.peak_tracker import Peak
 from attrito.solver import OUTCOMES, ReducedScene
+from attrito.stored import stored
+from attrito.whole_file import whole_hdf5
 
 KINDS = ("step", "value", "optimum")
 STATES = ("stuck", "shaken_down", "slipping", "open")
@@ -88,10 +88,9 @@ def columns(found: list[Found], parameter: str) -> dict[str, np.ndarray]:
 def write(path: str, job: Job, scene: ReducedScene, found: list[Found]) -> None:
     """Write the peaks; the file appears when it is complete."""
     keys = job["peak"]
-    partial = f"{path}.partial"
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     data = columns(found, keys["parameter"])
-    with h5py.File(partial, "w") as file:
+    with whole_hdf5(path) as file:
         file.attrs["format"] = "attrito peaks"
         file.attrs["format_version"] = 1
         file.attrs["attrito_version"] = __version__
@@ -122,19 +121,15 @@ def write(path: str, job: Job, scene: ReducedScene, found: list[Found]) -> None:
             put(f"monitors/{name}/harmonics", harmonics, "mean, cos 1, sin 1, cos 2, ...", "user length")
             ranges = np.array([one.peak.point.amplitude[i] for one in found])
             put(f"monitors/{name}/amplitude", ranges, "half the range over the period", "user length")
-    os.replace(partial, path)
 
 
 def read_peaks(path: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """Columns of a file of peaks, and its attributes."""
-    try:
-        with h5py.File(path) as file:
-            if file.attrs.get("format") != "attrito peaks":
-                raise InputError(Fault(path, "format", file.attrs.get("format", "absent"), "peaks of `attrito peak`"))
-            data = {name: file[f"peaks/{name}"][()] for name in [*COLUMNS, *COUNTS, "kind", "outcome", "states"]}
-            return data, dict(file.attrs)
-    except OSError as error:
-        raise InputError(Fault(path, "file", str(error), "peaks of `attrito peak`")) from None
+    with stored(path, "peaks of `attrito peak`") as file:
+        if file.attrs.get("format") != "attrito peaks":
+            raise InputError(Fault(path, "format", file.attrs.get("format", "absent"), "peaks of `attrito peak`"))
+        data = {name: file[f"peaks/{name}"][()] for name in [*COLUMNS, *COUNTS, "kind", "outcome", "states"]}
+        return data, dict(file.attrs)
 
 
 def table(path: str) -> str:

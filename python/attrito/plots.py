@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 
 import matplotlib
 import numpy as np
@@ -21,6 +22,7 @@ from matplotlib.transforms import ScaledTranslation
 
 from attrito.faults import Fault, InputError
 from attrito.results import NO_SOLUTION, Result
+from attrito.whole_file import whole_file
 
 BRANCH_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 LIMIT_COLOUR = "#8a8a8a"
@@ -105,9 +107,10 @@ class Look:
 
 def save(figure: Figure, path: str | os.PathLike[str], dpi: int = 220) -> None:
     """Write a figure; the ending chooses the format (.png, .pdf, .svg). Letters stay letters in PDF and SVG."""
+    kind = Path(path).suffix.removeprefix(".")
     try:
-        with matplotlib.rc_context(STYLE):
-            figure.savefig(path, dpi=dpi)
+        with matplotlib.rc_context(STYLE), whole_file(path) as new:
+            figure.savefig(new, dpi=dpi, format=kind)
     except (OSError, ValueError) as error:
         raise InputError(Fault(str(path), "figure", str(error), "a writable .png, .pdf or .svg file")) from error
 

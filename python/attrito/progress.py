@@ -1,8 +1,13 @@
-"""What a run says while it runs: one line a point, which on a terminal overwrites itself."""
+"""What a run says while it runs: on a terminal one line, which every point writes over; in a file a line now and then.
+
+Either way the first and the last point of a level, a branch or an outcome have a line that stays, and so has the last
+before anything else is said.
+"""
 
 from __future__ import annotations
 
 import math
+import os
 import sys
 import time
 from typing import TYPE_CHECKING
@@ -18,8 +23,11 @@ if TYPE_CHECKING:
     from attrito.stages import Stages
 
 
-# Seconds between words on a step that takes long
+# Seconds between words on what takes long
 SILENCE = 2.0
+# Set by mpirun of Open MPI, by MPICH's, and by srun: their output may look like a terminal, and is passed on in lines.
+LAUNCHERS = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_STEP_ID")
+CLEAR_LINE = "\r\x1b[K"
 
 
 class Progress:
@@ -27,22 +35,29 @@ class Progress:
 
     def __init__(self, comm: Comm):
         self._speaks = comm.rank == 0
-        self._terminal = self._speaks and sys.stdout.isatty()
+        self._terminal = self._speaks and sys.stdout.isatty() and not any(name in os.environ for name in LAUNCHERS)
         self.count = 0
         self.iterations = 0
-        self._pending = False
+        # The last point's line, where it may be written over or was not written; level, branch, outcome of that point.
+        self._pending: str | None = None
+        self._last: tuple[float, int, str] | None = None
         self._step = ""
         self._begun = (0.0, 0)
-        self._told = 0.0
+        self._told = -math.inf
 
     def say(self, line: str) -> None:
         """A line of its own."""
         if not self._speaks:
             return
-        if self._pending:
-            print()
-            self._pending = False
+        self._leave_standing()
         print(line, flush=True)
+
+    def _leave_standing(self) -> None:
+        """The last point's line is to be read."""
+        if self._pending is None:
+            return
+        print("" if self._terminal else self._pending, flush=True)
+        self._pending = None
 
     def step(self, name: str, done: int, total: int) -> None:
         """How far a step of a reduction has come, and the time left for it at this rate; a sentence if total is 0."""
@@ -88,7 +103,7 @@ class Progress:
         self.say("static load path walked: monitors " + ", ".join(f"{value:.4g}" for value in means))
 
     def point(self, point: Point, monitor: str, number: int) -> None:
-        """One line a point, the `number`th of the run."""
+        """The line of a point, the `number`th of the run."""
         self.iterations += point.iterations
         self.count += 1
         if not self._speaks:
@@ -100,11 +115,16 @@ class Progress:
             f"  stuck {stuck + shaken_down:3d} slipping {slipping:3d} open {opened:3d}"
             f"  {point.iterations:3d} iterations  {point.outcome}"
         )
+        now, kind = time.monotonic(), (point.level, point.branch, point.outcome)
+        news, self._last = kind != self._last, kind
+        if news:
+            self._leave_standing()
         if self._terminal:
-            print("\r" + line, end="", flush=True)
-            self._pending = True
-        else:
-            print(line, flush=True)
+            print(CLEAR_LINE + line, end="", flush=True)
+        self._pending = line
+        if news or (not self._terminal and now - self._told >= SILENCE):
+            self._leave_standing()
+            self._told = now
 
     def end(self, result: str, stages: Stages, place: Place) -> None:
         """Where the result is, and what it took. Collective."""

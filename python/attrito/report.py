@@ -13,6 +13,7 @@ from attrito.faults import Fault, InputError
 from attrito.report_page import Page
 from attrito.report_view import View
 from attrito.results import NO_SOLUTION, Result
+from attrito.whole_file import whole_file
 
 SECTIONS = (
     sections.responses,
@@ -47,7 +48,8 @@ def write_report(result: Result, path: str | os.PathLike[str], point: int | None
     """
     text = make_page(result, point).html()
     try:
-        Path(path).write_text(text, encoding="utf-8")
+        with whole_file(path) as new:
+            Path(new).write_text(text, encoding="utf-8")
     except OSError as error:
         expected = "a file that can be written"
         raise InputError(Fault(str(path), "report", error.strerror or str(error), expected)) from error

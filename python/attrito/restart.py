@@ -9,6 +9,7 @@ import numpy as np
 
 from attrito.faults import InputError
 from attrito.job import Job
+from attrito.stored import UNREADABLE, check_sizes
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,7 @@ def read_point(job: Job, key: str, start: str, path: str, size: int, contacts: i
     number = int(start.split(":")[1])
     try:
         with h5py.File(path) as file:
+            check_sizes(file, path)
             coordinates = file["points/coordinates"]
             if number >= len(coordinates):
                 raise InputError(job.fault(key, start, f"a point of {path}: 0 to {len(coordinates) - 1}"))
@@ -32,7 +34,7 @@ def read_point(job: Job, key: str, start: str, path: str, size: int, contacts: i
                 raise InputError(job.fault(key, start, f"a result of this scene in {path}"))
             motion, slider = coordinates[number], file["contacts/slider"][number]
             frequency = float(file["points/frequency_hz"][number])
-    except (OSError, KeyError):
+    except UNREADABLE:
         raise InputError(job.fault(key, start, f"a result of `attrito run` in {path}")) from None
     if not np.all(np.isfinite(motion)):
         raise InputError(job.fault(key, start, "a point that has converged"))

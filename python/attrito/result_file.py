@@ -15,31 +15,24 @@ from attrito.journal import Record, Series, read_journal
 BLOCK = 1 << 26
 
 
-def write_result(journal: str, path: str, **how: object) -> h5py.File:
-    """A result file out of a journal, open for more to be written.
+def fill_result(file: h5py.File, journal: str) -> None:
+    """Put what a journal holds into a result file.
 
     Parameters
     ----------
+    file : empty, open for writing
     journal : path of the journal
-    path : of the file to make
-    how : to `h5py.File`, as `driver="core", backing_store=False` for a file in memory only
     """
     first, shapes, series, points = _survey(journal)
-    file = h5py.File(path, "w", **how)
-    try:
-        file.attrs.update(first.note["attributes"])
-        for name, values in first.arrays.items():
-            _describe(file.create_dataset(name, data=_texts(first, name, values)), first.series[name])
-        if points:
-            for name, what in series.items():
-                kind, filler = (np.int32, -1) if what.kind == "int32" else (np.float64, 0.0)
-                stored = file.create_dataset(name, (points, *shapes[name]), kind, fillvalue=filler)
-                _describe(stored, what)
-            _fill(file, series, journal)
-    except BaseException:
-        file.close()
-        raise
-    return file
+    file.attrs.update(first.note["attributes"])
+    for name, values in first.arrays.items():
+        _describe(file.create_dataset(name, data=_texts(first, name, values)), first.series[name])
+    if points:
+        for name, what in series.items():
+            kind, filler = (np.int32, -1) if what.kind == "int32" else (np.float64, 0.0)
+            stored = file.create_dataset(name, (points, *shapes[name]), kind, fillvalue=filler)
+            _describe(stored, what)
+        _fill(file, series, journal)
 
 
 def _survey(journal: str) -> tuple[Record, dict[str, tuple[int, ...]], dict[str, Series], int]:

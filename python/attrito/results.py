@@ -13,7 +13,8 @@ import numpy as np
 
 from attrito.faults import Fault, InputError
 from attrito.journal import is_journal
-from attrito.result_file import write_result
+from attrito.result_file import fill_result
+from attrito.stored import UNREADABLE, check_sizes, spoilt
 
 # The other outcomes say that a solution was found, and what is wrong with it.
 NO_SOLUTION = ("no_period_one_orbit", "not_converged")
@@ -37,12 +38,37 @@ class Result:
             raise InputError(Fault(self.path, "file", "absent", "a result of `attrito run`"))
         try:
             self._file = _open(self.path)
-        except OSError as error:
+        except UNREADABLE as error:
             raise InputError(Fault(self.path, "file", "not HDF5", "a result of `attrito run`")) from error
-        form = as_text(self._file.attrs.get("format", "absent"))
+        try:
+            self._check()
+        except UNREADABLE as error:
+            self.close()
+            raise spoilt(self.path, error, "a result of `attrito run`") from error
+        except InputError:
+            self.close()
+            raise
+
+    def _check(self) -> None:
+        """It is a result, and its series have an entry for each point and contact."""
+        form = self.attribute("format") or "absent"
         if "result" not in form:
-            self._file.close()
             raise InputError(Fault(self.path, "format", form, "a result of `attrito run`"))
+        check_sizes(self._file, self.path)
+        points = self._file.get("points/frequency_hz")
+        if not isinstance(points, h5py.Dataset):
+            return
+        faults = []
+        for place in ("points", "monitors", "contacts"):
+            for path, stored in _datasets(self._file.get(place), place):
+                if path.startswith("contacts/parameters/"):
+                    continue
+                wanted = (len(points), self.contacts) if place == "contacts" else (len(points),)
+                if stored.dtype.kind not in "iuf" or stored.shape[: len(wanted)] != wanted:
+                    value = f"{stored.dtype} of shape {stored.shape}"
+                    faults.append(Fault(self.path, path, value, f"numbers, an entry for each of {wanted}"))
+        if faults:
+            raise InputError(*faults)
 
     def __enter__(self) -> Result:
         return self
@@ -68,7 +94,10 @@ class Result:
 
     def array(self, path: str) -> np.ndarray:
         """A whole dataset."""
-        return self.dataset(path)[()]
+        try:
+            return self.dataset(path)[()]
+        except UNREADABLE as error:
+            raise spoilt(self.path, error, f"a result of `attrito run` with {path}") from error
 
     def names(self, path: str) -> list[str]:
         """What the integers of a dataset stand for: its attribute `names`."""
@@ -103,13 +132,20 @@ class Result:
     @property
     def contacts(self) -> int:
         """Number of contacts, nc; 0 for a model without."""
-        return self.dataset("/contacts/state").shape[1] if self.has("/contacts/state") else 0
+        shape = self.dataset("/contacts/state").shape if self.has("/contacts/state") else ()
+        return shape[1] if len(shape) == 2 else 0
 
     @property
     def outcome(self) -> list[str]:
         """Name of each point's outcome."""
-        names = self.names("/points/outcome")
-        return [names[index] for index in self.array("/points/outcome")]
+        return self.named("/points/outcome")
+
+    def named(self, path: str) -> list[str]:
+        """Name of each entry of a series of whole numbers that stand for names, flat; empty for -1."""
+        names, found = self.names(path), self.array(path).ravel()
+        if np.any((found < -1) | (found >= len(names))):
+            raise InputError(Fault(self.path, path, found.tolist(), f"numbers from 0 to {len(names) - 1}"))
+        return [names[int(index)] if index >= 0 else "" for index in found]
 
     @property
     def converged(self) -> np.ndarray:
@@ -185,8 +221,7 @@ def contact_table(result: Result) -> str:
         "state": [],
     }
     if nc:
-        names = result.names("/contacts/state")
-        columns["state"] = (names[index] if index >= 0 else "" for index in result.array("/contacts/state").ravel())
+        columns["state"] = result.named("/contacts/state")
     for name in real:
         columns[name] = _numbers(result.array(f"/contacts/{name}").ravel()) if nc else []
     columns["unique"] = _booleans(result.array("/contacts/unique").ravel()) if nc else []
@@ -238,8 +273,27 @@ def _level_column(result: Result, point: np.ndarray) -> dict[str, Iterable[str]]
 def _open(path: str) -> h5py.File:
     """The file; of a run that is not over, what its journal holds so far."""
     if is_journal(path):
-        return write_result(path, path, driver="core", backing_store=False)
+        file = h5py.File(path, "w", driver="core", backing_store=False)
+        try:
+            fill_result(file, path)
+        except BaseException:
+            file.close()
+            raise
+        return file
     return h5py.File(path, "r")
+
+
+def _datasets(group: h5py.Group | None, place: str) -> list[tuple[str, h5py.Dataset]]:
+    """All datasets below a group, by their path."""
+    found: list[tuple[str, h5py.Dataset]] = []
+
+    def look(name: str, thing: h5py.Group | h5py.Dataset) -> None:
+        if isinstance(thing, h5py.Dataset):
+            found.append((f"{place}/{name}", thing))
+
+    if isinstance(group, h5py.Group):
+        group.visititems(look)
+    return found
 
 
 def _csv(columns: dict[str, Iterable[str]]) -> str:

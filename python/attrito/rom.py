@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +14,7 @@ import h5py
 import numpy as np
 
 from attrito import __version__
-from attrito.faults import InputError
+from attrito.faults import Fault, InputError
 from attrito.info import receptance_errors
 from attrito.job import HARMONICS, Job, model_path, rom_path
 from attrito.model_file import write_model
@@ -23,11 +22,14 @@ from attrito.parallel import on_root
 from attrito.reduction import Listener, Report, reduce_model
 from attrito.scene import Scene
 from attrito.solver import ReducedScene
+from attrito.stored import UNREADABLE, stored
+from attrito.whole_file import whole_hdf5
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
 LARGEST_DENSE = 4000
+ROM = "a rom.h5 of `attrito reduce` (delete it, and it is made anew)"
 # Error below which modes, solved to residuals of 1e-12, tell nothing
 LEAST_ERROR = 1e-12
 # Raised when the reduction of the same input changes, so that no older rom.h5 is taken for it.
@@ -91,14 +93,13 @@ def make_rom(
             Path(source).unlink(missing_ok=True)
 
     def finish() -> None:
-        with h5py.File(partial, "r+") as file:
+        with whole_hdf5(path, start=partial) as file:
             file.attrs["fingerprint"] = fingerprint
             file.attrs["attrito_version"] = __version__
             file.attrs["job"] = json.dumps(job.tables)
             names = np.array(list(_vectors(scene)), dtype=h5py.string_dtype())
-            stored = file.create_dataset("vectors/name", data=names)
-            stored.attrs["description"], stored.attrs["unit"] = "names of the loads and monitors", "1"
-        os.replace(partial, path)
+            named = file.create_dataset("vectors/name", data=names)
+            named.attrs["description"], named.attrs["unit"] = "names of the loads and monitors", "1"
 
     on_root(comm, finish)
     return report
@@ -150,10 +151,7 @@ def reduced_scene(job: Job, scene: Scene) -> ReducedScene:
         vectors = np.array(list(_vectors(scene).values()))
         directions = scene.contacts.rows.toarray()
     else:
-        with h5py.File(path) as file:
-            mass, stiffness = file["mass"][:], file["stiffness"][:]
-            damping = file["damping"][:] if "damping" in file else None
-            vectors, boundary = file["vectors/reduced"][:], file["boundary/dof"][:]
+        mass, stiffness, damping, vectors, boundary = _read_rom(path, sum(counts), scene.model.size)
         directions = np.zeros((scene.contacts.rows.shape[0], len(mass)))
         directions[:, : len(boundary)] = scene.contacts.rows[:, boundary].toarray()
     static, harmonic, monitors = np.split(np.ascontiguousarray(vectors, dtype=float), np.cumsum(counts)[:-1])
@@ -168,6 +166,26 @@ def reduced_scene(job: Job, scene: Scene) -> ReducedScene:
         *(np.ascontiguousarray(part) for part in (static, harmonic, monitors)),
         list(scene.monitors),
     )
+
+
+def _read_rom(path: str, vectors: int, dofs: int) -> tuple:
+    """Mass, stiffness, damping or None, loads and monitors, boundary dofs of a rom.h5."""
+    with stored(path, ROM) as file:
+        size = len(file["mass"])
+        wanted = {"mass": (size, size), "stiffness": (size, size), "vectors/reduced": (vectors, size)}
+        wanted |= {"damping": (size, size)} if "damping" in file else {}
+        read = {name: file[name][()] for name in wanted}
+        boundary = file["boundary/dof"][:]
+    faults = [
+        Fault(path, name, f"{values.dtype} of shape {values.shape}", f"finite numbers of shape {wanted[name]}")
+        for name, values in read.items()
+        if values.shape != wanted[name] or values.dtype.kind != "f" or not np.all(np.isfinite(values))
+    ]
+    if boundary.dtype.kind != "i" or len(boundary) > size or np.any((boundary < 0) | (boundary >= dofs)):
+        faults.append(Fault(path, "boundary/dof", boundary, f"at most {size} dofs of the model, 0 to {dofs - 1}"))
+    if faults:
+        raise InputError(*faults)
+    return read["mass"], read["stiffness"], read.get("damping"), read["vectors/reduced"], boundary
 
 
 def _damping(
@@ -215,14 +233,14 @@ def mode_error(path: str | None) -> float:
     """
     if path is None:
         return 0.0
-    with h5py.File(path) as file:
+    with stored(path, ROM) as file:
         if "quality" not in file or "vectors/name" not in file:
             return 0.0
         names = [name.decode() for name in file["vectors/name"][:]]
         errors = receptance_errors(file["quality/receptance"][:], file["quality/receptance_error"][:])
-    watched = [i for i, name in enumerate(names) if name.startswith("monitor:")]
-    loads = [i for i in range(len(names)) if i not in watched] or watched
-    worst = float(np.nan_to_num(errors[np.ix_(watched, loads)]).max(initial=0.0))
+        watched = [i for i, name in enumerate(names) if name.startswith("monitor:")]
+        loads = [i for i in range(len(names)) if i not in watched] or watched
+        worst = float(np.nan_to_num(errors[np.ix_(watched, loads)]).max(initial=0.0))
     return worst if worst > LEAST_ERROR else 0.0
 
 
@@ -231,5 +249,5 @@ def rom_fingerprint(path: str | None) -> str:
     try:
         with h5py.File(path or "") as file:
             return str(file.attrs.get("fingerprint", ""))
-    except (OSError, ValueError):
+    except UNREADABLE:
         return ""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -19,7 +18,7 @@ from attrito.parallel import on_root
 from attrito.progress import Progress
 from attrito.recorder import Place, Recorder
 from attrito.restart import StoredPoint, read_point
-from attrito.result_file import write_result
+from attrito.result_file import fill_result
 from attrito.rom import make_rom, mode_error, reduced_scene, rom_path
 from attrito.run_header import first_record, linear_responses
 from attrito.scene import Scene, build_scene
@@ -30,6 +29,7 @@ from attrito.stages import Stages
 from attrito.statics import Margin, friction_margin, warning, write_margin
 from attrito.stop import Stop
 from attrito.uniqueness import Sampler, write_bounds
+from attrito.whole_file import whole_hdf5
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -185,21 +185,15 @@ class _Run:
         self._stages.end("writing")
 
     def _make_result(self, margin: Margin | None) -> None:
-        new = f"{self.result}.new"
-        try:
-            with write_result(self.journal, new) as file:
-                if self.place.incomplete:
-                    file["points"].attrs["incomplete"] = "; ".join(self.place.incomplete)
-            write_bounds(new, self._reduced, self._sampler)
-            write_multipliers(new, self._examiner)
-            write_periods(new, self._longer)
-            write_margin(new, margin)
-            write_bifurcations(new, self._finder.found, self._reduced.monitor_names)
-            os.replace(new, self.result)
-        except OSError as error:
-            Path(new).unlink(missing_ok=True)
-            error.filename = error.filename or new
-            raise
+        with whole_hdf5(self.result) as file:
+            fill_result(file, self.journal)
+            if self.place.incomplete:
+                file["points"].attrs["incomplete"] = "; ".join(self.place.incomplete)
+            write_bounds(file, self._reduced, self._sampler)
+            write_multipliers(file, self._examiner)
+            write_periods(file, self._longer)
+            write_margin(file, margin)
+            write_bifurcations(file, self._finder.found, self._reduced.monitor_names)
         Path(self.journal).unlink()
         Path(f"{self.journal}.old").unlink(missing_ok=True)
 

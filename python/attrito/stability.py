@@ -130,8 +130,8 @@ def fetch_multipliers(solver: Solver, engine: int, count: int) -> tuple[np.ndarr
     return real, imaginary, kind
 
 
-def write_multipliers(path: str, examiner: Examiner) -> None:
-    """Add the multipliers, and why points have no verdict, to a result file that is closed."""
+def write_multipliers(file: h5py.File, examiner: Examiner) -> None:
+    """Add the multipliers, and why points have no verdict, to a result file that is open."""
     if not examiner.rows and not examiner.reasons:
         return
     columns = np.array(examiner.rows).reshape(-1, 5).T
@@ -147,33 +147,32 @@ def write_multipliers(path: str, examiner: Examiner) -> None:
             KINDS,
         ),  # fmt: skip
     }
-    with h5py.File(path, "r+") as file:
-        for column, (name, (kind, description, names)) in zip(columns, data.items(), strict=True):
-            stored = file.create_dataset(f"multipliers/{name}", data=column.astype(kind))
-            stored.attrs["description"], stored.attrs["unit"] = description, "1"
-            if names is not None:
-                stored.attrs["names"] = np.array(names, dtype="S9")
-        points = len(file["points/stable"])
-        real, imaginary, kind = columns[2:]
-        largest, distance, change, low, high = np.full((5, points), np.nan)
-        decides = kind == KINDS.index("floquet")
-        np.fmax.at(largest, columns[0][decides].astype(int), np.hypot(real, imaginary)[decides])
-        known = (examiner.distances, examiner.changes, examiner.lows, examiner.highs)
-        for column, numbers in zip((distance, change, low, high), known, strict=True):
-            column[list(numbers)] = list(numbers.values())
-        reasons = [examiner.reasons.get(point, "") for point in range(points)]
-        for name, values, kind, description in (
-            ("largest_multiplier", largest, float, "largest modulus of the point's dynamic multipliers"),
-            (
-                "distance",
-                distance,
-                float,
-                "of the event-exact orbit from the balance's, part of the motion's half range",
-            ),
-            ("change", change, float, "what doubling the modes last changed of the multipliers by the monodromy"),
-            ("low", low, float, "of an indeterminate point: its largest multiplier's modulus is at least that"),
-            ("high", high, float, "and at most that"),
-            ("reason", reasons, h5py.string_dtype(), "why the point has no verdict"),
-        ):
-            stored = file.create_dataset(f"stability/{name}", data=values, dtype=kind)
-            stored.attrs["description"], stored.attrs["unit"] = description, "1"
+    for column, (name, (kind, description, names)) in zip(columns, data.items(), strict=True):
+        stored = file.create_dataset(f"multipliers/{name}", data=column.astype(kind))
+        stored.attrs["description"], stored.attrs["unit"] = description, "1"
+        if names is not None:
+            stored.attrs["names"] = np.array(names, dtype="S9")
+    points = len(file["points/stable"])
+    real, imaginary, kind = columns[2:]
+    largest, distance, change, low, high = np.full((5, points), np.nan)
+    decides = kind == KINDS.index("floquet")
+    np.fmax.at(largest, columns[0][decides].astype(int), np.hypot(real, imaginary)[decides])
+    known = (examiner.distances, examiner.changes, examiner.lows, examiner.highs)
+    for column, numbers in zip((distance, change, low, high), known, strict=True):
+        column[list(numbers)] = list(numbers.values())
+    reasons = [examiner.reasons.get(point, "") for point in range(points)]
+    for name, values, kind, description in (
+        ("largest_multiplier", largest, float, "largest modulus of the point's dynamic multipliers"),
+        (
+            "distance",
+            distance,
+            float,
+            "of the event-exact orbit from the balance's, part of the motion's half range",
+        ),
+        ("change", change, float, "what doubling the modes last changed of the multipliers by the monodromy"),
+        ("low", low, float, "of an indeterminate point: its largest multiplier's modulus is at least that"),
+        ("high", high, float, "and at most that"),
+        ("reason", reasons, h5py.string_dtype(), "why the point has no verdict"),
+    ):
+        stored = file.create_dataset(f"stability/{name}", data=values, dtype=kind)
+        stored.attrs["description"], stored.attrs["unit"] = description, "1"

@@ -118,25 +118,24 @@ def _critical(compliance: np.ndarray, kt: np.ndarray, kn: np.ndarray, mu: np.nda
     return float(1.0 / real.max()) if len(real) else np.inf
 
 
-def write_margin(path: str, margin: Margin | None) -> None:
-    """Add the group /static to a result file that is closed."""
-    with h5py.File(path, "r+") as file:
-        group = file.create_group("static")
-        data = {
-            "friction_margin": (
-                np.nan if margin is None else margin.factor,
-                "factor on all friction coefficients at which the static problem loses its uniqueness (wedging);"
-                " NaN: not examined",
-            ),
-            "unique": (
-                -1 if margin is None or margin.unique is None else int(margin.unique),
-                "1: one static solution for given sliders, 0: not for all loads, -1: not known",
-            ),
-        }
-        for name, (value, description) in data.items():
-            group[name] = value
-            group[name].attrs["description"], group[name].attrs["unit"] = description, "1"
-        group.attrs["states"] = "" if margin is None else ",".join(margin.states)
+def write_margin(file: h5py.File, margin: Margin | None) -> None:
+    """Add the group /static to a result file that is open."""
+    group = file.create_group("static")
+    data = {
+        "friction_margin": (
+            np.nan if margin is None else margin.factor,
+            "factor on all friction coefficients at which the static problem loses its uniqueness (wedging);"
+            " NaN: not examined",
+        ),
+        "unique": (
+            -1 if margin is None or margin.unique is None else int(margin.unique),
+            "1: one static solution for given sliders, 0: not for all loads, -1: not known",
+        ),
+    }
+    for name, (value, description) in data.items():
+        group[name] = value
+        group[name].attrs["description"], group[name].attrs["unit"] = description, "1"
+    group.attrs["states"] = "" if margin is None else ",".join(margin.states)
 
 
 def warning(margin: Margin | None) -> str | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from attrito.plots import BRANCH_COLOURS, STYLE, save
 from attrito.solver import OUTCOMES
 from attrito.study_design import Study
 from attrito.study_peaks import METHODS
+from attrito.whole_file import whole_hdf5
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 # Parts of a quantity's range that quantiles are taken over, and the fewest samples in one.
@@ -38,9 +38,8 @@ def write_study(study: Study, job: Job, values: np.ndarray, found: list[dict[str
     }
     outcome = np.array([[OUTCOMES.index(one["outcome"]) for one in row] for row in rows], dtype=np.int32)
     quantiles = np.nanquantile(number["amplitude"], QUANTILES, axis=0)
-    partial = f"{study.file}.partial"
     Path(study.file).parent.mkdir(parents=True, exist_ok=True)
-    with h5py.File(partial, "w") as file:
+    with whole_hdf5(study.file) as file:
         file.attrs["format"], file.attrs["format_version"] = "attrito study", 1
         file.attrs["attrito_version"] = __version__
         file.attrs["description"] = "Resonance peaks over samples of a job's values; see docs/studies.md of attrito"
@@ -65,7 +64,6 @@ def write_study(study: Study, job: Job, values: np.ndarray, found: list[dict[str
         put("peaks/outcome", outcome, "how it ended", "1").attrs["names"] = list(OUTCOMES)
         put("quantiles/amplitude", quantiles, "over the samples, by quantile and parameter", "user length")
         put("quantiles/probability", np.array(QUANTILES), "of the quantiles", "1")
-    os.replace(partial, study.file)
     save(picture(study, stops, values, number["amplitude"], job["peak"]["parameter"]), _picture_path(study))
     return int((outcome == OUTCOMES.index("not_converged")).any(axis=1).sum())
 

@@ -94,29 +94,28 @@ class Sampler:
         self._points += 1
 
 
-def write_bounds(path: str, scene: ReducedScene, sampler: Sampler) -> None:
+def write_bounds(file: h5py.File, scene: ReducedScene, sampler: Sampler) -> None:
     """Fill in the bounds of a result file's points.
 
     Parameters
     ----------
-    path : result file with its points, closed
+    file : result file with its points, open for writing
     scene : the reduced scene that was solved
     sampler : has visited every point
     """
-    with h5py.File(path, "r+") as file:
-        _write_mean_bounds(file)
-        kinds = np.where(file["/points/unique"][:] == 1, KINDS.index("exact"), KINDS.index("none"))
-        points = _families(file) if sampler.programs else np.empty(0, dtype=int)
-        if len(points):
-            _write_exact(file, scene, points)
-            kinds[points] = KINDS.index("exact")
-        for point, hull in sampler.hulls.items():
-            _write_sampled(file, scene, point, hull)
-            kinds[point] = KINDS.index("sampled")
-        stored = file.create_dataset("/points/bounds", data=kinds.astype(np.int32))
-        stored.attrs["description"] = "where the bounds come from: index into the attribute names"
-        stored.attrs["unit"] = "1"
-        stored.attrs["names"] = np.array(KINDS, dtype="S7")
+    _write_mean_bounds(file)
+    kinds = np.where(file["/points/unique"][:] == 1, KINDS.index("exact"), KINDS.index("none"))
+    points = _families(file) if sampler.programs else np.empty(0, dtype=int)
+    if len(points):
+        _write_exact(file, scene, points)
+        kinds[points] = KINDS.index("exact")
+    for point, hull in sampler.hulls.items():
+        _write_sampled(file, scene, point, hull)
+        kinds[point] = KINDS.index("sampled")
+    stored = file.create_dataset("/points/bounds", data=kinds.astype(np.int32))
+    stored.attrs["description"] = "where the bounds come from: index into the attribute names"
+    stored.attrs["unit"] = "1"
+    stored.attrs["names"] = np.array(KINDS, dtype="S7")
 
 
 def _write_exact(file: h5py.File, scene: ReducedScene, points: np.ndarray) -> None:

@@ -6,7 +6,7 @@
 !>
 !> ```fortran
 !> type(hdf5_file_type) :: file
-!> call create_file(file, comm, 'result.h5', error)                           ! or open_file, to read
+!> call create_file(file, comm, 'result.h5', error, numbers=count)            ! or open_file, to read
 !> call write_attribute(file, '/', 'format', 'attrito result', error)         ! text, texts, integer, real
 !> call write_array(file, '/points/target', t, 'target frequency', 'Hz', error)   ! replicated: rank 0 writes
 !>
@@ -17,18 +17,23 @@
 !>
 !> extent = array_shape(file, '/mass/row_offsets', error)                     ! slowest first; empty if there is none
 !> call read_block(file, '/mass/row_offsets', [first_row], offsets, error)    ! as many as `offsets` holds
-!> call close_file(file)
+!> call close_file(file, error)                                               ! of a file that was written; its first error stays
 !> ```
 module attrito_core_hdf5_file
+  use, intrinsic :: iso_fortran_env, only: int64
   use hdf5, only: hid_t, &
     h5open_f, h5eset_auto_f, h5fcreate_f, h5fopen_f, h5fclose_f, h5lexists_f, &
     h5gcreate_f, h5gclose_f, h5pcreate_f, h5pclose_f, h5pset_fapl_mpio_f, H5P_FILE_ACCESS_F, H5F_ACC_TRUNC_F, H5F_ACC_RDONLY_F
   use mpi, only: MPI_ALLREDUCE, MPI_COMM_RANK, MPI_INFO_NULL, MPI_INTEGER, MPI_MIN
+  use attrito_core_disk_room, only: has_room_for
   use attrito_core_errors, only: error_type, fault_of_input, raise
   implicit none
   private
   public :: hdf5_file_type, create_file, open_file, close_file, create_group
   public :: exists_in_file, agree_in_file
+
+  !> Bytes of a file beside its numbers: descriptions, tables of contents
+  integer(int64), parameter :: overhead = 262144
 
   type :: hdf5_file_type
     !> HDF5's handle; negative while closed
@@ -44,19 +49,30 @@ module attrito_core_hdf5_file
 contains
 
   !> Make a new file, over an old one if there is one.
-  subroutine create_file(file, comm, path, error)
+  subroutine create_file(file, comm, path, error, numbers)
     !> The file, open for writing
     type(hdf5_file_type), intent(out) :: file
     !> The ranks that write it together
     integer, intent(in) :: comm
     !> Where
     character(*), intent(in) :: path
-    !> The path cannot be written
+    !> The path cannot be written, or there is no room on the disk
     type(error_type), allocatable, intent(out) :: error
+    !> How many numbers of eight bytes it is to hold, if that is known
+    integer(int64), intent(in), optional :: numbers
     integer(hid_t) :: access
-    integer :: ierr
+    integer :: status, ierr
 
     call prepare_file(file, comm, path, access)
+    status = 0
+    if (present(numbers) .and. file%rank == 0) then
+      if (.not. has_room_for(path, 8*numbers + overhead)) status = -1
+    end if
+    call agree_in_file(file, status, 'cannot be written (no room on the disk, no folder, or no permission)', '', error)
+    if (allocated(error)) then
+      call h5pclose_f(access, ierr)
+      return
+    end if
     call h5fcreate_f(path, H5F_ACC_TRUNC_F, file%id, ierr, access_prp=access)
     call agree_in_file(file, ierr, 'cannot be created', '', error)
     call h5pclose_f(access, ierr)
@@ -99,14 +115,21 @@ contains
     call h5pset_fapl_mpio_f(access, comm, MPI_INFO_NULL, ierr)
   end subroutine prepare_file
 
-  !> Close; closing a closed file does nothing.
-  subroutine close_file(file)
+  !> Close; closing a closed file does nothing. What was written is known to be in the file only now.
+  subroutine close_file(file, error)
     !> The file
     type(hdf5_file_type), intent(inout) :: file
+    !> The disk is full, unless there is an error already
+    type(error_type), allocatable, intent(inout), optional :: error
+    type(error_type), allocatable :: late
     integer :: ierr
 
-    if (file%id >= 0) call h5fclose_f(file%id, ierr)
+    if (file%id < 0) return
+    call h5fclose_f(file%id, ierr)
     file%id = -1
+    if (.not. present(error)) return
+    call agree_in_file(file, ierr, 'cannot be written (is the disk full?)', '', late)
+    if (.not. allocated(error)) call move_alloc(late, error)
   end subroutine close_file
 
   !> Make a group that is to carry attributes; others appear by themselves.

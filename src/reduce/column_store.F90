@@ -4,6 +4,7 @@
 !> that name when it is whole: whoever finds it may use it, whatever befell the process that wrote it. So does a few numbers' file.
 module attrito_reduce_column_store
   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
+  use, intrinsic :: iso_fortran_env, only: int64
   use mpi, only: MPI_BARRIER
   use attrito_core_errors, only: error_type, raise
   use attrito_core_hdf5_array, only: read_block, write_array, write_block
@@ -99,12 +100,13 @@ contains
     type(error_type), allocatable, intent(out) :: error
     type(hdf5_file_type) :: file
 
-    call create_file(file, split%ranks%handle, path_of(self, block)//'.partial', error)
+    call create_file(file, split%ranks%handle, path_of(self, block)//'.partial', error, &
+                     numbers=int(block%columns(), int64)*split%n)
     if (allocated(error)) return
     call create_array(file, '/columns', 'real64', [block%columns(), split%n], 'columns of the basis, one a row', &
                       'user length per coordinate', error)
     if (.not. allocated(error)) call write_block(file, '/columns', [0, split%first - 1], columns, error)
-    call close_file(file)
+    call close_file(file, error)
     if (.not. allocated(error)) call complete(split, path_of(self, block), error)
   end subroutine put
 
@@ -149,10 +151,10 @@ contains
     type(error_type), allocatable, intent(out) :: error
     type(hdf5_file_type) :: file
 
-    call create_file(file, split%ranks%handle, self%folder//'/'//name//'.h5.partial', error)
+    call create_file(file, split%ranks%handle, self%folder//'/'//name//'.h5.partial', error, numbers=size(numbers, kind=int64))
     if (allocated(error)) return
     call write_array(file, '/numbers', numbers, 'what a step has found', 'as in rom.h5', error)
-    call close_file(file)
+    call close_file(file, error)
     if (.not. allocated(error)) call complete(split, self%folder//'/'//name//'.h5', error)
   end subroutine put_numbers
 

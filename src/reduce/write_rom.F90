@@ -49,7 +49,8 @@ contains
     type(error_type), allocatable, intent(out) :: error
     type(hdf5_file_type) :: file
 
-    call create_file(file, split%ranks%handle, path, error)
+    call create_file(file, split%ranks%handle, path, error, &
+                     numbers=numbers_of(split%n, size(model%mass, 1), size(model%vectors, 2), size(quality%receptance)))
     if (.not. allocated(error)) call write_root(file, error)
     if (.not. allocated(error)) call write_matrices(file, model, error)
     if (.not. allocated(error)) call write_coordinates(file, split, modes, report, error)
@@ -62,8 +63,21 @@ contains
       'loads and monitors on the reduced model: basis f', 'as given', error)
     if (.not. allocated(error)) call write_quality(file, quality, error)
     if (.not. allocated(error)) call write_report(file, report, error)
-    call close_file(file)
+    call close_file(file, error)
   end subroutine write_rom
+
+  !> How many numbers the file holds: rows over all dofs, in whole chunks; reduced matrices; what is known of the quality.
+  pure integer(int64) function numbers_of(n, coordinates, vectors, receptances)
+    !> Dofs of the full model, coordinates of the reduced one, loads and monitors
+    integer, intent(in) :: n, coordinates, vectors
+    !> Numbers of the receptances, and as many of their errors
+    integer, intent(in) :: receptances
+    integer(int64) :: m, chunk
+
+    m = coordinates
+    chunk = max(1, min(n, longest_chunk))
+    numbers_of = (m + vectors)*((n + chunk - 1)/chunk)*chunk + 3*m**2 + m*(vectors + 6) + 2*receptances
+  end function numbers_of
 
   subroutine write_root(file, error)
     type(hdf5_file_type), intent(in) :: file

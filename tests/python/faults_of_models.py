@@ -165,7 +165,7 @@ MESH = [
     Case(
         "a model file that is a text",
         put("model", file="job.toml.bak"),
-        ("job.toml.bak: file = ", ": expected an HDF5 file written by attrito import"),
+        ("job.toml.bak: file = ", ": expected a file that attrito import has written, intact"),
     ),
     Case(
         "a model file that is another HDF5 file",

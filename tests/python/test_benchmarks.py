@@ -15,6 +15,7 @@ BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 sys.path.insert(0, str(BENCHMARKS))
 
 import evidence  # noqa: E402 (a folder of scripts, not a package)
+import kills  # noqa: E402
 import scenes  # noqa: E402
 
 
@@ -152,3 +153,10 @@ def test_every_format_of_matrix_files_reads_to_the_same_matrix():
     # Each row has 40 on its diagonal, and no file lacks an entry.
     assert {round(row["trace"], 6) for row in found.values()} == {300 * 40.0}
     assert len({row["matrix_megabytes"] for row in found.values()}) == 1
+
+
+@pytest.mark.parametrize(("ranks", "times"), [(1, 4), (2, 2)])
+def test_runs_that_are_killed_lose_no_point_and_end_as_if_they_had_not_been(tmp_path, ranks, times):
+    found = kills.kill_and_go_on(tmp_path, "run", times, ranks, size=10, seed=3)
+    assert found["kills"] == times
+    assert (found["lost"], found["unreadable"], found["different"]) == (0, 0, 0)

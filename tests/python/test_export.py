@@ -120,7 +120,11 @@ def test_a_reduced_result_without_its_basis_or_with_another_one_is_a_fault(tmp_p
     with h5py.File(tmp_path / "rom.h5", "w") as rom:
         rom["recovery/basis"] = np.zeros((3, 5))
     with Result(one_point(tmp_path, model, np.zeros((4, 3)))) as result:
-        for rom_file, said in ((None, "the rom.h5 that made them"), ("rom.h5", "3 x 5"), ("none.h5", "not readable")):
+        for rom_file, said in (
+            (None, "the rom.h5 that made them"),
+            ("rom.h5", "3 x 5"),
+            ("none.h5", "'absent'"),
+        ):
             with pytest.raises(InputError, match=said):
                 full_field(result, 0, model.size, rom_file and str(tmp_path / rom_file))
 

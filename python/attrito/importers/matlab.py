@@ -11,8 +11,9 @@ import scipy.io
 from scipy.io.matlab import MatReadError
 from scipy.sparse import csr_matrix
 
-from attrito.importers.npz import real_matrix
+from attrito.importers.npz import check_parts, real_matrix
 from attrito.importers.source import Source, no_such_matrix, refuse
+from attrito.stored import UNREADABLE, check_sizes
 
 # Version 4 has no such header, and is known by its ending.
 HEADER = b"MATLAB "
@@ -33,7 +34,7 @@ def _from_mat(path: str, key: str, name: str | None) -> csr_matrix:
         shapes = {found: shape for found, shape, _ in scipy.io.whosmat(path)}
         name = _choose(path, key, name, shapes)
         matrix = scipy.io.loadmat(path, variable_names=[name])[name]
-    except (ValueError, TypeError, EOFError, OSError, NotImplementedError, MatReadError, zlib.error) as error:
+    except (*UNREADABLE, EOFError, MatReadError, zlib.error) as error:
         raise refuse(path, key, str(error), "a MATLAB file") from error
     return real_matrix(matrix, path, f"{key} ({name})")
 
@@ -41,6 +42,7 @@ def _from_mat(path: str, key: str, name: str | None) -> csr_matrix:
 def _from_hdf5(path: str, key: str, name: str | None) -> csr_matrix:
     try:
         with h5py.File(path, "r") as file:
+            check_sizes(file, path)
             shapes = {found: _shape(thing) for found, thing in file.items() if not found.startswith("#")}
             name = _choose(path, key, name, shapes)
             thing = file[name]
@@ -48,7 +50,7 @@ def _from_hdf5(path: str, key: str, name: str | None) -> csr_matrix:
                 return real_matrix(thing[()], path, f"{key} ({name})")
             # A matrix of zeros has no entries at all.
             parts = [thing[part][()] if part in thing else np.zeros(0, int) for part in ("data", "ir", "jc")]
-    except (OSError, KeyError, ValueError, RuntimeError) as error:
+    except UNREADABLE as error:
         raise refuse(path, key, str(error), "a MATLAB file") from error
     size = shapes[name][0]
     values, rows, offsets = parts
@@ -59,7 +61,11 @@ def _from_hdf5(path: str, key: str, name: str | None) -> csr_matrix:
     # By columns; `real_matrix` says why that will do.
     index = np.int32 if len(rows) < np.iinfo(np.int32).max else np.int64
     parts = (values.astype(np.float64, copy=False), rows.astype(index), offsets.astype(index))
-    matrix = csr_matrix(parts, shape=(shapes[name][1], size))
+    try:
+        matrix = csr_matrix(parts, shape=(shapes[name][1], size))
+    except ValueError as error:
+        raise refuse(path, f"{key} ({name})", str(error), "a real sparse matrix") from error
+    check_parts(matrix, path, f"{key} ({name})")
     matrix.sum_duplicates()
     return matrix
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import scipy.sparse
 from scipy.sparse import csr_matrix
 
 from attrito.importers.source import Source, refuse
+from attrito.stored import UNREADABLE
 
 HEADER = b"PK\x03\x04"
 
@@ -19,7 +21,7 @@ def read_npz(path: str | Path, key: str) -> Source:
     path = str(path)
     try:
         matrix = scipy.sparse.load_npz(path)
-    except (ValueError, KeyError, EOFError, OSError, NotImplementedError, zipfile.BadZipFile) as error:
+    except (*UNREADABLE, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise refuse(path, key, str(error), "a file of scipy.sparse.save_npz") from error
     return Source(path, key, matrix=real_matrix(matrix, path, key))
 
@@ -37,6 +39,16 @@ def real_matrix(matrix: object, path: str, key: str) -> csr_matrix:
         raise refuse(path, key, what, "a real matrix")
     if scipy.sparse.issparse(matrix) and matrix.format == "csc":
         matrix = matrix.T
+    if scipy.sparse.issparse(matrix) and matrix.format == "csr":
+        check_parts(matrix, path, key)
     matrix = csr_matrix(matrix, dtype=np.float64)
     matrix.sum_duplicates()
     return matrix
+
+
+def check_parts(matrix: csr_matrix, path: str, key: str) -> None:
+    """Raise unless rows and columns are within the matrix: SciPy takes them as they are, and writes where they say."""
+    try:
+        matrix.check_format(full_check=True)
+    except ValueError as error:
+        raise refuse(path, key, str(error), "rows and columns that fit") from error

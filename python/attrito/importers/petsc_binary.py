@@ -21,13 +21,13 @@ def read_petsc_binary(path: str | Path, key: str) -> csr_matrix:
     """A real AIJ matrix `[n, n]`."""
     data = Path(path).read_bytes()
     integer = np.dtype(">i4") if data.startswith(HEADERS[0]) else np.dtype(">i8")
-    head = np.frombuffer(data[: 4 * integer.itemsize], integer)
-    if len(head) < 4 or head[0] != MATRIX_CLASS:
+    head = np.frombuffer(data, integer, min(4, len(data) // integer.itemsize))
+    if len(head) < 4 or head[0] != MATRIX_CLASS or min(head[1:3]) < 0:
         raise InputError(Fault(str(path), key, head[:1], f"a PETSc matrix, which begins with {MATRIX_CLASS}"))
     rows, columns, entries = (int(number) for number in head[1:])
     if entries < 0:
         raise InputError(Fault(str(path), key, "a dense matrix", "a sparse (AIJ) matrix"))
-    starts = np.cumsum([4 * integer.itemsize, rows * integer.itemsize, entries * integer.itemsize])
+    starts = [integer.itemsize * count for count in (4, 4 + rows, 4 + rows + entries)]
     size = starts[-1] + 8 * entries
     if len(data) == size + 8 * entries and entries > 0:
         raise InputError(Fault(str(path), key, "complex values", "a matrix written by a real build of PETSc"))

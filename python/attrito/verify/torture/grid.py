@@ -12,6 +12,7 @@ import numpy as np
 from attrito import __version__
 from attrito.verify.torture.methods import METHODS, OUTCOME_CODES, REASONS
 from attrito.verify.torture.scenes import Family, frequencies
+from attrito.whole_file import whole_hdf5
 
 VERDICTS = (
     "stable",
@@ -143,7 +144,7 @@ def _explanations(data: dict[str, np.ndarray]) -> np.ndarray:
 
 def write_hdf5(path: Path, grid: Grid) -> None:
     """All columns, each with its description."""
-    with h5py.File(path, "w") as file:
+    with whole_hdf5(path) as file:
         file.attrs["format"] = "attrito torture"
         file.attrs["format_version"] = 1
         file.attrs["attrito_version"] = __version__

@@ -1,0 +1,211 @@
+"""Kill commands at random moments and start them again: is anything lost, does the end differ from that of a whole run?
+
+    .venv/bin/python benchmarks/kills.py --what run --kills 100 --ranks 2
+
+The command is started again and again and killed (SIGKILL, all of its processes) after a random time of up to a little
+more than a whole run of it takes. After every kill all that was finished before must still be there, unchanged, and
+must read; when the command comes to its end its result must be that of the uninterrupted one bit for bit, and the next
+start begins from nothing. Prints JSON: `lost`, `unreadable` and `different` are to be zero.
+
+run     five contacts that begin to slip and move from rank to rank; gone on with by --resume, point by point
+search  the same where branches that coexist are sought; a search that is cut short begins again
+study   peaks over samples; gone on with batch by batch
+peak    a curve of peaks: nothing is kept before its end, and a file that is there is whole
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+TESTS = Path(__file__).resolve().parents[1] / "tests" / "python"
+sys.path.insert(0, str(TESTS))
+
+from jobs import ENVIRONMENT, chain, wedge, write_job  # noqa: E402 (a folder of scripts, not a package)
+from restarts import differences  # noqa: E402
+
+from attrito.journal import is_journal, read_journal  # noqa: E402
+from attrito.results import Result, table  # noqa: E402
+
+INPUT, RESULT = "input.toml", "result.h5"
+Kept = dict[Any, Any]
+
+
+@dataclass(frozen=True)
+class Target:
+    """What is killed.
+
+    Parameters
+    ----------
+    arguments : of the command
+    prepare : writes its input into a folder, for a work of some size
+    kept : what is finished of an interrupted run in a folder, by name or number
+    reads : whether what is there of it can be read, all of it
+    """
+
+    arguments: tuple[str, ...]
+    prepare: Callable[[Path, int], None]
+    kept: Callable[[Path], Kept]
+    reads: Callable[[Path], bool]
+
+
+def _sliding(folder: Path, points: int, **continuation: int) -> None:
+    job = chain(contacts=5)
+    job["sweep"] = {"start_hz": 84.0, "stop_hz": 76.0}
+    job["continuation"] = {"max_points": points, **continuation}
+    job["output"]["file"] = RESULT
+    write_job(folder, job, INPUT)
+
+
+def _peaks(folder: Path, name: str, **peak: float | str) -> None:
+    job = wedge(force=1.0)
+    job["sweep"] = {"start_hz": 150.0, "stop_hz": 85.0}
+    job["static"] = {"load_path": [0.0, 1.0]}
+    job["peak"] = {"start": 10.0, **peak}
+    write_job(folder, job, name)
+
+
+def _study(folder: Path, samples: int) -> None:
+    _peaks(folder, "job.toml")
+    vary = [{"name": "mu", "keys": ["contact[*].friction_coefficient"], "low": 0.3, "high": 0.6}]
+    study = {"job": "job.toml", "file": RESULT, "samples": samples, "batch": 2, "vary": vary}
+    write_job(folder, study, INPUT)
+
+
+def _points(folder: Path) -> Kept:
+    """The journal's points, but for those of a search that is not over: it begins again."""
+    notes = _records(folder)
+    while notes and notes[-1][0]["place"]["searching"]:
+        notes.pop()
+    return dict(enumerate(notes))
+
+
+def _records(folder: Path) -> list[tuple[dict, dict]]:
+    journal = folder / f"{RESULT}.partial"
+    if not journal.is_file() or not is_journal(journal):
+        return []
+    records = [record for record, _ in read_journal(str(journal))]
+    return [(one.note, {name: values.tobytes() for name, values in one.arrays.items()}) for one in records[1:]]
+
+
+def _journal_reads(folder: Path) -> bool:
+    points = len(_records(folder))
+    if not points:
+        return True
+    with Result(folder / f"{RESULT}.partial") as result:
+        return len(table(result).splitlines()) == points + 1
+
+
+def _batches(folder: Path) -> Kept:
+    return {path.name: path.read_bytes() for path in folder.glob(f"{RESULT}.parts/*/*.json")}
+
+
+def _batches_read(folder: Path) -> bool:
+    return all(json.loads(text)["rows"] for text in _batches(folder).values())
+
+
+TARGETS = {
+    "run": Target(("run", "--resume", INPUT), _sliding, _points, _journal_reads),
+    "search": Target(
+        ("run", "--resume", INPUT), lambda folder, points: _sliding(folder, points, branches=2), _points, _journal_reads
+    ),
+    "study": Target(("study", INPUT), _study, _batches, _batches_read),
+    "peak": Target(
+        ("peak", INPUT),
+        lambda folder, points: _peaks(folder, INPUT, stop=10.0 + points, file=RESULT),
+        lambda folder: {},
+        lambda folder: True,
+    ),
+}
+
+
+def kill_and_go_on(folder: Path, what: str, kills: int, ranks: int, size: int, seed: int) -> dict:
+    """What so many kills found."""
+    target, chance = TARGETS[what], random.Random(seed)
+    target.prepare(folder, size)
+    seconds = [_whole_run(folder, target, ranks) for _ in range(2)][-1]
+    whole = (folder / RESULT).rename(folder / "whole.h5")
+    _clean(folder)
+    found = {"kills": 0, "with_something_kept": 0, "completed": 0, "lost": 0, "unreadable": 0, "different": 0}
+    before: Kept = {}
+    while found["kills"] < kills:
+        run = _start(folder, target, ranks)
+        try:
+            run.wait(chance.uniform(0.0, 1.1 * seconds))
+        except subprocess.TimeoutExpired:
+            _kill(run)
+            found["kills"] += 1
+        if (folder / RESULT).exists():
+            found["completed"] += 1
+            found["different"] += bool(differences(folder / RESULT, whole))
+            _clean(folder)
+            before = {}
+            continue
+        now = target.kept(folder)
+        found["with_something_kept"] += bool(now)
+        found["lost"] += any(now.get(name) != values for name, values in before.items())
+        found["unreadable"] += not target.reads(folder)
+        before = now
+    _whole_run(folder, target, ranks)
+    found["different"] += bool(differences(folder / RESULT, whole))
+    return {"what": what, "ranks": ranks, "seconds_of_a_run": round(seconds, 2), "seed": seed} | found
+
+
+def _whole_run(folder: Path, target: Target, ranks: int) -> float:
+    """Seconds of a run that is left alone; sweeps here may end before their stop (exit code 1)."""
+    begun = time.monotonic()
+    run = _start(folder, target, ranks)
+    if run.wait() not in (0, 1) or not (folder / RESULT).exists():
+        raise RuntimeError(f"{target.arguments} ended with {run.returncode}")
+    return time.monotonic() - begun
+
+
+def _clean(folder: Path) -> None:
+    for path in folder.glob(f"{RESULT}*"):
+        if path.is_file():
+            path.unlink()
+
+
+def _start(folder: Path, target: Target, ranks: int) -> subprocess.Popen[bytes]:
+    """A run in a session of its own, mpirun and all."""
+    command = [sys.executable, "-m", "attrito.cli", *target.arguments]
+    if ranks > 1:
+        command = ["mpirun", "-n", str(ranks), *command]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    return subprocess.Popen(command, cwd=folder, env=os.environ | ENVIRONMENT, start_new_session=True, **quiet)
+
+
+def _kill(run: subprocess.Popen[bytes]) -> None:
+    """The process and, under mpirun, its ranks, which are not of its group."""
+    children = Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text().split() if run.poll() is None else []
+    for process in [run.pid, *map(int, children)]:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(process, signal.SIGKILL)
+    run.wait()
+    while any(Path(f"/proc/{child}").exists() for child in children):
+        time.sleep(0.01)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--what", choices=TARGETS, default="run")
+    parser.add_argument("--kills", type=int, default=100)
+    parser.add_argument("--ranks", type=int, default=1)
+    parser.add_argument("--size", type=int, default=60, help="points, samples, or levels")
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as place:
+        found = kill_and_go_on(Path(place), options.what, options.kills, options.ranks, options.size, options.seed)
+    print(json.dumps(found))

@@ -1,0 +1,95 @@
+"""Files that take their name when they are whole: whoever reads finds the old file or the new one, never half of one.
+
+HDF5 crashes where the disk is full: what it could not write it tries once more as the program ends. So it writes
+through a file that never fails it, and what the system said is raised as soon as HDF5 has closed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import h5py
+
+
+@contextlib.contextmanager
+def whole_file(path: str | os.PathLike[str]) -> Iterator[str]:
+    """The name under which to write a file in the block; it then takes its own, or is removed where the block failed.
+
+    What is there and is no file, as /dev/stdout, is written as it is.
+
+    Raises
+    ------
+    OSError : no folder, no permission, no room; it names `path`
+    """
+    if Path(path).exists() and not Path(path).is_file():
+        yield str(path)
+        return
+    new = f"{os.fspath(path)}.new"
+    try:
+        yield new
+        os.replace(new, path)
+    except OSError as error:
+        if error.filename in (None, new):
+            error.filename, error.filename2 = str(path), None
+        raise
+    finally:
+        Path(new).unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def whole_hdf5(path: str | os.PathLike[str], start: str | None = None) -> Iterator[h5py.File]:
+    """The same for an HDF5 file, open for writing in the block, and on disk after it.
+
+    Parameters
+    ----------
+    path : the file
+    start : a file to begin with: copied if it is `path` itself, else used up
+    """
+    with whole_file(path) as new:
+        if start is not None:
+            (shutil.copyfile if start == str(path) else os.replace)(start, new)
+        with _NeverFailing(new, "w+b" if start is None else "r+b") as disk:
+            try:
+                with h5py.File(disk, "w" if start is None else "r+") as file:
+                    yield file
+            except Exception:
+                # What HDF5 or h5py say of a disk that is full follows from what the system said.
+                disk.tell_error()
+                raise
+            disk.tell_error()
+            os.fsync(disk.fileno())
+
+
+class _NeverFailing(io.FileIO):
+    """A file that keeps the first thing the system says against writing, and from then on pretends."""
+
+    def __init__(self, path: str, mode: str):
+        super().__init__(path, mode)
+        self._error: OSError | None = None
+
+    def write(self, data: bytes) -> int:
+        rest = memoryview(data).cast("B")
+        size = len(rest)
+        try:
+            while rest and self._error is None:
+                rest = rest[super().write(rest) :]
+        except OSError as error:
+            self._error = error
+        return size
+
+    def truncate(self, size: int | None = None) -> int:
+        try:
+            return super().truncate(size)
+        except OSError as error:
+            self._error = self._error or error
+            return size or 0
+
+    def tell_error(self) -> None:
+        """Raise what the system said."""
+        if self._error is not None:
+            raise self._error

@@ -1,0 +1,161 @@
+"""Malformed input by the hundred: job files, every reader's files, HDF5 files and journals, spoilt by chance.
+
+    .venv/bin/python tests/python/fuzz.py --cases 1000 --seed 7
+
+Each case is a command of its own on a spoilt copy of good files, the same for the same seed, in a process with limits
+on memory and time. It must end by itself with exit code 0, 1 or 2, without a traceback, where it is refused within 5 s
+of processor time; with code 2 it says what is at fault, each line naming place and remedy. Prints JSON: how many cases
+ended how, and those that broke a rule.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import resource
+import shutil
+import signal
+import sys
+import tempfile
+import time
+import traceback
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from good_input import Source, sources
+from jobs import ENVIRONMENT
+from spoil import spoil
+
+from attrito.cli import main
+
+SECONDS = 5.0
+# Where the input was good in spite of all, as long as the work takes.
+SECONDS_OF_WORK = 20.0
+# Wall time, on a machine that has other work too; processor time.
+PATIENCE, PROCESSOR_SECONDS = 300.0, 30
+BYTES = 6 << 30
+
+
+@dataclass(frozen=True)
+class Case:
+    """One spoilt input and how its command ended."""
+
+    number: int
+    name: str
+    code: int | None
+    seconds: float
+    message: str
+
+    @property
+    def breaks(self) -> str:
+        """The rule that it breaks, if any."""
+        if self.code is None:
+            return "does not end"
+        if self.code not in (0, 1, 2):
+            return f"ends with {self.code}"
+        if "Traceback" in self.message:
+            return "traceback"
+        if self.seconds > (SECONDS if self.code == 2 else SECONDS_OF_WORK):
+            return f"takes {self.seconds:.1f} s"
+        if self.code == 2 and not told_well(self.message):
+            return "does not say what is at fault"
+        return ""
+
+
+def told_well(message: str) -> bool:
+    """One message: `attrito: place: ... expected ...`, or argparse's own; further lines are further faults."""
+    lines = [line for line in message.splitlines() if line.strip()]
+    if any("usage: attrito" in line for line in lines):
+        return True
+    first = next((i for i, line in enumerate(lines) if line.startswith("attrito: ")), None)
+    return first is not None and all("expected" in line or ": " in line for line in lines[first:])
+
+
+def _quietly(folder: Path, arguments: tuple[str, ...], log: Path, spoil_it: Callable[[], None]) -> tuple:
+    """Exit code (None: killed for time) and seconds of processor time of a command in a process with limits."""
+    child = os.fork()
+    if child == 0:
+        os.setsid()
+        with open(log, "wb") as out:
+            os.dup2(out.fileno(), 1)
+            os.dup2(out.fileno(), 2)
+        # pytest has put others in their places.
+        sys.stdout, sys.stderr = (open(number, "w", closefd=False) for number in (1, 2))  # noqa: SIM115
+        try:
+            spoil_it()
+            os.chdir(folder)
+            resource.setrlimit(resource.RLIMIT_AS, (BYTES, BYTES))
+            resource.setrlimit(resource.RLIMIT_CPU, (PROCESSOR_SECONDS, PROCESSOR_SECONDS))
+            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+            code = main(arguments)
+        except SystemExit as error:
+            code = error.code
+        except BaseException:
+            traceback.print_exc()
+            code = 70
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code if isinstance(code, int) else 71)
+    end = time.monotonic() + PATIENCE
+    while True:
+        found, status, used = os.wait4(child, os.WNOHANG)
+        if found:
+            code = os.waitstatus_to_exitcode(status)
+            return code, used.ru_utime + used.ru_stime
+        if time.monotonic() > end:
+            os.killpg(child, signal.SIGKILL)
+            os.wait4(child, 0)
+            return None, PATIENCE
+        time.sleep(0.005)
+
+
+def run_case(number: int, seed: int, good: list[Source], folder: Path) -> Case:
+    """Spoil one input and run its command on it; the same for the same number and seed."""
+    chance = random.Random(f"{seed}:{number}")
+    source = good[number % len(good)]
+    place = folder / "case"
+    shutil.rmtree(place, ignore_errors=True)
+    shutil.copytree(source.folder, place)
+    log = folder / "log"
+
+    def spoil_it() -> None:
+        spoil(place / source.spoilt, source.kind, chance)
+
+    code, seconds = _quietly(place, source.arguments, log, spoil_it)
+    name = f"{' '.join(source.arguments)} with {source.spoilt} spoilt as {source.kind}"
+    return Case(number, name, code, seconds, log.read_text(errors="replace"))
+
+
+def run_cases(cases: range, seed: int) -> list[Case]:
+    """Run some cases in a folder of their own."""
+    os.environ.update(ENVIRONMENT)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        good = sources(folder)
+        return [run_case(number, seed, good, folder) for number in cases]
+
+
+def summary(done: list[Case]) -> dict:
+    """How many ended how, and those that broke a rule."""
+    refused = [case.seconds for case in done if case.code == 2]
+    broken = [
+        {"number": case.number, "case": case.name, "rule": case.breaks, "message": case.message[-600:]}
+        for case in done
+        if case.breaks
+    ]
+    codes = dict(Counter(str(case.code) for case in done))
+    return {"cases": len(done), "codes": codes, "slowest_refusal_seconds": max(refused, default=0.0), "broken": broken}
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cases", type=int, default=400)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    ended = run_cases(range(options.first, options.first + options.cases), options.seed)
+    print(json.dumps(summary(ended), indent=1))

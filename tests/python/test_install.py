@@ -1,0 +1,31 @@
+"""What is installed works by itself, away from the source tree."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from pathlib import Path
+
+from jobs import ENVIRONMENT, wedge, write_job
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def ended(*command: str, folder: Path, **environment: str) -> str:
+    """What a command says that is expected to end well, in an environment without our own paths."""
+    clean = {"PATH": "/usr/bin:/bin", "HOME": os.environ.get("HOME", "/")} | ENVIRONMENT | environment
+    done = subprocess.run(command, cwd=folder, env=clean, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_an_installed_attrito_needs_nothing_set(tmp_path):
+    place = tmp_path / "place"
+    ended("cmake", "--install", str(ROOT / "build" / "release"), "--prefix", str(place), folder=tmp_path)
+    command = str(place / "bin" / "attrito")
+    assert ended(command, "--version", folder=tmp_path) == "attrito 0.1.0\n"
+    ended(command, "run", write_job(tmp_path, wedge()), folder=tmp_path)
+    assert len(ended(command, "table", "result.h5", folder=tmp_path).splitlines()) == 2
+    where = "import attrito.library as found; print(found.load()._name)"
+    library = ended("/usr/bin/python3", "-c", where, folder=tmp_path, PYTHONPATH=str(place / "lib" / "attrito"))
+    assert Path(library.strip()) == place / "lib" / "attrito" / "attrito" / "libattrito.so"
