@@ -204,7 +204,7 @@ def _parser() -> argparse.ArgumentParser:
         help="the paper, methods on thousands of small scenes, or largest stable steps of integrators on some of these",
     )
     one.add_argument("-o", "--output", metavar="DIR", help="folder to write (default: out/paper, out/torture, ...)")
-    one.add_argument("--harmonics", type=int, default=5, help="harmonics of the balance (default: 5, as in the paper)")
+    one.add_argument("--harmonics", type=int, metavar="H", help="of the paper's balance (default: 5, as in the paper)")
     one.add_argument(
         "--quick", action="store_true", help="coarse curves, few scenes, and nothing that needs many harmonics"
     )
@@ -390,6 +390,9 @@ def _keys(options: argparse.Namespace) -> None:
 
 
 def _verify(options: argparse.Namespace) -> None:
+    without = "scenes" if options.what == "paper" else "harmonics"
+    if getattr(options, without) is not None:
+        raise InputError(Fault("verify", f"--{without}", getattr(options, without), f"none with {options.what!r}"))
     if options.what == "torture":
         from mpi4py import MPI
 
@@ -408,9 +411,10 @@ def _verify(options: argparse.Namespace) -> None:
         return
     from attrito.verify import verify_paper
 
-    if options.harmonics < 1:
-        raise InputError(Fault("verify", "--harmonics", options.harmonics, "at least 1"))
-    verify_paper(options.output or "out/paper", options.harmonics, options.quick)
+    harmonics = 5 if options.harmonics is None else options.harmonics
+    if harmonics < 1:
+        raise InputError(Fault("verify", "--harmonics", harmonics, "at least 1"))
+    verify_paper(options.output or "out/paper", harmonics, options.quick)
 
 
 def _monitor(result, options: argparse.Namespace) -> str:

@@ -108,6 +108,7 @@ class Search:
         while found < self._most:
             start = next((one for one in self._starts(low, high) if one not in done), None)
             if start is None:
+                self._progress.say(f"{found} of {self._most} branches found: {len(done)} starts led to no other")
                 break
             done.add(start)
             if not self._seek(start, low, high):

@@ -134,6 +134,13 @@ def test_a_load_path_in_time_passes_its_corners():
     assert np.all(np.diff(profile[:, 0]) > 0.0)
 
 
+@pytest.mark.parametrize(("what", "option"), [("paper", "--scenes"), ("torture", "--harmonics")])
+def test_an_option_of_another_verification_is_told(tmp_path, what, option):
+    done = attrito(tmp_path, "verify", what, option, "3")
+    assert done.returncode == 2
+    assert f"verify: {option} = 3: expected none with '{what}'" in done.stderr
+
+
 def test_a_wrong_number_of_harmonics_is_the_input_s_fault(tmp_path):
     done = attrito(tmp_path, "verify", "paper", "--harmonics", "0")
     assert done.returncode == 2
