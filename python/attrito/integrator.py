@@ -258,7 +258,7 @@ class Integrator:
             report.chatter,
             report.work / multiple,
             report.damping / multiple,
-            0.5 * (high - low),
+            0.5 * high - 0.5 * low,  # which may be as large as numbers go
             mean,
             low,
             high,
