@@ -18,6 +18,8 @@ from attrito.stored import UNREADABLE, check_sizes, spoilt
 
 # The other outcomes say that a solution was found, and what is wrong with it.
 NO_SOLUTION = ("no_period_one_orbit", "not_converged")
+# Shapes of what is known of each contact, where it is more than a number.
+OF_A_CONTACT = {"position": (3,), "frame": (3, 3)}
 
 
 class Result:
@@ -61,12 +63,13 @@ class Result:
         faults = []
         for place in ("points", "monitors", "contacts"):
             for path, stored in _datasets(self._file.get(place), place):
-                if path.startswith("contacts/parameters/"):
-                    continue
                 wanted = (len(points), self.contacts) if place == "contacts" else (len(points),)
-                if stored.dtype.kind not in "iuf" or stored.shape[: len(wanted)] != wanted:
+                if path.startswith("contacts/parameters/"):
+                    wanted = (self.contacts, *OF_A_CONTACT.get(path.rsplit("/", 1)[1], ()))
+                kinds, what = ("SO", "texts") if path == "contacts/parameters/set" else ("iuf", "numbers")
+                if stored.dtype.kind not in kinds or stored.shape[: len(wanted)] != wanted:
                     value = f"{stored.dtype} of shape {stored.shape}"
-                    faults.append(Fault(self.path, path, value, f"numbers, an entry for each of {wanted}"))
+                    faults.append(Fault(self.path, path, value, f"{what}, an entry for each of {wanted}"))
         if faults:
             raise InputError(*faults)
 
@@ -321,4 +324,6 @@ def as_text(value: object) -> str:
     """Text of an HDF5 attribute, whether Python or Fortran wrote it."""
     if isinstance(value, np.ndarray) and value.size == 1:
         value = value.reshape(-1)[0]
-    return (value.decode() if isinstance(value, bytes) else str(value)).rstrip("\0 ")
+    # h5py hides bytes that are no UTF-8 in surrogates, which nothing can write.
+    raw = value if isinstance(value, bytes) else str(value).encode(errors="surrogateescape")
+    return raw.decode(errors="replace").rstrip("\0 ")
