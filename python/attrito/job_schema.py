@@ -198,6 +198,12 @@ TABLES: dict[str, dict[str, Key]] = {
             number(0, above=True), None, "where the linear peak is; absent: the largest between the ends of the sweep"
         ),
         "optimum": Key(boolean, True, "locate extrema of the peak over the parameter"),
+        "backbone": Key(
+            boolean,
+            False,
+            "also where the backbone of the peak's mode, motion without excitation, expects the peaks"
+            " ([peaks.md](peaks.md#backbone))",
+        ),
         "max_points": Key(integer(2), 1000, "of the curve"),
         "file": Key(text, None, "of peaks; absent: that of the output, ending `.peaks.h5`"),
     },

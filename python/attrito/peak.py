@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import brentq
 
+from attrito.backbone import Backbone, BackboneTracker, follow_backbone, leading_mode
 from attrito.faults import InputError, NumericsError
 from attrito.job import Job, read_job
 from attrito.parallel import on_root
@@ -44,14 +45,21 @@ def peak_job(comm: Comm, path: str, picture: str | None = None) -> str:
         progress.reduction(make_rom(comm, job, scene, progress.say, progress.step))
     reduced, load_path = on_root(comm, lambda: (reduced_scene(job, scene), scene.load_path))
     found: list[Found] = []
+    leading = None
     with Solver(comm, reduced, solver_options(job)) as solver:
         for one in follow(solver, job, reduced, load_path):
             found.append(one)
             progress.say(line(one, job["peak"]["parameter"]))
+            if leading is None and one.converged:
+                leading = leading_mode(solver)
+    backbone = None
+    if job["peak"]["backbone"] and leading is not None:
+        backbone = follow_mode(comm, job, reduced, load_path, leading, found)
+        progress.say(f"backbone of stuck mode {leading[0]}: {sum(map(len, backbone.stretches))} points")
     file = peak_path(job)
 
     def show() -> str:
-        write(file, job, reduced, found)
+        write(file, job, reduced, found, backbone)
         print(table(file), end="")
         place = picture or str(Path(file).with_suffix(".png"))
         save(peak_curve(file), place)
@@ -102,12 +110,22 @@ def begin(
     """Walk the static path and find the first peak, at a value of the job's parameter."""
     keys = job["peak"]
     by_level = keys["parameter"] == "level"
-    monitor = scene.monitor_names.index(keys["monitor"]) if keys["monitor"] is not None else 0
     band = (min(_band(job)), max(_band(job)))
     solver.walk_static_path(load_path * (1.0 if by_level else value), job["static"]["steps"], band[0])
-    tracker = PeakTracker(solver, monitor, keys["amplitude"], band, load_path[-1])
+    tracker = PeakTracker(solver, _monitor(job, scene), keys["amplitude"], band, load_path[-1])
     near = keys["near_hz"] if keys["near_hz"] is not None else tracker.linear_peak_hz()
     return tracker, tracker.begin(value if by_level else keys["level"], near)
+
+
+def follow_mode(
+    comm: Comm, job: Job, scene: ReducedScene, load_path: np.ndarray, leading: tuple[int, float], found: list[Found]
+) -> Backbone:
+    """The backbone of a mode over the levels of the peaks found; `leading`: that of `leading_mode` at the first."""
+    with Solver(comm, scene, solver_options(job)) as solver:
+        solver.walk_static_path(load_path, job["static"]["steps"], min(_band(job)))
+        mode, amplitude = leading
+        tracker = BackboneTracker(solver, mode, _monitor(job, scene), job["peak"]["amplitude"])
+        return follow_backbone(tracker, amplitude, found)
 
 
 def locate_optimum(tracker: PeakTracker, before: Peak, after: Peak) -> Peak:
@@ -133,6 +151,12 @@ def line(found: Found, parameter: str) -> str:
         f"  per level {peak.response:11.5e}  stuck {stuck + shaken_down:3d} slipping {slipping:3d} open {opened:3d}"
         f"  {peak.point.iterations:3d} iterations  {found.kind}  {peak.outcome}"
     )
+
+
+def _monitor(job: Job, scene: ReducedScene) -> int:
+    """Index of the monitor whose peak it is."""
+    name = job["peak"]["monitor"]
+    return scene.monitor_names.index(name) if name is not None else 0
 
 
 def _stops(keys: dict[str, Any]) -> list[float]:
@@ -195,5 +219,12 @@ def _check(job: Job) -> None:
             faults.append(job.fault("[peak] parameter", "preload", expected))
     elif keys["level"] != 1.0:
         faults.append(job.fault("[peak] level", keys["level"], 'no such key but with parameter = "preload"'))
+    if keys["backbone"]:
+        if keys["parameter"] == "preload":
+            expected = 'false: a backbone is followed over levels, with parameter = "level"'
+            faults.append(job.fault("[peak] backbone", True, expected))
+        if not any(load["kind"] == "harmonic" and load["harmonic"] == 1 for load in job["load"]):
+            expected = "false, or a harmonic load with harmonic = 1: its level is told by the work of such loads"
+            faults.append(job.fault("[peak] backbone", True, expected))
     if faults:
         raise InputError(*faults)

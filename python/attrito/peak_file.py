@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
@@ -17,6 +17,9 @@ from attrito.peak_tracker import Peak
 from attrito.solver import OUTCOMES, ReducedScene
 from attrito.stored import stored
 from attrito.whole_file import whole_hdf5
+
+if TYPE_CHECKING:
+    from attrito.backbone import Backbone, BackbonePoint
 
 KINDS = ("step", "value", "optimum")
 STATES = ("stuck", "shaken_down", "slipping", "open")
@@ -58,6 +61,23 @@ COUNTS = {
     "unique": "1 yes, 0 no, -1 not examined",
 }
 
+# Of a backbone at the peaks' levels, and along it
+AT_PEAKS = {
+    "backbone_frequency_hz": ("where the backbone expects the peak of this level", "Hz"),
+    "backbone_response": ("amplitude by level that it expects", "user length"),
+}
+ALONG = {
+    "level": ("factor on the harmonic loads whose work, in quadrature, would keep the motion up", "1"),
+    "frequency_hz": ("frequency of the motion without excitation", "Hz"),
+    "amplitude": ("amplitude of the monitor", "user length"),
+    "response": ("amplitude by level", "user length"),
+    "excitation": ("negative damping that keeps the motion up, a part of the mass", "rad/s"),
+    "damping_ratio": ("what it makes up for: excitation/(2 omega)", "1"),
+    "modal_amplitude": ("coordinate of the stuck mode, its modal stiffness being 1", "1"),
+    "residual": ("relative residual of the balance", "1"),
+    "stretch": ("number, from 0: between two the curve was lost", "1"),
+}
+
 
 def columns(found: list[Found], parameter: str) -> dict[str, np.ndarray]:
     """Every column of the table by name; NaN where there is no peak."""
@@ -85,7 +105,7 @@ def columns(found: list[Found], parameter: str) -> dict[str, np.ndarray]:
     return {name: np.array(values) for name, values in rows.items()}
 
 
-def write(path: str, job: Job, scene: ReducedScene, found: list[Found]) -> None:
+def write(path: str, job: Job, scene: ReducedScene, found: list[Found], backbone: Backbone | None = None) -> None:
     """Write the peaks; the file appears when it is complete."""
     keys = job["peak"]
     Path(path).parent.mkdir(parents=True, exist_ok=True)
@@ -121,6 +141,45 @@ def write(path: str, job: Job, scene: ReducedScene, found: list[Found]) -> None:
             put(f"monitors/{name}/harmonics", harmonics, "mean, cos 1, sin 1, cos 2, ...", "user length")
             ranges = np.array([one.peak.point.amplitude[i] for one in found])
             put(f"monitors/{name}/amplitude", ranges, "half the range over the period", "user length")
+        if backbone is not None:
+            file.attrs["backbone_mode"] = backbone.mode
+            for name, values in at_peaks(backbone).items():
+                put(name, values, *AT_PEAKS[name])
+            for name, values in along(backbone).items():
+                stored = file.create_dataset(f"backbone/{name}", data=values)
+                stored.attrs["description"], stored.attrs["unit"] = ALONG[name]
+            states = np.array([point.point.states for point in _points(backbone)], dtype=np.int32).reshape(
+                -1, len(STATES)
+            )
+            stored = file.create_dataset("backbone/states", data=states)
+            stored.attrs["description"], stored.attrs["unit"] = "contacts in each state", "1"
+            stored.attrs["names"] = list(STATES)
+
+
+def at_peaks(backbone: Backbone) -> dict[str, np.ndarray]:
+    """What a backbone expects of the peaks; NaN where it does not reach their level."""
+    points = backbone.at_peaks
+    return {
+        "backbone_frequency_hz": np.array([np.nan if one is None else one.frequency_hz for one in points]),
+        "backbone_response": np.array([np.nan if one is None else one.response for one in points]),
+    }
+
+
+def along(backbone: Backbone) -> dict[str, np.ndarray]:
+    """The backbone's own columns."""
+    points = _points(backbone)
+    data = {
+        name: np.array([getattr(one, name) for one in points])
+        for name in ("level", "frequency_hz", "amplitude", "response", "excitation", "modal_amplitude")
+    }
+    data["damping_ratio"] = data["excitation"] / (4.0 * np.pi * data["frequency_hz"])
+    data["residual"] = np.array([one.point.residual for one in points])
+    data["stretch"] = np.repeat(np.arange(len(backbone.stretches)), [len(stretch) for stretch in backbone.stretches])
+    return data
+
+
+def _points(backbone: Backbone) -> list[BackbonePoint]:
+    return [point for stretch in backbone.stretches for point in stretch]
 
 
 def read_peaks(path: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
@@ -128,17 +187,25 @@ def read_peaks(path: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     with stored(path, "peaks of `attrito peak`") as file:
         if file.attrs.get("format") != "attrito peaks":
             raise InputError(Fault(path, "format", file.attrs.get("format", "absent"), "peaks of `attrito peak`"))
-        data = {name: file[f"peaks/{name}"][()] for name in [*COLUMNS, *COUNTS, "kind", "outcome", "states"]}
+        names = [*COLUMNS, *COUNTS, "kind", "outcome", "states", *(name for name in AT_PEAKS if name in file["peaks"])]
+        data = {name: file[f"peaks/{name}"][()] for name in names}
         return data, dict(file.attrs)
+
+
+def read_backbone(path: str) -> dict[str, np.ndarray] | None:
+    """Columns of the backbone in a file of peaks, if there is one."""
+    with stored(path, "peaks of `attrito peak`") as file:
+        return {name: file[f"backbone/{name}"][()] for name in [*ALONG, "states"]} if "backbone" in file else None
 
 
 def table(path: str) -> str:
     """The peaks as CSV."""
     data, _ = read_peaks(path)
-    names = ["kind", *COLUMNS, *COUNTS, *STATES, "outcome"]
+    numbers = [*COLUMNS, *(name for name in AT_PEAKS if name in data)]
+    names = ["kind", *numbers, *COUNTS, *STATES, "outcome"]
     lines = [",".join(names)]
     for i in range(len(data["level"])):
-        row = [KINDS[data["kind"][i]], *(f"{data[name][i]:.12g}" for name in COLUMNS)]
+        row = [KINDS[data["kind"][i]], *(f"{data[name][i]:.12g}" for name in numbers)]
         row += [str(data[name][i]) for name in COUNTS] + [str(count) for count in data["states"][i]]
         lines.append(",".join([*row, OUTCOMES[data["outcome"][i]]]))
     return "\n".join(lines) + "\n"

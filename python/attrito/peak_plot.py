@@ -7,16 +7,21 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from attrito.peak_file import KINDS, read_peaks, smooth_curve
+from attrito.peak_file import KINDS, read_backbone, read_peaks, smooth_curve
 from attrito.plots import BRANCH_COLOURS, STYLE
 from attrito.solver import OUTCOMES
 
 STUCK_COLOUR = "#8a8a8a"
+BACKBONE_COLOUR = BRANCH_COLOURS[2]
 
 
 def peak_curve(path: str) -> Figure:
-    """Amplitude of the peak (by level, where that is followed) and its frequency against the parameter."""
+    """Amplitude of the peak (by level, where that is followed) and its frequency against the parameter.
+
+    With a backbone also what that expects, dashed, and how far it is from the peaks.
+    """
     data, attributes = read_peaks(path)
+    backbone = read_backbone(path)
     parameter = str(attributes["parameter"])
     good = data["outcome"] != OUTCOMES.index("not_converged")
     data = {name: values[good] for name, values in data.items()}
@@ -24,8 +29,9 @@ def peak_curve(path: str) -> Figure:
     height = data["response"] if parameter == "level" else data["amplitude"]
     sticks = data["states"][:, 2:].sum(axis=1) == 0
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(6.4, 5.6), constrained_layout=True)
-        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+        figure = Figure(figsize=(6.4, 5.6 if backbone is None else 7.0), constrained_layout=True)
+        heights = (2, 1) if backbone is None else (2, 1, 1)
+        upper, lower, *differences = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
         for stuck, colour, label in (
             (True, STUCK_COLOUR, "all contacts stick"),
             (False, BRANCH_COLOURS[0], "they slip"),
@@ -37,15 +43,44 @@ def peak_curve(path: str) -> Figure:
                 lower.plot(value[run], data["frequency_hz"][run], color=colour)
                 label = None
         for i in np.flatnonzero(np.diff(sticks.astype(int))):
-            for axes, heights in ((upper, height), (lower, data["frequency_hz"])):
-                axes.plot(value[i : i + 2], heights[i : i + 2], color=STUCK_COLOUR, linestyle=":", linewidth=1.2)
+            for axes, course in ((upper, height), (lower, data["frequency_hz"])):
+                axes.plot(value[i : i + 2], course[i : i + 2], color=STUCK_COLOUR, linestyle=":", linewidth=1.2)
         _mark(upper, lower, value, height, data)
+        if backbone is not None:
+            _draw_backbone(upper, lower, backbone, value)
+            _draw_differences(differences[0], value, data)
         upper.set_xscale("log")
         upper.set_ylim(bottom=0.0)
         upper.set_ylabel(f"Peak of {attributes['monitor']}" + (" by level" if parameter == "level" else ""))
-        lower.set(xlabel=f"{parameter.capitalize()} factor", ylabel="Frequency (Hz)")
+        lower.set_ylabel("Frequency (Hz)")
+        figure.axes[-1].set_xlabel(f"{parameter.capitalize()} factor")
         upper.legend(loc="best")
     return figure
+
+
+def _draw_backbone(upper: Axes, lower: Axes, backbone: dict[str, np.ndarray], value: np.ndarray) -> None:
+    """The backbone over the peaks' levels."""
+    here = (backbone["level"] >= 0.95 * value.min()) & (backbone["level"] <= 1.05 * value.max())
+    for axes, name in ((upper, "response"), (lower, "frequency_hz")):
+        label = "backbone" if name == "response" else None
+        for number in np.unique(backbone["stretch"][here]):
+            run = here & (backbone["stretch"] == number)
+            axes.plot(backbone["level"][run], backbone[name][run], "--", color=BACKBONE_COLOUR, label=label, zorder=3)
+            label = None
+
+
+def _draw_differences(axes: Axes, value: np.ndarray, data: dict[str, np.ndarray]) -> None:
+    """How far the backbone is from the peaks, relative."""
+    for name, expected, marker, label in (
+        ("response", "backbone_response", "o", "response"),
+        ("frequency_hz", "backbone_frequency_hz", "s", "frequency"),
+    ):
+        difference = 100.0 * (data[expected] / data[name] - 1.0)
+        axes.plot(value, difference, marker + "-", color=BACKBONE_COLOUR, markersize=3.5, linewidth=0.9, label=label,
+                  markerfacecolor="w" if marker == "s" else None)  # fmt: skip
+    axes.axhline(0.0, color="k", linewidth=0.6)
+    axes.set_ylabel("Backbone over\npeak (%)")
+    axes.legend(loc="best")
 
 
 def _runs(chosen: np.ndarray) -> list[np.ndarray]:

@@ -11,6 +11,7 @@ module attrito_api_session
   use attrito_continuation_members, only: family_type, member_type
   use attrito_continuation_solver, only: solver_type
   use attrito_integrate_system, only: system_type
+  use attrito_peak_backbone, only: backbone_type
   use attrito_peak_curve, only: curve_type
   use attrito_output_point_report, only: point_report_type
   use attrito_stability_crossing, only: moduli_type
@@ -42,8 +43,9 @@ module attrito_api_session
     !> While other members of the last point's family are visited: the point, and two of them to return to
     type(family_type) :: family
     type(member_type) :: members(0:1)
-    !> A peak that is followed
+    !> A peak that is followed; a mode's backbone
     type(curve_type) :: peak
+    type(backbone_type) :: backbone
     !> The linear system in time, once it is asked for, and what was found of the last point's stability
     type(system_type), allocatable :: in_time
     type(examination_type) :: examination

@@ -23,18 +23,26 @@ module attrito_balance_receptance
     real(wp) :: omega = -1.0_wp
     !> Part of its stiffness that is added to that of the mean: see `hold_mean`
     real(wp) :: held = 0.0_wp
+    !> Autonomous motion: damping taken away, a part of the mass; a mode that a spring holds at harmonic 1, if any, and this spring in
+    !> that mode's coordinate
+    real(wp) :: excitation = 0.0_wp, lift = 0.0_wp
+    integer :: lifted_mode = 0
   contains
     procedure(set_harmonics), deferred :: set_harmonics
     procedure(set_frequency), deferred :: set_frequency
     procedure(respond), deferred :: respond
     procedure(respond_derivative), deferred :: respond_derivative
-    procedure(respond_derivative), deferred :: respond_inertia
+    procedure(inertia_of), deferred :: inertia_of
     procedure(block_between), deferred :: block_between
     procedure(low_shapes), deferred :: low_shapes
     procedure(low_stiffness), deferred :: low_stiffness
     procedure(remainder), deferred :: remainder
+    procedure :: respond_inertia
+    procedure :: respond_excitation
     procedure :: uncoupled_modes
     procedure :: hold_mean
+    procedure :: excite
+    procedure :: lift_mode
   end type receptance_type
 
   abstract interface
@@ -65,7 +73,7 @@ module attrito_balance_receptance
       complex(wp), intent(out) :: response(:, 0:)
     end subroutine respond
 
-    !> dX_h/domega = -Z_h^-1 (dZ_h/domega) X_h; `respond_inertia`: -Z_h^-1 (d^2Z_h/domega^2) X_h = 2 h^2 Z_h^-1 M X_h.
+    !> dX_h/domega = -Z_h^-1 (dZ_h/domega) X_h.
     subroutine respond_derivative(self, response, derivative)
       import :: receptance_type, wp
       class(receptance_type), intent(in) :: self
@@ -74,6 +82,16 @@ module attrito_balance_receptance
       !> dX/domega [n, 0:H]
       complex(wp), intent(out) :: derivative(:, 0:)
     end subroutine respond_derivative
+
+    !> M X_h.
+    subroutine inertia_of(self, response, product)
+      import :: receptance_type, wp
+      class(receptance_type), intent(in) :: self
+      !> X [n, 0:H]
+      complex(wp), intent(in) :: response(:, 0:)
+      !> [n, 0:H]
+      complex(wp), intent(out) :: product(:, 0:)
+    end subroutine inertia_of
 
     !> Receptance between rows of B at one harmonic, B_a Z_h^-1 B_b^T.
     subroutine block_between(self, h, rows_a, rows_b, block)
@@ -119,6 +137,38 @@ module attrito_balance_receptance
 
 contains
 
+  !> -Z_h^-1 (d^2Z_h/domega^2) X_h = 2 h^2 Z_h^-1 M X_h.
+  subroutine respond_inertia(self, response, derivative)
+    class(receptance_type), intent(in) :: self
+    !> X [n, 0:H]
+    complex(wp), intent(in) :: response(:, 0:)
+    complex(wp), intent(out) :: derivative(:, 0:)
+    complex(wp) :: force(size(response, 1), 0:self%harmonics)
+    integer :: h
+
+    call self%inertia_of(response, force)
+    do h = 0, self%harmonics
+      force(:, h) = 2.0_wp*h**2*force(:, h)
+    end do
+    call self%respond(force, derivative)
+  end subroutine respond_inertia
+
+  !> dX_h/dxi = -Z_h^-1 (dZ_h/dxi) X_h = Z_h^-1 i h omega M X_h, xi being `excitation`.
+  subroutine respond_excitation(self, response, derivative)
+    class(receptance_type), intent(in) :: self
+    !> X [n, 0:H]
+    complex(wp), intent(in) :: response(:, 0:)
+    complex(wp), intent(out) :: derivative(:, 0:)
+    complex(wp) :: force(size(response, 1), 0:self%harmonics)
+    integer :: h
+
+    call self%inertia_of(response, force)
+    do h = 0, self%harmonics
+      force(:, h) = (0.0_wp, 1.0_wp)*h*self%omega*force(:, h)
+    end do
+    call self%respond(force, derivative)
+  end subroutine respond_excitation
+
   !> Stiffness, mass and damping of the modes, ascending, if they are all there is to the response; none where damping couples them.
   subroutine uncoupled_modes(self, stiffness, mass, damping)
     class(receptance_type), intent(in) :: self
@@ -127,6 +177,29 @@ contains
 
     allocate (stiffness(0), mass(0), damping(0))
   end subroutine uncoupled_modes
+
+  !> Let the damping be C - excitation M from the next frequency that is set on: 0 is the structure itself.
+  subroutine excite(self, excitation)
+    class(receptance_type), intent(inout) :: self
+    real(wp), intent(in) :: excitation
+
+    self%excitation = excitation
+    self%omega = -1.0_wp
+  end subroutine excite
+
+  !> Let a spring hold the coordinate of a mode of the stuck system at harmonic 1, Z_1 + lift M x x^T M/(x^T M x)^2, so that it has an
+  !> inverse at this mode's resonance.
+  subroutine lift_mode(self, mode, lift)
+    class(receptance_type), intent(inout) :: self
+    !> From 1, ascending
+    integer, intent(in) :: mode
+    !> Beside the modal stiffness x^T K~ x
+    real(wp), intent(in) :: lift
+
+    self%lifted_mode = mode
+    self%lift = lift
+    self%omega = -1.0_wp
+  end subroutine lift_mode
 
   !> Let the mean's stiffness be (1 + part) K~ from the next frequency that is set on: 0 is the structure itself.
   subroutine hold_mean(self, part)

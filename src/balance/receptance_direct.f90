@@ -27,7 +27,7 @@ module attrito_balance_receptance_direct
     procedure :: set_frequency
     procedure :: respond
     procedure :: respond_derivative
-    procedure :: respond_inertia
+    procedure :: inertia_of
     procedure :: block_between
     procedure :: low_shapes
     procedure :: low_stiffness
@@ -83,9 +83,10 @@ contains
     ! Until all harmonics are factored the factors belong to no frequency.
     self%omega = -1.0_wp
     do h = first, self%harmonics
-      self%factors(:, :, h) = cmplx(self%stuck_stiffness - (h*omega)**2*self%mass, h*omega*self%viscous, wp)
+      self%factors(:, :, h) = cmplx(self%stuck_stiffness - (h*omega)**2*self%mass, h*omega*damping_of(self), wp)
       if (h > 0) self%factors(:, :, h) = self%factors(:, :, h) + (0.0_wp, 1.0_wp)*self%structural
       if (h == 0) self%factors(:, :, h) = (1.0_wp + self%held)*self%factors(:, :, h)
+      if (h == 1 .and. self%lifted_mode > 0) self%factors(:, :, h) = self%factors(:, :, h) + lift_of(self)
       call factor_complex(self%factors(:, :, h), self%pivots(:, h), status)
       if (status /= 0) return
     end do
@@ -116,23 +117,39 @@ contains
 
     do h = 0, self%harmonics
       force(:, h) = 2.0_wp*h**2*self%omega*matmul(self%mass, response(:, h)) &
-                    - (0.0_wp, 1.0_wp)*h*matmul(self%viscous, response(:, h))
+                    - (0.0_wp, 1.0_wp)*h*matmul(damping_of(self), response(:, h))
     end do
     call self%respond(force, derivative)
   end subroutine respond_derivative
 
-  subroutine respond_inertia(self, response, derivative)
+  subroutine inertia_of(self, response, product)
     class(receptance_direct_type), intent(in) :: self
     complex(wp), intent(in) :: response(:, 0:)
-    complex(wp), intent(out) :: derivative(:, 0:)
-    complex(wp) :: force(size(response, 1), 0:self%harmonics)
-    integer :: h
+    complex(wp), intent(out) :: product(:, 0:)
 
-    do h = 0, self%harmonics
-      force(:, h) = 2.0_wp*h**2*matmul(self%mass, response(:, h))
-    end do
-    call self%respond(force, derivative)
-  end subroutine respond_inertia
+    product = matmul(self%mass, response)
+  end subroutine inertia_of
+
+  !> Viscous damping, with what is taken away [m, m].
+  pure function damping_of(self) result(damping)
+    class(receptance_direct_type), intent(in) :: self
+    real(wp) :: damping(size(self%mass, 1), size(self%mass, 1))
+
+    damping = self%viscous - self%excitation*self%mass
+  end function damping_of
+
+  !> The spring on the lifted mode [m, m].
+  pure function lift_of(self) result(stiffness)
+    class(receptance_direct_type), intent(in) :: self
+    real(wp) :: stiffness(size(self%mass, 1), size(self%mass, 1))
+    real(wp) :: inertia(size(self%mass, 1))
+
+    associate (shape => self%modes(:, self%lifted_mode), m => size(inertia))
+      inertia = matmul(self%mass, shape)
+      inertia = inertia/dot_product(shape, inertia)
+      stiffness = self%lift*spread(inertia, 2, m)*spread(inertia, 1, m)
+    end associate
+  end function lift_of
 
   subroutine block_between(self, h, rows_a, rows_b, block)
     class(receptance_direct_type), intent(in) :: self
@@ -163,9 +180,10 @@ contains
     do i = 1, low
       associate (x => self%modes(:, i), frequency => h*self%omega)
         stiffness(i) = cmplx(dot_product(x, matmul(self%stuck_stiffness, x)) - frequency**2*dot_product(x, matmul(self%mass, x)), &
-                             frequency*dot_product(x, matmul(self%viscous, x)), wp)
+                             frequency*dot_product(x, matmul(damping_of(self), x)), wp)
         if (h > 0) stiffness(i) = stiffness(i) + (0.0_wp, 1.0_wp)*dot_product(x, matmul(self%structural, x))
         if (h == 0) stiffness(i) = (1.0_wp + self%held)*stiffness(i)
+        if (h == 1 .and. i == self%lifted_mode) stiffness(i) = stiffness(i) + self%lift
       end associate
     end do
   end function low_stiffness

@@ -19,7 +19,7 @@ module attrito_balance_receptance_modal
     procedure :: set_frequency
     procedure :: respond
     procedure :: respond_derivative
-    procedure :: respond_inertia
+    procedure :: inertia_of
     procedure :: block_between
     procedure :: low_shapes
     procedure :: low_stiffness
@@ -64,8 +64,9 @@ contains
     if (omega == self%omega) return
     do h = 0, self%harmonics
       stiffness = self%modal_stiffness - (h*omega)**2*self%modal_mass
-      loss = h*omega*self%modal_damping
+      loss = h*omega*damping_of(self)
       if (h == 0) stiffness = (1.0_wp + self%held)*stiffness
+      if (h == 1 .and. self%lifted_mode > 0) stiffness(self%lifted_mode) = stiffness(self%lifted_mode) + self%lift
       if (any(abs(stiffness) + abs(loss) <= 0.0_wp)) then
         if (h >= self%lowest) status = 1
         stiffness = 1.0_wp
@@ -99,24 +100,26 @@ contains
     integer :: h
 
     do h = 0, self%harmonics
-      force(:, h) = cmplx(2.0_wp*h**2*self%omega*self%modal_mass, -h*self%modal_damping, wp)*response(:, h)
+      force(:, h) = cmplx(2.0_wp*h**2*self%omega*self%modal_mass, -h*damping_of(self), wp)*response(:, h)
     end do
     call self%respond(force, derivative)
   end subroutine respond_derivative
 
-  subroutine respond_inertia(self, response, derivative)
+  subroutine inertia_of(self, response, product)
     class(receptance_modal_type), intent(in) :: self
     complex(wp), intent(in) :: response(:, 0:)
-    complex(wp), intent(out) :: derivative(:, 0:)
+    complex(wp), intent(out) :: product(:, 0:)
 
-    complex(wp) :: force(size(response, 1), 0:self%harmonics)
-    integer :: h
+    product = spread(self%modal_mass, 2, size(response, 2))*response
+  end subroutine inertia_of
 
-    do h = 0, self%harmonics
-      force(:, h) = 2.0_wp*h**2*self%modal_mass*response(:, h)
-    end do
-    call self%respond(force, derivative)
-  end subroutine respond_inertia
+  !> What the modes are damped by, with what is taken away.
+  pure function damping_of(self) result(damping)
+    class(receptance_modal_type), intent(in) :: self
+    real(wp) :: damping(size(self%modal_mass))
+
+    damping = self%modal_damping - self%excitation*self%modal_mass
+  end function damping_of
 
   subroutine block_between(self, h, rows_a, rows_b, block)
     class(receptance_modal_type), intent(in) :: self
@@ -159,9 +162,14 @@ contains
     class(receptance_modal_type), intent(in) :: self
     real(wp), allocatable, intent(out) :: stiffness(:), mass(:), damping(:)
 
+    if (self%lifted_mode > 0) then
+      ! Not alike at all harmonics.
+      allocate (stiffness(0), mass(0), damping(0))
+      return
+    end if
     stiffness = self%modal_stiffness
     mass = self%modal_mass
-    damping = self%modal_damping
+    damping = damping_of(self)
   end subroutine uncoupled_modes
 
   subroutine remainder(self, low, directions, blocks)

@@ -23,6 +23,7 @@ module attrito_peak_condition
   implicit none
   private
   public :: problem_type, direction_type, linearisation_type, linearise, slope_along, value_of, set_value, scale_of_motion
+  public :: solve, respond
   public :: parameter_level, parameter_preload
 
   !> What a peak is followed in: the factor on all harmonic loads, or that on all static ones

@@ -44,16 +44,18 @@ def jenkins() -> ReducedScene:
     )
 
 
+def element(amplitude: float) -> tuple[float, float]:
+    """Stiffness and loss of the Jenkins element for one harmonic: its describing function."""
+    limit = LIMIT / KT
+    if amplitude <= limit:
+        return KT, 0.0
+    theta = np.arccos(1.0 - 2.0 * limit / amplitude)
+    loss = 4.0 * LIMIT / (np.pi * amplitude) * (1.0 - limit / amplitude)
+    return KT / np.pi * (theta - 0.5 * np.sin(2.0 * theta)), loss
+
+
 def closed_form(force: float) -> tuple[float, float]:
     """Peak amplitude and omega of the mass with one harmonic, by the describing function of the Jenkins element."""
-
-    def element(amplitude: float) -> tuple[float, float]:
-        limit = LIMIT / KT
-        if amplitude <= limit:
-            return KT, 0.0
-        theta = np.arccos(1.0 - 2.0 * limit / amplitude)
-        loss = 4.0 * LIMIT / (np.pi * amplitude) * (1.0 - limit / amplitude)
-        return KT / np.pi * (theta - 0.5 * np.sin(2.0 * theta)), loss
 
     def omega_of(amplitude: float) -> float:
         # The largest force-to-amplitude ratio's minimum over omega: d/domega of (K - omega^2)^2 + (c omega + L)^2.
@@ -215,8 +217,8 @@ def test_the_command_writes_file_table_and_picture(tmp_path, capfd):
         assert all(file[name].attrs["description"] and file[name].attrs["unit"] for name in named)
 
 
-def test_ranks_find_the_same_peaks(tmp_path):
-    made = job()
+def test_ranks_find_the_same_peaks_and_backbone(tmp_path):
+    made = job(backbone=True)
     made["contact"] = made["contact"] * 2
     for contact in made["contact"]:
         contact["tangential_stiffness"] = contact["normal_stiffness"] = 1.5e5
@@ -227,6 +229,7 @@ def test_ranks_find_the_same_peaks(tmp_path):
         found.append(read_peaks(str(tmp_path / "result.peaks.h5"))[0])
     # Sums over ranks differ in rounding; the balance ends at 1e-10 of the response.
     assert np.allclose(found[0]["amplitude"], found[1]["amplitude"], rtol=1e-8, atol=0.0)
+    assert np.allclose(found[0]["backbone_response"], found[1]["backbone_response"], rtol=1e-8, equal_nan=True)
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,8 @@ program test_receptance
                 test('a modal damping ratio is the viscous matrix with that ratio in every stuck mode', ratio), &
                 test('each kind of damping gets the receptance that is exact for it', choice), &
                 test('the derivative by omega is that of differences, for every kind of damping', derivative), &
+                test('with negative damping and a mode held, derivatives are those of differences too', excited), &
+                test('the spring that holds a mode moves that mode alone, for every kind of damping', lifted), &
                 test('a block between rows is the response of one row to forces on another', block), &
                 test('receptances are symmetric between rows', symmetric), &
                 test('a loss factor acts on K, not on the contact springs, and not on the mean', loss_factor), &
@@ -158,6 +160,82 @@ contains
       deallocate (at, above, below, slope)
     end do
   end subroutine derivative
+
+  !> By omega and by the excitation, of receptances made for autonomous motion.
+  subroutine excited(error)
+    type(error_type), allocatable, intent(out) :: error
+    integer, parameter :: kinds(2) = [damping_ratio, damping_viscous]
+    ! As above.
+    real(wp), parameter :: step = 1.0e-6_wp, tolerance = 1.0e-6_wp, excitation = 0.04_wp
+    type(scene_type) :: scene
+    class(receptance_type), allocatable :: receptance
+    complex(wp), allocatable :: force(:, :), at(:, :), slope(:, :)
+    integer :: i
+
+    do i = 1, size(kinds)
+      call prepare(kinds(i), 0.1_wp, scene, receptance, force)
+      call receptance%lift_mode(2, 0.7_wp)
+      allocate (slope, mold=force)
+      at = excited_response(receptance, omega, excitation, force)
+      call receptance%respond_derivative(at, slope)
+      call check_close(error, slope, (excited_response(receptance, omega + step, excitation, force) &
+                                      - excited_response(receptance, omega - step, excitation, force))/(2.0_wp*step), &
+                       tolerance, 'by omega')
+      at = excited_response(receptance, omega, excitation, force)
+      call receptance%respond_excitation(at, slope)
+      call check_close(error, slope, (excited_response(receptance, omega, excitation + step, force) &
+                                      - excited_response(receptance, omega, excitation - step, force))/(2.0_wp*step), &
+                       tolerance, 'by excitation')
+      deallocate (slope)
+    end do
+  end subroutine excited
+
+  !> Response to forces at a frequency, an excitation given [n, 0:H].
+  function excited_response(receptance, frequency, excitation, force) result(response)
+    class(receptance_type), intent(inout) :: receptance
+    real(wp), intent(in) :: frequency, excitation
+    complex(wp), intent(in) :: force(:, 0:)
+    complex(wp) :: response(size(force, 1), 0:harmonics)
+    integer :: status
+
+    call receptance%excite(excitation)
+    call receptance%set_frequency(frequency, status)
+    call receptance%respond(force, response)
+  end function excited_response
+
+  !> Held by a spring as stiff as itself a mode answers harmonic 1 of forces on it alone by 1/(2 k - omega^2 m + i omega c).
+  subroutine lifted(error)
+    type(error_type), allocatable, intent(out) :: error
+    integer, parameter :: kinds(3) = [damping_none, damping_mass, damping_viscous], mode = 2
+    real(wp), parameter :: damping = 0.2_wp
+    type(scene_type) :: scene
+    type(stuck_system_type) :: stuck
+    class(receptance_type), allocatable :: receptance
+    type(error_type), allocatable :: fault
+    complex(wp), allocatable :: force(:, :), response(:, :), expected(:, :)
+    complex(wp) :: stiffness
+    integer :: i, status
+
+    do i = 1, size(kinds)
+      call prepare(kinds(i), damping, scene, receptance, force)
+      call new_stuck_system(scene%structure, scene%contacts, .true., stuck, fault)
+      if (kinds(i) == damping_viscous) then
+        ! Mass-proportional, though the receptance does not know.
+        scene%structure%damping = damping*scene%structure%mass
+        call new_receptance(scene%structure, scene%contacts, stuck, harmonics, receptance)
+      end if
+      call receptance%lift_mode(mode, stuck%modal_stiffness(mode))
+      call receptance%set_frequency(omega, status)
+      force = (0.0_wp, 0.0_wp)
+      force(:, 1) = matmul(scene%structure%mass, stuck%modes(:, mode))
+      response = response_of(receptance, force)
+      stiffness = cmplx(2.0_wp*stuck%modal_stiffness(mode)/stuck%modal_mass(mode) - omega**2, &
+                        merge(0.0_wp, omega*damping, kinds(i) == damping_none), wp)
+      expected = 0.0_wp*response
+      expected(:, 2) = stuck%modes(:, mode)/stiffness
+      call check_close(error, response, expected, rounding, 'response')
+    end do
+  end subroutine lifted
 
   subroutine block(error)
     type(error_type), allocatable, intent(out) :: error

@@ -1,0 +1,88 @@
+!> C interface of backbones. All calls are collective and give every rank the same.
+module attrito_api_backbone
+  use, intrinsic :: iso_c_binding
+  use attrito_accuracy_error_control, only: point_errors_type
+  use attrito_output_point_report, only: report_point
+  use attrito_peak_backbone, only: begin_backbone, leading_mode
+  use attrito_peak_condition, only: problem_type
+  use attrito_api_session, only: session_type, session_of
+  use attrito_api_solver, only: point_type, point_of
+  implicit none
+  private
+
+  type, bind(c) :: backbone_type
+    !> Without an estimate of its error
+    type(point_type) :: point
+    !> The mode's coordinate; the negative damping, a part of the mass; level of the loads that would keep the motion up; amplitude of
+    !> the monitor
+    real(c_double) :: modal_amplitude, excitation, level, amplitude
+  end type backbone_type
+
+contains
+
+  !> Mode (from 1) that carries most of the first harmonic of the session's point, and its coordinate.
+  subroutine attrito_leading_mode(handle, mode, amplitude) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), intent(out) :: mode
+    real(c_double), intent(out) :: amplitude
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    call leading_mode(session%solver, mode, amplitude)
+  end subroutine attrito_leading_mode
+
+  !> The backbone of a mode (from 1) at an amplitude of its coordinate, told by a monitor (from 0). The static path has been walked;
+  !> the session serves nothing but this backbone from then on.
+  subroutine attrito_begin_backbone(handle, mode, monitor, measure, amplitude, branch, backbone) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: mode, monitor, measure, branch
+    real(c_double), value :: amplitude
+    type(backbone_type), intent(out) :: backbone
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    call begin_backbone(session%solver, mode, problem_type(monitor=monitor + 1, measure=measure), amplitude, session%backbone)
+    call describe(session, branch, backbone)
+  end subroutine attrito_begin_backbone
+
+  !> At another amplitude, by long steps from where contacts stick.
+  subroutine attrito_backbone_anew(handle, amplitude, branch, backbone) bind(c)
+    type(c_ptr), value :: handle
+    real(c_double), value :: amplitude
+    integer(c_int), value :: branch
+    type(backbone_type), intent(out) :: backbone
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    call session%backbone%begin_at(session%solver, amplitude)
+    call describe(session, branch, backbone)
+  end subroutine attrito_backbone_anew
+
+  !> Followed to another amplitude.
+  subroutine attrito_backbone_at(handle, amplitude, branch, backbone) bind(c)
+    type(c_ptr), value :: handle
+    real(c_double), value :: amplitude
+    integer(c_int), value :: branch
+    type(backbone_type), intent(out) :: backbone
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    call session%backbone%go_to(session%solver, amplitude)
+    call describe(session, branch, backbone)
+  end subroutine attrito_backbone_at
+
+  subroutine describe(session, branch, backbone)
+    type(session_type), intent(inout) :: session
+    integer, intent(in) :: branch
+    type(backbone_type), intent(out) :: backbone
+
+    session%solver%report%converged = session%backbone%found
+    session%solver%report%iterations = session%backbone%iterations
+    call report_point(session%solver, branch, point_errors_type(), session%point)
+    backbone%point = point_of(session%point)
+    backbone%modal_amplitude = session%backbone%amplitude
+    backbone%excitation = session%backbone%excitation
+    backbone%level = session%backbone%level
+    backbone%amplitude = session%backbone%height
+  end subroutine describe
+end module attrito_api_backbone

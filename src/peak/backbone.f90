@@ -1,0 +1,344 @@
+!> The backbone of a mode: periodic motion without excitation, kept up by as much negative damping as it takes.
+!>
+!> $$ M q'' + (C - \xi M) q' + K q = f_0 - B^T \lambda(B q) $$
+!>
+!> The mode's coordinate at harmonic 1 is prescribed, real and positive, which picks amplitude and phase; omega and xi are found.
+!> At a linear mode the balance itself is singular, so a spring s holds that coordinate x and its load s a is given back,
+!>
+!> $$ \tilde Z_1 + s \, M \phi \phi^T M / m^2, \quad \text{load } s a \, M \phi / m, \qquad c(X_1) = \phi^T M X_1 / m = a, $$
+!>
+!> which changes nothing where c = a. For omega and xi held the balance is solved as any other; two linearised solves say how c
+!> changes with them, and Newton's method on the complex equation c = a finds both.
+!>
+!> The loads f_1 whose work over a period is what -xi M q' does, were they in quadrature, have the level
+!>
+!> $$ L = \xi \omega \sum_h h^2 X_h^H M X_h / |X_1^H F_1| : $$
+!>
+!> there the backbone expects a resonance peak, at omega. Source: Krack 2015, doi:10.1016/j.compstruc.2015.02.037.
+module attrito_peak_backbone
+  use attrito_core_kinds, only: wp
+  use attrito_balance_receptance, only: to_real
+  use attrito_balance_unknowns, only: unknowns_type, new_unknowns
+  use attrito_continuation_solver, only: solver_type
+  use attrito_peak_amplitude, only: amplitude_type, amplitude_of
+  use attrito_peak_condition, only: problem_type, direction_type, solve, respond
+  implicit none
+  private
+  public :: backbone_type, begin_backbone, leading_mode
+
+  !> Newton's steps on omega and xi; the largest relative change of the frequency in one
+  integer, parameter :: most_iterations = 12
+  real(wp), parameter :: longest_change = 0.1_wp
+  !> Amplitudes to begin at, from one to the next; logarithms of the longest step and the least
+  real(wp), parameter :: amplitude_ratio = 0.25_wp, longest_step = 0.4_wp, shortest_step = 1.0e-4_wp
+  integer, parameter :: most_amplitudes = 7
+  !> How far beyond the last two points their line is followed, parts of their distance
+  real(wp), parameter :: farthest_line = 3.0_wp
+
+  !> Where the solver stands on a backbone
+  type :: place_type
+    real(wp) :: amplitude = 0.0_wp, omega = 0.0_wp, excitation = 0.0_wp
+    real(wp), allocatable :: motion(:, :), slider(:, :)
+    logical, allocatable :: periodic(:)
+    logical :: all_stick = .false.
+  end type place_type
+
+  type :: backbone_type
+    !> Of the stuck system, from 1, ascending
+    integer :: mode = 1
+    !> Whose amplitude is told
+    type(problem_type) :: problem
+    !> Coordinate a of the mode, and xi
+    real(wp) :: amplitude = 0.0_wp, excitation = 0.0_wp
+    !> Of the loads that would keep the motion up; of the monitor
+    real(wp) :: level = 0.0_wp, height = 0.0_wp
+    !> Was the last point found? Newton's iterations that it took
+    logical :: found = .false.
+    integer :: iterations = 0
+    !> M phi/m in generalised coordinates [n], and F_1
+    real(wp), allocatable, private :: reader(:)
+    complex(wp), allocatable, private :: force(:)
+    !> At rest; the last two points
+    type(place_type), private :: rest, last, before
+  contains
+    procedure :: begin_at
+    procedure :: go_to
+  end type backbone_type
+
+contains
+
+  !> Mode of the stuck system that carries most of the first harmonic where the solver stands, and its coordinate there.
+  subroutine leading_mode(solver, mode, amplitude)
+    type(solver_type), intent(in) :: solver
+    integer, intent(out) :: mode
+    real(wp), intent(out) :: amplitude
+    complex(wp), allocatable :: coordinates(:)
+
+    associate (stuck => solver%stuck, balance => solver%context%balance)
+      coordinates = matmul(balance%receptance%basis, balance%response(:, 1))
+      coordinates = matmul(transpose(stuck%modes), matmul(solver%structure%mass, coordinates))/stuck%modal_mass
+      mode = maxloc(stuck%modal_stiffness*abs(coordinates)**2, 1)
+      amplitude = abs(coordinates(mode))
+    end associate
+  end subroutine leading_mode
+
+  !> Turn the solver, whose static path has been walked, to a mode's backbone, and find the point of an amplitude: from where contacts
+  !> still stick, or a small one. The solver serves nothing else from then on.
+  subroutine begin_backbone(solver, mode, problem, amplitude, self)
+    type(solver_type), intent(inout) :: solver
+    integer, intent(in) :: mode
+    !> Its monitor and measure; the border is made here
+    type(problem_type), intent(in) :: problem
+    real(wp), intent(in) :: amplitude
+    type(backbone_type), intent(out) :: self
+
+    self%mode = mode
+    self%problem = problem
+    allocate (self%problem%border%motion(size(solver%motion, 1), size(solver%motion, 2)), source=0.0_wp)
+    call hold_mode(self, solver)
+    self%rest = place_type(amplitude, solver%stuck%omega(mode), solver%stuck%modal_damping(mode)/solver%stuck%modal_mass(mode), &
+                           solver%motion, solver%context%balance%slider, solver%context%balance%periodic, .true.)
+    call self%begin_at(solver, amplitude)
+  end subroutine begin_backbone
+
+  !> The point of an amplitude by long steps from one at which contacts still stick, the structure at rest before: what short steps do
+  !> not pass, these may.
+  subroutine begin_at(self, solver, amplitude)
+    class(backbone_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: amplitude
+    integer :: i
+
+    if (allocated(self%before%motion)) deallocate (self%before%motion)
+    self%rest%amplitude = amplitude
+    do i = 1, most_amplitudes
+      call stand_at(self, solver, linear(solver, self%mode, self%rest))
+      call correct(self, solver, self%rest)
+      if (self%found .and. solver%all_stick) exit
+      if (i < most_amplitudes) self%rest%amplitude = amplitude_ratio*self%rest%amplitude
+    end do
+    if (.not. self%found) return
+    self%last = place_of(self, solver)
+    call self%go_to(solver, amplitude)
+  end subroutine begin_at
+
+  !> The spring on the mode, and its load in place of all harmonic ones.
+  subroutine hold_mode(self, solver)
+    type(backbone_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+
+    associate (balance => solver%context%balance, stuck => solver%stuck, mode => self%mode)
+      self%reader = matmul(transpose(balance%receptance%basis), matmul(solver%structure%mass, stuck%modes(:, mode))) &
+                    /stuck%modal_mass(mode)
+      self%force = balance%harmonic_load(:, 1)
+      balance%harmonic_load = 0.0_wp
+      balance%harmonic_load(:, 1) = stuck%modal_stiffness(mode)*self%reader
+      call balance%receptance%lift_mode(mode, stuck%modal_stiffness(mode))
+    end associate
+  end subroutine hold_mode
+
+  !> The linear mode about where the structure is at rest, at the amplitude given there.
+  function linear(solver, mode, rest) result(place)
+    type(solver_type), intent(in) :: solver
+    integer, intent(in) :: mode
+    type(place_type), intent(in) :: rest
+    type(place_type) :: place
+    integer :: first
+
+    place = rest
+    first = solver%context%balance%first_row
+    place%motion(2:, :) = 0.0_wp
+    place%motion(2, :) = rest%amplitude*matmul(solver%stuck%modes(:, mode), &
+                                               solver%contacts%directions(:, first:first + size(rest%motion, 2) - 1))
+  end function linear
+
+  !> Follow to an amplitude, in as many steps as it takes; the solver stays at the last point found.
+  subroutine go_to(self, solver, amplitude)
+    class(backbone_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: amplitude
+    type(place_type) :: from
+    real(wp) :: step, left
+    integer :: iterations
+
+    iterations = 0
+    step = longest_step
+    do
+      from = self%last
+      left = log(amplitude/from%amplitude)
+      self%found = abs(left) <= 0.0_wp
+      if (self%found) exit
+      call stand_at(self, solver, predicted(self, merge(amplitude, from%amplitude*exp(sign(step, left)), abs(left) <= step)))
+      call correct(self, solver, from)
+      iterations = iterations + self%iterations
+      if (self%found) then
+        self%before = from
+        self%last = place_of(self, solver)
+        step = min(2.0_wp*step, longest_step)
+      else
+        call stand_at(self, solver, from)
+        step = 0.5_wp*min(step, abs(left))
+        if (step < shortest_step) exit
+      end if
+    end do
+    self%iterations = iterations
+    if (self%found) call measure(self, solver)
+  end subroutine go_to
+
+  !> On the line through the last two points, harmonics taken by amplitude; along the last one where that line would be long.
+  function predicted(self, amplitude) result(place)
+    type(backbone_type), intent(in) :: self
+    real(wp), intent(in) :: amplitude
+    type(place_type) :: place
+    real(wp) :: part
+
+    place = self%last
+    place%amplitude = amplitude
+    place%motion(2:, :) = amplitude/self%last%amplitude*self%last%motion(2:, :)
+    if (.not. allocated(self%before%motion)) return
+    associate (a => self%last%amplitude, b => self%before%amplitude)
+      part = log(amplitude/a)
+      if (abs(part) > farthest_line*abs(log(a/b))) return
+      part = part/log(a/b)
+      place%motion = place%motion + part*(self%last%motion - self%before%motion)
+      place%motion(2:, :) = (1.0_wp + part)*amplitude/a*self%last%motion(2:, :) - part*amplitude/b*self%before%motion(2:, :)
+      place%omega = place%omega + part*(self%last%omega - self%before%omega)
+      place%excitation = place%excitation + part*(self%last%excitation - self%before%excitation)
+    end associate
+  end function predicted
+
+  !> Newton's method on omega and xi from where the solver stands; sliders that are not found with the motion go on from a point.
+  subroutine correct(self, solver, from)
+    type(backbone_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+    type(place_type), intent(in) :: from
+    complex(wp) :: missing
+    integer :: iteration, status
+
+    self%found = .false.
+    self%iterations = 0
+    solver%brief = .true.
+    do iteration = 1, most_iterations
+      call solver%context%balance%receptance%excite(self%excitation)
+      call solver%solve_at(solver%omega)
+      self%iterations = self%iterations + solver%report%iterations
+      if (.not. solver%report%converged) exit
+      missing = self%amplitude - coordinate(self, solver%context%balance%response)
+      self%found = abs(missing) <= solver%context%tolerance*self%amplitude
+      if (self%found) exit
+      call step_towards(self, solver, missing, from, status)
+      if (status /= 0) exit
+    end do
+    solver%brief = .false.
+  end subroutine correct
+
+  !> c(X_1).
+  pure complex(wp) function coordinate(self, response)
+    type(backbone_type), intent(in) :: self
+    complex(wp), intent(in) :: response(:, 0:)
+
+    coordinate = sum(self%reader*response(:, 1))
+  end function coordinate
+
+  !> Change omega and xi, and the motion with them, so that c grows by what is missing.
+  subroutine step_towards(self, solver, missing, from, status)
+    type(backbone_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+    complex(wp), intent(in) :: missing
+    type(place_type), intent(in) :: from
+    !> 0, or not: singular, or too far
+    integer, intent(out) :: status
+    type(direction_type) :: by_omega, by_excitation
+    complex(wp) :: slopes(2)
+    real(wp) :: determinant, change(2)
+
+    call find_directions(self, solver, by_omega, by_excitation, status)
+    if (status /= 0) return
+    slopes = [coordinate(self, by_omega%response), coordinate(self, by_excitation%response)]
+    determinant = aimag(conjg(slopes(1))*slopes(2))
+    status = merge(0, 1, abs(determinant) > 0.0_wp)
+    if (status /= 0) return
+    change = [aimag(conjg(missing)*slopes(2)), aimag(conjg(slopes(1))*missing)]/determinant
+    status = merge(0, 1, abs(change(1)) <= longest_change*solver%omega)
+    if (status /= 0) return
+    solver%motion = solver%motion + change(1)*by_omega%step%motion + change(2)*by_excitation%step%motion
+    solver%omega = solver%omega + change(1)
+    self%excitation = self%excitation + change(2)
+    associate (balance => solver%context%balance)
+      call solver%set_slider(merge(balance%slider + change(1)*by_omega%step%slider + change(2)*by_excitation%step%slider, &
+                                   from%slider, spread(balance%periodic, 1, 2)), balance%periodic)
+    end associate
+  end subroutine step_towards
+
+  !> What a unit of omega, and one of xi, change of the solution, of which the balance holds the Jacobian.
+  subroutine find_directions(self, solver, by_omega, by_excitation, status)
+    type(backbone_type), intent(in) :: self
+    type(solver_type), intent(inout) :: solver
+    type(direction_type), intent(out) :: by_omega, by_excitation
+    integer, intent(out) :: status
+    type(unknowns_type) :: right
+    complex(wp), allocatable :: excited(:, :)
+
+    associate (balance => solver%context%balance)
+      right = new_unknowns(size(solver%motion, 1), size(solver%motion, 2), size(balance%law))
+      right%omega = 1.0_wp
+      call solve(self%problem, solver, right, by_omega%step, status)
+      if (status /= 0) return
+      call respond(balance, by_omega)
+      allocate (excited, mold=balance%response)
+      call balance%receptance%respond_excitation(balance%response, excited)
+      if (allocated(balance%frozen_mean)) excited(:, lbound(excited, 2)) = 0.0_wp
+      right%omega = 0.0_wp
+      right%motion = balance%recover(excited)
+      call solve(self%problem, solver, right, by_excitation%step, status)
+      if (status /= 0) return
+      call respond(balance, by_excitation)
+      by_excitation%response = by_excitation%response + excited
+    end associate
+  end subroutine find_directions
+
+  !> Level and the monitor's amplitude where the solver stands.
+  subroutine measure(self, solver)
+    type(backbone_type), intent(inout) :: self
+    type(solver_type), intent(in) :: solver
+    type(amplitude_type) :: amplitude
+    complex(wp), allocatable :: inertia(:, :)
+    real(wp) :: kinetic
+    integer :: h
+
+    associate (balance => solver%context%balance)
+      amplitude = amplitude_of(matmul(to_real(balance%response), balance%monitors(:, self%problem%monitor)), self%problem%measure)
+      self%height = amplitude%value
+      allocate (inertia, mold=balance%response)
+      call balance%receptance%inertia_of(balance%response, inertia)
+      kinetic = sum([(h**2*real(sum(conjg(balance%response(:, h))*inertia(:, h)), wp), h=1, ubound(inertia, 2))])
+      self%level = self%excitation*solver%omega*kinetic/max(abs(sum(conjg(balance%response(:, 1))*self%force)), tiny(1.0_wp))
+    end associate
+  end subroutine measure
+
+  function place_of(self, solver) result(place)
+    type(backbone_type), intent(in) :: self
+    type(solver_type), intent(in) :: solver
+    type(place_type) :: place
+
+    place = place_type(self%amplitude, solver%omega, self%excitation, solver%motion, solver%context%balance%slider, &
+                       solver%context%balance%periodic, solver%all_stick)
+  end function place_of
+
+  !> Put the solver there, with residuals relative to the linear mode of that amplitude.
+  subroutine stand_at(self, solver, place)
+    type(backbone_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+    type(place_type), intent(in) :: place
+
+    self%amplitude = place%amplitude
+    self%excitation = place%excitation
+    solver%motion = place%motion
+    solver%omega = place%omega
+    solver%all_stick = place%all_stick
+    call solver%set_loads(solver%context%balance%static_factors, place%amplitude)
+    call solver%context%balance%receptance%excite(place%excitation)
+    call solver%set_scales(place%omega, place%omega)
+    call solver%set_slider(place%slider, place%periodic)
+  end subroutine stand_at
+end module attrito_peak_backbone
