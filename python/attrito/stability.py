@@ -167,7 +167,7 @@ def write_multipliers(file: h5py.File, examiner: Examiner) -> None:
             "distance",
             distance,
             float,
-            "of the event-exact orbit from the balance's, part of the motion's half range",
+            "of the event-exact orbit from the balance's, the largest over the period, part of its amplitude",
         ),
         ("change", change, float, "what doubling the modes last changed of the multipliers by the monodromy"),
         ("low", low, float, "of an indeterminate point: its largest multiplier's modulus is at least that"),

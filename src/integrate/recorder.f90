@@ -41,6 +41,8 @@ module attrito_integrate_recorder
     !> Seconds [room], monitors [monitors, room], displacement and force of rows [rows, room], regime [contacts, room]
     real(wp), allocatable :: time_of(:), monitor(:, :), displacement(:, :), force(:, :)
     integer, allocatable :: regime(:, :)
+    !> Modal displacement at the samples [m, room]; not allocated unless wanted
+    real(wp), allocatable :: course(:, :)
     !> Event-exact integration: keep a trace of every stretch between events
     logical :: traces = .false.
     type(trace_type), allocatable :: trace(:)
@@ -217,6 +219,7 @@ contains
     type(loading_type), intent(in) :: loading
     type(segment_type), intent(in) :: segment
     real(wp) :: spacing, x, nearly
+    real(wp) :: motion(size(segment%motion, 1))
     integer :: j, row
 
     spacing = loading%period/self%per_period
@@ -227,7 +230,9 @@ contains
       x = max(x, 0.0_wp)
       self%taken = self%taken + 1
       self%time_of(self%taken) = (segment%cycle + real(j, wp)/self%per_period)*loading%period/system%clock
-      self%monitor(:, self%taken) = matmul(transpose(system%monitors), value_of_motion(segment, x))
+      motion = value_of_motion(segment, x)
+      self%monitor(:, self%taken) = matmul(transpose(system%monitors), motion)
+      if (allocated(self%course)) self%course(:, self%taken) = motion
       do row = 1, size(self%force_integral)
         self%displacement(row, self%taken) = value(segment%displacement(:, row), x)
         self%force(row, self%taken) = value(segment%force(:, row), x)

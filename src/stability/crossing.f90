@@ -17,6 +17,7 @@ module attrito_stability_crossing
   use attrito_integrate_system, only: system_type
   use attrito_stability_examine, only: examination_type, examine_options_type, examine, balanced_orbit, exact_orbit, &
                                         automatic_orbit
+  use attrito_stability_examination, only: is_near
   use attrito_stability_multipliers, only: multiplier_type, kind_floquet
   implicit none
   private
@@ -84,7 +85,7 @@ contains
     if (.not. allocated(found)) allocate (found(0))
     self%value = pack(found%value, found%kind == kind_floquet)
     associate (ranks => solver%context%balance%ranks)
-      told = [real(size(self%value), wp), merge(1.0_wp, 0.0_wp, size(self%value) > 0 .and. examination%distance >= 0.0_wp)]
+      told = [real(size(self%value), wp), merge(1.0_wp, 0.0_wp, size(self%value) > 0 .and. is_near(examination))]
       call ranks%sum(told)
       self%exact = nint(told(2)) > 0
       allocate (parts(2*nint(told(1))), source=0.0_wp)

@@ -5,7 +5,7 @@ module attrito_stability_examination
   use attrito_stability_verdict, only: largest_multiplier, not_examined, indeterminate
   implicit none
   private
-  public :: examination_type, examine_options_type, is_sure, number, farthest
+  public :: examination_type, examine_options_type, is_sure, is_near, number, part, farthest, astray
   public :: by_monodromy, by_hill, balanced_orbit, exact_orbit, automatic_orbit
 
   !> Engines, to be added
@@ -32,8 +32,9 @@ module attrito_stability_examination
   !> Truncation beyond which its multipliers are not to be trusted at all: contacts that open and land in stick magnify it
   real(wp), parameter :: coarse = 1.0e-3_wp
 
-  !> How far the event-exact orbit may lie from the balance's, part of the motion's half range, to be taken for the same
-  real(wp), parameter :: farthest = 0.1_wp
+  !> How far the event-exact orbit may lie from the balance's, part of its amplitude, to be taken for the same; and motion in time
+  !> after less than a period from there, for the balance to be believed without that orbit
+  real(wp), parameter :: farthest = 0.1_wp, astray = 1.0e-2_wp
 
   type :: examination_type
     !> One of `not_examined`, `unstable`, `stable`, `indeterminate`
@@ -42,7 +43,7 @@ module attrito_stability_examination
     character(:), allocatable :: reason
     !> Of each engine that was asked for, at the root
     type(multiplier_type), allocatable :: monodromy(:), hill(:)
-    !> How far the event-exact orbit lies from the balance's, part of the motion's half range; negative: not looked for
+    !> How far the event-exact orbit lies from the balance's (`attrito_stability_distance`); negative: not looked for or not found
     real(wp) :: distance = -1.0_wp
     !> What doubling the modes last changed of the multipliers by the monodromy; zero if all are in
     real(wp) :: change = 0.0_wp
@@ -61,6 +62,23 @@ contains
     if (allocated(self%monodromy)) is_sure = is_sure .and. abs(largest_multiplier(self%monodromy) - 1.0_wp) > margin
     if (allocated(self%hill)) is_sure = is_sure .and. abs(largest_multiplier(self%hill) - 1.0_wp) > margin
   end function is_sure
+
+  !> Was an orbit of motion in time found that can be taken for the balance's? Then multipliers are its.
+  pure logical function is_near(self)
+    type(examination_type), intent(in) :: self
+
+    is_near = self%distance >= 0.0_wp .and. self%distance <= farthest
+  end function is_near
+
+  !> A part of the amplitude in words.
+  pure function part(x) result(text)
+    real(wp), intent(in) :: x
+    character(:), allocatable :: text
+    character(12) :: digits
+
+    write (digits, '(f12.2)') min(x, 1.0e6_wp)
+    text = trim(adjustl(digits))//' of the amplitude'
+  end function part
 
   pure function number(i) result(text)
     integer, intent(in) :: i

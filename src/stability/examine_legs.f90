@@ -7,15 +7,16 @@ module attrito_stability_examine_legs
   use attrito_integrate_loading, only: loading_type
   use attrito_integrate_state, only: state_type
   use attrito_integrate_system, only: system_type
-  use attrito_stability_examination, only: examination_type, examine_options_type, is_sure, number, farthest, by_monodromy, by_hill, &
-                                           balanced_orbit, exact_orbit
+  use attrito_stability_distance, only: course_of_balance, distance_between, instants
+  use attrito_stability_examination, only: examination_type, examine_options_type, is_sure, is_near, number, part, farthest, astray, &
+                                           by_monodromy, by_hill, balanced_orbit, exact_orbit
   use attrito_stability_examine_sampled, only: examine_sampled_in_time
   use attrito_stability_graze, only: nudged, grazing_contact
   use attrito_stability_hill, only: hill_multipliers, too_large
   use attrito_stability_in_time, only: decide_in_time, settle
   use attrito_stability_leg, only: orbit_legs_type, legs_of_motion
   use attrito_stability_multipliers, only: multiplier_type, multipliers_of
-  use attrito_stability_shooting, only: shoot, march_period
+  use attrito_stability_shooting, only: shoot, march_period, march_seen
   use attrito_stability_start, only: loading_of, start_of
   use attrito_stability_verdict, only: judge, largest_multiplier, band, not_examined, indeterminate
   implicit none
@@ -37,21 +38,26 @@ contains
     type(orbit_legs_type) :: orbit, nudges(2)
     type(loading_type) :: loading
     type(state_type) :: start
+    real(wp), allocatable :: balance(:, :)
 
     loading = loading_of(solver, system)
+    start = start_of(solver, system, slider(1, :))
+    balance = course_of_balance(solver, system, instants)
     if (options%orbit /= exact_orbit .or. any(system%law%tangents > 1)) then
       call balanced_legs(solver, motion, slider(1, :), orbit, nudges)
       call judge_orbit(system, options, loading%period, orbit, nudges, self)
       if (options%orbit == balanced_orbit .or. all(orbit%stuck) .or. self%verdict == not_examined) return
-      if (options%orbit /= exact_orbit .and. is_sure(self, options%truncation)) return
       if (any(system%law%tangents > 1)) then
+        if (options%orbit /= exact_orbit .and. is_sure(self, options%truncation)) return
         call examine_sampled_in_time(solver, system, options, slider, self)
         return
       end if
+      if (options%orbit /= exact_orbit .and. is_sure(self, options%truncation)) then
+        if (one_period_away(system, loading, start, balance) <= astray) return
+      end if
     end if
-    start = start_of(solver, system, slider(1, :))
-    call exact_legs(system, loading, swings_of(system%law, motion), start, orbit, nudges, self)
-    if (self%distance < 0.0_wp) return
+    call exact_legs(system, loading, swings_of(system%law, motion), balance, start, orbit, nudges, self)
+    if (.not. is_near(self)) return
     call judge_orbit(system, options, loading%period, orbit, nudges, self)
     if (self%verdict /= indeterminate .or. .not. options%decide) return
     self%verdict = decide_in_time(system, loading, start)
@@ -138,31 +144,47 @@ contains
     end associate
   end subroutine balanced_legs
 
+  !> How far motion in time goes from the balance's in the period that begins on it.
+  real(wp) function one_period_away(system, loading, start, balance) result(distance)
+    type(system_type), intent(in) :: system
+    type(loading_type), intent(in) :: loading
+    type(state_type), intent(in) :: start
+    !> Its motion [m, instants]
+    real(wp), intent(in) :: balance(:, :)
+    type(state_type) :: state
+    real(wp) :: course(size(balance, 1), size(balance, 2))
+
+    state = start
+    call march_seen(system, loading, state, course)
+    distance = distance_between(course, balance)
+  end function one_period_away
+
   !> Legs of the event-exact orbit, and of a period with contacts nudged; indeterminate if there is none near the balance's.
-  subroutine exact_legs(system, loading, swings, start, orbit, nudges, self)
+  subroutine exact_legs(system, loading, swings, balance, start, orbit, nudges, self)
     type(system_type), intent(in) :: system
     type(loading_type), intent(in) :: loading
     !> Size of each contact's normal displacement
     real(wp), intent(in) :: swings(:)
+    !> The balance's motion [m, instants]
+    real(wp), intent(in) :: balance(:, :)
     !> Of the balance's period, then of the orbit's
     type(state_type), intent(inout) :: start
     type(orbit_legs_type), intent(out) :: orbit, nudges(2)
     type(examination_type), intent(inout) :: self
     type(system_type) :: other
     type(state_type) :: state
-    real(wp) :: range, moved
-    logical :: found
+    real(wp) :: range
     integer :: i
 
-    call find_exact(system, loading, start, orbit, moved, found)
-    if (.not. found) then
+    call find_exact(system, loading, balance, start, orbit, self%distance)
+    if (.not. is_near(self)) then
       self%verdict = indeterminate
       self%reason = 'no event-exact orbit near that of the balance'
+      if (self%distance > farthest) self%reason = 'the event-exact orbit lies '//part(self%distance)//' from that of the balance'
       self%low = 0.0_wp
       self%high = -1.0_wp
       return
     end if
-    self%distance = moved
     other = system
     do i = 1, 2
       other%law = nudged(system%law, swings, 2*i - 3)
@@ -171,29 +193,46 @@ contains
     end do
   end subroutine exact_legs
 
-  !> The event-exact orbit near the balance's, by Newton's method from there, or from what motion in time settles to.
-  subroutine find_exact(system, loading, start, orbit, moved, found)
+  !> The event-exact orbit nearest to the balance's, by Newton's method from there, or from what motion in time settles to.
+  subroutine find_exact(system, loading, balance, start, orbit, distance)
     type(system_type), intent(in) :: system
     type(loading_type), intent(in) :: loading
+    !> The balance's motion [m, instants]
+    real(wp), intent(in) :: balance(:, :)
     !> Of the balance's period, then of the orbit's
     type(state_type), intent(inout) :: start
     type(orbit_legs_type), intent(out) :: orbit
-    !> Distance, part of the motion's half range
-    real(wp), intent(out) :: moved
-    logical, intent(out) :: found
-    type(state_type) :: origin
-    real(wp) :: range
+    !> Negative: none was found
+    real(wp), intent(out) :: distance
+    type(state_type) :: other
+    type(orbit_legs_type) :: other_orbit
+    real(wp) :: range, other_distance
+    logical :: settled
 
-    origin = start
-    call shoot(system, loading, start, orbit, moved, found)
-    found = found .and. moved <= farthest
-    if (found) return
-    start = origin
-    call settle(system, loading, start, range, found)
-    if (.not. found) return
-    call shoot(system, loading, start, orbit, moved, found)
-    moved = norm2(start%motion - origin%motion)/range
-    found = found .and. moved <= farthest
+    other = start
+    call shoot_from(start, orbit, distance)
+    if (distance >= 0.0_wp .and. distance <= farthest) return
+    call settle(system, loading, other, range, settled)
+    if (.not. settled) return
+    call shoot_from(other, other_orbit, other_distance)
+    if (other_distance < 0.0_wp .or. (distance >= 0.0_wp .and. distance <= other_distance)) return
+    start = other
+    orbit = other_orbit
+    distance = other_distance
+
+  contains
+
+    subroutine shoot_from(state, legs, away)
+      type(state_type), intent(inout) :: state
+      type(orbit_legs_type), intent(out) :: legs
+      real(wp), intent(out) :: away
+      real(wp) :: moved
+      logical :: found
+
+      call shoot(system, loading, state, legs, moved, found)
+      away = -1.0_wp
+      if (found) away = one_period_away(system, loading, state, balance)
+    end subroutine shoot_from
   end subroutine find_exact
 
   !> Size of each contact's normal displacement, without its mean.

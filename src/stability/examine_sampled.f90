@@ -8,14 +8,15 @@ module attrito_stability_examine_sampled
   use attrito_integrate_loading, only: loading_type
   use attrito_integrate_state, only: state_type
   use attrito_integrate_system, only: system_type
-  use attrito_stability_examination, only: examination_type, examine_options_type, is_sure, number, farthest, by_monodromy, &
+  use attrito_stability_examination, only: examination_type, examine_options_type, is_sure, number, part, farthest, by_monodromy, &
                                            balanced_orbit, exact_orbit
+  use attrito_stability_distance, only: course_of_balance, distance_between
   use attrito_stability_graze, only: nudged, grazing_contact
   use attrito_stability_multipliers, only: multiplier_type, largest_change
   use attrito_stability_sampled_motion, only: sampled_motion_type, motion_of_harmonics
   use attrito_stability_sampled_multipliers, only: sampled_multipliers
   use attrito_stability_sampled_orbit, only: sampled_orbit_type, new_sampled_orbit, legs_of_orbit
-  use attrito_stability_sampled_shooting, only: shoot_sampled
+  use attrito_stability_sampled_shooting, only: shoot_sampled, march_samples
   use attrito_stability_start, only: loading_of, start_of
   use attrito_stability_verdict, only: judge, largest_multiplier, band, indeterminate
   implicit none
@@ -81,17 +82,41 @@ contains
     real(wp), intent(in) :: slider(:, :)
     type(examination_type), intent(inout) :: self
     type(state_type) :: start
+    type(loading_type) :: loading
     type(sampled_examination_type) :: sampled
-    real(wp) :: moved
+    real(wp) :: moved, distance
 
     if (iand(options%methods, by_monodromy) == 0 .or. size(system%eigenvalues) > most_modes) return
     start = start_of(solver, system, slider(1, :))
     start%slider = slider
-    call examine_in_time(system, loading_of(solver, system), start, moved, sampled)
-    if (moved > farthest) sampled%failure = no_orbit
+    loading = loading_of(solver, system)
+    call examine_in_time(system, loading, start, moved, sampled)
+    if (len(sampled%failure) == 0) then
+      distance = one_period_away(system, loading, start, course_of_balance(solver, system, fewest))
+      if (distance > farthest) sampled%failure = 'the orbit of motion in time lies '//part(distance)//' from that of the balance'
+      self%distance = distance
+    end if
     call judge_sampled(sampled, self)
-    if (len(sampled%failure) == 0) self%distance = moved
   end subroutine examine_sampled_in_time
+
+  !> How far the orbit of motion in time lies from the balance's.
+  real(wp) function one_period_away(system, loading, start, balance) result(distance)
+    type(system_type), intent(in) :: system
+    type(loading_type), intent(in) :: loading
+    !> Where its period starts
+    type(state_type), intent(in) :: start
+    !> The balance's motion [m, samples]
+    real(wp), intent(in) :: balance(:, :)
+    type(state_type) :: state
+    type(sampled_motion_type) :: motion
+    real(wp) :: range, course(size(balance, 1), size(balance, 2))
+    logical :: converged
+
+    state = start
+    call march_samples(system, loading, size(balance, 2), state, motion, range, converged, course)
+    distance = huge(1.0_wp)
+    if (converged) distance = distance_between(course, balance)
+  end function one_period_away
 
   !> What multipliers of a sampled orbit say.
   subroutine judge_sampled(sampled, self)

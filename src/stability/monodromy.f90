@@ -202,6 +202,8 @@ contains
     real(wp), allocatable :: held(:, :)
     integer :: step, steps, doublings
 
+    ! Contacts that change at one instant leave legs of no length between them.
+    if (length <= 0.0_wp) return
     steps = max(1, ceiling(length*sqrt(maxval(reduced%system%eigenvalues))/longest))
     doublings = ceiling(log(real(steps, wp))/log(2.0_wp))
     if (doublings*size(now%motion, 1) < steps_per_square*steps) then

@@ -71,7 +71,7 @@ contains
   end subroutine shoot_sampled
 
   !> March one period of exponential steps, and sample the contacts' motion at each.
-  subroutine march_samples(system, loading, steps, state, motion, range, converged)
+  subroutine march_samples(system, loading, steps, state, motion, range, converged, course)
     type(system_type), intent(in) :: system
     type(loading_type), intent(in) :: loading
     integer, intent(in) :: steps
@@ -80,6 +80,8 @@ contains
     !> Half range of the motion over the period, in the norm of the mass matrix
     real(wp), intent(out) :: range
     logical, intent(out) :: converged
+    !> Modal displacement where steps begin [m, 0:steps - 1]
+    real(wp), intent(out), optional :: course(:, 0:)
     type(scheme_type) :: scheme
     real(wp) :: low(size(state%motion)), high(size(state%motion))
     integer :: step
@@ -97,6 +99,7 @@ contains
       motion%rate(step, :) = matmul(state%rate, system%rows)*scheme%h
       low = min(low, state%motion)
       high = max(high, state%motion)
+      if (present(course) .and. step < steps) course(:, step) = state%motion
     end do
     range = 0.5_wp*norm2(high - low)
   end subroutine march_samples

@@ -20,7 +20,7 @@ module attrito_stability_shooting
   use attrito_stability_reduced, only: reduce_to
   implicit none
   private
-  public :: shoot, march_period, march_unseen
+  public :: shoot, march_period, march_unseen, march_seen
 
   !> Most Newton steps, and the change that counts as none, relative to the state
   integer, parameter :: most_steps = 20
@@ -102,6 +102,22 @@ contains
     recorder = new_recorder(system, 1, 0)
     call march(system, loading, state, recorder, range)
   end subroutine march_unseen
+
+  !> March one period from a state, and sample the motion of the modes at equal instants [m, instants].
+  subroutine march_seen(system, loading, state, course)
+    type(system_type), intent(in) :: system
+    type(loading_type), intent(in) :: loading
+    type(state_type), intent(inout) :: state
+    real(wp), intent(out) :: course(:, :)
+    type(recorder_type) :: recorder
+    real(wp) :: range
+
+    recorder = new_recorder(system, size(course, 2), size(course, 2))
+    recorder%samples = .true.
+    allocate (recorder%course(size(course, 1), size(course, 2)))
+    call march(system, loading, state, recorder, range)
+    course = recorder%course
+  end subroutine march_seen
 
   subroutine march(system, loading, state, recorder, range)
     type(system_type), intent(in) :: system

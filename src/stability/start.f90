@@ -8,7 +8,7 @@ module attrito_stability_start
   use attrito_integrate_system, only: system_type
   implicit none
   private
-  public :: loading_of, start_of
+  public :: loading_of, start_of, coordinates_of
 
 contains
 
@@ -35,16 +35,24 @@ contains
     real(wp) :: displacement(size(system%eigenvalues)), velocity(size(system%eigenvalues))
     integer :: h
 
-    associate (balance => solver%context%balance)
-      q = matmul(to_real(balance%response), transpose(balance%receptance%basis))
-      displacement = q(1, :)
-      velocity = 0.0_wp
-      do h = 1, balance%receptance%harmonics
-        displacement = displacement + q(2*h, :)
-        velocity = velocity + h*solver%omega*q(2*h + 1, :)
-      end do
-    end associate
+    q = coordinates_of(solver)
+    displacement = q(1, :)
+    velocity = 0.0_wp
+    do h = 1, size(q, 1)/2
+      displacement = displacement + q(2*h, :)
+      velocity = velocity + h*solver%omega*q(2*h + 1, :)
+    end do
     state = new_state(system, matmul(displacement, system%weighted), matmul(velocity, system%weighted)/system%clock, &
                       reshape([slider, 0.0_wp*slider], [2, size(slider)], order=[2, 1]))
   end function start_of
+
+  !> Coefficients of the model's coordinates [2 H + 1, m].
+  function coordinates_of(solver) result(q)
+    type(solver_type), intent(in) :: solver
+    real(wp), allocatable :: q(:, :)
+
+    associate (balance => solver%context%balance)
+      q = matmul(to_real(balance%response), transpose(balance%receptance%basis))
+    end associate
+  end function coordinates_of
 end module attrito_stability_start

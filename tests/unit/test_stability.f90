@@ -10,13 +10,14 @@ program test_stability
   use attrito_integrate_loading, only: loading_type
   use attrito_integrate_state, only: state_type, new_state
   use attrito_integrate_system, only: system_type, new_system
+  use attrito_stability_distance, only: course_of_balance, distance_between
   use attrito_stability_examine, only: by_monodromy, by_hill
   use attrito_stability_hill, only: hill_multipliers
   use attrito_stability_leg, only: orbit_legs_type, legs_of_motion
   use attrito_stability_monodromy, only: monodromy, free_sliders
   use attrito_stability_multipliers, only: multiplier_type, multipliers_of, in_modes
   use attrito_stability_reduced, only: reduce_to
-  use attrito_stability_shooting, only: shoot, march_period
+  use attrito_stability_shooting, only: shoot, march_period, march_seen
   use attrito_stability_start, only: loading_of, start_of
   use attrito_stability_verdict, only: judge, largest_multiplier, stable, unstable
   use attrito_model_contacts, only: new_contacts
@@ -35,8 +36,11 @@ program test_stability
                       test('multipliers of the wedge by the monodromy are those that are known', by_flow), &
                       test('multipliers of the wedge by Hill''s problem are those that are known', by_harmonics), &
                       test('the monodromy is the derivative of the event-exact period map', derivative), &
+                      test('contacts that change at one instant change nothing between', no_length), &
                       test('on the event-exact orbit both engines agree', exact_orbit), &
                       test('a stable orbit is come back to, an unstable one is left, at the rate of its multiplier', verdicts), &
+                      test('motions are as far apart as they get within the period', distances), &
+                      test('orbits of the balance come nearer to the event-exact one with more harmonics', approach), &
                       test('damped modes that follow at rest err by the frequency over theirs', at_rest)])
 
 contains
@@ -132,6 +136,29 @@ contains
     call check_close(error, matrix, differences, 1.0e-6_wp*maxval(abs(matrix)), 'monodromy')
   end subroutine compare_with_differences
 
+  !> Each leg parted from a part of itself that has no length.
+  subroutine no_length(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(system_type) :: system
+    type(loading_type) :: loading
+    type(state_type) :: start
+    type(orbit_legs_type) :: orbit, parted
+    real(wp), allocatable :: whole(:, :)
+    integer :: i
+
+    call find_orbit(stiff_wedge(), 110.0_wp, 1.0_wp, system, loading, start, orbit, error)
+    if (allocated(error)) return
+    whole = monodromy(reduce_to(system, size(system%eigenvalues)), orbit, loading%period)
+    parted = orbit
+    parted%legs = [(orbit%legs(i), orbit%legs(i), i=1, size(orbit%legs))]
+    do i = 1, size(orbit%legs)
+      parted%legs(2*i - 1)%length = 0.0_wp
+      parted%legs(2*i)%rests = .false.
+    end do
+    call check_close(error, monodromy(reduce_to(system, size(system%eigenvalues)), parted, loading%period), whole, &
+                     0.0_wp, 'monodromy')
+  end subroutine no_length
+
   subroutine exact_orbit(error)
     type(error_type), allocatable, intent(out) :: error
     type(system_type) :: system
@@ -200,6 +227,54 @@ contains
     call check_close(error, log(distance(20)/distance(10))/10, log(largest_multiplier(multipliers)), log(10.0_wp)/10, 'rate at first')
     call check_close(error, log(distance(40)/distance(20))/20, log(largest_multiplier(multipliers)), log(10.0_wp)/20, 'rate later')
   end subroutine follow_perturbed
+
+  !> They differ at one instant, by 0.6 of 3.
+  subroutine distances(error)
+    type(error_type), allocatable, intent(out) :: error
+    integer, parameter :: count = 16
+    real(wp) :: balance(2, count), motion(2, count)
+    integer :: i
+
+    balance(1, :) = [(2.0_wp + 3.0_wp*cos(two_pi*(i - 1)/count), i=1, count)]
+    balance(2, :) = 1.0_wp
+    motion = balance
+    motion(:, 5) = motion(:, 5) + [0.36_wp, -0.48_wp]
+    call check_close(error, distance_between(motion, balance), 0.2_wp, 1.0e-14_wp, 'distance')
+    call check_close(error, distance_between(balance, balance), 0.0_wp, 0.0_wp, 'distance from itself')
+  end subroutine distances
+
+  subroutine approach(error)
+    type(error_type), allocatable, intent(out) :: error
+    integer, parameter :: harmonics(2) = [5, 20], count = 64
+    type(solver_type) :: solver
+    type(system_type) :: system
+    type(loading_type) :: loading
+    type(state_type) :: start
+    type(orbit_legs_type) :: orbit
+    real(wp) :: balance(2, count), motion(2, count), apart(2), moved, at_start
+    logical :: found
+    integer :: i
+
+    do i = 1, size(harmonics)
+      call balance_scene(stiff_wedge(), 110.0_wp, 1.0_wp, harmonics(i), solver, error)
+      if (allocated(error)) return
+      call new_system(solver%structure, solver%contacts, system, error)
+      loading = loading_of(solver, system)
+      start = start_of(solver, system, solver%context%balance%slider(1, :))
+      balance = course_of_balance(solver, system, count)
+      call check_close(error, balance(:, 1), start%motion, 1.0e-13_wp*norm2(start%motion), 'where the period starts')
+      call shoot(system, loading, start, orbit, moved, found)
+      call check(error, found, 'no orbit is found')
+      if (allocated(error)) return
+      call march_seen(system, loading, start, motion)
+      apart(i) = distance_between(motion, balance)
+      at_start = norm2(motion(:, 1) - balance(:, 1))/norm2(maxval(balance, 2) - minval(balance, 2))
+      call check(error, apart(i) > at_start, 'it is nearer than where the period starts')
+      call solver%destroy()
+    end do
+    ! Forces with kinks: harmonics of the motion fall like h^-4, what is left out like H^-3, 64 times from 5 to 20: a tenth at most.
+    call check(error, apart(2) < 0.1_wp*apart(1), 'they do not come nearer')
+  end subroutine approach
 
   !> The wedge with a high mode that its contact sees and moves, damped so that it does not ring after events: multipliers with it
   !> at rest against those with all modes, at two frequencies of it.

@@ -47,7 +47,7 @@ COLUMNS = {
     "stable": "0 unstable, 1 stable, 2 indeterminate, -1 not examined",
     "reason": "why there is no verdict, or what decided: index into the attribute names",
     "largest_multiplier": "largest modulus of the dynamic multipliers",
-    "orbit_distance": "of the event-exact orbit from the balance's, part of the motion's half range",
+    "orbit_distance": "of the event-exact orbit from the balance's, the largest over the period, part of its amplitude",
     "time_outcome": "of motion in time, from the solution pushed by 1e-6, or else from the static one",
     "time_period": "its period in periods of the excitation, 0: none up to 32",
     "time_cycles": "cycles until that was seen",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -25,6 +26,8 @@ LONGEST_PERIOD = 32
 # After so long motion in time is what it is, damping being exp(-10 pi t): twice the longest period looked for, and
 # seconds in which it falls by 1e11. Samples of its last period; change a period that counts as none.
 CYCLES, SECONDS, SAMPLES, PERIODICITY = 2 * LONGEST_PERIOD, 0.8, 128, 1e-8
+# At most so many where a verdict of stable says that perturbations fade more slowly.
+MOST_CYCLES = 10_000
 # Every so many frequencies each attempt of the cascade is made by itself.
 METHODS_EVERY = 8
 METHODS = ("coupled", "uncoupled", *ATTEMPTS)
@@ -36,6 +39,7 @@ REASONS = {
     3: "grazes",
     4: "1 in modulus",
     5: "not found",
+    6: "of the amplitude",
 }
 OUTCOME_CODES = {name: code for code, name in enumerate(OUTCOMES)}
 
@@ -144,7 +148,7 @@ def _in_time(columns: Columns, session: Integrator, point: Point, index: int, fr
     """Motion in time from the solution, pushed a little, or from the static solution: where it goes."""
     choices = Run(
         frequency_hz,
-        cycles=CYCLES + round(SECONDS * frequency_hz),
+        cycles=max(CYCLES + round(SECONDS * frequency_hz), _cycles_to_fade(columns, index)),
         fewest_cycles=2,
         periodicity_tolerance=PERIODICITY,
         max_period_multiple=LONGEST_PERIOD,
@@ -157,6 +161,14 @@ def _in_time(columns: Columns, session: Integrator, point: Point, index: int, fr
     columns.put("time_cycles", index, orbit.cycles)
     if point.outcome == "converged":
         columns.put("time_distance", index, distance(point, orbit))
+
+
+def _cycles_to_fade(columns: Columns, index: int) -> int:
+    """Cycles in which a stable orbit's perturbations fall by `PERIODICITY` and a tenth of it."""
+    largest = columns.data.get("largest_multiplier", np.zeros(columns.count))[index]
+    if columns.data.get("stable", np.zeros(columns.count))[index] != 1 or not 0.0 < largest < 1.0:
+        return 0
+    return min(MOST_CYCLES, math.ceil(math.log(0.1 * PERIODICITY) / math.log(largest)))
 
 
 def distance(point: Point, orbit: Orbit) -> float:

@@ -1,0 +1,51 @@
+!> How far a motion in time lies from a balance's, wherever in the period that is farthest:
+!>
+!> $$ \max_t |p(t) - \hat p(t)| \, / \, \max_t |\hat p(t) - \hat p_0| $$
+!>
+!> with p the motion of the modes, normalised by mass, and \hat p_0 the balance's mean. Where the period starts they may agree though
+!> they part where contacts hit.
+module attrito_stability_distance
+  use attrito_core_kinds, only: wp, two_pi
+  use attrito_continuation_solver, only: solver_type
+  use attrito_integrate_system, only: system_type
+  use attrito_stability_start, only: coordinates_of
+  implicit none
+  private
+  public :: course_of_balance, distance_between, instants
+
+  !> At which motions are held against each other
+  integer, parameter :: instants = 128
+
+contains
+
+  !> A balance's motion at equal instants of its period [m, 0:count - 1].
+  function course_of_balance(solver, system, count) result(course)
+    type(solver_type), intent(in) :: solver
+    type(system_type), intent(in) :: system
+    integer, intent(in) :: count
+    real(wp), allocatable :: course(:, :)
+    real(wp), allocatable :: harmonics(:, :), basis(:, :)
+    integer :: i, h
+
+    harmonics = matmul(coordinates_of(solver), system%weighted)
+    allocate (basis(size(harmonics, 1), 0:count - 1))
+    basis(1, :) = 1.0_wp
+    do i = 0, count - 1
+      basis(2::2, i) = [(cos(two_pi*modulo(h*i, count)/count), h=1, size(harmonics, 1)/2)]
+      basis(3::2, i) = [(sin(two_pi*modulo(h*i, count)/count), h=1, size(harmonics, 1)/2)]
+    end do
+    allocate (course(size(harmonics, 2), 0:count - 1))
+    course = matmul(transpose(harmonics), basis)
+  end function course_of_balance
+
+  !> Of a motion from a balance's, at the same instants [m, instants], part of the latter's amplitude.
+  pure real(wp) function distance_between(motion, balance) result(distance)
+    real(wp), intent(in) :: motion(:, :), balance(:, :)
+    real(wp) :: mean(size(balance, 1)), amplitude
+    integer :: i
+
+    mean = sum(balance, 2)/size(balance, 2)
+    amplitude = maxval([(norm2(balance(:, i) - mean), i=1, size(balance, 2))])
+    distance = maxval([(norm2(motion(:, i) - balance(:, i)), i=1, size(balance, 2))])/max(amplitude, tiny(1.0_wp))
+  end function distance_between
+end module attrito_stability_distance
