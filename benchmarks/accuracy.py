@@ -33,18 +33,25 @@ TOLERANCES = (1e-1, 1e-2, 1e-3)
 # Fixed runs beside them: what costs are told against, and short series whose estimates are checked
 FIXED = (3, 5, 20)
 POINTS = 7
-# Of the reference
-HARMONICS = {1: 40, 2: 20}
-SAMPLES = {1: 512, 2: 1024}
+# Of the reference, by tangents
+REFERENCE = {1: (40, 512), 2: (20, 1024)}
+# Of a blade, whose 90 contacts make a point of 20 harmonics slow: series beside the tolerances, reference, and where it
+# is solved, parts of the stuck natural frequency
+BLADE_FIXED = (3, 5)
+BLADE_REFERENCE = (12, 512)
+BLADE_POINTS = (1.003, 0.998, 0.993)
 
 
 @dataclass(frozen=True)
 class Case:
-    """A scene, the kind it is of, and the frequencies it is solved at, Hz."""
+    """A scene, the kind it is of, the frequencies it is solved at, Hz, and by how many harmonics besides."""
 
     kind: str
     scene: ReducedScene
     frequencies_hz: np.ndarray
+    fixed: tuple[int, ...] = FIXED
+    # Harmonics and samples
+    reference: tuple[int, int] | None = None
 
 
 def wedge(random: np.random.Generator) -> Case:
@@ -119,14 +126,15 @@ def block(random: np.random.Generator, tangents: int) -> Case:
     return Case(f"block, {tangents} tangent{'s'[: tangents - 1]}", loaded(scene, level), frequencies)
 
 
-def blade(scene: ReducedScene, start_hz: float, stop_hz: float) -> Callable[[np.random.Generator], Case]:
+def blade(scene: ReducedScene) -> Callable[[np.random.Generator], Case]:
     """The blade of a job with other friction, load and speed."""
+    frequencies = scenes.stuck_system(scene).frequencies_hz[0] * np.array(BLADE_POINTS)
 
     def make(random: np.random.Generator) -> Case:
         laws = scene.laws | {"friction_coefficient": scene.laws["friction_coefficient"] * random.uniform(0.5, 1.5)}
         other = replace(scene, laws=laws, static=scene.static * random.uniform(0.6, 1.4))
         level = 10 ** random.uniform(-0.6, 0.5)
-        return Case("blade", loaded(other, level), np.linspace(stop_hz, start_hz, POINTS))
+        return Case("blade", loaded(other, level), frequencies, BLADE_FIXED, BLADE_REFERENCE)
 
     return make
 
@@ -158,12 +166,13 @@ def across(scene: ReducedScene) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Run:
-    """What a run found: amplitudes and estimates at its points, harmonics, whether each converged, and the cost."""
+    """What a run found: amplitudes and estimates at its points, harmonics, which converged and are unique, cost."""
 
     amplitude: np.ndarray
     estimate: np.ndarray
     harmonics: np.ndarray
     converged: np.ndarray
+    unique: np.ndarray
     slipping: np.ndarray
     seconds: float
     work: float
@@ -181,6 +190,7 @@ def run(case: Case, options: Options) -> Run:
         np.array([point.estimate for point in points]),
         np.array([point.harmonics.shape[1] // 2 for point in points]),
         np.array([point.outcome == "converged" for point in points]),
+        np.array([point.unique for point in points]),
         np.array([sum(point.states[2:]) for point in points]),
         seconds,
         points[-1].work,
@@ -207,11 +217,11 @@ def automatic(tolerance: float) -> Options:
 def examine(case: Case) -> dict | None:
     """All runs of a case; None where a run does not converge, or nothing slips."""
     tangents = int(case.scene.laws["tangents"][0])
-    truth = run(case, options_of(case, HARMONICS[tangents], SAMPLES[tangents]))
+    truth = run(case, options_of(case, *(case.reference or REFERENCE[tangents])))
     if not truth.converged.all() or not truth.slipping.any():
         return None
     runs = {f"tolerance {tolerance:g}": run(case, automatic(tolerance)) for tolerance in TOLERANCES}
-    runs |= {f"H = {harmonics}": run(case, options_of(case, harmonics)) for harmonics in FIXED}
+    runs |= {f"H = {harmonics}": run(case, options_of(case, harmonics)) for harmonics in case.fixed}
     if not all(one.converged.all() for one in runs.values()):
         return None
     peak = truth.amplitude.max()
@@ -223,12 +233,14 @@ def examine(case: Case) -> dict | None:
                         "harmonics": int(one.harmonics.max()), "seconds": one.seconds, "work": one.work}
                  for name, one in runs.items()},
         "ratios": [],
+        "unique": [],
     }  # fmt: skip
     for one in runs.values():
         true = np.abs(one.amplitude / truth.amplitude - 1.0)
         # The estimate is relative to the finer amplitude.
         known = (true > 1e-7) & (true > 10.0 * truth.estimate)
         told["ratios"] += (one.estimate[known] / true[known]).tolist()
+        told["unique"] += (one.unique & truth.unique)[known].tolist()
     return told
 
 
@@ -243,16 +255,26 @@ def summary(cases: list[dict]) -> dict:
             ratios, [0.01, 0.05, 0.5, 0.95, 0.99]
         ).tolist(),
     }
+    # None were told by runs kept of an earlier version.
+    unique = np.array([flag for case in cases for flag in case.get("unique", [])], dtype=bool)
+    if len(unique) == len(ratios):
+        inside = (ratios > 0.3) & (ratios < 10.0)
+        found |= {f"the same, {len(part)} points that are {name}": float(np.mean(part)) if len(part) else None
+                  for name, part in (("unique", inside[unique]), ("not", inside[~unique]))}  # fmt: skip
+    charged = [case for case in cases if "H = 20" in case["runs"]]
     for tolerance in TOLERANCES:
         name = f"tolerance {tolerance:g}"
         errors = np.array([case["runs"][name]["error"] for case in cases])
         rows = {"error within": float(np.mean(errors <= tolerance)), "median error": float(np.median(errors))}
         for cost in ("seconds", "work"):
-            total, fixed = (sum(case["runs"][key][cost] for case in cases) for key in (name, "H = 20"))
-            each = [case["runs"]["H = 20"][cost] / case["runs"][name][cost] for case in cases]
+            if not charged:
+                continue
+            total, fixed = (sum(case["runs"][key][cost] for case in charged) for key in (name, "H = 20"))
+            each = [case["runs"]["H = 20"][cost] / case["runs"][name][cost] for case in charged]
             rows |= {f"H = 20 over it, {cost}": fixed / total, f"the same, median of scenes, {cost}": np.median(each)}
         found[name] = rows
-    found["median error, H = 20"] = float(np.median([case["runs"]["H = 20"]["error"] for case in cases]))
+    if charged:
+        found["median error, H = 20"] = float(np.median([case["runs"]["H = 20"]["error"] for case in charged]))
     return found
 
 
@@ -264,7 +286,7 @@ def blade_maker(path: str) -> Callable[[np.random.Generator], Case]:
 
     job = read_job(path)
     scene = reduced_scene(job, build_scene(job))
-    return blade(scene, job["sweep"]["start_hz"], job["sweep"]["stop_hz"])
+    return blade(scene)
 
 
 def kept(path: str | None) -> Iterator[dict | None]:
@@ -280,6 +302,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--keep", metavar="FILE", help="what each try came to, a line each; a run goes on from there")
     parser.add_argument("--blade", metavar="JOB", help="a job that has been run: a scene in fifty is like it")
+    parser.add_argument("--only", choices=("wedge", "chain", "block", "blade"), help="one kind of scene")
     arguments = parser.parse_args()
     makers = [wedge, wedge, lambda r: chain(r, 1), lambda r: chain(r, 2), lambda r: block(r, 1)]
     hexahedral, bladed = (lambda r: block(r, 2)), blade_maker(arguments.blade) if arguments.blade else None
@@ -290,8 +313,11 @@ def main() -> None:
         maker = makers[tried % len(makers)]
         if tried % 20 == 19:
             maker = hexahedral
-        if tried % 50 == 49 and bladed is not None:
+        if bladed is not None and (tried % 50 == 49 or arguments.only == "blade"):
             maker = bladed
+        if arguments.only in ("wedge", "chain", "block"):
+            of_kind = {"wedge": (wedge, wedge), "chain": makers[2:4], "block": (makers[4], hexahedral)}
+            maker = of_kind[arguments.only][tried % 2]
         cases.append(examine(maker(random)))
         if arguments.keep:
             with open(arguments.keep, "a") as stream:

@@ -31,7 +31,8 @@ def picture(chart: Chart) -> Figure:
             axes.axhline(chart.reference.estimate, color="#8a8a8a", linestyle=":", linewidth=1.0, label="reference")
             axes.set(xscale="log", yscale="log", xlabel="Processor time (s)" if cost == "seconds" else "Counted work")
         panels[0].set_ylabel("Relative error of the peak")
-        panels[0].set_ylim(bottom=LEAST_ERROR / 3, top=2.0)
+        told = [way.error for way in chart.ways if np.isfinite(way.error)] + [chart.reference.estimate]
+        panels[0].set_ylim(bottom=max(min(told), LEAST_ERROR) / 3, top=2.0)
         figure.suptitle(
             f"{chart.frequency_hz:.5g} Hz, level {chart.level:g}; reference: {chart.reference.harmonics} harmonics,"
             f" error {chart.reference.estimate:.0e}",

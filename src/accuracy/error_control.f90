@@ -312,6 +312,11 @@ contains
     real(wp) :: factor
 
     needed = solver%options%samples
+    if (.not. any_sampled(solver)) then
+      ! They serve nothing: enough once, they stay.
+      needed = max(needed, 6*harmonics + 2)
+      return
+    end if
     if (self%choose_samples) then
       factor = sqrt(self%errors%samples/(aimed_part*samples_share*self%tolerance))
       if (factor > 1.0_wp .or. factor < worth_cutting) needed = 8*ceiling(min(max(factor, 0.5_wp), 8.0_wp)*needed/8.0_wp)
@@ -319,6 +324,13 @@ contains
     end if
     if (self%choose_harmonics) needed = max(needed, 6*harmonics + 2)
   end function needed_samples
+
+  !> Does any contact, of all ranks, go by samples?
+  pure logical function any_sampled(solver)
+    type(solver_type), intent(in) :: solver
+
+    any_sampled = .not. solver%context%balance%by_events .or. any(solver%contacts%law%tangents > 1)
+  end function any_sampled
 
   !> Give the transforms back.
   subroutine destroy(self)

@@ -140,14 +140,26 @@ contains
     integer, intent(in) :: harmonics, samples
     integer :: given
 
-    call self%fourier%destroy()
-    self%fourier = new_fourier(harmonics, samples)
+    call set_samples(self, harmonics, samples)
     self%grid = new_grid(harmonics)
     if (allocated(self%harmonic_load)) deallocate (self%harmonic_load)
     allocate (self%harmonic_load(size(self%receptance%basis, 2), 0:harmonics), source=(0.0_wp, 0.0_wp))
     given = min(size(structure%harmonic_load, 2), 2*harmonics + 1)
     self%harmonic_load(:, 0:given/2) = to_complex(matmul(transpose(structure%harmonic_load(:, :given)), self%receptance%basis))
   end subroutine set_series
+
+  !> Transforms; where all contacts go by events they serve nothing, and only what is not there yet is made.
+  subroutine set_samples(self, harmonics, samples)
+    type(balance_type), intent(inout) :: self
+    integer, intent(in) :: harmonics, samples
+    logical :: needed
+
+    needed = .not. (self%by_events .and. allocated(self%law))
+    if (.not. needed) needed = any(self%law%tangents > 1) .or. self%fourier%samples /= samples
+    if (.not. needed) return
+    call self%fourier%destroy()
+    self%fourier = new_fourier(harmonics, samples)
+  end subroutine set_samples
 
   !> Go on with another length of the series and other samples. Sliders stay; response and deviation keep the harmonics that both
   !> lengths have; residual and Jacobian are to be evaluated anew.

@@ -24,14 +24,27 @@ module attrito_balance_newton
   !> Norm of the residual from which on it is decided which sliders rest
   real(wp), parameter :: settling_norm = 1.0e-3_wp
 
-  type :: newton_type
-    type(newton_context_type), pointer :: context => null()
+  !> Lengths of the series that objects are kept for
+  integer, parameter :: most_lengths = 8
+
+  !> PETSc's objects for one length of the series
+  type :: objects_type
     type(tSNES) :: snes
     type(tVec) :: unknowns, residual
     type(tMat) :: jacobian
+    integer :: coefficients = 0
+  end type objects_type
+
+  type :: newton_type
+    type(newton_context_type), pointer :: context => null()
+    !> Those at hand, those of other lengths, and the one of them that gives way next
+    type(objects_type) :: now
+    type(objects_type), allocatable :: others(:)
+    integer :: oldest = 1
     PetscInt :: max_iterations = 30
   contains
     procedure :: solve
+    procedure :: take_length
     procedure :: destroy
   end type newton_type
 
@@ -58,38 +71,68 @@ contains
     PetscErrorCode :: ierr
 
     self%context => context
-    call create(self, max_iterations, ierr)
+    self%max_iterations = max_iterations
+    allocate (self%others(0))
+    call create(self%context, self%now, ierr)
     if (ierr /= 0) call raise(error, 'PETSc could not create the nonlinear solver')
   end subroutine new_newton
 
-  subroutine create(self, max_iterations, ierr)
-    type(newton_type), intent(inout) :: self
-    integer, intent(in) :: max_iterations
+  !> The balance's series has another length, its contacts are the same: objects of lengths that come again are kept.
+  subroutine take_length(self, error)
+    class(newton_type), intent(inout) :: self
+    type(error_type), allocatable, intent(out) :: error
+    type(objects_type) :: before
+    PetscErrorCode :: ierr
+    integer :: i
+
+    before = self%now
+    if (before%coefficients == self%context%balance%coefficients()) return
+    do i = 1, size(self%others)
+      if (self%others(i)%coefficients /= self%context%balance%coefficients()) cycle
+      self%now = self%others(i)
+      self%others(i) = before
+      return
+    end do
+    if (size(self%others) < most_lengths) then
+      self%others = [self%others, before]
+    else
+      call destroy_objects(self%others(self%oldest))
+      self%others(self%oldest) = before
+      self%oldest = modulo(self%oldest, most_lengths) + 1
+    end if
+    self%now = objects_type()
+    call create(self%context, self%now, ierr)
+    if (ierr /= 0) call raise(error, 'PETSc could not create the nonlinear solver')
+  end subroutine take_length
+
+  subroutine create(context, self, ierr)
+    type(newton_context_type), pointer, intent(in) :: context
+    type(objects_type), intent(inout) :: self
     PetscErrorCode, intent(out) :: ierr
     type(tKSP) :: ksp
     type(tPC) :: pc
     PetscInt :: n
 
-    associate (balance => self%context%balance)
-      n = balance%coefficients()*balance%rows() + 2*size(balance%law)
+    associate (balance => context%balance)
+      self%coefficients = balance%coefficients()
+      n = self%coefficients*balance%rows() + 2*size(balance%law)
       if (balance%ranks%is_root()) n = n + 1
-      self%max_iterations = max_iterations
       PetscCall(VecCreateMPI(balance%ranks%handle, n, PETSC_DETERMINE, self%unknowns, ierr))
       PetscCall(VecDuplicate(self%unknowns, self%residual, ierr))
-      PetscCall(MatCreateShell(balance%ranks%handle, n, n, PETSC_DETERMINE, PETSC_DETERMINE, self%context, self%jacobian, ierr))
+      PetscCall(MatCreateShell(balance%ranks%handle, n, n, PETSC_DETERMINE, PETSC_DETERMINE, context, self%jacobian, ierr))
       PetscCall(SNESCreate(balance%ranks%handle, self%snes, ierr))
     end associate
     PetscCall(MatShellSetOperation(self%jacobian, MATOP_MULT, multiply, ierr))
     PetscCall(SNESSetType(self%snes, SNESNEWTONLS, ierr))
-    PetscCall(SNESSetFunction(self%snes, self%residual, evaluate, self%context, ierr))
-    PetscCall(SNESSetJacobian(self%snes, self%jacobian, self%jacobian, differentiate, self%context, ierr))
+    PetscCall(SNESSetFunction(self%snes, self%residual, evaluate, context, ierr))
+    PetscCall(SNESSetJacobian(self%snes, self%jacobian, self%jacobian, differentiate, context, ierr))
     PetscCall(SNESSetDivergenceTolerance(self%snes, -1.0_wp, ierr))
     PetscCall(SNESSetErrorIfNotConverged(self%snes, PETSC_FALSE, ierr))
     PetscCall(SNESGetKSP(self%snes, ksp, ierr))
     PetscCall(KSPSetType(ksp, KSPPREONLY, ierr))
     PetscCall(KSPGetPC(ksp, pc, ierr))
     PetscCall(PCSetType(pc, PCSHELL, ierr))
-    PetscCall(PCShellSetContext(pc, self%context, ierr))
+    PetscCall(PCShellSetContext(pc, context, ierr))
     PetscCall(PCShellSetApply(pc, apply_inverse, ierr))
   end subroutine create
 
@@ -128,18 +171,18 @@ contains
     SNESLineSearch :: search
     integer :: status
 
-    PetscCall(store(self%context, self%unknowns, unknowns, ierr))
-    PetscCall(SNESGetLineSearch(self%snes, search, ierr))
+    PetscCall(store(self%context, self%now%unknowns, unknowns, ierr))
+    PetscCall(SNESGetLineSearch(self%now%snes, search, ierr))
     if (backtrack) then
       PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHBT, ierr))
     else
       PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHBASIC, ierr))
     end if
-    PetscCall(SNESSetTolerances(self%snes, self%context%tolerance, none, none, self%max_iterations, 10*self%max_iterations, ierr))
-    PetscCall(SNESSolve(self%snes, PETSC_NULL_VEC, self%unknowns, ierr))
-    PetscCall(SNESGetIterationNumber(self%snes, iterations, ierr))
-    PetscCall(SNESGetFunctionNorm(self%snes, norm, ierr))
-    PetscCall(load(self%context, self%unknowns, unknowns, ierr))
+    PetscCall(SNESSetTolerances(self%now%snes, self%context%tolerance, none, none, self%max_iterations, 10*self%max_iterations, ierr))
+    PetscCall(SNESSolve(self%now%snes, PETSC_NULL_VEC, self%now%unknowns, ierr))
+    PetscCall(SNESGetIterationNumber(self%now%snes, iterations, ierr))
+    PetscCall(SNESGetFunctionNorm(self%now%snes, norm, ierr))
+    PetscCall(load(self%context, self%now%unknowns, unknowns, ierr))
     ! Where contacts are far stiffer than what they hold, motion may exceed the stuck response so far that rounding hides more. Mean
     ! positions do not count: a body that walks may be anywhere, and would converge by being far enough away.
     square = sum((unknowns%motion(2:, :)/self%context%motion_scale)**2)
@@ -393,11 +436,22 @@ contains
   !> Give PETSc's objects back.
   subroutine destroy(self)
     class(newton_type), intent(inout) :: self
+    integer :: i
+
+    call destroy_objects(self%now)
+    do i = 1, size(self%others)
+      call destroy_objects(self%others(i))
+    end do
+    deallocate (self%others)
+  end subroutine destroy
+
+  subroutine destroy_objects(self)
+    type(objects_type), intent(inout) :: self
     PetscErrorCode :: ierr
 
     call SNESDestroy(self%snes, ierr)
     call MatDestroy(self%jacobian, ierr)
     call VecDestroy(self%residual, ierr)
     call VecDestroy(self%unknowns, ierr)
-  end subroutine destroy
+  end subroutine destroy_objects
 end module attrito_balance_newton

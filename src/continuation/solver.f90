@@ -328,14 +328,13 @@ contains
     if (harmonics == self%options%harmonics .and. samples == self%options%samples) return
     self%options%harmonics = harmonics
     self%options%samples = samples
-    call self%newton%destroy()
     call self%context%balance%set_resolution(self%structure, harmonics, samples)
     self%motion = resized(self%motion, 2*harmonics + 1)
     associate (constraint => self%context%constraint)
       if (allocated(constraint%motion)) constraint%motion = resized(constraint%motion, 2*harmonics + 1)
     end associate
     call self%context%forget()
-    call new_newton(self%context, self%options%max_iterations, self%newton, error)
+    call self%newton%take_length(error)
   end subroutine set_resolution
 
   !> Let this rank hold these contacts. Motion and sliders of the solver are to follow.
