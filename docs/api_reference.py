@@ -13,6 +13,8 @@ ORDER = (
     "open",
     "integrate",
     "reduce",
+    "peak",
+    "study",
     "import_model",
     "write_report",
     "table",

@@ -16,7 +16,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from attrito.api import UnsolvedWarning, integrate, open, reduce, run
+    from attrito.api import UnsolvedWarning, integrate, open, peak, reduce, run, study
     from attrito.data import File, Group, Quantity
     from attrito.faults import Fault, InputError, NumericsError, UnsolvedError
     from attrito.importers import import_model
@@ -33,6 +33,8 @@ _PLACES = {
     "run": "api",
     "integrate": "api",
     "reduce": "api",
+    "peak": "api",
+    "study": "api",
     "open": "api",
     "import_model": "importers",
     "write_report": "report",
@@ -66,8 +68,10 @@ __all__ = [
     "integrate",
     "multiplier_table",
     "open",
+    "peak",
     "reduce",
     "run",
+    "study",
     "table",
     "write_report",
 ]

@@ -20,7 +20,10 @@ from attrito.parallel import on_root
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
+    from attrito.study_design import Study
+
 JobSource: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any] | Job"
+StudySource: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any] | Study"
 
 
 class UnsolvedWarning(UserWarning):
@@ -28,7 +31,7 @@ class UnsolvedWarning(UserWarning):
 
 
 def open(path: str | os.PathLike[str]) -> File:
-    """Open a file of attrito: model, reduced model, or result.
+    """Open a file of attrito: model, reduced model, result, peaks or study.
 
     Parameters
     ----------
@@ -117,19 +120,67 @@ def reduce(
     return File(_do(reduce_job, job, comm, folder, quiet, strict=True))
 
 
+def peak(
+    job: JobSource,
+    comm: Comm | None = None,
+    *,
+    folder: str | os.PathLike[str] = ".",
+    quiet: bool = False,
+    strict: bool = False,
+) -> File:
+    """Follow a job's resonance peak in the level or the preload (`[peak]`), without sweeps.
+
+    Parameters and errors are those of `run`; a curve that is lost before its end is unsolved.
+
+    Examples
+    --------
+    >>> with attrito.peak("input/wedge_peak.toml") as curve:
+    ...     curve.peaks.level, curve.peaks.response
+    """
+    from attrito.peaking import peak_job
+
+    return File(_do(peak_job, job, comm, folder, quiet, strict))
+
+
+def study(
+    study: StudySource,
+    comm: Comm | None = None,
+    *,
+    folder: str | os.PathLike[str] = ".",
+    quiet: bool = False,
+    strict: bool = False,
+) -> File:
+    """Locate a job's peaks for many values of its keys; a study that was interrupted goes on from its batches.
+
+    Parameters
+    ----------
+    study : a study file, or its keys as a dictionary, whose `job` is a job file or a dictionary
+    comm, folder, quiet, strict : as of `run`; samples without a peak are unsolved
+
+    Raises
+    ------
+    InputError, UnsolvedError : as of `run`
+    """
+    from attrito.study_design import read_study
+    from attrito.studying import run_study
+
+    return File(_do(run_study, study, comm, folder, quiet, strict, read_study))
+
+
 def _do(
     work: Callable[..., str],
-    job: JobSource,
+    source: JobSource | StudySource,
     comm: Comm | None,
     folder: str | os.PathLike[str],
     quiet: bool,
     strict: bool,
+    read: Callable[..., Any] = read_job,
 ) -> str:
-    """One stage on a job; returns the file it wrote."""
+    """One stage on a job or a study; returns the file it wrote."""
     from mpi4py import MPI
 
     comm = MPI.COMM_WORLD if comm is None else comm
-    checked = on_root(comm, lambda: read_job(job, folder))
+    checked = on_root(comm, lambda: read(source, folder))
     with contextlib.redirect_stdout(io.StringIO()) if quiet else contextlib.nullcontext():
         try:
             return work(comm, checked)

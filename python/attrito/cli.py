@@ -273,9 +273,12 @@ def _chart(options: argparse.Namespace) -> None:
 
     from attrito.chart import chart_job, table, write
     from attrito.chart_picture import picture
+    from attrito.job import files_read, read_job
+    from attrito.overwriting import check_spared
     from attrito.plots import save
 
     picture_path = str(Path(options.output).with_suffix(".png"))
+    check_spared("chart", "-o", [options.output, picture_path], files_read(read_job(options.job)))
     found = chart_job(options.job, options.seconds, lambda text: print(text, file=sys.stderr, flush=True))
     write(found, options.output, str(Path(options.job).resolve()))
     save(picture(found), picture_path)
@@ -285,7 +288,7 @@ def _chart(options: argparse.Namespace) -> None:
 def _peak(options: argparse.Namespace) -> None:
     from mpi4py import MPI
 
-    from attrito.peak import peak_job
+    from attrito.peaking import peak_job
 
     peak_job(MPI.COMM_WORLD, options.job, options.output)
 
@@ -293,7 +296,7 @@ def _peak(options: argparse.Namespace) -> None:
 def _study(options: argparse.Namespace) -> None:
     from mpi4py import MPI
 
-    from attrito.study import run_study
+    from attrito.studying import run_study
 
     run_study(MPI.COMM_WORLD, options.study)
 

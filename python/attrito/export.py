@@ -13,6 +13,7 @@ from mpi4py import MPI
 
 from attrito.faults import Fault, InputError
 from attrito.mesh_pieces import Snapshot, XdmfSeries, share, write_collection, write_vtu
+from attrito.overwriting import check_spared
 from attrito.pairing import element_family
 from attrito.parallel import everywhere
 from attrito.results import Result
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 # CalculiX numbers the mid-side nodes of its input as VTK does: bottom, top, upright edges. (Its output files do not.)
 CELLS = {"C3D4": "tetra", "C3D8": "hexahedron", "C3D10": "tetra10", "C3D20": "hexahedron20"}
+# Of the files that are written, instants and pieces apart.
+ENDINGS = ("vtu", "pvtu", "pvd", "xdmf", "h5")
 # Rows of the recovery basis read at once.
 ROWS = 16
 # Values per node and instant held at once while looking for the peaks.
@@ -110,6 +113,9 @@ def export_point(
     cells, notes = mesh_cells(model)
     contact = contact_fields(result, point, model)
     base = str(Path(path).with_suffix(""))
+    read = [result.path, result.attribute("model_file"), *([] if rom_file is None else [rom_file])]
+    written = [f"{base}.{ending}" for ending in ENDINGS]
+    everywhere(comm, lambda: check_spared("export", "-o", written, filter(None, read)))
     written = everywhere(
         comm,
         lambda: _write(comm, base, cells, _snapshots(result, point, model, field, options), contact, options),

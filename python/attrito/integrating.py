@@ -136,7 +136,7 @@ def place(session: Integrator, job: Job, scene: Scene, reduced: ReducedScene) ->
         m = len(reduced.mass)
         session.start(np.zeros(m), np.zeros(m), sliders, path[-1])
     else:
-        displacement, velocity, stored = _point(job, len(reduced.mass), session.contacts)
+        displacement, velocity, stored = _point(job, reduced)
         session.start(displacement, velocity, stored if keys["sliders"] is None else sliders, path[-1])
 
 
@@ -147,7 +147,7 @@ def attractors_of(session: Integrator, job: Job, scene: Scene, reduced: ReducedS
         return []
     point, amplitude = None, 0.0
     if keys["start"].startswith("point:"):
-        point = State(*_point(job, len(reduced.mass), session.contacts))
+        point = State(*_point(job, reduced))
         amplitude = float(np.abs(point.displacement).max())
     return find_attractors(session, choices, scene.load_path, point, amplitude)
 
@@ -159,10 +159,10 @@ def _end_at(path: np.ndarray, profile: list) -> np.ndarray:
     return np.vstack([path, profile[0][1] * path[-1:]])
 
 
-def _point(job: Job, size: int, contacts: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _point(job: Job, scene: ReducedScene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """State at the start of the period of a point of the job's result: displacement, velocity, sliders."""
     path = job.file(job["output"]["file"])
-    point = read_point(job, "[integrate] start", job["integrate"]["start"], path, size, contacts)
+    point = read_point(job, "[integrate] start", job["integrate"]["start"], path, scene)
     motion, omega = point.coordinates, 2.0 * np.pi * point.frequency_hz
     harmonics = np.arange(1, (motion.shape[1] - 1) // 2 + 1)
     return motion[:, 0] + motion[:, 1::2].sum(axis=1), omega * motion[:, 2::2] @ harmonics, point.slider

@@ -13,6 +13,7 @@ import numpy as np
 
 from attrito.faults import Fault, InputError
 from attrito.job_schema import ARRAYS, LOAD_KEYS, REQUIRED_TABLES, TABLES, Key
+from attrito.overwriting import is_same_file
 
 
 @dataclass
@@ -49,6 +50,13 @@ def rom_path(job: Job) -> str | None:
     if job["reduction"]["file"] is not None:
         return job.file(job["reduction"]["file"])
     return str(Path(job.file(job["output"]["file"])).parent / "rom.h5")
+
+
+def peak_path(job: Job) -> str:
+    """Where the peaks of a job go."""
+    if job["peak"]["file"] is not None:
+        return job.file(job["peak"]["file"])
+    return str(Path(job.file(job["output"]["file"])).with_suffix(".peaks.h5"))
 
 
 def model_path(job: Job) -> str | None:
@@ -329,28 +337,41 @@ def _check_monitors(job: Job) -> list[Fault]:
     return [job.fault("[output] monitors", name, "names that differ") for name in twice]
 
 
-def _check_outputs(job: Job) -> list[Fault]:
-    """Files to be written must have a place, and not be files that are read or written otherwise."""
-    model = job["model"]
-    read = {name: model[name] for name in model if isinstance(model[name], str)}
-    taken = {f"[model] {key}": job.file(name) for key, name in read.items()}
+def files_read(job: Job) -> list[str]:
+    """The job file and all that it names to be read."""
+    return list(_files_by_key(job).values())
+
+
+def _files_by_key(job: Job) -> dict[str, str]:
+    taken = {"the job": os.path.normpath(job.path)}
+    for key, name in job["model"].items():
+        if isinstance(name, str):
+            # `FILE:NAME` is one matrix of a file of several.
+            whole = Path(job.file(name)).exists() or ":" not in name
+            taken[f"[model] {key}"] = job.file(name if whole else name.rpartition(":")[0])
     for i, load in enumerate(job["load"]):
         named = {key: load[key] for key in ("file", "cosine", "sine") if isinstance(load[key], str)}
         taken |= {f"load[{i}] {key}": job.file(name) for key, name in named.items()}
-    taken = {"the job": os.path.normpath(job.path)} | taken
+    return taken
+
+
+def _check_outputs(job: Job) -> list[Fault]:
+    """Files to be written must have a place, and not be files that are read or written otherwise."""
     if job["output"]["file"] is None:
         return []
-    written = {"[output] file": job.file(job["output"]["file"]), "[reduction] file": rom_path(job)}
-    if job["peak"]["file"] is not None:
-        written["[peak] file"] = job.file(job["peak"]["file"])
-    faults = []
-    for key, path in written.items():
-        if path is None:
-            continue
-        for other, name in taken.items():
-            if path == name:
+    written = [("[output] file", job.file(job["output"]["file"]))]
+    if "reduction" in job.given:
+        written.append(("[reduction] file", rom_path(job)))
+        if job["model"]["file"] is None:
+            written.append(("[reduction] file", model_path(job)))
+    if "peak" in job.given:
+        written.append(("[peak] file", peak_path(job)))
+    faults, taken = [], list(_files_by_key(job).items())
+    for key, path in written:
+        for other, name in taken:
+            if is_same_file(path, name):
                 faults.append(job.fault(key, path, f"a file other than that of {other}"))
-        taken[key] = path
+        taken.append((key, path))
         blocked = next((str(folder) for folder in Path(path).parents if folder.is_file()), None)
         if blocked is not None:
             faults.append(job.fault(key, path, f"a file in a folder ({blocked} is a file)"))

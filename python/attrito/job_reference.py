@@ -102,7 +102,8 @@ def as_job(given: dict[str, Any]) -> str:
 
 
 def _cell(words: str) -> str:
-    return words.replace("|", "\\|").replace("a text of printable characters", "a text")
+    words = words.replace("|", "\\|").replace("<", "&lt;")
+    return words.replace("a text of printable characters", "a text")
 
 
 def _plain(words: str) -> str:

@@ -1,13 +1,15 @@
 """Nodal fields on a mesh in files for ParaView, each rank writing its part: VTU pieces, or XDMF with one HDF5 file.
 
 A VTU piece holds a share of the cells and the nodes that they use; a `.pvtu` names the pieces, a `.pvd` the instants of
-a series. In an XDMF series mesh and constant fields are stored once; every rank writes its rows of each dataset.
+a series. In an XDMF series mesh and constant fields are stored once; every rank writes its part of each dataset.
 Formats: VTK file formats (kitware), XDMF model and format (xdmf.org).
 """
 
 from __future__ import annotations
 
 import contextlib
+import os
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +21,8 @@ import meshio
 import numpy as np
 
 from attrito.faults import NO_ROOM, Fault, InputError, unusable_file
-from attrito.whole_file import whole_file, whole_hdf5
+from attrito.parallel import everywhere, on_root
+from attrito.whole_file import new_name, whole_file, whole_hdf5
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -31,6 +34,8 @@ XDMF_CELLS = {
     "tetra10": ("Tetrahedron_10", 38),
     "hexahedron20": ("Hexahedron_20", 48),
 }
+# Bytes of a file that one rank alone writes to.
+BLOCK = 1 << 16
 VTK_TYPES = {"float64": "Float64", "int32": "Int32", "int64": "Int64"}
 
 
@@ -98,29 +103,41 @@ def _pvtu(path: str, pieces: int, snapshot: Snapshot) -> str:
 
 
 class XdmfSeries:
-    """An XDMF series in `path`.xdmf and `path`.h5; use in a `with` block, on all ranks together."""
+    """An XDMF series in `path`.xdmf and `path`.h5; use in a `with` block, on all ranks together.
+
+    The root alone makes the HDF5 file; every rank then puts its part of the numbers at their place in it.
+    So a disk that is full is told by the system to the rank that writes: HDF5 on several ranks would never come back.
+    """
 
     def __init__(self, comm: Comm, path: str, cells: list[tuple[str, np.ndarray]], constant: dict[str, np.ndarray]):
         self.comm, self.path = comm, path
-        if comm.size > 1 and not h5py.get_config().mpi:
-            raise InputError(Fault("export", "--format", "xdmf", "one rank, or an h5py built for several"))
         self._open = contextlib.ExitStack()
-        with _writing(f"{path}.h5"):
-            data = f"{path}.h5"
-            opened = whole_hdf5(data) if comm.size == 1 else h5py.File(data, "w", driver="mpio", comm=comm)
-            self.file = self._open.enter_context(opened)
+        self.file: h5py.File | None = None
+
+        def begin() -> None:
+            with _writing(f"{path}.h5"):
+                self.file = self._open.enter_context(whole_hdf5(f"{path}.h5"))
+
+        on_root(comm, begin)
         self.grids: list[str] = []
         self.cells = cells
         self.points = ""
-        self.topology = self._topology()
-        self.constant = [self._attribute(name, values, f"constant/{name}") for name, values in constant.items()]
+        try:
+            self.topology = self._topology()
+            self.constant = [self._attribute(name, values, f"constant/{name}") for name, values in constant.items()]
+        except InputError:
+            self.__exit__(*sys.exc_info())
+            raise
 
     def __enter__(self) -> XdmfSeries:
         return self
 
     def __exit__(self, *failure: object) -> None:
-        with _writing(f"{self.path}.h5"):
-            self._open.__exit__(*failure)
+        def end() -> None:
+            with _writing(f"{self.path}.h5"):
+                self._open.__exit__(*failure)
+
+        on_root(self.comm, end)
 
     def add(self, snapshot: Snapshot, moved: bool) -> None:
         """One instant; `moved` where its points are not those of the instant before."""
@@ -138,6 +155,22 @@ class XdmfSeries:
         if self.comm.rank == 0:
             _write_text(f"{self.path}.xdmf", f'<Xdmf Version="3.0"><Domain>\n{text}\n</Domain></Xdmf>\n')
         return f"{self.path}.xdmf"
+
+    def _fill(self, offset: int, values: np.ndarray) -> None:
+        """Write this rank's part of a dataset; it is on disk afterwards."""
+        data = memoryview(values).cast("B") if values.size else b""
+        try:
+            with open(new_name(f"{self.path}.h5"), "r+b", buffering=0) as file:
+                for first, end in own_bytes(offset, values.nbytes, self.comm):
+                    file.seek(offset + first)
+                    rest = data[first:end]
+                    while rest:
+                        rest = rest[file.write(rest) :]
+                if self.comm.size > 1:
+                    os.fsync(file.fileno())
+        except OSError as error:
+            error.filename = f"{self.path}.h5"
+            raise
 
     def _topology(self) -> str:
         count = sum(len(rows) for _, rows in self.cells)
@@ -159,15 +192,34 @@ class XdmfSeries:
 
     def _item(self, place: str, values: np.ndarray) -> str:
         """Store an array, every rank its rows; returns its reference."""
-        with _writing(f"{self.path}.h5"):
-            dataset = self.file.create_dataset(place, values.shape, values.dtype)
-            rows = share(len(values), self.comm)
-            dataset[rows] = values[rows]
+        offset = on_root(self.comm, lambda: _create(self.file, place, values))
+        everywhere(self.comm, lambda: self._fill(offset, np.ascontiguousarray(values)))
         number = "Float" if values.dtype.kind == "f" else "Int"
         shape = " ".join(map(str, values.shape))
         where = f"{Path(self.path).name}.h5:/{place}"
         head = f'<DataItem DataType="{number}" Dimensions="{shape}" Format="HDF" Precision="{values.dtype.itemsize}">'
         return f"{head}{where}</DataItem>"
+
+
+def own_bytes(offset: int, size: int, comm: Comm) -> list[tuple[int, int]]:
+    """This rank's parts (first, end) of the bytes of a dataset that begins at `offset` of its file.
+
+    Whole blocks of the file are shared out, what is left at both ends is the root's: no two ranks write to one page.
+    """
+    first, end = -(-offset // BLOCK) * BLOCK, (offset + size) // BLOCK * BLOCK
+    if end <= first:
+        return [(0, size)] if comm.rank == 0 else []
+    blocks = share((end - first) // BLOCK, comm)
+    parts = [(first + blocks.start * BLOCK - offset, first + blocks.stop * BLOCK - offset)]
+    return [(0, first - offset), *parts, (end - offset, size)] if comm.rank == 0 else parts
+
+
+def _create(file: h5py.File, place: str, values: np.ndarray) -> int:
+    """Make a dataset whose place in the file is settled, and left to others to fill; returns its offset."""
+    how = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    how.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+    how.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+    return file.create_dataset(place, values.shape, values.dtype, dcpl=how).id.get_offset() or 0
 
 
 def _write_text(path: str, text: str) -> None:

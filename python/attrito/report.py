@@ -10,6 +10,7 @@ import numpy as np
 
 from attrito import report_sections as sections
 from attrito.faults import Fault, InputError
+from attrito.overwriting import check_spared
 from attrito.report_page import Page
 from attrito.report_view import View
 from attrito.results import NO_SOLUTION, Result
@@ -46,6 +47,7 @@ def write_report(result: Result, path: str | os.PathLike[str], point: int | None
     ------
     InputError : the file cannot be written, or the result lacks what every result has
     """
+    check_spared("report", "-o", [path], [result.path])
     text = make_page(result, point).html()
     try:
         with whole_file(path) as new:

@@ -9,7 +9,11 @@ import numpy as np
 
 from attrito.faults import InputError
 from attrito.job import Job
+from attrito.rom import coordinates_fingerprint
+from attrito.solver import ReducedScene
 from attrito.stored import UNREADABLE, check_sizes
+
+NAMES = ("points/coordinates", "contacts/slider", "points/frequency_hz")
 
 
 @dataclass(frozen=True)
@@ -21,21 +25,30 @@ class StoredPoint:
     slider: np.ndarray
 
 
-def read_point(job: Job, key: str, start: str, path: str, size: int, contacts: int) -> StoredPoint:
-    """The point that `start`, as "point:12", names in the result at `path`; faults are told of `key`."""
+def read_point(job: Job, key: str, start: str, path: str, scene: ReducedScene) -> StoredPoint:
+    """The point that `start`, as "point:12", names in the result at `path`; faults are told of `key`.
+
+    Its coordinates must stand for what those of the scene stand for; what presses, shakes, damps and rubs may differ.
+    """
     number = int(start.split(":")[1])
     try:
         with h5py.File(path) as file:
             check_sizes(file, path)
-            coordinates = file["points/coordinates"]
-            if number >= len(coordinates):
-                raise InputError(job.fault(key, start, f"a point of {path}: 0 to {len(coordinates) - 1}"))
-            if coordinates.shape[1] != size or file["contacts/slider"].shape[1] != contacts:
-                raise InputError(job.fault(key, start, f"a result of this scene in {path}"))
-            motion, slider = coordinates[number], file["contacts/slider"][number]
-            frequency = float(file["points/frequency_hz"][number])
+            points = len(file["points/frequency_hz"])
+            if number >= points:
+                raise InputError(job.fault(key, start, f"a point of {path}: 0 to {points - 1}"))
+            motion, slider, frequency = (np.asarray(file[name][number], dtype=float) for name in NAMES)
+            made_of = str(file.attrs.get("coordinates_fingerprint", ""))
     except UNREADABLE:
         raise InputError(job.fault(key, start, f"a result of `attrito run` in {path}")) from None
-    if not np.all(np.isfinite(motion)):
+    contacts = len(scene.laws["tangents"])
+    shaped = motion.ndim == 2 and len(motion) == len(scene.mass) and motion.shape[1] % 2 == 1
+    if not shaped or slider.shape != (contacts, 2) or frequency.ndim != 0:
+        raise InputError(job.fault(key, start, f"a result of this scene in {path}"))
+    # Results of earlier versions do not tell.
+    if made_of and made_of != coordinates_fingerprint(job, scene):
+        expected = f"a result of this scene in {path}: it was made of another model, reduction or contacts"
+        raise InputError(job.fault(key, start, expected))
+    if not all(np.all(np.isfinite(values)) for values in (motion, slider, frequency)):
         raise InputError(job.fault(key, start, "a point that has converged"))
-    return StoredPoint(frequency, motion, slider)
+    return StoredPoint(float(frequency), motion, slider)

@@ -244,6 +244,13 @@ def mode_error(path: str | None) -> float:
     return worst if worst > LEAST_ERROR else 0.0
 
 
+def coordinates_fingerprint(job: Job, scene: ReducedScene) -> str:
+    """Of what coordinates and sliders stand for: the reduction, or the mass as it stands, and the contacts' rows."""
+    digest = hashlib.sha256(rom_fingerprint(rom_path(job)).encode() or np.ascontiguousarray(scene.mass).tobytes())
+    digest.update(np.ascontiguousarray(scene.directions).tobytes())
+    return digest.hexdigest()
+
+
 def rom_fingerprint(path: str | None) -> str:
     """Fingerprint of a rom.h5; empty where there is none."""
     try:

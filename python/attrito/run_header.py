@@ -11,7 +11,7 @@ from attrito import __version__
 from attrito.job import Job
 from attrito.journal import Record, Series
 from attrito.recorder import digest
-from attrito.rom import model_path, rom_fingerprint, rom_path
+from attrito.rom import coordinates_fingerprint, model_path, rom_fingerprint, rom_path
 from attrito.scene import Scene
 from attrito.solver import ReducedScene, Solver
 
@@ -63,6 +63,7 @@ def first_record(job: Job, scene: Scene, reduced: ReducedScene, ranks: int, line
         "model_file": _absolute(model_path(job)),
         "rom_file": _absolute(rom),
         "rom_fingerprint": rom_fingerprint(rom),
+        "coordinates_fingerprint": coordinates_fingerprint(job, reduced),
     }
     texts: dict[str, list[str]] = {}
     arrays: dict[str, np.ndarray] = {}

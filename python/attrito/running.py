@@ -217,8 +217,7 @@ def _start(job: Job, scene: ReducedScene) -> StoredPoint | None:
     if continuation["start"] is None:
         return None
     path = job.file(continuation["start_file"] or job["output"]["file"])
-    contacts = len(scene.laws["tangents"])
-    return read_point(job, "[continuation] start", continuation["start"], path, len(scene.mass), contacts)
+    return read_point(job, "[continuation] start", continuation["start"], path, scene)
 
 
 def _journal_before(path: str, resume: bool) -> bool:

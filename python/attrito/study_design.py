@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
 import tomllib
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -13,8 +15,9 @@ import numpy as np
 from scipy.stats import qmc
 
 from attrito.faults import Fault, InputError
-from attrito.job import Job, check_job, plain, rom_path
+from attrito.job import Job, check_job, files_read, plain, read_job, rom_path
 from attrito.job_checks import Check, boolean, choice, integer, listing, number, text
+from attrito.overwriting import check_spared
 from attrito.scene import LAW_KEYS
 
 # What these hold is in the reduced model, but for the contacts' laws.
@@ -38,10 +41,10 @@ class Vary:
 
 @dataclass(frozen=True)
 class Study:
-    """A checked study."""
+    """A checked study; `job` is the job file, or the job."""
 
     path: str
-    job_path: str
+    job: str | Job
     file: str
     design: str
     samples: int
@@ -49,6 +52,11 @@ class Study:
     batch: int
     ranks_per_group: int
     vary: tuple[Vary, ...]
+
+    @property
+    def picture(self) -> str:
+        """The picture that goes beside the file."""
+        return str(Path(self.file).with_suffix(".png"))
 
     def sample(self) -> np.ndarray:
         """Values of all samples, `[samples, quantities]`; the same for the same study."""
@@ -120,6 +128,8 @@ class Study:
                     faults.append(Fault(self.path, where, key, str(error)))
         if faults:
             raise InputError(*faults)
+        read = [self.path, *files_read(job), *filter(None, [rom_path(job)])]
+        check_spared(self.path, "file", [self.file, self.picture], read)
         for vary in self.vary:
             for value in vary.values or (vary.low, vary.high):
                 try:
@@ -157,14 +167,35 @@ VARY_CHECKS: dict[str, tuple[Check, Any]] = {
 }
 
 
-def read_study(path: str) -> Study:
-    """Read and check a study file; raises `InputError` with all faults together."""
+def read_study(
+    source: str | os.PathLike[str] | Mapping[str, Any] | Study, folder: str | os.PathLike[str] = "."
+) -> Study:
+    """Read and check a study; raises `InputError` with all faults together.
+
+    Parameters
+    ----------
+    source : a study file, or its keys as a dictionary, whose job may be one, too; a study that is checked stays
+    folder : what file names of a dictionary are relative to
+    """
+    if isinstance(source, Study):
+        return source
+    if isinstance(source, Mapping):
+        given = source.get("job")
+        own = isinstance(given, Mapping | Job)
+        study = _check_study(plain({**source, "job": "job"} if own else source), str(Path(folder) / "study"))
+        return replace(study, job=read_job(given, folder)) if own else study
+    path = str(source)
     try:
         raw = tomllib.loads(Path(path).read_text())
     except OSError as error:
         raise InputError(Fault(path, "file", error.strerror, "a study file that can be read")) from None
     except ValueError as error:
         raise InputError(Fault(path, "file", str(error), "a study in TOML")) from None
+    return _check_study(raw, path)
+
+
+def _check_study(raw: dict[str, Any], path: str) -> Study:
+    """Check the keys of a study that is called `path`."""
     faults: list[Fault] = []
     rows = raw.pop("vary", [])
     keys = _checked(path, "", raw, CHECKS, faults)
@@ -198,7 +229,7 @@ def read_study(path: str) -> Study:
 
 def os_path(folder: Path, name: str) -> str:
     """A file name of the study, relative to its folder."""
-    return str(folder / name)
+    return os.path.normpath(folder / name)
 
 
 def places(tables: dict[str, Any], key: str) -> list[tuple[Any, Any]]:

@@ -64,7 +64,7 @@ def write_study(study: Study, job: Job, values: np.ndarray, found: list[dict[str
         put("peaks/outcome", outcome, "how it ended", "1").attrs["names"] = list(OUTCOMES)
         put("quantiles/amplitude", quantiles, "over the samples, by quantile and parameter", "user length")
         put("quantiles/probability", np.array(QUANTILES), "of the quantiles", "1")
-    save(picture(study, stops, values, number["amplitude"], job["peak"]["parameter"]), _picture_path(study))
+    save(picture(study, stops, values, number["amplitude"], job["peak"]["parameter"]), study.picture)
     return int((outcome == OUTCOMES.index("not_converged")).any(axis=1).sum())
 
 
@@ -97,7 +97,3 @@ def _bands(axes, x: np.ndarray, quantiles: np.ndarray) -> None:
     axes.fill_between(x, quantiles[0], quantiles[4], color=colour, alpha=0.18, linewidth=0, label="5 to 95 %")
     axes.fill_between(x, quantiles[1], quantiles[3], color=colour, alpha=0.35, linewidth=0, label="25 to 75 %")
     axes.plot(x, quantiles[2], color=colour, label="median")
-
-
-def _picture_path(study: Study) -> str:
-    return str(Path(study.file).with_suffix(".png"))

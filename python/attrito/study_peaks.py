@@ -15,8 +15,8 @@ import numpy as np
 from attrito.faults import NumericsError
 from attrito.job import Job
 from attrito.parallel import on_root
-from attrito.peak import begin
 from attrito.peak_tracker import Peak, PeakTracker, Start
+from attrito.peaking import begin
 from attrito.rom import reduced_scene
 from attrito.running import solver_options
 from attrito.scene import Scene, build_scene, with_numbers_of

@@ -16,6 +16,11 @@ from pathlib import Path
 import h5py
 
 
+def new_name(path: str | os.PathLike[str]) -> str:
+    """What a file is called until it is whole."""
+    return f"{os.fspath(path)}.new"
+
+
 @contextlib.contextmanager
 def whole_file(path: str | os.PathLike[str]) -> Iterator[str]:
     """The name under which to write a file in the block; it then takes its own, or is removed where the block failed.
@@ -29,7 +34,7 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[str]:
     if Path(path).exists() and not Path(path).is_file():
         yield str(path)
         return
-    new = f"{os.fspath(path)}.new"
+    new = new_name(path)
     try:
         yield new
         os.replace(new, path)

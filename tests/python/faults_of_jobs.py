@@ -292,6 +292,16 @@ JOB = [
         ("job.toml: [peak] file = 'result.h5': expected a file other than that of [output] file",),
     ),
     Case(
+        "peaks that would overwrite the model where no file for them is named",
+        lambda job: job.update(peak={"start": 1.0}) or job["model"].update(mass="result.peaks.h5"),
+        ("job.toml: [peak] file = 'result.peaks.h5': expected a file other than that of [model] mass",),
+    ),
+    Case(
+        "a result that would overwrite one matrix of a file of several",
+        lambda job: job["model"].update(mass="result.h5:M"),
+        ("job.toml: [output] file = 'result.h5': expected a file other than that of [model] mass",),
+    ),
+    Case(
         "a result in a folder that is a file",
         put("output", file="result.h5/wedge.h5"),
         ("job.toml: [output] file = 'result.h5/wedge.h5': expected a file in a folder (result.h5 is a file)",),

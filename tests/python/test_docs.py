@@ -9,6 +9,8 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
+from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
@@ -19,11 +21,12 @@ from attrito.job import read_job
 from attrito.job_checks import integer, listing, number, takes, term
 from attrito.job_reference import as_job, as_text, tables
 from attrito.job_schema import ARRAYS, TABLES
+from attrito.study_design import read_study
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])
 sys.path.insert(0, str(ROOT / "docs"))
-generate = importlib.import_module("generate")
+generate, build_pages = map(importlib.import_module, ("generate", "build_pages"))
 
 COMMAND = re.compile(r"\s*(mpirun .*attrito|\.venv/bin/attrito|attrito) ")
 
@@ -55,12 +58,69 @@ def test_what_a_key_takes_is_said_down_to_the_items_of_lists():
     assert takes(integer(1)) == "an integer of at least 1" and takes(integer(1, 5)) == "an integer from 1 to 5"
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "input").glob("*.toml")), ids=lambda path: path.name)
+INPUTS = sorted((ROOT / "input").glob("*.toml"))
+STUDIES = [path for path in INPUTS if "vary" in tomllib.loads(path.read_text())]
+
+
+@pytest.mark.parametrize("path", [path for path in INPUTS if path not in STUDIES], ids=lambda path: path.name)
 def test_a_job_written_out_again_is_the_same_job(path, tmp_path):
     job = read_job(path)
     again = tmp_path / path.name
     again.write_text(as_job(job.tables))
     assert read_job(again).tables == job.tables
+
+
+@pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.name)
+def test_a_study_suits_its_job(path):
+    study = read_study(path)
+    study.check(read_job(study.job))
+
+
+@pytest.mark.parametrize("path", INPUTS, ids=lambda path: path.name)
+def test_every_input_has_a_page_that_tells_of_it(path):
+    jobs = (ROOT / "docs" / "jobs.md").read_text()
+    row = next((line for line in jobs.splitlines() if line.startswith(f"| `{path.name}`")), "")
+    assert re.search(r"\]\((tutorial-[a-z-]+|first-run|accuracy|peaks)\.md\)", row), path.name
+
+
+class Page(HTMLParser):
+    """Anchors and links of a page, and whether its tags close."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.ids: set[str] = set()
+        self.links: list[str] = []
+        self.open: list[str] = []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attrs):
+        if tag not in ("meta", "br", "img", "hr", "link"):
+            self.open.append(tag)
+        self.handle_startendtag(tag, attrs)
+
+    def handle_startendtag(self, tag, attrs):
+        self.ids |= {value for name, value in attrs if name == "id"}
+        self.links += [value for name, value in attrs if name in ("href", "src") and not value.startswith("#")]
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def test_the_pages_build_and_their_links_lead_somewhere(tmp_path):
+    written = build_pages.build(tmp_path)
+    assert len(written) == len(PAGES)
+    pages = {path.resolve(): Page(path.read_text()) for path in written}
+    for path, page in pages.items():
+        assert page.open == [] and len(page.ids) >= 1, path.name
+        for link in page.links:
+            if re.match(r"[a-z]+:", link):
+                continue
+            name, _, anchor = link.partition("#")
+            place = (path.parent / name).resolve()
+            assert place.is_file(), f"{path.name}: {link}"
+            assert not anchor or anchor in pages[place].ids, f"{path.name}: {link}"
+    assert "<svg" in (tmp_path / "README.html").read_text() and "$$" not in (tmp_path / "README.html").read_text()
 
 
 @names

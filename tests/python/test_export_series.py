@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import xml.etree.ElementTree as ElementTree
 
 import h5py
@@ -9,6 +10,7 @@ import meshio
 import numpy as np
 import pytest
 import synthetic
+from full_disk import OLD, one_message, with_room_for
 from jobs import attrito, attrito_here
 from scipy.sparse import identity
 
@@ -185,6 +187,18 @@ def test_a_place_that_no_rank_can_write_to_is_told_once(simple, place):
     kind = place.rsplit(".", 1)[1]
     done = attrito(simple[0], "export", "result.h5", "-o", place, "--format", kind, ranks=2)
     assert done.returncode == 2 and done.stderr.count("expected a place where a file can be written") == 1, done.stderr
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("ending", ["xdmf", "vtu"])
+def test_a_disk_that_fills_up_leaves_the_old_files(simple, tmp_path, ending, ranks):
+    shutil.copytree(simple[0], tmp_path, dirs_exist_ok=True)
+    data = {"xdmf": "shape.h5", "vtu": "shape.vtu" if ranks == 1 else "shape_rank0.vtu"}[ending]
+    (tmp_path / data).write_bytes(OLD)
+    done = with_room_for(1000, tmp_path, "export", "result.h5", "--format", ending, ranks=ranks)
+    assert done.returncode == 2 and data in one_message(done) and "room on the disk" in done.stderr
+    assert (tmp_path / data).read_bytes() == OLD
+    assert [path.name for path in tmp_path.iterdir() if path.name.endswith(".new")] == []
 
 
 @pytest.mark.parametrize("options", [["--points", "a"], ["--phases", "0"]])

@@ -13,50 +13,11 @@ import numpy as np
 import pytest
 import scipy.io
 import scipy.sparse as sparse
+from full_disk import OLD, one_message, with_room_for
 from jobs import ENVIRONMENT, blocks, chain, wedge, write_blocks, write_job
 
 from attrito.results import Result
 from attrito.whole_file import whole_file, whole_hdf5
-
-OLD = b"the result of yesterday"
-
-
-# MPI makes files of its own while it starts; only then is there no room, or when the result is begun.
-COMMAND = """
-import resource, signal, sys
-from mpi4py import MPI
-from attrito import running
-from attrito.cli import main
-
-def fill_disk():
-    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)
-
-def begin(*arguments):
-    fill_disk()
-    return write(*arguments)
-
-if sys.argv[2] == "result":
-    write, running.whole_hdf5 = running.whole_hdf5, begin
-else:
-    fill_disk()
-sys.exit(main(sys.argv[3:]))
-"""
-
-
-def with_room_for(size: int, folder: Path, *arguments: str, of: str = "anything") -> subprocess.CompletedProcess[str]:
-    """The command where no file may grow beyond a size: the system's answer is that of a disk that is full."""
-    return subprocess.run(
-        [sys.executable, "-c", COMMAND, str(size), of, *arguments],
-        cwd=folder, env=os.environ | ENVIRONMENT, capture_output=True, text=True, timeout=60, check=False,
-    )  # fmt: skip
-
-
-def one_message(done: subprocess.CompletedProcess[str]) -> str:
-    """What is told, if it is one line."""
-    lines = [line for line in done.stderr.splitlines() if line.strip()]
-    assert len(lines) == 1 and lines[0].startswith("attrito: "), done.stderr
-    return lines[0]
 
 
 @pytest.fixture(scope="module")

@@ -200,3 +200,27 @@ def test_pictures_and_an_animated_shape_come_out(damper):
         assert done.returncode == 0, done.stderr
     for name in ("frf.png", "loops.png", "contacts.png", "shape.pvd", "shape_phase_002.vtu"):
         assert (damper / name).stat().st_size > 100
+
+
+def test_a_block_that_only_contacts_hold_stands_on_them_with_all_that_presses_it(tmp_path):
+    subprocess.run([sys.executable, REPOSITORY / "meshes" / "block.py", "--out", tmp_path], check=True)
+    done = attrito(tmp_path, "import", "model.h5", "--calculix", "block", "--mesh", "block.inp")
+    assert done.returncode == 0, done.stderr
+    model = read_model(tmp_path / "model.h5")
+    # 100 x 75 x 50 mm of steel; six free motions, whose eigenvalues are rounding beside the elastic ones.
+    assert model.mass.sum() / 3.0 == pytest.approx(7.85e-9 * 375000.0, rel=1e-9)
+    frequency = (
+        np.sqrt(np.abs(eigh(model.stiffness.toarray(), model.mass.toarray(), eigvals_only=True)[:7])) / 2 / np.pi
+    )
+    assert frequency[5] < 1.0 < 1e4 < frequency[6]
+    text = re.sub(r"\.\./out/\w+/", "", (REPOSITORY / "input" / "block.toml").read_text())
+    text = re.sub(r"start_hz = .*\nstop_hz = .*\nlevels = .*", "frequencies_hz = [7500.0]\nlevels = [100.0]", text)
+    (tmp_path / "job.toml").write_text(text)
+    done = attrito(tmp_path, "run", "job.toml")
+    assert done.returncode == 0, done.stderr
+    with result_file(tmp_path) as file:
+        # Balance of the means, to the residual's tolerance: 10 kN presses, nothing pulls aside.
+        for name, force in (("n_mean", 1.0e4), ("t1_mean", 0.0), ("t2_mean", 0.0)):
+            assert file[f"contacts/{name}"][0].sum() == pytest.approx(force, abs=1e-3), name
+        slipping = list(file["contacts/state"].attrs["names"]).index(b"slipping")
+        assert 0 < (file["contacts/state"][0] == slipping).sum() < 20

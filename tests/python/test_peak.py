@@ -12,9 +12,9 @@ import pytest
 from mpi4py import MPI
 from scipy.optimize import brentq, minimize_scalar
 
-from attrito.peak import begin, follow
 from attrito.peak_file import read_peaks
 from attrito.peak_tracker import PeakTracker
+from attrito.peaking import begin, follow
 from attrito.solver import Options, ReducedScene, Solver
 from attrito.verify.wedge import BAND, FORCES, PARAMETER_SETS, PRELOAD, Wedge
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import copy
+
+import h5py
+import numpy as np
 import pytest
 from jobs import run, table
 from test_bifurcations import swept
@@ -43,6 +47,31 @@ def test_a_sweep_begins_at_a_point_of_an_older_result(tmp_path):
     for column in ("frequency_hz", "x_amplitude", "y_amplitude"):
         assert float(rows[0][column]) == pytest.approx(float(older[7][column]), rel=1e-8)
         assert float(rows[-1][column]) == pytest.approx(float(older[-1][column]), rel=1e-8)
+
+
+def test_a_point_of_another_scene_is_a_fault_and_one_under_other_loads_is_not(tmp_path):
+    job = swept(stiff_wedge([], 5), 100.0, 99.0)
+    run(tmp_path, job)
+    job["continuation"] = {"start": "point:1", "start_file": "result.h5"}
+    job["output"]["file"] = "again.h5"
+    job["contact"][0]["friction_coefficient"] *= 1.01
+    run(tmp_path, job)
+    # As many coordinates and contacts, which stand for something else.
+    for change in ("heavier", "turned"):
+        other = copy.deepcopy(job)
+        if change == "heavier":
+            other["model"]["mass"][0][0] *= 1.01
+        else:
+            other["contact"][0]["normal"][0][1] *= 0.5
+        done = run(tmp_path, other, code=2)
+        assert "[continuation] start = 'point:1': expected a result of this scene in result.h5" in done.stderr
+        assert "another model, reduction or contacts" in done.stderr
+    with h5py.File(tmp_path / "result.h5", "r+") as file:
+        file["contacts/slider"][1] = np.nan
+    assert "expected a point that has converged" in run(tmp_path, job, code=2).stderr
+    with h5py.File(tmp_path / "result.h5", "r+") as file:
+        del file["contacts/slider"]
+    assert "expected a result of `attrito run` in result.h5" in run(tmp_path, job, code=2).stderr
 
 
 def test_a_point_that_is_not_there_is_a_fault(tmp_path):

@@ -20,6 +20,7 @@ from attrito.importers.prestress import check_holdings, hold
 from attrito.importers.source import Source
 from attrito.job_checks import DIRECTIONS
 from attrito.model_file import Model, write_model
+from attrito.overwriting import check_spared
 
 
 def import_model(
@@ -129,6 +130,7 @@ def _model(
         model.node_ids, model.coordinates = nodes.node_ids, nodes.coordinates
         model.elements, model.node_sets = nodes.elements, nodes.node_sets
         files += map(str, nodes.files)
+    check_spared("import", "output", [output], files)
     held = hold(model, holds, spin_hz, geometric)
     write_model(output, model, list(dict.fromkeys(files)))
     return model, _notes(model) + held + parts.notes + _mesh_notes(nodes)

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 from attrito.backbone import Backbone, BackboneTracker, follow_backbone, leading_mode
-from attrito.faults import InputError, NumericsError
-from attrito.job import Job, read_job
+from attrito.faults import InputError, NumericsError, UnsolvedError
+from attrito.job import Job, peak_path, read_job
 from attrito.parallel import on_root
 from attrito.peak_file import Found, elasticity, table, write
 from attrito.peak_plot import peak_curve
@@ -30,10 +30,10 @@ if TYPE_CHECKING:
 OPTIMUM_TOLERANCE = 1e-6
 
 
-def peak_job(comm: Comm, path: str, picture: str | None = None) -> str:
+def peak_job(comm: Comm, path: str | Job, picture: str | None = None) -> str:
     """Follow the peak that a job asks for: file, table on standard output, picture. Returns the file's path.
 
-    What was found of a curve that is lost is written and shown before `NumericsError` is raised.
+    What was found of a curve that is lost is written and shown before `UnsolvedError` is raised.
     """
     progress = Progress(comm)
     job = on_root(comm, lambda: read_job(path))
@@ -68,15 +68,8 @@ def peak_job(comm: Comm, path: str, picture: str | None = None) -> str:
     progress.say(f"{file}, {on_root(comm, show)}")
     missed = _missed(job, found)
     if missed:
-        raise NumericsError(f"{file}: {missed}")
+        raise UnsolvedError(file, missed)
     return file
-
-
-def peak_path(job: Job) -> str:
-    """Where the peaks of a job go."""
-    if job["peak"]["file"] is not None:
-        return job.file(job["peak"]["file"])
-    return str(Path(job.file(job["output"]["file"])).with_suffix(".peaks.h5"))
 
 
 def follow(solver: Solver, job: Job, scene: ReducedScene, load_path: np.ndarray) -> Iterator[Found]:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from attrito.faults import NumericsError
+from attrito.faults import UnsolvedError
 from attrito.job import Job, read_job, rom_path
 from attrito.parallel import on_root
 from attrito.progress import Progress
@@ -31,11 +31,11 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
 
-def run_study(comm: Comm, path: str) -> str:
-    """Solve a study's samples; returns the file's path. Raises at the end if some have no peak."""
+def run_study(comm: Comm, path: str | Study) -> str:
+    """Solve a study's samples; returns the file's path. Raises `UnsolvedError` at the end if some have no peak."""
     progress = Progress(comm)
     study = on_root(comm, lambda: read_study(path))
-    job = on_root(comm, lambda: read_job(study.job_path))
+    job = on_root(comm, lambda: read_job(study.job))
     on_root(comm, lambda: study.check(job))
     values = study.sample()
     order = batches(study, values)
@@ -65,7 +65,7 @@ def run_study(comm: Comm, path: str) -> str:
     failed = on_root(comm, finish)
     progress.say(study.file)
     if failed:
-        raise NumericsError(f"{study.file}: {failed} of {study.samples} samples have no peak; they are in the file")
+        raise UnsolvedError(study.file, f"{failed} of {study.samples} samples have no peak; they are in the file")
     return study.file
 
 

@@ -1,0 +1,58 @@
+"""No command writes over what it reads, under whatever name."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+import scipy.sparse as sparse
+import synthetic
+from jobs import attrito_here, toml, wedge, write_job
+
+from attrito.model_file import write_model
+
+
+@pytest.fixture
+def folder(tmp_path) -> Path:
+    """A job, a study of it, matrices, a model with a mesh and a result of it."""
+    job = wedge()
+    job["sweep"] = {"start_hz": 140.0, "stop_hz": 100.0}
+    job["peak"] = {"start": 1.0}
+    write_job(tmp_path, job)
+    vary = {"name": "mu", "keys": ["contact[0].friction_coefficient"], "low": 0.4, "high": 0.5}
+    (tmp_path / "study.toml").write_text(toml({"job": "job.toml", "file": "job.toml", "samples": 2, "vary": [vary]}))
+    scipy.io.mmwrite(tmp_path / "K.mtx", sparse.identity(2, format="csr"))
+    model = synthetic.joint("C3D8", (2, 1, 1), seed=4)
+    model.stiffness = model.mass = sparse.identity(model.size, format="csr")
+    write_model(tmp_path / "model.h5", model, [])
+    motion = np.zeros((1, model.size, 3))
+    synthetic.write_result(tmp_path / "result.h5", [100.0], {"tip": [1.0]}, coordinates=motion)
+    with h5py.File(tmp_path / "result.h5", "r+") as file:
+        file.attrs["model_file"] = str(tmp_path / "model.h5")
+    os.symlink("result.h5", tmp_path / "link.h5")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("arguments", "spared"),
+    [
+        (("import", "K.mtx", "--stiffness", "K.mtx", "--mass", "K.mtx"), "K.mtx"),
+        (("study", "study.toml"), "job.toml"),
+        (("chart", "job.toml", "-o", "job.toml"), "job.toml"),
+        (("report", "result.h5", "-o", "result.h5"), "result.h5"),
+        (("report", "link.h5", "-o", "./result.h5"), "result.h5"),
+        (("export", "result.h5", "--format", "xdmf", "-o", "result.xdmf"), "result.h5"),
+        (("export", "result.h5", "--format", "xdmf", "-o", "model.xdmf"), "model.h5"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+)
+def test_what_is_read_is_not_written_over(folder, capfd, arguments, spared):
+    before = (folder / spared).read_bytes()
+    done = attrito_here(folder, capfd, *arguments)
+    assert done.returncode == 2, done.stderr
+    assert "expected a file other than" in done.stderr and "which is read" in done.stderr
+    assert (folder / spared).read_bytes() == before
