@@ -31,6 +31,7 @@ ATTEMPTS = (
     "stuck_response",
     "frequency_steps",
     "force_steps",
+    "stiffness_steps",
 )
 DAMPING_KINDS = {"none": 0, "viscous": 1, "ratio": 2, "mass": 3, "loss_factor": 4}
 

@@ -167,7 +167,7 @@ contains
     PetscInt :: iterations
     PetscReal :: norm
     real(wp) :: square
-    PetscReal, parameter :: none = 0.0, rounding = 16*epsilon(none)
+    PetscReal, parameter :: none = 0.0, rounding = 16*epsilon(none), farthest = 1.0e8
     SNESLineSearch :: search
     integer :: status
 
@@ -184,12 +184,13 @@ contains
     PetscCall(SNESGetFunctionNorm(self%now%snes, norm, ierr))
     PetscCall(load(self%context, self%now%unknowns, unknowns, ierr))
     ! Where contacts are far stiffer than what they hold, motion may exceed the stuck response so far that rounding hides more. Mean
-    ! positions do not count: a body that walks may be anywhere, and would converge by being far enough away.
+    ! positions do not count: a body that walks may be anywhere, and would converge by being far enough away. What has run off is no
+    ! answer, whatever norm is told of it.
     square = sum((unknowns%motion(2:, :)/self%context%motion_scale)**2)
     call self%context%balance%ranks%sum(square)
-    report%converged = norm <= max(self%context%tolerance, rounding*sqrt(square))
+    report%converged = norm <= max(self%context%tolerance, rounding*sqrt(square)) .and. sqrt(square) <= farthest
     report%iterations = iterations
-    report%residual = norm
+    report%residual = merge(norm, huge(norm), sqrt(square) <= farthest)
     ! The balance keeps forces and Jacobian of the answer, whatever the line search tried last.
     call ensure_evaluated(self%context, unknowns, status)
     if (status /= 0) report%converged = .false.

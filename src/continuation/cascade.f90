@@ -1,5 +1,5 @@
 !> Getting to a point by trying, in order: the point before; the same with springs on its mean that give way; motion in time; force
-!> steps with such springs; the stuck response; the frequency in smaller steps; the force in steps.
+!> steps with such springs; the stuck response; the frequency in smaller steps; the force in steps; contacts that are softer at first.
 !>
 !> Newton's method is the hard part at the onset of gross slip. Where the balance with its mean held says that friction alone
 !> cannot hold a body, and a little motion in time leads to nothing else, there is no orbit to look for; what has not settled after
@@ -9,6 +9,7 @@ module attrito_continuation_cascade
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_continuation_held_mean, only: can_hold, let_walk, held_solved, held_walks
+  use attrito_continuation_softened, only: can_soften, solve_by_stiffness
   use attrito_continuation_solver, only: solver_type
   use attrito_continuation_start_in_time, only: has_time, solve_in_time
   use attrito_continuation_ways, only: march_along, frequency_way_type, level_way_type
@@ -18,11 +19,12 @@ module attrito_continuation_cascade
 
   ! The attempts, in their order
   integer, parameter :: from_here_briefly = 1, held_from_here = 2, from_motion_in_time = 3, held_by_level = 4, from_here = 5, &
-                        from_stuck_response = 6, by_frequency = 7, by_level = 8
-  integer, parameter :: attempts(8) = [from_here_briefly, held_from_here, from_motion_in_time, held_by_level, from_here, &
-                                       from_stuck_response, by_frequency, by_level]
-  character(*), parameter :: attempt_names(8) = [character(18) :: 'newton_briefly', 'held_mean', 'motion_in_time', &
-                                                 'held_force_steps', 'newton', 'stuck_response', 'frequency_steps', 'force_steps']
+                        from_stuck_response = 6, by_frequency = 7, by_level = 8, by_stiffness = 9
+  integer, parameter :: attempts(9) = [from_here_briefly, held_from_here, from_motion_in_time, held_by_level, from_here, &
+                                       from_stuck_response, by_frequency, by_level, by_stiffness]
+  character(*), parameter :: attempt_names(9) = [character(18) :: 'newton_briefly', 'held_mean', 'motion_in_time', &
+                                                 'held_force_steps', 'newton', 'stuck_response', 'frequency_steps', 'force_steps', &
+                                                 'stiffness_steps']
 
   !> Iterations after which a way of small steps is given up, and one with the mean held
   integer, parameter :: way_iterations = 200, held_iterations = 60
@@ -89,6 +91,8 @@ contains
       is_possible = can_hold(solver)
      case (from_motion_in_time)
       is_possible = has_time(solver)
+     case (by_stiffness)
+      is_possible = can_soften(solver)
      case default
       is_possible = .true.
     end select
@@ -176,6 +180,8 @@ contains
       call solve_from_stuck(solver, omega, iterations, converged)
      case (by_frequency)
       call march_along(frequency_way_type(before%omega, omega), solver, iterations, converged, most_iterations=way_iterations)
+     case (by_stiffness)
+      call solve_by_stiffness(solver, omega, iterations, converged)
      case default  ! by_level
       call march_level(solver, omega, .false., way_iterations, iterations, converged)
     end select

@@ -124,12 +124,42 @@ def test_an_attempt_is_asked_for_by_its_name_and_leaves_the_session_where_it_sto
         solver.try_at("guess", frequencies[0])
 
 
+def test_contacts_that_are_soft_at_first_lead_to_an_orbit_that_no_other_attempt_finds():
+    family, at = Family(1, 1.0e4, 0.8, "none", 80.0), frequencies()[32]
+    with (
+        Integrator(family.scene()) as session,
+        Solver(MPI.COMM_SELF, family.scene(), Options(harmonics=10, by_events=True)) as solver,
+    ):
+        solver.walk_static_path(np.array([[0.0], [1.0]]), 20, at)
+        solver.set_excitation(60.0, 280.0, 1.0)
+        found = {name: solver.try_at(name, at) for name in ATTEMPTS}
+        (point,) = solver.solve_at([at], 1.0, 0)
+        session.start_static(np.array([[0.0], [1.0]]))
+        orbit = session.run(Run(at, cycles=2000, periodicity_tolerance=1e-8))
+    assert [name for name, one in found.items() if one.outcome == "converged"] == ["stiffness_steps"]
+    assert point.outcome == "converged"
+    assert point.amplitude == pytest.approx(found["stiffness_steps"].amplitude, rel=1e-6)
+    # Motion in time has an orbit of period one there; ten harmonics of its impacts leave out some percents.
+    assert orbit.period == 1
+    assert point.amplitude[0] == pytest.approx(orbit.amplitude[0], rel=0.1)
+
+
+def test_an_iterate_that_runs_off_is_no_solution():
+    # Pulled off the wall: from motion in time with soft contacts Newton's method ran to 1e202 of the amplitude.
+    family, at = Family(1, 1.0e4, 0.0, "apart", 45.0), frequencies()[2]
+    with Solver(MPI.COMM_SELF, family.scene(), Options(harmonics=10, by_events=True)) as solver:
+        solver.walk_static_path(np.array([[0.0], [1.0]]), 20, at)
+        solver.set_excitation(60.0, 280.0, 1.0)
+        point = solver.try_at("stiffness_steps", at)
+    assert point.outcome != "converged" or point.amplitude.max() < 1e-3
+
+
 @pytest.mark.parametrize(
     ("frequency_hz", "method", "outcome", "period"),
     [
         (60.0, "monodromy", "no_period_one_orbit", "2"),
         (60.0, "none", "no_period_one_orbit", ""),
-        (88.2051282, "monodromy", "not_converged", "1"),
+        (71.2820513, "monodromy", "not_converged", "1"),
     ],
 )
 def test_motion_in_time_tells_its_period_where_the_balance_has_no_orbit(

@@ -41,6 +41,7 @@ COLUMNS = {
     "stuck_response_outcome": "of Newton's method from the stuck response, alone",
     "frequency_steps_outcome": "of small steps in frequency, alone",
     "force_steps_outcome": "of small steps in force, alone",
+    "stiffness_steps_outcome": "of contacts that are soft at first, alone",
     "iterations": "Newton iterations of the method named before",
     "amplitude": "half range of x of the first mass by the method named before, m",
     "estimate": "estimated relative error of the coupled balance's peak by truncation",
