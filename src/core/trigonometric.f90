@@ -90,13 +90,10 @@ contains
     real(wp), intent(in) :: coefficients(:)
     !> Angles of [lowest, highest]
     real(wp) :: places(2)
-    real(wp) :: grid(16*size(coefficients)), jet(3), range(2)
+    real(wp) :: grid(16*size(coefficients)), range(2)
     integer :: j
 
-    do j = 1, size(grid)
-      jet = value_at(coefficients, theta_of(j))
-      grid(j) = jet(1)
-    end do
+    call sample(coefficients, grid)
     places = [theta_of(minloc(grid, 1)), theta_of(maxloc(grid, 1))]
     range = [minval(grid), maxval(grid)]
     do j = 1, size(grid)
@@ -130,6 +127,7 @@ contains
         step = -local(2)/local(3)
         if (abs(step) > two_pi/size(grid)) exit
         theta = theta + step
+        if (abs(step) <= epsilon(step)) exit
       end do
       local = value_at(coefficients, theta)
       if (side*(local(1) - value) < 0.0_wp) return
@@ -137,4 +135,24 @@ contains
       place = theta
     end subroutine keep_better
   end function extreme_places
+
+  !> Values at equally spaced angles, an even number of them from 0: half a period on odd harmonics have changed their sign.
+  pure subroutine sample(coefficients, values)
+    !> [a_0, a_c1, a_s1, ...]
+    real(wp), intent(in) :: coefficients(:)
+    real(wp), intent(out) :: values(:)
+    real(wp) :: cosines(size(coefficients)/2), sines(size(coefficients)/2), parts(0:1)
+    integer :: h, j, half
+
+    half = size(values)/2
+    do j = 1, half
+      call harmonics_at(two_pi*(j - 1)/size(values), cosines, sines)
+      parts = [coefficients(1), 0.0_wp]
+      do h = 1, size(cosines)
+        parts(modulo(h, 2)) = parts(modulo(h, 2)) + coefficients(2*h)*cosines(h) + coefficients(2*h + 1)*sines(h)
+      end do
+      values(j) = parts(0) + parts(1)
+      values(half + j) = parts(0) - parts(1)
+    end do
+  end subroutine sample
 end module attrito_core_trigonometric
