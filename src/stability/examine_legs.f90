@@ -116,8 +116,8 @@ contains
       call multipliers_of(system, nudges(i), period, beside, change, info)
       if (info == 0) call take_in(beside)
     end do
-    self%low = max(0.0_wp, self%low - band(.not. all(orbit%stuck)))
-    self%high = self%high + band(.not. all(orbit%stuck))
+    self%low = max(0.0_wp, self%low - max(self%change, band(.not. all(orbit%stuck))))
+    self%high = self%high + max(self%change, band(.not. all(orbit%stuck)))
 
   contains
 
@@ -251,7 +251,7 @@ contains
     logical, intent(in) :: switches
 
     verdict = not_examined
-    if (allocated(self%monodromy)) verdict = judge(self%monodromy, switches)
+    if (allocated(self%monodromy)) verdict = judge(self%monodromy, switches, self%change)
     if (.not. allocated(self%hill)) then
       if (verdict == indeterminate) self%reason = 'a multiplier is 1 in modulus'
       return

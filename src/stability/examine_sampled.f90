@@ -14,7 +14,7 @@ module attrito_stability_examine_sampled
   use attrito_stability_graze, only: nudged, grazing_contact
   use attrito_stability_multipliers, only: multiplier_type, largest_change
   use attrito_stability_sampled_motion, only: sampled_motion_type, motion_of_harmonics
-  use attrito_stability_sampled_multipliers, only: sampled_multipliers
+  use attrito_stability_sampled_multipliers, only: sampled_multipliers, choose_modes
   use attrito_stability_sampled_orbit, only: sampled_orbit_type, new_sampled_orbit, legs_of_orbit
   use attrito_stability_sampled_shooting, only: shoot_sampled, march_samples
   use attrito_stability_start, only: loading_of, start_of
@@ -32,6 +32,9 @@ module attrito_stability_examine_sampled
     type(multiplier_type), allocatable :: multipliers(:)
     !> By the last doubling of samples
     real(wp) :: change = 0.0_wp
+    !> Modes they are found in (0: not chosen yet), and what doubling these last changed
+    integer :: modes = 0
+    real(wp) :: by_modes = 0.0_wp
     !> A contact that grazes, 0: none
     integer :: grazes = 0
     !> Interval of the largest modulus: what samples leave open, and both sides of a graze; high < low: nothing is known
@@ -39,9 +42,6 @@ module attrito_stability_examine_sampled
     !> Why there are no multipliers
     character(:), allocatable :: failure
   end type sampled_examination_type
-
-  !> Modes beyond which contacts that slip along two tangents are not examined: the flow takes all
-  integer, parameter :: most_modes = 200
 
   character(*), parameter :: no_orbit = 'no orbit of motion in time near that of the balance'
 
@@ -60,10 +60,8 @@ contains
 
     if (iand(options%methods, by_monodromy) == 0) then
       self%reason = 'a contact slips along two tangents or opens, which Hill''s problem here does not know'
-    else if (size(system%eigenvalues) > most_modes) then
-      self%reason = 'too many modes for contacts that slip along two tangents'
+      return
     end if
-    if (len(self%reason) > 0) return
     if (options%orbit /= exact_orbit) then
       loading = loading_of(solver, system)
       call examine_harmonics(system, loading%period, motion, slider, sampled)
@@ -86,7 +84,7 @@ contains
     type(sampled_examination_type) :: sampled
     real(wp) :: moved, distance
 
-    if (iand(options%methods, by_monodromy) == 0 .or. size(system%eigenvalues) > most_modes) return
+    if (iand(options%methods, by_monodromy) == 0) return
     start = start_of(solver, system, slider(1, :))
     start%slider = slider
     loading = loading_of(solver, system)
@@ -129,9 +127,9 @@ contains
     self%high = -1.0_wp
     if (len(sampled%failure) > 0) return
     self%monodromy = sampled%multipliers
-    self%change = sampled%change
+    self%change = sampled%change + sampled%by_modes
     self%verdict = judge(self%monodromy, .true., self%change)
-    if (self%verdict == indeterminate) self%reason = 'a multiplier is 1 in modulus, as far as samples tell'
+    if (self%verdict == indeterminate) self%reason = 'a multiplier is 1 in modulus, as far as samples and modes tell'
     if (sampled%grazes > 0) then
       self%verdict = indeterminate
       self%reason = 'contact '//number(sampled%grazes - 1)//' grazes'
@@ -210,7 +208,9 @@ contains
       self%failure = 'a slider does not come back within the periods it was followed'
       return
     end if
-    call sampled_multipliers(system, orbit, period, self%multipliers, info)
+    info = 0
+    if (self%modes == 0) call choose_modes(system, orbit, period, self%modes, self%by_modes, info)
+    if (info == 0) call sampled_multipliers(system, self%modes, orbit, period, self%multipliers, info)
     if (info /= 0) then
       self%failure = 'eigenvalues were not found'
       return
@@ -248,13 +248,13 @@ contains
     self%low = largest_multiplier(self%multipliers)
     self%high = self%low
     do i = 1, merge(2, 0, self%grazes > 0)
-      call sampled_multipliers(system, beside(i), period, multipliers, info)
+      call sampled_multipliers(system, self%modes, beside(i), period, multipliers, info)
       if (info /= 0) cycle
       self%low = min(self%low, largest_multiplier(multipliers))
       self%high = max(self%high, largest_multiplier(multipliers))
     end do
-    self%low = max(0.0_wp, self%low - max(self%change, band(.true.)))
-    self%high = self%high + max(self%change, band(.true.))
+    self%low = max(0.0_wp, self%low - max(self%change + self%by_modes, band(.true.)))
+    self%high = self%high + max(self%change + self%by_modes, band(.true.))
 
   contains
 

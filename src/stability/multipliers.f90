@@ -15,7 +15,7 @@ module attrito_stability_multipliers
   use attrito_stability_reduced, only: reduce_to
   implicit none
   private
-  public :: multiplier_type, multipliers_of, in_modes, sorted_multipliers, restrict_to_range, largest_change
+  public :: multiplier_type, multipliers_of, in_modes, sorted_multipliers, restrict_to_range, largest_change, first_modes, accepted
   public :: kind_floquet, kind_slip, kind_stuck, kind_names
 
   integer, parameter :: kind_floquet = 0, kind_slip = 1, kind_stuck = 2
@@ -50,8 +50,7 @@ contains
     integer :: modes, all_modes
 
     all_modes = size(system%eigenvalues)
-    modes = max(few, count(system%eigenvalues <= (nearest*two_pi/period)**2))
-    if (modes >= all_modes) modes = all_modes
+    modes = first_modes(system, period)
     call in_modes(system, modes, orbit, period, multipliers, info)
     change = 0.0_wp
     do while (modes < all_modes .and. info == 0)
@@ -64,6 +63,15 @@ contains
       if (modes == all_modes) change = 0.0_wp
     end do
   end subroutine multipliers_of
+
+  !> Modes that are taken at first: all of few, or the lowest.
+  pure integer function first_modes(system, period)
+    type(system_type), intent(in) :: system
+    !> In units of the clock
+    real(wp), intent(in) :: period
+
+    first_modes = min(max(few, count(system%eigenvalues <= (nearest*two_pi/period)**2)), size(system%eigenvalues))
+  end function first_modes
 
   !> The farthest that a dynamic multiplier of at least half the largest modulus lies from all that were found before.
   pure real(wp) function largest_change(before, now)

@@ -10,6 +10,8 @@
 !>   slip begins:  r d(angle) = e_across . (du - dw),     slip ends:  dw = du - (mu kn/kt) dv e - r d(angle) e_across,
 !>   landing:      dw = du - (u'/v') dv, or, if it slips at once, along du' by the step itself.
 !>
+!> High modes may follow at rest (`attrito_stability_reduced`): displacements are then d = B p - R g, at both ends of a step.
+!>
 !> Of second order in the samples: polygons in e, and forces that are linear over steps; places of switches are better than that.
 module attrito_stability_sampled_monodromy
   use attrito_core_kinds, only: wp
@@ -17,15 +19,16 @@ module attrito_stability_sampled_monodromy
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open
   use attrito_integrate_exponential, only: exponential_weights
   use attrito_integrate_system, only: system_type
+  use attrito_stability_reduced, only: reduced_type
   use attrito_stability_sampled_orbit, only: sampled_orbit_type
   implicit none
   private
   public :: sampled_monodromy, memory_type, memory_of
 
-  !> Of motion and rate [m, columns], sliders that stick [2, contacts, columns], and angles of slip times their radius [contacts,
-  !> columns]
+  !> Of motion and rate [m, columns], sliders that stick [2, contacts, columns], angles of slip times their radius [contacts,
+  !> columns], and displacements of active rows at the end of the step before [rows, columns]
   type :: perturbation_type
-    real(wp), allocatable :: motion(:, :), rate(:, :), slider(:, :, :), angle(:, :)
+    real(wp), allocatable :: motion(:, :), rate(:, :), slider(:, :, :), angle(:, :), displacement(:, :)
   end type perturbation_type
 
   !> A number that a contact remembers where the period begins: a component of its slider (1, 2), or its direction of slip (0)
@@ -33,12 +36,17 @@ module attrito_stability_sampled_monodromy
     integer :: contact = 0, component = 0
   end type memory_type
 
-  !> Contacts that do not stick throughout: their rows, those of B Phi and the accelerations that their forces make [m, rows], and
-  !> where each contact's begin among them, 0 where it sticks [contacts]
+  !> Contacts that do not stick throughout: their rows, those of B Phi and the accelerations that their forces make [m, rows], the
+  !> compliance of high modes R [rows, rows], and where each contact's begin among them, 0 where it sticks [contacts]
   type :: active_type
-    real(wp), allocatable :: seen(:, :), pushed(:, :)
+    real(wp), allocatable :: seen(:, :), pushed(:, :), residual(:, :)
     integer, allocatable :: first(:)
   end type active_type
+
+  !> g of the active rows, stiffness d + constant: [rows, rows], [rows, columns]
+  type :: forces_type
+    real(wp), allocatable :: stiffness(:, :), constant(:, :)
+  end type forces_type
 
 contains
 
@@ -58,8 +66,8 @@ contains
   end function memory_of
 
   !> What a unit change of each of (motion [m], rate by the clock [m], memory) becomes in a period.
-  function sampled_monodromy(system, orbit, period) result(matrix)
-    type(system_type), intent(in) :: system
+  function sampled_monodromy(reduced, orbit, period) result(matrix)
+    type(reduced_type), intent(in) :: reduced
     type(sampled_orbit_type), intent(in) :: orbit
     !> In units of the clock
     real(wp), intent(in) :: period
@@ -67,25 +75,27 @@ contains
     type(memory_type), allocatable :: memory(:)
     type(perturbation_type) :: now
     type(active_type) :: active
-    real(wp) :: weights(4, 2, size(system%eigenvalues)), h, h_of_weights
+    real(wp) :: weights(4, 2, size(reduced%system%eigenvalues)), h, h_of_weights
     integer :: m, n, i, step
 
-    memory = memory_of(system, orbit)
-    m = size(system%eigenvalues)
-    n = 2*m + size(memory)
-    now = unit_perturbations(m, size(orbit%stuck), memory)
-    active = active_of(system, orbit)
-    h_of_weights = 0.0_wp
-    do step = 1, size(orbit%regime, 2)
-      if (step > 1) call change_regimes(system, orbit, step - 1, step, now)
-      h = period*(orbit%times(step) - orbit%times(step - 1))
-      if (abs(h - h_of_weights) > 1.0e-12_wp*h) then
-        weights = exponential_weights(system%eigenvalues, system%damping, h)
-        h_of_weights = h
-      end if
-      call step_on(system, orbit, step, active, weights, now)
-    end do
-    call change_regimes(system, orbit, size(orbit%regime, 2), 1, now)
+    associate (system => reduced%system)
+      memory = memory_of(system, orbit)
+      m = size(system%eigenvalues)
+      n = 2*m + size(memory)
+      now = unit_perturbations(m, size(orbit%stuck), memory)
+      active = active_of(reduced, orbit)
+      h_of_weights = 0.0_wp
+      do step = 1, size(orbit%regime, 2)
+        if (step > 1) call change_regimes(system, orbit, step - 1, step, active, now)
+        h = period*(orbit%times(step) - orbit%times(step - 1))
+        if (abs(h - h_of_weights) > 1.0e-12_wp*h) then
+          weights = exponential_weights(system%eigenvalues, system%damping, h)
+          h_of_weights = h
+        end if
+        call step_on(system, orbit, step, active, weights, now)
+      end do
+      call change_regimes(system, orbit, size(orbit%regime, 2), 1, active, now)
+    end associate
     allocate (matrix(n, n))
     matrix(:m, :) = now%motion
     matrix(m + 1:2*m, :) = now%rate
@@ -113,8 +123,8 @@ contains
     end do
   end function unit_perturbations
 
-  pure function active_of(system, orbit) result(self)
-    type(system_type), intent(in) :: system
+  pure function active_of(reduced, orbit) result(self)
+    type(reduced_type), intent(in) :: reduced
     type(sampled_orbit_type), intent(in) :: orbit
     type(active_type) :: self
     integer, allocatable :: rows(:)
@@ -125,20 +135,22 @@ contains
     do i = 1, size(orbit%stuck)
       if (orbit%stuck(i)) cycle
       self%first(i) = size(rows) + 1
-      associate (law => system%law(i))
+      associate (law => reduced%system%law(i))
         rows = [rows, (law%first_row + a, a=0, law%tangents)]
       end associate
     end do
-    self%seen = system%rows(:, rows)
-    self%pushed = system%pushes(:, rows)
+    self%seen = reduced%system%rows(:, rows)
+    self%pushed = reduced%system%pushes(:, rows)
+    self%residual = reduced%residual(rows, rows)
   end function active_of
 
   !> What contacts remember where they begin to do something else.
-  subroutine change_regimes(system, orbit, before, after, now)
+  subroutine change_regimes(system, orbit, before, after, active, now)
     type(system_type), intent(in) :: system
     type(sampled_orbit_type), intent(in) :: orbit
     !> Steps
     integer, intent(in) :: before, after
+    type(active_type), intent(in) :: active
     type(perturbation_type), intent(inout) :: now
     real(wp) :: du(2, size(now%motion, 2)), dv(size(now%motion, 2)), direction(2), across(2)
     integer :: i, a, n
@@ -148,8 +160,8 @@ contains
       associate (law => system%law(i), old => orbit%regime(i, before), new => orbit%regime(i, after))
         n = law%tangents
         du = 0.0_wp
-        du(:n, :) = matmul(transpose(system%rows(:, law%first_row:law%first_row + n - 1)), now%motion)
-        dv = matmul(system%rows(:, law%first_row + n), now%motion)
+        du(:n, :) = now%displacement(active%first(i):active%first(i) + n - 1, :)
+        dv = now%displacement(active%first(i) + n, :)
         if (old == regime_stick .and. new == regime_slip) then
           direction = orbit%direction(:, i, after)
           across = [-direction(2), direction(1)]
@@ -180,36 +192,50 @@ contains
     type(active_type), intent(in) :: active
     real(wp), intent(in) :: weights(:, :, :)
     type(perturbation_type), intent(inout) :: now
+    type(forces_type) :: forces
     real(wp), dimension(size(now%motion, 1), size(now%motion, 2)) :: before, after, free, rate
-    real(wp), dimension(size(active%seen, 2), size(now%motion, 2)) :: from, to, constant
-    real(wp), dimension(size(active%seen, 2), size(active%seen, 2)) :: stiffness, compliance, matrix
-    integer :: pass, i, info
+    real(wp), dimension(size(active%seen, 2), size(now%motion, 2)) :: from, to
+    real(wp) :: compliance(size(active%seen, 2), size(active%seen, 2))
+    integer :: pass
 
-    from = matmul(transpose(active%seen), now%motion)
-    before = -matmul(active%pushed, forces_before(system, orbit, step, active, from, now))
+    forces = forces_before(system, orbit, step, active, now)
+    from = displacements(matmul(transpose(active%seen), now%motion), active%residual, forces)
+    before = -matmul(active%pushed, matmul(forces%stiffness, from) + forces%constant)
     if (allocated(system%coupling)) before = before - matmul(system%coupling, now%rate)
-    call forces_after(system, orbit, step, active, from, now, stiffness, constant)
-    compliance = matmul(transpose(active%seen), spread(weights(4, 1, :), 2, size(from, 1))*active%pushed)
+    forces = forces_after(system, orbit, step, active, from, now)
+    compliance = matmul(transpose(active%seen), spread(weights(4, 1, :), 2, size(from, 1))*active%pushed) + active%residual
     rate = now%rate
     do pass = 1, merge(3, 1, allocated(system%coupling))
       after = 0.0_wp
       if (allocated(system%coupling)) after = -matmul(system%coupling, rate)
       free = times(weights(1, 1, :), now%motion) + times(weights(2, 1, :), now%rate) + times(weights(3, 1, :), before) &
              + times(weights(4, 1, :), after)
-      matrix = matmul(compliance, stiffness)
-      do i = 1, size(matrix, 1)
-        matrix(i, i) = matrix(i, i) + 1.0_wp
-      end do
-      to = matmul(transpose(active%seen), free) - matmul(compliance, constant)
-      call solve_dense(matrix, to, info)
-      after = after - matmul(active%pushed, matmul(stiffness, to) + constant)
+      to = displacements(matmul(transpose(active%seen), free), compliance, forces)
+      after = after - matmul(active%pushed, matmul(forces%stiffness, to) + forces%constant)
       rate = times(weights(1, 2, :), now%motion) + times(weights(2, 2, :), now%rate) + times(weights(3, 2, :), before) &
              + times(weights(4, 2, :), after)
     end do
     call turn_directions(system, orbit, step, active, from, to, now)
-    now%motion = free - matmul(spread(weights(4, 1, :), 2, size(from, 1))*active%pushed, matmul(stiffness, to) + constant)
+    now%motion = free - matmul(spread(weights(4, 1, :), 2, size(from, 1))*active%pushed, &
+                               matmul(forces%stiffness, to) + forces%constant)
     now%rate = rate
+    now%displacement = to
   end subroutine step_on
+
+  !> Of active rows, d = free - compliance g(d) [rows, columns].
+  function displacements(free, compliance, forces) result(d)
+    real(wp), intent(in) :: free(:, :), compliance(:, :)
+    type(forces_type), intent(in) :: forces
+    real(wp) :: d(size(free, 1), size(free, 2)), matrix(size(free, 1), size(free, 1))
+    integer :: i, info
+
+    matrix = matmul(compliance, forces%stiffness)
+    do i = 1, size(matrix, 1)
+      matrix(i, i) = matrix(i, i) + 1.0_wp
+    end do
+    d = free - matmul(compliance, forces%constant)
+    call solve_dense(matrix, d, info)
+  end function displacements
 
   !> Each row times its weight.
   pure function times(weight, matrix) result(product)
@@ -219,42 +245,41 @@ contains
     product = spread(weight, 2, size(matrix, 2))*matrix
   end function times
 
-  !> g of the active rows where a step begins [rows, columns].
-  pure function forces_before(system, orbit, step, active, from, now) result(g)
+  !> Where a step begins.
+  pure function forces_before(system, orbit, step, active, now) result(g)
     type(system_type), intent(in) :: system
     type(sampled_orbit_type), intent(in) :: orbit
     integer, intent(in) :: step
     type(active_type), intent(in) :: active
-    !> Displacements of the active rows there [rows, columns]
-    real(wp), intent(in) :: from(:, :)
     type(perturbation_type), intent(in) :: now
-    real(wp) :: g(size(from, 1), size(from, 2)), across(2)
+    type(forces_type) :: g
+    real(wp) :: across(2)
     integer :: i, a
 
-    g = 0.0_wp
+    g = no_forces(active, now)
     do i = 1, size(active%first)
       if (active%first(i) == 0) cycle
-      associate (law => system%law(i), u => active%first(i), v => active%first(i) + system%law(i)%tangents, &
-                 e => orbit%direction(:, i, step))
+      associate (law => system%law(i), v => active%first(i) + system%law(i)%tangents, e => orbit%direction(:, i, step))
         across = [-e(2), e(1)]
-        if (orbit%regime(i, step) == regime_open) g(v, :) = -law%normal_stiffness*from(v, :)
+        if (orbit%regime(i, step) == regime_open) g%stiffness(v, v) = -law%normal_stiffness
         do a = 1, law%tangents
-          select case (orbit%regime(i, step))
-           case (regime_stick)
-            g(u + a - 1, :) = -law%tangential_stiffness*now%slider(a, i, :)
-           case (regime_slip)
-            g(u + a - 1, :) = law%friction_coefficient*law%normal_stiffness*e(a)*from(v, :) &
-                              + law%tangential_stiffness*(across(a)*now%angle(i, :) - from(u + a - 1, :))
-           case default
-            g(u + a - 1, :) = -law%tangential_stiffness*from(u + a - 1, :)
-          end select
+          associate (row => active%first(i) + a - 1)
+            if (orbit%regime(i, step) == regime_stick) then
+              g%constant(row, :) = -law%tangential_stiffness*now%slider(a, i, :)
+            else
+              g%stiffness(row, row) = -law%tangential_stiffness
+            end if
+            if (orbit%regime(i, step) /= regime_slip) cycle
+            g%stiffness(row, v) = law%friction_coefficient*law%normal_stiffness*e(a)
+            g%constant(row, :) = law%tangential_stiffness*across(a)*now%angle(i, :)
+          end associate
         end do
       end associate
     end do
   end function forces_before
 
-  !> g of the active rows where a step ends, stiffness d + constant.
-  pure subroutine forces_after(system, orbit, step, active, from, now, stiffness, constant)
+  !> Where a step ends.
+  pure function forces_after(system, orbit, step, active, from, now) result(g)
     type(system_type), intent(in) :: system
     type(sampled_orbit_type), intent(in) :: orbit
     integer, intent(in) :: step
@@ -262,36 +287,44 @@ contains
     !> Displacements of the active rows where it begins [rows, columns]
     real(wp), intent(in) :: from(:, :)
     type(perturbation_type), intent(in) :: now
-    !> [rows, rows], [rows, columns]
-    real(wp), intent(out) :: stiffness(:, :), constant(:, :)
+    type(forces_type) :: g
     real(wp) :: across(2), slope
     integer :: i, a, n
 
-    stiffness = 0.0_wp
-    constant = 0.0_wp
+    g = no_forces(active, now)
     do i = 1, size(active%first)
       if (active%first(i) == 0) cycle
       n = system%law(i)%tangents
       associate (law => system%law(i), u => active%first(i), v => active%first(i) + n, turned => orbit%turned(i, step))
-        if (orbit%regime(i, step) == regime_open) stiffness(v, v) = -law%normal_stiffness
+        if (orbit%regime(i, step) == regime_open) g%stiffness(v, v) = -law%normal_stiffness
         if (orbit%regime(i, step) == regime_slip) across = law%tangential_stiffness*turned%radius*[-turned%e(2), turned%e(1)]
         slope = law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness
         do a = 1, n
           associate (row => u + a - 1)
             if (orbit%regime(i, step) == regime_stick) then
-              constant(row, :) = -law%tangential_stiffness*now%slider(a, i, :)
+              g%constant(row, :) = -law%tangential_stiffness*now%slider(a, i, :)
             else
-              stiffness(row, row) = -law%tangential_stiffness
+              g%stiffness(row, row) = -law%tangential_stiffness
             end if
             if (orbit%regime(i, step) /= regime_slip) cycle
-            constant(row, :) = across(a)*kept_angle(system, orbit, step, i, from(u:v, :), now)
-            stiffness(row, u:v - 1) = stiffness(row, u:v - 1) + across(a)*turned%by_to(:n)
-            stiffness(row, v) = law%tangential_stiffness*slope*turned%e(a) + across(a)*slope*turned%by_radii(2)
+            g%constant(row, :) = across(a)*kept_angle(system, orbit, step, i, from(u:v, :), now)
+            g%stiffness(row, u:v - 1) = g%stiffness(row, u:v - 1) + across(a)*turned%by_to(:n)
+            g%stiffness(row, v) = law%tangential_stiffness*slope*turned%e(a) + across(a)*slope*turned%by_radii(2)
           end associate
         end do
       end associate
     end do
-  end subroutine forces_after
+  end function forces_after
+
+  pure function no_forces(active, now) result(g)
+    type(active_type), intent(in) :: active
+    type(perturbation_type), intent(in) :: now
+    type(forces_type) :: g
+
+    associate (rows => size(active%seen, 2))
+      allocate (g%stiffness(rows, rows), g%constant(rows, size(now%motion, 2)), source=0.0_wp)
+    end associate
+  end function no_forces
 
   !> What the direction at a step's end has of what was at its beginning: of the direction, displacements and radius [columns].
   pure function kept_angle(system, orbit, step, contact, from, now) result(angle)

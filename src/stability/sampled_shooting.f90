@@ -5,7 +5,8 @@
 !>
 !> with the monodromy of the sampled motion for its derivative. The map of a scheme with steps of fixed length has a derivative that
 !> differs from it by a part that shrinks with the steps, since its forces jump at steps and not where contacts switch; so Newton's
-!> method gains a constant factor a step, and the orbit it comes to is of second order in the steps.
+!> method gains a constant factor a step, and the orbit it comes to is of second order in the steps. Of many modes the lowest are in
+!> M, and the others go where the period leaves them.
 module attrito_stability_sampled_shooting
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: solve_dense
@@ -14,6 +15,7 @@ module attrito_stability_sampled_shooting
   use attrito_integrate_schemes, only: scheme_type, new_scheme, start_scheme, step_scheme, scheme_exponential
   use attrito_integrate_state, only: state_type
   use attrito_integrate_system, only: system_type
+  use attrito_stability_reduced, only: reduce_to
   use attrito_stability_sampled_monodromy, only: sampled_monodromy, memory_type, memory_of
   use attrito_stability_sampled_motion, only: sampled_motion_type
   use attrito_stability_sampled_orbit, only: sampled_orbit_type, new_sampled_orbit
@@ -24,6 +26,8 @@ module attrito_stability_sampled_shooting
   !> Most Newton steps, and the change that counts as none, relative to the motion
   integer, parameter :: most_steps = 30
   real(wp), parameter :: settled = 1.0e-9_wp
+  !> Modes in the monodromy that Newton's method takes, at most
+  integer, parameter :: most_modes = 100
   !> Part of its radius by which a slider that slips is put beyond it
   real(wp), parameter :: beyond = 1.0e-10_wp
 
@@ -43,30 +47,35 @@ contains
     logical, intent(out) :: found
     type(state_type) :: first, end
     type(sampled_orbit_type) :: orbit
-    real(wp), allocatable :: matrix(:, :), step(:, :)
+    real(wp), allocatable :: matrix(:, :), step(:, :), full(:)
+    integer, allocatable :: rows(:)
     real(wp) :: range
-    integer :: iteration, i, info, m
+    integer :: iteration, i, info, m, modes
 
     first = start
     m = size(start%motion)
+    modes = min(m, most_modes)
     moved = 0.0_wp
     do iteration = 1, most_steps
       end = start
       call march_samples(system, loading, steps, end, motion, range, found)
       if (.not. found) return
       call new_sampled_orbit(system%law, motion, end%slider, orbit)
-      matrix = sampled_monodromy(system, orbit, loading%period)
+      matrix = sampled_monodromy(reduce_to(system, modes), orbit, loading%period)
       do i = 1, size(matrix, 1)
         matrix(i, i) = matrix(i, i) - 1.0_wp
       end do
-      step = reshape(-residual(system, memory_of(system, orbit), start, end), [size(matrix, 1), 1])
+      full = residual(system, memory_of(system, orbit), start, end)
+      rows = [(i, i=1, modes), (m + i, i=1, modes), (2*m + i, i=1, size(full) - 2*m)]
+      step = reshape(-full(rows), [size(rows), 1])
       call solve_dense(matrix, step, info)
       found = info == 0
       if (.not. found) return
-      found = norm2(step(:2*m, 1)) <= settled*range
+      full(rows) = step(:, 1)
+      found = norm2(full(:2*m)) <= settled*range
       moved = norm2(start%motion - first%motion)/range
-      if (found .or. .not. norm2(step(:2*m, 1)) <= 1.0e3_wp*range) return
-      call move(system, orbit, memory_of(system, orbit), step(:, 1), end, start)
+      if (found .or. .not. norm2(full(:2*m)) <= 1.0e3_wp*range) return
+      call move(system, orbit, memory_of(system, orbit), full, end, start)
     end do
   end subroutine shoot_sampled
 

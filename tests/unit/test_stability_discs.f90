@@ -2,7 +2,7 @@
 program test_stability_discs
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp, two_pi
-  use attrito_contact_state, only: regime_slip
+  use attrito_contact_state, only: regime_slip, regime_open
   use attrito_continuation_cascade, only: solve_by_cascade
   use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
   use attrito_continuation_static_path, only: walk_static_path
@@ -13,7 +13,8 @@ program test_stability_discs
   use attrito_model_structure, only: damping_viscous
   use attrito_stability_examine_sampled, only: sampled_examination_type, examine_in_time
   use attrito_stability_leg, only: orbit_legs_type, legs_of_motion
-  use attrito_stability_multipliers, only: multiplier_type, multipliers_of, kind_floquet, kind_slip
+  use attrito_stability_multipliers, only: multiplier_type, multipliers_of, largest_change, kind_floquet, kind_slip
+  use attrito_stability_reduced, only: reduce_to
   use attrito_stability_sampled_monodromy, only: sampled_monodromy
   use attrito_stability_sampled_motion, only: sampled_motion_type, motion_of_harmonics
   use attrito_stability_sampled_multipliers, only: sampled_multipliers
@@ -21,7 +22,7 @@ program test_stability_discs
   use attrito_stability_sampled_shooting, only: march_samples, shoot_sampled
   use attrito_stability_start, only: loading_of, start_of
   use attrito_stability_verdict, only: judge, largest_multiplier, stable, unstable
-  use scenes, only: scene_type, wedge
+  use scenes, only: scene_type, wedge, noise
   use session, only: run_in_session, only_me
   use testing, only: test, check, check_close
   implicit none
@@ -31,6 +32,7 @@ program test_stability_discs
                       test('contacts of one tangent have the multipliers of the event-exact flow, to second order', lines), &
                       test('a motion in a plane has the multipliers of its plane beside those across it', plane), &
                       test('the monodromy is the derivative of the flow', derivative), &
+                      test('doubling the modes changes multipliers by more than is left out then', projected), &
                       test('an orbit of motion in time is left or come back to as its multipliers say', verdicts)])
 
 contains
@@ -56,7 +58,7 @@ contains
     do i = 1, 2
       call new_sampled_orbit(system%law, motion_of_harmonics(motion, 64*i), reshape([0.0_wp, 0.0_wp], [2, 1]), orbit)
       call check(error, orbit%periodic .and. all(orbit%regime == regime_slip), 'it does not slip throughout')
-      call sampled_multipliers(system, orbit, two_pi/0.5_wp*system%clock, multipliers, info)
+      call sampled_multipliers(system, 2, orbit, two_pi/0.5_wp*system%clock, multipliers, info)
       call check(error, info == 0, 'no eigenvalues')
       if (allocated(error)) return
       call check(error, count(multipliers%kind == kind_floquet) == 5 .and. count(multipliers%kind == kind_slip) == 1, 'kinds')
@@ -136,7 +138,7 @@ contains
       do i = 1, 2
         call new_sampled_orbit(system%law, motion_of_harmonics(motion, 512*i), slider, orbit)
         call check(error, orbit%periodic, 'the slider does not come back')
-        call sampled_multipliers(system, orbit, two_pi/solver%omega*system%clock, multipliers, info)
+        call sampled_multipliers(system, size(system%eigenvalues), orbit, two_pi/solver%omega*system%clock, multipliers, info)
         call check(error, info == 0, 'no eigenvalues')
         if (allocated(error)) return
         apart(i) = maxval([(minval(abs(multipliers%value - known(j)%value)), j=1, size(known))])
@@ -265,7 +267,7 @@ contains
       call check(error, all([(any(orbit%regime == regime), regime=0, 2)]) .and. orbit%regime(1, 1) == regime_slip, &
                  'it does not stick, slip and open: the test is void')
       if (allocated(error)) return
-      matrix = sampled_monodromy(system, orbit, loading%period)
+      matrix = sampled_monodromy(reduce_to(system, size(system%eigenvalues)), orbit, loading%period)
       apart(i) = maxval(abs(matrix - differences))/maxval(abs(differences))
     end do
     ! The change of a thousandth leaves 1e-6 by curvature, and of the scheme's steps one in sixteen that a switch is moved by: 1e-4 of
@@ -273,6 +275,77 @@ contains
     call check_close(error, apart(2), 0.0_wp, 1.0e-3_wp, 'monodromy')
     call check_close(error, log(apart(1)/apart(2))/log(2.0_wp), 2.0_wp, 0.3_wp, 'order')
   end subroutine derivative
+
+  !> With 29 modes far above that the contact moves, some ten times stiffer than it together: in 8, 16 and all 32 modes.
+  subroutine projected(error)
+    type(error_type), allocatable, intent(out) :: error
+    integer, parameter :: modes(3) = [8, 16, 32]
+    type(scene_type) :: scene
+    type(solver_type) :: solver
+    type(system_type) :: system
+    type(sampled_orbit_type) :: orbit
+    type(multiplier_type), allocatable :: few(:), more(:), every(:)
+    real(wp) :: period, slider(2, 1)
+    integer :: info(3)
+
+    scene = wedge(45.0_wp)
+    call stiffen(scene)
+    call spread_out(scene)
+    scene%structure%harmonic_load(3, 3) = 20.0_wp
+    call add_high_modes(scene, modes(3) - 3)
+    call balance(scene, 110.0_wp, 1.0_wp, solver, error)
+    if (allocated(error)) return
+    call new_system(solver%structure, solver%contacts, system, error)
+    if (allocated(error)) return
+    slider(:, 1) = solver%context%balance%forces(1)%slider
+    call new_sampled_orbit(system%law, motion_of_harmonics(solver%motion, 512), slider, orbit)
+    call check(error, any(orbit%regime == regime_slip) .and. any(orbit%regime == regime_open), 'it does not slip and open')
+    period = two_pi/solver%omega*system%clock
+    call sampled_multipliers(system, modes(1), orbit, period, few, info(1))
+    call sampled_multipliers(system, modes(2), orbit, period, more, info(2))
+    call sampled_multipliers(system, modes(3), orbit, period, every, info(3))
+    call solver%destroy()
+    call check(error, all(info == 0), 'no eigenvalues')
+    if (allocated(error)) return
+    call check(error, largest_change(few, more) > 1.0e-6_wp, 'the modes left out do not matter: the test is void')
+    call check(error, largest_change(more, every) < largest_change(few, more), 'more is left out than the doubling changed')
+    ! Modes 8 and up are at rest to 110 Hz over 3.5 kHz and more of twice their damping ratio, 0.3, times 2 pi in an exponent, of a
+    ! tenth.
+    call check(error, largest_change(few, every) < 1.2e-2_wp, 'modes at rest leave out too much')
+  end subroutine projected
+
+  !> Coordinates on springs of 2e8, from 1.5 kHz up, that add to all rows, each damped by a ratio of 0.3.
+  subroutine add_high_modes(scene, high)
+    type(scene_type), intent(inout) :: scene
+    integer, intent(in) :: high
+    type(scene_type) :: low
+    real(wp), parameter :: spring = 2.0e8_wp, ratio = 0.3_wp
+    real(wp) :: omega
+    integer :: i, m
+
+    low = scene
+    m = size(low%structure%mass, 1)
+    scene%contacts = new_contacts(low%contacts%law, reshape([transpose(low%contacts%directions), noise(3*high, 9)], [m + high, 3], &
+                                                            order=[2, 1]))
+    associate (structure => scene%structure)
+      deallocate (structure%mass, structure%stiffness, structure%damping, structure%static_loads, structure%harmonic_load, &
+                  structure%monitors)
+      allocate (structure%mass(m + high, m + high), structure%stiffness(m + high, m + high), structure%damping(m + high, m + high), &
+                structure%static_loads(m + high, 1), structure%harmonic_load(m + high, 3), structure%monitors(m + high, 0), &
+                source=0.0_wp)
+      structure%mass(:m, :m) = low%structure%mass
+      structure%stiffness(:m, :m) = low%structure%stiffness
+      structure%damping(:m, :m) = low%structure%damping
+      structure%static_loads(:m, :) = low%structure%static_loads
+      structure%harmonic_load(:m, :) = low%structure%harmonic_load
+      do i = 1, high
+        omega = two_pi*(1.0e3_wp + 5.0e2_wp*i)
+        structure%mass(m + i, m + i) = spring/omega**2
+        structure%stiffness(m + i, m + i) = spring
+        structure%damping(m + i, m + i) = 2.0_wp*ratio*spring/omega
+      end do
+    end associate
+  end subroutine add_high_modes
 
   !> Motion, rate and angle of slip times radius after a period from a state of which one of these is changed.
   function moved(system, loading, start, which, h, steps) result(end)
