@@ -78,6 +78,20 @@ class TimedSolver(Solver):
         seconds = least_mean(lambda repeats: self._timed("attrito_time_step", repeats, ctypes.byref(iterations)))
         return seconds, iterations.value
 
+    def linear_frf(self, frequencies_hz: np.ndarray) -> list[tuple[float, np.ndarray, np.ndarray]]:
+        """A linear response with every contact row recovered, told point by point as a sweep is.
+
+        Frequency, coefficients of the monitors and their amplitudes.
+        """
+        points = []
+        point, handle = self._library.attrito_linear_point, self._handle
+        for frequency in frequencies_hz:
+            if point(handle, ctypes.c_double(2.0 * np.pi * frequency), *self._told_at) != 0:
+                raise RuntimeError("the stuck system is singular at this frequency")
+            harmonics, amplitude = self._told
+            points.append((frequency, harmonics.copy(), amplitude.copy()))
+        return points
+
     def linear_response(self, frequency_hz: float) -> float:
         """Seconds of a linear response that recovers every contact row, at one frequency."""
 

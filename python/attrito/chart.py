@@ -255,7 +255,7 @@ class Bench:
             started = time.process_time()
             points = list(solver.solve_at(self._frequencies, self._level, 0))
             seconds = time.process_time() - started
-            return seconds, [replace(point, work=point.work - solver.static_work) for point in points]
+            return seconds, [point._replace(work=point.work - solver.static_work) for point in points]
 
     def _uncondensed(self, ladder: list[int]) -> Iterator[Way]:
         """Work of as many iterations on all coordinates, (2/3) (m (2 H + 1))^3 each, without the contacts' forces."""

@@ -7,7 +7,6 @@ another, or none, that is the evidence of `no_period_one_orbit`.
 
 from __future__ import annotations
 
-import dataclasses
 from typing import TYPE_CHECKING
 
 import h5py
@@ -60,7 +59,7 @@ class LongerPeriods:
         if period is None:
             return point
         self.periods[number] = period
-        return dataclasses.replace(point, outcome=_outcome(period))
+        return point._replace(outcome=_outcome(period))
 
     def _period(self, point: Point) -> int | None:
         choices = Run(

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import ctypes
 import math
+import operator
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -129,8 +130,7 @@ class ReducedScene:
     monitor_names: list[str]
 
 
-@dataclass(frozen=True)
-class Point:
+class Point(NamedTuple):
     """One point of a sweep.
 
     `states` counts contacts stuck, shaken down, slipping, open; `harmonics` are the coefficients of the monitors,
@@ -159,6 +159,9 @@ class Point:
     followed: bool
 
 
+_errors_of = operator.attrgetter(*ERRORS)
+
+
 class Solver:
     """A session of the library on a reduced scene; close it, or use it in a `with` block."""
 
@@ -170,6 +173,7 @@ class Solver:
         self.coefficients = 2 * options.harmonics + 1
         # Counted up to the end of the last static load path
         self.static_work = 0.0
+        self._make_room(options.harmonics)
         m = len(scene.mass)
         damping = None if scene.damping is None else _pointer(scene.damping)
         self._handle = ctypes.c_void_p(
@@ -232,8 +236,9 @@ class Solver:
     def go_on(self) -> Iterator[Point]:
         """The points of a sweep that are left after the last."""
         raw = _Point()
+        told_at, next_point = ctypes.byref(raw), self._library.attrito_next_point
         while not raw.finished:
-            self._library.attrito_next_point(self._handle, ctypes.byref(raw))
+            next_point(self._handle, told_at)
             yield self._point(raw, followed=True)
 
     def set_excitation(
@@ -356,10 +361,17 @@ class Solver:
         self.close()
 
     def _monitors(self, harmonic_count: int) -> tuple[np.ndarray, np.ndarray]:
+        if self._told[0].shape[1] != 2 * harmonic_count + 1:
+            self._make_room(harmonic_count)
+        self._library.attrito_monitors(self._handle, *self._told_at)
+        harmonics, amplitude = self._told
+        return harmonics.copy(), amplitude.copy()
+
+    def _make_room(self, harmonic_count: int) -> None:
+        """For what the library tells of the monitors; kept from point to point."""
         count = len(self._scene.monitors)
-        harmonics, amplitude = np.zeros((count, 2 * harmonic_count + 1)), np.zeros(count)
-        self._library.attrito_monitors(self._handle, _pointer(harmonics), _pointer(amplitude))
-        return harmonics, amplitude
+        self._told = np.zeros((count, 2 * harmonic_count + 1)), np.zeros(count)
+        self._told_at = tuple(_pointer(array) for array in self._told)
 
     def _point(self, raw: _Point, followed: bool) -> Point:
         self.coefficients = 2 * raw.harmonic_count + 1
@@ -373,7 +385,7 @@ class Solver:
             raw.unique == 1,
             raw.residual,
             raw.estimate,
-            tuple(getattr(raw, name) for name in ERRORS),
+            _errors_of(raw),
             raw.samples,
             raw.work,
             tuple(raw.states),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import dataclasses
 from typing import TYPE_CHECKING
 
 import h5py
@@ -79,7 +78,7 @@ class Examiner:
                 self.lows[number], self.highs[number] = report.low, report.high
             if reason:
                 self.reasons[number] = reason
-        return dataclasses.replace(point, outcome=OUTCOMES.get(report.verdict, point.outcome))
+        return point._replace(outcome=OUTCOMES.get(report.verdict, point.outcome))
 
     def put_down(self) -> dict[str, np.ndarray]:
         """What was found of the last point, at the root."""

@@ -190,18 +190,16 @@ contains
     class(error_control_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
     type(finer_point_type), intent(out) :: finer
-    real(wp) :: moving, sampled, error
+    real(wp) :: sampled, error
     integer :: harmonics
 
     self%errors%harmonics = 0.0_wp
     self%errors%samples = 0.0_wp
     if (.not. solver%report%converged) return
     associate (balance => solver%context%balance)
-      moving = count(balance%forces%state >= state_slipping)
+      if (solver%all_stick .and. size(solver%structure%harmonic_load, 2) <= balance%coefficients()) return
       sampled = count(balance%forces%state >= state_slipping .and. .not. (balance%by_events .and. balance%law%tangents == 1))
-      call balance%ranks%sum(moving)
       call balance%ranks%sum(sampled)
-      if (moving <= 0.0_wp .and. size(solver%structure%harmonic_load, 2) <= balance%coefficients()) return
       harmonics = min(longer_series(balance%receptance%harmonics), (balance%fourier%samples - 1)/2)
       call prepare(self%longer, solver, harmonics, balance%fourier%samples)
       if (sampled > 0.0_wp) then

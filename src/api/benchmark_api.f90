@@ -2,7 +2,7 @@
 module attrito_api_benchmark
   use, intrinsic :: iso_c_binding
   use attrito_core_kinds, only: wp
-  use attrito_core_lapack, only: few_rows_times
+  use attrito_core_trigonometric, only: extrema
   use attrito_model_contacts, only: contact_type
   use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_quadrature_event, only: evaluate_contact_by_events
@@ -10,7 +10,9 @@ module attrito_api_benchmark
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, new_grid
   use attrito_balance_border, only: constraint_type
   use attrito_balance_linearised_step, only: solve_linearised
+  use attrito_balance_stuck_response, only: linear_motion, recover_loaded
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
+  use attrito_output_point_report, only: monitored
   use attrito_api_session, only: session_type, session_of, contact_law_type, law_of
   implicit none
   private
@@ -30,7 +32,7 @@ contains
       call solver%set_slider(0.0_wp*solver%static_slider)
       call balance%receptance%set_frequency(omega, status)
       if (status /= 0) return
-      solver%motion = balance%linear_motion()
+      solver%motion = linear_motion(balance)
       solver%omega = omega
     end associate
   end function attrito_stand_at_stuck_response
@@ -99,29 +101,49 @@ contains
     integer(c_int), value :: repeats
     real(c_double), intent(out) :: seconds
     type(session_type), pointer :: session
-    complex(wp), allocatable :: response(:, :)
-    real(wp), allocatable :: motion(:, :)
+    real(wp), allocatable :: moving(:, :)
     real(wp) :: started
-    integer :: h, i
+    integer :: i
 
     session => session_of(handle)
     associate (balance => session%solver%context%balance)
-      allocate (response, mold=balance%harmonic_load)
       started = clock()
       do i = 1, repeats
-        call balance%receptance%set_frequency(omega*(1.0_wp + 1.0e-6_wp*i), status)
+        call balance%receptance%set_frequency(omega*(1.0_wp + 1.0e-6_wp*i), status, balance%highest_load())
         if (status /= 0) exit
-        call balance%receptance%respond(balance%harmonic_load, response)
-        do h = 1, balance%receptance%harmonics
-          if (all(abs(balance%harmonic_load(:, h)) <= 0.0_wp)) cycle
-          motion = few_rows_times(reshape([real(response(:, h + 1), wp), -aimag(response(:, h + 1))], [size(response, 1), 2]), &
-                                  balance%directions)
-        end do
+        moving = recover_loaded(balance, balance%linear_response())
       end do
       seconds = (clock() - started)/repeats
     end associate
     call session%solver%context%forget()
   end function attrito_time_linear_response
+
+  !> The linear response at a frequency, told as a point of a sweep is: rows of all contacts recovered, coefficients of the monitors
+  !> [monitors, 2 H + 1] and their amplitudes. 0, or not: it is singular there.
+  integer(c_int) function attrito_linear_point(handle, omega, harmonics, amplitude) result(status) bind(c)
+    type(c_ptr), value :: handle
+    real(c_double), value :: omega
+    real(c_double), intent(out) :: harmonics(*), amplitude(*)
+    type(session_type), pointer :: session
+    real(wp), allocatable :: moving(:, :), coefficients(:, :)
+    real(wp) :: range(2)
+    integer :: m
+
+    session => session_of(handle)
+    associate (balance => session%solver%context%balance)
+      call balance%receptance%set_frequency(omega, status, balance%highest_load())
+      if (status /= 0) return
+      balance%response = balance%linear_response()
+      moving = recover_loaded(balance, balance%response)
+      coefficients = monitored(balance, balance%highest_load())
+    end associate
+    call session%solver%context%forget()
+    harmonics(:size(coefficients)) = reshape(coefficients, [size(coefficients)])
+    do m = 1, size(coefficients, 2)
+      range = extrema(coefficients(:, m))
+      amplitude(m) = 0.5_wp*(range(2) - range(1))
+    end do
+  end function attrito_linear_point
 
   !> Forces and Jacobian of one contact for coefficients [tangents + 1, coefficients]: mean seconds of an evaluation, and the fraction
   !> of the period that it does not stick. By events (one tangent) or by samples; two tangents marched once as a periodic slider, or

@@ -9,16 +9,14 @@
 module attrito_balance_harmonic_balance
   use attrito_core_communicator, only: communicator_type
   use attrito_core_kinds, only: wp
-  use attrito_core_lapack, only: few_rows_times
   use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: resized
   use attrito_model_contacts, only: contact_type, contacts_type
   use attrito_model_structure, only: structure_type
   use attrito_contact_fourier, only: fourier_type, new_fourier
+  use attrito_contact_kept_forces, only: keep_forces
   use attrito_contact_quadrature_event, only: evaluate_contact_by_events
-  use attrito_contact_quadrature_sampled, only: contact_forces_type, evaluate_contact, stay_stuck
-  use attrito_contact_state, only: state_stuck
-  use attrito_contact_stuck, only: surely_stuck
+  use attrito_contact_quadrature_sampled, only: contact_forces_type, evaluate_contact
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, new_grid
   use attrito_balance_active_rows, only: active_rows_type
   use attrito_balance_receptance, only: receptance_type, to_complex, to_real
@@ -26,14 +24,17 @@ module attrito_balance_harmonic_balance
   use attrito_balance_work, only: contact_work, residual_work
   implicit none
   private
-  public :: balance_type, new_balance
+  public :: balance_type, stuck_mean_type, new_balance
 
   !> Mean response of the stuck system, and the sliders and static loads that it belongs to
   type :: stuck_mean_type
     real(wp), allocatable :: slider(:, :), static_factors(:)
+    logical :: frozen = .false.
     complex(wp), allocatable :: response(:)
-    !> Relative displacements [rows]
-    real(wp), allocatable :: motion(:)
+    !> Relative displacements [rows], and what they leave of friction for each contact's harmonics [contacts]
+    real(wp), allocatable :: motion(:), margin(:)
+    !> The evaluation, by its number, after which the forces of all contacts were those of sticking here
+    integer :: seen = -1
   end type stuck_mean_type
 
   !> Mean deviation of the rows that are not active, and what it puts on the generalised coordinates of this rank [n]
@@ -59,6 +60,8 @@ module attrito_balance_harmonic_balance
     !> Loads in generalised coordinates: static ones [n, loads], harmonic ones at level 1 [n, 0:H]
     real(wp), allocatable :: static_loads(:, :)
     complex(wp), allocatable :: harmonic_load(:, :)
+    !> Harmonics that are loaded, ascending
+    integer, allocatable :: loaded(:)
     !> Monitors in generalised coordinates [n, monitors]
     real(wp), allocatable :: monitors(:, :)
     !> Factors on the loads
@@ -84,7 +87,7 @@ module attrito_balance_harmonic_balance
     integer :: changes = 0
     !> How often it was evaluated: what solving costs, whatever the machine
     integer :: evaluations = 0
-    type(stuck_mean_type), private :: kept
+    type(stuck_mean_type) :: kept
     !> Floating-point operations so far by the formulas of `attrito_balance_work`, this rank's share
     real(wp) :: work = 0.0_wp
     type(resting_load_type), private :: resting
@@ -94,13 +97,13 @@ module attrito_balance_harmonic_balance
     procedure :: rows
     procedure :: coefficients
     procedure :: evaluate
-    procedure :: evaluate_stuck
+    procedure :: evaluate_forces
     procedure :: respond_to_deviation
     procedure :: respond_to_active
     procedure :: residual_omega
     procedure :: recover
     procedure :: linear_response
-    procedure :: linear_motion
+    procedure :: highest_load
     procedure :: keep
     procedure :: hold_mean
     procedure :: let_go
@@ -138,7 +141,7 @@ contains
     type(balance_type), intent(inout) :: self
     type(structure_type), intent(in) :: structure
     integer, intent(in) :: harmonics, samples
-    integer :: given
+    integer :: given, h
 
     call set_samples(self, harmonics, samples)
     self%grid = new_grid(harmonics)
@@ -146,6 +149,7 @@ contains
     allocate (self%harmonic_load(size(self%receptance%basis, 2), 0:harmonics), source=(0.0_wp, 0.0_wp))
     given = min(size(structure%harmonic_load, 2), 2*harmonics + 1)
     self%harmonic_load(:, 0:given/2) = to_complex(matmul(transpose(structure%harmonic_load(:, :given)), self%receptance%basis))
+    self%loaded = pack([(h, h=1, harmonics)], [(any(abs(self%harmonic_load(:, h)) > 0.0_wp), h=1, harmonics)])
   end subroutine set_series
 
   !> Transforms; where all contacts go by events they serve nothing, and only what is not there yet is made.
@@ -212,7 +216,7 @@ contains
     self%periodic = spread(.false., 1, size(self%law))
     self%changes = self%changes + 1
     self%active = active_rows_type()
-    if (allocated(self%kept%slider)) deallocate (self%kept%slider)
+    self%kept = stuck_mean_type()
     if (allocated(self%resting%load)) deallocate (self%resting%load)
     if (allocated(self%forces)) deallocate (self%forces)
     allocate (self%forces(size(self%law)))
@@ -236,6 +240,13 @@ contains
     coefficients = 2*self%receptance%harmonics + 1
   end function coefficients
 
+  !> The highest harmonic that is loaded; 0: none is.
+  pure integer function highest_load(self)
+    class(balance_type), intent(in) :: self
+
+    highest_load = maxval([0, self%loaded])
+  end function highest_load
+
   !> Contact forces, their Jacobian, residual and its derivative by omega at a motion of the contacts.
   subroutine evaluate(self, motion, omega, status)
     class(balance_type), intent(inout) :: self
@@ -251,7 +262,7 @@ contains
     call self%receptance%set_frequency(omega, status)
     if (status /= 0) return
     do i = 1, size(self%law)
-      call evaluate_forces(self, i, motion)
+      call self%evaluate_forces(i, motion(:, self%law(i)%first_row:self%law(i)%first_row + self%law(i)%tangents))
       if (allocated(self%forces(i)%jacobian)) then
         self%work = self%work + contact_work(self%law(i), self%coefficients(), self%fourier%samples, self%by_events)
       end if
@@ -297,142 +308,32 @@ contains
   end function load_of_forces
 
   !> Forces and Jacobian of one contact of this rank.
-  subroutine evaluate_forces(self, contact, motion)
-    type(balance_type), intent(inout) :: self
+  subroutine evaluate_forces(self, contact, own)
+    class(balance_type), intent(inout) :: self
     integer, intent(in) :: contact
-    !> Of all rows [2 H + 1, rows]
-    real(wp), intent(in) :: motion(:, :)
+    !> Motion of its rows [2 H + 1, tangents + 1]
+    real(wp), intent(in) :: own(:, :)
 
     associate (law => self%law(contact), forces => self%forces(contact))
-      associate (own => motion(:, law%first_row:law%first_row + law%tangents))
-        if (self%by_events .and. law%tangents == 1) then
-          call evaluate_contact_by_events(law, self%grid, own, self%slider(1, contact), forces)
-        else
-          call evaluate_contact(law, self%fourier, own, self%slider(:, contact), self%periodic(contact), forces)
-        end if
-      end associate
+      if (self%by_events .and. law%tangents == 1) then
+        call evaluate_contact_by_events(law, self%grid, own, self%slider(1, contact), forces)
+      else
+        call evaluate_contact(law, self%fourier, own, self%slider(:, contact), self%periodic(contact), forces)
+      end if
     end associate
   end subroutine evaluate_forces
-
-  !> The linear response at a frequency, with sliders where they are: the solution if it leaves every contact stuck. Residual and
-  !> derivative are not evaluated.
-  subroutine evaluate_stuck(self, omega, motion, stuck)
-    class(balance_type), intent(inout) :: self
-    real(wp), intent(in) :: omega
-    !> [2 H + 1, rows]
-    real(wp), intent(out) :: motion(:, :)
-    logical, intent(out) :: stuck
-    real(wp), allocatable :: loaded(:, :)
-    integer, allocatable :: rows(:)
-    real(wp) :: moving
-    integer :: i, status
-
-    stuck = .false.
-    motion = 0.0_wp
-    self%evaluations = self%evaluations + 1
-    call self%receptance%set_frequency(omega, status)
-    if (status /= 0) return
-    call self%receptance%respond(self%level*self%harmonic_load, self%response)
-    rows = loaded_coefficients(self)
-    allocate (loaded(size(rows), size(motion, 2)))
-    if (allocated(self%frozen_mean)) then
-      self%response(:, 0) = self%frozen_mean
-      loaded(:1, :) = recover_coefficients(self, self%response, [1])
-    else
-      call update_mean(self)
-      self%response(:, 0) = self%kept%response
-      loaded(1, :) = self%kept%motion
-    end if
-    loaded(2:, :) = recover_coefficients(self, self%response, rows(2:))
-    motion(rows, :) = loaded
-    moving = 0.0_wp
-    do i = 1, size(self%law)
-      if (still_stuck(self, i, loaded)) cycle
-      call evaluate_forces(self, i, motion)
-      if (self%forces(i)%state /= state_stuck) moving = 1.0_wp
-      if (moving > 0.0_wp) exit
-    end do
-    stuck = self%ranks%largest(moving) <= 0.0_wp
-    if (stuck) call self%active%find(self%law, self%forces, self%directions)
-  end subroutine evaluate_stuck
-
-  !> Is a contact that was stuck, with its slider where it is, surely stuck again? Then its forces need no evaluation.
-  pure logical function still_stuck(self, contact, motion)
-    type(balance_type), intent(in) :: self
-    integer, intent(in) :: contact
-    !> The mean and those harmonics that are not zero [coefficients, rows]
-    real(wp), intent(in) :: motion(:, :)
-
-    associate (forces => self%forces(contact), law => self%law(contact))
-      still_stuck = forces%state == state_stuck .and. allocated(forces%active) &
-                    .and. all(abs(forces%slider - self%slider(:, contact)) <= 0.0_wp)
-      if (still_stuck) still_stuck = surely_stuck(law, motion(:, law%first_row:law%first_row + law%tangents), self%slider(:, contact))
-    end associate
-  end function still_stuck
-
-  !> Mean of the response to the static loads and to what stuck contacts add to their springs: sliders, preloads, gaps [n]. Kept: it
-  !> stays the same along a sweep.
-  subroutine update_mean(self)
-    type(balance_type), intent(inout) :: self
-    real(wp) :: deviation(size(self%directions, 2)), force(size(self%directions, 1)), changed
-    complex(wp) :: load(size(self%directions, 1), 0:self%receptance%harmonics), response(size(load, 1), 0:self%receptance%harmonics)
-    integer :: i
-
-    changed = 1.0_wp
-    if (allocated(self%kept%slider)) changed = merge(1.0_wp, 0.0_wp, any(abs(self%kept%slider - self%slider) > 0.0_wp) .or. &
-                                                     any(abs(self%kept%static_factors - self%static_factors) > 0.0_wp))
-    if (self%ranks%largest(changed) > 0.0_wp) then
-      do i = 1, size(self%law)
-        associate (law => self%law(i))
-          deviation(law%first_row:law%first_row + law%tangents) = &
-            [-law%tangential_stiffness*self%slider(:law%tangents, i), law%preload - law%normal_stiffness*law%gap]
-        end associate
-      end do
-      force = -matmul(self%directions, deviation)
-      call self%ranks%sum(force)
-      load = 0.0_wp
-      load(:, 0) = force + matmul(self%static_loads, self%static_factors)
-      call self%receptance%respond(load, response)
-      self%kept = stuck_mean_type(self%slider, self%static_factors, response(:, 0), &
-                                  matmul(real(response(:, 0), wp), self%directions))
-    end if
-  end subroutine update_mean
-
-  !> Coefficients that the stuck response has: the mean, and the harmonics that are loaded.
-  pure function loaded_coefficients(self) result(rows)
-    type(balance_type), intent(in) :: self
-    integer, allocatable :: rows(:)
-    integer :: h
-
-    rows = [1]
-    do h = 1, ubound(self%harmonic_load, 2)
-      if (any(abs(real(self%harmonic_load(:, h), wp)) + abs(aimag(self%harmonic_load(:, h))) > 0.0_wp)) rows = [rows, 2*h, 2*h + 1]
-    end do
-  end function loaded_coefficients
-
-  !> Some coefficients of this rank's rows from a response [size(rows), rows of B].
-  function recover_coefficients(self, response, rows) result(motion)
-    type(balance_type), intent(in) :: self
-    complex(wp), intent(in) :: response(:, 0:)
-    integer, intent(in) :: rows(:)
-    real(wp), allocatable :: motion(:, :)
-    real(wp), allocatable :: coefficients(:, :)
-
-    coefficients = to_real(response)
-    coefficients = transpose(coefficients(rows, :))
-    motion = few_rows_times(coefficients, self%directions)
-  end function recover_coefficients
 
   !> Response to the loads alone, every contact stuck at zero slider [n, 0:H].
   function linear_response(self) result(response)
     class(balance_type), intent(in) :: self
     complex(wp), allocatable :: response(:, :)
-    complex(wp), allocatable :: load(:, :)
+    complex(wp) :: load(size(self%harmonic_load, 1), 0:self%highest_load())
 
-    load = self%level*self%harmonic_load
-    load(:, lbound(load, 2)) = load(:, lbound(load, 2)) + matmul(self%static_loads, self%static_factors)
+    load = self%level*self%harmonic_load(:, :ubound(load, 2))
+    load(:, 0) = load(:, 0) + matmul(self%static_loads, self%static_factors)
     allocate (response, mold=self%response)
-    call self%receptance%respond(load, response)
+    call self%receptance%respond(load, response(:, :ubound(load, 2)))
+    response(:, ubound(load, 2) + 1:) = 0.0_wp
   end function linear_response
 
   !> Response -Z~^-1 B^T g to a deviation on every rank [n, 0:H]; the mean does not respond where it is frozen.
@@ -486,20 +387,6 @@ contains
     motion = matmul(to_real(response), self%directions)
   end function recover
 
-  !> Relative displacements of this rank's rows with every contact stuck, at the frequency last set [2 H + 1, rows].
-  function linear_motion(self) result(motion)
-    class(balance_type), intent(in) :: self
-    real(wp), allocatable :: motion(:, :)
-    real(wp), allocatable :: moving(:, :)
-    integer, allocatable :: rows(:)
-
-    rows = loaded_coefficients(self)
-    allocate (motion(self%coefficients(), self%rows()), source=0.0_wp)
-    ! Apart, since gfortran 12 loses a product by BLAS that is assigned to rows picked by a vector.
-    moving = recover_coefficients(self, linear_response(self), rows)
-    motion(rows, :) = moving
-  end function linear_motion
-
   !> What the next point starts from, the contacts being this rank's. Sums that grow with the rows that were ever active are dropped:
   !> their rounding would tell how they grew.
   subroutine keep(self, store)
@@ -520,33 +407,6 @@ contains
     self%split = split_receptance_type()
   end subroutine keep
 
-  !> Of a contact's last evaluation only what outlives the next: that it was stuck, and how much work it was.
-  subroutine keep_forces(law, coefficients, forces, store)
-    type(contact_type), intent(in) :: law
-    integer, intent(in) :: coefficients
-    type(contact_forces_type), intent(inout) :: forces
-    type(state_store_type), intent(inout) :: store
-    logical :: moves, evaluated, unique, could_rest
-    integer :: i
-
-    moves = allocated(forces%jacobian)
-    evaluated = allocated(forces%active)
-    call store%keep(moves)
-    call store%keep(evaluated)
-    call store%keep(forces%state)
-    unique = forces%unique
-    could_rest = forces%could_rest
-    call store%keep(unique)
-    call store%keep(could_rest)
-    do i = 1, size(forces%slider)
-      call store%keep(forces%slider(i))
-    end do
-    if (.not. store%reading) return
-    if (evaluated .and. forces%state == state_stuck) call stay_stuck(law, forces%slider, coefficients, forces)
-    forces%unique = unique
-    forces%could_rest = could_rest
-    if (moves .and. .not. allocated(forces%jacobian)) allocate (forces%jacobian(0, 0))
-  end subroutine keep_forces
   !> Springs to where the mean of the last evaluation is: `part` of the stuck system's stiffness, at harmonic 0 alone.
   subroutine hold_mean(self, part)
     class(balance_type), intent(inout) :: self

@@ -19,8 +19,9 @@ module attrito_balance_receptance
     integer :: harmonics = 0
     !> Lowest harmonic it answers for: 1 where the mean has no support
     integer :: lowest = 0
-    !> Angular frequency it is set to
+    !> Angular frequency it is set to, and the highest harmonic that it is set for
     real(wp) :: omega = -1.0_wp
+    integer :: highest = 0
     !> Part of its stiffness that is added to that of the mean: see `hold_mean`
     real(wp) :: held = 0.0_wp
     !> Autonomous motion: damping taken away, a part of the mass; a mode that a spring holds at harmonic 1, if any, and this spring in
@@ -43,6 +44,7 @@ module attrito_balance_receptance
     procedure :: hold_mean
     procedure :: excite
     procedure :: lift_mode
+    procedure :: is_set
   end type receptance_type
 
   abstract interface
@@ -53,23 +55,24 @@ module attrito_balance_receptance
       integer, intent(in) :: harmonics
     end subroutine set_harmonics
 
-    !> Make ready for an angular frequency.
-    subroutine set_frequency(self, omega, status)
+    !> Make ready for an angular frequency, and for all harmonics unless told the highest that will be asked for.
+    subroutine set_frequency(self, omega, status, highest)
       import :: receptance_type, wp
       class(receptance_type), intent(inout) :: self
       !> rad per time
       real(wp), intent(in) :: omega
       !> 0, or not: the system is singular there
       integer, intent(out) :: status
+      integer, intent(in), optional :: highest
     end subroutine set_frequency
 
-    !> X_h = Z_h^-1 F_h.
+    !> X_h = Z_h^-1 F_h, up to any harmonic that it is set for.
     subroutine respond(self, force, response)
       import :: receptance_type, wp
       class(receptance_type), intent(in) :: self
-      !> F [n, 0:H]
+      !> F [n, 0:h]
       complex(wp), intent(in) :: force(:, 0:)
-      !> X [n, 0:H]
+      !> X [n, 0:h]
       complex(wp), intent(out) :: response(:, 0:)
     end subroutine respond
 
@@ -200,6 +203,15 @@ contains
     self%lift = lift
     self%omega = -1.0_wp
   end subroutine lift_mode
+
+  !> Is it ready for an angular frequency and harmonics up to one?
+  pure logical function is_set(self, omega, highest)
+    class(receptance_type), intent(in) :: self
+    real(wp), intent(in) :: omega
+    integer, intent(in) :: highest
+
+    is_set = abs(omega - self%omega) <= 0.0_wp .and. highest <= self%highest
+  end function is_set
 
   !> Let the mean's stiffness be (1 + part) K~ from the next frequency that is set on: 0 is the structure itself.
   subroutine hold_mean(self, part)

@@ -71,18 +71,22 @@ contains
     allocate (self%factors(m, m, 0:harmonics), self%pivots(m, 0:harmonics))
   end subroutine set_harmonics
 
-  subroutine set_frequency(self, omega, status)
+  subroutine set_frequency(self, omega, status, highest)
     class(receptance_direct_type), intent(inout) :: self
     real(wp), intent(in) :: omega
     integer, intent(out) :: status
-    integer :: h, first
+    integer, intent(in), optional :: highest
+    integer :: h, first, last
 
     status = 0
-    if (omega == self%omega) return
+    last = self%harmonics
+    if (present(highest)) last = min(highest, last)
+    if (self%is_set(omega, last)) return
     first = max(merge(0, 1, self%omega < 0.0_wp), self%lowest)
     ! Until all harmonics are factored the factors belong to no frequency.
     self%omega = -1.0_wp
-    do h = first, self%harmonics
+    self%highest = last
+    do h = first, last
       self%factors(:, :, h) = cmplx(self%stuck_stiffness - (h*omega)**2*self%mass, h*omega*damping_of(self), wp)
       if (h > 0) self%factors(:, :, h) = self%factors(:, :, h) + (0.0_wp, 1.0_wp)*self%structural
       if (h == 0) self%factors(:, :, h) = (1.0_wp + self%held)*self%factors(:, :, h)
@@ -100,8 +104,9 @@ contains
     complex(wp) :: column(size(force, 1), 1)
     integer :: h
 
+    if (ubound(force, 2) > self%highest) error stop 'receptance: asked beyond the harmonics that it is set for'
     response(:, :self%lowest - 1) = 0.0_wp
-    do h = self%lowest, self%harmonics
+    do h = self%lowest, ubound(force, 2)
       column(:, 1) = force(:, h)
       call solve_factored_complex(self%factors(:, :, h), self%pivots(:, h), column)
       response(:, h) = column(:, 1)

@@ -53,16 +53,20 @@ contains
     allocate (self%flexibility(size(self%modal_mass), 0:harmonics), self%parts(size(self%modal_mass), 2*harmonics + 1))
   end subroutine set_harmonics
 
-  subroutine set_frequency(self, omega, status)
+  subroutine set_frequency(self, omega, status, highest)
     class(receptance_modal_type), intent(inout) :: self
     real(wp), intent(in) :: omega
     integer, intent(out) :: status
+    integer, intent(in), optional :: highest
     real(wp), dimension(size(self%modal_mass)) :: stiffness, loss, square
-    integer :: h
+    integer :: h, last
 
     status = 0
-    if (omega == self%omega) return
-    do h = 0, self%harmonics
+    last = self%harmonics
+    if (present(highest)) last = min(highest, last)
+    if (self%is_set(omega, last)) return
+    self%highest = last
+    do h = 0, last
       stiffness = self%modal_stiffness - (h*omega)**2*self%modal_mass
       loss = h*omega*damping_of(self)
       if (h == 0) stiffness = (1.0_wp + self%held)*stiffness
@@ -87,8 +91,11 @@ contains
     complex(wp), intent(in) :: force(:, 0:)
     complex(wp), intent(out) :: response(:, 0:)
 
+    if (ubound(force, 2) > self%highest) error stop 'receptance: asked beyond the harmonics that it is set for'
     response(:, :self%lowest - 1) = 0.0_wp
-    response(:, self%lowest:) = force(:, self%lowest:)*self%flexibility(:, self%lowest:)
+    associate (low => self%lowest, high => ubound(force, 2))
+      response(:, low:) = force(:, low:)*self%flexibility(:, low:high)
+    end associate
   end subroutine respond
 
   subroutine respond_derivative(self, response, derivative)

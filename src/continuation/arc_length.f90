@@ -127,7 +127,6 @@ contains
     integer, intent(in) :: harmonics
 
     call self%stepper%set_coefficients(2*harmonics + 1)
-    call self%stuck_branch%set_harmonics(harmonics)
   end subroutine set_harmonics
 
   !> Find a point at a frequency, and the branch's tangent there; a point that is not found still moves the sweep on.
@@ -200,12 +199,12 @@ contains
     integer :: iterations
     logical :: accepted
 
-    call before%mark(solver)
-    call self%stuck_branch%follow(self%stepper, self%range, before, solver, accepted)
+    call self%stuck_branch%follow(self%stepper, self%range, solver, accepted)
     if (accepted) then
       call note_end(self, solver%omega)
       return
     end if
+    call before%mark(solver)
     call self%stepper%look_ahead(solver)
     if (.not. self%stepper%looked_ahead) then
       call lose_branch(self, solver)

@@ -8,6 +8,7 @@
 module attrito_continuation_cascade
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
+  use attrito_balance_stuck_response, only: linear_motion
   use attrito_continuation_held_mean, only: can_hold, let_walk, held_solved, held_walks
   use attrito_continuation_softened, only: can_soften, solve_by_stiffness
   use attrito_continuation_solver, only: solver_type
@@ -37,6 +38,7 @@ module attrito_continuation_cascade
     logical :: all_stick = .false.
   contains
     procedure :: mark
+    procedure :: exchange
     procedure :: keep
   end type place_type
 
@@ -244,7 +246,7 @@ contains
     call solver%context%balance%receptance%set_frequency(omega, status)
     converged = .false.
     if (status /= 0) return
-    solver%motion = solver%context%balance%linear_motion()
+    solver%motion = linear_motion(solver%context%balance)
     call solve_here(solver, omega, iterations, converged)
   end subroutine solve_from_stuck
 
@@ -279,6 +281,29 @@ contains
     self%omega = solver%omega
     self%all_stick = solver%all_stick
   end subroutine mark
+
+  !> Change places with another.
+  subroutine exchange(self, other)
+    class(place_type), intent(inout) :: self
+    type(place_type), intent(inout) :: other
+    type(place_type) :: third
+
+    call move(self, third)
+    call move(other, self)
+    call move(third, other)
+
+  contains
+
+    subroutine move(a, b)
+      type(place_type), intent(inout) :: a, b
+
+      call move_alloc(a%motion, b%motion)
+      call move_alloc(a%slider, b%slider)
+      call move_alloc(a%periodic, b%periodic)
+      b%omega = a%omega
+      b%all_stick = a%all_stick
+    end subroutine move
+  end subroutine exchange
 
   !> Let a solver stand at a place.
   subroutine return_to(solver, place)

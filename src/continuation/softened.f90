@@ -10,6 +10,7 @@ module attrito_continuation_softened
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contacts_type, new_contacts
   use attrito_balance_newton, only: newton_report_type
+  use attrito_balance_stuck_response, only: linear_motion
   use attrito_continuation_solver, only: solver_type, new_solver
   use attrito_continuation_start_in_time, only: has_time, solve_in_time
   use attrito_continuation_ways, only: march_along, way_type
@@ -93,7 +94,7 @@ contains
     if (converged) converged = status == 0
     if (converged) then
       call softer%set_scales(omega, omega)
-      if (start == from_stuck_response) softer%motion = softer%context%balance%linear_motion()
+      if (start == from_stuck_response) softer%motion = linear_motion(softer%context%balance)
       if (start == from_motion_in_time) then
         allocate (softer%in_time, source=solver%in_time)
         iterations = 0

@@ -12,6 +12,7 @@ module attrito_continuation_solver
   use attrito_balance_newton, only: newton_type, newton_report_type, new_newton
   use attrito_balance_newton_context, only: newton_context_type
   use attrito_balance_receptance, only: receptance_type
+  use attrito_balance_stuck_response, only: evaluate_stuck, linear_motion, recover_loaded
   use attrito_balance_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
   use attrito_balance_two_level_factors, only: two_level_factors_type
   use attrito_balance_unknowns, only: unknowns_type
@@ -220,15 +221,12 @@ contains
     class(solver_type), intent(inout) :: self
     real(wp), intent(in) :: omega
     logical, intent(out) :: stuck
-    real(wp), allocatable :: motion(:, :)
 
     stuck = .false.
     if (.not. self%all_stick) return
-    allocate (motion, mold=self%motion)
-    call self%context%balance%evaluate_stuck(omega, motion, stuck)
+    call evaluate_stuck(self%context%balance, omega, self%motion, stuck)
     call self%context%forget()
     if (.not. stuck) return
-    call move_alloc(motion, self%motion)
     self%omega = omega
     self%report = newton_report_type(converged=.true., residual=0.0_wp)
   end subroutine solve_stuck_at
@@ -259,7 +257,7 @@ contains
       at = grid(1)
       ! Where the response of the modes is largest, and at both ends, that of the contacts is recovered.
       do i = 1, size(grid)
-        call balance%receptance%set_frequency(grid(i), status)
+        call balance%receptance%set_frequency(grid(i), status, balance%highest_load())
         if (status /= 0) cycle
         response = balance%linear_response()
         square = sum(real(response(:, 2:), wp)**2 + aimag(response(:, 2:))**2)
@@ -271,16 +269,19 @@ contains
       mean = 0.0_wp
       grid = [grid(1), grid(size(grid)), at]
       do i = 1, size(grid)
-        call balance%receptance%set_frequency(grid(i), status)
+        call balance%receptance%set_frequency(grid(i), status, balance%highest_load())
         if (status /= 0) cycle
-        motion = balance%linear_motion()
-        square = sum(motion(2:, :)**2)
+        square = sum(recover_loaded(balance, balance%linear_response())**2)
         call balance%ranks%sum(square)
         largest = max(largest, sqrt(square))
+      end do
+      ! The same at all frequencies.
+      if (status == 0) then
+        motion = linear_motion(balance)
         square = sum(motion(1, :)**2)
         call balance%ranks%sum(square)
         mean = sqrt(square)
-      end do
+      end if
       ! With no excitation the mean sets the scale; with no load at all anything does.
       if (largest <= 0.0_wp) largest = mean
       if (largest > 0.0_wp) self%context%motion_scale = largest

@@ -21,6 +21,8 @@ module attrito_continuation_step
     type(tangent_type) :: across
   contains
     procedure :: take
+    procedure :: go_on
+    procedure :: ends_at
     procedure :: is_taken
     procedure :: end_at
     procedure :: solve_part
@@ -40,6 +42,29 @@ contains
     call self%to%mark(solver)
     self%across = across
   end subroutine take
+
+  !> Be the step from where this one ended to where the solver stands.
+  subroutine go_on(self, solver, across)
+    class(step_type), intent(inout) :: self
+    type(solver_type), intent(in) :: solver
+    type(tangent_type), intent(in) :: across
+
+    call self%from%exchange(self%to)
+    call self%to%mark(solver)
+    self%across = across
+  end subroutine go_on
+
+  !> Does it end where the solver stands, every contact sticking with its slider where it is?
+  pure logical function ends_at(self, solver)
+    class(step_type), intent(in) :: self
+    type(solver_type), intent(in) :: solver
+
+    ends_at = allocated(self%to%motion)
+    if (ends_at) ends_at = self%to%all_stick .and. solver%all_stick .and. abs(self%to%omega - solver%omega) <= 0.0_wp &
+                           .and. size(self%to%motion, 1) == size(solver%motion, 1) &
+                           .and. size(self%to%motion, 2) == size(solver%motion, 2)
+    if (ends_at) ends_at = all(abs(self%to%slider - solver%context%balance%slider) <= 0.0_wp)
+  end function ends_at
 
   !> Is there one?
   pure logical function is_taken(self)

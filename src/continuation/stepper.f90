@@ -55,6 +55,7 @@ module attrito_continuation_stepper
     procedure :: take_step
     procedure :: remember
     procedure :: remember_in_frequency
+    procedure :: go_on_in_frequency
     procedure :: adapt
     procedure :: walks
     procedure :: way_back
@@ -223,6 +224,15 @@ contains
     self%looked_ahead = .false.
   end subroutine remember_in_frequency
 
+  !> Keep a step made in frequency alone, from where the last one ended: hardly anything is copied.
+  subroutine go_on_in_frequency(self, solver)
+    class(stepper_type), intent(inout) :: self
+    type(solver_type), intent(in) :: solver
+
+    call self%last%go_on(solver, tangent_type(omega=self%way))
+    self%looked_ahead = .false.
+  end subroutine go_on_in_frequency
+
   !> The next step aims at the same error.
   pure subroutine adapt(self, error)
     class(stepper_type), intent(inout) :: self
@@ -269,12 +279,16 @@ contains
     class(stepper_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
     type(field_type) :: fields(3)
+    integer :: changes
 
+    changes = solver%context%balance%changes
     fields%by_contact = [.false., .true., .false.]
     call move_alloc(self%tangent%motion, fields(1)%columns)
     call move_alloc(self%tangent%slider, fields(2)%columns)
     call move_alloc(self%secant, fields(3)%columns)
     call rebalance(solver, fields)
+    ! Where the last step ended is told by contacts that other ranks hold now.
+    if (solver%context%balance%changes /= changes) self%last%to = place_type()
     call move_alloc(fields(1)%columns, self%tangent%motion)
     call move_alloc(fields(2)%columns, self%tangent%slider)
     call move_alloc(fields(3)%columns, self%secant)

@@ -3,6 +3,7 @@
 module attrito_continuation_stuck_branch
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
+  use attrito_balance_stuck_response, only: find_loaded_response
   use attrito_continuation_cascade, only: place_type
   use attrito_continuation_range, only: range_type
   use attrito_continuation_solver, only: solver_type
@@ -12,11 +13,10 @@ module attrito_continuation_stuck_branch
   public :: stuck_branch_type
 
   type :: stuck_branch_type
-    !> The last step's change of the response with omega [n, 0:H]
+    !> The last step's change of the response with omega, harmonics that are loaded [n, loaded]
     complex(wp), allocatable, private :: slope(:, :)
   contains
     procedure :: follow
-    procedure :: set_harmonics
     procedure :: keep
   end type stuck_branch_type
 
@@ -24,76 +24,86 @@ contains
 
   !> Where every contact sticks the branch is the linear response: a step in frequency, its error that of a straight line through the
   !> last two points.
-  subroutine follow(self, stepper, range, before, solver, accepted)
+  subroutine follow(self, stepper, range, solver, accepted)
     class(stuck_branch_type), intent(inout) :: self
     type(stepper_type), intent(inout) :: stepper
     type(range_type), intent(in) :: range
-    !> Where the solver stands
-    type(place_type), intent(in) :: before
     type(solver_type), intent(inout) :: solver
     !> .false.: a contact would slip or open, and nothing has changed
     logical, intent(out) :: accepted
-    logical :: lost
-    complex(wp), allocatable :: response(:, :)
+    complex(wp), allocatable :: here(:, :), there(:, :)
+    type(place_type) :: before
+    logical :: goes_on
     real(wp) :: omega, target, error, size
 
     accepted = .false.
     if (.not. solver%all_stick) return
-    response = solver%context%balance%response
+    goes_on = stepper%last%ends_at(solver)
+    if (.not. goes_on) call before%mark(solver)
     omega = solver%omega
     size = stepper%size
-    if (.not. allocated(self%slope)) stepper%size = min(stepper%size, first_step)
-    do
-      target = range%clipped(omega + stepper%way*stepper%size*solver%context%frequency_scale)
-      call solver%solve_stuck_at(target, accepted)
-      if (.not. accepted) exit
-      error = aimed_error
-      if (allocated(self%slope)) error = error_of_line(response + (target - omega)*self%slope, solver%context%balance%response)
-      if (error < accepted_error .or. stepper%size <= smallest_step) exit
-      stepper%size = 0.5_wp*stepper%size
-    end do
+    here = solver%context%balance%response(:, solver%context%balance%loaded)
+    call choose_step(self, stepper, range, solver, here, there, target, error)
+    if (allocated(there)) call solver%solve_stuck_at(target, accepted)
     if (.not. accepted) then
-      ! Back where a longer step had been taken and found too long.
-      if (abs(solver%omega - omega) > 0.0_wp) call solver%solve_stuck_at(omega, lost)
       stepper%size = size
       if (allocated(self%slope)) deallocate (self%slope)
       return
     end if
-    self%slope = (solver%context%balance%response - response)/(target - omega)
+    self%slope = (1.0_wp/(target - omega))*(there - here)
     call stepper%forget_tangent()
-    call stepper%remember_in_frequency(solver, before)
+    if (goes_on) then
+      call stepper%go_on_in_frequency(solver)
+    else
+      call stepper%remember_in_frequency(solver, before)
+    end if
     call stepper%adapt(error)
   end subroutine follow
 
-  !> Distance of a predicted response from the true one, relative to its harmonics [n, 0:H].
-  pure real(wp) function error_of_line(predicted, true)
-    complex(wp), intent(in) :: predicted(:, 0:), true(:, 0:)
+  !> How far to go: until the response, of the modes alone, lies too far from the straight line. Whether contacts stick is not asked.
+  subroutine choose_step(self, stepper, range, solver, here, there, target, error)
+    type(stuck_branch_type), intent(in) :: self
+    type(stepper_type), intent(inout) :: stepper
+    type(range_type), intent(in) :: range
+    type(solver_type), intent(inout) :: solver
+    !> Harmonics of the response that are loaded, the only ones [n, loaded]; there is none where `there` is not allocated
+    complex(wp), intent(in) :: here(:, :)
+    complex(wp), allocatable, intent(out) :: there(:, :)
+    real(wp), intent(out) :: target, error
 
-    error_of_line = sqrt(square(predicted(:, 1:) - true(:, 1:))/max(square(true(:, 1:)), tiny(1.0_wp)))
+    error = aimed_error
+    if (.not. allocated(self%slope)) stepper%size = min(stepper%size, first_step)
+    do
+      target = range%clipped(solver%omega + stepper%way*stepper%size*solver%context%frequency_scale)
+      call find_loaded_response(solver%context%balance, target, there)
+      if (.not. allocated(there)) return
+      if (allocated(self%slope)) error = error_of_line(here, target - solver%omega, self%slope, there)
+      if (error < accepted_error .or. stepper%size <= smallest_step) return
+      stepper%size = 0.5_wp*stepper%size
+    end do
+  end subroutine choose_step
 
-  contains
+  !> Distance of a response predicted along the slope from the true one, relative to that.
+  pure real(wp) function error_of_line(before, step, slope, true)
+    !> [n, loaded]
+    complex(wp), intent(in) :: before(:, :), slope(:, :), true(:, :)
+    !> Of omega
+    real(wp), intent(in) :: step
+    real(wp) :: off, all
+    complex(wp) :: missed
+    integer :: h, i
 
-    pure real(wp) function square(response)
-      complex(wp), intent(in) :: response(:, :)
-
-      square = sum(real(response, wp)**2 + aimag(response)**2)
-    end function square
+    off = 0.0_wp
+    all = tiny(1.0_wp)
+    do h = 1, size(true, 2)
+      do i = 1, size(true, 1)
+        missed = before(i, h) + step*slope(i, h) - true(i, h)
+        off = off + real(missed, wp)**2 + aimag(missed)**2
+        all = all + real(true(i, h), wp)**2 + aimag(true(i, h))**2
+      end do
+    end do
+    error_of_line = sqrt(off/all)
   end function error_of_line
-
-  !> Let what is remembered have so many harmonics.
-  subroutine set_harmonics(self, harmonics)
-    class(stuck_branch_type), intent(inout) :: self
-    integer, intent(in) :: harmonics
-    complex(wp), allocatable :: slope(:, :)
-    integer :: common
-
-    if (.not. allocated(self%slope)) return
-    if (size(self%slope, 2) == harmonics + 1) return
-    common = min(size(self%slope, 2), harmonics + 1)
-    allocate (slope(size(self%slope, 1), harmonics + 1), source=(0.0_wp, 0.0_wp))
-    slope(:, :common) = self%slope(:, :common)
-    call move_alloc(slope, self%slope)
-  end subroutine set_harmonics
 
   !> Put down in a store, or taken up from it.
   subroutine keep(self, store)

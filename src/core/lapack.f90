@@ -3,7 +3,7 @@ module attrito_core_lapack
   use attrito_core_kinds, only: wp
   implicit none
   private
-  public :: multiply_by_transpose, transposed_product, few_rows_times, subtract_product
+  public :: multiply_by_transpose, transposed_product, product_with_few, subtract_product
   public :: solve_dense, factor, solve_factored, factor_complex, solve_factored_complex, symmetric_eigenpairs
   public :: eigenvalues_of, complex_eigenvalues_of, singular_values, complex_singular_values
 
@@ -126,21 +126,21 @@ contains
     call dgemm('T', 'N', size(a, 2), size(b, 2), size(a, 1), 1.0_wp, a, size(a, 1), b, size(b, 1), 0.0_wp, c, size(a, 2))
   end function transposed_product
 
-  !> b^T a for few columns b, one at a time: a product of matrices would first copy `a`.
-  function few_rows_times(b, a) result(c)
-    !> [n, few]
-    real(wp), intent(in), contiguous :: b(:, :)
+  !> a^T b for few columns of b, one by one: faster than a product of matrices while they are fewer than some eight.
+  function product_with_few(a, b) result(c)
     !> [n, q]
     real(wp), intent(in), contiguous :: a(:, :)
-    real(wp) :: c(size(b, 2), size(a, 2))
+    !> [n, few]
+    real(wp), intent(in), contiguous :: b(:, :)
+    real(wp) :: c(size(a, 2), size(b, 2))
     integer :: i
 
-    c = 0.0_wp
+    if (size(a, 1) == 0) c = 0.0_wp
     if (size(c) == 0 .or. size(a, 1) == 0) return
     do i = 1, size(b, 2)
-      call dgemv('T', size(a, 1), size(a, 2), 1.0_wp, a, size(a, 1), b(:, i), 1, 0.0_wp, c(i, 1), size(c, 1))
+      call dgemv('T', size(a, 1), size(a, 2), 1.0_wp, a, size(a, 1), b(:, i), 1, 0.0_wp, c(:, i), 1)
     end do
-  end function few_rows_times
+  end function product_with_few
 
   !> c <- c - a b.
   subroutine subtract_product(a, b, c)

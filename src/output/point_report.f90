@@ -4,12 +4,11 @@ module attrito_output_point_report
   use attrito_core_trigonometric, only: extrema
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_accuracy_error_control, only: point_errors_type
-  use attrito_balance_receptance, only: to_real
   use attrito_continuation_solver, only: solver_type
   use attrito_contact_state, only: state_stuck, state_open
   implicit none
   private
-  public :: point_report_type, report_point, outcome_names
+  public :: point_report_type, report_point, monitored, outcome_names
   public :: outcome_converged, outcome_unstable, outcome_indeterminate, outcome_no_period_one_orbit, outcome_not_converged
 
   integer, parameter :: outcome_converged = 0, outcome_unstable = 1, outcome_indeterminate = 2, &
@@ -59,7 +58,7 @@ contains
       report%iterations = solver%report%iterations
       report%linear_iterations = solver%report%linear_iterations
       report%residual = solver%report%residual
-      report%harmonics = matmul(to_real(balance%response), monitors)
+      report%harmonics = monitored(balance, merge(balance%highest_load(), balance%receptance%harmonics, solver%all_stick))
       allocate (report%amplitude(size(monitors, 2)))
       do i = 1, size(monitors, 2)
         range = extrema(report%harmonics(:, i))
@@ -78,6 +77,24 @@ contains
       call balance%ranks%sum(report%work)
     end associate
   end subroutine report_point
+
+  !> Coefficients of monitors [2 H + 1, monitors], those beyond a harmonic being zero.
+  pure function monitored(balance, highest) result(harmonics)
+    type(balance_type), intent(in) :: balance
+    integer, intent(in) :: highest
+    real(wp) :: harmonics(balance%coefficients(), size(balance%monitors, 2))
+    complex(wp) :: coefficient
+    integer :: h, m
+
+    harmonics = 0.0_wp
+    do m = 1, size(harmonics, 2)
+      do h = 0, highest
+        coefficient = sum(balance%monitors(:, m)*balance%response(:, h))
+        harmonics(max(2*h, 1), m) = real(coefficient, wp)
+        if (h > 0) harmonics(2*h + 1, m) = -aimag(coefficient)
+      end do
+    end do
+  end function monitored
 
   !> Is there a solution to tell of?
   pure logical function is_solved(self)

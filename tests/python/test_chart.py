@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -85,7 +84,7 @@ def test_a_chart_without_a_reference_says_so(tmp_path, few_ways, monkeypatch):
 
     def lost(self, scene, options):
         seconds, points = solve(self, scene, options)
-        return seconds, [replace(point, outcome="not_converged") for point in points]
+        return seconds, [point._replace(outcome="not_converged") for point in points]
 
     monkeypatch.setattr(chart.Bench, "_solve", lost)
     path = tmp_path / write_job(tmp_path, rubbing_wedge())

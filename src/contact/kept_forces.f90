@@ -1,0 +1,40 @@
+!> What of a contact's last evaluation is put down after a point, or taken up in its place.
+module attrito_contact_kept_forces
+  use attrito_core_state_store, only: state_store_type
+  use attrito_model_contacts, only: contact_type
+  use attrito_contact_quadrature_sampled, only: contact_forces_type, stay_stuck
+  use attrito_contact_state, only: state_stuck
+  implicit none
+  private
+  public :: keep_forces
+
+contains
+
+  !> Only what outlives the next evaluation: that it was stuck, and how much work it was.
+  subroutine keep_forces(law, coefficients, forces, store)
+    type(contact_type), intent(in) :: law
+    integer, intent(in) :: coefficients
+    type(contact_forces_type), intent(inout) :: forces
+    type(state_store_type), intent(inout) :: store
+    logical :: moves, evaluated, unique, could_rest
+    integer :: i
+
+    moves = allocated(forces%jacobian)
+    evaluated = allocated(forces%active)
+    call store%keep(moves)
+    call store%keep(evaluated)
+    call store%keep(forces%state)
+    unique = forces%unique
+    could_rest = forces%could_rest
+    call store%keep(unique)
+    call store%keep(could_rest)
+    do i = 1, size(forces%slider)
+      call store%keep(forces%slider(i))
+    end do
+    if (.not. store%reading) return
+    if (evaluated .and. forces%state == state_stuck) call stay_stuck(law, forces%slider, coefficients, forces)
+    forces%unique = unique
+    forces%could_rest = could_rest
+    if (moves .and. .not. allocated(forces%jacobian)) allocate (forces%jacobian(0, 0))
+  end subroutine keep_forces
+end module attrito_contact_kept_forces
