@@ -30,6 +30,7 @@ module attrito_balance_condensed_krylov
     type(two_level_type) :: preconditioner
   end type system_type
 
+#if PETSC_VERSION_LT(3, 23, 0)
   interface
     subroutine MatCreateShell(comm, local_rows, local_columns, rows, columns, context, matrix, ierr)
       import :: system_type, tMat
@@ -58,6 +59,7 @@ module attrito_balance_condensed_krylov
       PetscErrorCode :: ierr
     end subroutine PCShellGetContext
   end interface
+#endif
 
 contains
 

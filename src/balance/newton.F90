@@ -12,8 +12,10 @@ module attrito_balance_newton
   use attrito_core_kinds, only: wp
   use attrito_balance_border, only: constraint_type, inner_product
   use attrito_balance_linearised_step, only: solve_linearised, apply_linearised
-  use attrito_balance_newton_context, only: newton_context_type, least_stiffening, MatCreateShell, MatShellGetContext, PCShellSetContext, &
-                                            PCShellGetContext
+  use attrito_balance_newton_context, only: context_handle_type, newton_context_type, least_stiffening
+#if PETSC_VERSION_LT(3, 23, 0)
+  use attrito_balance_newton_context, only: MatCreateShell, MatShellGetContext, PCShellSetContext, PCShellGetContext
+#endif
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   implicit none
   private
@@ -23,6 +25,9 @@ module attrito_balance_newton
   real(wp), parameter :: longest_step = 1.0e6_wp
   !> Norm of the residual from which on it is decided which sliders rest
   real(wp), parameter :: settling_norm = 1.0e-3_wp
+
+  !> Growth of the residual that no solve comes to
+  real(wp), parameter :: never_diverged = 1.0e100_wp
 
   !> Lengths of the series that objects are kept for
   integer, parameter :: most_lengths = 8
@@ -37,6 +42,8 @@ module attrito_balance_newton
 
   type :: newton_type
     type(newton_context_type), pointer :: context => null()
+    !> Stays where it is while PETSc knows of it
+    type(context_handle_type), pointer :: handle => null()
     !> Those at hand, those of other lengths, and the one of them that gives way next
     type(objects_type) :: now
     type(objects_type), allocatable :: others(:)
@@ -71,9 +78,11 @@ contains
     PetscErrorCode :: ierr
 
     self%context => context
+    allocate (self%handle)
+    self%handle%context => context
     self%max_iterations = max_iterations
     allocate (self%others(0))
-    call create(self%context, self%now, ierr)
+    call create(self%handle, self%now, ierr)
     if (ierr /= 0) call raise(error, 'PETSc could not create the nonlinear solver')
   end subroutine new_newton
 
@@ -101,38 +110,38 @@ contains
       self%oldest = modulo(self%oldest, most_lengths) + 1
     end if
     self%now = objects_type()
-    call create(self%context, self%now, ierr)
+    call create(self%handle, self%now, ierr)
     if (ierr /= 0) call raise(error, 'PETSc could not create the nonlinear solver')
   end subroutine take_length
 
-  subroutine create(context, self, ierr)
-    type(newton_context_type), pointer, intent(in) :: context
+  subroutine create(handle, self, ierr)
+    type(context_handle_type), pointer, intent(in) :: handle
     type(objects_type), intent(inout) :: self
     PetscErrorCode, intent(out) :: ierr
     type(tKSP) :: ksp
     type(tPC) :: pc
     PetscInt :: n
 
-    associate (balance => context%balance)
+    associate (balance => handle%context%balance)
       self%coefficients = balance%coefficients()
       n = self%coefficients*balance%rows() + 2*size(balance%law)
       if (balance%ranks%is_root()) n = n + 1
       PetscCall(VecCreateMPI(balance%ranks%handle, n, PETSC_DETERMINE, self%unknowns, ierr))
       PetscCall(VecDuplicate(self%unknowns, self%residual, ierr))
-      PetscCall(MatCreateShell(balance%ranks%handle, n, n, PETSC_DETERMINE, PETSC_DETERMINE, context, self%jacobian, ierr))
+      PetscCall(MatCreateShell(balance%ranks%handle, n, n, PETSC_DETERMINE, PETSC_DETERMINE, handle, self%jacobian, ierr))
       PetscCall(SNESCreate(balance%ranks%handle, self%snes, ierr))
     end associate
     PetscCall(MatShellSetOperation(self%jacobian, MATOP_MULT, multiply, ierr))
     PetscCall(SNESSetType(self%snes, SNESNEWTONLS, ierr))
-    PetscCall(SNESSetFunction(self%snes, self%residual, evaluate, context, ierr))
-    PetscCall(SNESSetJacobian(self%snes, self%jacobian, self%jacobian, differentiate, context, ierr))
-    PetscCall(SNESSetDivergenceTolerance(self%snes, -1.0_wp, ierr))
+    PetscCall(SNESSetFunction(self%snes, self%residual, evaluate, handle, ierr))
+    PetscCall(SNESSetJacobian(self%snes, self%jacobian, self%jacobian, differentiate, handle, ierr))
+    PetscCall(SNESSetDivergenceTolerance(self%snes, never_diverged, ierr))
     PetscCall(SNESSetErrorIfNotConverged(self%snes, PETSC_FALSE, ierr))
     PetscCall(SNESGetKSP(self%snes, ksp, ierr))
     PetscCall(KSPSetType(ksp, KSPPREONLY, ierr))
     PetscCall(KSPGetPC(ksp, pc, ierr))
     PetscCall(PCSetType(pc, PCSHELL, ierr))
-    PetscCall(PCShellSetContext(pc, context, ierr))
+    PetscCall(PCShellSetContext(pc, handle, ierr))
     PetscCall(PCShellSetApply(pc, apply_inverse, ierr))
   end subroutine create
 
@@ -207,14 +216,16 @@ contains
   end function room
 
   !> SNES: residual of balance, sliders and constraint.
-  subroutine evaluate(snes, x, f, context, ierr)
+  subroutine evaluate(snes, x, f, handle, ierr)
     type(tSNES) :: snes
     type(tVec) :: x, f
-    type(newton_context_type) :: context
+    type(context_handle_type) :: handle
     PetscErrorCode :: ierr
+    type(newton_context_type), pointer :: context
     type(unknowns_type) :: at, rest
     integer :: i, status
 
+    context => handle%context
     at = room(context)
     rest = room(context)
     PetscCall(load(context, x, at, ierr))
@@ -263,16 +274,18 @@ contains
   end subroutine ensure_evaluated
 
   !> SNES: the Jacobian is that of the last evaluation; make sure that it was here.
-  subroutine differentiate(snes, x, jacobian, preconditioner, context, ierr)
+  subroutine differentiate(snes, x, jacobian, preconditioner, handle, ierr)
     type(tSNES) :: snes
     type(tVec) :: x
     type(tMat) :: jacobian, preconditioner
-    type(newton_context_type) :: context
+    type(context_handle_type) :: handle
     PetscErrorCode :: ierr
+    type(newton_context_type), pointer :: context
     type(unknowns_type) :: at
     PetscReal :: norm
     integer :: status
 
+    context => handle%context
     at = room(context)
     PetscCall(load(context, x, at, ierr))
     call ensure_evaluated(context, at, status)
@@ -321,10 +334,12 @@ contains
     type(tMat) :: jacobian
     type(tVec) :: x, y
     PetscErrorCode :: ierr
+    type(context_handle_type), pointer :: handle
     type(newton_context_type), pointer :: context
     type(unknowns_type) :: step, product
 
-    PetscCall(MatShellGetContext(jacobian, context, ierr))
+    PetscCall(MatShellGetContext(jacobian, handle, ierr))
+    context => handle%context
     step = room(context)
     PetscCall(load(context, x, step, ierr))
     if (is_last_step(context, step)) then
@@ -367,13 +382,15 @@ contains
     type(tPC) :: pc
     type(tVec) :: x, y
     PetscErrorCode :: ierr
+    type(context_handle_type), pointer :: handle
     type(newton_context_type), pointer :: context
     type(unknowns_type) :: right, step
     PetscReal :: longest
     PetscScalar, parameter :: zero = 0.0
     integer :: attempt, iterations, status
 
-    PetscCall(PCShellGetContext(pc, context, ierr))
+    PetscCall(PCShellGetContext(pc, handle, ierr))
+    context => handle%context
     right = room(context)
     step = room(context)
     PetscCall(load(context, x, right, ierr))
@@ -444,6 +461,7 @@ contains
       call destroy_objects(self%others(i))
     end do
     deallocate (self%others)
+    if (associated(self%handle)) deallocate (self%handle)
   end subroutine destroy
 
   subroutine destroy_objects(self)

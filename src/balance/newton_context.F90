@@ -10,7 +10,10 @@ module attrito_balance_newton_context
   use attrito_balance_unknowns, only: unknowns_type
   implicit none
   private
-  public :: newton_context_type, least_stiffening, MatCreateShell, MatShellGetContext, PCShellSetContext, PCShellGetContext
+  public :: newton_context_type, context_handle_type, least_stiffening
+#if PETSC_VERSION_LT(3, 23, 0)
+  public :: MatCreateShell, MatShellGetContext, PCShellSetContext, PCShellGetContext
+#endif
 
   !> Part of their springs that contacts keep in a step that else were singular: where all of them slip and nothing else holds a body,
   !> its mean position is free, and stays where it was.
@@ -40,34 +43,41 @@ module attrito_balance_newton_context
     procedure :: forget
   end type newton_context_type
 
+  !> What PETSc is given and hands back: it takes no type that has procedures of its own
+  type :: context_handle_type
+    type(newton_context_type), pointer :: context => null()
+  end type context_handle_type
+
+#if PETSC_VERSION_LT(3, 23, 0)
   interface
     subroutine MatCreateShell(comm, local_rows, local_columns, rows, columns, context, matrix, ierr)
-      import :: newton_context_type, tMat
+      import :: context_handle_type, tMat
       integer :: comm
       PetscInt :: local_rows, local_columns, rows, columns
-      type(newton_context_type) :: context
+      type(context_handle_type) :: context
       type(tMat) :: matrix
       PetscErrorCode :: ierr
     end subroutine MatCreateShell
     subroutine MatShellGetContext(matrix, context, ierr)
-      import :: newton_context_type, tMat
+      import :: context_handle_type, tMat
       type(tMat) :: matrix
-      type(newton_context_type), pointer :: context
+      type(context_handle_type), pointer :: context
       PetscErrorCode :: ierr
     end subroutine MatShellGetContext
     subroutine PCShellSetContext(pc, context, ierr)
-      import :: newton_context_type, tPC
+      import :: context_handle_type, tPC
       type(tPC) :: pc
-      type(newton_context_type) :: context
+      type(context_handle_type) :: context
       PetscErrorCode :: ierr
     end subroutine PCShellSetContext
     subroutine PCShellGetContext(pc, context, ierr)
-      import :: newton_context_type, tPC
+      import :: context_handle_type, tPC
       type(tPC) :: pc
-      type(newton_context_type), pointer :: context
+      type(context_handle_type), pointer :: context
       PetscErrorCode :: ierr
     end subroutine PCShellGetContext
   end interface
+#endif
 
 contains
 

@@ -1,6 +1,7 @@
 ! The code is written for the current PETSc (3.23 and later); this maps it back to PETSc 3.18. Include it after PETSc's own headers.
 !
-! Array access: the current release has lost the suffix F90.   Null arrays: the current release has named them.
+! Array access: the current release has lost the suffix F90. Null arrays: it has named them. How to factor: it has made a type of it.
+! Contexts of shells: it declares what takes and gives them; for 3.18 those who use them declare it themselves.
 #include <petsc/finclude/petscsys.h>
 #if PETSC_VERSION_LT(3, 22, 0)
 #define VecGetArray VecGetArrayF90
@@ -17,4 +18,7 @@
 #define PETSC_CURRENT_INTEGER PETSC_DEFAULT_INTEGER
 #define PETSC_CURRENT_REAL PETSC_DEFAULT_REAL
 #define PETSC_DETERMINE_INTEGER PETSC_DEFAULT_INTEGER
+#define FACTOR_INFO(name) MatFactorInfo :: name(MAT_FACTORINFO_SIZE)
+#else
+#define FACTOR_INFO(name) MatFactorInfo :: name
 #endif

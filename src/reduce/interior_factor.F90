@@ -137,7 +137,7 @@ contains
     !> Who shall order the rows
     character(*), intent(in) :: wanted
     PetscErrorCode, intent(out) :: ierr
-    MatFactorInfo :: info(MAT_FACTORINFO_SIZE)
+    FACTOR_INFO(info)
     PetscInt :: ordering, entries
 
     self%analysis_seconds = -MPI_WTIME()
