@@ -23,7 +23,7 @@ h2 { font-size: 1.2rem; margin: 2.2rem 0 .5rem; padding-top: .7rem; border-top: 
 h3 { font-size: 1rem; margin: 1.2rem 0 .2rem; }
 p { margin: .4rem 0; max-width: 48rem; }
 nav { margin: .8rem 0 0; font-size: .92rem; }
-nav a { margin-right: .9rem; }
+nav a { display: inline-block; margin-right: .9rem; }
 a { color: #0b5cad; }
 .faint, figcaption { color: var(--faint); font-size: .92rem; }
 ul.glance { list-style: none; margin: 1rem 0; padding: .7rem 1rem; background: var(--wash);
