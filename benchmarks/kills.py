@@ -74,6 +74,7 @@ def _peaks(folder: Path, name: str, **peak: float | str) -> None:
     job["sweep"] = {"start_hz": 150.0, "stop_hz": 85.0}
     job["static"] = {"load_path": [0.0, 1.0]}
     job["peak"] = {"start": 10.0, **peak}
+    job["output"]["file"] = "sweep.h5"
     write_job(folder, job, name)
 
 
