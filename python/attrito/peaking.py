@@ -89,7 +89,9 @@ def follow(solver: Solver, job: Job, scene: ReducedScene, load_path: np.ndarray)
             reached = abs(peak.parameter - stop) <= 1e-12 * stop
             converged = "not_converged" not in (before.outcome, peak.outcome)
             if converged and keys["optimum"] and _is_between(before, peak, keys["parameter"]):
-                yield Found(locate_optimum(tracker, before, peak), "optimum")
+                optimum = locate_optimum(tracker, before, peak)
+                if optimum is not None:
+                    yield Found(optimum, "optimum")
                 peak = tracker.at(peak.parameter)
             count += 1
             yield Found(peak, "value" if reached else "step")
@@ -121,8 +123,8 @@ def follow_mode(
         return follow_backbone(tracker, amplitude, found)
 
 
-def locate_optimum(tracker: PeakTracker, before: Peak, after: Peak) -> Peak:
-    """The extremum of the peak over the parameter between two peaks."""
+def locate_optimum(tracker: PeakTracker, before: Peak, after: Peak) -> Peak | None:
+    """The extremum of the peak over the parameter between two peaks; None where the peak jumps from one to the other."""
 
     def slope(logarithm: float) -> float:
         peak = tracker.at(float(np.exp(logarithm)))
@@ -131,6 +133,9 @@ def locate_optimum(tracker: PeakTracker, before: Peak, after: Peak) -> Peak:
         return elasticity(peak, tracker.parameter)
 
     ends = np.log([before.parameter, after.parameter])
+    # On the way back from the second the peak may stay on a curve that the first is not on.
+    if slope(ends[1]) * slope(ends[0]) > 0.0:
+        return None
     best = brentq(slope, *ends, xtol=OPTIMUM_TOLERANCE, rtol=1e-12)
     return tracker.at(float(np.exp(best)))
 

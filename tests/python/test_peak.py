@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from types import SimpleNamespace
 
 import h5py
 import jobs
@@ -12,6 +13,7 @@ import pytest
 from mpi4py import MPI
 from scipy.optimize import brentq, minimize_scalar
 
+from attrito import peaking
 from attrito.peak_file import read_peaks
 from attrito.peak_tracker import PeakTracker
 from attrito.peaking import begin, follow
@@ -253,3 +255,12 @@ def test_an_uncoupled_balance_cannot_follow_the_preload(tmp_path, capfd):
     made["balance"] = made.get("balance", {}) | {"approach": "uncoupled"}
     done = jobs.attrito_here(tmp_path, capfd, "peak", jobs.write_job(tmp_path, made))
     assert done.returncode == 2 and "[peak] parameter = 'preload'" in done.stderr
+
+
+def test_a_peak_that_jumps_has_no_optimum_between(monkeypatch):
+    # Back from beyond the jump the tracker stays on the other curve, whose slope has one sign at both ends.
+    tracker = SimpleNamespace(parameter="level", at=lambda value: SimpleNamespace(parameter=value, outcome="converged"))
+    monkeypatch.setattr(peaking, "elasticity", lambda peak, parameter: peak.parameter)
+    assert peaking.locate_optimum(tracker, tracker.at(1.0), tracker.at(2.0)) is None
+    monkeypatch.setattr(peaking, "elasticity", lambda peak, parameter: peak.parameter - 1.5)
+    assert peaking.locate_optimum(tracker, tracker.at(1.0), tracker.at(2.0)).parameter == pytest.approx(1.5, rel=1e-6)

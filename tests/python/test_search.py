@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+import tomllib
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -10,6 +12,13 @@ import pytest
 from jobs import run, table
 from test_bifurcations import swept
 from test_stability import stiff_wedge
+
+from attrito.integrator import Integrator, Run
+from attrito.job import read_job
+from attrito.rom import reduced_scene
+from attrito.scene import build_scene
+
+REPOSITORY = Path(__file__).resolve().parents[2]
 
 
 def test_both_stable_branches_of_the_stiff_wedge_are_found_and_each_once(tmp_path):
@@ -33,6 +42,39 @@ def test_no_branch_is_found_twice(tmp_path):
     done = run(tmp_path, swept(stiff_wedge([], 5), 93.0, 87.5, branches=3))
     assert {row["branch"] for row in table(tmp_path)} == {"0"}
     assert "another branch" not in done.stdout
+
+
+def test_an_isola_is_found_followed_round_and_motion_stays_on_its_stable_side(tmp_path):
+    job = tomllib.loads((REPOSITORY / "input/wedge_isola.toml").read_text())
+    job["output"]["file"] = "result.h5"
+    run(tmp_path, job)
+    rows = table(tmp_path)
+    (main, isola) = ([row for row in rows if row["branch"] == branch] for branch in ("0", "1"))
+    frequencies, amplitudes = (
+        np.array([float(row[name]) for row in isola]) for name in ("frequency_hz", "x_amplitude")
+    )
+    # Closed: it ends where it began, as nearly as a branch comes home, after two folds; apart from the other.
+    assert frequencies.min() > 122.0
+    assert frequencies.max() < 130.0
+    assert frequencies[-1] == pytest.approx(frequencies[0], rel=1e-6)
+    assert amplitudes[-1] == pytest.approx(amplitudes[0], rel=1e-6)
+    assert [row["kind"] for row in table(tmp_path, "--bifurcations") if row["branch"] == "1"].count("fold") == 2
+    assert amplitudes.min() > 1.5 * max(float(row["x_amplitude"]) for row in main)
+    # The side of large motions is stable, the other is not; by located events the motion is there 400 periods later.
+    best = isola[int(np.argmax(amplitudes))]
+    assert best["stable"] == "true"
+    assert {row["stable"] for row in isola} >= {"true", "false"}
+    with h5py.File(tmp_path / "result.h5") as file:
+        motion = file["points/coordinates"][int(best["point"])]
+        sliders = file["contacts/slider"][int(best["point"])]
+    read = read_job(tmp_path / "job.toml")
+    omega = 2.0 * np.pi * float(best["frequency_hz"])
+    orders = np.arange(1, motion.shape[1] // 2 + 1)
+    with Integrator(reduced_scene(read, build_scene(read))) as session:
+        session.start(motion[:, 0] + motion[:, 1::2].sum(axis=1), omega * motion[:, 2::2] @ orders, sliders, np.ones(1))
+        orbit = session.run(Run(float(best["frequency_hz"]), level=0.85, cycles=400, fewest_cycles=400))
+    # The five harmonics leave out some 1e-3 of the motion, by their estimate.
+    assert orbit.amplitude[0] == pytest.approx(amplitudes.max(), rel=10.0 * float(best["estimate"]))
 
 
 def test_a_sweep_begins_at_a_point_of_an_older_result(tmp_path):

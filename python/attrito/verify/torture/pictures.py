@@ -68,8 +68,10 @@ def method_map(grid: Grid) -> Figure:
         image = panel.imshow(table, cmap="RdYlGn", vmin=0.0, vmax=100.0, aspect="auto")
         for i, j in np.ndindex(*table.shape):
             if np.isfinite(table[i, j]):
-                panel.text(j, i, f"{table[i, j]:.0f}", ha="center", va="center", fontsize=8)
-        panel.set_xticks(range(len(RATIOS)), [f"{ratio:g}" for ratio in RATIOS])
+                dark = abs(table[i, j] - 50.0) > 35.0
+                colour = "white" if dark else "black"
+                panel.text(j, i, f"{table[i, j]:.0f}", ha="center", va="center", fontsize=8, color=colour)
+        panel.set_xticks(range(len(RATIOS)), [f"$10^{{{np.log10(ratio):.0f}}}$" for ratio in RATIOS])
         panel.set_yticks(range(len(METHODS)), [method.replace("_", " ") for method in METHODS])
         panel.set_xlabel("kn/k")
         panel.set_title(f"preload: {preload}")
