@@ -124,7 +124,7 @@ def follow_mode(
 
 
 def locate_optimum(tracker: PeakTracker, before: Peak, after: Peak) -> Peak | None:
-    """The extremum of the peak over the parameter between two peaks; None where the peak jumps from one to the other."""
+    """The extremum of the peak over the parameter between two peaks; None where it jumps from one to the other."""
 
     def slope(logarithm: float) -> float:
         peak = tracker.at(float(np.exp(logarithm)))
