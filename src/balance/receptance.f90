@@ -146,14 +146,9 @@ contains
     !> X [n, 0:H]
     complex(wp), intent(in) :: response(:, 0:)
     complex(wp), intent(out) :: derivative(:, 0:)
-    complex(wp) :: force(size(response, 1), 0:self%harmonics)
     integer :: h
 
-    call self%inertia_of(response, force)
-    do h = 0, self%harmonics
-      force(:, h) = 2.0_wp*h**2*force(:, h)
-    end do
-    call self%respond(force, derivative)
+    call respond_to_parts(self, [(cmplx(2*h**2, 0, wp), h=0, self%harmonics)], response, derivative)
   end subroutine respond_inertia
 
   !> dX_h/dxi = -Z_h^-1 (dZ_h/dxi) X_h = Z_h^-1 i h omega M X_h, xi being `excitation`.
@@ -162,15 +157,28 @@ contains
     !> X [n, 0:H]
     complex(wp), intent(in) :: response(:, 0:)
     complex(wp), intent(out) :: derivative(:, 0:)
+    integer :: h
+
+    call respond_to_parts(self, [(cmplx(0.0_wp, h*self%omega, wp), h=0, self%harmonics)], response, derivative)
+  end subroutine respond_excitation
+
+  !> Z_h^-1 p_h M X_h.
+  subroutine respond_to_parts(self, parts, response, derivative)
+    class(receptance_type), intent(in) :: self
+    !> p [0:H]
+    complex(wp), intent(in) :: parts(0:)
+    !> X [n, 0:H]
+    complex(wp), intent(in) :: response(:, 0:)
+    complex(wp), intent(out) :: derivative(:, 0:)
     complex(wp) :: force(size(response, 1), 0:self%harmonics)
     integer :: h
 
     call self%inertia_of(response, force)
     do h = 0, self%harmonics
-      force(:, h) = (0.0_wp, 1.0_wp)*h*self%omega*force(:, h)
+      force(:, h) = parts(h)*force(:, h)
     end do
     call self%respond(force, derivative)
-  end subroutine respond_excitation
+  end subroutine respond_to_parts
 
   !> Stiffness, mass and damping of the modes, ascending, if they are all there is to the response; none where damping couples them.
   subroutine uncoupled_modes(self, stiffness, mass, damping)
