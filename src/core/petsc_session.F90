@@ -6,11 +6,15 @@
 !> errors return as `ierr` without a word: whoever calls PETSc turns them into an `error_type`.
 module attrito_core_petsc_session
   use, intrinsic :: iso_c_binding, only: c_funloc, c_funptr, c_int, c_null_ptr, c_ptr
+  use mpi, only: MPI_COMM_NULL
   use slepcsys
   use attrito_core_errors, only: error_type, raise
   implicit none
   private
   public :: start_petsc, stop_petsc, raise_petsc
+
+  !> PETSc's world: our own duplicate of the communicator of first use, which its owner may free long before PETSc ends
+  integer :: world = MPI_COMM_NULL
 
   interface
     integer(c_int) function push_error_handler(handler, context) bind(c, name='PetscPushErrorHandler')
@@ -33,9 +37,13 @@ contains
     type(error_type), allocatable, intent(out) :: error
     PetscBool :: running
     PetscErrorCode :: ierr
+    integer :: mpi_error
 
     call PetscInitialized(running, ierr)
-    if (.not. running) PETSC_COMM_WORLD = comm
+    if (.not. running) then
+      call MPI_Comm_dup(comm, world, mpi_error)
+      PETSC_COMM_WORLD = world
+    end if
     call SlepcInitialized(running, ierr)
     if (running) return
     call read_environment(ierr)
@@ -61,11 +69,13 @@ contains
   subroutine stop_petsc()
     PetscBool :: running
     PetscErrorCode :: ierr
+    integer :: mpi_error
 
     call SlepcInitialized(running, ierr)
     if (.not. running) return
     call PetscPopErrorHandler(ierr)
     call SlepcFinalize(ierr)
+    if (world /= MPI_COMM_NULL) call MPI_Comm_free(world, mpi_error)
   end subroutine stop_petsc
 
   !> Turn a PETSc error into ours; no error where `ierr` is zero.

@@ -12,7 +12,7 @@ program test_ranks
   use attrito_accuracy_finer_balance, only: finer_point_type
   use attrito_output_point_report, only: point_report_type, report_point
   use scenes, only: scene_type, rubbing_frame, rubbing_frame_with_high_modes, wedge, damp
-  use session, only: run_in_session, everyone, only_me
+  use session, only: run_in_session, everyone, only_me, petsc_keeps_its_own_world
   use testing, only: test, check, check_close
   implicit none
 
@@ -21,6 +21,7 @@ program test_ranks
   real(wp), parameter :: tolerance = 1.0e-10_wp
 
   call run_in_session('ranks', [ &
+                      test('the communicator that PETSc was started on can be freed', worlds), &
                       test('shares cover all items once, in order', shares), &
                       test('columns and integers are gathered in the order of ranks', gathering), &
                       test('a point with four contacts is the same on all ranks as on one', point_of_modes), &
@@ -81,6 +82,12 @@ contains
     call together%destroy()
     call alone%destroy()
   end subroutine compare_point
+
+  subroutine worlds(error)
+    type(error_type), allocatable, intent(out) :: error
+
+    call check(error, petsc_keeps_its_own_world(), 'PETSc holds on to the communicator of the caller')
+  end subroutine worlds
 
   subroutine shares(error)
     type(error_type), allocatable, intent(out) :: error

@@ -1,13 +1,15 @@
+#include <petsc/finclude/petscsys.h>
 !> MPI and PETSc around a suite that needs them.
 module session
   use mpi
+  use petscsys, only: PETSC_COMM_WORLD
   use attrito_core_communicator, only: communicator_type, new_communicator
   use attrito_core_errors, only: error_type
   use attrito_core_petsc_session, only: start_petsc, stop_petsc
   use testing, only: test_type, run_suite
   implicit none
   private
-  public :: run_in_session, everyone, only_me
+  public :: run_in_session, everyone, only_me, petsc_keeps_its_own_world
 
 contains
 
@@ -42,4 +44,12 @@ contains
 
     ranks = new_communicator(MPI_COMM_SELF)
   end function only_me
+
+  !> PETSc was started on all ranks; is its communicator another one, which lives on when its owner frees the first?
+  logical function petsc_keeps_its_own_world()
+    integer :: relation, ierr
+
+    call MPI_Comm_compare(PETSC_COMM_WORLD, MPI_COMM_WORLD, relation, ierr)
+    petsc_keeps_its_own_world = relation == MPI_CONGRUENT
+  end function petsc_keeps_its_own_world
 end module session
