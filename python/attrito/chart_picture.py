@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from attrito.chart import SERIES, Chart, Way
+from attrito.chart_file import SERIES, Chart, Way
 from attrito.plots import BRANCH_COLOURS, STYLE
 
 MARKERS = dict(zip(SERIES, ("o", "s", "^", "v", "D", "x", "+", "P"), strict=True))

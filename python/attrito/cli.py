@@ -271,7 +271,8 @@ def _run(options: argparse.Namespace) -> None:
 def _chart(options: argparse.Namespace) -> None:
     from pathlib import Path
 
-    from attrito.chart import chart_job, table, write
+    from attrito.chart import chart_job
+    from attrito.chart_file import table, write
     from attrito.chart_picture import picture
     from attrito.job import files_read, read_job
     from attrito.overwriting import check_spared

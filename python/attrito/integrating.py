@@ -20,7 +20,7 @@ from attrito.attractors import Attractor, State, find_attractors, told, write_at
 from attrito.faults import InputError, UnsolvedError
 from attrito.integrator import Integrator, Orbit, Run
 from attrito.job import Job, read_job
-from attrito.parallel import on_root
+from attrito.parallel import on_root, on_root_only
 from attrito.restart import read_point
 from attrito.rom import make_rom, reduced_scene, rom_path
 from attrito.scene import Scene, build_scene
@@ -42,9 +42,7 @@ def integrate_job(comm: Comm, path: str | Job, say: Callable[[str], None] = prin
     """Integrate a job; returns the file's path. Raises `UnsolvedError` at the end if it did not become steady."""
     job = on_root(comm, lambda: read_job(path))
     on_root(comm, lambda: _check(job))
-    kept: list[Scene] = []
-    on_root(comm, lambda: kept.append(build_scene(job)))
-    scene = kept[0] if kept else None
+    scene = on_root_only(comm, lambda: build_scene(job))
     if rom_path(job) is not None:
         make_rom(comm, job, scene, say)
 

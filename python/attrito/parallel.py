@@ -29,6 +29,13 @@ def on_root(comm: Comm, work: Callable[[], Value]) -> Value:
     return value
 
 
+def on_root_only(comm: Comm, work: Callable[[], Value]) -> Value | None:
+    """Do `work` on rank 0, where its value stays, None on the others; a fault is raised on every rank."""
+    kept: list[Value] = []
+    on_root(comm, lambda: kept.append(work()))
+    return kept[0] if kept else None
+
+
 def everywhere(comm: Comm, work: Callable[[], Value]) -> Value:
     """Do `work` on every rank and return each its own value; a fault of any rank is raised on all of them.
 

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from attrito.backbone import Backbone, BackboneTracker, follow_backbone, leading_mode
 from attrito.faults import InputError, NumericsError, UnsolvedError
 from attrito.job import Job, peak_path, read_job
-from attrito.parallel import on_root
+from attrito.parallel import on_root, on_root_only
 from attrito.peak_file import Found, elasticity, table, write
 from attrito.peak_plot import peak_curve
 from attrito.peak_tracker import Peak, PeakTracker
@@ -20,7 +20,7 @@ from attrito.plots import save
 from attrito.progress import Progress
 from attrito.rom import make_rom, reduced_scene, rom_path
 from attrito.running import solver_options
-from attrito.scene import Scene, build_scene
+from attrito.scene import build_scene
 from attrito.solver import ReducedScene, Solver
 
 if TYPE_CHECKING:
@@ -38,9 +38,7 @@ def peak_job(comm: Comm, path: str | Job, picture: str | None = None) -> str:
     progress = Progress(comm)
     job = on_root(comm, lambda: read_job(path))
     on_root(comm, lambda: _check(job))
-    kept: list[Scene] = []
-    on_root(comm, lambda: kept.append(build_scene(job)))
-    scene = kept[0] if kept else None
+    scene = on_root_only(comm, lambda: build_scene(job))
     if rom_path(job) is not None:
         progress.reduction(make_rom(comm, job, scene, progress.say, progress.step))
     reduced, load_path = on_root(comm, lambda: (reduced_scene(job, scene), scene.load_path))

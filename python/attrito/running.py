@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from attrito.faults import InputError, NumericsError, UnsolvedError
 from attrito.job import TOLERANCE, Job, read_job
 from attrito.journal import Record, set_aside
 from attrito.longer_periods import LongerPeriods, write_periods
-from attrito.parallel import on_root
+from attrito.parallel import on_root, on_root_only
 from attrito.progress import Progress
 from attrito.recorder import Place, Recorder
 from attrito.restart import StoredPoint, read_point
@@ -34,8 +33,6 @@ from attrito.whole_file import whole_hdf5
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
-Kept = TypeVar("Kept")
-
 # Where they are chosen point by point, to begin with
 FIRST_HARMONICS, FIRST_SAMPLES = 3, 64
 
@@ -44,7 +41,7 @@ def reduce_job(comm: Comm, path: str | Job) -> str:
     """`attrito reduce`: make the job's rom.h5; returns its path."""
     progress = Progress(comm)
     job = on_root(comm, lambda: read_job(path))
-    scene = _on_root_only(comm, lambda: build_scene(job))
+    scene = on_root_only(comm, lambda: build_scene(job))
     _say_notes(progress, scene)
     if rom_path(job) is None:
         raise InputError(job.fault("[reduction]", "missing", "this table, to say what to reduce to"))
@@ -70,7 +67,7 @@ def run_job(comm: Comm, path: str | Job, resume: bool = False, max_seconds: floa
     progress, stages = Progress(comm), Stages(comm)
     with Stop(comm, max_seconds) as stop:
         job = on_root(comm, lambda: read_job(path))
-        scene = _on_root_only(comm, lambda: build_scene(job))
+        scene = on_root_only(comm, lambda: build_scene(job))
         _say_notes(progress, scene)
         stages.end("input")
         if rom_path(job) is not None:
@@ -86,7 +83,7 @@ def run_job(comm: Comm, path: str | Job, resume: bool = False, max_seconds: floa
                 progress.say(wedges)
             linear = linear_responses(solver, job)
             progress.begin(len(reduced.mass), len(reduced.laws["tangents"]), linear)
-            first = _on_root_only(comm, lambda: first_record(job, scene, reduced, comm.size, linear))
+            first = on_root_only(comm, lambda: first_record(job, scene, reduced, comm.size, linear))
             stages.end("linear responses")
             run = _Run(comm, job, solver, reduced, options, progress, stages, load_path)
             try:
@@ -250,13 +247,6 @@ def solver_options(job: Job) -> Options:
         accepted_error=balance["tolerance"] or TOLERANCE,
         mode_error=mode_error(rom_path(job)),
     )
-
-
-def _on_root_only(comm: Comm, work: Callable[[], Kept]) -> Kept | None:
-    """What stays on rank 0; its faults are raised everywhere."""
-    kept: list[Kept] = []
-    on_root(comm, lambda: kept.append(work()))
-    return kept[0] if kept else None
 
 
 def _say_notes(progress: Progress, scene: Scene | None) -> None:

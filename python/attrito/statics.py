@@ -34,6 +34,7 @@ from attrito.solver import ReducedScene
 # and up to the second number all of them slipping alike.
 MOST_CONTACTS, MOST_ALIKE = 5, 200
 STATES = {"stuck": 0, "slip+": 1, "slip-": -1, "open": 2}
+# Part of the largest eigenvalue that is taken for rounding; beyond its inverse a condition number is taken for singular
 ROUNDING = 1e-9
 
 
@@ -113,8 +114,8 @@ def _critical(compliance: np.ndarray, kt: np.ndarray, kn: np.ndarray, mu: np.nda
         # Nothing but friction holds the body in this state: it gives way, and does not wedge.
         return np.inf
     values = np.linalg.eigvals(-np.linalg.solve(without, compliance @ grows))
-    scale = max(np.abs(values).max(), 1e-300)
-    real = values.real[(np.abs(values.imag) <= ROUNDING * scale) & (values.real > ROUNDING * scale)]
+    rounding = ROUNDING * np.abs(values).max()
+    real = values.real[(np.abs(values.imag) <= rounding) & (values.real > rounding)]
     return float(1.0 / real.max()) if len(real) else np.inf
 
 

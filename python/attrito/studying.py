@@ -19,7 +19,7 @@ import numpy as np
 
 from attrito.faults import UnsolvedError
 from attrito.job import Job, read_job, rom_path
-from attrito.parallel import on_root
+from attrito.parallel import on_root, on_root_only
 from attrito.progress import Progress
 from attrito.rom import make_rom
 from attrito.scene import Scene, build_scene
@@ -71,9 +71,7 @@ def run_study(comm: Comm, path: str | Study) -> str:
 
 def _shared_scene(comm: Comm, job: Job, study: Study, progress: Progress) -> Scene | None:
     """Make the reduced model that all samples share; the scene that they differ from in numbers alone, if they do."""
-    kept: list[Scene] = []
-    on_root(comm, lambda: kept.append(build_scene(job)))
-    scene = kept[0] if kept else None
+    scene = on_root_only(comm, lambda: build_scene(job))
     if rom_path(job) is not None:
         progress.reduction(make_rom(comm, job, scene, progress.say, progress.step))
     if not study.keeps_places(job):

@@ -7,6 +7,7 @@
 !> by the motion that either change of the forces makes by itself. Harmonics left out fade as those do that are there, so the tail of
 !> the motion tells how many more, or fewer, are needed.
 module attrito_accuracy_error_control
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_quiet_nan, ieee_value
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: extrema, resized
@@ -17,6 +18,7 @@ module attrito_accuracy_error_control
   use attrito_contact_state, only: state_slipping
   use attrito_continuation_arc_length, only: sweep_type
   use attrito_continuation_cascade, only: solve_by_cascade
+  use attrito_continuation_place, only: place_type, place_of, return_to
   use attrito_continuation_solver, only: solver_type
   implicit none
   private
@@ -33,11 +35,12 @@ module attrito_accuracy_error_control
   integer, parameter :: most_harmonics = 100, fewest_samples = 32, most_samples = 8192
   integer, parameter :: most_refinements = 4
 
-  !> Relative errors of the amplitude
+  !> Relative errors of the amplitude; those by harmonics and samples are NaN where the linearised step that tells them is singular
   type :: point_errors_type
     real(wp) :: harmonics = 0.0_wp, samples = 0.0_wp, modes = 0.0_wp
   contains
     procedure :: all
+    procedure :: are_known
   end type point_errors_type
 
   type :: error_control_type
@@ -68,6 +71,12 @@ contains
 
     all = self%harmonics + self%samples + self%modes
   end function all
+
+  pure logical function are_known(self)
+    class(point_errors_type), intent(in) :: self
+
+    are_known = .not. ieee_is_nan(self%harmonics)
+  end function are_known
 
   !> What a point leaves for the next: put down after it, or taken up in its place.
   subroutine keep(self, store)
@@ -113,7 +122,7 @@ contains
   end subroutine take_resolution_chosen
 
   !> Estimate the errors of the point, and solve it again on a finer series or more samples until they are accepted, or as fine as it
-  !> gets. A point that the finer balance does not reach stays, with its estimate.
+  !> gets. A point that the finer balance does not reach stays, with its estimate; so does one of which nothing is known, without.
   subroutine refine(self, solver)
     type(error_control_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
@@ -125,7 +134,7 @@ contains
     self%next_harmonics = 0
     do attempt = 0, most_refinements
       call self%estimate(solver, finer)
-      if (.not. solver%report%converged) exit
+      if (.not. (solver%report%converged .and. self%errors%are_known())) exit
       if (.not. (self%choose_harmonics .or. self%choose_samples)) exit
       harmonics = needed_harmonics(self, solver, finer)
       samples = needed_samples(self, solver, harmonics)
@@ -157,19 +166,14 @@ contains
     !> Counts on
     integer, intent(inout) :: iterations
     logical, intent(out) :: better
+    type(place_type) :: before
     type(newton_report_type) :: report
     type(constraint_type) :: constraint
-    real(wp), allocatable :: motion(:, :), slider(:, :)
-    logical, allocatable :: periodic(:)
-    real(wp) :: omega
-    integer :: before(2), status
+    integer :: resolution(2), status
 
+    before = place_of(solver)
     report = solver%report
-    motion = solver%motion
-    omega = solver%omega
-    slider = solver%context%balance%slider
-    periodic = solver%context%balance%periodic
-    before = [solver%options%harmonics, solver%options%samples]
+    resolution = [solver%options%harmonics, solver%options%samples]
     call solver%set_resolution(harmonics, samples)
     solver%motion = resized(finer%motion, 2*harmonics + 1)
     constraint = solver%context%constraint
@@ -177,11 +181,9 @@ contains
     iterations = iterations + solver%report%iterations
     better = solver%report%converged
     if (better) return
-    call solver%set_resolution(before(1), before(2))
-    solver%motion = motion
-    solver%omega = omega
-    call solver%set_slider(slider, periodic)
-    call solver%context%balance%evaluate(motion, omega, status)
+    call solver%set_resolution(resolution(1), resolution(2))
+    call return_to(solver, before)
+    call solver%context%balance%evaluate(solver%motion, solver%omega, status)
     solver%report = report
   end subroutine solve_finer
 
@@ -191,7 +193,7 @@ contains
     type(solver_type), intent(inout) :: solver
     type(finer_point_type), intent(out) :: finer
     real(wp) :: sampled, error
-    integer :: harmonics
+    integer :: harmonics, status
 
     self%errors%harmonics = 0.0_wp
     self%errors%samples = 0.0_wp
@@ -204,11 +206,12 @@ contains
       call prepare(self%longer, solver, harmonics, balance%fourier%samples)
       if (sampled > 0.0_wp) then
         call prepare(self%denser, solver, balance%receptance%harmonics, 2*balance%fourier%samples)
-        call self%longer%correct(solver, finer, self%denser)
+        call self%longer%correct(solver, finer, status, self%denser)
       else
-        call self%longer%correct(solver, finer)
+        call self%longer%correct(solver, finer, status)
       end if
-      error = relative_change(solver, finer%monitors)
+      error = ieee_value(error, ieee_quiet_nan)
+      if (status == 0) error = relative_change(solver, finer%monitors)
       self%errors%samples = finer%samples_share*error
       self%errors%harmonics = error - self%errors%samples
     end associate

@@ -86,11 +86,14 @@ contains
     diagonal = sum(modes*matmul(matrix, modes), 1)
   end function projected
 
-  !> The solver's present point, corrected. Where the linearised step is singular the harmonics up to H stay.
-  subroutine correct(self, solver, point, denser)
+  !> The solver's present point, corrected.
+  subroutine correct(self, solver, point, status, denser)
     class(finer_balance_type), intent(in) :: self
     type(solver_type), intent(inout) :: solver
+    !> Without monitors where the linearised step is singular
     type(finer_point_type), intent(out) :: point
+    !> 0, or not: singular
+    integer, intent(out) :: status
     !> As many harmonics as the solver has, and twice the samples: what these change goes into the same step
     type(finer_balance_type), intent(in), optional :: denser
     complex(wp), allocatable :: response(:, :)
@@ -109,8 +112,8 @@ contains
       end if
       call change_forces(self, solver, point%motion, change, released)
       if (present(denser)) call add_samples(denser, solver, change, released, point%samples_share)
-      call step(solver, change, released, response, point)
-      point%monitors = matmul(to_real(response), balance%monitors)
+      call step(solver, change, released, response, point, status)
+      if (status == 0) point%monitors = matmul(to_real(response), balance%monitors)
       balance%work = balance%work + residual_work(2*self%harmonics + 1, balance%rows(), size(response, 1))
     end associate
   end subroutine correct
@@ -220,16 +223,18 @@ contains
   end function moved_by
 
   !> One linearised step at the equation that picked the point, for a change of the forces.
-  subroutine step(solver, change, released, response, point)
+  subroutine step(solver, change, released, response, point, status)
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: change(:, :), released(:, :)
     !> [n, 0:K]
     complex(wp), intent(inout) :: response(:, 0:)
     type(finer_point_type), intent(inout) :: point
+    !> 0, or not: singular
+    integer, intent(out) :: status
     type(unknowns_type) :: right, moved
     type(linear_options_type) :: options
     complex(wp), allocatable :: added(:, :)
-    integer :: iterations, status, k
+    integer :: iterations, k
 
     point%omega = solver%omega
     associate (balance => solver%context%balance, harmonics => solver%context%balance%receptance%harmonics)

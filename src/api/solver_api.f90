@@ -15,7 +15,8 @@ module attrito_api_solver
   use attrito_balance_receptance, only: receptance_type, to_complex, to_real
   use attrito_balance_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
   use attrito_continuation_arc_length, only: new_sweep
-  use attrito_continuation_cascade, only: place_type, place_of, return_to, solve_by_attempt, attempt_names
+  use attrito_continuation_cascade, only: solve_by_attempt, attempt_names
+  use attrito_continuation_place, only: place_type, place_of, return_to
   use attrito_continuation_rebalancing, only: field_type, rebalance
   use attrito_continuation_solver, only: solver_options_type, new_solver
   use attrito_integrate_averaged_periods, only: new_averaged_periods

@@ -8,7 +8,8 @@ module attrito_continuation_arc_length
   use attrito_balance_newton, only: newton_report_type
   use attrito_continuation_closed_branch, only: comes_home
   use attrito_continuation_known_points, only: known_points_type
-  use attrito_continuation_cascade, only: solve_by_cascade, place_type
+  use attrito_continuation_cascade, only: solve_by_cascade
+  use attrito_continuation_place, only: place_type
   use attrito_continuation_range, only: range_type
   use attrito_continuation_solver, only: solver_type
   use attrito_continuation_step, only: step_type

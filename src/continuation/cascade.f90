@@ -7,16 +7,16 @@
 !> silence: what fails leaves the solver where it was, with a report that says so.
 module attrito_continuation_cascade
   use attrito_core_kinds, only: wp
-  use attrito_core_state_store, only: state_store_type
   use attrito_balance_stuck_response, only: linear_motion
-  use attrito_continuation_held_mean, only: can_hold, let_walk, held_solved, held_walks
+  use attrito_continuation_held_mean, only: can_hold, let_walk
+  use attrito_continuation_place, only: place_type, place_of, return_to
   use attrito_continuation_softened, only: can_soften, solve_by_stiffness
   use attrito_continuation_solver, only: solver_type
   use attrito_continuation_start_in_time, only: has_time, solve_in_time
   use attrito_continuation_ways, only: march_along, frequency_way_type, level_way_type
   implicit none
   private
-  public :: solve_by_cascade, solve_by_attempt, attempt_names, place_type, place_of, return_to
+  public :: solve_by_cascade, solve_by_attempt, attempt_names
 
   ! The attempts, in their order
   integer, parameter :: from_here_briefly = 1, held_from_here = 2, from_motion_in_time = 3, held_by_level = 4, from_here = 5, &
@@ -29,18 +29,6 @@ module attrito_continuation_cascade
 
   !> Iterations after which a way of small steps is given up, and one with the mean held
   integer, parameter :: way_iterations = 200, held_iterations = 60
-
-  !> Motion, sliders and which of them are periodic, angular frequency, and whether every contact stuck there
-  type :: place_type
-    real(wp), allocatable :: motion(:, :), slider(:, :)
-    logical, allocatable :: periodic(:)
-    real(wp) :: omega = 0.0_wp
-    logical :: all_stick = .false.
-  contains
-    procedure :: mark
-    procedure :: exchange
-    procedure :: keep
-  end type place_type
 
 contains
 
@@ -170,10 +158,10 @@ contains
       call solve_here(solver, omega, iterations, converged)
       solver%brief = .false.
      case (held_from_here)
-      call solve_held_here(solver, omega, iterations, converged)
+      call let_walk(solver, omega, iterations, converged)
      case (held_by_level)
       call march_level(solver, omega, .true., held_iterations, iterations, converged)
-      if (converged) call solve_held_here(solver, omega, iterations, converged)
+      if (converged) call let_walk(solver, omega, iterations, converged)
      case (from_motion_in_time)
       call solve_in_time(solver, omega, walked, lost, iterations, converged)
      case (from_here)
@@ -201,20 +189,6 @@ contains
     iterations = iterations + solver%report%iterations
     converged = solver%report%converged
   end subroutine solve_here
-
-  !> The same, with springs on the mean that give way.
-  subroutine solve_held_here(solver, omega, iterations, converged)
-    type(solver_type), intent(inout) :: solver
-    real(wp), intent(in) :: omega
-    !> Counts on
-    integer, intent(inout) :: iterations
-    logical, intent(out) :: converged
-    integer :: outcome
-
-    call let_walk(solver, omega, iterations, outcome)
-    converged = outcome == held_solved
-    solver%walks = solver%walks .or. outcome == held_walks
-  end subroutine solve_held_here
 
   !> From the static solution by steps in force.
   subroutine march_level(solver, omega, held, most_iterations, iterations, converged)
@@ -249,70 +223,4 @@ contains
     solver%motion = linear_motion(solver%context%balance)
     call solve_here(solver, omega, iterations, converged)
   end subroutine solve_from_stuck
-
-  !> Put down in a store, or taken up from it.
-  subroutine keep(self, store)
-    class(place_type), intent(inout) :: self
-    type(state_store_type), intent(inout) :: store
-
-    call store%keep(self%motion)
-    call store%keep(self%slider)
-    call store%keep(self%periodic)
-    call store%keep(self%omega)
-    call store%keep(self%all_stick)
-  end subroutine keep
-
-  !> Where a solver stands.
-  function place_of(solver) result(place)
-    type(solver_type), intent(in) :: solver
-    type(place_type) :: place
-
-    call place%mark(solver)
-  end function place_of
-
-  !> Be where a solver stands: a copy less than by assigning `place_of`.
-  subroutine mark(self, solver)
-    class(place_type), intent(inout) :: self
-    type(solver_type), intent(in) :: solver
-
-    self%motion = solver%motion
-    self%slider = solver%context%balance%slider
-    self%periodic = solver%context%balance%periodic
-    self%omega = solver%omega
-    self%all_stick = solver%all_stick
-  end subroutine mark
-
-  !> Change places with another.
-  subroutine exchange(self, other)
-    class(place_type), intent(inout) :: self
-    type(place_type), intent(inout) :: other
-    type(place_type) :: third
-
-    call move(self, third)
-    call move(other, self)
-    call move(third, other)
-
-  contains
-
-    subroutine move(a, b)
-      type(place_type), intent(inout) :: a, b
-
-      call move_alloc(a%motion, b%motion)
-      call move_alloc(a%slider, b%slider)
-      call move_alloc(a%periodic, b%periodic)
-      b%omega = a%omega
-      b%all_stick = a%all_stick
-    end subroutine move
-  end subroutine exchange
-
-  !> Let a solver stand at a place.
-  subroutine return_to(solver, place)
-    type(solver_type), intent(inout) :: solver
-    type(place_type), intent(in) :: place
-
-    solver%motion = place%motion
-    solver%omega = place%omega
-    solver%all_stick = place%all_stick
-    call solver%set_slider(place%slider, place%periodic)
-  end subroutine return_to
 end module attrito_continuation_cascade

@@ -4,7 +4,7 @@ module attrito_continuation_closed_branch
   use attrito_core_kinds, only: wp
   use attrito_balance_border, only: inner_product
   use attrito_continuation_known_points, only: known_points_type
-  use attrito_continuation_cascade, only: place_type, place_of, return_to
+  use attrito_continuation_place, only: place_type, place_of, return_to
   use attrito_continuation_solver, only: solver_type
   use attrito_continuation_step, only: step_type
   implicit none

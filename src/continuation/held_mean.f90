@@ -7,10 +7,7 @@ module attrito_continuation_held_mean
   use attrito_continuation_springs_on_mean, only: fasten, release, retreat_type
   implicit none
   private
-  public :: can_hold, solve_held, let_walk, held_solved, held_walks, held_failed
-
-  !> How it ended: at a solution without springs; each step like the last one, without any contact that holds; neither
-  integer, parameter :: held_solved = 0, held_walks = 1, held_failed = 2
+  public :: can_hold, solve_held, let_walk
 
   !> Steps at most, and how much alike they are in the end: rounding and the tolerance leave some 1e-6 of those seen
   integer, parameter :: most_steps = 8
@@ -38,45 +35,47 @@ contains
     call release(solver%context)
   end subroutine solve_held
 
-  !> From where the solver stands let the springs give way, step by step.
-  subroutine let_walk(solver, omega, iterations, outcome)
+  !> From where the solver stands let the springs give way, step by step: to a solution without springs, or to one with them where a
+  !> body is seen to walk (`solver%walks`), each step being the last one over again without any contact that holds; or to neither.
+  subroutine let_walk(solver, omega, iterations, converged)
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: omega
     !> Counts on
     integer, intent(inout) :: iterations
-    !> One of `held_...`; the solver stands at a solution without springs, at one with them, or where it has come to
-    integer, intent(out) :: outcome
+    !> To a solution without springs
+    logical, intent(out) :: converged
     type(retreat_type) :: retreat
     integer :: i
 
-    outcome = held_failed
+    converged = .false.
     do i = 1, most_steps
       call solve_held(solver, omega)
       iterations = iterations + solver%report%iterations
       if (.not. solver%report%converged) return
       call retreat%move_to(solver%context%balance%response(:, 0))
       if (nothing_holds(solver%context%balance)) then
-        if (retreat%repeats(alike)) outcome = held_walks
-      else
-        call solve_free(solver, omega, iterations)
-        if (solver%report%converged) outcome = held_solved
+        if (.not. retreat%repeats(alike)) cycle
+        solver%walks = .true.
+        return
       end if
-      if (outcome /= held_failed) return
+      call solve_free(solver, omega, iterations, converged)
+      if (converged) return
     end do
-    call solve_free(solver, omega, iterations)
-    if (solver%report%converged) outcome = held_solved
+    call solve_free(solver, omega, iterations, converged)
   end subroutine let_walk
 
   !> Newton's method without springs, for as long as it makes progress; nothing changes if it fails.
-  subroutine solve_free(solver, omega, iterations)
+  subroutine solve_free(solver, omega, iterations, converged)
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: omega
     !> Counts on
     integer, intent(inout) :: iterations
+    logical, intent(out) :: converged
 
     solver%brief = .true.
     call solver%solve_at(omega)
     solver%brief = .false.
     iterations = iterations + solver%report%iterations
+    converged = solver%report%converged
   end subroutine solve_free
 end module attrito_continuation_held_mean

@@ -6,7 +6,7 @@ module attrito_continuation_known_points
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: resized
-  use attrito_continuation_cascade, only: place_type, place_of, return_to
+  use attrito_continuation_place, only: place_type, place_of, return_to
   use attrito_continuation_solver, only: solver_type
   implicit none
   private

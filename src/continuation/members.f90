@@ -16,6 +16,7 @@ module attrito_continuation_members
   use attrito_balance_receptance, only: to_real
   use attrito_balance_unknowns, only: unknowns_type
   use attrito_contact_state, only: state_stuck, state_shaken_down
+  use attrito_continuation_place, only: place_type, place_of, return_to
   use attrito_continuation_solver, only: solver_type
   implicit none
   private
@@ -25,12 +26,9 @@ module attrito_continuation_members
   !> Sliders that still move by more than this part of the motion a period do not make a member
   real(wp), parameter :: accepted_defect = 1.0e-6_wp
 
-  !> Where the solver stands
+  !> Where the solver stands, and what it reported of getting there
   type :: member_type
-    real(wp), allocatable :: motion(:, :), slider(:, :)
-    !> Sliders that are found with the motion
-    logical, allocatable :: periodic(:)
-    real(wp) :: omega = 0.0_wp
+    type(place_type) :: place
     type(newton_report_type) :: report
   end type member_type
 
@@ -86,11 +84,7 @@ contains
     type(solver_type), intent(in) :: solver
     type(member_type), intent(out) :: self
 
-    self%motion = solver%motion
-    self%slider = solver%context%balance%slider
-    self%periodic = solver%context%balance%periodic
-    self%omega = solver%omega
-    self%report = solver%report
+    self = member_type(place_of(solver), solver%report)
   end subroutine keep_member
 
   !> Stand where it stood.
@@ -98,10 +92,8 @@ contains
     type(solver_type), intent(inout) :: solver
     type(member_type), intent(in) :: self
 
-    solver%motion = self%motion
-    solver%omega = self%omega
+    call return_to(solver, self%place)
     solver%report = self%report
-    call solver%set_slider(self%slider, self%periodic)
   end subroutine return_to_member
 
   !> Move the start sliders, solve at the same frequency, and say whether that gave a member; if not, nothing has changed. From
@@ -111,20 +103,20 @@ contains
     !> Of all contacts [2, contacts]
     real(wp), intent(in) :: slider(:, :)
     logical, intent(out) :: found
-    type(member_type) :: before, start
+    type(member_type) :: before
+    real(wp) :: own(2, size(solver%context%balance%law))
     integer :: attempt, status
 
     call keep_member(solver, before)
-    start = before
     associate (first => solver%context%balance%first_contact)
-      start%slider = slider(:, first:first + size(before%periodic) - 1)
+      own = slider(:, first:first + size(own, 2) - 1)
     end associate
     do attempt = 1, 2
       call return_to_member(solver, before)
       status = 0
-      if (attempt == 1) call predict(solver, start%slider - before%slider, status)
+      if (attempt == 1) call predict(solver, own - before%place%slider, status)
       if (status /= 0) cycle
-      call solver%set_slider(start%slider, before%periodic)
+      call solver%set_slider(own, before%place%periodic)
       call solver%solve_at(solver%omega)
       found = solver%report%converged .and. solver%report%defect <= accepted_defect
       if (found) return

@@ -6,7 +6,7 @@
 !> and runs on under the loads of the point that is looked for until Newton's method converges from what it has come to.
 module attrito_continuation_start_in_time
   use attrito_core_kinds, only: wp
-  use attrito_continuation_held_mean, only: let_walk, held_solved, held_walks
+  use attrito_continuation_held_mean, only: let_walk
   use attrito_continuation_motion_in_time, only: excitation_type, periods_type
   use attrito_continuation_solver, only: solver_type
   implicit none
@@ -56,7 +56,7 @@ contains
       call solver%solve_at(omega)
       iterations = iterations + solver%report%iterations
       converged = solver%report%converged
-      if (.not. converged .and. (walked .or. .not. solver%brief)) call walk_from_here(solver, omega, iterations, converged)
+      if (.not. converged .and. (walked .or. .not. solver%brief)) call let_walk(solver, omega, iterations, converged)
       solver%brief = .false.
       if (converged .or. (walked .and. solver%walks)) exit
       walking = merge(walking + 1, 0, periods%walks)
@@ -65,20 +65,6 @@ contains
     end do
     solver%no_orbit = solver%walks .or. (.not. converged .and. periods%moved .and. periods%change > settled)
   end subroutine solve_in_time
-
-  !> With springs on the mean that give way.
-  subroutine walk_from_here(solver, omega, iterations, converged)
-    type(solver_type), intent(inout) :: solver
-    real(wp), intent(in) :: omega
-    !> Counts on
-    integer, intent(inout) :: iterations
-    logical, intent(out) :: converged
-    integer :: outcome
-
-    call let_walk(solver, omega, iterations, outcome)
-    converged = outcome == held_solved
-    solver%walks = outcome == held_walks
-  end subroutine walk_from_here
 
   !> A stretch of motion in time; the solver stands at its mean.
   subroutine move_on(solver, omega, count, periods)

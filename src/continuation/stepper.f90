@@ -11,7 +11,7 @@ module attrito_continuation_stepper
   use attrito_core_trigonometric, only: resized
   use attrito_balance_border, only: constraint_type, inner_product
   use attrito_continuation_sliders, only: nothing_holds
-  use attrito_continuation_cascade, only: place_type, return_to
+  use attrito_continuation_place, only: place_type, return_to
   use attrito_continuation_rebalancing, only: field_type, rebalance
   use attrito_continuation_solver, only: solver_type
   use attrito_continuation_step, only: step_type

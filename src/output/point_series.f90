@@ -104,7 +104,8 @@ contains
     call tell_integer('unique', merge(report%unique, -1, solved), '1 unique, 0 one of a family, -1 not examined')
     call tell_integer('stable', report%stable, '1 stable, 0 unstable, -1 not examined')
     call tell_real('residual', report%residual, 'norm of the residual relative to the stuck response', '1')
-    call tell_real('estimate', merge(report%errors%all(), blank(), solved), 'estimated relative error of the amplitude', '1')
+    call tell_real('estimate', merge(report%errors%all(), blank(), solved), &
+                   'estimated relative error of the amplitude; NaN: not known', '1')
     call tell_real('error_harmonics', merge(report%errors%harmonics, blank(), solved), 'part of the estimate: harmonics left out', &
                    '1')
     call tell_real('error_samples', merge(report%errors%samples, blank(), solved), &

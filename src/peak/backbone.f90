@@ -19,6 +19,7 @@ module attrito_peak_backbone
   use attrito_core_kinds, only: wp
   use attrito_balance_receptance, only: to_real
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
+  use attrito_continuation_place, only: place_type, place_of, return_to
   use attrito_continuation_solver, only: solver_type
   use attrito_peak_amplitude, only: amplitude_type, amplitude_of
   use attrito_peak_condition, only: problem_type, direction_type, solve, respond
@@ -36,12 +37,9 @@ module attrito_peak_backbone
   real(wp), parameter :: farthest_line = 3.0_wp
 
   !> Where the solver stands on a backbone
-  type :: place_type
-    real(wp) :: amplitude = 0.0_wp, omega = 0.0_wp, excitation = 0.0_wp
-    real(wp), allocatable :: motion(:, :), slider(:, :)
-    logical, allocatable :: periodic(:)
-    logical :: all_stick = .false.
-  end type place_type
+  type, extends(place_type) :: standpoint_type
+    real(wp) :: amplitude = 0.0_wp, excitation = 0.0_wp
+  end type standpoint_type
 
   type :: backbone_type
     !> Of the stuck system, from 1, ascending
@@ -59,7 +57,7 @@ module attrito_peak_backbone
     real(wp), allocatable, private :: reader(:)
     complex(wp), allocatable, private :: force(:)
     !> At rest; the last two points
-    type(place_type), private :: rest, last, before
+    type(standpoint_type), private :: rest, last, before
   contains
     procedure :: begin_at
     procedure :: go_to
@@ -96,8 +94,10 @@ contains
     self%problem = problem
     allocate (self%problem%border%motion(size(solver%motion, 1), size(solver%motion, 2)), source=0.0_wp)
     call hold_mode(self, solver)
-    self%rest = place_type(amplitude, solver%stuck%omega(mode), solver%stuck%modal_damping(mode)/solver%stuck%modal_mass(mode), &
-                           solver%motion, solver%context%balance%slider, solver%context%balance%periodic, .true.)
+    self%rest = standpoint_type(place_type=place_of(solver), amplitude=amplitude, &
+                                excitation=solver%stuck%modal_damping(mode)/solver%stuck%modal_mass(mode))
+    self%rest%omega = solver%stuck%omega(mode)
+    self%rest%all_stick = .true.
     call self%begin_at(solver, amplitude)
   end subroutine begin_backbone
 
@@ -118,7 +118,7 @@ contains
       if (i < most_amplitudes) self%rest%amplitude = amplitude_ratio*self%rest%amplitude
     end do
     if (.not. self%found) return
-    self%last = place_of(self, solver)
+    self%last = standpoint_of(self, solver)
     call self%go_to(solver, amplitude)
   end subroutine begin_at
 
@@ -141,8 +141,8 @@ contains
   function linear(solver, mode, rest) result(place)
     type(solver_type), intent(in) :: solver
     integer, intent(in) :: mode
-    type(place_type), intent(in) :: rest
-    type(place_type) :: place
+    type(standpoint_type), intent(in) :: rest
+    type(standpoint_type) :: place
     integer :: first
 
     place = rest
@@ -157,7 +157,7 @@ contains
     class(backbone_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: amplitude
-    type(place_type) :: from
+    type(standpoint_type) :: from
     real(wp) :: step, left
     integer :: iterations
 
@@ -173,7 +173,7 @@ contains
       iterations = iterations + self%iterations
       if (self%found) then
         self%before = from
-        self%last = place_of(self, solver)
+        self%last = standpoint_of(self, solver)
         step = min(2.0_wp*step, longest_step)
       else
         call stand_at(self, solver, from)
@@ -189,7 +189,7 @@ contains
   function predicted(self, amplitude) result(place)
     type(backbone_type), intent(in) :: self
     real(wp), intent(in) :: amplitude
-    type(place_type) :: place
+    type(standpoint_type) :: place
     real(wp) :: part
 
     place = self%last
@@ -211,7 +211,7 @@ contains
   subroutine correct(self, solver, from)
     type(backbone_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
-    type(place_type), intent(in) :: from
+    type(standpoint_type), intent(in) :: from
     complex(wp) :: missing
     integer :: iteration, status
 
@@ -245,7 +245,7 @@ contains
     type(backbone_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
     complex(wp), intent(in) :: missing
-    type(place_type), intent(in) :: from
+    type(standpoint_type), intent(in) :: from
     !> 0, or not: singular, or too far
     integer, intent(out) :: status
     type(direction_type) :: by_omega, by_excitation
@@ -316,29 +316,25 @@ contains
     end associate
   end subroutine measure
 
-  function place_of(self, solver) result(place)
+  function standpoint_of(self, solver) result(standpoint)
     type(backbone_type), intent(in) :: self
     type(solver_type), intent(in) :: solver
-    type(place_type) :: place
+    type(standpoint_type) :: standpoint
 
-    place = place_type(self%amplitude, solver%omega, self%excitation, solver%motion, solver%context%balance%slider, &
-                       solver%context%balance%periodic, solver%all_stick)
-  end function place_of
+    standpoint = standpoint_type(place_type=place_of(solver), amplitude=self%amplitude, excitation=self%excitation)
+  end function standpoint_of
 
   !> Put the solver there, with residuals relative to the linear mode of that amplitude.
   subroutine stand_at(self, solver, place)
     type(backbone_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
-    type(place_type), intent(in) :: place
+    type(standpoint_type), intent(in) :: place
 
     self%amplitude = place%amplitude
     self%excitation = place%excitation
-    solver%motion = place%motion
-    solver%omega = place%omega
-    solver%all_stick = place%all_stick
+    call return_to(solver, place%place_type)
     call solver%set_loads(solver%context%balance%static_factors, place%amplitude)
     call solver%context%balance%receptance%excite(place%excitation)
     call solver%set_scales(place%omega, place%omega)
-    call solver%set_slider(place%slider, place%periodic)
   end subroutine stand_at
 end module attrito_peak_backbone

@@ -12,7 +12,7 @@
 module attrito_peak_climb
   use attrito_core_kinds, only: wp
   use attrito_balance_border, only: constraint_type, inner_product
-  use attrito_continuation_cascade, only: place_type, place_of, return_to
+  use attrito_continuation_place, only: place_type, place_of, return_to
   use attrito_continuation_solver, only: solver_type
   use attrito_continuation_step, only: step_type
   use attrito_continuation_tangent, only: tangent_type, find_tangent, frequency_tangent, turn_round

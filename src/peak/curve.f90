@@ -7,6 +7,7 @@ module attrito_peak_curve
   use attrito_core_kinds, only: wp
   use attrito_balance_border, only: inner_product
   use attrito_continuation_cascade, only: solve_by_cascade
+  use attrito_continuation_place, only: place_type, place_of, return_to
   use attrito_continuation_solver, only: solver_type
   use attrito_peak_climb, only: climb
   use attrito_peak_condition, only: problem_type, direction_type, linearisation_type, linearise, value_of, set_value, &
@@ -28,13 +29,10 @@ module attrito_peak_curve
   real(wp), parameter :: level_ratio = 0.25_wp
   integer, parameter :: most_levels = 7, most_steps = 400
 
-  !> Where the solver stands
-  type :: place_type
-    real(wp), allocatable :: motion(:, :), slider(:, :)
-    logical, allocatable :: periodic(:)
-    real(wp) :: omega = 0.0_wp, parameter = 0.0_wp, motion_scale = 1.0_wp
-    logical :: all_stick = .false.
-  end type place_type
+  !> Where the solver stands, with the parameter's value and the scale of motions there
+  type, extends(place_type) :: standpoint_type
+    real(wp) :: parameter = 0.0_wp, motion_scale = 1.0_wp
+  end type standpoint_type
 
   type :: curve_type
     type(problem_type) :: problem
@@ -93,20 +91,20 @@ contains
     !> Of this rank's rows [2 H + 1, rows]
     real(wp), intent(in) :: motion(:, :), omega
     type(curve_type), intent(out) :: self
-    type(place_type) :: start
+    type(standpoint_type) :: start
 
     self%problem = problem
     call set_border(self%problem, solver)
     solver%motion = motion
     solver%omega = omega
     solver%all_stick = .false.
-    start = place_of(self, solver)
+    start = standpoint_of(self, solver)
     call self%correct_here(solver)
     if (climbs(solver)) return
     ! Newton's method finds minima as well.
     if (self%found) self%found = self%curvature() < 0.0_wp
     if (self%found) return
-    call return_to(self, solver, start)
+    call go_back(self, solver, start)
     call climb_here(self, solver)
   end subroutine begin_curve_near
 
@@ -115,24 +113,19 @@ contains
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: omega
     logical, intent(out) :: sticks
-    real(wp) :: motion(size(solver%motion, 1), size(solver%motion, 2)), slider(2, size(solver%context%balance%law)), before
-    logical :: periodic(size(slider, 2))
+    type(place_type) :: before
 
     call solver%solve_stuck_at(omega, sticks)
     if (sticks) return
-    motion = solver%motion
-    before = solver%omega
-    slider = solver%context%balance%slider
-    periodic = solver%context%balance%periodic
+    before = place_of(solver)
     solver%brief = .true.
     call solver%solve_at(omega)
     solver%brief = .false.
     sticks = solver%report%converged .and. solver%all_stick
     if (sticks) return
-    solver%motion = motion
-    solver%omega = before
+    call return_to(solver, before)
+    ! Lower loads may leave them stuck.
     solver%all_stick = .true.
-    call solver%set_slider(slider, periodic)
   end subroutine solve_sticking
 
   !> Go on in another parameter from the peak where the solver stands.
@@ -214,7 +207,7 @@ contains
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: stop
     logical, intent(out) :: reached
-    type(place_type) :: before
+    type(standpoint_type) :: before
     type(linearisation_type) :: point
     type(plane_type) :: plane
     real(wp) :: error, length, aimed, accepted, value
@@ -226,7 +219,7 @@ contains
     aimed = merge(aimed_climb, aimed_error, climbs(solver))
     accepted = merge(accepted_climb, accepted_error, climbs(solver))
     if (stuck) accepted = accepted_at_kink
-    before = place_of(self, solver)
+    before = standpoint_of(self, solver)
     point = self%point
     iterations = 0
     do
@@ -246,7 +239,7 @@ contains
       ! The cascade is slow to give up: once a step.
       if (searched .and. .not. tried) then
         tried = .true.
-        call return_to(self, solver, before)
+        call go_back(self, solver, before)
         call set_value(self%problem, solver, value)
         call solve_by_cascade(solver, solver%omega)
         iterations = iterations + solver%report%iterations
@@ -260,7 +253,7 @@ contains
       if (self%found .and. (kept .or. length <= smallest_step)) exit
       self%step = 0.5_wp*min(self%step, length)
       self%found = .false.
-      call return_to(self, solver, before)
+      call go_back(self, solver, before)
       self%point = point
       if (self%step < smallest_step) exit
     end do
@@ -291,7 +284,7 @@ contains
   subroutine predict(self, solver, before, length, plane)
     type(curve_type), intent(in) :: self
     type(solver_type), intent(inout) :: solver
-    type(place_type), intent(in) :: before
+    type(standpoint_type), intent(in) :: before
     real(wp), intent(in) :: length
     type(plane_type), intent(out) :: plane
     real(wp) :: scale, parameter
@@ -406,25 +399,22 @@ contains
     curvature = self%point%slope_along/self%point%along%step%omega**2
   end function curvature
 
-  function place_of(self, solver) result(place)
+  function standpoint_of(self, solver) result(standpoint)
     type(curve_type), intent(in) :: self
     type(solver_type), intent(in) :: solver
-    type(place_type) :: place
+    type(standpoint_type) :: standpoint
 
-    place = place_type(solver%motion, solver%context%balance%slider, solver%context%balance%periodic, solver%omega, &
-                       value_of(self%problem, solver), solver%context%motion_scale, solver%all_stick)
-  end function place_of
+    standpoint = standpoint_type(place_type=place_of(solver), parameter=value_of(self%problem, solver), &
+                                 motion_scale=solver%context%motion_scale)
+  end function standpoint_of
 
-  subroutine return_to(self, solver, place)
+  subroutine go_back(self, solver, standpoint)
     type(curve_type), intent(in) :: self
     type(solver_type), intent(inout) :: solver
-    type(place_type), intent(in) :: place
+    type(standpoint_type), intent(in) :: standpoint
 
-    call set_value(self%problem, solver, place%parameter)
-    solver%context%motion_scale = place%motion_scale
-    solver%motion = place%motion
-    solver%omega = place%omega
-    solver%all_stick = place%all_stick
-    call solver%set_slider(place%slider, place%periodic)
-  end subroutine return_to
+    call set_value(self%problem, solver, standpoint%parameter)
+    solver%context%motion_scale = standpoint%motion_scale
+    call return_to(solver, standpoint%place_type)
+  end subroutine go_back
 end module attrito_peak_curve

@@ -139,21 +139,18 @@ contains
     type(friction_type), intent(inout) :: state
     real(wp), intent(out) :: reached
     type(at_contact_type) :: here
-    real(wp) :: low, middle
+    real(wp) :: ends(2), middle
     integer :: i
 
     reached = next_sample(place)
     here = motion%at_contact(law, reached)
     if (outside(here) <= 4.0_wp*epsilon(1.0_wp)*(sum(abs(here%u)) + abs(here%pressed))) return
-    low = place
+    ends = [place, reached]
     do i = 1, halvings
-      middle = 0.5_wp*(low + reached)
-      if (outside(motion%at_contact(law, middle)) > 0.0_wp) then
-        reached = middle
-      else
-        low = middle
-      end if
+      middle = 0.5_wp*sum(ends)
+      ends(merge(2, 1, outside(motion%at_contact(law, middle)) > 0.0_wp)) = middle
     end do
+    reached = ends(2)
     here = motion%at_contact(law, reached)
     state%regime = regime_slip
     state%direction = unit(here%u - state%slider, state%direction)
@@ -176,7 +173,7 @@ contains
     real(wp), intent(out) :: reached
     type(at_contact_type) :: from, here
     type(slip_type) :: turned
-    real(wp) :: low, middle
+    real(wp) :: ends(2), middle
     integer :: i
 
     from = motion%at_contact(law, place)
@@ -191,17 +188,14 @@ contains
     turned = turn_over(law, from, here, state%direction)
     if (slip_rate(law, here, turned%e) < 0.0_wp) then
       state%regime = regime_stick
-      low = place
+      ends = [place, reached]
       do i = 1, halvings
-        middle = 0.5_wp*(low + reached)
+        middle = 0.5_wp*sum(ends)
         here = motion%at_contact(law, middle)
         turned = turn_over(law, from, here, state%direction)
-        if (slip_rate(law, here, turned%e) < 0.0_wp) then
-          reached = middle
-        else
-          low = middle
-        end if
+        ends(merge(2, 1, slip_rate(law, here, turned%e) < 0.0_wp)) = middle
       end do
+      reached = ends(2)
     end if
     state%direction = turned%e
     state%slider = here%u - law%friction_coefficient*here%pressed*turned%e

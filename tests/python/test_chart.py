@@ -11,7 +11,7 @@ import pytest
 from jobs import attrito_here, wedge, write_job
 
 from attrito import chart
-from attrito.chart import Chart, Way
+from attrito.chart_file import Chart, Way
 from attrito.faults import NumericsError
 
 
@@ -77,6 +77,25 @@ def test_an_uncoupled_job_is_charted_against_the_coupled_balance(tmp_path, few_w
     error = {way.series: way.error for way in chart.chart_job(str(path), 5.0).ways}
     # A wall at 45 degrees: the mean that is frozen costs percents, the series at hand less than its tolerance.
     assert error["uncoupled"] > 0.01 > error["tolerance"] > error["event"]
+
+
+def test_steps_get_no_shorter_after_a_run_that_takes_too_long_but_do_after_one_that_fails(
+    tmp_path, few_ways, monkeypatch
+):
+    for ladder in ("SAMPLED_HARMONICS", "TOLERANCES"):
+        monkeypatch.setattr(chart, ladder, ())
+    monkeypatch.setattr(chart, "HARMONICS", (5,))
+    path = tmp_path / write_job(tmp_path, rubbing_wedge())
+
+    def steps_tried(seconds):
+        return [way.steps for way in chart.chart_job(str(path), seconds).ways if way.series == "integration"]
+
+    def fail(self, run):
+        raise NumericsError("these steps take it nowhere")
+
+    assert steps_tried(1e-9) == [32]
+    monkeypatch.setattr(chart.Integrator, "run", fail)
+    assert steps_tried(5.0) == [32, 128]
 
 
 def test_a_chart_without_a_reference_says_so(tmp_path, few_ways, monkeypatch):

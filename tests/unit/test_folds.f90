@@ -10,7 +10,7 @@ program test_folds
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp, pi
   use attrito_continuation_arc_length, only: sweep_type, new_sweep
-  use attrito_continuation_cascade, only: place_type, place_of, return_to
+  use attrito_continuation_place, only: place_type, place_of, return_to
   use attrito_continuation_closed_branch, only: comes_home
   use attrito_continuation_known_points, only: known_points_type
   use attrito_continuation_other_starts, only: start_cold, start_in_motion, start_from_preload

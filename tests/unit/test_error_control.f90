@@ -1,0 +1,85 @@
+!> The estimated error of a point, where it can be told and where it cannot.
+program test_error_control
+  use attrito_accuracy_error_control, only: error_control_type
+  use attrito_accuracy_finer_balance, only: finer_point_type
+  use attrito_continuation_cascade, only: solve_by_cascade
+  use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
+  use attrito_continuation_static_path, only: walk_static_path
+  use attrito_core_errors, only: error_type
+  use attrito_core_kinds, only: wp, two_pi
+  use scenes, only: scene_type, wedge
+  use session, only: run_in_session, only_me
+  use testing, only: test, check, check_close
+  implicit none
+
+  call run_in_session('error_control', [ &
+                      test('the estimate is what three times the harmonics change', finer), &
+                      test('where the linearised step is singular no error is told, and the point stays', singular)])
+
+contains
+
+  !> The wedge in three harmonics, in full slip and lifting off: held against nine.
+  subroutine finer(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(solver_type) :: solver
+    type(error_control_type) :: control
+    type(finer_point_type) :: point
+    real(wp) :: amplitude(2)
+    integer :: i
+
+    do i = 1, 2
+      call solve_wedge(merge(3, 9, i == 1), solver, error)
+      if (allocated(error)) return
+      amplitude(i) = norm2(solver%motion(2:3, 1))
+      if (i == 1) call control%estimate(solver, point)
+      call solver%destroy()
+    end do
+    call check(error, control%errors%are_known(), 'no error is told')
+    if (allocated(error)) return
+    call check(error, abs(norm2(point%motion(2:3, 1))/amplitude(1) - 1.0_wp) > 1.0e-5_wp, 'three harmonics do: the test is void')
+    ! To first order: what is left is the square of the change.
+    call check_close(error, norm2(point%motion(2:3, 1)), amplitude(2), 0.5_wp*abs(amplitude(2) - amplitude(1)), 'amplitude')
+    call control%destroy()
+  end subroutine finer
+
+  !> An equation that picks no point, 0 . d + 0 omega = 0, leaves the bordered system with a row of zeros.
+  subroutine singular(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(solver_type) :: solver
+    type(error_control_type) :: control
+    type(finer_point_type) :: point
+    real(wp), allocatable :: motion(:, :)
+
+    call solve_wedge(3, solver, error)
+    if (allocated(error)) return
+    motion = solver%motion
+    solver%context%constraint%motion = 0.0_wp*solver%motion
+    solver%context%constraint%frequency = 0.0_wp
+    call control%estimate(solver, point)
+    call check(error, .not. control%errors%are_known(), 'an error is told')
+    call check(error, .not. allocated(point%monitors), 'monitors of a finer balance are told')
+    call check(error, all(abs(solver%motion - motion) <= 0.0_wp) .and. solver%report%converged, 'the point does not stay')
+    call control%destroy()
+    call solver%destroy()
+  end subroutine singular
+
+  !> At 132 Hz and 14 N along the contact.
+  subroutine solve_wedge(harmonics, solver, error)
+    integer, intent(in) :: harmonics
+    type(solver_type), intent(out) :: solver
+    type(error_type), allocatable, intent(inout) :: error
+    type(error_type), allocatable :: fault
+    type(scene_type) :: scene
+
+    scene = wedge(45.0_wp)
+    call new_solver(scene%structure, scene%contacts, only_me(), solver_options_type(harmonics=harmonics, by_events=.true.), solver, &
+                    fault)
+    if (.not. allocated(fault)) call walk_static_path(solver, reshape([1.0_wp], [1, 1]), 20, two_pi*132.0_wp, fault)
+    call check(error, .not. allocated(fault), 'no static equilibrium')
+    if (allocated(error)) return
+    call solver%set_loads([1.0_wp], 14.0_wp)
+    call solver%set_scales(two_pi*85.0_wp, two_pi*140.0_wp)
+    call solve_by_cascade(solver, two_pi*132.0_wp)
+    call check(error, solver%report%converged, 'the balance does not converge')
+  end subroutine solve_wedge
+end program test_error_control
