@@ -8,16 +8,17 @@ module attrito_continuation_solver
   use attrito_model_contacts, only: contact_type, contacts_type
   use attrito_model_structure, only: structure_type
   use attrito_balance_border, only: constraint_type
-  use attrito_balance_harmonic_balance, only: new_balance
   use attrito_balance_newton, only: newton_type, newton_report_type, new_newton
   use attrito_balance_newton_context, only: newton_context_type
   use attrito_balance_receptance, only: receptance_type
-  use attrito_balance_stuck_response, only: evaluate_stuck, linear_motion, recover_loaded
+  use attrito_balance_set_up, only: new_balance, set_resolution, take_contacts
+  use attrito_balance_stuck_response, only: evaluate_stuck
   use attrito_balance_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
   use attrito_balance_two_level_factors, only: two_level_factors_type
   use attrito_balance_unknowns, only: unknowns_type
   use attrito_continuation_attempts, only: solve_briefly, solve_persistently
   use attrito_continuation_motion_in_time, only: motion_in_time_type
+  use attrito_continuation_scales, only: find_scales
   use attrito_continuation_sliders, only: found_moving, keep_sliders, largest_defect, none_moves
   implicit none
   private
@@ -76,7 +77,7 @@ module attrito_continuation_solver
     procedure :: hold_contacts
     procedure :: change_laws
     procedure :: keep
-    procedure :: set_resolution
+    procedure :: set_resolution => set_resolution_of_solver
     procedure :: destroy
   end type solver_type
 
@@ -231,69 +232,23 @@ contains
     self%report = newton_report_type(converged=.true., residual=0.0_wp)
   end subroutine solve_stuck_at
 
-  !> Scales from the stuck response between two angular frequencies: the largest norm of its harmonics at both ends and the
-  !> resonances between, and the width.
+  !> Scales of residuals and steps between two angular frequencies, and the tolerance that rounding leaves.
   subroutine set_scales(self, omega_a, omega_b)
     class(solver_type), intent(inout) :: self
     real(wp), intent(in) :: omega_a, omega_b
-    real(wp), parameter :: least_ratio = 1.0e-4_wp
-    real(wp), allocatable :: grid(:), resonances(:), motion(:, :)
-    complex(wp), allocatable :: response(:, :)
-    real(wp) :: largest, mean, square, highest, at
-    integer :: i, status
+    real(wp) :: mean, square
 
-    associate (balance => self%context%balance, low => min(omega_a, omega_b), high => max(omega_a, omega_b))
-      resonances = self%stuck%omega
-      resonances = pack(resonances, resonances > low .and. resonances < high)
-      grid = [low, resonances, high]
-      ! A stuck structure may be undamped: keep off its resonances by what a damping ratio of this size would.
-      resonances = self%stuck%omega
-      do i = 1, size(grid)
-        associate (nearest => resonances(minloc(abs(resonances - grid(i)), 1)))
-          if (abs(grid(i) - nearest) < least_ratio*nearest) grid(i) = (1.0_wp - least_ratio)*nearest
-        end associate
-      end do
-      highest = 0.0_wp
-      at = grid(1)
-      ! Where the response of the modes is largest, and at both ends, that of the contacts is recovered.
-      do i = 1, size(grid)
-        call balance%receptance%set_frequency(grid(i), status, balance%highest_load())
-        if (status /= 0) cycle
-        response = balance%linear_response()
-        square = sum(real(response(:, 2:), wp)**2 + aimag(response(:, 2:))**2)
-        if (square < highest) cycle
-        highest = square
-        at = grid(i)
-      end do
-      largest = 0.0_wp
-      mean = 0.0_wp
-      grid = [grid(1), grid(size(grid)), at]
-      do i = 1, size(grid)
-        call balance%receptance%set_frequency(grid(i), status, balance%highest_load())
-        if (status /= 0) cycle
-        square = sum(recover_loaded(balance, balance%linear_response())**2)
-        call balance%ranks%sum(square)
-        largest = max(largest, sqrt(square))
-      end do
-      ! The same at all frequencies.
-      if (status == 0) then
-        motion = linear_motion(balance)
-        square = sum(motion(1, :)**2)
-        call balance%ranks%sum(square)
-        mean = sqrt(square)
-      end if
-      ! With no excitation the mean sets the scale; with no load at all anything does.
-      if (largest <= 0.0_wp) largest = mean
-      if (largest > 0.0_wp) self%context%motion_scale = largest
-      self%context%frequency_scale = merge(high - low, max(high, 1.0_wp), high > low)
+    associate (context => self%context, low => min(omega_a, omega_b), high => max(omega_a, omega_b))
+      call find_scales(context%balance, self%stuck%omega, low, high, context%motion_scale, mean)
+      context%frequency_scale = merge(high - low, max(high, 1.0_wp), high > low)
+      ! Rounding of the mean, which preloads and gaps move too, must stay below the tolerance on the harmonics; where it would hide
+      ! them, points fail rather than pass.
+      square = sum(self%motion(1, :)**2)
+      call context%balance%ranks%sum(square)
+      mean = max(mean, sqrt(square))
+      context%tolerance = min(max(self%options%tolerance, 1.0e-13_wp*mean/context%motion_scale), loosest_tolerance)
+      call context%forget()
     end associate
-    ! Rounding of the mean, which preloads and gaps move too, must stay below the tolerance on the harmonics; where it would hide
-    ! them, points fail rather than pass.
-    square = sum(self%motion(1, :)**2)
-    call self%context%balance%ranks%sum(square)
-    mean = max(mean, sqrt(square))
-    self%context%tolerance = min(max(self%options%tolerance, 1.0e-13_wp*mean/self%context%motion_scale), loosest_tolerance)
-    call self%context%forget()
   end subroutine set_scales
 
   !> Factors on the static loads, and the level of the harmonic ones.
@@ -321,7 +276,7 @@ contains
   end subroutine set_slider
 
   !> Go on with another length of the series and other samples; the motion keeps the harmonics that both lengths have.
-  subroutine set_resolution(self, harmonics, samples)
+  subroutine set_resolution_of_solver(self, harmonics, samples)
     class(solver_type), intent(inout) :: self
     integer, intent(in) :: harmonics, samples
     type(error_type), allocatable :: error
@@ -329,14 +284,14 @@ contains
     if (harmonics == self%options%harmonics .and. samples == self%options%samples) return
     self%options%harmonics = harmonics
     self%options%samples = samples
-    call self%context%balance%set_resolution(self%structure, harmonics, samples)
+    call set_resolution(self%context%balance, self%structure, harmonics, samples)
     self%motion = resized(self%motion, 2*harmonics + 1)
     associate (constraint => self%context%constraint)
       if (allocated(constraint%motion)) constraint%motion = resized(constraint%motion, 2*harmonics + 1)
     end associate
     call self%context%forget()
     call self%newton%take_length(error)
-  end subroutine set_resolution
+  end subroutine set_resolution_of_solver
 
   !> Let this rank hold these contacts. Motion and sliders of the solver are to follow.
   subroutine hold_contacts(self, first, last)
@@ -346,7 +301,7 @@ contains
     type(error_type), allocatable :: error
 
     call self%newton%destroy()
-    call self%context%balance%take_contacts(self%contacts, first, last)
+    call take_contacts(self%context%balance, self%contacts, first, last)
     call self%context%forget()
     call new_newton(self%context, self%options%max_iterations, self%newton, error)
   end subroutine hold_contacts

@@ -1,0 +1,138 @@
+!> A balance made ready to be evaluated: loads and monitors in generalised coordinates, what belongs to a length of the series, and
+!> the contacts of this rank,
+!>
+!> $$ f_h = \Phi^T F_h, \quad h = 0 \ldots H, \qquad B_{own} \Phi. $$
+!>
+!> Length and contacts may change later: with another length sliders stay, with other contacts they begin at zero.
+module attrito_balance_set_up
+  use attrito_core_communicator, only: communicator_type
+  use attrito_core_kinds, only: wp
+  use attrito_core_trigonometric, only: resized
+  use attrito_model_contacts, only: contacts_type
+  use attrito_model_structure, only: structure_type
+  use attrito_contact_fourier, only: new_fourier
+  use attrito_contact_trigonometric_roots, only: new_grid
+  use attrito_balance_active_rows, only: active_rows_type
+  use attrito_balance_harmonic_balance, only: balance_type, stuck_mean_type
+  use attrito_balance_receptance, only: receptance_type, to_complex
+  use attrito_balance_split_receptance, only: split_receptance_type
+  implicit none
+  private
+  public :: new_balance, set_resolution, take_contacts
+
+contains
+
+  !> Spread the contacts over ranks and make room.
+  subroutine new_balance(structure, contacts, receptance, ranks, samples, self)
+    type(structure_type), intent(in) :: structure
+    type(contacts_type), intent(in) :: contacts
+    !> Moved into the balance
+    class(receptance_type), allocatable, intent(inout) :: receptance
+    type(communicator_type), intent(in) :: ranks
+    !> Samples a period
+    integer, intent(in) :: samples
+    type(balance_type), intent(out) :: self
+    integer :: first, last
+
+    call move_alloc(receptance, self%receptance)
+    self%ranks = ranks
+    call ranks%share(size(contacts%law), first, last)
+    self%static_loads = matmul(transpose(self%receptance%basis), structure%static_loads)
+    self%monitors = matmul(transpose(self%receptance%basis), structure%monitors)
+    allocate (self%static_factors(size(structure%static_loads, 2)), source=1.0_wp)
+    call set_series(self, structure, self%receptance%harmonics, samples)
+    allocate (self%response(size(self%static_loads, 1), 0:self%receptance%harmonics))
+    allocate (self%response_omega, mold=self%response)
+    call take_contacts(self, contacts, first, last)
+  end subroutine new_balance
+
+  !> What belongs to a length of the series: transforms, the grid of roots, harmonics of the load.
+  subroutine set_series(self, structure, harmonics, samples)
+    type(balance_type), intent(inout) :: self
+    type(structure_type), intent(in) :: structure
+    integer, intent(in) :: harmonics, samples
+    integer :: given, h
+
+    call set_samples(self, harmonics, samples)
+    self%grid = new_grid(harmonics)
+    if (allocated(self%harmonic_load)) deallocate (self%harmonic_load)
+    allocate (self%harmonic_load(size(self%receptance%basis, 2), 0:harmonics), source=(0.0_wp, 0.0_wp))
+    given = min(size(structure%harmonic_load, 2), 2*harmonics + 1)
+    self%harmonic_load(:, 0:given/2) = to_complex(matmul(transpose(structure%harmonic_load(:, :given)), self%receptance%basis))
+    self%loaded = pack([(h, h=1, harmonics)], [(any(abs(self%harmonic_load(:, h)) > 0.0_wp), h=1, harmonics)])
+  end subroutine set_series
+
+  !> Transforms; where all contacts go by events they serve nothing, and only what is not there yet is made.
+  subroutine set_samples(self, harmonics, samples)
+    type(balance_type), intent(inout) :: self
+    integer, intent(in) :: harmonics, samples
+    logical :: needed
+
+    needed = .not. (self%by_events .and. allocated(self%law))
+    if (.not. needed) needed = any(self%law%tangents > 1) .or. self%fourier%samples /= samples
+    if (.not. needed) return
+    call self%fourier%destroy()
+    self%fourier = new_fourier(harmonics, samples)
+  end subroutine set_samples
+
+  !> Go on with another length of the series and other samples. Sliders stay; response and deviation keep the harmonics that both
+  !> lengths have; residual and Jacobian are to be evaluated anew.
+  subroutine set_resolution(self, structure, harmonics, samples)
+    type(balance_type), intent(inout) :: self
+    type(structure_type), intent(in) :: structure
+    integer, intent(in) :: harmonics, samples
+    complex(wp), allocatable :: response(:, :)
+    integer :: i, common
+
+    call self%receptance%set_harmonics(harmonics)
+    call set_series(self, structure, harmonics, samples)
+    common = min(ubound(self%response, 2), harmonics)
+    allocate (response(size(self%response, 1), 0:harmonics), source=(0.0_wp, 0.0_wp))
+    response(:, :common) = self%response(:, :common)
+    call move_alloc(response, self%response)
+    do i = 1, size(self%law)
+      self%forces(i)%deviation = resized(self%forces(i)%deviation, deviation_coefficients(self))
+    end do
+    self%residual = resized(self%residual, self%coefficients())
+    deallocate (self%response_omega)
+    allocate (self%response_omega, mold=self%response)
+    self%changes = self%changes + 1
+    self%split = split_receptance_type()
+  end subroutine set_resolution
+
+  !> Coefficients of the forces that are kept: those beyond the series tell what it leaves out.
+  pure integer function deviation_coefficients(self)
+    type(balance_type), intent(in) :: self
+
+    deviation_coefficients = 2*min(3*self%receptance%harmonics, (self%fourier%samples - 1)/2) + 1
+  end function deviation_coefficients
+
+  !> Let this rank hold these contacts, with sliders at zero.
+  subroutine take_contacts(self, contacts, first, last)
+    type(balance_type), intent(inout) :: self
+    !> Of all ranks
+    type(contacts_type), intent(in) :: contacts
+    !> The first and the last of this rank, from 1
+    integer, intent(in) :: first, last
+    integer :: i, last_row
+
+    self%first_contact = first
+    self%law = contacts%law(first:last)
+    self%first_row = 1 + sum(contacts%law(:first - 1)%tangents + 1)
+    last_row = self%first_row - 1 + sum(self%law%tangents + 1)
+    self%law%first_row = self%law%first_row - self%first_row + 1
+    self%directions = self%receptance%directions(:, self%first_row:last_row)
+    self%slider = reshape([(0.0_wp, i=1, 2*size(self%law))], [2, size(self%law)])
+    self%periodic = spread(.false., 1, size(self%law))
+    self%changes = self%changes + 1
+    self%active = active_rows_type()
+    self%kept = stuck_mean_type()
+    if (allocated(self%resting%load)) deallocate (self%resting%load)
+    if (allocated(self%forces)) deallocate (self%forces)
+    allocate (self%forces(size(self%law)))
+    do i = 1, size(self%law)
+      allocate (self%forces(i)%deviation(deviation_coefficients(self), self%law(i)%tangents + 1))
+    end do
+    self%residual = reshape([(0.0_wp, i=1, self%coefficients()*self%rows())], [self%coefficients(), self%rows()])
+  end subroutine take_contacts
+end module attrito_balance_set_up
