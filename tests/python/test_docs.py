@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 from jobs import ENVIRONMENT, attrito_here
 
-from attrito.cli import _parser
+from attrito.arguments import parser
 from attrito.job import read_job
 from attrito.job_checks import integer, listing, number, takes, term
 from attrito.job_reference import as_job, as_text, tables
@@ -147,7 +147,7 @@ def test_commands_of_a_page_are_commands_of_the_program(page):
         command = words[[Path(word).name for word in words].index("attrito") + 1 :]
         # What is in brackets is a choice; one of each is enough to parse.
         tidy = re.sub(r"\[([^|\]]*)(\|[^\]]*)?\]", r"\1", " ".join(command))
-        _parser().parse_args(tidy.split())
+        parser().parse_args(tidy.split())
 
 
 def test_every_page_is_in_the_index():
