@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
+from attrito.foreign import RawPoint
 from attrito.peak_file import Found
 from attrito.peak_tracker import AMPLITUDES
-from attrito.solver import Point, Solver, _Point
+from attrito.solver import Point, Solver
 
 # Points of the curve are this factor of the mode's coordinate apart.
 STEP = 1.05
@@ -25,7 +26,7 @@ LEVEL_TOLERANCE = 1e-10
 
 class _Backbone(ctypes.Structure):
     _fields_ = [
-        ("point", _Point),
+        ("point", RawPoint),
         *((name, ctypes.c_double) for name in ("modal_amplitude", "excitation", "level", "amplitude")),
     ]
 

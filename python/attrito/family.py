@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from attrito.foreign import pointer
 from attrito.solver import Solver
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ class Family:
         if what == "go_back":
             return self._solver.call("attrito_return_to_member", *arguments)
         if what == "move":
-            return self._solver.call("attrito_solve_member", _pointer(np.ascontiguousarray(arguments[0]))) == 1
+            return self._solver.call("attrito_solve_member", pointer(np.ascontiguousarray(arguments[0]))) == 1
         (contacts, monitors), coefficients = self._sizes, self._solver.coefficients
         member = Member(
             np.zeros((contacts, 3, coefficients)),
@@ -98,14 +98,10 @@ class Family:
             np.zeros((contacts, 2)),
             np.zeros(contacts),
         )
-        series = _pointer(member.force), _pointer(member.monitors)
+        series = pointer(member.force), pointer(member.monitors)
         if what == "describe":
-            rest = _pointer(member.amplitude), _pointer(member.slider), _pointer(member.free)
+            rest = pointer(member.amplitude), pointer(member.slider), pointer(member.free)
             status = self._solver.call("attrito_describe_member", *series, *rest)
         else:
             status = self._solver.call("attrito_differentiate_member", *arguments, *series)
         return member if status == 0 else None
-
-
-def _pointer(array: np.ndarray) -> ctypes.c_void_p:
-    return array.ctypes.data_as(ctypes.c_void_p)

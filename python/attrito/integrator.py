@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from attrito import library
-from attrito.solver import DAMPING_KINDS, OUTCOMES, ReducedScene, make_law
+from attrito.foreign import make_law
+from attrito.solver import DAMPING_KINDS, OUTCOMES, ReducedScene
 
 SCHEMES = ("event", "central_difference", "newmark", "hht", "generalised_alpha", "exponential")
 DEFAULT_STEPS = {"exponential": 1000}

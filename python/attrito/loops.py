@@ -6,10 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from attrito.contact_kernels import sample_contact
 from attrito.contact_plots import Loop
 from attrito.faults import Fault, InputError
+from attrito.foreign import make_law
 from attrito.results import Result
-from attrito.solver import make_law, sample_contact
 
 SAMPLES = 1024
 # Two tangents: periods until the slider repeats at other samples than the point was solved with.

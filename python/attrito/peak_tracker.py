@@ -10,7 +10,8 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from attrito.faults import NumericsError
-from attrito.solver import Point, Solver, _omega, _Point, _pointer
+from attrito.foreign import RawPoint, omega, pointer
+from attrito.solver import Point, Solver
 
 AMPLITUDES = ("half_range", "first_harmonic")
 PARAMETERS = ("level", "preload")
@@ -21,7 +22,7 @@ NATURAL_FREQUENCIES = 40
 
 class _Peak(ctypes.Structure):
     _fields_ = [
-        ("point", _Point),
+        ("point", RawPoint),
         *((name, ctypes.c_double) for name in ("parameter", "amplitude", "slope", "curvature")),
         ("evaluations", ctypes.c_int),
     ]
@@ -118,10 +119,10 @@ class PeakTracker:
             self._monitor,
             self._amplitude,
             len(self._static),
-            _pointer(self._static),
-            _omega(near_hz),
-            _omega(self._band[0]),
-            _omega(self._band[1]),
+            pointer(self._static),
+            omega(near_hz),
+            omega(self._band[0]),
+            omega(self._band[1]),
             ctypes.c_double(level),
             branch,
         )[0]
@@ -133,14 +134,14 @@ class PeakTracker:
             self._monitor,
             self._amplitude,
             len(self._static),
-            _pointer(self._static),
-            _omega(start.frequency_hz),
-            _omega(self._band[0]),
-            _omega(self._band[1]),
+            pointer(self._static),
+            omega(start.frequency_hz),
+            omega(self._band[0]),
+            omega(self._band[1]),
             ctypes.c_double(level),
             ctypes.c_double(preload),
             start.coordinates.shape[1],
-            _pointer(start.coordinates),
+            pointer(start.coordinates),
             branch,
         )[0]
 

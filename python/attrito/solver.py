@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from attrito import library
+from attrito.foreign import ERRORS, LISTENER, RawOptions, RawPoint, make_laws, omega, pointer
 from attrito.journal import Series
 
 if TYPE_CHECKING:
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
     from attrito.restart import StoredPoint
 
 OUTCOMES = ("converged", "unstable", "indeterminate", "no_period_one_orbit", "not_converged")
-# Parts of a point's estimated error
-ERRORS = ("error_harmonics", "error_samples", "error_modes")
 # What the cascade tries, in its order; src/continuation/cascade.f90 has the same names.
 ATTEMPTS = (
     "newton_briefly",
@@ -35,50 +34,6 @@ ATTEMPTS = (
     "stiffness_steps",
 )
 DAMPING_KINDS = {"none": 0, "viscous": 1, "ratio": 2, "mass": 3, "loss_factor": 4}
-
-
-# void f(path, kind, dimensions, extent, values, description, unit, names)
-_LISTENER = ctypes.CFUNCTYPE(
-    None,
-    ctypes.c_char_p,
-    ctypes.c_char_p,
-    ctypes.c_int,
-    ctypes.POINTER(ctypes.c_int),
-    ctypes.POINTER(ctypes.c_double),
-    *[ctypes.c_char_p] * 3,
-)
-
-
-class _Options(ctypes.Structure):
-    _fields_ = [
-        *((name, ctypes.c_int) for name in ("harmonics", "samples", "rounds", "max_iterations")),
-        ("reset_slider", ctypes.c_int),
-        ("uncoupled", ctypes.c_int),
-        *((name, ctypes.c_int) for name in ("by_events", "choose_harmonics", "choose_samples")),
-        *((name, ctypes.c_double) for name in ("tolerance", "accepted_error", "mode_error")),
-    ]
-
-
-class _Law(ctypes.Structure):
-    _fields_ = [
-        ("tangents", ctypes.c_int),
-        *(
-            (name, ctypes.c_double)
-            for name in ("tangential_stiffness", "normal_stiffness", "friction_coefficient", "gap", "preload")
-        ),
-    ]
-
-
-class _Point(ctypes.Structure):
-    _fields_ = [
-        *(
-            (name, ctypes.c_int)
-            for name in ("branch", "iterations", "linear_iterations", "outcome", "unique", "finished", "reached_stop")
-        ),
-        ("states", ctypes.c_int * 4),
-        *((name, ctypes.c_int) for name in ("harmonic_count", "samples")),
-        *((name, ctypes.c_double) for name in ("frequency_hz", "level", "residual", "estimate", *ERRORS, "work")),
-    ]
 
 
 @dataclass(frozen=True)
@@ -175,13 +130,13 @@ class Solver:
         self.static_work = 0.0
         self._make_room(options.harmonics)
         m = len(scene.mass)
-        damping = None if scene.damping is None else _pointer(scene.damping)
+        damping = None if scene.damping is None else pointer(scene.damping)
         self._handle = ctypes.c_void_p(
             self._library.attrito_create(
                 comm.py2f(),
                 m,
-                _pointer(scene.mass),
-                _pointer(scene.stiffness),
+                pointer(scene.mass),
+                pointer(scene.stiffness),
                 DAMPING_KINDS[scene.damping_kind],
                 ctypes.c_double(scene.damping_value),
                 damping,
@@ -190,16 +145,16 @@ class Solver:
         self._library.attrito_set_loads(
             self._handle,
             len(scene.static),
-            _pointer(scene.static),
+            pointer(scene.static),
             len(scene.harmonic),
-            _pointer(scene.harmonic),
+            pointer(scene.harmonic),
             len(scene.monitors),
-            _pointer(scene.monitors),
+            pointer(scene.monitors),
         )
-        laws = _laws(scene)
+        laws = make_laws(scene.laws)
         rows = len(scene.directions)
-        self._library.attrito_set_contacts(self._handle, len(laws), laws, rows, _pointer(scene.directions))
-        given = _Options(**{name: getattr(options, name) for name, _ in _Options._fields_})
+        self._library.attrito_set_contacts(self._handle, len(laws), laws, rows, pointer(scene.directions))
+        given = RawOptions(**{name: getattr(options, name) for name, _ in RawOptions._fields_})
         self._call("attrito_prepare", ctypes.byref(given))
 
     def take(self, scene: ReducedScene) -> bool:
@@ -210,21 +165,21 @@ class Solver:
         if not _has_the_modes_of(self._scene, scene):
             return False
         self._scene = scene
-        laws = _laws(scene)
+        laws = make_laws(scene.laws)
         self._library.attrito_change_laws(self._handle, len(laws), laws)
         return True
 
     def coordinates(self) -> np.ndarray:
         """Fourier coefficients of the model's coordinates at the last point, `[m, 2 H + 1]`."""
         motion = np.zeros((len(self._scene.mass), self.coefficients))
-        self._library.attrito_coordinates(self._handle, self.coefficients, _pointer(motion))
+        self._library.attrito_coordinates(self._handle, self.coefficients, pointer(motion))
         return motion
 
     def walk_static_path(self, path: np.ndarray, steps: int, frequency_hz: float) -> np.ndarray:
         """Walk the static load path, `[corners, loads]`; returns the means of the monitors."""
-        raw = _Point()
+        raw = RawPoint()
         sizes = path.shape[1], path.shape[0]
-        self._call("attrito_walk_static_path", *sizes, _pointer(path), steps, _omega(frequency_hz), ctypes.byref(raw))
+        self._call("attrito_walk_static_path", *sizes, pointer(path), steps, omega(frequency_hz), ctypes.byref(raw))
         self.static_work = raw.work
         return self._monitors(raw.harmonic_count)[0][:, 0]
 
@@ -235,7 +190,7 @@ class Solver:
 
     def go_on(self) -> Iterator[Point]:
         """The points of a sweep that are left after the last."""
-        raw = _Point()
+        raw = RawPoint()
         told_at, next_point = ctypes.byref(raw), self._library.attrito_next_point
         while not raw.finished:
             next_point(self._handle, told_at)
@@ -246,7 +201,7 @@ class Solver:
     ) -> None:
         """Harmonic loads at a level, and scales for a range of frequency; a sweep may begin."""
         self._library.attrito_begin_sweep(
-            self._handle, _omega(start_hz), _omega(stop_hz), ctypes.c_double(level), branch, max_points
+            self._handle, omega(start_hz), omega(stop_hz), ctypes.c_double(level), branch, max_points
         )
 
     def follow(self, start_hz: float, stop_hz: float, branch: int, max_points: int, way: int) -> Iterator[Point]:
@@ -255,7 +210,7 @@ class Solver:
         Towards growing (1) or falling (-1) frequency, or (0) back from where the last sweep stands; the first point is
         where it stands.
         """
-        self._library.attrito_begin_branch(self._handle, _omega(start_hz), _omega(stop_hz), way, branch, max_points)
+        self._library.attrito_begin_branch(self._handle, omega(start_hz), omega(stop_hz), way, branch, max_points)
         yield from self.go_on()
 
     def stand_at(self, point: StoredPoint, level: float) -> bool:
@@ -264,28 +219,28 @@ class Solver:
             self.call(
                 "attrito_stand_at_motion",
                 point.coordinates.shape[1],
-                _pointer(np.ascontiguousarray(point.coordinates, dtype=float)),
-                _pointer(np.ascontiguousarray(point.slider, dtype=float)),
-                _omega(point.frequency_hz),
+                pointer(np.ascontiguousarray(point.coordinates, dtype=float)),
+                pointer(np.ascontiguousarray(point.slider, dtype=float)),
+                omega(point.frequency_hz),
                 ctypes.c_double(level),
             )
         )
 
     def seek(self, way: int, frequency_hz: float, factor: float) -> bool:
         """Look for a point at a frequency by one of `attrito.search.STARTS`; the solver then stands there."""
-        return bool(self.call("attrito_seek", way, _omega(frequency_hz), ctypes.c_double(factor)))
+        return bool(self.call("attrito_seek", way, omega(frequency_hz), ctypes.c_double(factor)))
 
     def solve_at(self, frequencies_hz: list[float], level: float, branch: int) -> Iterator[Point]:
         """Solve frequencies one by one, each starting from the one before."""
         low, high = min(frequencies_hz), max(frequencies_hz)
-        self._library.attrito_begin_sweep(self._handle, _omega(low), _omega(high), ctypes.c_double(level), branch, 0)
+        self._library.attrito_begin_sweep(self._handle, omega(low), omega(high), ctypes.c_double(level), branch, 0)
         yield from self.go_on_at(frequencies_hz, branch)
 
     def go_on_at(self, frequencies_hz: list[float], branch: int) -> Iterator[Point]:
         """The frequencies of a list that are left after the last point."""
-        raw = _Point()
+        raw = RawPoint()
         for frequency in frequencies_hz:
-            self._library.attrito_solve_at(self._handle, _omega(frequency), branch, ctypes.byref(raw))
+            self._library.attrito_solve_at(self._handle, omega(frequency), branch, ctypes.byref(raw))
             yield self._point(raw, followed=False)
 
     def try_at(self, attempt: str, frequency_hz: float) -> Point:
@@ -293,8 +248,8 @@ class Solver:
 
         After `solve_at` or `sweep` have begun, which set the level of the loads.
         """
-        raw = _Point()
-        if self._library.attrito_try_at(self._handle, attempt.encode(), _omega(frequency_hz), ctypes.byref(raw)) != 0:
+        raw = RawPoint()
+        if self._library.attrito_try_at(self._handle, attempt.encode(), omega(frequency_hz), ctypes.byref(raw)) != 0:
             raise ValueError(f"{attempt!r} is none of the cascade's attempts: {', '.join(ATTEMPTS)}")
         return self._point(raw, followed=False)
 
@@ -303,17 +258,17 @@ class Solver:
 
         Also the lowest `natural` natural frequencies of that system, Hz.
         """
-        omega = np.ascontiguousarray(2.0 * np.pi * np.asarray(frequencies_hz, dtype=float))
-        amplitude = np.zeros((len(self._scene.monitors), len(omega)))
+        angular = np.ascontiguousarray(2.0 * np.pi * np.asarray(frequencies_hz, dtype=float))
+        amplitude = np.zeros((len(self._scene.monitors), len(angular)))
         lowest = np.zeros(natural)
         self._call(
             "attrito_linear_response",
             int(stuck),
-            len(omega),
-            _pointer(omega),
-            _pointer(amplitude),
+            len(angular),
+            pointer(angular),
+            pointer(amplitude),
             natural,
-            _pointer(lowest),
+            pointer(lowest),
         )
         return amplitude, lowest
 
@@ -331,18 +286,18 @@ class Solver:
             )
             hear(path.decode(), what, entry.astype(np.int32) if what.kind == "int32" else entry)
 
-        self._library.attrito_tell_point(self._handle, names, _LISTENER(told) if hear is not None else _LISTENER())
+        self._library.attrito_tell_point(self._handle, names, LISTENER(told) if hear is not None else LISTENER())
 
     def put_down(self) -> np.ndarray:
         """What the last point leaves for the next on this rank: numbers that `take_up` understands."""
         numbers = np.zeros(self._library.attrito_put_down(self._handle))
-        self._library.attrito_fetch_state(self._handle, _pointer(numbers))
+        self._library.attrito_fetch_state(self._handle, pointer(numbers))
         return numbers
 
     def take_up(self, numbers: np.ndarray) -> bool:
         """Go on from what was put down on as many ranks; False if it is not of this kind."""
         numbers = np.ascontiguousarray(numbers)
-        return bool(self._library.attrito_take_up(self._handle, len(numbers), _pointer(numbers)))
+        return bool(self._library.attrito_take_up(self._handle, len(numbers), pointer(numbers)))
 
     def call(self, name: str, *arguments: object) -> int:
         """A function of the library that takes this session and returns a number; see `attrito.family`."""
@@ -371,9 +326,9 @@ class Solver:
         """For what the library tells of the monitors; kept from point to point."""
         count = len(self._scene.monitors)
         self._told = np.zeros((count, 2 * harmonic_count + 1)), np.zeros(count)
-        self._told_at = tuple(_pointer(array) for array in self._told)
+        self._told_at = tuple(pointer(array) for array in self._told)
 
-    def _point(self, raw: _Point, followed: bool) -> Point:
+    def _point(self, raw: RawPoint, followed: bool) -> Point:
         self.coefficients = 2 * raw.harmonic_count + 1
         return Point(
             raw.frequency_hz,
@@ -411,60 +366,3 @@ def _has_the_modes_of(a: ReducedScene, b: ReducedScene) -> bool:
     same = (a.damping_kind, a.damping_value, a.monitor_names) == (b.damping_kind, b.damping_value, b.monitor_names)
     same = same and all(np.array_equal(getattr(a, name), getattr(b, name)) for name in plain)
     return same and all(np.array_equal(a.laws[name], b.laws[name]) for name in a.laws if name not in FREE_OF_MODES)
-
-
-def _laws(scene: ReducedScene) -> ctypes.Array:
-    count = len(scene.laws["tangents"])
-    return (_Law * count)(*(make_law(scene.laws, i) for i in range(count)))
-
-
-def sample_contact(
-    law: _Law, coefficients: np.ndarray, slider: np.ndarray, samples: int, passes: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Displacement and force of one contact over a period, `[tangents + 1, samples]` each.
-
-    Parameters
-    ----------
-    law : see `make_law`
-    coefficients : of its relative displacement, `[tangents + 1, nk]`, normal last
-    slider : at the start of the period, `[2]`
-    """
-    coefficients = np.ascontiguousarray(coefficients, dtype=float)
-    displacement, force = np.zeros((2, len(coefficients), samples))
-    library.load().attrito_sample_contact(
-        ctypes.byref(law),
-        coefficients.shape[1],
-        samples,
-        _pointer(coefficients),
-        _pointer(np.ascontiguousarray(slider, dtype=float)),
-        passes,
-        _pointer(displacement),
-        _pointer(force),
-    )
-    return displacement, force
-
-
-def extrema(coefficients: np.ndarray) -> np.ndarray:
-    """Smallest and largest value over the period, located: `[..., 2]` of polynomials `[..., 2 H + 1]`."""
-    rows = np.ascontiguousarray(coefficients, dtype=float).reshape(-1, np.shape(coefficients)[-1])
-    lowest, highest = np.zeros((2, len(rows)))
-    library.load().attrito_extrema(*rows.shape, _pointer(rows), _pointer(lowest), _pointer(highest))
-    return np.stack([lowest, highest], axis=-1).reshape(*np.shape(coefficients)[:-1], 2)
-
-
-def make_law(laws: dict[str, np.ndarray], contact: int) -> _Law:
-    """The law of one contact out of arrays `[nc]` by key."""
-    numbers = (float(laws[name][contact]) for name, _ in _Law._fields_[1:])
-    return _Law(int(laws["tangents"][contact]), *numbers)
-
-
-def _omega(frequency_hz: float) -> ctypes.c_double:
-    return ctypes.c_double(2.0 * np.pi * frequency_hz)
-
-
-def _pointer(array: np.ndarray) -> ctypes.c_void_p:
-    if array.dtype != np.float64 or not array.flags.c_contiguous:
-        raise TypeError("expected a contiguous array of float64")
-    pointer = ctypes.c_void_p(array.ctypes.data)
-    pointer.array = array  # which lives as long as the pointer, and is cheaper than `data_as`
-    return pointer

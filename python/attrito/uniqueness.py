@@ -22,10 +22,11 @@ from typing import TYPE_CHECKING
 import h5py
 import numpy as np
 
+from attrito.contact_kernels import extrema
 from attrito.family import Family
 from attrito.linear_programs import DualSimplex
 from attrito.members import Hull, Search
-from attrito.solver import Options, Point, ReducedScene, Solver, extrema
+from attrito.solver import Options, Point, ReducedScene, Solver
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm

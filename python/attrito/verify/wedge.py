@@ -15,9 +15,11 @@ import numpy as np
 from mpi4py import MPI
 from scipy.optimize import minimize_scalar
 
+from attrito.contact_kernels import sample_contact
 from attrito.contact_plots import Loop
 from attrito.faults import NumericsError
-from attrito.solver import Options, Point, ReducedScene, Solver, make_law, sample_contact
+from attrito.foreign import make_law
+from attrito.solver import Options, Point, ReducedScene, Solver
 
 PRELOAD = 420.0
 FRICTION = 0.5
