@@ -20,7 +20,7 @@ module attrito_balance_condensed_krylov
     !> Residual of the linear system, relative to its right-hand side; and what a product may leave out of a mode
     real(wp) :: tolerance = 1.0e-4_wp
     !> Modes of the coarse system
-    integer :: low_modes = 20
+    integer :: low_modes = 32
     integer :: max_iterations = 300
   end type krylov_options_type
 

@@ -102,7 +102,7 @@ contains
           else
             felt(:, :n) = field(:, first:first + n - 1)
           end if
-          product(:size(block%rows)) = matmul(block%values, reshape(felt(:, :n), [k*n]))
+          call block%multiply(reshape(felt(:, :n), [k*n]), product(:size(block%rows)))
           do j = 1, size(block%rows)
             associate (row => (block%rows(j) - 1)/k, coefficient => modulo(block%rows(j) - 1, k) + 1)
               y(coefficient, first + row) = y(coefficient, first + row) - product(j)

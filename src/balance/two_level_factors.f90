@@ -7,7 +7,7 @@
 !> excess of what they took at first have cost as much, when contacts have moved to other ranks or the series' length has changed, or
 !> when much more of the springs is kept.
 module attrito_balance_two_level_factors
-  use attrito_core_kinds, only: wp
+  use attrito_core_kinds, only: sp, wp
   use attrito_core_lapack, only: solve_dense, factor
   use attrito_balance_harmonic_balance, only: balance_type
   implicit none
@@ -21,10 +21,12 @@ module attrito_balance_two_level_factors
   !> Change of the springs kept in the step that makes them void
   real(wp), parameter :: other_springs = 1.0e-3_wp
 
-  !> Rows of a matrix that are not zero [rows, all columns]
+  !> Rows of a matrix that are not zero [rows, all columns], in single precision: to read them is what applying them costs
   type :: block_type
     integer, allocatable :: rows(:)
-    real(wp), allocatable :: values(:, :)
+    real(sp), allocatable :: values(:, :)
+  contains
+    procedure :: multiply
   end type block_type
 
   type :: two_level_factors_type
@@ -53,6 +55,19 @@ module attrito_balance_two_level_factors
   end type two_level_factors_type
 
 contains
+
+  !> The rows times a vector; sums are in double precision, so that GMRES sees one and the same linear operator.
+  pure subroutine multiply(self, vector, product)
+    class(block_type), intent(in) :: self
+    real(wp), intent(in) :: vector(:)
+    real(wp), intent(out), contiguous :: product(:)
+    integer :: i
+
+    product = 0.0_wp
+    do i = 1, size(vector)
+      product = product + self%values(:, i)*vector(i)
+    end do
+  end subroutine multiply
 
   !> Do they serve the balance's last evaluation?
   pure logical function serve(self, balance)
@@ -181,7 +196,7 @@ contains
         end do
         call solve_dense(matrix, jacobian, status)
         if (status /= 0) return
-        block = block_type(kept, jacobian)
+        block = block_type(kept, real(jacobian, sp))
       end associate
     end do
   end subroutine new_blocks
@@ -286,7 +301,7 @@ contains
         associate (n => active%rows(i), of_it => shapes(:, active%first(i):active%first(i) + active%rows(i) - 1), &
                    block => self%blocks(i))
           ! E as [(row, b), row'], b a coefficient, to [(row, b), mode], and from there to [(a, b), mode, row]
-          carried = matmul(reshape(block%values, [size(block%rows)*k, n]), transpose(of_it))
+          carried = matmul(real(reshape(block%values, [size(block%rows)*k, n]), wp), transpose(of_it))
           do j = 1, low
             do b = 1, k
               do row = 1, size(block%rows)

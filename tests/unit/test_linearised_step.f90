@@ -231,7 +231,7 @@ contains
     end do
   end subroutine high_modes
 
-  !> With all modes in the coarse system nothing is left to iterate for.
+  !> With all modes in the coarse system nothing is left to iterate for but the rounding of its blocks, 6e-8 times their condition, some 1e2.
   subroutine exact_preconditioner(error)
     type(error_type), allocatable, intent(out) :: error
     type(balance_type) :: balance
@@ -243,7 +243,7 @@ contains
     right = random_right(balance)
     step = right
     call solve_linearised(balance, random_constraint(), right, linear_options_type( &
-                          dense_limit=0, krylov=krylov_options_type(tolerance=1.0e-10_wp, low_modes=8)), step, iterations, status)
+                          dense_limit=0, krylov=krylov_options_type(tolerance=1.0e-5_wp, low_modes=8)), step, iterations, status)
     call check(error, status == 0 .and. iterations == 1, 'it iterates')
     call balance%destroy()
   end subroutine exact_preconditioner
