@@ -231,7 +231,8 @@ contains
     end do
   end subroutine high_modes
 
-  !> With all modes in the coarse system nothing is left to iterate for but the rounding of its blocks, 6e-8 times their condition, some 1e2.
+  !> With all modes in the coarse system nothing is left to iterate for but the rounding of its blocks: 6e-8 times their condition,
+  !> some 1e2.
   subroutine exact_preconditioner(error)
     type(error_type), allocatable, intent(out) :: error
     type(balance_type) :: balance
