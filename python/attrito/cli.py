@@ -1,6 +1,7 @@
 """The command `attrito`.
 
-Exit codes: 0 done; 1 the numerics did not deliver (the file says where); 2 the input is at fault.
+Exit codes: 0 done; 1 the numerics did not deliver (the file says where); 2 the input is at fault, or a file cannot be
+written.
 """
 
 from __future__ import annotations

@@ -54,7 +54,7 @@ class RawPoint(ctypes.Structure):
             for name in ("branch", "iterations", "linear_iterations", "outcome", "unique", "finished", "reached_stop")
         ),
         ("states", ctypes.c_int * 4),
-        *((name, ctypes.c_int) for name in ("harmonic_count", "samples")),
+        *((name, ctypes.c_int) for name in ("harmonic_count", "samples", "petsc_error")),
         *((name, ctypes.c_double) for name in ("frequency_hz", "level", "residual", "estimate", *ERRORS, "work")),
     ]
 

@@ -34,9 +34,9 @@ def load() -> ctypes.CDLL:
 
 
 def check(status: int, message: ctypes.Array) -> None:
-    """Raise what the library told: status 1 the numerics, 2 the input."""
+    """Raise what the library told: status 1 the numerics, 2 the input, 3 a file that cannot be written or read."""
     text = message.value.decode(errors="replace")
-    if status == 2:
+    if status in (2, 3):
         error = InputError()
         error.args = (text,)
         raise error

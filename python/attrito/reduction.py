@@ -145,7 +145,7 @@ def reduce_model(
 
     Raises
     ------
-    InputError : a motion stays free with the boundary held, or the file is no model
+    InputError : a motion stays free with the boundary held, the file is no model, or there is no room on the disk
     NumericsError : no memory for the factors, or modes were missed
     """
     if sum(given is not None for given in (modes, max_frequency_hz, error_target)) != 1:
@@ -192,7 +192,7 @@ def reduce_model(
         ctypes.c_int(len(message)),
         message,
     )
-    # What is at fault stays so; what ran out of memory may go on another time.
+    # What is at fault stays so; what ran out of memory, or of room on the disk, may go on another time.
     if status == 2 or not fingerprint or status == 0:
         on_root(comm, lambda: shutil.rmtree(steps))
     foreign.check(status, message)

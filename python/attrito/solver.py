@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from attrito import library
+from attrito.faults import NumericsError
 from attrito.foreign import ERRORS, LISTENER, RawOptions, RawPoint, make_laws, omega, pointer
 from attrito.journal import Series
 
@@ -329,6 +330,8 @@ class Solver:
         self._told_at = tuple(pointer(array) for array in self._told)
 
     def _point(self, raw: RawPoint, followed: bool) -> Point:
+        if raw.petsc_error:
+            raise NumericsError(f"PETSc failed (error {raw.petsc_error}) while solving a point")
         self.coefficients = 2 * raw.harmonic_count + 1
         return Point(
             raw.frequency_hz,

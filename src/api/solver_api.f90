@@ -36,7 +36,7 @@ module attrito_api_solver
 
   type, bind(c) :: point_type
     integer(c_int) :: branch, iterations, linear_iterations, outcome, unique, finished, reached_stop
-    integer(c_int) :: states(4), harmonics, samples
+    integer(c_int) :: states(4), harmonics, samples, petsc_error
     real(c_double) :: frequency_hz, level, residual, estimate, error_harmonics, error_samples, error_modes, work
   end type point_type
 
@@ -347,7 +347,8 @@ contains
     type(point_type) :: point
 
     point = point_type(report%branch, report%iterations, report%linear_iterations, report%outcome, report%unique, 0, 0, &
-                       report%states, report%series, report%samples, report%frequency_hz, report%level, report%residual, &
-                       report%errors%all(), report%errors%harmonics, report%errors%samples, report%errors%modes, report%work)
+                       report%states, report%series, report%samples, report%petsc_error, report%frequency_hz, report%level, &
+                       report%residual, report%errors%all(), report%errors%harmonics, report%errors%samples, &
+                       report%errors%modes, report%work)
   end function point_of
 end module attrito_api_solver

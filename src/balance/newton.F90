@@ -145,7 +145,8 @@ contains
     PetscCall(PCShellSetApply(pc, apply_inverse, ierr))
   end subroutine create
 
-  !> Solve from a start; the start is overwritten by the last iterate, converged or not.
+  !> Solve from a start; the start is overwritten by the last iterate, converged or not. Where PETSc itself fails, the context has its
+  !> error: that is no answer on convergence.
   subroutine solve(self, unknowns, constraint, stiffening, report)
     class(newton_type), intent(inout) :: self
     type(unknowns_type), intent(inout) :: unknowns
@@ -164,7 +165,10 @@ contains
     call run(self, unknowns, stiffening <= 0.0_wp, report, ierr)
     self%context%balance%stiffening = 0.0_wp
     report%linear_iterations = self%context%linear_iterations
-    if (ierr /= 0) report%converged = .false.
+    if (ierr /= 0) then
+      report%converged = .false.
+      self%context%petsc_error = int(ierr)
+    end if
   end subroutine solve
 
   subroutine run(self, unknowns, backtrack, report, ierr)
@@ -185,7 +189,7 @@ contains
     if (backtrack) then
       PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHBT, ierr))
     else
-      PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHBASIC, ierr))
+      PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHNONE, ierr))
     end if
     PetscCall(SNESSetTolerances(self%now%snes, self%context%tolerance, none, none, self%max_iterations, 10*self%max_iterations, ierr))
     PetscCall(SNESSolve(self%now%snes, PETSC_NULL_VEC, self%now%unknowns, ierr))

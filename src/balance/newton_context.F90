@@ -30,6 +30,8 @@ module attrito_balance_newton_context
     type(linear_options_type) :: linear
     !> GMRES's preconditioner, from one step to the next
     type(two_level_factors_type) :: preconditioner
+    !> PETSc's code of an error in a solve that it could not carry out; 0: none so far
+    integer :: petsc_error = 0
     !> Iterations of GMRES since the solve began
     integer :: linear_iterations = 0
     !> Springs that contacts keep at first, and norm of the residual at the last Jacobian

@@ -52,6 +52,11 @@ contains
       call solver%set_scales(omega, omega)
       iterations = 0
       call march_along(load_way_type(from, to, omega), solver, iterations, converged, 1.0_wp/steps)
+      if (solver%context%petsc_error /= 0) then
+        write (where_it_failed, '(a,i0,a)') 'PETSc failed (error ', solver%context%petsc_error, ') while solving the static balance'
+        call raise(error, trim(where_it_failed))
+        return
+      end if
       if (.not. converged) then
         write (where_it_failed, '(a,i0,a)') 'static load path, corner ', corner, ': no equilibrium found'
         call raise(error, trim(where_it_failed)//' (do the loads open all contacts that hold a body?)')

@@ -26,7 +26,7 @@ module attrito_core_hdf5_file
     h5gcreate_f, h5gclose_f, h5pcreate_f, h5pclose_f, h5pset_fapl_mpio_f, H5P_FILE_ACCESS_F, H5F_ACC_TRUNC_F, H5F_ACC_RDONLY_F
   use mpi, only: MPI_ALLREDUCE, MPI_COMM_RANK, MPI_INFO_NULL, MPI_INTEGER, MPI_MIN
   use attrito_core_disk_room, only: has_room_for
-  use attrito_core_errors, only: error_type, fault_of_input, raise
+  use attrito_core_errors, only: error_type, failure_of_files, fault_of_input, raise
   implicit none
   private
   public :: hdf5_file_type, create_file, open_file, close_file, create_group
@@ -186,9 +186,9 @@ contains
     call MPI_ALLREDUCE(status, worst, 1, MPI_INTEGER, MPI_MIN, file%comm, ierr)
     if (worst >= 0) return
     if (name == '') then
-      call raise(error, file%path // ' ' // complaint)
+      call raise(error, file%path // ' ' // complaint, failure_of_files)
     else
-      call raise(error, file%path // ': ' // name // ' ' // complaint)
+      call raise(error, file%path // ': ' // name // ' ' // complaint, failure_of_files)
     end if
   end subroutine agree_in_file
 end module attrito_core_hdf5_file

@@ -29,6 +29,8 @@ module attrito_output_point_report
     type(point_errors_type) :: errors
     !> Harmonics and samples of the balance
     integer :: series = 0, samples = 0
+    !> PETSc's code of an error that left the session useless; 0: none
+    integer :: petsc_error = 0
     !> Floating-point operations of the session so far, by formulas, over all ranks
     real(wp) :: work = 0.0_wp
     !> Coefficients of the monitors [2 H + 1, monitors]; half their range over the period, and mean
@@ -73,6 +75,7 @@ contains
       report%errors = errors
       report%series = solver%options%harmonics
       report%samples = solver%options%samples
+      report%petsc_error = solver%context%petsc_error
       report%work = balance%work
       call balance%ranks%sum(report%work)
     end associate

@@ -6,7 +6,7 @@ module attrito_reduce_column_store
   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
   use, intrinsic :: iso_fortran_env, only: int64
   use mpi, only: MPI_BARRIER
-  use attrito_core_errors, only: error_type, raise
+  use attrito_core_errors, only: error_type, failure_of_files, raise
   use attrito_core_hdf5_array, only: read_block, write_array, write_block
   use attrito_core_hdf5_dataset, only: array_shape, create_array
   use attrito_core_hdf5_file, only: close_file, create_file, hdf5_file_type, open_file
@@ -210,7 +210,7 @@ contains
     status = 0
     if (split%ranks%is_root()) status = c_rename(path//'.partial'//c_null_char, path//c_null_char)
     call split%ranks%broadcast_integer(status)
-    if (status /= 0) call raise(error, path//' cannot be given its name')
+    if (status /= 0) call raise(error, path//' cannot be given its name', failure_of_files)
     call MPI_BARRIER(split%ranks%handle, ierr)
   end subroutine complete
 

@@ -11,7 +11,7 @@ module attrito_reduce_interior_factor
   use mpi, only: MPI_ALLREDUCE, MPI_COMM_FREE, MPI_COMM_SPLIT_TYPE, MPI_COMM_TYPE_SHARED, MPI_DOUBLE_PRECISION, MPI_IN_PLACE, &
     MPI_INFO_NULL, MPI_MAX, MPI_SUM, MPI_WTIME
   use petscksp
-  use attrito_core_errors, only: error_type, raise
+  use attrito_core_errors, only: error_type, failure_of_files, raise
   use attrito_core_kinds, only: wp
   use attrito_core_machine_memory, only: free_megabytes
   use attrito_core_petsc_session, only: raise_petsc
@@ -251,7 +251,8 @@ contains
       call raise(error, 'not enough memory for the factors of the interior stiffness ' // trim(code) // &
                  ': use more nodes, or a coarser mesh')
      case (-90)
-      call raise(error, 'the factors cannot be written to disk '//trim(code)//': make room in MUMPS_OOC_TMPDIR (or /tmp)')
+      call raise(error, 'the factors cannot be written to disk '//trim(code)//': make room in MUMPS_OOC_TMPDIR (or /tmp)', &
+                 failure_of_files)
      case (-8, -9, -11, -14)
       call raise(error, 'the factors need more room than MUMPS foresaw ' // trim(code) // ': run on other numbers of ranks')
      case default

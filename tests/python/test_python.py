@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import subprocess
 import sys
@@ -15,6 +16,11 @@ from jobs import ENVIRONMENT, TIMEOUT, attrito_here, wedge, write_job
 from mpi4py import MPI
 
 import attrito
+from attrito.job import read_job
+from attrito.rom import reduced_scene
+from attrito.running import solver_options
+from attrito.scene import build_scene
+from attrito.solver import Solver
 
 # N/m; with it the balance meets the forces in the paper's text.
 PAPER = 3.04e5
@@ -133,6 +139,33 @@ def test_files_of_other_programs_and_absent_ones_are_faults(tmp_path):
         attrito.open(path)
 
 
+def test_an_error_of_petsc_itself_ends_a_run_with_a_message(tmp_path):
+    job = read_job(tmp_path / write_job(tmp_path, wedge()))
+    scene = build_scene(job)
+    # No number of iterations can be so small.
+    options = dataclasses.replace(solver_options(job), max_iterations=-100)
+    with Solver(MPI.COMM_SELF, reduced_scene(job, scene), options) as solver:
+        with pytest.raises(attrito.NumericsError, match=r"PETSc failed \(error \d+\) while solving the static balance"):
+            solver.walk_static_path(scene.load_path, 10, 132.0)
+        with pytest.raises(attrito.NumericsError, match=r"PETSc failed \(error \d+\) while solving a point"):
+            next(solver.solve_at([132.0], 1.0, 0))
+
+
+def on_two_ranks(folder, script: str) -> list[str]:
+    """Run a script on two ranks; returns the words that it prints."""
+    (folder / "script.py").write_text(textwrap.dedent(script))
+    done = subprocess.run(
+        ["mpirun", "-n", "2", sys.executable, "script.py"],
+        cwd=folder,
+        env=os.environ | ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split()
+
+
 def test_a_script_runs_under_mpirun_and_every_rank_has_the_result(tmp_path):
     write_job(tmp_path, wedge())
     script = """
@@ -143,18 +176,37 @@ def test_a_script_runs_under_mpirun_and_every_rank_has_the_result(tmp_path):
         if MPI.COMM_WORLD.rank == 0:
             print(len(values), len(set(values)), values[0])
     """
-    (tmp_path / "script.py").write_text(textwrap.dedent(script))
-    done = subprocess.run(
-        ["mpirun", "-n", "2", sys.executable, "script.py"],
-        cwd=tmp_path,
-        env=os.environ | ENVIRONMENT,
-        capture_output=True,
-        text=True,
-        timeout=TIMEOUT,
-    )
-    assert done.returncode == 0, done.stderr
-    count, different, amplitude = done.stdout.split()
+    count, different, amplitude = on_two_ranks(tmp_path, script)
     assert (count, different) == ("2", "1") and 1e-5 < float(amplitude) < 1e-4
+
+
+def test_peaks_and_studies_run_under_mpirun_and_every_rank_has_what_one_rank_finds(tmp_path):
+    job = wedge(force=1.0)
+    job["sweep"] = {"start_hz": 150.0, "stop_hz": 85.0}
+    job["static"] = {"load_path": [0.0, 1.0]}
+    job["peak"] = {"start": 10.0, "stop": 11.0, "file": "peaks.h5"}
+    write_job(tmp_path, job)
+    vary = {"name": "mu", "keys": ["contact[*].friction_coefficient"], "low": 0.4, "high": 0.5}
+    study = {"job": "job.toml", "file": "study.h5", "samples": 4, "vary": [vary]}
+    script = f"""
+        from mpi4py import MPI
+        import attrito
+        with attrito.peak("job.toml", MPI.COMM_WORLD, quiet=True) as curve:
+            values = list(curve.peaks.amplitude)
+        with attrito.study({study!r}, MPI.COMM_WORLD, quiet=True) as study:
+            values += list(study.peaks.amplitude.values.ravel())
+        told = MPI.COMM_WORLD.gather(values)
+        if MPI.COMM_WORLD.rank == 0:
+            assert told[0] == told[1]
+            print(*map(float, told[0]))
+    """
+    found = [float(word) for word in on_two_ranks(tmp_path, script)]
+    with attrito.peak(job, MPI.COMM_SELF, folder=tmp_path, quiet=True) as curve:
+        alone = list(curve.peaks.amplitude)
+    with attrito.study(study, MPI.COMM_SELF, folder=tmp_path, quiet=True) as one:
+        alone += list(one.peaks.amplitude.values.ravel())
+    # Residuals of 1e-10 of the motion, and more where Newton's method ends one iteration later.
+    assert found == pytest.approx(alone, rel=1e-8) and len(found) > 4
 
 
 def test_every_name_of_the_package_is_there_and_says_what_it_is():

@@ -49,7 +49,10 @@ program test_branches
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp, two_pi
   use attrito_model_structure, only: damping_none
+  use attrito_balance_border, only: constraint_type
+  use attrito_balance_newton, only: newton_report_type
   use attrito_balance_receptance, only: to_real
+  use attrito_balance_unknowns, only: unknowns_type
   use attrito_continuation_arc_length, only: sweep_type, new_sweep
   use attrito_continuation_ways, only: march_along
   use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
@@ -76,7 +79,9 @@ program test_branches
                       test('a branch that a stop bends to the right passes both folds', hardening), &
                       test('a branch that lift-off bends to the left passes both folds', softening), &
                       test('without any damping but friction a converged point is a solution', undamped_wedge), &
-                      test('a march of a parameter halves its step where it fails and gives up where it must', march)])
+                      test('a march of a parameter halves its step where it fails and gives up where it must', march), &
+                      test('steps that keep springs of the contacts end in the same solution', with_springs), &
+                      test('a solve that PETSc refuses is told from one that does not converge', refused)])
 
 contains
 
@@ -227,4 +232,61 @@ contains
     call march_along(walled_type(), nobody, iterations, converged)
     call check(error, .not. converged .and. reached <= 0.5_wp, 'it claims to have passed a wall')
   end subroutine march
+
+  !> The wedge at 132 Hz and 5 N, slipping: backtracked steps and full ones that keep springs.
+  subroutine with_springs(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(solver_type) :: solver
+    type(unknowns_type) :: unknowns(2)
+    type(newton_report_type) :: report
+    real(wp), parameter :: stiffening(2) = [0.0_wp, 0.1_wp]
+    integer :: i
+
+    call press_wedge(solver, error)
+    do i = 1, 2
+      unknowns(i) = unknowns_type(solver%motion, solver%context%balance%slider, two_pi*132.0_wp)
+      call solver%newton%solve(unknowns(i), at_frequency(solver), stiffening(i), report)
+      call check(error, report%converged .and. report%iterations > 1, 'it does not converge')
+      call check(error, solver%context%petsc_error == 0, 'PETSc refuses it')
+    end do
+    ! Each is within 1e-10 of the scale in its residual, which a well-conditioned balance of two coordinates enlarges little.
+    call check_close(error, unknowns(2)%motion, unknowns(1)%motion, 1.0e-8_wp*solver%context%motion_scale, 'motion')
+    call solver%destroy()
+  end subroutine with_springs
+
+  !> No number of iterations can be so small.
+  subroutine refused(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(solver_type) :: solver
+    type(unknowns_type) :: unknowns
+    type(newton_report_type) :: report
+
+    call press_wedge(solver, error)
+    unknowns = unknowns_type(solver%motion, solver%context%balance%slider, two_pi*132.0_wp)
+    solver%newton%max_iterations = -100
+    call solver%newton%solve(unknowns, at_frequency(solver), 0.0_wp, report)
+    call check(error, .not. report%converged .and. solver%context%petsc_error /= 0, 'nothing is told')
+    call solver%destroy()
+  end subroutine refused
+
+  !> The wedge under its preload, 5 N to come.
+  subroutine press_wedge(solver, error)
+    type(solver_type), intent(out) :: solver
+    type(error_type), allocatable, intent(inout) :: error
+    type(error_type), allocatable :: fault
+
+    solver = solver_of(wedge(45.0_wp), solver_options_type(harmonics=5, samples=128))
+    call walk_static_path(solver, reshape([1.0_wp], [1, 1]), 20, two_pi*132.0_wp, fault)
+    call check(error, .not. allocated(fault), 'no static equilibrium')
+    call solver%set_loads([1.0_wp], 5.0_wp)
+    call solver%set_scales(two_pi*100.0_wp, two_pi*140.0_wp)
+  end subroutine press_wedge
+
+  function at_frequency(solver) result(constraint)
+    type(solver_type), intent(in) :: solver
+    type(constraint_type) :: constraint
+
+    constraint%motion = 0.0_wp*solver%motion
+    constraint%value = two_pi*132.0_wp
+  end function at_frequency
 end program test_branches
