@@ -130,65 +130,80 @@ def frequency_response(result: Result, monitor: str, log: bool | None = None, lo
     look : size and letters; a figure of a given width has its legend below
     """
     look = look or Look()
-    frequency, level, branch, estimate = (
-        result.array(f"/points/{name}") for name in ("frequency_hz", "level", "branch", "estimate")
-    )
-    unstable, loose = result.array("/points/stable") == 0, result.array("/points/unique") == 0
-    levels, branches = np.unique(level), np.unique(branch)
+    levels = np.unique(result.array("/points/level"))
     several = len(levels) > 1
-    scale = level if several else 1.0
-    amplitude, low, high = (result.monitor(monitor, name) / scale for name in ("amplitude", "low", "high"))
-    shown = np.where(result.converged, amplitude, np.nan)
-
     with matplotlib.rc_context(look.style()):
         figure = Figure(figsize=look.size((6.6, 4.0 if look.width is None else 5.3)), constrained_layout=True)
         axes = figure.add_subplot()
-        spans = [shown]
         # The linear responses are stored at level 1, which is also what amplitude / level compares with.
         factor = 1.0 if several or not len(levels) else float(levels[0])
-        spans += _draw_linear(axes, result, monitor, factor)
-        for one_level in levels:
-            own_branches = np.unique(branch[level == one_level])
-            for one_branch in own_branches:
-                own = (level == one_level) & (branch == one_branch)
-                colour, label = _identity(levels, branches, one_level, one_branch)
-                if several and one_branch != own_branches[0]:
-                    label = ""
-                _draw_curve(axes, frequency[own], shown[own], unstable[own], colour, label)
-                _draw_errors(axes, frequency[own], shown[own], estimate[own], colour)
-                if (bounded := own & loose & np.isfinite(low + high)).any():
-                    bounds = [np.where(bounded, bound, np.nan)[own] for bound in (low, high)]
-                    axes.fill_between(frequency[own], *bounds, color=colour, alpha=0.25, linewidth=0)
-                    spans += bounds
-        if np.any(unstable & np.isfinite(shown)):
-            axes.plot([], [], color="#444444", linestyle=DASHES, label="unstable")
-
-        span = np.concatenate(spans)
-        span = span[span > 0]
-        if log if log is not None else (len(span) > 0 and span.max() > 50 * span.min()):
-            axes.set_yscale("log")
-        elif len(span):
-            axes.set_ylim(0, 1.05 * span.max())
-        _mark_failures(axes, result, frequency, amplitude)
+        spans = _draw_linear(axes, result, monitor, factor)
+        spans += _draw_levels(axes, result, monitor, levels)
+        _scale_amplitudes(axes, np.concatenate(spans), log)
         _mark_bifurcations(axes, result, monitor, several)
         name = f"Amplitude of {monitor} / level" if several else f"Amplitude of {monitor}"
         label = with_unit(name, result.unit(f"/monitors/{monitor}/amplitude"), 0.8 * figure.get_figheight())
         axes.set(xlabel="Frequency (Hz)", ylabel=label)
+        frequency = result.array("/points/frequency_hz")
         if len(frequency) and np.ptp(frequency) > 0:
             margin = 0.02 * np.ptp(frequency)
             axes.set_xlim(frequency.min() - margin, frequency.max() + margin)
         if len(levels) > LEGEND_LEVELS:
             scale_of = ScalarMappable(Normalize(levels[0], levels[-1]), _level_map())
             figure.colorbar(scale_of, ax=axes, label="Level", pad=0.02)
-        entries = len(axes.get_legend_handles_labels()[0])
-        if entries > 4 and look.width is not None:
-            legend_below(axes, columns=2 + (entries > 6))
-        elif entries > 4:
-            figure.set_figwidth(8.0)
-            axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0)
-        elif entries:
-            axes.legend(loc="best")
+        _place_legend(axes, narrow=look.width is not None)
     return figure
+
+
+def _draw_levels(axes: Axes, result: Result, monitor: str, levels: np.ndarray) -> list[np.ndarray]:
+    """A curve a level and branch with its bounds, errors and failures; amplitudes that the axis is to span."""
+    frequency, level, branch, estimate = (
+        result.array(f"/points/{name}") for name in ("frequency_hz", "level", "branch", "estimate")
+    )
+    unstable, loose = result.array("/points/stable") == 0, result.array("/points/unique") == 0
+    several, branches = len(levels) > 1, np.unique(branch)
+    scale = level if several else 1.0
+    amplitude, low, high = (result.monitor(monitor, name) / scale for name in ("amplitude", "low", "high"))
+    shown = np.where(result.converged, amplitude, np.nan)
+    spans = [shown]
+    for one_level in levels:
+        own_branches = np.unique(branch[level == one_level])
+        for one_branch in own_branches:
+            own = (level == one_level) & (branch == one_branch)
+            colour, label = _identity(levels, branches, one_level, one_branch)
+            if several and one_branch != own_branches[0]:
+                label = ""
+            _draw_curve(axes, frequency[own], shown[own], unstable[own], colour, label)
+            _draw_errors(axes, frequency[own], shown[own], estimate[own], colour)
+            if (bounded := own & loose & np.isfinite(low + high)).any():
+                bounds = [np.where(bounded, bound, np.nan)[own] for bound in (low, high)]
+                axes.fill_between(frequency[own], *bounds, color=colour, alpha=0.25, linewidth=0)
+                spans += bounds
+    if np.any(unstable & np.isfinite(shown)):
+        axes.plot([], [], color="#444444", linestyle=DASHES, label="unstable")
+    _mark_failures(axes, result, frequency, amplitude)
+    return spans
+
+
+def _scale_amplitudes(axes: Axes, span: np.ndarray, log: bool | None) -> None:
+    """A logarithmic axis if that is asked for or amplitudes differ much; else one from zero."""
+    span = span[span > 0]
+    if log if log is not None else (len(span) > 0 and span.max() > 50 * span.min()):
+        axes.set_yscale("log")
+    elif len(span):
+        axes.set_ylim(0, 1.05 * span.max())
+
+
+def _place_legend(axes: Axes, narrow: bool) -> None:
+    """Within the axes, or beside them where it is long; in a narrow figure below."""
+    entries = len(axes.get_legend_handles_labels()[0])
+    if entries > 4 and narrow:
+        legend_below(axes, columns=2 + (entries > 6))
+    elif entries > 4:
+        axes.figure.set_figwidth(8.0)
+        axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0)
+    elif entries:
+        axes.legend(loc="best")
 
 
 def _draw_errors(

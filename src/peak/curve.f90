@@ -210,7 +210,7 @@ contains
     type(standpoint_type) :: before
     type(linearisation_type) :: point
     type(plane_type) :: plane
-    real(wp) :: error, length, aimed, accepted, value
+    real(wp) :: error, length, aimed, accepted, predicted
     integer :: iterations
     logical :: stuck, kept, searched, tried
 
@@ -223,29 +223,15 @@ contains
     point = self%point
     iterations = 0
     do
-      length = self%step
-      call predict(self, solver, before, length, plane)
-      reached = passed(before%parameter, value_of(self%problem, solver), stop)
-      if (reached) then
-        length = min(length, abs((stop - before%parameter)/self%tangent%parameter))
-        call predict(self, solver, before, length, plane)
-      end if
-      if (reached) call set_value(self%problem, solver, stop)
-      if (stuck .or. reached .or. climbs(solver)) plane = plane_type(value=value_of(self%problem, solver))
-      value = value_of(self%problem, solver)
+      call aim(self, solver, before, stop, stuck, length, plane, reached)
+      predicted = value_of(self%problem, solver)
       call correct_from(self, solver, plane, error)
       iterations = iterations + self%iterations
       searched = .not. self%found
       ! The cascade is slow to give up: once a step.
       if (searched .and. .not. tried) then
         tried = .true.
-        call go_back(self, solver, before)
-        call set_value(self%problem, solver, value)
-        call solve_by_cascade(solver, solver%omega)
-        iterations = iterations + solver%report%iterations
-        self%iterations = 0
-        if (solver%report%converged) call climb_here(self, solver)
-        iterations = iterations + self%iterations
+        call search(self, solver, before, predicted, iterations)
         error = 0.5_wp*accepted
       end if
       ! A maximum stays one, but where the curve folds: there steps are as small as they get.
@@ -257,8 +243,7 @@ contains
       self%point = point
       if (self%step < smallest_step) exit
     end do
-    value = value_of(self%problem, solver)
-    if (self%found .and. .not. reached .and. passed(before%parameter, value, stop)) then
+    if (self%found .and. .not. reached .and. passed(before%parameter, value_of(self%problem, solver), stop)) then
       call set_value(self%problem, solver, stop)
       call correct_from(self, solver, plane_type(value=stop), error)
       iterations = iterations + self%iterations
@@ -272,6 +257,48 @@ contains
     ! A step cut short by its end says little of the next.
     if (.not. reached) self%step = min(self%step*min(max(sqrt(aimed/max(error, 1.0e-12_wp)), 0.4_wp), 2.0_wp), largest_step)
   end subroutine advance
+
+  !> Predict a step, just to the end if it leads beyond, and say where to correct it: in a plane, or at the value that it has come to.
+  subroutine aim(self, solver, before, stop, stuck, length, plane, reached)
+    type(curve_type), intent(in) :: self
+    type(solver_type), intent(inout) :: solver
+    type(standpoint_type), intent(in) :: before
+    real(wp), intent(in) :: stop
+    !> Do all contacts stick where the step begins?
+    logical, intent(in) :: stuck
+    real(wp), intent(out) :: length
+    type(plane_type), intent(out) :: plane
+    !> Does it end at the value asked for?
+    logical, intent(out) :: reached
+
+    length = self%step
+    call predict(self, solver, before, length, plane)
+    reached = passed(before%parameter, value_of(self%problem, solver), stop)
+    if (reached) then
+      length = min(length, abs((stop - before%parameter)/self%tangent%parameter))
+      call predict(self, solver, before, length, plane)
+      call set_value(self%problem, solver, stop)
+    end if
+    if (stuck .or. reached .or. climbs(solver)) plane = plane_type(value=value_of(self%problem, solver))
+  end subroutine aim
+
+  !> The peak at a value of the parameter, from the place before with all that there is: the cascade, and climbing.
+  subroutine search(self, solver, before, value, iterations)
+    type(curve_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+    type(standpoint_type), intent(in) :: before
+    real(wp), intent(in) :: value
+    !> Counts on
+    integer, intent(inout) :: iterations
+
+    call go_back(self, solver, before)
+    call set_value(self%problem, solver, value)
+    call solve_by_cascade(solver, solver%omega)
+    iterations = iterations + solver%report%iterations
+    self%iterations = 0
+    if (solver%report%converged) call climb_here(self, solver)
+    iterations = iterations + self%iterations
+  end subroutine search
 
   !> Does the way from one value to another pass a third?
   pure logical function passed(from, to, value)
