@@ -19,7 +19,7 @@ import numpy as np
 from mpi4py import MPI
 
 from attrito import library
-from attrito.foreign import make_law
+from attrito.c_interface import make_law
 from attrito.solver import Options, Point, ReducedScene, Solver
 
 # A working set of as many bytes is taken to stay in a core's own cache.

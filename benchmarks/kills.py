@@ -37,7 +37,8 @@ from jobs import ENVIRONMENT, chain, wedge, write_job  # noqa: E402 (a folder of
 from restarts import differences  # noqa: E402
 
 from attrito.journal import is_journal, read_journal  # noqa: E402
-from attrito.results import Result, table  # noqa: E402
+from attrito.result_tables import table  # noqa: E402
+from attrito.results import Result  # noqa: E402
 
 INPUT, RESULT = "input.toml", "result.h5"
 Kept = dict[Any, Any]

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from attrito.faults import Fault, InputError, NumericsError, UnsolvedError
     from attrito.importers import import_model
     from attrito.report import write_report
-    from attrito.results import Result, bifurcation_table, contact_table, multiplier_table, table
+    from attrito.result_tables import bifurcation_table, contact_table, multiplier_table, table
+    from attrito.results import Result
 
 try:
     __version__ = version("attrito")
@@ -42,10 +43,10 @@ _PLACES = {
     "Group": "data",
     "Quantity": "data",
     "Result": "results",
-    "table": "results",
-    "contact_table": "results",
-    "bifurcation_table": "results",
-    "multiplier_table": "results",
+    "table": "result_tables",
+    "contact_table": "result_tables",
+    "bifurcation_table": "result_tables",
+    "multiplier_table": "result_tables",
     "Fault": "faults",
     "InputError": "faults",
     "NumericsError": "faults",

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from attrito.foreign import RawPoint
+from attrito.c_interface import RawPoint
 from attrito.peak_file import Found
 from attrito.peak_tracker import AMPLITUDES
 from attrito.solver import Point, Solver

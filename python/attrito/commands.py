@@ -98,7 +98,8 @@ def integrate(options: argparse.Namespace) -> None:
 
 def table(options: argparse.Namespace) -> None:
     """A result -> CSV on standard output."""
-    from attrito.results import Result, bifurcation_table, contact_table, multiplier_table, table
+    from attrito.result_tables import bifurcation_table, contact_table, multiplier_table, table
+    from attrito.results import Result
 
     kinds = {"contacts": contact_table, "multipliers": multiplier_table, "bifurcations": bifurcation_table}
     kind = next((work for name, work in kinds.items() if getattr(options, name)), table)

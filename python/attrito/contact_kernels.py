@@ -7,7 +7,7 @@ import ctypes
 import numpy as np
 
 from attrito import library
-from attrito.foreign import RawLaw, pointer
+from attrito.c_interface import RawLaw, pointer
 
 
 def sample_contact(

@@ -18,8 +18,8 @@ import numpy as np
 from attrito.faults import InputError
 from attrito.importers.deck import Block, read_blocks
 from attrito.importers.deck_mesh import set_members
-from attrito.pairing import FACES, element_family
 from attrito.pressure import pressure_forces
+from attrito.surfaces import FACES, element_family
 
 if TYPE_CHECKING:
     from attrito.model_file import Model

@@ -14,10 +14,10 @@ from mpi4py import MPI
 from attrito.faults import Fault, InputError
 from attrito.mesh_pieces import Snapshot, XdmfSeries, share, write_collection, write_vtu
 from attrito.overwriting import check_spared
-from attrito.pairing import element_family
 from attrito.parallel import everywhere
 from attrito.results import Result
 from attrito.stored import stored
+from attrito.surfaces import element_family
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from attrito.foreign import pointer
+from attrito.c_interface import pointer
 from attrito.solver import Solver
 
 if TYPE_CHECKING:

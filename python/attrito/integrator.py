@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from attrito import library
-from attrito.foreign import make_law
+from attrito.c_interface import make_law
 from attrito.solver import DAMPING_KINDS, OUTCOMES, ReducedScene
 
 SCHEMES = ("event", "central_difference", "newmark", "hht", "generalised_alpha", "exponential")

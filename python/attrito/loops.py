@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from attrito.c_interface import make_law
 from attrito.contact_kernels import sample_contact
 from attrito.contact_plots import Loop
 from attrito.faults import Fault, InputError
-from attrito.foreign import make_law
 from attrito.results import Result
 
 SAMPLES = 1024

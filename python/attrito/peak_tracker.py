@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from attrito.c_interface import RawPoint, omega, pointer
 from attrito.faults import NumericsError
-from attrito.foreign import RawPoint, omega, pointer
 from attrito.solver import Point, Solver
 
 AMPLITUDES = ("half_range", "first_harmonic")

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from attrito.pairing import MONOMIALS, REFERENCE_NODES
+from attrito.surfaces import MONOMIALS, REFERENCE_NODES
 
 
 def pressure_forces(points: np.ndarray, faces: np.ndarray, pressure: np.ndarray) -> np.ndarray:

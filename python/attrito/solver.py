@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from attrito import library
+from attrito.c_interface import ERRORS, LISTENER, RawOptions, RawPoint, make_laws, omega, pointer
 from attrito.faults import NumericsError
-from attrito.foreign import ERRORS, LISTENER, RawOptions, RawPoint, make_laws, omega, pointer
 from attrito.journal import Series
 
 if TYPE_CHECKING:

@@ -378,7 +378,7 @@ def test_pressure_on_one_end_has_the_force_and_moment_of_a_uniform_one(tmp_path,
     body = synthetic.block(kind, (2, 2, 1), (1.0, 2.0, 0.5))
     model = synthetic.assemble([body], {}, seed=3)
     (kind_ids, connectivity), top = next(iter(model.elements.values())), 0.5
-    from attrito.pairing import FACES
+    from attrito.surfaces import FACES
 
     height = dict(zip(model.node_ids.tolist(), model.coordinates[:, 2].tolist(), strict=True))
     lines = [

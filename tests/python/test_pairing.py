@@ -7,7 +7,8 @@ import pytest
 import synthetic
 
 from attrito.faults import InputError
-from attrito.pairing import FACES, contact_rows, element_family, nodal_surface, pair_sets, set_faces, tangent_frames
+from attrito.pairing import contact_rows, pair_sets
+from attrito.surfaces import FACES, element_family, nodal_surface, set_faces, tangent_frames
 
 KINDS = ("C3D4", "C3D8", "C3D10", "C3D20")
 JOB = ("job.toml", "contact_set[0]")

@@ -11,7 +11,8 @@ import pytest
 import synthetic
 
 from attrito.faults import InputError
-from attrito.results import Result, contact_table, multiplier_table, table
+from attrito.result_tables import contact_table, multiplier_table, table
+from attrito.results import Result
 
 
 def rows(text: str) -> list[dict[str, str]]:

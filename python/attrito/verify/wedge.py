@@ -15,10 +15,10 @@ import numpy as np
 from mpi4py import MPI
 from scipy.optimize import minimize_scalar
 
+from attrito.c_interface import make_law
 from attrito.contact_kernels import sample_contact
 from attrito.contact_plots import Loop
 from attrito.faults import NumericsError
-from attrito.foreign import make_law
 from attrito.solver import Options, Point, ReducedScene, Solver
 
 PRELOAD = 420.0
