@@ -86,7 +86,9 @@ def harmonics(result: Result, monitor: str, own: np.ndarray) -> Figure:
             axes.set_yscale("log")
         unit = result.unit(f"/monitors/{monitor}/harmonics")
         axes.set(xlabel="Frequency (Hz)", ylabel=with_unit(f"Harmonics of {monitor}", unit, 2.4))
-        legend_below(axes, 5)
+        # Entries go down the columns: as many as fill the rows evenly.
+        entries = len(axes.get_legend_handles_labels()[1])
+        legend_below(axes, -(-entries // max(1, -(-entries // 5))))
     return figure
 
 

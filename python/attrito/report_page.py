@@ -53,6 +53,7 @@ pre { background: var(--wash); padding: .8rem; white-space: pre-wrap; }
 pre { font: 13px/1.45 ui-monospace, "DejaVu Sans Mono", monospace; }
 @media (max-width: 34rem) {
   body { font-size: 15px; }
+  th, td { padding-right: .6rem; }
   dl { grid-template-columns: 1fr; }
   dd { margin-bottom: .4rem; }
 }

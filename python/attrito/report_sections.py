@@ -88,7 +88,10 @@ def contacts(page: Page, view: View) -> None:
     peaks = [point for point in view.peaks.values() if point is not None]
     if len(peaks) > MOST_MAPS:
         peaks = [peaks[index] for index in np.linspace(0, len(peaks) - 1, MOST_MAPS).round().astype(int)]
-    captions = {"state": "What each contact does over the period.", "energy": "What each contact dissipates."}
+    captions = {
+        "state": "What each contact does over the period.",
+        "energy": "What each contact dissipates. Diamonds part for some of the period, hollow ones never touch.",
+    }
     for point in dict.fromkeys([*peaks, view.point]):
         page.subsection(f"At {view.place(point)}")
         page.figures(
@@ -107,7 +110,8 @@ def loops(page: Page, view: View) -> None:
     result, busiest = view.result, most_dissipating(view.result, view.point, MOST_LOOPS)
     page.text(
         f"The contacts that dissipate most, the busiest first, at {view.place(view.point)}. Thin lines: the limits of"
-        " friction, + and - mu N. Contacts with two tangents are seen along their largest motion."
+        " friction, + and - mu N; where N varies they are loops, and the force runs along them while the contact slips."
+        " Contacts with two tangents are seen along their largest motion."
     )
     units = [result.unit(f"/contacts/{name}") for name in ("displacement", "force")]
     drawn = []
@@ -116,7 +120,8 @@ def loops(page: Page, view: View) -> None:
             result.dataset(f"/contacts/{name}")[view.point, contact] for name in ("dissipated_energy", "slip", "open")
         )
         words = (
-            f"Contact {contact}: {energy:.3g} a period; slips {100 * slip:.0f} %, is open {100 * opened:.0f} % of it."
+            f"Contact {contact}: {energy:.3g} a period ({result.unit('/contacts/dissipated_energy')});"
+            f" slips {100 * slip:.0f} % of it, is open {100 * opened:.0f} %."
         )
         drawn.append((hysteresis([loop], *units, look=report_figures.SMALL, legend=False), words))
     page.figures(drawn, small=True)
@@ -133,7 +138,8 @@ def harmonics(page: Page, view: View) -> None:
         [(report_figures.harmonics(view.result, name, view.sweep()), f"{name}, {level}: amplitude of each harmonic.")
          for name in view.monitors]
     )  # fmt: skip
-    page.text(f"At {view.place(view.point)}:")
+    units = {view.result.unit(f"/monitors/{name}/harmonics") for name in view.monitors}
+    page.text(f"At {view.place(view.point)} ({'; '.join(sorted(units))}):")
     rows, count = [], 0
     for name in view.monitors:
         coefficients = view.result.monitor(name, "harmonics")[view.point]
@@ -165,7 +171,8 @@ def uniqueness(page: Page, view: View) -> None:
         return
     point, contact, width = widest
     swept = report_figures.interval_over_sweep(view.result, view.sweep(point), contact)
-    words = f"Mean forces of contact {contact}, whose T is {width:.4g} wide at {view.frequency[point]:.6g} Hz."
+    unit = view.result.unit("/contacts/t1_mean")
+    words = f"Mean forces of contact {contact}, whose T is {width:.4g} wide at {view.frequency[point]:.6g} Hz ({unit})."
     figures = [(swept, words)]
     if view.result.contacts > 1:
         words = f"All contacts at {view.place(point)}: bar, the interval; dot, the solution shown."
@@ -227,6 +234,8 @@ def convergence(page: Page, view: View) -> None:
         f" a point (median), at most {iterations.max()}"
     )
     words += f"; relative residuals of solutions at most {known.max():.1e}." if len(known) else "."
+    if (iterations[view.solved] == 0).any():
+        words += " Points without a line took none: where every contact sticks the response is linear."
     page.figures([(report_figures.convergence(view.result), words)])
     missing = np.flatnonzero(~view.solved)
     if len(missing):
