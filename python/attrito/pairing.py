@@ -86,28 +86,18 @@ def pair_sets(model: Model, a: str, b: str, tolerance: float, tangents: int, fil
             expected = f"a distance that pairs nodes of {a} and {b}; the closest are {distance.min():.4g} apart"
             raise InputError(Fault(file, f"{key}.tolerance", tolerance, expected))
         index_a, index_b, distance = index_a[near], index_b[near], distance[near]
+    node_a = ids_a[index_a]
+    node_b = np.full(len(node_a), -1, dtype=np.int64) if b == GROUND else ids_b[index_b]
 
     faces = [_node_rows(model, face) for face in set_faces(model.elements, ids_a)]
     area, direction = nodal_surface(model.coordinates, faces)
-    node_a = ids_a[index_a]
-    node_b = np.full(len(node_a), -1, dtype=np.int64) if b == GROUND else ids_b[index_b]
     rows = rows_a[index_a]
     length = np.linalg.norm(direction[rows], axis=1)
     # A node without a face, or on a fold whose two sides cancel, has no direction to press in.
     bare = length <= 1e-9 * area[rows]
     free = [np.isin(nodes, model.dof_node) for nodes in (node_a, node_b)]
-    held = ~(free[0] | free[1])
-    faults = []
-    if bare.any():
-        expected = f"a surface: a boundary face of {', '.join(FACES)} elements, all its nodes in the set, at every node"
-        faults.append(Fault(file, f"{key}.a", f"{a} (without: {_some(node_a[bare])})", expected))
-    if held.any():
-        where = f"{a} (held: {_some(node_a[held])})"
-        faults.append(Fault(file, f"{key}.a", where, "pairs with a free dof on at least one side"))
-    if faults:
-        raise InputError(*faults)
+    _check_pairs(node_a[bare], node_a[~(free[0] | free[1])], a, file, key)
 
-    matched_b = np.isin(ids_b, node_b)
     pairs = Pairs(
         node_a=node_a,
         node_b=node_b,
@@ -117,10 +107,23 @@ def pair_sets(model: Model, a: str, b: str, tolerance: float, tangents: int, fil
         distance=distance,
         tangents=tangents,
         unmatched_a=np.setdiff1d(ids_a, node_a),
-        unmatched_b=ids_b[~matched_b],
+        unmatched_b=ids_b[~np.isin(ids_b, node_b)],
     )
     pairs.notes.extend(_notes(pairs, a, b, area[rows_a].sum(), free))
     return pairs
+
+
+def _check_pairs(bare: np.ndarray, held: np.ndarray, a: str, file: str, key: str) -> None:
+    """Refuse nodes of set `a` without a surface, and pairs that cannot move on either side."""
+    faults = []
+    if len(bare):
+        expected = f"a surface: a boundary face of {', '.join(FACES)} elements, all its nodes in the set, at every node"
+        faults.append(Fault(file, f"{key}.a", f"{a} (without: {_some(bare)})", expected))
+    if len(held):
+        expected = "pairs with a free dof on at least one side"
+        faults.append(Fault(file, f"{key}.a", f"{a} (held: {_some(held)})", expected))
+    if faults:
+        raise InputError(*faults)
 
 
 def contact_rows(pairs: Pairs, model: Model) -> csr_matrix:
