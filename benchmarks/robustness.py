@@ -2,13 +2,16 @@
 
     .venv/bin/python benchmarks/robustness.py > robustness.json
     .venv/bin/python benchmarks/robustness.py --contacts 10 --levels 5 --frequencies 4 --stiffnesses 2e10
+    .venv/bin/python benchmarks/robustness.py --contacts 100 --modes 200 --harmonics 7 --parts 0.56 1 1.78 3.16 5.62 \\
+        --stiffnesses 6e10 --no-integration
 
-Every level, from a hundredth to a hundred times the one at which half the contacts would slip, and every stiffness
-starts from the static solution; its frequencies, from 0.8 of the first stuck one to 1.05 of the third, are solved from
-one to the next, or each from the static solution (`--alone`). What is not solved is integrated in time: without an
-orbit of the excitation's period there was nothing to solve. Prints JSON: the share solved of the points that have one,
-iterations, the processor's seconds of the hardest point relative to the median of those in which contacts slip, every
-point, those not solved with what integration found, and the command's own arguments.
+Every level, from a hundredth to a hundred times the one at which half the contacts would slip or the stated parts of it
+(`--parts`), and every stiffness starts from the static solution; its frequencies, from 0.8 of the first stuck one to
+1.05 of the third, are solved from one to the next, or each from the static solution (`--alone`). What is not solved is
+integrated in time: without an orbit of the excitation's period there was nothing to solve. Prints JSON: the share
+solved of the points that have one, iterations, the processor's seconds of the hardest point, also relative to the
+median of those in which contacts slip, every point, those not solved with what integration found, and the command's own
+arguments. Sums are told of all points, of each stiffness and of each level.
 """
 
 from __future__ import annotations
@@ -34,7 +37,7 @@ def measure(contacts: int, stiffness: float, arguments: argparse.Namespace) -> l
     frequencies = np.linspace(0.8 * first, 1.05 * third, arguments.frequencies)
     rows = []
     with common.TimedSolver(scene, Options(harmonics=arguments.harmonics, samples=arguments.samples)) as solver:
-        for part in np.geomspace(0.01, 100.0, arguments.levels):
+        for part in arguments.parts or np.geomspace(0.01, 100.0, arguments.levels):
             rows += [
                 {"stiffness": stiffness, **row} for row in level(solver, frequencies, part, median, arguments.alone)
             ]
@@ -95,8 +98,10 @@ def summary(rows: list[dict]) -> dict:
         "iterations_99_percent_solved": float(np.quantile(iterations[solved], 0.99)) if solved.any() else None,
         "seconds_median": float(np.median(seconds)),
         "seconds_median_slipping": median,
+        "seconds_most": float(seconds.max()),
         "seconds_total": float(seconds.sum()),
         "hardest_to_median_slipping": float(seconds.max() / median) if median else None,
+        "above_ten_medians": int((seconds > 10.0 * median).sum()) if median else None,
         "hardest_solved_to_median_slipping": float(seconds[solved].max() / median) if median else None,
     }
 
@@ -109,6 +114,7 @@ def main() -> None:
     parser.add_argument("--harmonics", type=int, default=5)
     parser.add_argument("--samples", type=int, default=128)
     parser.add_argument("--levels", type=int, default=20)
+    parser.add_argument("--parts", type=float, nargs="+", help="levels as parts of the median threshold")
     parser.add_argument("--frequencies", type=int, default=10)
     parser.add_argument("--stiffnesses", type=float, nargs="+", default=[2e9, 6e9, 2e10, 6e10, 2e11])
     parser.add_argument("--alone", action="store_true", help="every point from the static solution")
@@ -120,6 +126,10 @@ def main() -> None:
         {
             "arguments": vars(arguments),
             "summary": summary(rows),
+            "by_stiffness": {
+                f"{stiffness:.3g}": summary([row for row in rows if row["stiffness"] == stiffness])
+                for stiffness in arguments.stiffnesses
+            },
             "by_level": {
                 f"{part:.3g}": summary([row for row in rows if row["level"] == part])
                 for part in sorted({row["level"] for row in rows})

@@ -3,7 +3,10 @@
 !> $$ p = S (r - c P g(d, w)), \quad d = B \Phi p \qquad \Rightarrow \qquad d + c R g(d, w) = d_r, \quad R = B \Phi S P $$
 !>
 !> solved for the contacts' displacements d alone by Newton's method with backtracking. g is piecewise linear for one tangent (Newton
-!> ends exactly), smooth but for corners for two.
+!> ends exactly), smooth but for corners for two. Its derivative G has rows where contacts slip or open alone, and these are all that
+!> a step eliminates: with a residual rho,
+!>
+!> $$ (1 + c R G) \delta d = -\rho \quad \Leftrightarrow \quad (1 + G c R) y = -G \rho, \quad \delta d = -\rho - c R y. $$
 module attrito_integrate_equilibrium
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: solve_dense
@@ -11,7 +14,7 @@ module attrito_integrate_equilibrium
   use attrito_integrate_system, only: system_type
   implicit none
   private
-  public :: operator_type, new_operator, solve_equilibrium, apply
+  public :: operator_type, new_operator, solve_equilibrium, newton_step, apply
 
   type :: operator_type
     !> S as a diagonal [m], or if modes are coupled in full [m, m]
@@ -86,8 +89,7 @@ contains
     logical, intent(out) :: converged
     !> Displacement relative to that of the stuck contacts that is taken for an equilibrium
     real(wp), parameter :: farthest = 1.0e8_wp
-    real(wp) :: target(size(g)), residual(size(g)), trial(size(g)), step(size(g), 1), jacobian(size(g), size(g)), &
-                stiffness(3, size(g)), norm, length
+    real(wp) :: target(size(g)), residual(size(g)), trial(size(g)), step(size(g)), stiffness(3, size(g)), norm, length
     integer :: iteration, halving, info
 
     target = matmul(free, system%rows)
@@ -97,14 +99,12 @@ contains
       norm = norm2(residual)
       converged = norm <= self%tolerance*(norm2(target) + norm2(displacement) + norm2(target - displacement))
       if (converged) exit
-      call assemble()
-      step(:, 1) = -residual
-      call solve_dense(jacobian, step, info)
+      call newton_step(system, self%compliance, stiffness, residual, step, info)
       if (info /= 0) exit
       length = 1.0_wp
       trial = displacement
       do halving = 1, 30
-        displacement = trial + length*step(:, 1)
+        displacement = trial + length*step
         call evaluate(displacement)
         if (norm2(residual) < norm) exit
         length = 0.5_wp*length
@@ -129,26 +129,42 @@ contains
       call return_contacts(system, at, slider, direction, g, stiffness, new_slider, regime)
       residual = at + matmul(self%compliance, g) - target
     end subroutine evaluate
-
-    !> 1 + c R dg/dd; dg/dd couples the rows of a contact only
-    subroutine assemble()
-      integer :: i, row, b, column
-
-      jacobian = 0.0_wp
-      do i = 1, size(system%law)
-        associate (first => system%law(i)%first_row, n => system%law(i)%tangents)
-          do row = first, first + n
-            do b = 1, n + 1
-              column = first + b - 1
-              if (abs(stiffness(b, row)) > 0.0_wp) jacobian(:, column) = jacobian(:, column) &
-                + self%compliance(:, row)*stiffness(b, row)
-            end do
-          end do
-        end associate
-      end do
-      do row = 1, size(g)
-        jacobian(row, row) = jacobian(row, row) + 1.0_wp
-      end do
-    end subroutine assemble
   end subroutine solve_equilibrium
+
+  !> The step of Newton's method, by the forces that change with it.
+  subroutine newton_step(system, compliance, stiffness, residual, step, info)
+    type(system_type), intent(in) :: system
+    !> c R [rows, rows]; G by the displacements of each row's own contact [3, rows]; rho [rows]
+    real(wp), intent(in) :: compliance(:, :), stiffness(:, :), residual(:)
+    real(wp), intent(out) :: step(:)
+    !> 0, or the matrix is singular
+    integer, intent(out) :: info
+    real(wp), allocatable :: matrix(:, :), forces(:, :)
+    integer :: active(size(residual)), first(size(residual)), last(size(residual)), count, contact, row, i, j
+
+    count = 0
+    do contact = 1, size(system%law)
+      associate (law => system%law(contact))
+        do row = law%first_row, law%first_row + law%tangents
+          if (all(abs(stiffness(:, row)) <= 0.0_wp)) cycle
+          count = count + 1
+          active(count) = row
+          first(count) = law%first_row
+          last(count) = law%first_row + law%tangents
+        end do
+      end associate
+    end do
+    allocate (matrix(count, count), forces(count, 1))
+    do j = 1, count
+      do i = 1, count
+        matrix(i, j) = dot_product(stiffness(:last(i) - first(i) + 1, active(i)), compliance(first(i):last(i), active(j)))
+      end do
+      matrix(j, j) = matrix(j, j) + 1.0_wp
+      forces(j, 1) = -dot_product(stiffness(:last(j) - first(j) + 1, active(j)), residual(first(j):last(j)))
+    end do
+    info = 0
+    if (count > 0) call solve_dense(matrix, forces, info)
+    step = -residual
+    if (info == 0 .and. count > 0) step = step - matmul(compliance(:, active(:count)), forces(:, 1))
+  end subroutine newton_step
 end module attrito_integrate_equilibrium

@@ -1,7 +1,10 @@
-!> Schemes of fixed steps against the event-exact integration: their orders on smooth motion and on stick-slip; two tangents.
+!> Schemes of fixed steps against the event-exact integration: their orders on smooth motion and on stick-slip; their equilibria; two
+!> tangents.
 program test_integrate_schemes
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp, pi
+  use attrito_core_lapack, only: solve_dense
+  use attrito_integrate_equilibrium, only: newton_step
   use attrito_integrate_run, only: run_options_type, orbit_type
   use attrito_integrate_schemes, only: scheme_event, scheme_central_difference, scheme_newmark, scheme_hht, &
                                        scheme_generalised_alpha, scheme_exponential
@@ -22,6 +25,7 @@ program test_integrate_schemes
   if (run_suite('integrate_schemes', [ &
                 test('every scheme is of second order on smooth motion', smooth_order), &
                 test('every scheme is close to second order on stick-slip', stick_slip_order), &
+                test('a step that eliminates contacts that slip or open alone is that of all rows', active_forces), &
                 test('a second tangent that nothing moves changes nothing', idle_tangent), &
                 test('with two tangents the steps converge in second order', two_tangent_order), &
                 test('events are refused with two tangents', refused), &
@@ -97,6 +101,46 @@ contains
       call check(error, order > 1.8_wp .and. finest < 1.0e-5_wp, trim(names(i))//' does not converge')
     end do
   end subroutine stick_slip_order
+
+  !> Three contacts, one tangent, two and one: the first slips, the second does or opens, the last sticks. Rounding of two
+  !> eliminations of seven rows whose matrices have condition numbers of order one: some 1e-15 of the step.
+  subroutine active_forces(error)
+    type(error_type), allocatable, intent(out) :: error
+    integer, parameter :: n = 7
+    type(system_type) :: system
+    real(wp) :: compliance(n, n), stiffness(3, n), residual(n), step(n), derivative(n, n), whole(n, n), right(n, 1)
+    integer :: i, j, open, info
+
+    system%law = [contact_type(tangents=1, first_row=1), contact_type(tangents=2, first_row=3), &
+                  contact_type(tangents=1, first_row=6)]
+    do i = 1, n
+      residual(i) = sin(3.0_wp*i)
+      do j = 1, n
+        compliance(i, j) = 0.3_wp/(1.0_wp + abs(i - j))
+      end do
+    end do
+    do open = 0, 1
+      stiffness = 0.0_wp
+      stiffness(:2, 1) = [-0.9_wp, 0.4_wp]
+      stiffness(:, 3) = merge([-1.0_wp, 0.0_wp, 0.0_wp], [-0.7_wp, 0.2_wp, 0.3_wp], open == 1)
+      stiffness(:, 4) = merge([0.0_wp, -1.0_wp, 0.0_wp], [0.2_wp, -0.8_wp, -0.1_wp], open == 1)
+      stiffness(:, 5) = merge([0.0_wp, 0.0_wp, -1.2_wp], [0.0_wp, 0.0_wp, 0.0_wp], open == 1)
+      call newton_step(system, compliance, stiffness, residual, step, info)
+      derivative = 0.0_wp
+      derivative(1:2, 1:2) = transpose(stiffness(:2, 1:2))
+      derivative(3:5, 3:5) = transpose(stiffness(:, 3:5))
+      whole = matmul(compliance, derivative)
+      do i = 1, n
+        whole(i, i) = whole(i, i) + 1.0_wp
+      end do
+      right(:, 1) = -residual
+      call solve_dense(whole, right, j)
+      call check(error, info == 0 .and. j == 0, 'singular')
+      call check_close(error, step, right(:, 1), 1.0e-14_wp*norm2(step), 'step')
+    end do
+    call newton_step(system, compliance, 0.0_wp*stiffness, residual, step, info)
+    call check_close(error, step, -residual, 0.0_wp, 'step where all stick')
+  end subroutine active_forces
 
   !> The wedge as it is, and with a third coordinate along a second tangent.
   subroutine idle_tangent(error)
