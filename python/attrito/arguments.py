@@ -182,7 +182,7 @@ def _export(parsers: Parsers) -> None:
     )
     one.add_argument("--monitor", help="monitor whose largest amplitude is meant (default: the first)")
     one.add_argument("--phases", type=_positive, metavar="N", help="instants of a period (default: coefficients, once)")
-    one.add_argument("--format", choices=["vtu", "xdmf"], default="vtu", help="default: vtu")
+    one.add_argument("--format", choices=["vtu", "xdmf"], help="default: by the ending of -o, else vtu")
     one.add_argument(
         "--scale",
         type=float,

@@ -154,7 +154,8 @@ def export(options: argparse.Namespace) -> None:
     from attrito.results import Result
 
     comm = MPI.COMM_WORLD
-    how = Options(options.phases, options.format, options.scale)
+    ending = "xdmf" if str(options.output).endswith(".xdmf") else "vtu"
+    how = Options(options.phases, options.format or ending, options.scale)
     with everywhere(comm, lambda: Result(options.result)) as result:
         points = everywhere(comm, lambda: _points(result, options))
         name = result.attribute("model_file")

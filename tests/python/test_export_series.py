@@ -135,7 +135,7 @@ def test_an_xdmf_series_holds_the_motion_at_its_phases(case, capfd, ranks, monke
     monkeypatch.setattr(meshio.xdmf.time_series, "translate_mixed_cells", mixed_cells)
     folder, model, basis, reduced = case
     name = f"series{ranks or 1}.xdmf"
-    export(folder, capfd, "--point", "0", "--phases", str(PHASES), "--format", "xdmf", "-o", name, ranks=ranks)
+    export(folder, capfd, "--point", "0", "--phases", str(PHASES), "-o", name, ranks=ranks)
     with meshio.xdmf.TimeSeriesReader(folder / name) as reader:
         points, cells = reader.read_points_cells()
         assert np.array_equal(points, model.coordinates)
