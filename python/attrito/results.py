@@ -176,7 +176,11 @@ class Result:
         path = f"/linear/{kind}"
         if not (self.has(f"{path}/frequency_hz") and self.has(f"{path}/{monitor}")):
             return None
-        return self.array(f"{path}/frequency_hz"), self.array(f"{path}/{monitor}")
+        frequency, amplitude = self.array(f"{path}/frequency_hz"), self.array(f"{path}/{monitor}")
+        if amplitude.shape != frequency.shape or frequency.ndim != 1:
+            expected = f"one amplitude for each of the {frequency.size} frequencies of {path}"
+            raise InputError(Fault(self.path, f"{path}/{monitor}", f"shape {amplitude.shape}", expected))
+        return frequency, amplitude
 
     def check_point(self, point: int) -> None:
         """Raise unless `point` is one of the result's, counted from 0."""

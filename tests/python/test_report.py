@@ -15,6 +15,7 @@ import pytest
 import synthetic
 from jobs import attrito_here, chain, wedge, write_job
 
+from attrito.faults import InputError
 from attrito.report import glance, make_page
 from attrito.report_view import View
 from attrito.results import Result
@@ -232,6 +233,17 @@ def test_names_in_a_file_are_text_on_the_page_and_nothing_else(tmp_path):
     with Result(path) as result:
         outline = check_page(make_page(result).html())
     assert " ".join(outline.text).count(name) == 6
+
+
+def test_a_linear_response_of_another_length_than_its_frequencies_is_a_fault(tmp_path):
+    path = synthetic.write_result(tmp_path / "r.h5", [1.0, 2.0], {"tip": [1.0, 2.0]})
+    with h5py.File(path, "r+") as file:
+        file["linear/stuck/frequency_hz"], file["linear/stuck/tip"] = np.ones(1), np.ones(0)
+    with (
+        Result(path) as result,
+        pytest.raises(InputError, match="/linear/stuck/tip = .*one amplitude for each of the 1"),
+    ):
+        make_page(result)
 
 
 def test_a_page_that_cannot_be_written_is_a_fault(folder, capfd):
