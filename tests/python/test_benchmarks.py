@@ -14,7 +14,8 @@ import pytest
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 sys.path.insert(0, str(BENCHMARKS))
 
-import evidence  # noqa: E402 (a folder of scripts, not a package)
+import contact_harmonics  # noqa: E402 (a folder of scripts, not a package)
+import evidence  # noqa: E402
 import kills  # noqa: E402
 import scenes  # noqa: E402
 
@@ -48,6 +49,19 @@ def test_below_the_least_threshold_every_contact_sticks_and_far_above_none_does(
         tangents = (2 if row["scene"] == "hexahedral" else 1) * row["contacts"] * (2 * row["harmonics"] + 1)
         assert row["active_rows"] == 0 if row["share"] == 0.0 else row["active_rows"] >= row["share"] * tangents
     assert {row["kernel"] for row in found["contacts"]} == {"event_line", "sampled_line", "sampled_disc"}
+
+
+def test_contacts_with_equal_forces_need_equal_series_and_one_that_hardly_slips_fewer():
+    # Two of equal force, 1/h, the third of a part e of it. What the last of eight harmonics leaves of all, squared and
+    # by contact, is (2 + e^2) / 3 / 64: less than the 1/64 of either of the two.
+    force = np.zeros((3, 3, 17))
+    force[:, 0, 1::2] = 1.0 / np.arange(1, 9)
+    # e = 0.01: all of the third's force, 1e-4 (1 + 1/4 + ... + 1/64) = 1.5e-4, is below it.
+    force[2] *= 0.01
+    assert contact_harmonics.needed(force, 0).tolist() == [8, 8, 0]
+    # e = 0.1: 0.0153 with the first harmonic, 0.0053 without, against 0.0105.
+    force[2] *= 10.0
+    assert contact_harmonics.needed(force, 0).tolist() == [8, 8, 1]
 
 
 def test_the_sweep_of_a_block_solves_points():
