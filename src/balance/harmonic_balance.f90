@@ -17,6 +17,7 @@ module attrito_balance_harmonic_balance
   use attrito_contact_quadrature_sampled, only: contact_forces_type, evaluate_contact
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type
   use attrito_balance_active_rows, only: active_rows_type
+  use attrito_balance_free_motions, only: free_motions_type
   use attrito_balance_receptance, only: receptance_type, to_complex, to_real
   use attrito_balance_split_receptance, only: split_receptance_type
   use attrito_balance_work, only: contact_work, residual_work
@@ -55,6 +56,8 @@ module attrito_balance_harmonic_balance
     integer :: first_contact = 1, first_row = 1
     !> This rank's rows of B in generalised coordinates, in columns [n, rows]
     real(wp), allocatable :: directions(:, :)
+    !> What the structure alone does not hold
+    type(free_motions_type) :: free
     !> Loads in generalised coordinates: static ones [n, loads], harmonic ones at level 1 [n, 0:H]
     real(wp), allocatable :: static_loads(:, :)
     complex(wp), allocatable :: harmonic_load(:, :)
@@ -97,6 +100,8 @@ module attrito_balance_harmonic_balance
     procedure :: respond_to_deviation
     procedure :: respond_to_active
     procedure :: residual_omega
+    procedure :: imbalance
+    procedure :: slide_back
     procedure :: recover
     procedure :: linear_response
     procedure :: highest_load
@@ -259,6 +264,56 @@ contains
 
     derivative = -self%recover(self%response_omega)
   end function residual_omega
+
+  !> Mean forces at the last evaluation that nothing balances along the motions that the structure leaves free, as a displacement:
+  !> no more than the norm of the residual, but for rounding (`attrito_balance_free_motions`).
+  real(wp) function imbalance(self, mean)
+    class(balance_type), intent(in) :: self
+    !> Of the relative displacements of the last evaluation [rows]
+    real(wp), intent(in) :: mean(:)
+    real(wp) :: force(size(mean)), along(self%free%count)
+    integer :: i
+
+    imbalance = 0.0_wp
+    if (self%free%count == 0 .or. allocated(self%frozen_mean) .or. allocated(self%held_mean)) return
+    do i = 1, size(self%law)
+      associate (law => self%law(i), first => self%law(i)%first_row, last => self%law(i)%first_row + self%law(i)%tangents)
+        force(first:last) = self%forces(i)%deviation(1, :)
+        force(first:last - 1) = force(first:last - 1) + law%tangential_stiffness*mean(first:last - 1)
+        force(last) = force(last) + law%normal_stiffness*mean(last)
+      end associate
+    end do
+    associate (free => self%free)
+      along = matmul(force, free%rows(self%first_row:self%first_row + size(mean) - 1, :))
+      call self%ranks%sum(along)
+      imbalance = norm2(matmul(free%static_loads, self%static_factors) + self%level*free%mean_load - along)
+    end associate
+  end function imbalance
+
+  !> Slide a body back to where it was, as far as its structure and all contacts let it: where no contact holds, nothing else changes.
+  subroutine slide_back(self, before, mean, slider)
+    class(balance_type), intent(in) :: self
+    !> Mean relative displacements where it was, and of a motion [rows]
+    real(wp), intent(in) :: before(:)
+    real(wp), intent(inout) :: mean(:)
+    !> Sliders of this rank, which go with it [2, contacts]
+    real(wp), intent(inout) :: slider(:, :)
+    real(wp) :: held(self%free%sliding), back(size(mean))
+    integer :: i
+
+    if (self%free%sliding == 0 .or. allocated(self%frozen_mean)) return
+    associate (free => self%free, first_row => self%first_row, last_row => self%first_row + size(mean) - 1)
+      held = matmul(before - mean, free%held_rows(first_row:last_row, :free%sliding))
+      call self%ranks%sum(held)
+      back = matmul(free%rows(first_row:last_row, :free%sliding), free%slide_of(held))
+    end associate
+    do i = 1, size(self%law)
+      associate (first => self%law(i)%first_row, tangents => self%law(i)%tangents)
+        mean(first:first + tangents - 1) = mean(first:first + tangents - 1) + back(first:first + tangents - 1)
+        slider(:tangents, i) = slider(:tangents, i) + back(first:first + tangents - 1)
+      end associate
+    end do
+  end subroutine slide_back
 
   !> Relative displacements of this rank's rows [2 H + 1, rows] from a response [n, 0:H].
   pure function recover(self, response) result(motion)

@@ -64,12 +64,24 @@ contains
     solver%no_orbit = solver%walks .or. (solver%no_orbit .and. .not. converged)
     if (solver%walks) then
       call return_to(solver, walking)
+      call slide_back(solver, before)
       solver%omega = omega
     end if
     ! The last step of a way that was given up may have converged, elsewhere.
     solver%report%converged = converged
     solver%report%iterations = iterations
   end subroutine solve_by_cascade
+
+  !> Leave a body that walks where it was: wherever it has come to it walks alike, and rounding grows with the distance.
+  subroutine slide_back(solver, before)
+    type(solver_type), intent(inout) :: solver
+    type(place_type), intent(in) :: before
+    real(wp) :: slider(2, size(solver%context%balance%law))
+
+    slider = solver%context%balance%slider
+    call solver%context%balance%slide_back(before%motion(1, :), solver%motion(1, :), slider)
+    call solver%set_slider(slider, solver%context%balance%periodic)
+  end subroutine slide_back
 
   !> Is there what an attempt needs?
   pure logical function is_possible(solver, attempt)

@@ -5,7 +5,7 @@ module attrito_core_lapack
   private
   public :: multiply_by_transpose, transposed_product, product_with_few, subtract_product
   public :: solve_dense, factor, solve_factored, factor_complex, solve_factored_complex, symmetric_eigenpairs
-  public :: eigenvalues_of, complex_eigenvalues_of, singular_values, complex_singular_values
+  public :: eigenvalues_of, complex_eigenvalues_of, singular_values, complex_singular_values, null_space
 
   interface
     subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
@@ -65,6 +65,22 @@ module attrito_core_lapack
       integer, intent(inout) :: iwork(*)
       integer, intent(out) :: info
     end subroutine dsygvd
+    subroutine dpstrf(uplo, n, a, lda, piv, rank, tol, work, info)
+      import :: wp
+      character, intent(in) :: uplo
+      integer, intent(in) :: n, lda
+      real(wp), intent(inout) :: a(lda, *), work(*)
+      real(wp), intent(in) :: tol
+      integer, intent(out) :: piv(*), rank, info
+    end subroutine dpstrf
+    subroutine dtrtrs(uplo, trans, diag, n, nrhs, a, lda, b, ldb, info)
+      import :: wp
+      character, intent(in) :: uplo, trans, diag
+      integer, intent(in) :: n, nrhs, lda, ldb
+      real(wp), intent(in) :: a(lda, *)
+      real(wp), intent(inout) :: b(ldb, *)
+      integer, intent(out) :: info
+    end subroutine dtrtrs
     subroutine dgeev(jobvl, jobvr, n, a, lda, wr, wi, vl, ldvl, vr, ldvr, work, lwork, info)
       import :: wp
       character, intent(in) :: jobvl, jobvr
@@ -244,6 +260,37 @@ contains
     b = 0.5_wp*(m + transpose(m))
     call dsygvd(1, 'V', 'U', n, eigenvectors, n, b, n, eigenvalues, work, size(work), iwork, size(iwork), info)
   end subroutine symmetric_eigenpairs
+
+  !> Vectors in columns that a symmetric matrix makes nothing of. Pivoted Cholesky factors P^T a P = r^T r go as far as pivots are
+  !> positive; n = P [-r_11^-1 r_12; 1] spans what is left, and n^T a n is the rest of the matrix, small, whose own null space it is.
+  subroutine null_space(a, tolerance, vectors)
+    !> [n, n], its diagonal of order one
+    real(wp), intent(in) :: a(:, :)
+    !> Pivots and eigenvalues up to which are none
+    real(wp), intent(in) :: tolerance
+    !> [n, nullity]
+    real(wp), allocatable, intent(out) :: vectors(:, :)
+    real(wp), allocatable :: factors(:, :), work(:), permuted(:, :), eigenvalues(:), turned(:, :)
+    integer, allocatable :: pivots(:)
+    integer :: n, rank, left, i, info
+
+    n = size(a, 1)
+    factors = 0.5_wp*(a + transpose(a))
+    allocate (pivots(n), work(2*n))
+    call dpstrf('U', n, factors, n, pivots, rank, tolerance, work, info)
+    left = n - rank
+    allocate (permuted(n, left), vectors(n, left), source=0.0_wp)
+    if (left == 0) return
+    permuted(:rank, :) = -factors(:rank, rank + 1:)
+    if (rank > 0) call dtrtrs('U', 'N', 'N', rank, left, factors, n, permuted, n, info)
+    do i = 1, left
+      permuted(rank + i, i) = 1.0_wp
+    end do
+    vectors(pivots, :) = permuted
+    call symmetric_eigenpairs(matmul(transpose(vectors), matmul(a, vectors)), matmul(transpose(vectors), vectors), &
+                              eigenvalues, turned, info)
+    vectors = matmul(vectors, turned(:, pack([(i, i=1, left)], abs(eigenvalues) <= tolerance)))
+  end subroutine null_space
 
   !> Eigenvalues of a real matrix.
   subroutine eigenvalues_of(matrix, eigenvalues, info)

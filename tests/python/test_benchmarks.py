@@ -143,6 +143,15 @@ def test_a_sweep_tells_what_integration_finds_where_it_was_given_up():
     assert "evidence" not in row["up"]
 
 
+def test_a_block_that_walks_is_not_held_by_rounding_of_its_stiffness_a_hundred_metres_away():
+    size = ("--contacts", "100", "--parts", "5", "--max-points", "1")
+    (row,) = run("sliding.py", *size, "--no-integration")
+    (walk,) = row["up"]["without_at"]
+    assert (walk["slipping"], row["up"]["solved"]) == (100, 0)
+    # At the other end of the range some contacts hold it throughout.
+    assert row["down"]["solved"] == 1
+
+
 def test_a_block_shaken_upright_sticks_until_contacts_open_and_the_sweep_goes_on_beyond_the_fold():
     size = ("--harmonics", "3", "--step", "0", "--max-points", "60", "--range", "1400", "1500")
     found = run("branches.py", *size)

@@ -1,0 +1,164 @@
+!> Motions that the structure leaves free: which they are, what the condensed residual says of the forces along them, and sliding.
+program test_free_motions
+  use attrito_core_errors, only: error_type
+  use attrito_core_kinds, only: wp
+  use attrito_core_lapack, only: null_space
+  use attrito_model_contacts, only: new_contacts
+  use attrito_model_structure, only: damping_ratio
+  use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
+  use scenes, only: scene_type, rubbing_frame, damp, noise
+  use session, only: run_in_session, only_me
+  use testing, only: test, check, check_close
+  implicit none
+
+  integer, parameter :: harmonics = 3, coordinates = 8, rows = 10
+  real(wp), parameter :: omega = 1.2_wp
+  !> Rounding of sums of some ten terms of order one, through stuck modes whose stiffness spans less than 1e3
+  real(wp), parameter :: rounding = 1.0e-12_wp
+
+  call run_in_session('free motions', [ &
+                      test('a structure that stands by itself has none', held), &
+                      test('of a structure that buckles they are told from what it does not resist', buckling), &
+                      test('they are those that its stiffness makes nothing of, the first of them those that slide', found), &
+                      test('what mean forces lack along them is the residual''s part there, at any motion', balance_of_forces), &
+                      test('a body slides back by what it has slid, and by nothing else', sliding_back)])
+
+contains
+
+  !> The frame, of whose motions two are made free: the first moves no contact along its normal.
+  function free_frame() result(scene)
+    type(scene_type) :: scene
+    real(wp) :: free(coordinates, 2), kept(coordinates, coordinates), directions(coordinates, rows)
+    integer :: i
+
+    scene = rubbing_frame()
+    call damp(scene, damping_ratio, 0.04_wp)
+    free = reshape(noise(2*coordinates, 11), [coordinates, 2])
+    free(:, 1) = free(:, 1)/norm2(free(:, 1))
+    free(:, 2) = free(:, 2) - dot_product(free(:, 1), free(:, 2))*free(:, 1)
+    free(:, 2) = free(:, 2)/norm2(free(:, 2))
+    kept = -matmul(free, transpose(free))
+    do i = 1, coordinates
+      kept(i, i) = kept(i, i) + 1.0_wp
+    end do
+    scene%structure%stiffness = matmul(kept, matmul(scene%structure%stiffness, kept))
+    directions = scene%contacts%directions
+    do i = 1, size(scene%contacts%law)
+      associate (normal => scene%contacts%law(i)%first_row + scene%contacts%law(i)%tangents)
+        directions(:, normal) = directions(:, normal) - dot_product(directions(:, normal), free(:, 1))*free(:, 1)
+      end associate
+    end do
+    scene%contacts = new_contacts(scene%contacts%law, directions)
+  end function free_frame
+
+  function solver_of(scene) result(solver)
+    type(scene_type), intent(in) :: scene
+    type(solver_type) :: solver
+    type(error_type), allocatable :: fault
+
+    call new_solver(scene%structure, scene%contacts, only_me(), solver_options_type(harmonics=harmonics, samples=32), solver, fault)
+    if (allocated(fault)) error stop 'the scene is refused'
+  end function solver_of
+
+  subroutine held(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(solver_type) :: solver
+
+    solver = solver_of(rubbing_frame())
+    call check(error, solver%context%balance%free%count == 0, 'a motion counts as free')
+    call check_close(error, solver%context%balance%imbalance(solver%motion(1, :)), 0.0_wp, 0.0_wp, 'imbalance')
+    call solver%destroy()
+  end subroutine held
+
+  subroutine found(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_type) :: scene
+    type(solver_type) :: solver
+    integer :: i, normal
+
+    scene = free_frame()
+    solver = solver_of(scene)
+    associate (free => solver%context%balance%free)
+      call check(error, free%count == 2 .and. free%sliding == 1, 'not two of them, or not one that slides')
+      if (allocated(error)) return
+      do i = 1, size(scene%contacts%law)
+        normal = scene%contacts%law(i)%first_row + scene%contacts%law(i)%tangents
+        call check_close(error, free%rows(normal, 1), 0.0_wp, rounding, 'normal displacement of what slides')
+      end do
+      call check_close(error, matmul(transpose(free%held_rows), free%held_rows), &
+                       reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [2, 2]), rounding, 'products of their forces')
+    end associate
+    call solver%destroy()
+  end subroutine found
+
+  !> A negative stiffness, as spin softening makes it, along a motion that the frame resists
+  subroutine buckling(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_type) :: scene
+    real(wp), allocatable :: motions(:, :)
+    real(wp) :: along(coordinates, 1)
+    real(wp), parameter :: tolerance = 10.0_wp*epsilon(1.0_wp)*coordinates
+
+    scene = free_frame()
+    along = matmul(scene%structure%stiffness, reshape(noise(coordinates, 41), [coordinates, 1]))
+    associate (softened => scene%structure%stiffness - 30.0_wp*matmul(along, transpose(along))/norm2(along)**2)
+      call check(error, dot_product(along(:, 1), matmul(softened, along(:, 1))) < 0.0_wp, 'it does not buckle: the test is void')
+      call null_space(softened, tolerance, motions)
+      call check(error, size(motions, 2) == 2, 'not two free motions')
+      call check_close(error, matmul(softened, motions), 0.0_wp*motions, rounding, 'forces along them')
+    end associate
+  end subroutine buckling
+
+  !> s = -(K_c B Z)^T r_0
+  subroutine balance_of_forces(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(solver_type) :: solver
+    integer :: status, seed
+
+    solver = solver_of(free_frame())
+    associate (balance => solver%context%balance)
+      call solver%set_loads([1.5_wp], 0.7_wp)
+      do seed = 21, 23
+        solver%motion = reshape(noise(size(solver%motion), seed), shape(solver%motion))
+        call balance%evaluate(solver%motion, omega, status)
+        call check(error, norm2(balance%residual(1, :)) > 0.1_wp, 'the residual is small: the test is void')
+        call check_close(error, balance%imbalance(solver%motion(1, :)), &
+                         norm2(matmul(balance%residual(1, :), balance%free%held_rows)), rounding, 'forces that nothing balances')
+      end do
+    end associate
+    call solver%destroy()
+  end subroutine balance_of_forces
+
+  subroutine sliding_back(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(solver_type) :: solver
+    real(wp) :: before(rows), mean(rows), slider(2, 4)
+    real(wp), parameter :: slid = 300.0_wp
+    integer :: i
+
+    solver = solver_of(free_frame())
+    associate (balance => solver%context%balance)
+      before = noise(rows, 31)
+      slider = reshape(noise(size(slider), 32), shape(slider))
+      mean = before + slid*balance%free%rows(:, 1)
+      do i = 1, size(balance%law)
+        associate (first => balance%law(i)%first_row, tangents => balance%law(i)%tangents)
+          slider(:tangents, i) = slider(:tangents, i) + slid*balance%free%rows(first:first + tangents - 1, 1)
+        end associate
+      end do
+      call balance%slide_back(before, mean, slider)
+      call check_close(error, mean, before, slid*rounding, 'means of a body that has slid')
+      do i = 1, size(balance%law)
+        associate (tangents => balance%law(i)%tangents, first => noise(size(slider), 32))
+          call check_close(error, slider(:tangents, i), first(2*i - 1:2*i - 2 + tangents), slid*rounding, 'its sliders')
+        end associate
+      end do
+      ! What the springs of the first contact's normal hold is no slide.
+      mean = before
+      mean(2) = mean(2) + 1.0_wp
+      call balance%slide_back(before, mean, slider)
+      call check_close(error, mean(2), before(2) + 1.0_wp, 0.0_wp, 'a normal displacement')
+    end associate
+    call solver%destroy()
+  end subroutine sliding_back
+end program test_free_motions
