@@ -76,24 +76,42 @@ contains
   subroutine list_active(balance, mine, all)
     type(balance_type), intent(in) :: balance
     type(entry_type), allocatable, intent(out) :: mine(:), all(:)
-    integer, allocatable :: packed(:), unpacked(:), places(:)
-    integer :: contact, i, k
+    integer, allocatable :: unpacked(:)
+    integer :: packed(balance%active%count*balance%coefficients())
+    integer :: contact, count, i, k
 
     k = balance%coefficients()
-    packed = [integer ::]
-    places = [integer ::]
+    allocate (mine(count_active(balance)))
+    count = 0
     associate (rows => balance%active)
       do contact = 1, size(rows%contacts)
-        associate (active => balance%forces(rows%contacts(contact))%active)
-          packed = [packed, pack([((balance%first_row + rows%source(contact) - 2)*k + i, i=1, size(active))], active)]
-          places = [places, pack([(rows%first(contact) + (i - 1)/k, i=1, size(active))], active)]
+        associate (active => balance%forces(rows%contacts(contact))%active, above => balance%first_row + rows%source(contact) - 1)
+          do i = 1, size(active)
+            if (.not. active(i)) cycle
+            count = count + 1
+            mine(count) = entry_type(above + (i - 1)/k, modulo(i - 1, k) + 1, rows%first(contact) + (i - 1)/k)
+            packed(count) = (mine(count)%row - 1)*k + mine(count)%coefficient
+          end do
         end associate
       end do
     end associate
-    call balance%ranks%gather_integers(packed, unpacked)
-    mine = [(entry_type((packed(i) - 1)/k + 1, modulo(packed(i) - 1, k) + 1, places(i)), i=1, size(packed))]
-    all = [(entry_type((unpacked(i) - 1)/k + 1, modulo(unpacked(i) - 1, k) + 1), i=1, size(unpacked))]
+    call balance%ranks%gather_integers(packed(:count), unpacked)
+    allocate (all(size(unpacked)))
+    do i = 1, size(all)
+      all(i) = entry_type((unpacked(i) - 1)/k + 1, modulo(unpacked(i) - 1, k) + 1)
+    end do
   end subroutine list_active
+
+  !> Active entries of this rank.
+  pure integer function count_active(balance) result(active)
+    type(balance_type), intent(in) :: balance
+    integer :: i
+
+    active = 0
+    do i = 1, size(balance%active%contacts)
+      active = active + count(balance%forces(balance%active%contacts(i))%active)
+    end do
+  end function count_active
 
   !> This rank's rows of the dense system, as columns: [n + 2, mine], the last two being (D b) and (D rho).
   subroutine assemble_rows(balance, mine, all, rho, transposed_rows)

@@ -428,12 +428,17 @@ contains
     PetscErrorCode, intent(out) :: ierr
     PetscScalar, pointer :: values(:)
     real(wp) :: last(1)
-    integer :: n
+    integer :: i, k, n
 
     PetscCall(VecGetArrayRead(x, values, ierr))
+    k = size(unknowns%motion, 1)
     n = size(unknowns%motion)
-    unknowns%motion = context%motion_scale*reshape(values(:n), shape(unknowns%motion))
-    unknowns%slider = context%motion_scale*reshape(values(n + 1:n + size(unknowns%slider)), shape(unknowns%slider))
+    do i = 1, size(unknowns%motion, 2)
+      unknowns%motion(:, i) = context%motion_scale*values((i - 1)*k + 1:i*k)
+    end do
+    do i = 1, size(unknowns%slider, 2)
+      unknowns%slider(:, i) = context%motion_scale*values(n + 2*i - 1:n + 2*i)
+    end do
     last = 0.0_wp
     if (context%balance%ranks%is_root()) last = context%frequency_scale*values(size(values))
     PetscCall(VecRestoreArrayRead(x, values, ierr))
@@ -448,12 +453,17 @@ contains
     type(unknowns_type), intent(in) :: unknowns
     PetscErrorCode, intent(out) :: ierr
     PetscScalar, pointer :: values(:)
-    integer :: n
+    integer :: i, k, n
 
     PetscCall(VecGetArray(x, values, ierr))
+    k = size(unknowns%motion, 1)
     n = size(unknowns%motion)
-    values(:n) = reshape(unknowns%motion/context%motion_scale, [n])
-    values(n + 1:n + size(unknowns%slider)) = reshape(unknowns%slider/context%motion_scale, [size(unknowns%slider)])
+    do i = 1, size(unknowns%motion, 2)
+      values((i - 1)*k + 1:i*k) = unknowns%motion(:, i)/context%motion_scale
+    end do
+    do i = 1, size(unknowns%slider, 2)
+      values(n + 2*i - 1:n + 2*i) = unknowns%slider(:, i)/context%motion_scale
+    end do
     if (context%balance%ranks%is_root()) values(size(values)) = unknowns%omega/context%frequency_scale
     PetscCall(VecRestoreArray(x, values, ierr))
   end subroutine store

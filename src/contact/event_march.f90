@@ -9,10 +9,10 @@
 !> term: w = u at the root of N, dw = du - (u'/v') dv.
 module attrito_contact_event_march
   use attrito_core_kinds, only: wp, two_pi
+  use attrito_core_trigonometric, only: basis_at
   use attrito_model_contacts, only: contact_type
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open
-  use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, roots_by_column, basis_at, root_between, &
-                                                 differentiated
+  use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, roots_by_column, root_between, differentiate
   implicit none
   private
   public :: event_motion_type, interval_type, new_event_motion, march_events
@@ -58,10 +58,10 @@ contains
     self%slope = law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness
     self%lower = motion(:, 1) - radius
     self%upper = motion(:, 1) + radius
-    slopes(:, 1) = differentiated(self%lower)
-    slopes(:, 2) = differentiated(self%upper)
-    slopes(:, 3) = differentiated(motion(:, 1))
-    slopes(:, 4) = differentiated(motion(:, 2))
+    call differentiate(self%lower, slopes(:, 1))
+    call differentiate(self%upper, slopes(:, 2))
+    call differentiate(motion(:, 1), slopes(:, 3))
+    call differentiate(motion(:, 2), slopes(:, 4))
     self%cuts = sorted([0.0_wp, two_pi, roots_by_column(reshape([normal, slopes(:, :2)], [size(normal), 3]), grid)])
     segments = size(self%cuts) - 1
     allocate (self%closed(segments), self%lower_rises(segments), self%upper_falls(segments))

@@ -7,6 +7,7 @@
 !> and so is the Jacobian: g is continuous across events, so their motion leaves no term but that of landing.
 module attrito_contact_quadrature_event
   use attrito_core_kinds, only: wp, two_pi
+  use attrito_core_trigonometric, only: basis_at
   use attrito_model_contacts, only: contact_type
   use attrito_contact_moments, only: moments_type, new_moments, ends_type, new_ends
   use attrito_contact_event_march, only: event_motion_type, interval_type, new_event_motion, march_events
@@ -14,7 +15,7 @@ module attrito_contact_quadrature_event
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open, state_stuck, state_shaken_down, state_slipping, &
                                    state_open
   use attrito_contact_stuck, only: surely_stuck
-  use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, basis_at
+  use attrito_contact_trigonometric_roots, only: trigonometric_grid_type
   implicit none
   private
   public :: evaluate_contact_by_events

@@ -13,12 +13,12 @@
 !> Exact wherever events cross their thresholds at a slope; it is symmetric in t and x, being a second derivative.
 module attrito_contact_second_derivative_event
   use attrito_core_kinds, only: wp, pi
-  use attrito_core_trigonometric, only: value_at
+  use attrito_core_trigonometric, only: basis_at, value_at
   use attrito_model_contacts, only: contact_type
   use attrito_contact_event_march, only: event_motion_type, interval_type, new_event_motion, march_events
   use attrito_contact_moments, only: moments_type, new_moments, ends_type, new_ends
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open
-  use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, basis_at
+  use attrito_contact_trigonometric_roots, only: trigonometric_grid_type
   implicit none
   private
   public :: differentiate_twice_by_events

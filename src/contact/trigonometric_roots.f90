@@ -5,10 +5,10 @@
 !> monotone on both sides of it stays so.
 module attrito_contact_trigonometric_roots
   use attrito_core_kinds, only: wp, two_pi
-  use attrito_core_trigonometric, only: harmonics_at, value_at
+  use attrito_core_trigonometric, only: basis_at, value_at
   implicit none
   private
-  public :: trigonometric_grid_type, new_grid, roots_of, roots_by_column, basis_at, root_between, differentiated
+  public :: trigonometric_grid_type, new_grid, roots_of, roots_by_column, root_between, differentiate
 
   type :: trigonometric_grid_type
     !> Grid points, from 0 to 2 pi, both included [M]
@@ -33,23 +33,10 @@ contains
     end do
   end function new_grid
 
-  !> The functions 1, cos, sin, cos 2, sin 2, ... at theta.
-  pure function basis_at(theta, harmonics) result(basis)
-    real(wp), intent(in) :: theta
-    integer, intent(in) :: harmonics
-    real(wp) :: basis(2*harmonics + 1)
-    real(wp) :: cosines(harmonics), sines(harmonics)
-
-    call harmonics_at(theta, cosines, sines)
-    basis(1) = 1.0_wp
-    basis(2::2) = cosines
-    basis(3::2) = sines
-  end function basis_at
-
   !> Coefficients of the derivative by theta.
-  pure function differentiated(coefficients) result(derivative)
+  pure subroutine differentiate(coefficients, derivative)
     real(wp), intent(in) :: coefficients(:)
-    real(wp) :: derivative(size(coefficients))
+    real(wp), intent(out) :: derivative(:)
     integer :: h
 
     derivative(1) = 0.0_wp
@@ -57,7 +44,7 @@ contains
       derivative(2*h) = h*coefficients(2*h + 1)
       derivative(2*h + 1) = -h*coefficients(2*h)
     end do
-  end function differentiated
+  end subroutine differentiate
 
   !> Every root at which the polynomial changes sign, unordered.
   function roots_of(coefficients, grid) result(roots)
@@ -82,7 +69,7 @@ contains
     n = size(coefficients, 2)
     do i = 1, n
       both(:, i) = coefficients(:, i)
-      both(:, n + i) = differentiated(coefficients(:, i))
+      call differentiate(coefficients(:, i), both(:, n + i))
     end do
     sampled = matmul(grid%values, both)
     count = 0

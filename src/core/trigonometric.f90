@@ -3,7 +3,10 @@ module attrito_core_trigonometric
   use attrito_core_kinds, only: wp, two_pi
   implicit none
   private
-  public :: harmonics_at, value_at, extrema, extreme_places, resized
+  public :: harmonics_at, basis_at, value_at, extrema, extreme_places, resized
+
+  !> Harmonics that are carried on at a time, each of which waits for none of the others
+  integer, parameter :: stride = 4
 
 contains
 
@@ -19,26 +22,41 @@ contains
     other(common + 1:, :) = 0.0_wp
   end function resized
 
-  !> cos h theta and sin h theta, h = 1 ... H, by products: four at a time, each of which waits for none of the others.
+  !> cos h theta and sin h theta, h = 1 ... H.
   pure subroutine harmonics_at(theta, cosines, sines)
     real(wp), intent(in) :: theta
     !> [H]
     real(wp), intent(out), contiguous :: cosines(:), sines(:)
-    integer, parameter :: stride = 4
-    integer :: h
+    real(wp) :: c(stride), s(stride), turn(2)
+    integer :: h, count
 
-    if (size(cosines) == 0) return
-    cosines(1) = cos(theta)
-    sines(1) = sin(theta)
-    do h = 2, min(stride, size(cosines))
-      cosines(h) = cosines(h - 1)*cosines(1) - sines(h - 1)*sines(1)
-      sines(h) = sines(h - 1)*cosines(1) + cosines(h - 1)*sines(1)
-    end do
-    do h = stride + 1, size(cosines)
-      cosines(h) = cosines(h - stride)*cosines(stride) - sines(h - stride)*sines(stride)
-      sines(h) = sines(h - stride)*cosines(stride) + cosines(h - stride)*sines(stride)
+    call first_harmonics(theta, c, s, turn)
+    do h = 0, size(cosines) - 1, stride
+      count = min(stride, size(cosines) - h)
+      cosines(h + 1:h + count) = c(:count)
+      sines(h + 1:h + count) = s(:count)
+      call next_harmonics(turn, c, s)
     end do
   end subroutine harmonics_at
+
+  !> The functions 1, cos, sin, cos 2, sin 2, ... at theta.
+  pure function basis_at(theta, harmonics) result(basis)
+    real(wp), intent(in) :: theta
+    integer, intent(in) :: harmonics
+    real(wp) :: basis(2*harmonics + 1)
+    real(wp) :: c(stride), s(stride), turn(2)
+    integer :: h, i
+
+    basis(1) = 1.0_wp
+    call first_harmonics(theta, c, s, turn)
+    do h = 0, harmonics - 1, stride
+      do i = 1, min(stride, harmonics - h)
+        basis(2*(h + i)) = c(i)
+        basis(2*(h + i) + 1) = s(i)
+      end do
+      call next_harmonics(turn, c, s)
+    end do
+  end function basis_at
 
   !> Value and its first two derivatives by theta.
   pure function value_at(coefficients, theta) result(jet)
@@ -47,19 +65,50 @@ contains
     real(wp), intent(in) :: theta
     !> [x, x', x'']
     real(wp) :: jet(3)
-    real(wp) :: cosines(size(coefficients)/2), sines(size(coefficients)/2), along, across
-    integer :: h
+    real(wp) :: c(stride), s(stride), turn(2), along, across
+    integer :: h, i
 
-    call harmonics_at(theta, cosines, sines)
     jet = [coefficients(1), 0.0_wp, 0.0_wp]
-    do h = 1, size(cosines)
-      along = coefficients(2*h)*cosines(h) + coefficients(2*h + 1)*sines(h)
-      across = coefficients(2*h + 1)*cosines(h) - coefficients(2*h)*sines(h)
-      jet(1) = jet(1) + along
-      jet(2) = jet(2) + h*across
-      jet(3) = jet(3) - (h*h)*along
+    call first_harmonics(theta, c, s, turn)
+    do h = 0, size(coefficients)/2 - 1, stride
+      do i = 1, min(stride, size(coefficients)/2 - h)
+        associate (cosine => coefficients(2*(h + i)), sine => coefficients(2*(h + i) + 1))
+          along = cosine*c(i) + sine*s(i)
+          across = sine*c(i) - cosine*s(i)
+        end associate
+        jet(1) = jet(1) + along
+        jet(2) = jet(2) + (h + i)*across
+        jet(3) = jet(3) - (h + i)**2*along
+      end do
+      call next_harmonics(turn, c, s)
     end do
   end function value_at
+
+  !> cos h theta and sin h theta of the first harmonics, and what carries them on to the next ones.
+  pure subroutine first_harmonics(theta, c, s, turn)
+    real(wp), intent(in) :: theta
+    real(wp), intent(out) :: c(stride), s(stride), turn(2)
+    integer :: h
+
+    c(1) = cos(theta)
+    s(1) = sin(theta)
+    do h = 2, stride
+      c(h) = c(h - 1)*c(1) - s(h - 1)*s(1)
+      s(h) = s(h - 1)*c(1) + c(h - 1)*s(1)
+    end do
+    turn = [c(stride), s(stride)]
+  end subroutine first_harmonics
+
+  !> From harmonics h to h + `stride`, by the sums of angles.
+  pure subroutine next_harmonics(turn, c, s)
+    real(wp), intent(in) :: turn(2)
+    real(wp), intent(inout) :: c(stride), s(stride)
+    real(wp) :: before(stride)
+
+    before = c
+    c = before*turn(1) - s*turn(2)
+    s = s*turn(1) + before*turn(2)
+  end subroutine next_harmonics
 
   !> Smallest and largest value over the period.
   pure function extrema(coefficients) result(range)

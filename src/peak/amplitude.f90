@@ -7,8 +7,7 @@
 !> $$ \partial A = \tfrac12 (e_+ - e_-), \qquad \partial^2 A = \tfrac12 \left( -e'_+ e'^T_+ / x''_+ + e'_- e'^T_- / x''_- \right). $$
 module attrito_peak_amplitude
   use attrito_core_kinds, only: wp
-  use attrito_core_trigonometric, only: extreme_places, value_at
-  use attrito_contact_trigonometric_roots, only: basis_at
+  use attrito_core_trigonometric, only: basis_at, extreme_places, value_at
   implicit none
   private
   public :: amplitude_type, amplitude_of, half_range, first_harmonic
