@@ -1,9 +1,10 @@
 #include <petsc/finclude/petscksp.h>
 #include "petsc_compatibility.h"
-!> The condensed linear system of a Newton step solved by GMRES, the system applied as a product and preconditioned on two levels.
+!> The condensed linear system of a Newton step solved by flexible GMRES, the system applied as a product and preconditioned on two
+!> levels.
 !>
-!> Spread over ranks as the contacts are; omega is the root's last unknown.
-!> Source: Saad & Schultz 1986, doi:10.1137/0907058; Balay et al., PETSc users manual, chapter KSP.
+!> Spread over ranks as the contacts are; unknowns are y where D is not zero, as it is zero elsewhere, and, the root's last, omega.
+!> Source: Saad & Schultz 1986, doi:10.1137/0907058; Saad 1993, doi:10.1137/0914028; Balay et al., PETSc users manual, chapter KSP.
 module attrito_balance_condensed_krylov
   use petscksp
   use attrito_core_kinds, only: wp
@@ -129,7 +130,7 @@ contains
     y = 0.0_wp
     omega = 0.0_wp
     associate (ranks => context%system%balance%ranks)
-      n = size(right)
+      n = size(context%system%unknowns)
       if (ranks%is_root()) n = n + 1
       PetscCall(VecCreateMPI(ranks%handle, n, PETSC_DETERMINE, x, ierr))
       PetscCall(VecDuplicate(x, b, ierr))
@@ -137,7 +138,7 @@ contains
       PetscCall(MatShellSetOperation(matrix, MATOP_MULT, multiply, ierr))
       PetscCall(KSPCreate(ranks%handle, ksp, ierr))
     end associate
-    PetscCall(KSPSetType(ksp, KSPGMRES, ierr))
+    PetscCall(KSPSetType(ksp, KSPFGMRES, ierr))
     PetscCall(KSPGMRESSetRestart(ksp, min(most, longest_restart), ierr))
     PetscCall(KSPSetPCSide(ksp, PC_RIGHT, ierr))
     PetscCall(KSPSetOperators(ksp, matrix, matrix, ierr))
@@ -196,13 +197,19 @@ contains
   subroutine load(context, x, field, scalar, ierr)
     type(system_type), intent(in) :: context
     type(tVec) :: x
-    real(wp), intent(out) :: field(:, :), scalar
+    real(wp), intent(out), contiguous, target :: field(:, :)
+    real(wp), intent(out) :: scalar
     PetscErrorCode, intent(out) :: ierr
     PetscScalar, pointer :: values(:)
+    real(wp), pointer :: flat(:)
     real(wp) :: last(1)
 
     PetscCall(VecGetArrayRead(x, values, ierr))
-    field = reshape(values(:size(field)), shape(field))
+    field = 0.0_wp
+    flat(1:size(field)) => field
+    associate (unknowns => context%system%unknowns)
+      flat(unknowns) = values(:size(unknowns))
+    end associate
     last = 0.0_wp
     if (context%system%balance%ranks%is_root()) last = values(size(values))
     PetscCall(VecRestoreArrayRead(x, values, ierr))
@@ -214,12 +221,17 @@ contains
   subroutine store(context, x, field, scalar, ierr)
     type(system_type), intent(in) :: context
     type(tVec) :: x
-    real(wp), intent(in) :: field(:, :), scalar
+    real(wp), intent(in), contiguous, target :: field(:, :)
+    real(wp), intent(in) :: scalar
     PetscErrorCode, intent(out) :: ierr
     PetscScalar, pointer :: values(:)
+    real(wp), pointer :: flat(:)
 
     PetscCall(VecGetArray(x, values, ierr))
-    values(:size(field)) = reshape(field, [size(field)])
+    flat(1:size(field)) => field
+    associate (unknowns => context%system%unknowns)
+      values(:size(unknowns)) = flat(unknowns)
+    end associate
     if (context%system%balance%ranks%is_root()) values(size(values)) = scalar
     PetscCall(VecRestoreArray(x, values, ierr))
   end subroutine store

@@ -3,12 +3,12 @@
 !>   [ I + D R_AA   D b       ] [ y            ]   [ D rho         ]
 !>   [ -p^T R_A     q - p^T b ] [ delta omega  ] = [ sigma - p^T rho ]
 !>
-!> y = D delta d on the rows A of the contacts that slip or open. R_AA is applied through the generalised coordinates: what crosses
-!> ranks is one block of their harmonics. Where it saves time its high modes are summed beforehand, to a tolerance: the solution is
-!> then that of an inexact Newton step, whose residual remains exact.
+!> y = D delta d on the rows A of the contacts that slip or open, unknown where D is not zero. R_AA is applied through the generalised
+!> coordinates: what crosses ranks is one block of their harmonics. Where it saves time its high modes are summed beforehand, to a
+!> tolerance: the solution is then that of an inexact Newton step, whose residual remains exact.
 module attrito_balance_condensed_operator
   use attrito_core_kinds, only: wp
-  use attrito_contact_state, only: state_shaken_down
+  use attrito_core_lapack, only: times_vector
   use attrito_balance_border, only: border_type
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_balance_receptance, only: to_complex, to_real
@@ -16,8 +16,18 @@ module attrito_balance_condensed_operator
   private
   public :: condensed_operator_type, new_condensed_operator
 
+  !> D of one contact: its rows that are not zero, and these [rows, all columns]
+  type :: block_type
+    integer, allocatable :: rows(:)
+    real(wp), allocatable :: values(:, :)
+  end type block_type
+
   type :: condensed_operator_type
     type(balance_type), pointer :: balance => null()
+    !> D by active contact
+    type(block_type), allocatable :: blocks(:)
+    !> Places of its rows that are not zero among those of a field on the active rows: the unknowns
+    integer, allocatable :: unknowns(:)
     !> Column of omega, D b, and row of the constraint, R^T p [2 H + 1, active rows]
     real(wp), allocatable :: column(:, :), row(:, :)
     !> q - p^T b
@@ -43,6 +53,7 @@ contains
 
     self%balance => balance
     call balance%split%prepare(balance%receptance, balance%ranks, rows_of_all(balance), tolerance)
+    call gather_jacobian(self)
     self%column = self%multiply_jacobian(-matmul(to_real(balance%response_omega), balance%active%directions))
     self%has_row = border%has_motion
     if (self%has_row) then
@@ -52,6 +63,24 @@ contains
     end if
     self%corner = border%corner
   end function new_condensed_operator
+
+  !> D where it is not zero.
+  subroutine gather_jacobian(self)
+    type(condensed_operator_type), intent(inout) :: self
+    integer :: i, j, k
+
+    k = self%balance%coefficients()
+    associate (active => self%balance%active)
+      allocate (self%blocks(size(active%contacts)))
+      do i = 1, size(active%contacts)
+        associate (forces => self%balance%forces(active%contacts(i)))
+          self%blocks(i)%rows = pack([(j, j=1, size(forces%active))], forces%active)
+          self%blocks(i)%values = (1.0_wp - self%balance%stiffening)*forces%jacobian(self%blocks(i)%rows, :)
+        end associate
+      end do
+      self%unknowns = [(k*(active%first(i) - 1) + self%blocks(i)%rows, i=1, size(active%contacts))]
+    end associate
+  end subroutine gather_jacobian
 
   !> Active rows by their place among the rows of all ranks.
   pure function rows_of_all(balance) result(rows)
@@ -94,45 +123,28 @@ contains
     end associate
   end function receive
 
-  !> D d, contact by contact, D being what the balance holds.
+  !> D d, contact by contact, D being what the balance held when this was made.
   function multiply_jacobian(self, motion) result(product)
     class(condensed_operator_type), intent(in) :: self
-    real(wp), intent(in), contiguous :: motion(:, :)
-    real(wp) :: product(size(motion, 1), size(motion, 2))
-    integer :: i
-
-    associate (active => self%balance%active)
-      do i = 1, size(active%contacts)
-        associate (first => active%first(i), last => active%first(i) + active%rows(i) - 1, &
-                   forces => self%balance%forces(active%contacts(i)))
-          if (forces%state == state_shaken_down) then
-            product(:, first:last) = few_rows(forces%jacobian, forces%active, motion(:, first:last))
-          else
-            product(:, first:last) = reshape(matmul(forces%jacobian, reshape(motion(:, first:last), [size(forces%active)])), &
-                                             shape(motion(:, first:last)))
-          end if
-        end associate
-      end do
-    end associate
-    product = (1.0_wp - self%balance%stiffening)*product
-  end function multiply_jacobian
-
-  !> A product with a matrix of which few rows are not zero.
-  pure function few_rows(matrix, active, field) result(product)
-    real(wp), intent(in) :: matrix(:, :), field(:, :)
-    logical, intent(in) :: active(:)
-    real(wp) :: product(size(field, 1), size(field, 2))
-    integer :: column, coefficient, row
+    real(wp), intent(in), contiguous, target :: motion(:, :)
+    real(wp), target :: product(size(motion, 1), size(motion, 2))
+    real(wp), pointer :: flat_motion(:), flat_product(:)
+    real(wp) :: own(3*size(motion, 1))
+    integer :: i, start
 
     product = 0.0_wp
-    row = 0
-    do column = 1, size(field, 2)
-      do coefficient = 1, size(field, 1)
-        row = row + 1
-        if (active(row)) product(coefficient, column) = dot_product(matrix(row, :), [field])
-      end do
+    flat_motion(1:size(motion)) => motion
+    flat_product(1:size(product)) => product
+    do i = 1, size(self%blocks)
+      start = size(motion, 1)*(self%balance%active%first(i) - 1)
+      associate (block => self%blocks(i))
+        associate (n => size(block%rows))
+          call times_vector(block%values, flat_motion(start + 1:start + size(block%values, 2)), own(:n))
+          flat_product(start + block%rows) = own(:n)
+        end associate
+      end associate
     end do
-  end function few_rows
+  end function multiply_jacobian
 
   !> p^T R_A y, over all ranks.
   real(wp) function product_with_row(self, y)

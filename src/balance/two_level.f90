@@ -2,15 +2,16 @@
 !> the rest what each contact feels of itself.
 !>
 !> $$ R \approx R_{local} + U Z^{-1} U^T, \qquad (I + D R)^{-1} \approx A^{-1} - E U (Z + U^T E U)^{-1} U^T A^{-1}, $$
-!> $$ A = I + D R_{local}, \qquad E = A^{-1} D, \qquad A^{-1} = I - E R_{local} $$
+!> $$ A = I + D R_{local}, \qquad E = A^{-1} D $$
 !>
-!> U are the lowest modes at the contacts, Z their dynamic stiffness per harmonic (Woodbury's identity). R_local, E and the factors
-!> of the coarse system are those of `two_level_factors`, which may be of an earlier Newton iteration, of a point nearby: contacts
-!> that they do not know count as stuck ones, E = 0. GMRES makes up for what has changed since.
+!> U are the lowest modes at the contacts, Z their dynamic stiffness per harmonic (Woodbury's identity). A^-1, E and the inverse of
+!> the coarse system are those of `two_level_factors`, which may be of an earlier Newton iteration, of a point nearby: contacts and
+!> rows that they do not know count as stuck ones, E = 0. GMRES makes up for what has changed since. All is in single precision, so
+!> that it is not quite the same linear operator at every vector: flexible GMRES does not ask for that.
 !> Source: Woodbury 1950; two-level Schwarz methods as in Toselli & Widlund 2005, doi:10.1007/b137868.
 module attrito_balance_two_level
-  use attrito_core_kinds, only: wp
-  use attrito_core_lapack, only: solve_factored
+  use attrito_core_kinds, only: sp, wp
+  use attrito_core_lapack, only: times_vector
   use attrito_balance_condensed_operator, only: condensed_operator_type
   use attrito_balance_two_level_factors, only: two_level_factors_type
   implicit none
@@ -20,10 +21,12 @@ module attrito_balance_two_level
   type :: two_level_type
     type(condensed_operator_type), pointer :: system => null()
     type(two_level_factors_type), pointer :: factors => null()
+    !> Coefficients a row
+    integer :: coefficients = 0
     !> Place of every active contact among those that the factors know, 0 for none
     integer, allocatable :: place(:)
     !> Modes at the active rows [low, rows]
-    real(wp), allocatable :: shapes(:, :)
+    real(sp), allocatable :: shapes(:, :)
     !> Preconditioned column of omega [k, rows], and what is left of the corner
     real(wp), allocatable :: column(:, :)
     real(wp) :: corner = 1.0_wp
@@ -42,9 +45,10 @@ contains
 
     self%system => system
     self%factors => factors
+    self%coefficients = system%balance%coefficients()
     associate (active => system%balance%active)
       self%place = factors%places_of(active%contacts)
-      self%shapes = system%balance%receptance%low_shapes(factors%low, active%directions)
+      self%shapes = real(system%balance%receptance%low_shapes(factors%low, active%directions), sp)
     end associate
     allocate (self%column, mold=system%column)
     call self%apply_inverse(system%column, self%column)
@@ -70,70 +74,64 @@ contains
     class(two_level_type), intent(in) :: self
     real(wp), intent(in), contiguous :: residual(:, :)
     real(wp), intent(out), contiguous :: y(:, :)
-    real(wp), allocatable :: modal(:, :)
+    real(sp), allocatable, target :: field(:, :), answer(:, :), modal(:, :)
+    real(sp), pointer :: flat_field(:), flat_answer(:), flat_modal(:)
+    real(wp), allocatable :: together(:, :)
 
-    y = residual
-    call subtract_blocks(self, residual, .true., y)
-    modal = matmul(y, transpose(self%shapes))
-    call self%system%balance%ranks%sum(modal)
-    modal = reshape(solve_factored(self%factors%coarse, self%factors%pivots, reshape(modal, [size(modal)])), shape(modal))
+    field = real(residual, sp)
+    flat_field(1:size(field)) => field
+    call apply_blocks(self, flat_field)
+    together = matmul(field, transpose(self%shapes))
+    call self%system%balance%ranks%sum(together)
+    modal = real(together, sp)
+    flat_modal(1:size(modal)) => modal
+    allocate (answer, mold=modal)
+    flat_answer(1:size(answer)) => answer
+    call times_vector(self%factors%coarse, flat_modal, flat_answer)
     ! A frozen mean does not respond.
-    if (allocated(self%system%balance%frozen_mean)) modal(1, :) = 0.0_wp
-    call subtract_blocks(self, matmul(modal, self%shapes), .false., y)
+    if (allocated(self%system%balance%frozen_mean)) answer(1, :) = 0.0_sp
+    modal = matmul(answer, self%shapes)
+    flat_modal(1:size(modal)) => modal
+    call subtract_stiffness(self, flat_modal, flat_field)
+    y = field
   end subroutine apply_inverse
 
-  !> y less E times a field, or less E R_local times it.
-  subroutine subtract_blocks(self, field, locally, y)
+  !> A^-1 times a field, coefficient running faster than row, in its place.
+  subroutine apply_blocks(self, field)
     class(two_level_type), intent(in) :: self
-    real(wp), intent(in) :: field(:, :)
-    logical, intent(in) :: locally
-    real(wp), intent(inout) :: y(:, :)
-    real(wp) :: felt(size(field, 1), 3), product(3*size(field, 1))
-    integer :: i, j, k, n
+    real(sp), intent(inout), contiguous :: field(:)
+    real(sp) :: product(3*self%coefficients)
+    integer :: i, start
 
-    k = size(field, 1)
-    associate (active => self%system%balance%active)
-      do i = 1, size(active%contacts)
-        if (self%place(i) == 0) cycle
-        n = active%rows(i)
-        associate (first => active%first(i), block => self%factors%blocks(self%place(i)))
-          if (locally) then
-            call feel_locally(self%factors%local(:n, :n, :, self%place(i)), field(:, first:first + n - 1), felt(:, :n))
-          else
-            felt(:, :n) = field(:, first:first + n - 1)
-          end if
-          call block%multiply(reshape(felt(:, :n), [k*n]), product(:size(block%rows)))
-          do j = 1, size(block%rows)
-            associate (row => (block%rows(j) - 1)/k, coefficient => modulo(block%rows(j) - 1, k) + 1)
-              y(coefficient, first + row) = y(coefficient, first + row) - product(j)
-            end associate
-          end do
+    do i = 1, size(self%place)
+      if (self%place(i) == 0) cycle
+      start = self%coefficients*(self%system%balance%active%first(i) - 1)
+      associate (block => self%factors%blocks(self%place(i)))
+        associate (n => size(block%rows))
+          call times_vector(block%inverse, field(start + block%rows), product(:n))
+          field(start + block%rows) = product(:n)
         end associate
-      end do
-    end associate
-  end subroutine subtract_blocks
-
-  !> R_local of one contact times a field on its rows.
-  pure subroutine feel_locally(local, forces, motion)
-    !> [rows, rows, 0:H]
-    complex(wp), intent(in) :: local(:, :, 0:)
-    real(wp), intent(in) :: forces(:, :)
-    real(wp), intent(out) :: motion(:, :)
-    integer :: from, to, h
-
-    motion = 0.0_wp
-    do from = 1, size(forces, 2)
-      do to = 1, size(forces, 2)
-        associate (f => forces(:, from))
-          motion(1, to) = motion(1, to) + real(local(to, from, 0), wp)*f(1)
-          do h = 1, ubound(local, 3)
-            associate (re => real(local(to, from, h), wp), im => aimag(local(to, from, h)))
-              motion(2*h, to) = motion(2*h, to) + re*f(2*h) + im*f(2*h + 1)
-              motion(2*h + 1, to) = motion(2*h + 1, to) - im*f(2*h) + re*f(2*h + 1)
-            end associate
-          end do
-        end associate
-      end do
+      end associate
     end do
-  end subroutine feel_locally
+  end subroutine apply_blocks
+
+  !> y less E times a field.
+  subroutine subtract_stiffness(self, field, y)
+    class(two_level_type), intent(in) :: self
+    real(sp), intent(in), contiguous :: field(:)
+    real(sp), intent(inout), contiguous :: y(:)
+    real(sp) :: product(3*self%coefficients)
+    integer :: i, start
+
+    do i = 1, size(self%place)
+      if (self%place(i) == 0) cycle
+      start = self%coefficients*(self%system%balance%active%first(i) - 1)
+      associate (block => self%factors%blocks(self%place(i)))
+        associate (n => size(block%rows))
+          call times_vector(block%stiffness, field(start + 1:start + size(block%stiffness, 2)), product(:n))
+          y(start + block%rows) = y(start + block%rows) - product(:n)
+        end associate
+      end associate
+    end do
+  end subroutine subtract_stiffness
 end module attrito_balance_two_level

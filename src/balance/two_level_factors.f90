@@ -1,14 +1,14 @@
 !> What the two-level preconditioner is made of, from the state of the contacts at one linear system, and kept for the next ones:
 !>
-!> $$ R_{local}, \qquad E = (I + D R_{local})^{-1} D, \qquad Z + U^T E U $$
+!> $$ A^{-1} = (I + D R_{local})^{-1}, \qquad E = A^{-1} D, \qquad (Z + U^T E U)^{-1} $$
 !>
-!> The blocks E couple the rows and harmonics of one contact; the coarse system couples the harmonics of some ten modes and is
-!> factored on every rank. Making them costs as much as a dozen iterations of GMRES, so they are made anew only when iterations in
-!> excess of what they took at first have cost as much, when contacts have moved to other ranks or the series' length has changed, or
-!> when much more of the springs is kept.
+!> The blocks couple the rows and harmonics of one contact; the coarse system couples the harmonics of some ten modes and is
+!> inverted on every rank. They are kept in single precision, since reading them is what applying them costs. Making them costs as
+!> much as some tens of iterations of GMRES, so they are made anew only when iterations in excess of what they took at first add up to
+!> a dozen, when contacts have moved to other ranks or the series' length has changed, or when much more of the springs is kept.
 module attrito_balance_two_level_factors
   use attrito_core_kinds, only: sp, wp
-  use attrito_core_lapack, only: solve_dense, factor
+  use attrito_core_lapack, only: invert
   use attrito_balance_harmonic_balance, only: balance_type
   implicit none
   private
@@ -16,30 +16,25 @@ module attrito_balance_two_level_factors
 
   !> Contacts taken together in the coarse system, to bound its memory
   integer, parameter :: bunch = 32
-  !> Iterations of GMRES that cost as much as to make the factors
+  !> Iterations of GMRES in excess after which to make the factors anew; 30 take as long on the whole
   integer, parameter :: worth = 12
   !> Change of the springs kept in the step that makes them void
   real(wp), parameter :: other_springs = 1.0e-3_wp
 
-  !> Rows of a matrix that are not zero [rows, all columns], in single precision: to read them is what applying them costs
+  !> Of one contact, on its rows where D is not zero: A^-1 [rows, rows] and E [rows, all columns]
   type :: block_type
     integer, allocatable :: rows(:)
-    real(sp), allocatable :: values(:, :)
-  contains
-    procedure :: multiply
+    real(sp), allocatable :: inverse(:, :), stiffness(:, :)
   end type block_type
 
   type :: two_level_factors_type
     !> Contacts that are known, by their place among this rank's, ascending
     integer, allocatable :: contacts(:)
-    !> R_local by contact and harmonic [3, 3, 0:H, contacts]
-    complex(wp), allocatable :: local(:, :, :, :)
-    !> E by contact
+    !> A^-1 and E by contact
     type(block_type), allocatable :: blocks(:)
-    !> Factors of the coarse system [k low, k low], of so many modes
+    !> Inverse of the coarse system [k low, k low], of so many modes
     integer :: low = 0
-    real(wp), allocatable :: coarse(:, :)
-    integer, allocatable :: pivots(:)
+    real(sp), allocatable :: coarse(:, :)
     !> What they were made for: contacts and series of then, springs kept
     integer, private :: changes = 0
     real(wp), private :: stiffening = 0.0_wp
@@ -55,19 +50,6 @@ module attrito_balance_two_level_factors
   end type two_level_factors_type
 
 contains
-
-  !> The rows times a vector; sums are in double precision, so that GMRES sees one and the same linear operator.
-  pure subroutine multiply(self, vector, product)
-    class(block_type), intent(in) :: self
-    real(wp), intent(in) :: vector(:)
-    real(wp), intent(out), contiguous :: product(:)
-    integer :: i
-
-    product = 0.0_wp
-    do i = 1, size(vector)
-      product = product + self%values(:, i)*vector(i)
-    end do
-  end subroutine multiply
 
   !> Do they serve the balance's last evaluation?
   pure logical function serve(self, balance)
@@ -138,7 +120,6 @@ contains
     self%usual = -1
     self%excess = 0
     shapes = balance%receptance%low_shapes(self%low, balance%active%directions)
-    call new_local(self, balance)
     call new_blocks(self, balance, status)
     call agree(balance, status)
     if (status == 0) call new_coarse(self, balance, shapes, status)
@@ -153,53 +134,52 @@ contains
     status = nint(min(balance%ranks%largest(real(abs(status), wp)), 1.0_wp))
   end subroutine agree
 
-  !> R_local of every active contact: its own receptance without the lowest modes.
-  subroutine new_local(self, balance)
-    type(two_level_factors_type), intent(inout) :: self
-    type(balance_type), intent(in) :: balance
-    integer :: i
-
-    if (allocated(self%local)) deallocate (self%local)
-    associate (active => balance%active)
-      allocate (self%local(3, 3, 0:balance%receptance%harmonics, size(active%contacts)), source=(0.0_wp, 0.0_wp))
-      do i = 1, size(active%contacts)
-        associate (n => active%rows(i), directions => active%directions(:, active%first(i):active%first(i) + active%rows(i) - 1))
-          call balance%receptance%remainder(self%low, directions, self%local(:n, :n, :, i))
-        end associate
-      end do
-    end associate
-    if (allocated(balance%frozen_mean)) self%local(:, :, 0, :) = 0.0_wp
-  end subroutine new_local
-
-  !> E = (I + D R_local)^-1 D, contact by contact, on the rows where D is not zero.
+  !> A^-1 and E, contact by contact, on the rows where D is not zero.
   subroutine new_blocks(self, balance, status)
     type(two_level_factors_type), intent(inout) :: self
     type(balance_type), intent(in) :: balance
     integer, intent(out) :: status
-    real(wp), allocatable :: jacobian(:, :), product(:, :), matrix(:, :)
-    integer, allocatable :: kept(:)
+    complex(wp) :: local(3, 3, 0:balance%receptance%harmonics)
+    real(wp), allocatable :: jacobian(:, :), product(:, :), inverse(:, :)
     integer :: i, j
 
     status = 0
     if (allocated(self%blocks)) deallocate (self%blocks)
     allocate (self%blocks(size(balance%active%contacts)))
     do i = 1, size(balance%active%contacts)
+      call receive_locally(self, balance, i, local)
       associate (forces => balance%forces(balance%active%contacts(i)), block => self%blocks(i))
-        kept = pack([(j, j=1, size(forces%active))], forces%active)
-        jacobian = (1.0_wp - balance%stiffening)*forces%jacobian(kept, :)
+        block%rows = pack([(j, j=1, size(forces%active))], forces%active)
+        jacobian = (1.0_wp - balance%stiffening)*forces%jacobian(block%rows, :)
         if (allocated(product)) deallocate (product)
-        allocate (product(size(kept), size(forces%active)))
-        call times_local(jacobian, self%local(:, :, :, i), balance%active%rows(i), product)
-        matrix = product(:, kept)
-        do j = 1, size(kept)
-          matrix(j, j) = matrix(j, j) + 1.0_wp
+        allocate (product(size(block%rows), size(forces%active)))
+        call times_local(jacobian, local, balance%active%rows(i), product)
+        inverse = product(:, block%rows)
+        do j = 1, size(block%rows)
+          inverse(j, j) = inverse(j, j) + 1.0_wp
         end do
-        call solve_dense(matrix, jacobian, status)
+        call invert(inverse, status)
         if (status /= 0) return
-        block = block_type(kept, real(jacobian, sp))
+        block%inverse = real(inverse, sp)
+        block%stiffness = real(matmul(inverse, jacobian), sp)
       end associate
     end do
   end subroutine new_blocks
+
+  !> R_local of one active contact: its own receptance without the lowest modes.
+  subroutine receive_locally(self, balance, contact, local)
+    type(two_level_factors_type), intent(in) :: self
+    type(balance_type), intent(in) :: balance
+    !> Its place among the active ones
+    integer, intent(in) :: contact
+    !> [3, 3, 0:H]
+    complex(wp), intent(out) :: local(:, :, 0:)
+
+    associate (first => balance%active%first(contact), n => balance%active%rows(contact))
+      call balance%receptance%remainder(self%low, balance%active%directions(:, first:first + n - 1), local(:n, :n, :))
+    end associate
+    if (allocated(balance%frozen_mean)) local(:, :, 0) = 0.0_wp
+  end subroutine receive_locally
 
   !> D R_local of one contact: R_local couples rows, and cosine with sine, of one harmonic.
   pure subroutine times_local(jacobian, local, rows, product)
@@ -229,14 +209,14 @@ contains
     end do
   end subroutine times_local
 
-  !> Z + U^T E U, coefficient running faster than mode, factored.
+  !> The inverse of Z + U^T E U, coefficient running faster than mode.
   subroutine new_coarse(self, balance, shapes, status)
     type(two_level_factors_type), intent(inout) :: self
     type(balance_type), intent(in) :: balance
     !> U^T [low, active rows]
     real(wp), intent(in) :: shapes(:, :)
     integer, intent(out) :: status
-    real(wp), allocatable :: coarse(:, :, :, :)
+    real(wp), allocatable :: coarse(:, :, :, :), inverse(:, :)
     complex(wp), allocatable :: stiffness(:)
     integer :: k, h, i, first
 
@@ -265,10 +245,9 @@ contains
         end if
       end do
     end do
-    self%coarse = reshape(coarse, [k*self%low, k*self%low])
-    if (allocated(self%pivots)) deallocate (self%pivots)
-    allocate (self%pivots(k*self%low))
-    call factor(self%coarse, self%pivots, status)
+    inverse = reshape(coarse, [k*self%low, k*self%low])
+    call invert(inverse, status)
+    self%coarse = real(inverse, sp)
 
   contains
 
@@ -288,42 +267,70 @@ contains
     real(wp), intent(in) :: shapes(:, :)
     integer, intent(in) :: from, to
     real(wp), intent(inout) :: coarse(:, :, :, :)
-    real(wp), allocatable :: carried(:, :), stacked(:, :, :, :), sums(:, :)
-    integer :: k, low, i, j, b, row, rows, place
+    real(sp), allocatable :: stacked(:, :, :, :), sums(:, :)
+    integer, allocatable :: carriers(:)
+    integer :: k, low, i, j, b
 
     k = size(coarse, 1)
     low = size(coarse, 2)
-    associate (active => balance%active)
-      rows = sum(active%rows(from:to))
-      allocate (stacked(k, k, low, rows), source=0.0_wp)
-      place = 0
-      do i = from, to
-        associate (n => active%rows(i), of_it => shapes(:, active%first(i):active%first(i) + active%rows(i) - 1), &
-                   block => self%blocks(i))
-          ! E as [(row, b), row'], b a coefficient, to [(row, b), mode], and from there to [(a, b), mode, row]
-          carried = matmul(real(reshape(block%values, [size(block%rows)*k, n]), wp), transpose(of_it))
-          do j = 1, low
-            do b = 1, k
-              do row = 1, size(block%rows)
-                associate (a => modulo(block%rows(row) - 1, k) + 1, at => (block%rows(row) - 1)/k + 1)
-                  stacked(a, b, j, place + at) = carried(row + (b - 1)*size(block%rows), j)
-                end associate
-              end do
-            end do
-          end do
-          place = place + n
-        end associate
-      end do
-      associate (first => active%first(from))
-        sums = matmul(reshape(stacked, [k*k*low, rows]), transpose(shapes(:, first:first + rows - 1)))
+    carriers = [(balance%active%first(i) + carrying_rows(self%blocks(i), k), i=from, to)]
+    allocate (stacked(k, k, low, size(carriers)), source=0.0_sp)
+    j = 0
+    do i = from, to
+      associate (first => balance%active%first(i), last => balance%active%first(i) + balance%active%rows(i) - 1, &
+                 own => carrying_rows(self%blocks(i), k))
+        call stack(self%blocks(i), real(shapes(:, first:last), sp), own, stacked(:, :, :, j + 1:j + size(own)))
+        j = j + size(own)
       end associate
-      do j = 1, low
-        do b = 1, k
-          do i = 1, low
-            coarse(:, i, b, j) = coarse(:, i, b, j) + sums(1 + k*(b - 1) + k*k*(j - 1):k*b + k*k*(j - 1), i)
-          end do
+    end do
+    sums = matmul(reshape(stacked, [k*k*low, size(carriers)]), transpose(real(shapes(:, carriers), sp)))
+    do j = 1, low
+      do b = 1, k
+        do i = 1, low
+          coarse(:, i, b, j) = coarse(:, i, b, j) + sums(1 + k*(b - 1) + k*k*(j - 1):k*b + k*k*(j - 1), i)
         end do
       end do
-    end associate
+    end do
   end subroutine add_bunch
+
+  !> Rows of a contact at which E is not zero, from 0, ascending.
+  pure function carrying_rows(block, coefficients) result(carriers)
+    type(block_type), intent(in) :: block
+    integer, intent(in) :: coefficients
+    integer, allocatable :: carriers(:)
+    logical :: carries(0:2)
+    integer :: row
+
+    carries = .false.
+    carries((block%rows - 1)/coefficients) = .true.
+    carriers = pack([(row, row=0, 2)], carries)
+  end function carrying_rows
+
+  !> E U of one contact.
+  subroutine stack(block, shapes, carriers, stacked)
+    type(block_type), intent(in) :: block
+    !> U^T at its rows [low, rows]
+    real(sp), intent(in) :: shapes(:, :)
+    !> Those of its rows, from 0, at which E is not zero
+    integer, intent(in) :: carriers(:)
+    !> E U by coefficient of the row, that of the mode, mode, and row [k, k, low, carriers], zeros to begin with
+    real(sp), intent(inout) :: stacked(:, :, :, :)
+    real(sp), allocatable :: carried(:, :)
+    integer :: coefficient(size(block%rows)), place(size(block%rows)), places(0:size(shapes, 2) - 1), i, j, b, k, n, row
+
+    k = size(stacked, 1)
+    n = size(block%rows)
+    places(carriers) = [(i, i=1, size(carriers))]
+    coefficient = modulo(block%rows - 1, k) + 1
+    place = places((block%rows - 1)/k)
+    ! E as [(row, b), row'], b a coefficient, to [(row, b), mode]
+    carried = matmul(reshape(block%stiffness, [n*k, size(shapes, 2)]), transpose(shapes))
+    do j = 1, size(shapes, 1)
+      do b = 1, k
+        do row = 1, n
+          stacked(coefficient(row), b, j, place(row)) = carried(row + (b - 1)*n, j)
+        end do
+      end do
+    end do
+  end subroutine stack
 end module attrito_balance_two_level_factors

@@ -1,10 +1,10 @@
 !> The few LAPACK routines that attrito calls, with their interfaces, behind names that say what they do.
 module attrito_core_lapack
-  use attrito_core_kinds, only: wp
+  use attrito_core_kinds, only: sp, wp
   implicit none
   private
-  public :: multiply_by_transpose, transposed_product, product_with_few, subtract_product
-  public :: solve_dense, factor, solve_factored, factor_complex, solve_factored_complex, symmetric_eigenpairs
+  public :: multiply_by_transpose, transposed_product, product_with_few, subtract_product, times_vector
+  public :: solve_dense, invert, factor_complex, solve_factored_complex, symmetric_eigenpairs
   public :: eigenvalues_of, complex_eigenvalues_of, singular_values, complex_singular_values, null_space
 
   interface
@@ -22,6 +22,13 @@ module attrito_core_lapack
       real(wp), intent(in) :: alpha, a(lda, *), x(*), beta
       real(wp), intent(inout) :: y(*)
     end subroutine dgemv
+    subroutine sgemv(trans, m, n, alpha, a, lda, x, incx, beta, y, incy)
+      import :: sp
+      character, intent(in) :: trans
+      integer, intent(in) :: m, n, lda, incx, incy
+      real(sp), intent(in) :: alpha, a(lda, *), x(*), beta
+      real(sp), intent(inout) :: y(*)
+    end subroutine sgemv
     subroutine dgesv(n, nrhs, a, lda, ipiv, b, ldb, info)
       import :: wp
       integer, intent(in) :: n, nrhs, lda, ldb
@@ -34,14 +41,13 @@ module attrito_core_lapack
       real(wp), intent(inout) :: a(lda, *)
       integer, intent(out) :: ipiv(*), info
     end subroutine dgetrf
-    subroutine dgetrs(trans, n, nrhs, a, lda, ipiv, b, ldb, info)
+    subroutine dgetri(n, a, lda, ipiv, work, lwork, info)
       import :: wp
-      character, intent(in) :: trans
-      integer, intent(in) :: n, nrhs, lda, ldb, ipiv(*)
-      real(wp), intent(in) :: a(lda, *)
-      real(wp), intent(inout) :: b(ldb, *)
+      integer, intent(in) :: n, lda, ipiv(*), lwork
+      real(wp), intent(inout) :: a(lda, *)
+      real(wp), intent(out) :: work(*)
       integer, intent(out) :: info
-    end subroutine dgetrs
+    end subroutine dgetri
     subroutine zgetrf(m, n, a, lda, ipiv, info)
       import :: wp
       integer, intent(in) :: m, n, lda
@@ -117,6 +123,12 @@ module attrito_core_lapack
     end subroutine zgesvd
   end interface
 
+  !> y = a x
+  interface times_vector
+    module procedure times_vector_single
+    module procedure times_vector_double
+  end interface times_vector
+
 contains
 
   !> c = a b^T, of arrays whose leading dimensions may be several at once.
@@ -158,6 +170,26 @@ contains
     end do
   end function product_with_few
 
+  subroutine times_vector_single(a, x, y)
+    !> [m, n], [n] and [m]
+    real(sp), intent(in), contiguous :: a(:, :), x(:)
+    real(sp), intent(out), contiguous :: y(:)
+
+    if (size(a) == 0) y = 0.0_sp
+    if (size(a) == 0) return
+    call sgemv('N', size(a, 1), size(a, 2), 1.0_sp, a, size(a, 1), x, 1, 0.0_sp, y, 1)
+  end subroutine times_vector_single
+
+  subroutine times_vector_double(a, x, y)
+    !> [m, n], [n] and [m]
+    real(wp), intent(in), contiguous :: a(:, :), x(:)
+    real(wp), intent(out), contiguous :: y(:)
+
+    if (size(a) == 0) y = 0.0_wp
+    if (size(a) == 0) return
+    call dgemv('N', size(a, 1), size(a, 2), 1.0_wp, a, size(a, 1), x, 1, 0.0_wp, y, 1)
+  end subroutine times_vector_double
+
   !> c <- c - a b.
   subroutine subtract_product(a, b, c)
     !> [n, p]
@@ -187,31 +219,22 @@ contains
     call dgesv(size(a, 1), size(b, 2), a, size(a, 1), pivots, b, size(b, 1), info)
   end subroutine solve_dense
 
-  !> LU factors of a matrix, in place.
-  subroutine factor(a, pivots, info)
-    !> Matrix [n, n], then its factors
+  !> Inverse of a matrix, in place: to be applied so often that its making, three times that of its factors, does not count.
+  subroutine invert(a, info)
+    !> Matrix [n, n], then its inverse
     real(wp), intent(inout), contiguous :: a(:, :)
-    !> Row interchanges [n]
-    integer, intent(out), contiguous :: pivots(:)
     !> 0, or the number of the zero pivot
     integer, intent(out) :: info
+    integer, parameter :: columns_together = 64
+    real(wp), allocatable :: work(:)
+    integer, allocatable :: pivots(:)
 
+    info = 0
+    if (size(a, 1) == 0) return
+    allocate (pivots(size(a, 1)), work(columns_together*size(a, 1)))
     call dgetrf(size(a, 1), size(a, 1), a, size(a, 1), pivots, info)
-  end subroutine factor
-
-  !> Solution with the factors of `factor`, of one right-hand side [n].
-  function solve_factored(factors, pivots, b) result(x)
-    !> Factors [n, n]
-    real(wp), intent(in), contiguous :: factors(:, :)
-    !> Row interchanges [n]
-    integer, intent(in), contiguous :: pivots(:)
-    real(wp), intent(in) :: b(:)
-    real(wp) :: x(size(b))
-    integer :: info
-
-    x = b
-    call dgetrs('N', size(b), 1, factors, size(factors, 1), pivots, x, size(b), info)
-  end function solve_factored
+    if (info == 0) call dgetri(size(a, 1), a, size(a, 1), pivots, work, size(work), info)
+  end subroutine invert
 
   !> LU factors of a complex matrix, in place.
   subroutine factor_complex(a, pivots, info)
