@@ -11,6 +11,7 @@ module attrito_balance_newton
   use attrito_core_errors, only: error_type, raise
   use attrito_core_kinds, only: wp
   use attrito_balance_border, only: constraint_type, inner_product
+  use attrito_balance_convergence, only: has_run_off, is_answer
   use attrito_balance_linearised_step, only: solve_linearised, apply_linearised
   use attrito_balance_newton_context, only: context_handle_type, newton_context_type, least_stiffening
 #if PETSC_VERSION_LT(3, 23, 0)
@@ -179,8 +180,8 @@ contains
     PetscErrorCode, intent(out) :: ierr
     PetscInt :: iterations
     PetscReal :: norm
-    real(wp) :: square, imbalance
-    PetscReal, parameter :: none = 0.0, rounding = 16*epsilon(none), farthest = 1.0e8
+    real(wp) :: motion, imbalance
+    PetscReal, parameter :: none = 0.0
     SNESLineSearch :: search
     integer :: status
 
@@ -196,20 +197,18 @@ contains
     PetscCall(SNESGetIterationNumber(self%now%snes, iterations, ierr))
     PetscCall(SNESGetFunctionNorm(self%now%snes, norm, ierr))
     PetscCall(load(self%context, self%now%unknowns, unknowns, ierr))
-    ! Where contacts are far stiffer than what they hold, motion may exceed the stuck response so far that rounding hides more. Mean
-    ! positions do not count: a body that walks may be anywhere, and would converge by being far enough away. What has run off is no
-    ! answer, whatever norm is told of it.
-    square = sum((unknowns%motion(2:, :)/self%context%motion_scale)**2)
-    call self%context%balance%ranks%sum(square)
+    motion = sum((unknowns%motion(2:, :)/self%context%motion_scale)**2)
+    call self%context%balance%ranks%sum(motion)
+    motion = sqrt(motion)
     report%iterations = iterations
     ! The balance keeps forces and Jacobian of the answer, whatever the line search tried last.
     call ensure_evaluated(self%context, unknowns, status)
     ! A body that rounding of the structure's stiffness holds, far enough away, is no answer either.
     imbalance = 0.0_wp
     if (status == 0) imbalance = self%context%balance%imbalance(unknowns%motion(1, :))/self%context%motion_scale
-    report%residual = merge(max(real(norm, wp), imbalance), huge(imbalance), sqrt(square) <= farthest)
-    report%converged = report%residual <= max(self%context%tolerance, rounding*sqrt(square))
-    if (status /= 0) report%converged = .false.
+    report%residual = max(real(norm, wp), imbalance)
+    report%converged = status == 0 .and. is_answer(report%residual, motion, self%context%tolerance)
+    if (has_run_off(motion)) report%residual = huge(norm)
   end subroutine run
 
   !> Unknowns of the balance's size.

@@ -1,0 +1,48 @@
+!> Which iterates of Newton's method are answers.
+program test_convergence
+  use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_value
+  use attrito_core_errors, only: error_type
+  use attrito_core_kinds, only: wp
+  use attrito_balance_convergence, only: has_run_off, is_answer
+  use session, only: run_in_session
+  use testing, only: test, check
+  implicit none
+
+  real(wp), parameter :: tolerance = 1.0e-10_wp
+
+  call run_in_session('convergence', [ &
+                      test('a residual within the tolerance is one, a greater one is not', within), &
+                      test('what rounding of a great motion hides does not count', hidden), &
+                      test('what has run off is none, with any residual', run_off)])
+
+contains
+
+  subroutine within(error)
+    type(error_type), allocatable, intent(out) :: error
+
+    call check(error, is_answer(tolerance, 1.0_wp, tolerance), 'the tolerance itself')
+    call check(error,.not. is_answer(1.01_wp*tolerance, 1.0_wp, tolerance), 'more than the tolerance')
+  end subroutine within
+
+  subroutine hidden(error)
+    type(error_type), allocatable, intent(out) :: error
+    real(wp), parameter :: motion = 1.0e7_wp
+
+    call check(error, is_answer(15.0_wp*epsilon(1.0_wp)*motion, motion, tolerance), 'less than rounding')
+    call check(error,.not. is_answer(17.0_wp*epsilon(1.0_wp)*motion, motion, tolerance), 'more than rounding')
+  end subroutine hidden
+
+  subroutine run_off(error)
+    type(error_type), allocatable, intent(out) :: error
+    real(wp) :: far(3)
+    integer :: i
+
+    far = [1.1e8_wp, 1.0e248_wp, ieee_value(1.0_wp, ieee_positive_inf)]
+    do i = 1, size(far)
+      call check(error, has_run_off(far(i)), 'has run off')
+      call check(error,.not. is_answer(0.0_wp, far(i), tolerance), 'run off, no residual')
+      call check(error,.not. is_answer(huge(1.0_wp), far(i), tolerance), 'run off, any residual')
+    end do
+    call check(error,.not. has_run_off(0.99e8_wp), 'great, but not run off')
+  end subroutine run_off
+end program test_convergence
