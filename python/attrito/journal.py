@@ -142,17 +142,18 @@ def _lock(file: BinaryIO, path: str) -> None:
 
 
 def is_journal(path: str | os.PathLike[str]) -> bool:
-    """Whether a file begins as a journal does."""
+    """Whether a file begins as a journal does, as one that is cut short within its first line does too."""
     with open(path, "rb") as file:
-        return file.read(len(MAGIC)) == MAGIC
+        return MAGIC.startswith(file.read(len(MAGIC)))
 
 
 def read_journal(path: str) -> Iterator[tuple[Record, int]]:
     """Whole records in their order, each with the number of bytes up to its end."""
+    if not is_journal(path):
+        raise InputError(Fault(path, "file", "not a journal", "what an unfinished `attrito run` left"))
     size = Path(path).stat().st_size
     with open(path, "rb") as file:
-        if file.read(len(MAGIC)) != MAGIC:
-            raise InputError(Fault(path, "file", "not a journal", "what an unfinished `attrito run` left"))
+        file.seek(len(MAGIC))
         end = len(MAGIC)
         while (record := _read_record(file, size - end)) is not None:
             end = file.tell()

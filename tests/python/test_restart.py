@@ -113,7 +113,7 @@ def test_a_journal_cut_anywhere_keeps_every_whole_point(tmp_path):
     whole = Path(path).read_bytes()
     ends = [end for _, end in read_journal(path)]
     assert ends[-1] == len(whole)
-    for length in range(len(MAGIC), len(whole) + 1):
+    for length in range(len(whole) + 1):
         Path(path).write_bytes(whole[:length])
         records = [record for record, _ in read_journal(path)]
         assert [record.note["number"] for record in records] == list(range(sum(end <= length for end in ends)))
@@ -147,6 +147,20 @@ def test_resume_with_nothing_to_go_on_from_begins(tmp_path, capfd):
     done = attrito_here(tmp_path, capfd, "run", "--resume", write_job(tmp_path, wedge()))
     assert done.returncode == 0
     assert "nothing to go on from (result.h5.partial is absent): beginning" in done.stdout
+
+
+@pytest.mark.parametrize("length", [0, 7, len(MAGIC), len(MAGIC) + 9])
+def test_a_journal_cut_before_its_first_record_is_begun_again(cut, tmp_path, capfd, length):
+    journal = copy_of(cut, tmp_path)
+    journal.write_bytes(journal.read_bytes()[:length])
+    read = attrito_here(tmp_path, capfd, "table", "result.h5.partial")
+    assert read.returncode == 2
+    assert "'empty': expected what an `attrito run` left that had begun to solve" in read.stderr
+    done = attrito_here(tmp_path, capfd, "run", "--resume", "job.toml")
+    assert "going on after 0 points of result.h5.partial" in done.stdout
+    assert "max_points was reached" in done.stderr
+    assert [row["outcome"] for row in table(tmp_path)] == ["converged"] * 9
+    assert not journal.exists()
 
 
 def test_another_job_is_not_gone_on_with(cut, tmp_path, capfd):
