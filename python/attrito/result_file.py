@@ -29,10 +29,9 @@ def fill_result(file: h5py.File, journal: str) -> None:
         _describe(file.create_dataset(name, data=_texts(first, name, values)), first.series[name])
     if points:
         for name, what in series.items():
-            kind, filler = (np.int32, -1) if what.kind == "int32" else (np.float64, 0.0)
-            stored = file.create_dataset(name, (points, *shapes[name]), kind, fillvalue=filler)
-            _describe(stored, what)
-        _fill(file, series, journal)
+            kind = np.int32 if what.kind == "int32" else np.float64
+            _describe(file.create_dataset(name, (points, *shapes[name]), kind), what)
+        _fill(file, series, journal, points)
 
 
 def _survey(journal: str) -> tuple[Record, dict[str, tuple[int, ...]], dict[str, Series], int]:
@@ -53,9 +52,9 @@ def _survey(journal: str) -> tuple[Record, dict[str, tuple[int, ...]], dict[str,
     return first, shapes, series, points
 
 
-def _fill(file: h5py.File, series: Iterable[str], journal: str) -> None:
-    """Every point's entries, some points at a time."""
-    records = (record for record, _ in islice(read_journal(journal), 1, None))
+def _fill(file: h5py.File, series: Iterable[str], journal: str, points: int) -> None:
+    """The entries of so many points, some at a time; a run that goes on may have added more since they were counted."""
+    records = (record for record, _ in islice(read_journal(journal), 1, points + 1))
     start, block, size = 0, [], 0
     for record in records:
         block.append(record)

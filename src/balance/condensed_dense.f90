@@ -8,9 +8,9 @@
 module attrito_balance_condensed_dense
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: solve_dense
+  use attrito_balance_active_jacobian, only: change_with_omega, contact_jacobian_type, jacobian_of, places_of_rows, unknowns_of
   use attrito_balance_border, only: border_type
   use attrito_balance_harmonic_balance, only: balance_type
-  use attrito_balance_receptance, only: to_real
   implicit none
   private
   public :: solve_by_elimination
@@ -81,7 +81,7 @@ contains
     integer :: contact, count, i, k
 
     k = balance%coefficients()
-    allocate (mine(count_active(balance)))
+    allocate (mine(unknowns_of(balance)))
     count = 0
     associate (rows => balance%active)
       do contact = 1, size(rows%contacts)
@@ -102,17 +102,6 @@ contains
     end do
   end subroutine list_active
 
-  !> Active entries of this rank.
-  pure integer function count_active(balance) result(active)
-    type(balance_type), intent(in) :: balance
-    integer :: i
-
-    active = 0
-    do i = 1, size(balance%active%contacts)
-      active = active + count(balance%forces(balance%active%contacts(i))%active)
-    end do
-  end function count_active
-
   !> This rank's rows of the dense system, as columns: [n + 2, mine], the last two being (D b) and (D rho).
   subroutine assemble_rows(balance, mine, all, rho, transposed_rows)
     type(balance_type), intent(in) :: balance
@@ -120,30 +109,29 @@ contains
     real(wp), intent(in) :: rho(:, :)
     real(wp), allocatable, intent(out) :: transposed_rows(:, :)
     type(block_type), allocatable :: blocks(:)
+    type(contact_jacobian_type) :: jacobian
     real(wp), allocatable :: receptance(:, :), rows(:, :), by_omega(:, :)
-    integer, allocatable :: kept(:)
     integer :: contact, column, i, k, n, offset
 
     n = size(all)
     k = balance%coefficients()
     allocate (transposed_rows(n + 2, size(mine)))
     call receptance_blocks(balance, all, blocks)
-    by_omega = -matmul(to_real(balance%response_omega), balance%active%directions)
+    by_omega = change_with_omega(balance)
     column = 0
     offset = offset_of_rank(mine, all)
     do contact = 1, size(balance%active%contacts)
-      associate (forces => balance%forces(balance%active%contacts(contact)), first => balance%active%first(contact), &
-                 last => balance%active%first(contact) + balance%active%rows(contact) - 1)
-        kept = pack([(i, i=1, size(forces%active))], forces%active)
-        call receptance_to(blocks, all, first - 1, balance%active%rows(contact), k, receptance)
-        receptance(:, n + 1) = reshape(by_omega(:, first:last), [size(forces%active)])
-        receptance(:, n + 2) = reshape(rho(:, first:last), [size(forces%active)])
-        rows = (1.0_wp - balance%stiffening)*matmul(forces%jacobian(kept, :), receptance)
-        do i = 1, size(kept)
+      jacobian = jacobian_of(balance, contact)
+      associate (first => balance%active%first(contact), own => balance%active%rows(contact), count => size(jacobian%rows))
+        call receptance_to(blocks, all, first - 1, own, k, receptance)
+        receptance(:, n + 1) = reshape(by_omega(:, first:first + own - 1), [k*own])
+        receptance(:, n + 2) = reshape(rho(:, first:first + own - 1), [k*own])
+        rows = matmul(jacobian%values, receptance)
+        do i = 1, count
           rows(i, offset + column + i) = rows(i, offset + column + i) + 1.0_wp
         end do
-        transposed_rows(:, column + 1:column + size(kept)) = transpose(rows)
-        column = column + size(kept)
+        transposed_rows(:, column + 1:column + count) = transpose(rows)
+        column = column + count
       end associate
     end do
   end subroutine assemble_rows
@@ -153,12 +141,10 @@ contains
     type(balance_type), intent(in) :: balance
     type(entry_type), intent(in) :: all(:)
     type(block_type), allocatable, intent(out) :: blocks(:)
-    integer :: h, i, row
+    integer :: h, i
     integer :: rows(balance%active%count)
 
-    associate (active => balance%active)
-      rows = [((balance%first_row - 1 + active%source(i) + row, row=0, active%rows(i) - 1), i=1, size(active%rows))]
-    end associate
+    rows = places_of_rows(balance)
     allocate (blocks(0:balance%receptance%harmonics))
     do h = 0, balance%receptance%harmonics
       blocks(h)%columns = pack([(i, i=1, size(all))], all%coefficient/2 == h)

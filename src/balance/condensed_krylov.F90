@@ -76,7 +76,7 @@ contains
     !> D delta d [2 H + 1, active rows] and step of omega
     real(wp), intent(out) :: y(:, :), omega
     integer, intent(out) :: iterations
-    !> 0, or not: singular, or not converged
+    !> 0, or not: singular
     integer, intent(out) :: status
     type(system_type), target :: context
     real(wp), allocatable :: right(:, :)
@@ -95,18 +95,18 @@ contains
       if (anew) call factors%make(balance, options%low_modes, status)
       if (status /= 0) return
       call new_two_level(context%system, factors, context%preconditioner)
-      call run(context, options%tolerance, min(options%max_iterations, factors%patience()), right, last, y, omega, count, &
-               converged, ierr)
+      call run(context, options%tolerance, min(options%max_iterations, factors%patience()), right, &
+               context%system%weight*last, y, omega, count, converged, ierr)
       status = merge(0, 1, ierr == 0)
       iterations = iterations + count
       call factors%count(count)
+      if (.not. converged) call factors%discard()
       ! A step short of its tolerance, with factors just made, is still the best one known: Newton's line search judges it.
       if (converged .or. anew .or. status /= 0) return
-      call factors%discard()
     end do
   end subroutine solve_by_krylov
 
-  !> Create the solver, solve and give everything back.
+  !> Create the solver, solve and give everything back; `last` has the weight of the system's constraint.
   subroutine run(context, tolerance, most, right, last, y, omega, iterations, converged, ierr)
     type(system_type), target, intent(inout) :: context
     real(wp), intent(in) :: tolerance

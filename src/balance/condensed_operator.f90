@@ -9,6 +9,7 @@
 module attrito_balance_condensed_operator
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: times_vector
+  use attrito_balance_active_jacobian, only: change_with_omega, contact_jacobian_type, jacobian_of, places_of_rows
   use attrito_balance_border, only: border_type
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_balance_receptance, only: to_complex, to_real
@@ -16,22 +17,18 @@ module attrito_balance_condensed_operator
   private
   public :: condensed_operator_type, new_condensed_operator
 
-  !> D of one contact: its rows that are not zero, and these [rows, all columns]
-  type :: block_type
-    integer, allocatable :: rows(:)
-    real(wp), allocatable :: values(:, :)
-  end type block_type
-
   type :: condensed_operator_type
     type(balance_type), pointer :: balance => null()
     !> D by active contact
-    type(block_type), allocatable :: blocks(:)
+    type(contact_jacobian_type), allocatable :: blocks(:)
     !> Places of its rows that are not zero among those of a field on the active rows: the unknowns
     integer, allocatable :: unknowns(:)
     !> Column of omega, D b, and row of the constraint, R^T p [2 H + 1, active rows]
     real(wp), allocatable :: column(:, :), row(:, :)
     !> q - p^T b
     real(wp) :: corner = 1.0_wp
+    !> That row, corner and the right-hand side of the constraint are multiplied by
+    real(wp) :: weight = 1.0_wp
     !> Is the row anything but zero?
     logical :: has_row = .false.
   contains
@@ -52,9 +49,9 @@ contains
     type(condensed_operator_type) :: self
 
     self%balance => balance
-    call balance%split%prepare(balance%receptance, balance%ranks, rows_of_all(balance), tolerance)
+    call balance%split%prepare(balance%receptance, balance%ranks, places_of_rows(balance), tolerance)
     call gather_jacobian(self)
-    self%column = self%multiply_jacobian(-matmul(to_real(balance%response_omega), balance%active%directions))
+    self%column = self%multiply_jacobian(change_with_omega(balance))
     self%has_row = border%has_motion
     if (self%has_row) then
       self%row = border%row_at(balance%active%directions)
@@ -62,36 +59,38 @@ contains
       self%row = 0.0_wp*self%column
     end if
     self%corner = border%corner
+    call weigh_constraint(self)
   end function new_condensed_operator
+
+  !> Give the constraint the weight of one of the forces' equations, whatever their unit: GMRES stops by the residual of all together.
+  subroutine weigh_constraint(self)
+    type(condensed_operator_type), intent(inout) :: self
+    real(wp) :: squares(2), size_of_row
+
+    squares = [sum(self%row**2), sum(self%column**2)]
+    call self%balance%ranks%sum(squares)
+    size_of_row = abs(self%corner)
+    ! By what omega changes in forces, where it changes any.
+    if (squares(2) > 0.0_wp) size_of_row = sqrt(squares(1) + self%corner**2/squares(2))
+    if (size_of_row > 0.0_wp) self%weight = 1.0_wp/size_of_row
+    self%row = self%weight*self%row
+    self%corner = self%weight*self%corner
+  end subroutine weigh_constraint
 
   !> D where it is not zero.
   subroutine gather_jacobian(self)
     type(condensed_operator_type), intent(inout) :: self
-    integer :: i, j, k
+    integer :: i, k
 
     k = self%balance%coefficients()
     associate (active => self%balance%active)
       allocate (self%blocks(size(active%contacts)))
       do i = 1, size(active%contacts)
-        associate (forces => self%balance%forces(active%contacts(i)))
-          self%blocks(i)%rows = pack([(j, j=1, size(forces%active))], forces%active)
-          self%blocks(i)%values = (1.0_wp - self%balance%stiffening)*forces%jacobian(self%blocks(i)%rows, :)
-        end associate
+        self%blocks(i) = jacobian_of(self%balance, i)
       end do
       self%unknowns = [(k*(active%first(i) - 1) + self%blocks(i)%rows, i=1, size(active%contacts))]
     end associate
   end subroutine gather_jacobian
-
-  !> Active rows by their place among the rows of all ranks.
-  pure function rows_of_all(balance) result(rows)
-    type(balance_type), intent(in) :: balance
-    integer :: rows(balance%active%count)
-    integer :: i, row
-
-    associate (active => balance%active)
-      rows = [((balance%first_row - 1 + active%source(i) + row, row=0, active%rows(i) - 1), i=1, size(active%rows))]
-    end associate
-  end function rows_of_all
 
   !> The system times (y, delta omega); delta omega is the same on every rank.
   subroutine apply(self, y, omega, product, last)

@@ -9,6 +9,7 @@
 module attrito_balance_linearised_step
   use attrito_core_kinds, only: wp
   use attrito_contact_quadrature_sampled, only: released
+  use attrito_balance_active_jacobian, only: unknowns_of
   use attrito_balance_border, only: constraint_type, border_type, new_border, inner_product
   use attrito_balance_condensed_dense, only: solve_by_elimination
   use attrito_balance_condensed_krylov, only: krylov_options_type, solve_by_krylov
@@ -23,7 +24,7 @@ module attrito_balance_linearised_step
 
   type :: linear_options_type
     !> Active unknowns up to which the system is formed and eliminated
-    integer :: dense_limit = 800
+    integer :: dense_limit = 400
     type(krylov_options_type) :: krylov
   end type linear_options_type
 
@@ -166,9 +167,8 @@ contains
   integer function active_unknowns(balance)
     type(balance_type), intent(in) :: balance
     real(wp) :: total
-    integer :: i
 
-    total = real(sum([(count(balance%forces(i)%active), i=1, size(balance%forces))]), wp)
+    total = real(unknowns_of(balance), wp)
     call balance%ranks%sum(total)
     active_unknowns = nint(total)
   end function active_unknowns

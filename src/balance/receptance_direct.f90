@@ -204,6 +204,7 @@ contains
 
     rows = size(directions, 2)
     shapes = self%low_shapes(low, directions)
+    blocks(:, :, :self%lowest - 1) = 0.0_wp
     do h = self%lowest, self%harmonics
       columns = directions
       call solve_factored_complex(self%factors(:, :, h), self%pivots(:, h), columns)

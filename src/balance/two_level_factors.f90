@@ -2,13 +2,14 @@
 !>
 !> $$ A^{-1} = (I + D R_{local})^{-1}, \qquad E = A^{-1} D, \qquad (Z + U^T E U)^{-1} $$
 !>
-!> The blocks couple the rows and harmonics of one contact; the coarse system couples the harmonics of some ten modes and is
+!> The blocks couple the rows and harmonics of one contact; the coarse system couples the harmonics of some thirty modes and is
 !> inverted on every rank. They are kept in single precision, since reading them is what applying them costs. Making them costs as
 !> much as some tens of iterations of GMRES, so they are made anew only when iterations in excess of what they took at first add up to
-!> a dozen, when contacts have moved to other ranks or the series' length has changed, or when much more of the springs is kept.
+!> a dozen, when contacts have moved to other ranks or the series' length has changed, or when more or less of the springs is kept.
 module attrito_balance_two_level_factors
   use attrito_core_kinds, only: sp, wp
   use attrito_core_lapack, only: invert
+  use attrito_balance_active_jacobian, only: contact_jacobian_type, jacobian_of
   use attrito_balance_harmonic_balance, only: balance_type
   implicit none
   private
@@ -122,7 +123,10 @@ contains
     shapes = balance%receptance%low_shapes(self%low, balance%active%directions)
     call new_blocks(self, balance, status)
     call agree(balance, status)
-    if (status == 0) call new_coarse(self, balance, shapes, status)
+    if (status == 0) then
+      call new_coarse(self, balance, shapes, status)
+      call agree(balance, status)
+    end if
     if (status /= 0) call self%discard()
   end subroutine make
 
@@ -140,7 +144,8 @@ contains
     type(balance_type), intent(in) :: balance
     integer, intent(out) :: status
     complex(wp) :: local(3, 3, 0:balance%receptance%harmonics)
-    real(wp), allocatable :: jacobian(:, :), product(:, :), inverse(:, :)
+    type(contact_jacobian_type) :: jacobian
+    real(wp), allocatable :: product(:, :), inverse(:, :)
     integer :: i, j
 
     status = 0
@@ -148,12 +153,12 @@ contains
     allocate (self%blocks(size(balance%active%contacts)))
     do i = 1, size(balance%active%contacts)
       call receive_locally(self, balance, i, local)
-      associate (forces => balance%forces(balance%active%contacts(i)), block => self%blocks(i))
-        block%rows = pack([(j, j=1, size(forces%active))], forces%active)
-        jacobian = (1.0_wp - balance%stiffening)*forces%jacobian(block%rows, :)
+      jacobian = jacobian_of(balance, i)
+      associate (block => self%blocks(i))
+        block%rows = jacobian%rows
         if (allocated(product)) deallocate (product)
-        allocate (product(size(block%rows), size(forces%active)))
-        call times_local(jacobian, local, balance%active%rows(i), product)
+        allocate (product, mold=jacobian%values)
+        call times_local(jacobian%values, local, balance%active%rows(i), product)
         inverse = product(:, block%rows)
         do j = 1, size(block%rows)
           inverse(j, j) = inverse(j, j) + 1.0_wp
@@ -161,7 +166,7 @@ contains
         call invert(inverse, status)
         if (status /= 0) return
         block%inverse = real(inverse, sp)
-        block%stiffness = real(matmul(inverse, jacobian), sp)
+        block%stiffness = real(matmul(inverse, jacobian%values), sp)
       end associate
     end do
   end subroutine new_blocks

@@ -1,5 +1,6 @@
-!> Getting to a point by trying, in order: the point before; the same with springs on its mean that give way; motion in time; force
-!> steps with such springs; the stuck response; the frequency in smaller steps; the force in steps; contacts that are softer at first.
+!> Getting to a point by trying, in order: the point before, briefly; the same with springs on its mean that give way, after a body
+!> that walked or where there is no motion in time; motion in time; force steps with such springs; the point before to the end; the
+!> stuck response; the frequency in smaller steps; the force in steps; contacts that are softer at first.
 !>
 !> Newton's method is the hard part at the onset of gross slip. Where the balance with its mean held says that friction alone
 !> cannot hold a body, and a little motion in time leads to nothing else, there is no orbit to look for; what has not settled after
@@ -80,7 +81,9 @@ contains
 
     slider = solver%context%balance%slider
     call solver%context%balance%slide_back(before%motion(1, :), solver%motion(1, :), slider)
-    call solver%set_slider(slider, solver%context%balance%periodic)
+    ! Those that are found with the motion still are.
+    solver%context%balance%slider = slider
+    call solver%context%forget()
   end subroutine slide_back
 
   !> Is there what an attempt needs?

@@ -71,10 +71,12 @@ contains
     !> Counts on
     integer, intent(inout) :: iterations
     logical, intent(out) :: converged
+    logical :: brief
 
+    brief = solver%brief
     solver%brief = .true.
     call solver%solve_at(omega)
-    solver%brief = .false.
+    solver%brief = brief
     iterations = iterations + solver%report%iterations
     converged = solver%report%converged
   end subroutine solve_free

@@ -28,21 +28,24 @@ contains
     real(wp), intent(out) :: mean
     real(wp), allocatable :: looked_at(:), motion(:, :)
     real(wp) :: largest
+    logical :: known
     integer :: i, status
 
     looked_at = off_resonance([low, pack(resonances, resonances > low .and. resonances < high), high], resonances)
     looked_at = [looked_at(1), looked_at(size(looked_at)), place_of_largest(balance, looked_at)]
     largest = 0.0_wp
     mean = 0.0_wp
+    known = .false.
     do i = 1, size(looked_at)
       call balance%receptance%set_frequency(looked_at(i), status, balance%highest_load())
-      if (status == 0) largest = max(largest, norm_over_ranks(balance, recover_loaded(balance, balance%linear_response())))
-    end do
-    ! The same at all frequencies.
-    if (status == 0) then
+      if (status /= 0) cycle
+      largest = max(largest, norm_over_ranks(balance, recover_loaded(balance, balance%linear_response())))
+      ! The same at all frequencies.
+      if (known) cycle
       motion = linear_motion(balance)
       mean = norm_over_ranks(balance, motion(1:1, :))
-    end if
+      known = .true.
+    end do
     if (largest <= 0.0_wp) largest = mean
     if (largest > 0.0_wp) scale = largest
   end subroutine find_scales

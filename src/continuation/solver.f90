@@ -270,8 +270,11 @@ contains
     logical, intent(in), optional :: periodic(:)
 
     self%context%balance%slider = slider
-    self%context%balance%periodic = .false.
-    if (present(periodic)) self%context%balance%periodic = periodic
+    if (present(periodic)) then
+      self%context%balance%periodic = periodic
+    else
+      self%context%balance%periodic = .false.
+    end if
     call self%context%forget()
   end subroutine set_slider
 

@@ -10,12 +10,14 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from jobs import ENVIRONMENT, Job, attrito, attrito_here, chain, table, wedge, write_job
 from mpi4py import MPI
 from restarts import differences, run_in_pieces, run_to_the_end
 
+from attrito import result_file
 from attrito.faults import InputError
 from attrito.journal import MAGIC, Journal, Record, Series, is_journal, read_journal
 from attrito.stop import Stop
@@ -121,6 +123,30 @@ def test_a_journal_cut_anywhere_keeps_every_whole_point(tmp_path):
     for place in range(ends[1], len(whole)):
         Path(path).write_bytes(whole[:place] + bytes([whole[place] ^ 0x40]) + whole[place + 1 :])
         assert len(list(read_journal(path))) == 2
+
+
+def test_a_journal_that_grows_while_it_is_read_reads_as_what_it_was_at_first(tmp_path, monkeypatch):
+    path = str(tmp_path / "result.h5.partial")
+    journal = Journal(path)
+    journal.append(Record({"attributes": {"format": "attrito result"}}))
+
+    def append(*frequencies: float) -> None:
+        for i, hz in enumerate(frequencies):
+            series = {"points/frequency_hz": Series("real64", "some", "Hz")} if hz == 1.0 else {}
+            journal.append(Record({"number": i}, {"points/frequency_hz": np.array(hz)}, series))
+
+    def survey_and_go_on(of: str) -> object:
+        found = survey(of)
+        append(3.0)
+        return found
+
+    survey = result_file._survey
+    monkeypatch.setattr(result_file, "_survey", survey_and_go_on)
+    append(1.0, 2.0)
+    with h5py.File(tmp_path / "result.h5", "w") as file:
+        result_file.fill_result(file, path)
+        assert file["points/frequency_hz"][:].tolist() == [1.0, 2.0]
+    journal.close()
 
 
 def test_a_record_of_absurd_size_is_none(tmp_path):

@@ -6,7 +6,7 @@ module scenes
   use attrito_model_structure, only: structure_type, damping_viscous, damping_ratio, damping_mass, damping_loss_factor
   implicit none
   private
-  public :: scene_type, wedge, wedge_preload, rubbing_frame, rubbing_frame_with_high_modes, one_sided_oscillator, &
+  public :: scene_type, restate, wedge, wedge_preload, rubbing_frame, rubbing_frame_with_high_modes, one_sided_oscillator, &
             damp, damp_as_modes_ratio, noise
 
   !> The static load on the wedge along y
@@ -102,6 +102,23 @@ contains
       allocate (structure%monitors(m + high, 0))
     end associate
   end function rubbing_frame_with_high_modes
+
+  !> The same scene, forces in another unit; damping has to be one of the ratios.
+  subroutine restate(scene, unit)
+    type(scene_type), intent(inout) :: scene
+    real(wp), intent(in) :: unit
+
+    associate (structure => scene%structure, law => scene%contacts%law)
+      structure%mass = unit*structure%mass
+      structure%stiffness = unit*structure%stiffness
+      structure%static_loads = unit*structure%static_loads
+      structure%harmonic_load = unit*structure%harmonic_load
+      law%tangential_stiffness = unit*law%tangential_stiffness
+      law%normal_stiffness = unit*law%normal_stiffness
+      law%preload = unit*law%preload
+    end associate
+    scene%contacts = new_contacts(scene%contacts%law, scene%contacts%directions)
+  end subroutine restate
 
   !> A mass on a spring (both 1) with a unilateral spring; nothing moves along its tangent. Level 1 is a unit cosine.
   function one_sided_oscillator(normal_stiffness, gap, preload, ratio) result(scene)

@@ -14,7 +14,7 @@ program test_linearised_step
   use attrito_balance_two_level_factors, only: two_level_factors_type
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_contact_state, only: state_stuck
-  use scenes, only: scene_type, rubbing_frame, rubbing_frame_with_high_modes, damp, noise
+  use scenes, only: scene_type, rubbing_frame, rubbing_frame_with_high_modes, damp, noise, restate
   use session, only: run_in_session, only_me
   use testing, only: test, check, check_close
   implicit none
@@ -35,6 +35,8 @@ program test_linearised_step
                       test('the preconditioner of all modes is the inverse', exact_preconditioner), &
                       test('a preconditioner kept from another motion leaves the step what it is', kept_preconditioner), &
                       test('a preconditioner that costs more iterations than to make it is made anew', worn_preconditioner), &
+                      test('by GMRES the step takes the same iterations whatever the unit of force', any_unit), &
+                      test('what GMRES does not finish makes its preconditioner void', unfinished), &
                       test('with every contact stuck the step is the residual itself', all_stuck), &
                       test('a constraint on omega alone keeps omega', fixed_frequency), &
                       test('the residual''s derivative by omega is that of differences', by_omega)])
@@ -42,7 +44,7 @@ program test_linearised_step
 contains
 
   !> A balance evaluated at a random motion.
-  subroutine prepare(preload, balance, motion, kind, high)
+  subroutine prepare(preload, balance, motion, kind, high, unit)
     !> Added to every contact
     real(wp), intent(in) :: preload
     type(balance_type), intent(out) :: balance
@@ -51,6 +53,8 @@ contains
     integer, intent(in), optional :: kind
     !> Coordinates with high frequencies, besides the frame's
     integer, intent(in), optional :: high
+    !> Of force, in which all are stated: 1 unless given
+    real(wp), intent(in), optional :: unit
     type(scene_type) :: scene
     type(stuck_system_type) :: stuck
     class(receptance_type), allocatable :: receptance
@@ -68,6 +72,7 @@ contains
     else
       call damp(scene, damping_viscous, 0.05_wp)
     end if
+    if (present(unit)) call restate(scene, unit)
     call new_stuck_system(scene%structure, scene%contacts, .true., stuck, fault)
     call new_receptance(scene%structure, scene%contacts, stuck, harmonics, receptance)
     call new_balance(scene%structure, scene%contacts, receptance, only_me(), 64, balance)
@@ -311,6 +316,48 @@ contains
     call check(error, .not. factors%serve(balance), 'it serves other contacts')
     call balance%destroy()
   end subroutine worn_preconditioner
+
+  !> Units that are powers of two and of four change no digit: GMRES is to see the same system.
+  subroutine any_unit(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(balance_type) :: balance
+    type(unknowns_type) :: right, step(3)
+    real(wp) :: motion(k, rows)
+    integer :: i, iterations(3), status
+
+    do i = 1, 3
+      call prepare(0.0_wp, balance, motion, damping_ratio, 30, 4.0_wp**(10*(i - 2)))
+      right = random_right(balance)
+      step(i) = right
+      call solve_linearised(balance, random_constraint(), right, linear_options_type( &
+                            dense_limit=0, krylov=krylov_options_type(low_modes=4)), step(i), iterations(i), status)
+      call check(error, status == 0 .and. iterations(i) > 3, 'GMRES was not needed: the test is void')
+      call balance%destroy()
+    end do
+    call check(error, all(iterations == iterations(2)), 'the number of iterations depends on the unit')
+    ! Rounding of eigenvectors, whose scaled problem may be worked at in another order, times the condition of the system.
+    call check_close(error, packed(step(1)), packed(step(2)), 1.0e-10_wp*maxval(abs(packed(step(2)))), 'step, small forces')
+    call check_close(error, packed(step(3)), packed(step(2)), 1.0e-10_wp*maxval(abs(packed(step(2)))), 'step, large forces')
+  end subroutine any_unit
+
+  !> The step it has come to is handed out all the same.
+  subroutine unfinished(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(balance_type) :: balance
+    type(two_level_factors_type) :: kept
+    type(unknowns_type) :: right, step
+    real(wp) :: motion(k, rows)
+    integer :: iterations, status
+
+    call prepare(0.0_wp, balance, motion)
+    right = random_right(balance)
+    step = right
+    call solve_linearised(balance, random_constraint(), right, linear_options_type(dense_limit=0, krylov=krylov_options_type( &
+                          tolerance=1.0e-13_wp, low_modes=2, max_iterations=2)), step, iterations, status, kept)
+    call check(error, status == 0 .and. iterations == 2, 'it is not handed out')
+    call check(error, .not. kept%serve(balance), 'its preconditioner is kept')
+    call balance%destroy()
+  end subroutine unfinished
 
   subroutine lively(error)
     type(error_type), allocatable, intent(out) :: error
