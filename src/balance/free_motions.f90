@@ -12,7 +12,7 @@ module attrito_balance_free_motions
   use attrito_model_structure, only: structure_type
   implicit none
   private
-  public :: free_motions_type, new_free_motions
+  public :: free_motions_type, new_free_motions, free_motions
 
   !> Square of the part of a motion's forces that is normal, up to which it is rounding
   real(wp), parameter :: no_part = 1.0e-12_wp
@@ -55,7 +55,8 @@ contains
     self%mean_load = matmul(structure%harmonic_load(:, 1), motions)
   end function new_free_motions
 
-  !> Null space of a stiffness [m, count]: scaled to a unit diagonal, so that stiff and soft parts count alike.
+  !> Motions that a stiffness makes nothing of but rounding [m, count]: scaled to a unit diagonal, so that stiff and soft parts count
+  !> alike and stiff contacts beside soft parts do not look like free motions.
   function free_motions(stiffness) result(motions)
     real(wp), intent(in) :: stiffness(:, :)
     real(wp), allocatable :: motions(:, :)

@@ -11,6 +11,7 @@ module attrito_balance_stuck_system
   use attrito_core_lapack, only: symmetric_eigenpairs
   use attrito_model_contacts, only: contacts_type, stuck_stiffness
   use attrito_model_structure, only: structure_type, damping_none, damping_ratio, damping_mass
+  use attrito_balance_free_motions, only: free_motions
   use attrito_balance_receptance, only: receptance_type
   use attrito_balance_receptance_direct, only: new_receptance_direct
   use attrito_balance_receptance_modal, only: new_receptance_modal
@@ -107,25 +108,14 @@ contains
     self%omega = sqrt(self%modal_stiffness)
   end subroutine modes_by_mass
 
-  !> Motions that neither structure nor stuck contacts hold: eigenvalues of K~, scaled to a unit diagonal, that are zero but for
-  !> rounding. Scaled, stiff contacts and small masses do not look like free motions.
+  !> No motion may be left that neither structure nor stuck contacts hold.
   subroutine check_nothing_is_free(stiffness, error)
     real(wp), intent(in) :: stiffness(:, :)
     type(error_type), allocatable, intent(out) :: error
-    real(wp), allocatable :: scaled(:, :), unit(:, :), eigenvalues(:), modes(:, :)
-    real(wp) :: scale(size(stiffness, 1))
-    integer :: i, info, free
+    integer :: free
     character(12) :: text
 
-    scale = [(stiffness(i, i), i=1, size(stiffness, 1))]
-    where (scale > 0.0_wp) scale = 1.0_wp/sqrt(scale)
-    scaled = stiffness*spread(scale, 1, size(scale))*spread(scale, 2, size(scale))
-    unit = 0.0_wp*scaled
-    do i = 1, size(scale)
-      unit(i, i) = 1.0_wp
-    end do
-    call symmetric_eigenpairs(scaled, unit, eigenvalues, modes, info)
-    free = count(eigenvalues <= 10.0_wp*epsilon(1.0_wp)*size(scale))
+    free = size(free_motions(stiffness), 2)
     if (free == 0) return
     write (text, '(i0)') free
     call raise(error, 'stiffness: with every contact stuck, K + B^T K_c B leaves '//trim(text)//' motion(s) free: expected'// &

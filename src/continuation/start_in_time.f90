@@ -3,11 +3,13 @@
 !>
 !> $$ q = \mathrm{Re} \sum_h X_h, \qquad \dot q = \mathrm{Re} \sum_h i h \omega X_h, $$
 !>
-!> and runs on under the loads of the point that is looked for until Newton's method converges from what it has come to.
+!> and runs on under the loads of the point that is looked for until Newton's method converges from what it has come to; then once more
+!> from rest, q = X_0 and q' = 0, where the point before leads to another motion.
 module attrito_continuation_start_in_time
   use attrito_core_kinds, only: wp
   use attrito_continuation_held_mean, only: let_walk
   use attrito_continuation_motion_in_time, only: excitation_type, periods_type
+  use attrito_continuation_place, only: place_type, place_of, return_to
   use attrito_continuation_solver, only: solver_type
   implicit none
   private
@@ -15,7 +17,7 @@ module attrito_continuation_start_in_time
 
   !> Stretches of motion in time that Newton's method starts from, all but every third briefly; how many where hardly anything is
   !> hoped for
-  integer, parameter :: attempts_in_time = 12, full_attempt = 3, attempts_lost = 3
+  integer, parameter :: attempts_in_time = 12, full_attempt = 3, attempts_lost = 3, attempts_from_rest = 4
   !> Periods averaged at first, and after how many attempts they double: the longer a motion wanders, the longer its mean takes
   integer, parameter :: periods_averaged = 5, attempts_alike = 4
   !> Stretches one after another that walk, and are then known to; change over a period of a motion that has settled
@@ -42,13 +44,32 @@ contains
     !> Counts on
     integer, intent(inout) :: iterations
     logical, intent(out) :: converged
+    type(place_type) :: before
+
+    before = place_of(solver)
+    call run_and_solve(solver, omega, merge(attempts_lost, attempts_in_time, lost .or. solver%walks), walked, iterations, converged)
+    if (converged .or. lost .or. walked .or. solver%walks) return
+    call return_to(solver, before)
+    solver%motion(2:, :) = 0.0_wp
+    call run_and_solve(solver, omega, attempts_from_rest, walked, iterations, converged)
+  end subroutine solve_in_time
+
+  !> So many stretches from where the solver stands.
+  subroutine run_and_solve(solver, omega, attempts, walked, iterations, converged)
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: omega
+    integer, intent(in) :: attempts
+    logical, intent(in) :: walked
+    !> Counts on
+    integer, intent(inout) :: iterations
+    logical, intent(out) :: converged
     type(periods_type) :: periods
     integer :: attempt, walking
 
     call stand_in_time(solver, converged)
     if (.not. converged) return
     walking = 0
-    do attempt = 1, merge(attempts_lost, attempts_in_time, lost .or. solver%walks)
+    do attempt = 1, attempts
       call move_on(solver, omega, periods_averaged*2**((attempt - 1)/attempts_alike), periods)
       converged = .false.
       if (.not. periods%moved) exit
@@ -64,7 +85,7 @@ contains
       if (solver%walks .and. attempt >= attempts_lost) exit
     end do
     solver%no_orbit = solver%walks .or. (.not. converged .and. periods%moved .and. periods%change > settled)
-  end subroutine solve_in_time
+  end subroutine run_and_solve
 
   !> A stretch of motion in time; the solver stands at its mean.
   subroutine move_on(solver, omega, count, periods)

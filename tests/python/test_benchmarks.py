@@ -101,7 +101,7 @@ def test_scaling_fits_an_exponent_to_each_quantity():
     )
     found = run("scaling.py", "--contacts", "9", "12", "--samples", "32", *small)
     assert set(found) == {"contacts", "slipping", "harmonics", "modes"}
-    assert all(row["points"] == 5 for series in found.values() for row in series["rows"])
+    assert all(row["points"] == 24 for series in found.values() for row in series["rows"])
 
 
 def test_integration_finds_the_orbit_of_a_block_that_sticks_and_none_of_one_that_is_shaken_loose():
