@@ -99,7 +99,7 @@ def draw(series: dict[str, dict], path: str) -> None:
         axes.set_xticks(x, [f"{value:.0f}" for value in x])
         axes.set_xticks([], minor=True)
         axes.set_xlabel(TITLES[quantity])
-        axes.legend()
+        axes.legend(loc="upper left")
         axes.grid(alpha=0.3, which="both")
     for axes in panels[:, 0]:
         axes.set_ylabel("processor time, s")
