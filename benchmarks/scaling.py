@@ -3,11 +3,11 @@
     .venv/bin/python benchmarks/scaling.py --picture docs/scaling.png > scaling.json
     .venv/bin/python benchmarks/scaling.py --contacts 30 50 --slipping 3 6 --harmonics 1 3 --modes 40 60 --base 30
 
-A point is ordinary when it is reached from the one before, a fifth of a per cent away in frequency, to and fro at 0.9 of
-the first stuck frequency. The load grows in steps of a tenth until as many contacts slip as are wanted. Each quantity is varied
-with the others held: `--base` contacts, `--wanted` of them slipping, 5 harmonics, 200 modes. Prints JSON: the
-processor's seconds a point and a Newton iteration, medians over the points, and exponents of a power of the quantity,
-fitted by least squares to the logarithms.
+A point is ordinary when it is reached from the one before, a fifth of a per cent away in frequency, to and fro at 0.9
+of the first stuck frequency. The load grows in steps of a tenth until as many contacts slip as are wanted. Each
+quantity is varied with the others held: `--base` contacts, `--wanted` of them slipping, 5 harmonics, 200 modes. Prints
+JSON: the processor's seconds a point and a Newton iteration, medians over the points, and exponents of a power of the
+quantity, fitted by least squares to the logarithms.
 """
 
 from __future__ import annotations
