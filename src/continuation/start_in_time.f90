@@ -3,8 +3,8 @@
 !>
 !> $$ q = \mathrm{Re} \sum_h X_h, \qquad \dot q = \mathrm{Re} \sum_h i h \omega X_h, $$
 !>
-!> and runs on under the loads of the point that is looked for until Newton's method converges from what it has come to; then once more
-!> from rest, q = X_0 and q' = 0, where the point before leads to another motion.
+!> and runs on under the loads of the point that is looked for until Newton's method converges from what it has come to; then, since
+!> the point before may lead to another motion, once more from rest, q = X_0 and q' = 0.
 module attrito_continuation_start_in_time
   use attrito_core_kinds, only: wp
   use attrito_continuation_held_mean, only: let_walk
