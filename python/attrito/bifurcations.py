@@ -10,8 +10,7 @@ import h5py
 import numpy as np
 
 from attrito.job import Job
-from attrito.results import NO_SOLUTION
-from attrito.solver import Point, Solver
+from attrito.solver import NO_SOLUTION, Point, Solver
 from attrito.stability import METHODS, ORBITS
 
 if TYPE_CHECKING:

@@ -28,7 +28,7 @@ class RawOptions(ctypes.Structure):
         *((name, ctypes.c_int) for name in ("harmonics", "samples", "rounds", "max_iterations")),
         ("reset_slider", ctypes.c_int),
         ("uncoupled", ctypes.c_int),
-        *((name, ctypes.c_int) for name in ("by_events", "choose_harmonics", "choose_samples")),
+        *((name, ctypes.c_int) for name in ("by_events", "choose_harmonics", "choose_samples", "fewest_samples")),
         *((name, ctypes.c_double) for name in ("tolerance", "accepted_error", "mode_error")),
     ]
 

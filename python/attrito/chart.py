@@ -41,6 +41,8 @@ STEPS = (32, 64, 128, 256, 512, 1024)
 MODE_PARTS = (0.0, 0.1, 0.25, 0.5, 0.75)
 SCHEMES = ("central_difference", "newmark", "hht", "generalised_alpha", "event")
 CYCLES = 400
+# Points that a way may be charted by: stability is not examined, and the error is what is charted
+SOLVED = ("converged", "above_tolerance")
 # What is estimated for the reference; with two tangents samples limit it
 REFERENCE = {1: 1e-9, 2: 1e-5}
 POINTS = 5
@@ -96,7 +98,7 @@ class Bench:
                 points = solver.solve_at(listed, self._level, 0)
             else:
                 points = solver.sweep(start, stop, self._level, 0, self._job["continuation"]["max_points"])
-            found = [(point.amplitude[0], point.frequency_hz) for point in points if point.outcome == "converged"]
+            found = [(point.amplitude[0], point.frequency_hz) for point in points if point.outcome in SOLVED]
         if not found:
             raise NumericsError("no point of the sweep converged: there is no peak to chart")
         peak = max(found)[1]
@@ -174,7 +176,7 @@ class Bench:
             "seconds": seconds,
             "work": last.work,
         } | settings
-        if any(point.outcome != "converged" for point in points):
+        if any(point.outcome not in SOLVED for point in points):
             return Way(series, label, **found, note="a point did not converge")
         if not count:
             self._amplitude, self._iterations = last.amplitude, sum(point.iterations for point in points)

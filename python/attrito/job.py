@@ -133,8 +133,12 @@ def check_job(raw: dict[str, Any], path: str) -> Job:
     return job
 
 
-# Where neither a number nor a tolerance is given
-HARMONICS, QUADRATURE, TOLERANCE, MODE_ERROR = 5, "event", 0.01, 1e-3
+# Accepted where no tolerance is given, of the amplitude and of what a reduction leaves out
+TOLERANCE, MODE_ERROR = 0.01, 1e-3
+# Harmonics that modes matter for where they are chosen point by point: beyond, modes that are left out follow at rest
+HARMONICS = 5
+# Samples a period where none are asked for
+SAMPLES = 128
 # Part of the tolerance that the modes left out by a reduction may take
 MODES_SHARE = 0.25
 
@@ -142,13 +146,14 @@ MODES_SHARE = 0.25
 def _fill_accuracy(job: Job) -> None:
     """What follows from one another: a tolerance chooses all that is not given, and what is "auto" has a tolerance."""
     balance, reduction = job["balance"], job["reduction"]
-    chosen = balance["tolerance"] is not None
-    for key, default in (("harmonics", HARMONICS), ("quadrature", QUADRATURE)):
-        if balance[key] is None:
-            balance[key] = "auto" if chosen else default
+    given = balance["tolerance"] is not None
+    if balance["harmonics"] is None:
+        balance["harmonics"] = "auto"
+    if balance["quadrature"] is None:
+        balance["quadrature"] = "auto" if given or balance["harmonics"] == "auto" else "event"
     if reduction["modes"] == "auto" and reduction["error"] is None:
-        reduction["error"] = MODES_SHARE * balance["tolerance"] if chosen else MODE_ERROR
-    if not chosen and "auto" in (balance["harmonics"], balance["quadrature"]):
+        reduction["error"] = MODES_SHARE * balance["tolerance"] if given else MODE_ERROR
+    if not given and "auto" in (balance["harmonics"], balance["quadrature"]):
         balance["tolerance"] = TOLERANCE
 
 
@@ -298,16 +303,9 @@ def _check_sweep(job: Job) -> list[Fault]:
 def _check_balance(job: Job) -> list[Fault]:
     faults = []
     harmonics, samples = job["balance"]["harmonics"], job["balance"]["samples"]
-    chosen = (harmonics, job["balance"]["quadrature"], job["reduction"]["modes"])
-    if job["balance"]["tolerance"] is not None and "auto" not in chosen:
-        expected = 'no such key but with harmonics, quadrature or [reduction] modes = "auto"'
-        faults.append(job.fault("[balance] tolerance", job["balance"]["tolerance"], expected))
-    if job["balance"]["quadrature"] == "auto" and samples != TABLES["balance"]["samples"].default:
-        expected = 'no such key where they are chosen: quadrature = "auto", which a tolerance stands for too'
-        faults.append(job.fault("[balance] samples", samples, expected))
     if not isinstance(harmonics, int):
         return faults
-    if samples < 4 * harmonics + 2:
+    if samples is not None and samples < 4 * harmonics + 2 and _goes_by_samples(job):
         expected = f"at least {4 * harmonics + 2} samples for {harmonics} harmonics"
         faults.append(job.fault("[balance] samples", samples, expected))
     for i, load in enumerate(job["load"]):
@@ -315,6 +313,14 @@ def _check_balance(job: Job) -> list[Fault]:
             expected = f"a harmonic that is solved for: at most {harmonics}"
             faults.append(job.fault(f"load[{i}] harmonic", load["harmonic"], expected))
     return faults
+
+
+def _goes_by_samples(job: Job) -> bool:
+    """Whether any contact goes by samples."""
+    by_events = job["balance"]["quadrature"] != "sampled"
+    two = [len(contact["tangents"] or []) == 2 for contact in job["contact"]]
+    two += [contacts["tangents"] == 2 for contacts in job["contact_set"]]
+    return not by_events or any(two)
 
 
 def _check_stability(job: Job) -> list[Fault]:

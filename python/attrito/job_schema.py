@@ -123,26 +123,27 @@ TABLES: dict[str, dict[str, Key]] = {
         "harmonics": Key(
             either(integer(1, 1000), choice("auto")),
             None,
-            'highest harmonic H; `"auto"`: at each point what the tolerance, 0.01 unless given, asks for. Absent: 5, or'
-            ' with a tolerance `"auto"`',
+            'highest harmonic H; `"auto"`, and absent: at each point what the tolerance asks for, 0.01 unless given',
         ),
         "tolerance": Key(
             number(1e-8, 1),
             None,
-            "relative error accepted in the monitors' amplitude: it chooses harmonics and quadrature where they are not"
-            " given ([accuracy.md](accuracy.md))",
+            "relative error accepted in the monitors' amplitude: it chooses harmonics and samples where they are not"
+            " given, and a point whose estimated error is larger is `above_tolerance` ([accuracy.md](accuracy.md))."
+            " Absent: 0.01 where harmonics or samples are chosen; with fixed ones the error is estimated, not checked",
         ),
         "quadrature": Key(
             choice("event", "sampled", "auto"),
             None,
             'one-tangent contacts by events, exact, two-tangent ones by samples; all by samples; or, `"auto"`, as by'
-            ' events, with as many samples as the tolerance asks for. Absent: `"event"`, or with a tolerance `"auto"`',
+            ' events, with as many samples as the tolerance asks for. Absent: `"auto"`, or `"event"` where harmonics are'
+            " fixed and no tolerance is given",
         ),
         "samples": Key(
             integer(8, 2**20),
-            128,
-            "a period; the error falls like samples^-2 ([method.md](method.md)); more where the harmonics chosen need"
-            " them",
+            None,
+            "a period, of contacts that go by samples; the error falls like samples^-2 ([method.md](method.md)). Where"
+            " samples are chosen, the fewest. Absent: 128, or 6 H + 2 where that is more",
         ),
         "residual_tolerance": Key(number(1e-14, 1e-3), 1e-10, "norm of the residual relative to the stuck response"),
         "max_iterations": Key(integer(1), 30, "of Newton's method"),

@@ -14,8 +14,7 @@ import numpy as np
 
 from attrito.faults import NumericsError
 from attrito.integrator import Integrator, Run
-from attrito.results import NO_SOLUTION
-from attrito.solver import OUTCOMES, Point, ReducedScene
+from attrito.solver import NO_SOLUTION, OUTCOMES, Point, ReducedScene
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm

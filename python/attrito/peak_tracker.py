@@ -58,7 +58,7 @@ class Peak:
 
     @property
     def outcome(self) -> str:
-        """`converged`, `not_converged`, or `indeterminate`."""
+        """`converged`, `not_converged`, `indeterminate`, or `above_tolerance`."""
         return self.point.outcome
 
     @property

@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 
 from attrito.backbone import Backbone, BackboneTracker, follow_backbone, leading_mode
 from attrito.faults import InputError, NumericsError, UnsolvedError
+from attrito.fixed_series import fixed_series, is_enough
 from attrito.job import Job, peak_path, read_job
 from attrito.parallel import on_root, on_root_only
 from attrito.peak_file import Found, elasticity, table, write
@@ -21,7 +22,7 @@ from attrito.progress import Progress
 from attrito.rom import make_rom, reduced_scene, rom_path
 from attrito.running import solver_options
 from attrito.scene import build_scene
-from attrito.solver import ReducedScene, Solver
+from attrito.solver import Options, ReducedScene, Solver
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -44,15 +45,21 @@ def peak_job(comm: Comm, path: str | Job, picture: str | None = None) -> str:
     reduced, load_path = on_root(comm, lambda: (reduced_scene(job, scene), scene.load_path))
     found: list[Found] = []
     leading = None
-    with Solver(comm, reduced, solver_options(job)) as solver:
-        for one in follow(solver, job, reduced, load_path):
-            found.append(one)
-            progress.say(line(one, job["peak"]["parameter"]))
-            if leading is None and one.converged:
-                leading = leading_mode(solver)
+    for options in on_root(comm, lambda: fixed_series(solver_options(job))):
+        if found:
+            progress.say(f"above the tolerance: anew with {options.harmonics} harmonics, {options.samples} samples")
+        found, leading = [], None
+        with Solver(comm, reduced, options) as solver:
+            for one in follow(solver, job, reduced, load_path):
+                found.append(one)
+                progress.say(line(one, job["peak"]["parameter"]))
+                if leading is None and one.converged:
+                    leading = leading_mode(solver)
+        if is_enough(one.peak.outcome for one in found):
+            break
     backbone = None
     if job["peak"]["backbone"] and leading is not None:
-        backbone = follow_mode(comm, job, reduced, load_path, leading, found)
+        backbone = follow_mode(comm, job, options, reduced, load_path, leading, found)
         progress.say(f"backbone of stuck mode {leading[0]}: {sum(map(len, backbone.stretches))} points")
     file = peak_path(job)
 
@@ -111,10 +118,16 @@ def begin(
 
 
 def follow_mode(
-    comm: Comm, job: Job, scene: ReducedScene, load_path: np.ndarray, leading: tuple[int, float], found: list[Found]
+    comm: Comm,
+    job: Job,
+    options: Options,
+    scene: ReducedScene,
+    load_path: np.ndarray,
+    leading: tuple[int, float],
+    found: list[Found],
 ) -> Backbone:
     """The backbone of a mode over the levels of the peaks found; `leading`: that of `leading_mode` at the first."""
-    with Solver(comm, scene, solver_options(job)) as solver:
+    with Solver(comm, scene, options) as solver:
         solver.walk_static_path(load_path, job["static"]["steps"], min(_band(job)))
         mode, amplitude = leading
         tracker = BackboneTracker(solver, mode, _monitor(job, scene), job["peak"]["amplitude"])
@@ -183,6 +196,8 @@ def _missed(job: Job, found: list[Found]) -> str:
         return f"the peak is lost {where}: no point of the curve was found there"
     if abs(last.peak.parameter - keys["stop"]) > 1e-12 * keys["stop"]:
         return f"[peak] max_points was reached at {keys['parameter']} {last.peak.parameter:g}"
+    if above := sum(one.peak.outcome == "above_tolerance" for one in found):
+        return f"the estimated error of {above} peak(s) is above [balance] tolerance = {job['balance']['tolerance']:g}"
     return ""
 
 
@@ -195,10 +210,6 @@ def _check(job: Job) -> None:
     ]
     if not faults and keys["start"] == keys["stop"]:
         faults.append(job.fault("[peak] stop", keys["stop"], "a value other than start"))
-    if job["balance"]["harmonics"] == "auto":
-        faults.append(job.fault("[balance] harmonics", "auto", "a number: it stays the same along the curve of peaks"))
-    if job["balance"]["quadrature"] == "auto":
-        faults.append(job.fault("[balance] quadrature", "auto", '"event" or "sampled", the same all along'))
     names = [monitor["name"] for monitor in job["output"]["monitors"]]
     if keys["monitor"] not in (None, *names):
         faults.append(job.fault("[peak] monitor", keys["monitor"], "one of " + ", ".join(names)))

@@ -21,7 +21,8 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import ScaledTranslation
 
 from attrito.faults import Fault, InputError
-from attrito.results import NO_SOLUTION, Result
+from attrito.results import Result
+from attrito.solver import NO_SOLUTION
 from attrito.whole_file import whole_file
 
 BRANCH_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")

@@ -13,7 +13,8 @@ from attrito.faults import Fault, InputError
 from attrito.overwriting import check_spared
 from attrito.report_page import Page
 from attrito.report_view import View
-from attrito.results import NO_SOLUTION, Result
+from attrito.results import Result
+from attrito.solver import NO_SOLUTION
 from attrito.whole_file import whole_file
 
 SECTIONS = (

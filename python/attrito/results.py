@@ -13,10 +13,9 @@ import numpy as np
 from attrito.faults import Fault, InputError
 from attrito.journal import is_journal
 from attrito.result_file import fill_result
+from attrito.solver import NO_SOLUTION
 from attrito.stored import UNREADABLE, check_sizes, spoilt
 
-# The other outcomes say that a solution was found, and what is wrong with it.
-NO_SOLUTION = ("no_period_one_orbit", "not_converged")
 # Shapes of what is known of each contact, where it is more than a number.
 OF_A_CONTACT = {"position": (3,), "frame": (3, 3)}
 

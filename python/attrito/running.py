@@ -10,7 +10,7 @@ import numpy as np
 from attrito.bifurcations import Finder, write_bifurcations
 from attrito.course import Course
 from attrito.faults import InputError, NumericsError, UnsolvedError
-from attrito.job import TOLERANCE, Job, read_job
+from attrito.job import SAMPLES, Job, read_job
 from attrito.journal import Record, set_aside
 from attrito.longer_periods import LongerPeriods, write_periods
 from attrito.parallel import on_root, on_root_only
@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 
 # Where they are chosen point by point, to begin with
 FIRST_HARMONICS, FIRST_SAMPLES = 3, 64
+# No fewer are chosen
+FEWEST_SAMPLES = 32
 
 
 def reduce_job(comm: Comm, path: str | Job) -> str:
@@ -205,6 +207,12 @@ class _Run:
                 " there, or motion in time walks, bounces or takes several periods; they are in the file with outcome"
                 " no_period_one_orbit"
             )
+        if above := self.place.outcomes.get("above_tolerance", 0):
+            found.append(
+                f"the estimated error of {above} point(s) is above [balance] tolerance ="
+                f" {self._job['balance']['tolerance']:g}; they are in the file with outcome above_tolerance, and"
+                f" /points/error_harmonics, error_samples and error_modes say what causes it"
+            )
         return found
 
 
@@ -233,18 +241,20 @@ def solver_options(job: Job) -> Options:
     automatic = balance["harmonics"] == "auto"
     loaded = max((load["harmonic"] for load in job["load"] if load["kind"] == "harmonic"), default=1)
     harmonics = max(FIRST_HARMONICS, loaded) if automatic else balance["harmonics"]
-    samples = FIRST_SAMPLES if balance["quadrature"] == "auto" else balance["samples"]
+    chosen = balance["quadrature"] == "auto"
+    samples = balance["samples"] or max(FIRST_SAMPLES if chosen else SAMPLES, 6 * harmonics + 2)
     return Options(
         harmonics=harmonics,
-        samples=max(samples, 6 * harmonics + 2) if automatic else samples,
+        samples=max(samples, (6 if automatic else 4) * harmonics + 2),
         max_iterations=balance["max_iterations"],
         tolerance=balance["residual_tolerance"],
         reset_slider=job["static"]["slider"] == "reset",
         uncoupled=balance["approach"] == "uncoupled",
         by_events=balance["quadrature"] != "sampled",
         choose_harmonics=automatic,
-        choose_samples=balance["quadrature"] == "auto",
-        accepted_error=balance["tolerance"] or TOLERANCE,
+        choose_samples=chosen,
+        fewest_samples=(balance["samples"] if chosen and balance["samples"] else FEWEST_SAMPLES),
+        accepted_error=balance["tolerance"] or 0.0,
         mode_error=mode_error(rom_path(job)),
     )
 

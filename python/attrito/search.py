@@ -15,8 +15,7 @@ import numpy as np
 
 from attrito.bifurcations import FOLDS, Finder
 from attrito.job import Job
-from attrito.results import NO_SOLUTION
-from attrito.solver import Point, Solver
+from attrito.solver import NO_SOLUTION, Point, Solver
 
 if TYPE_CHECKING:
     from attrito.progress import Progress
@@ -164,7 +163,7 @@ class Search:
         """Middles of the runs of points that are unstable or missing."""
         runs: list[list[float]] = [[]]
         for known in self._points:
-            if known.outcome == "converged":
+            if known.outcome in ("converged", "above_tolerance"):
                 runs.append([])
             else:
                 runs[-1].append(known.frequency_hz)

@@ -21,7 +21,16 @@ if TYPE_CHECKING:
 
     from attrito.restart import StoredPoint
 
-OUTCOMES = ("converged", "unstable", "indeterminate", "no_period_one_orbit", "not_converged")
+OUTCOMES = (
+    "converged",
+    "unstable",
+    "indeterminate",
+    "no_period_one_orbit",
+    "not_converged",
+    "above_tolerance",
+)
+# Of points without a solution
+NO_SOLUTION = ("no_period_one_orbit", "not_converged")
 # What the cascade tries, in its order; src/continuation/cascade.f90 has the same names.
 ATTEMPTS = (
     "newton_briefly",
@@ -41,8 +50,9 @@ DAMPING_KINDS = {"none": 0, "viscous": 1, "ratio": 2, "mass": 3, "loss_factor": 
 class Options:
     """Choices of the harmonic balance; see docs/job.md.
 
-    With `choose_harmonics` and `choose_samples` the numbers given are those to begin with, and `accepted_error` tells
-    how far to go. `mode_error`: the reduced model's own share of the error, for the record.
+    `accepted_error`: relative error of the amplitude beyond which a point is `above_tolerance`; 0: not checked. With
+    `choose_harmonics` and `choose_samples` the numbers given are those to begin with, `accepted_error` is what they are
+    chosen by, and there are at least `fewest_samples`. `mode_error`: the reduced model's own share of the error.
     """
 
     harmonics: int = 5
@@ -54,8 +64,9 @@ class Options:
     by_events: bool = False
     choose_harmonics: bool = False
     choose_samples: bool = False
+    fewest_samples: int = 32
     tolerance: float = 1e-10
-    accepted_error: float = 0.01
+    accepted_error: float = 0.0
     mode_error: float = 0.0
 
 
@@ -113,6 +124,11 @@ class Point(NamedTuple):
     finished: bool
     reached_stop: bool
     followed: bool
+
+    @property
+    def is_solved(self) -> bool:
+        """Whether there is a solution, whatever is known of its stability and error."""
+        return self.outcome not in NO_SOLUTION
 
 
 _errors_of = operator.attrgetter(*ERRORS)

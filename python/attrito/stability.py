@@ -20,7 +20,7 @@ ENGINES = {"monodromy": 1, "hill": 2}
 ORBITS = {"balance": 0, "exact": 1, "auto": 2}
 METHODS = {"none": 0, **ENGINES, "both": 3}
 KINDS = ("floquet", "slip", "stuck")
-# Verdicts as the library counts them, and what a converged point's outcome becomes.
+# Verdicts as the library counts them, and what the outcome of a converged point becomes.
 OUTCOMES = {0: "unstable", 1: "converged", 2: "indeterminate"}
 
 
@@ -64,7 +64,7 @@ class Examiner:
         """The point with its verdict: the solver stands at it, and it is not written yet. Collective."""
         number = self._points
         self._points += 1
-        if not self._methods or point.outcome != "converged":
+        if not self._methods or point.outcome not in ("converged", "above_tolerance"):
             return point
         report, reason = examine_point(self._solver, self._methods, self._orbit, self._viscous)
         if self._root:
@@ -78,6 +78,8 @@ class Examiner:
                 self.lows[number], self.highs[number] = report.low, report.high
             if reason:
                 self.reasons[number] = reason
+        if point.outcome == "above_tolerance":
+            return point
         return point._replace(outcome=OUTCOMES.get(report.verdict, point.outcome))
 
     def put_down(self) -> dict[str, np.ndarray]:

@@ -24,8 +24,8 @@ QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 MOST_PARTS, FEWEST = 15, 8
 
 
-def write_study(study: Study, job: Job, values: np.ndarray, found: list[dict[str, Any]]) -> int:
-    """Put batches together into the study's file and picture; returns how many samples lack a peak."""
+def write_study(study: Study, job: Job, values: np.ndarray, found: list[dict[str, Any]]) -> dict[str, int]:
+    """Put batches together into the file and picture; returns how many samples have an outcome to report, by name."""
     stops = study.stops(job)
     rows: list[Any] = [None] * study.samples
     for batch in found:
@@ -65,7 +65,8 @@ def write_study(study: Study, job: Job, values: np.ndarray, found: list[dict[str
         put("quantiles/amplitude", quantiles, "over the samples, by quantile and parameter", "user length")
         put("quantiles/probability", np.array(QUANTILES), "of the quantiles", "1")
     save(picture(study, stops, values, number["amplitude"], job["peak"]["parameter"]), study.picture)
-    return int((outcome == OUTCOMES.index("not_converged")).any(axis=1).sum())
+    names = ("not_converged", "above_tolerance")
+    return {name: int((outcome == OUTCOMES.index(name)).any(axis=1).sum()) for name in names}
 
 
 def picture(study: Study, stops: list[float], values: np.ndarray, amplitude: np.ndarray, parameter: str) -> Figure:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from attrito.faults import NumericsError
+from attrito.fixed_series import fixed_series, is_enough
 from attrito.job import Job
 from attrito.parallel import on_root
 from attrito.peak_tracker import Peak, PeakTracker, Start
@@ -45,6 +46,8 @@ class SamplePeaks:
         self._comm, self._base = comm, base
         self._solver: Solver | None = None
         self._options: Options | None = None
+        # Which of the series the last sample took
+        self._length = 0
         # By place among the values of the parameter
         self._starts: dict[int, Start] = {}
 
@@ -58,12 +61,21 @@ class SamplePeaks:
     def of(self, job: Job, values: list[float]) -> list[dict[str, Any]]:
         """The peaks of a job at values of its parameter."""
 
-        def scene_of() -> tuple[ReducedScene, np.ndarray, Options]:
+        def scene_of() -> tuple[ReducedScene, np.ndarray, list[Options]]:
             scene = build_scene(job) if self._base is None else with_numbers_of(job, self._base)
-            return reduced_scene(job, scene), scene.load_path, solver_options(job)
+            return reduced_scene(job, scene), scene.load_path, fixed_series(solver_options(job))
 
-        reduced, load_path, options = on_root(self._comm, scene_of)
-        self._take(reduced, options)
+        reduced, load_path, series = on_root(self._comm, scene_of)
+        while True:
+            self._take(reduced, series[self._length])
+            found = self._find(job, reduced, load_path, values)
+            if self._length == len(series) - 1 or is_enough(row["outcome"] for row in found):
+                return found
+            self._length += 1
+
+    def _find(
+        self, job: Job, reduced: ReducedScene, load_path: np.ndarray, values: list[float]
+    ) -> list[dict[str, Any]]:
         found = []
         for i, value in enumerate(values):
             search = _Search(self._solver, job, reduced, load_path, value)

@@ -56,7 +56,7 @@ def run_study(comm: Comm, path: str | Study) -> str:
         group.Free()
     comm.Barrier()
 
-    def finish() -> int:
+    def finish() -> dict[str, int]:
         found = [json.loads(_part(folder, i).read_text()) for i in range(len(order))]
         failed = write_study(study, job, values, found)
         shutil.rmtree(folder.parent)
@@ -64,8 +64,16 @@ def run_study(comm: Comm, path: str | Study) -> str:
 
     failed = on_root(comm, finish)
     progress.say(study.file)
-    if failed:
-        raise UnsolvedError(study.file, f"{failed} of {study.samples} samples have no peak; they are in the file")
+    complaints = []
+    if failed["not_converged"]:
+        complaints.append(f"{failed['not_converged']} of {study.samples} samples have no peak; they are in the file")
+    if failed["above_tolerance"]:
+        complaints.append(
+            f"peaks of {failed['above_tolerance']} of {study.samples} samples have an estimated error above"
+            f" [balance] tolerance = {job['balance']['tolerance']:g}; they are in the file with outcome above_tolerance"
+        )
+    if complaints:
+        raise UnsolvedError(study.file, "; ".join(complaints))
     return study.file
 
 

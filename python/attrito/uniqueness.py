@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
 EXAMINED = ("stuck", "shaken_down")
-SOLVED = ("converged", "unstable", "indeterminate")
+SOLVED = ("converged", "unstable", "indeterminate", "above_tolerance")
 # How the bounds of a point came about, by number.
 KINDS = ("none", "exact", "sampled")
 # More contacts than this would cost more than the solve: by linear programs; and by visiting members, unless asked for,
@@ -72,7 +72,7 @@ class Sampler:
         if (
             not self._samples
             or point.unique
-            or point.outcome not in ("converged", "unstable")
+            or point.outcome not in ("converged", "unstable", "above_tolerance")
             or (self.programs and not slips)
         ):
             return

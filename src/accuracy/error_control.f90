@@ -22,7 +22,7 @@ module attrito_accuracy_error_control
   use attrito_continuation_solver, only: solver_type
   implicit none
   private
-  public :: error_control_type, point_errors_type
+  public :: error_control_type, point_errors_type, no_tolerance
 
   !> Monitors below this part of the largest amplitude are measured against it: of what hardly moves no relative error is told
   real(wp), parameter :: least_share = 1.0e-3_wp
@@ -31,8 +31,10 @@ module attrito_accuracy_error_control
   real(wp), parameter :: harmonics_share = 0.5_wp, samples_share = 0.25_wp, aimed_part = 0.3_wp
   !> A series is cut where so few harmonics would do
   real(wp), parameter :: worth_cutting = 0.75_wp
+  !> A tolerance that no error exceeds, one that is not known included
+  real(wp), parameter :: no_tolerance = huge(1.0_wp)
   !> Harmonics and samples between which they are chosen
-  integer, parameter :: most_harmonics = 100, fewest_samples = 32, most_samples = 8192
+  integer, parameter :: most_harmonics = 100, most_samples = 8192
   integer, parameter :: most_refinements = 4
 
   !> Relative errors of the amplitude; those by harmonics and samples are NaN where the linearised step that tells them is singular
@@ -41,15 +43,16 @@ module attrito_accuracy_error_control
   contains
     procedure :: all
     procedure :: are_known
+    procedure :: are_within
   end type point_errors_type
 
   type :: error_control_type
     !> Relative error accepted in the amplitude
-    real(wp) :: tolerance = 0.01_wp
+    real(wp) :: tolerance = no_tolerance
     !> Choose harmonics and samples by it?
     logical :: choose_harmonics = .false., choose_samples = .false.
-    !> Fewest harmonics: those of the loads
-    integer :: fewest_harmonics = 1
+    !> Fewest harmonics, those of the loads, and fewest samples
+    integer :: fewest_harmonics = 1, fewest_samples = 32
     !> Of the present point; `modes` is the same for all points
     type(point_errors_type) :: errors
     type(finer_balance_type), private :: longer, denser
@@ -77,6 +80,15 @@ contains
 
     are_known = .not. ieee_is_nan(self%harmonics)
   end function are_known
+
+  !> Is the tolerance kept? Errors that are not known keep none.
+  pure logical function are_within(self, tolerance)
+    class(point_errors_type), intent(in) :: self
+    real(wp), intent(in) :: tolerance
+
+    are_within = tolerance >= no_tolerance
+    if (self%are_known() .and. .not. are_within) are_within = self%all() <= tolerance
+  end function are_within
 
   !> What a point leaves for the next: put down after it, or taken up in its place.
   subroutine keep(self, store)
@@ -321,7 +333,7 @@ contains
     if (self%choose_samples) then
       factor = sqrt(self%errors%samples/(aimed_part*samples_share*self%tolerance))
       if (factor > 1.0_wp .or. factor < worth_cutting) needed = 8*ceiling(min(max(factor, 0.5_wp), 8.0_wp)*needed/8.0_wp)
-      needed = min(max(needed, fewest_samples), most_samples)
+      needed = min(max(needed, self%fewest_samples), most_samples)
     end if
     if (self%choose_harmonics) needed = max(needed, 6*harmonics + 2)
   end function needed_samples

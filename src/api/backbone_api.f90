@@ -1,7 +1,7 @@
 !> C interface of backbones. All calls are collective and give every rank the same.
 module attrito_api_backbone
   use, intrinsic :: iso_c_binding
-  use attrito_accuracy_error_control, only: point_errors_type
+  use attrito_accuracy_error_control, only: point_errors_type, no_tolerance
   use attrito_output_point_report, only: report_point
   use attrito_peak_backbone, only: begin_backbone, leading_mode
   use attrito_peak_condition, only: problem_type
@@ -78,7 +78,7 @@ contains
 
     session%solver%report%converged = session%backbone%found
     session%solver%report%iterations = session%backbone%iterations
-    call report_point(session%solver, branch, point_errors_type(), session%point)
+    call report_point(session%solver, branch, point_errors_type(), no_tolerance, session%point)
     backbone%point = point_of(session%point)
     backbone%modal_amplitude = session%backbone%amplitude
     backbone%excitation = session%backbone%excitation

@@ -146,7 +146,7 @@ contains
     session%solver%report%converged = session%peak%found
     session%solver%report%iterations = session%peak%iterations
     call session%accuracy%estimate(session%solver, finer)
-    call report_point(session%solver, branch, session%accuracy%errors, session%point)
+    call report_point(session%solver, branch, session%accuracy%errors, session%accuracy%tolerance, session%point)
     peak%point = point_of(session%point)
     peak%evaluations = session%solver%context%balance%evaluations
     peak%parameter = value_of(session%peak%problem, session%solver)

@@ -21,6 +21,7 @@ module attrito_api_solver
   use attrito_continuation_solver, only: solver_options_type, new_solver
   use attrito_integrate_averaged_periods, only: new_averaged_periods
   use attrito_continuation_static_path, only: walk_static_path
+  use attrito_accuracy_error_control, only: no_tolerance
   use attrito_output_point_report, only: point_report_type, report_point
   use attrito_stability_crossing, only: moduli_type
   use attrito_api_message, only: tell, text_of
@@ -31,6 +32,9 @@ module attrito_api_solver
 
   type, bind(c) :: options_type
     integer(c_int) :: harmonics, samples, rounds, max_iterations, reset_slider, uncoupled, by_events, choose_harmonics, choose_samples
+    !> Where they are chosen
+    integer(c_int) :: fewest_samples
+    !> `accepted_error`: 0 where none is promised
     real(c_double) :: tolerance, accepted_error, mode_error
   end type options_type
 
@@ -117,10 +121,11 @@ contains
                     uncoupled=options%uncoupled /= 0, by_events=options%by_events /= 0, tolerance=options%tolerance), &
                     session%solver, error)
     attrito_prepare = tell(error, message)
-    session%accuracy%tolerance = options%accepted_error
+    session%accuracy%tolerance = merge(options%accepted_error, no_tolerance, options%accepted_error > 0.0_c_double)
     session%accuracy%choose_harmonics = options%choose_harmonics /= 0
     session%accuracy%choose_samples = options%choose_samples /= 0
     session%accuracy%fewest_harmonics = max((size(session%structure%harmonic_load, 2) - 1)/2, 1)
+    session%accuracy%fewest_samples = options%fewest_samples
     session%accuracy%errors%modes = options%mode_error
     if (allocated(error) .or. size(session%contacts%directions, 2) > most_rows_in_time) return
     allocate (session%solver%in_time, source=new_averaged_periods(session%structure, session%contacts))
@@ -155,7 +160,7 @@ contains
 
     session => session_of(handle)
     call walk_static_path(session%solver, path, steps, omega, error)
-    call report_point(session%solver, 0, session%accuracy%errors, session%point)
+    call report_point(session%solver, 0, session%accuracy%errors, no_tolerance, session%point)
     point = point_of(session%point)
     attrito_walk_static_path = tell(error, message)
   end function attrito_walk_static_path
@@ -183,7 +188,8 @@ contains
     session%moduli(1) = session%moduli(2)
     session%moduli(2) = moduli_type()
     call session%accuracy%advance(session%sweep, session%solver)
-    call report_point(session%solver, session%sweep%branch, session%accuracy%errors, session%point)
+    call report_point(session%solver, session%sweep%branch, session%accuracy%errors, session%accuracy%tolerance, &
+                      session%point)
     point = point_of(session%point)
     point%finished = merge(1, 0, session%sweep%finished)
     point%reached_stop = merge(1, 0, session%sweep%reached_stop)
@@ -204,7 +210,7 @@ contains
     before = session%solver%omega
     call session%accuracy%solve_at(session%solver, omega)
     session%solver%omega = omega
-    call report_point(session%solver, branch, session%accuracy%errors, session%point)
+    call report_point(session%solver, branch, session%accuracy%errors, session%accuracy%tolerance, session%point)
     if (.not. (session%solver%report%converged .or. session%solver%walks)) session%solver%omega = before
     point = point_of(session%point)
   end subroutine attrito_solve_at
@@ -231,7 +237,7 @@ contains
     no_orbit = session%solver%no_orbit
     call solve_by_attempt(session%solver, number, omega)
     session%solver%omega = omega
-    call report_point(session%solver, 0, session%accuracy%errors, session%point)
+    call report_point(session%solver, 0, session%accuracy%errors, no_tolerance, session%point)
     call return_to(session%solver, before)
     session%solver%walks = walks
     session%solver%no_orbit = no_orbit

@@ -3,7 +3,7 @@ module attrito_api_stability
   use, intrinsic :: iso_c_binding
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
-  use attrito_output_point_report, only: outcome_converged, outcome_unstable, outcome_indeterminate
+  use attrito_output_point_report, only: outcome_converged, outcome_unstable, outcome_indeterminate, outcome_above_tolerance
   use attrito_integrate_system, only: system_type
   use attrito_model_structure, only: damping_loss_factor
   use attrito_stability_crossing, only: moduli_of
@@ -56,15 +56,15 @@ contains
     if (allocated(session%examination%hill)) report%hill = size(session%examination%hill)
     call say(session%examination%reason, message)
     associate (point => session%point)
-      if (point%outcome /= outcome_converged) return
+      if (all(point%outcome /= [outcome_converged, outcome_above_tolerance])) return
       select case (report%verdict)
        case (stable)
         point%stable = 1
        case (unstable)
         point%stable = 0
-        point%outcome = outcome_unstable
+        if (point%outcome == outcome_converged) point%outcome = outcome_unstable
        case (indeterminate)
-        point%outcome = outcome_indeterminate
+        if (point%outcome == outcome_converged) point%outcome = outcome_indeterminate
        case default
         return
       end select

@@ -9,12 +9,13 @@ module attrito_output_point_report
   implicit none
   private
   public :: point_report_type, report_point, monitored, outcome_names
-  public :: outcome_converged, outcome_unstable, outcome_indeterminate, outcome_no_period_one_orbit, outcome_not_converged
+  public :: outcome_converged, outcome_unstable, outcome_indeterminate, outcome_no_period_one_orbit, outcome_not_converged, &
+            outcome_above_tolerance
 
   integer, parameter :: outcome_converged = 0, outcome_unstable = 1, outcome_indeterminate = 2, &
-                        outcome_no_period_one_orbit = 3, outcome_not_converged = 4
-  character(22), parameter :: outcome_names(0:4) = [character(22) :: 'converged', 'unstable', 'indeterminate', &
-                                                    'no_period_one_orbit', 'not_converged']
+                        outcome_no_period_one_orbit = 3, outcome_not_converged = 4, outcome_above_tolerance = 5
+  character(22), parameter :: outcome_names(0:5) = [character(22) :: 'converged', 'unstable', 'indeterminate', &
+                                                    'no_period_one_orbit', 'not_converged', 'above_tolerance']
   !> Sliders that still move by more than this part of the motion a period leave the point indeterminate
   real(wp), parameter :: accepted_defect = 1.0e-6_wp
 
@@ -44,11 +45,13 @@ module attrito_output_point_report
 contains
 
   !> Report the solver's present point.
-  subroutine report_point(solver, branch, errors, report)
+  subroutine report_point(solver, branch, errors, tolerance, report)
     type(solver_type), intent(in) :: solver
     integer, intent(in) :: branch
     !> Estimated for this point
     type(point_errors_type), intent(in) :: errors
+    !> Relative error of the amplitude that was promised, or `no_tolerance`
+    real(wp), intent(in) :: tolerance
     type(point_report_type), intent(out) :: report
     real(wp) :: range(2)
     integer :: i
@@ -71,6 +74,7 @@ contains
       report%outcome = merge(outcome_no_period_one_orbit, outcome_not_converged, solver%no_orbit)
       if (solver%report%converged) then
         report%outcome = merge(outcome_converged, outcome_indeterminate, solver%report%defect <= accepted_defect)
+        if (.not. errors%are_within(tolerance)) report%outcome = outcome_above_tolerance
       end if
       report%errors = errors
       report%series = solver%options%harmonics

@@ -8,7 +8,7 @@ program test_ranks
   use attrito_continuation_cascade, only: solve_by_cascade
   use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
   use attrito_continuation_static_path, only: walk_static_path
-  use attrito_accuracy_error_control, only: error_control_type
+  use attrito_accuracy_error_control, only: error_control_type, no_tolerance
   use attrito_accuracy_finer_balance, only: finer_point_type
   use attrito_output_point_report, only: point_report_type, report_point
   use scenes, only: scene_type, rubbing_frame, rubbing_frame_with_high_modes, wedge, damp
@@ -232,8 +232,8 @@ contains
     call solve_by_cascade(alone, omega)
     call errors_together%estimate(together, finer)
     call errors_alone%estimate(alone, finer)
-    call report_point(together, 1, errors_together%errors, of_all)
-    call report_point(alone, 1, errors_alone%errors, of_one)
+    call report_point(together, 1, errors_together%errors, no_tolerance, of_all)
+    call report_point(alone, 1, errors_alone%errors, no_tolerance, of_one)
     call check(error, all(of_all%states == of_one%states) .and. of_all%unique == of_one%unique .and. &
                of_all%outcome == of_one%outcome, 'states, uniqueness or outcome differ')
     call check_close(error, of_all%amplitude, of_one%amplitude, tolerance, 'amplitudes')

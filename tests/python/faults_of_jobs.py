@@ -95,7 +95,7 @@ JOB = [
     ),
     Case(
         "too few samples for the harmonics",
-        put("balance", samples=16),
+        put("balance", harmonics=5, quadrature="sampled", samples=16),
         ("job.toml: [balance] samples = 16: expected at least 22 samples for 5 harmonics",),
     ),
     Case(
@@ -230,16 +230,6 @@ JOB = [
         "harmonics in words",
         put("balance", harmonics="many"),
         ("job.toml: [balance] harmonics = 'many': expected an integer from 1 to 1000, or \"auto\"",),
-    ),
-    Case(
-        "a tolerance with nothing left to choose",
-        put("balance", harmonics=5, quadrature="event", tolerance=0.01),
-        ("job.toml: [balance] tolerance = 0.01: expected no such key but with harmonics, quadrature or [reduction]",),
-    ),
-    Case(
-        "samples where a tolerance chooses them",
-        put("balance", tolerance=0.01, samples=512),
-        ("job.toml: [balance] samples = 512: expected no such key where they are chosen",),
     ),
     Case(
         "a result to start from without a point of it",

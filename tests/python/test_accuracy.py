@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
+
 import h5py
 import numpy as np
 import pytest
-from jobs import attrito_here, chain, run, table, wedge, write_job
+from jobs import attrito, attrito_here, chain, run, table, wedge, write_job
 from mpi4py import MPI
 
 from attrito.running import run_job
@@ -130,3 +132,67 @@ def test_error_bars_are_in_the_plot(tmp_path, capfd):
     done = attrito_here(tmp_path, capfd, "plot", "result.h5")
     assert done.returncode == 0
     assert (tmp_path / "frf.png").exists()
+
+
+def outcomes(folder) -> list[tuple[str, str, str]]:
+    return [(row["converged"], row["outcome"], row["stable"]) for row in table(folder)]
+
+
+def test_a_point_whose_error_is_above_the_tolerance_has_that_outcome_and_the_run_ends_with_1(tmp_path):
+    # Three fixed harmonics are wrong by half a percent where the wedge lifts off; nothing is left to choose.
+    job = rubbing_wedge(harmonics=3, quadrature="event", tolerance=1e-3) | {"stability": {"method": "monodromy"}}
+    done = run(tmp_path, job, code=1)
+    found = outcomes(tmp_path)
+    with h5py.File(tmp_path / "result.h5") as file:
+        estimate = file["points/estimate"][:]
+    assert [outcome == "above_tolerance" for _, outcome, _ in found] == (estimate > 1e-3).tolist()
+    assert (estimate > 1e-3).any()
+    # It is solved, and examined as any other.
+    assert all(converged == "true" for converged, _, _ in found)
+    assert {stable for _, outcome, stable in found if outcome == "above_tolerance"} == {"true"}
+    count = int((estimate > 1e-3).sum())
+    assert f"the estimated error of {count} point(s) is above [balance] tolerance = 0.001" in done.stderr
+    assert f"{count} above_tolerance" in done.stdout
+
+
+def test_fixed_harmonics_without_a_tolerance_are_never_above_it(tmp_path):
+    run(tmp_path, rubbing_wedge(harmonics=1))
+    assert {outcome for _, outcome, _ in outcomes(tmp_path)} == {"converged"}
+
+
+def test_a_job_that_gives_neither_harmonics_nor_tolerance_has_a_tolerance_of_a_hundredth(tmp_path, wedge_truth):
+    job = rubbing_wedge()
+    job["output"]["monitors"] = job["output"]["monitors"][:1]
+    amplitude, estimate, harmonics, _ = solved(tmp_path, job, "x")
+    assert np.abs(amplitude / wedge_truth - 1.0).max() < 0.01
+    assert estimate.max() < 0.01
+    assert harmonics.min() < harmonics.max()
+    with h5py.File(tmp_path / "result.h5") as file:
+        balance = json.loads(file.attrs["job"])["balance"]
+    assert (balance["tolerance"], balance["harmonics"], balance["quadrature"]) == (0.01, "auto", "auto")
+
+
+def test_samples_alone_are_the_fewest_that_are_chosen(tmp_path):
+    samples = solved(tmp_path, rubbing_chain(samples=200), "end")[3]
+    assert samples.min() == 200
+
+
+def test_samples_are_of_no_account_where_contacts_go_by_events(tmp_path, wedge_truth):
+    job = rubbing_wedge(harmonics=60, quadrature="event", samples=8)
+    job["output"]["monitors"] = job["output"]["monitors"][:1]
+    amplitude = solved(tmp_path, job, "x")[0]
+    assert amplitude == pytest.approx(wedge_truth, rel=1e-8)
+
+
+def test_peaks_by_tolerance_have_the_harmonics_that_it_takes(tmp_path):
+    peak = {"parameter": "level", "start": 0.2, "stop": 1.0}
+    job = wedge(force=14.0) | {"sweep": {"start_hz": 85.0, "stop_hz": 145.0}, "peak": peak}
+    amplitude = []
+    for balance in ({"tolerance": 1e-4}, {"harmonics": 40}):
+        done = attrito(tmp_path, "peak", write_job(tmp_path, job | {"balance": balance}))
+        assert done.returncode == 0, done.stdout + done.stderr
+        with h5py.File(tmp_path / "result.peaks.h5") as file:
+            amplitude.append(file["peaks/amplitude"][-1])
+        if "tolerance" in balance:
+            assert "above the tolerance: anew with 10 harmonics" in done.stdout
+    assert amplitude[0] == pytest.approx(amplitude[1], rel=1e-4)
