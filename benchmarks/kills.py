@@ -7,6 +7,12 @@ more than a whole run of it takes. After every kill all that was finished before
 must read; when the command comes to its end its result must be that of the uninterrupted one bit for bit, and the next
 start begins from nothing. Prints JSON: `lost`, `unreadable` and `different` are to be zero.
 
+With --signal a signal is sent to one rank of several, and the command is not started again: is any process left?
+
+    .venv/bin/python benchmarks/kills.py --what run --kills 50 --ranks 2 --signal SIGINT
+
+Prints JSON: `left`, how often a process was left after 20 s, is to be zero; `slowest`, the longest wait in seconds.
+
 run     five contacts that begin to slip and move from rank to rank; gone on with by --resume, point by point
 search  the same where branches that coexist are sought; a search that is cut short begins again
 study   peaks over samples; gone on with batch by batch
@@ -41,6 +47,8 @@ from attrito.result_tables import table  # noqa: E402
 from attrito.results import Result  # noqa: E402
 
 INPUT, RESULT = "input.toml", "result.h5"
+# From a signal at one rank to the end of all
+MOST_SECONDS = 20.0
 Kept = dict[Any, Any]
 
 
@@ -165,6 +173,53 @@ def kill_and_go_on(folder: Path, what: str, kills: int, ranks: int, size: int, s
     return {"what": what, "ranks": ranks, "seconds_of_a_run": round(seconds, 2), "seed": seed} | found
 
 
+def signal_one_rank(folder: Path, what: str, times: int, ranks: int, size: int, seed: int, name: str) -> dict:
+    """How often processes were left when a signal had reached one rank, chosen by chance, at a moment chosen so too."""
+    target, chance = TARGETS[what], random.Random(seed)
+    target.prepare(folder, size)
+    seconds = [_whole_run(folder, target, ranks) for _ in range(2)][-1]
+    found = {"signals": 0, "over_before": 0, "ended_well": 0, "left": 0, "slowest": 0.0}
+    while found["signals"] < times:
+        _clean(folder)
+        run = _start(folder, target, ranks)
+        time.sleep(chance.uniform(0.0, seconds))
+        members = _processes_of(run)
+        rank = chance.choice(members[1:] or members)
+        if run.poll() is not None:
+            found["over_before"] += 1
+            continue
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(rank, signal.Signals[name])
+        found["signals"] += 1
+        begun = time.monotonic()
+        while run.poll() is None or any(map(_runs, members)):
+            if time.monotonic() - begun > MOST_SECONDS:
+                found["left"] += 1
+                _kill(run)
+                break
+            time.sleep(0.02)
+        found["slowest"] = round(max(found["slowest"], time.monotonic() - begun), 2)
+        found["ended_well"] += run.returncode == 0
+    return {"what": what, "signal": name, "ranks": ranks, "seconds_of_a_run": round(seconds, 2), "seed": seed} | found
+
+
+def _processes_of(run: subprocess.Popen[bytes]) -> list[int]:
+    """mpirun and its ranks, as far as they have begun."""
+    try:
+        children = Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text().split()
+    except OSError:
+        children = []
+    return [run.pid, *map(int, children)]
+
+
+def _runs(process: int) -> bool:
+    """Whether a process is there and is no corpse."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
 def _whole_run(folder: Path, target: Target, ranks: int) -> float:
     """Seconds of a run that is left alone; sweeps here may end before their stop (exit code 1)."""
     begun = time.monotonic()
@@ -207,7 +262,12 @@ if __name__ == "__main__":
     parser.add_argument("--ranks", type=int, default=1)
     parser.add_argument("--size", type=int, default=60, help="points, samples, or levels")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--signal", choices=["SIGINT", "SIGTERM", "SIGKILL"], help="to one rank, instead of kills")
     options = parser.parse_args()
+    chosen = (options.what, options.kills, options.ranks, options.size, options.seed)
     with tempfile.TemporaryDirectory() as place:
-        found = kill_and_go_on(Path(place), options.what, options.kills, options.ranks, options.size, options.seed)
+        if options.signal:
+            found = signal_one_rank(Path(place), *chosen, options.signal)
+        else:
+            found = kill_and_go_on(Path(place), *chosen)
     print(json.dumps(found))

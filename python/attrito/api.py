@@ -6,15 +6,17 @@ All functions that take ranks are collective: every rank calls them with the sam
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import io
+import json
 import os
 import warnings
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from attrito.data import File
-from attrito.faults import UnsolvedError
-from attrito.job import Job, read_job
+from attrito.faults import Fault, InputError, UnsolvedError
+from attrito.job import Job, plain, read_job
 from attrito.parallel import on_root
 
 if TYPE_CHECKING:
@@ -180,6 +182,7 @@ def _do(
     from mpi4py import MPI
 
     comm = MPI.COMM_WORLD if comm is None else comm
+    check_alike(comm, work.__name__, source, folder)
     checked = on_root(comm, lambda: read(source, folder))
     with contextlib.redirect_stdout(io.StringIO()) if quiet else contextlib.nullcontext():
         try:
@@ -189,3 +192,26 @@ def _do(
                 raise
             warnings.warn(str(error), UnsolvedWarning, stacklevel=3)
             return error.file
+
+
+def check_alike(comm: Comm, what: str, source: JobSource | StudySource, folder: str | os.PathLike[str]) -> None:
+    """Raise `InputError` on every rank where not all of them ask for the same.
+
+    Parameters
+    ----------
+    comm : the ranks
+    what : the stage asked for
+    source, folder : of the job or the study
+    """
+    if isinstance(source, str | os.PathLike):
+        asked: object = os.path.abspath(source)
+    elif isinstance(source, Mapping):
+        asked = [os.path.abspath(folder), plain(source)]
+    else:
+        asked = [getattr(source, "path", ""), getattr(source, "tables", None) or repr(source)]
+    text = json.dumps([what, asked], sort_keys=True, default=repr)
+    digests = comm.allgather(hashlib.sha256(text.encode(errors="surrogateescape")).hexdigest())
+    others = [rank for rank, digest in enumerate(digests) if digest != digests[0]]
+    if others:
+        named = ", ".join(map(str, others[:5])) + (", ..." if len(others) > 5 else "")
+        raise InputError(Fault("job", f"on rank(s) {named}", "another than on rank 0", "the same job on every rank"))

@@ -42,6 +42,31 @@ class InputError(Exception):
         return (type(self), self.faults)
 
 
+class UnforeseenError(InputError):
+    """What no reader of the input foresaw; its text names no file."""
+
+    def __init__(self, text: str):
+        super().__init__()
+        self.args = (text,)
+
+    def __reduce__(self):
+        """It crosses ranks by pickle."""
+        return (type(self), self.args)
+
+
+def unforeseen(error: Exception) -> UnforeseenError:
+    """The fault for an exception that no reader turned into one of its own."""
+    said = " ".join(str(error).split())
+    shown = f"{said[:297]}..." if len(said) > 300 else said
+    if isinstance(error, MemoryError):
+        return UnforeseenError(f"memory = {shown or 'exhausted'}: expected input that fits into the memory there is")
+    if isinstance(error, RecursionError):
+        return UnforeseenError(f"nesting = {shown}: expected input that is less deeply nested")
+    what = f"{type(error).__name__}: {shown}" if shown else type(error).__name__
+    expected = "input that attrito can work with (the environment variable ATTRITO_TRACEBACK=1 shows where it failed)"
+    return UnforeseenError(f"contents = {what}: expected {expected}")
+
+
 # What the system says of a disk that is full, of a quota, and of a limit on the size of files.
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 

@@ -46,7 +46,7 @@ def integrate_job(comm: Comm, path: str | Job, say: Callable[[str], None] = prin
     if rom_path(job) is not None:
         make_rom(comm, job, scene, say)
 
-    def work() -> tuple[str, str]:
+    def work() -> tuple[str, str, str]:
         reduced = damped(job, reduced_scene(job, scene))
         choices = run_of(job, reduced)
         with Integrator(reduced) as session:
@@ -57,11 +57,11 @@ def integrate_job(comm: Comm, path: str | Job, say: Callable[[str], None] = prin
         write(file, job, reduced, choices, orbit, met)
         for line in [*summary(file, reduced, choices, orbit), *told(reduced.monitor_names, met)]:
             say(line)
-        return file, orbit.outcome
+        return file, orbit.outcome, orbit.reason
 
-    file, outcome = on_root(comm, work)
+    file, outcome, reason = on_root(comm, work)
     if outcome == "not_converged":
-        raise UnsolvedError(file, "the integration did not become steady; see /integration and [integrate] cycles")
+        raise UnsolvedError(file, f"the integration did not become steady ({reason}); see /integration")
     return file
 
 
@@ -214,7 +214,7 @@ def write(path: str, job: Job, scene: ReducedScene, choices: Run, orbit: Orbit, 
         group = file.create_group("integration")
         group.attrs["job"] = json.dumps(job.tables)
         group.attrs["version"] = __version__
-        group.attrs["outcome"] = orbit.outcome
+        group.attrs["outcome"], group.attrs["reason"] = orbit.outcome, orbit.reason
         group.attrs["scheme"] = choices.scheme
         for name, (values, description, unit) in _datasets(scene, choices, orbit).items():
             stored = group.create_dataset(name, data=values)

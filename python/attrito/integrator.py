@@ -13,6 +13,13 @@ from attrito.solver import DAMPING_KINDS, OUTCOMES, ReducedScene
 
 SCHEMES = ("event", "central_difference", "newmark", "hht", "generalised_alpha", "exponential")
 DEFAULT_STEPS = {"exponential": 1000}
+# Why a motion has not converged, as the library counts them
+REASONS = (
+    "",
+    "the motion is still settling: give it more [integrate] cycles",
+    "a step of the scheme could not be solved: take more [integrate] steps_per_period",
+    "the motion diverges: it grows from period to period, or beyond what numbers hold",
+)
 
 
 @dataclass(frozen=True)
@@ -51,6 +58,7 @@ class Orbit:
     Parameters
     ----------
     outcome : converged, no_period_one_orbit, not_converged
+    reason : why it has not converged, one of `REASONS`; else empty
     period : multiple of the excitation's period, 0: none recognised
     defect, contraction : relative change over the period, and its ratio to the one before
     motion_amplitude : half range in the norm of the mass matrix, what the defect is relative to
@@ -64,6 +72,7 @@ class Orbit:
     """
 
     outcome: str
+    reason: str
     period: int
     cycles: int
     defect: float
@@ -114,7 +123,7 @@ class _Options(ctypes.Structure):
 
 class _Report(ctypes.Structure):
     _fields_ = [
-        *((name, ctypes.c_int) for name in ("outcome", "period", "cycles", "events", "chatter", "samples")),
+        *((name, ctypes.c_int) for name in ("outcome", "reason", "period", "cycles", "events", "chatter", "samples")),
         *((name, ctypes.c_double) for name in ("defect", "contraction", "amplitude", "work", "damping", "seconds")),
     ]
 
@@ -250,6 +259,7 @@ class Integrator:
         multiple = max(1, report.period)
         return Orbit(
             OUTCOMES[report.outcome],
+            REASONS[report.reason],
             report.period,
             report.cycles,
             report.defect,

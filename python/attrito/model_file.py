@@ -222,6 +222,7 @@ class _Reader:
         self.expect(known, "stiffness_holds", written, f"a list of {', '.join(HOLDINGS)}")
         if (speed := self.file.attrs.get("spin_hz")) is not None:
             model.spin_hz = float(speed)
+            self.expect(bool(np.isfinite(model.spin_hz)), "spin_hz", speed, "a finite number")
 
     def dofs(self, model: Model) -> None:
         model.dof_node, model.dof_direction = self.array("dofs/node", 1), self.array("dofs/direction", 1)
@@ -259,7 +260,12 @@ class _Reader:
         if not is_array:
             value = "missing" if dataset is None else str(dataset)
             raise InputError(*self.faults, Fault(self.path, name, value, f"numbers in {dimensions} dimension(s)"))
-        return dataset[()]
+        read = dataset[()]
+        # Entries of matrices are looked at with the matrix, which names their place.
+        if read.dtype.kind == "f" and not name.endswith("/values") and not np.all(np.isfinite(read)):
+            place = tuple(int(i) for i in np.argwhere(~np.isfinite(read))[0])
+            self.faults.append(Fault(self.path, name, f"{read[place]} at {place}", "finite numbers"))
+        return read
 
     def matrix(self, name: str, size: int) -> csr_matrix | None:
         offsets, columns, values = (self.array(f"{name}/{part}", 1) for part in ("row_offsets", "columns", "values"))

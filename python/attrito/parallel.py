@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
-from attrito.faults import InputError, NumericsError, unusable_file
+from attrito.faults import InputError, NumericsError, unforeseen, unusable_file
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -15,14 +15,7 @@ Value = TypeVar("Value")
 
 def on_root(comm: Comm, work: Callable[[], Value]) -> Value:
     """Do `work` on rank 0 and return its value on every rank; a fault is raised on every rank."""
-    value, failure = None, None
-    if comm.rank == 0:
-        try:
-            value = work()
-        except (InputError, NumericsError) as error:
-            failure = error
-        except OSError as error:
-            failure = unusable_file(error)
+    value, failure = _attempt(work) if comm.rank == 0 else (None, None)
     value, failure = comm.bcast((value, failure))
     if failure is not None:
         raise failure
@@ -41,14 +34,22 @@ def everywhere(comm: Comm, work: Callable[[], Value]) -> Value:
 
     `work` must not wait for other ranks once it can fail.
     """
-    value, failure = None, None
-    try:
-        value = work()
-    except (InputError, NumericsError) as error:
-        failure = error
-    except OSError as error:
-        failure = unusable_file(error)
+    value, failure = _attempt(work)
     failure = next((error for error in comm.allgather(failure) if error is not None), None)
     if failure is not None:
         raise failure
     return value
+
+
+def _attempt(work: Callable[[], Value]) -> tuple[Value | None, Exception | None]:
+    """The value of `work`, or what failed as all ranks are to raise it."""
+    try:
+        return work(), None
+    except (InputError, NumericsError) as error:
+        return None, error
+    except OSError as error:
+        return None, unusable_file(error)
+    except Exception as error:
+        failure = unforeseen(error)
+        failure.__cause__ = error
+        return None, failure

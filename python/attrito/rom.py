@@ -199,7 +199,11 @@ def _damping(
     alpha, beta = keys["rayleigh"] or (0.0, 0.0)
     if damping is not None or beta > 0.0:
         own = 0.0 if damping is None else damping
-        return "viscous", 0.0, np.ascontiguousarray(own + alpha * mass + beta * stiffness)
+        with np.errstate(over="ignore", invalid="ignore"):
+            viscous = np.ascontiguousarray(own + alpha * mass + beta * stiffness)
+        if not np.all(np.isfinite(viscous)):
+            raise InputError(job.fault("[damping] rayleigh", [alpha, beta], "factors whose damping is finite"))
+        return "viscous", 0.0, viscous
     return ("mass", alpha, None) if alpha > 0.0 else ("none", 0.0, None)
 
 

@@ -89,10 +89,11 @@ def run_job(comm: Comm, path: str | Job, resume: bool = False, max_seconds: floa
             stages.end("linear responses")
             run = _Run(comm, job, solver, reduced, options, progress, stages, load_path)
             try:
-                run.solve(first, load_path, resume, stop)
+                with stop.solving():
+                    run.solve(first, load_path, resume, stop)
             finally:
                 run.recorder.close()
-    run.finish(margin)
+        run.finish(margin)
     progress.end(run.result, stages, run.place)
     complaints = run.complaints()
     if complaints:

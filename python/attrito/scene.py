@@ -82,12 +82,37 @@ def build_scene(job: Job) -> Scene:
     if places.faults:
         raise InputError(*places.faults)
     soften(job, model)
+    check_finite(job, contacts, static, harmonic, monitors)
     return Scene(model, contacts, static, harmonic, monitors, load_path_of(job, list(static)), boundary)
+
+
+def check_finite(
+    job: Job, contacts: Contacts, static: dict[str, np.ndarray], harmonic: np.ndarray, monitors: dict[str, np.ndarray]
+) -> None:
+    """Raise where numbers of the job, each of them finite, make sums or products that are not."""
+    faults = []
+    explicit = len(job["contact"])
+    row_contact = np.repeat(np.arange(contacts.count), contacts.laws["tangents"] + 1)
+    entries = np.repeat(np.arange(contacts.rows.shape[0]), np.diff(contacts.rows.indptr))
+    spoilt = {"coefficients": row_contact[entries[~np.isfinite(contacts.rows.data)]]}
+    spoilt |= {name: np.flatnonzero(~np.isfinite(contacts.laws[name])) for name in LAW_KEYS}
+    for name, where in spoilt.items():
+        for table in np.unique(contacts.tables[where]):
+            place = f"contact[{table}]" if table < explicit else f"contact_set[{table - explicit}]"
+            faults.append(job.fault(f"{place} {name}", "beyond what numbers hold", "smaller numbers"))
+    kinds = {f"load {name}": vector for name, vector in static.items()} | {"harmonic loads": harmonic}
+    kinds |= {f"[output] monitors {name}": vector for name, vector in monitors.items()}
+    for name, vector in kinds.items():
+        if not np.all(np.isfinite(vector)):
+            faults.append(job.fault(name, "beyond what numbers hold", "smaller numbers"))
+    if faults:
+        raise InputError(*faults)
 
 
 def with_numbers_of(job: Job, scene: Scene) -> Scene:
     """The scene of a job that differs from a scene's own in its contacts' laws and load path alone: nothing is read."""
     contacts = replace(scene.contacts, laws=laws_of(job, scene.contacts))
+    check_finite(job, contacts, scene.static, scene.harmonic, scene.monitors)
     return replace(scene, contacts=contacts, load_path=load_path_of(job, list(scene.static)))
 
 
@@ -171,7 +196,8 @@ class Places:
         for place, coefficient in terms:
             dof = self.dof(place, key)
             if dof is not None:
-                vector[dof] += coefficient
+                with np.errstate(over="ignore"):
+                    vector[dof] += coefficient
         return vector
 
     def boundary(self, contacts: Contacts) -> np.ndarray:

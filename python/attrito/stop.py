@@ -1,25 +1,28 @@
 """Ending a run in good order: at a signal of a batch system, or before its limit of time.
 
 A signal is only noted; the run asks after every point, when nothing is half done. All ranks answer alike, whichever of
-them the signal reached.
+them the signal reached. SIGTERM is noted while points are being solved alone: before and after, it ends the process, as
+it does where nothing is said of it.
 """
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import threading
 import time
+from collections.abc import Iterator
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
-SIGNALS = (signal.SIGTERM, signal.SIGUSR1, signal.SIGUSR2)
+WARNINGS = (signal.SIGUSR1, signal.SIGUSR2)
 
 
 class Stop:
-    """Notes signals while its `with` block lasts.
+    """Notes SIGUSR1 and SIGUSR2 while its `with` block lasts, and SIGTERM within `solving`.
 
     Parameters
     ----------
@@ -35,17 +38,32 @@ class Stop:
         self._before: dict[int, object] = {}
 
     def __enter__(self) -> Stop:
-        # Python hands signals to the main thread alone; a run in another one heeds its limit of time.
-        if threading.current_thread() is threading.main_thread():
-            for number in SIGNALS:
-                self._before[number] = signal.signal(number, self._note)
+        self._take(*WARNINGS)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
+        self._give_back(*self._before)
+
+    @contextlib.contextmanager
+    def solving(self) -> Iterator[None]:
+        """Points are solved in the block."""
+        self._take(signal.SIGTERM)
+        try:
+            yield
+        finally:
+            self._give_back(signal.SIGTERM)
+
+    def _take(self, *numbers: int) -> None:
+        # Python hands signals to the main thread alone; a run in another one has its limit of time.
+        if threading.current_thread() is threading.main_thread():
+            self._before |= {number: signal.signal(number, self._note) for number in numbers}
+
+    def _give_back(self, *numbers: int) -> None:
+        for number in numbers:
+            if number in self._before:
+                signal.signal(number, self._before.pop(number))
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         self._signal = number

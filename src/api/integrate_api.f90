@@ -44,7 +44,7 @@ module attrito_api_integrate
 
   !> See `orbit_type`
   type, bind(c) :: report_type
-    integer(c_int) :: outcome, period, cycles, events, chatter, samples
+    integer(c_int) :: outcome, reason, period, cycles, events, chatter, samples
     real(c_double) :: defect, contraction, amplitude, work, damping, seconds
   end type report_type
 
@@ -147,9 +147,9 @@ contains
       session%motion = orbit%state%motion
       session%rate = orbit%state%rate
       session%slider = orbit%state%slider
-      report = report_type(orbit%outcome, orbit%period, orbit%cycles, orbit%events, orbit%chatter, orbit%recorded%taken, &
-                           orbit%defect, orbit%contraction, orbit%amplitude, orbit%recorded%work, orbit%recorded%damping, &
-                           real(to - from, wp)/real(ticks, wp))
+      report = report_type(orbit%outcome, orbit%reason, orbit%period, orbit%cycles, orbit%events, orbit%chatter, &
+                           orbit%recorded%taken, orbit%defect, orbit%contraction, orbit%amplitude, orbit%recorded%work, &
+                           orbit%recorded%damping, real(to - from, wp)/real(ticks, wp))
     end associate
   end function attrito_integrator_run
 

@@ -9,16 +9,19 @@ module attrito_integrate_run
   use attrito_integrate_schemes, only: scheme_type, new_scheme, start_scheme, scheme_event
   use attrito_integrate_segment, only: segment_type, new_segment
   use attrito_integrate_state, only: state_type, new_state
-  use attrito_integrate_steady, only: steady_type, new_steady, compare, is_settling
+  use attrito_integrate_steady, only: steady_type, new_steady, compare, is_settling, is_diverging
   use attrito_integrate_system, only: system_type
   use attrito_integrate_taylor, only: degree
   implicit none
   private
   public :: run_options_type, orbit_type, integrate
   public :: outcome_converged, outcome_no_period_one_orbit, outcome_not_converged
+  public :: reason_none, reason_settling, reason_step, reason_diverged
 
   ! As the names of outcomes are counted in result.h5
   integer, parameter :: outcome_converged = 0, outcome_no_period_one_orbit = 3, outcome_not_converged = 4
+  !> Why it has not converged: it was still settling, an implicit step was not solved, the motion grows without bound
+  integer, parameter :: reason_none = 0, reason_settling = 1, reason_step = 2, reason_diverged = 3
 
   type :: run_options_type
     !> Angular frequency, rad/s, and level of the harmonic load
@@ -41,6 +44,8 @@ module attrito_integrate_run
   !> What came of it
   type :: orbit_type
     integer :: outcome = outcome_not_converged
+    !> Why it has not converged, one of `reason_...`
+    integer :: reason = reason_none
     !> Multiple of the excitation's period, 0: none
     integer :: period = 0
     integer :: cycles = 0
@@ -71,8 +76,9 @@ contains
     type(steady_type) :: steady
     real(wp) :: low(size(motion)), high(size(motion))
     integer :: cycle, room
-    logical :: converged
+    logical :: converged, finite
 
+    finite = .true.
     if (options%scheme == scheme_event .and. any(system%law%tangents > 1)) then
       call raise(error, 'scheme event: contacts with two tangents have no closed form in slip: expected scheme exponential', &
                  fault_of_input)
@@ -92,14 +98,15 @@ contains
     steady = new_steady(system, options%multiples, options%cycles, options%tolerance)
     do cycle = 1, options%cycles
       call one_period()
-      if (.not. converged) exit
+      finite = is_finite(orbit%state)
+      if (.not. (converged .and. finite)) exit
       if (orbit%state%cycle*loading%period < last_knot(loading)*system%clock) cycle
       call compare(steady, system, orbit%state, loading%nu, low, high, is_driven(loading))
       if (steady%period > 0 .and. cycle >= options%fewest) exit
     end do
     orbit%cycles = min(cycle, options%cycles)
-    call judge(steady, converged, orbit)
-    if (.not. converged) return
+    call judge(steady, converged, finite, orbit)
+    if (.not. (converged .and. finite)) return
     orbit%recorded%measures = .true.
     orbit%recorded%samples = .true.
     orbit%events = orbit%state%events
@@ -130,14 +137,29 @@ contains
                 abs(loading%harmonic_profile%factor(size(loading%harmonic_profile%factor))) > 0.0_wp
   end function is_driven
 
+  !> Is the state made of numbers that can go on? Those that overflow, or are none, cannot.
+  pure logical function is_finite(state)
+    type(state_type), intent(in) :: state
+
+    is_finite = all(abs(state%motion) <= huge(1.0_wp)) .and. all(abs(state%rate) <= huge(1.0_wp)) .and. &
+                all(abs(state%slider) <= huge(1.0_wp))
+  end function is_finite
+
   !> Name what came of it.
-  pure subroutine judge(steady, converged, orbit)
+  pure subroutine judge(steady, converged, finite, orbit)
     type(steady_type), intent(in) :: steady
-    logical, intent(in) :: converged
+    !> Was every step solved; has every number stayed finite?
+    logical, intent(in) :: converged, finite
     type(orbit_type), intent(inout) :: orbit
 
     orbit%amplitude = steady%amplitude
-    if (.not. converged .or. steady%seen < 2) return
+    orbit%reason = reason_settling
+    if (.not. converged) orbit%reason = reason_step
+    if (.not. finite) then
+      orbit%reason = reason_diverged
+      orbit%amplitude = huge(1.0_wp)
+    end if
+    if (.not. (converged .and. finite) .or. steady%seen < 2) return
     orbit%period = steady%period
     orbit%defect = steady%defect(max(1, steady%period))
     if (orbit%cycles >= 2) then
@@ -147,8 +169,13 @@ contains
     end if
     if (steady%period == 1) then
       orbit%outcome = outcome_converged
-    else if (steady%period > 1 .or. .not. is_settling(steady, orbit%cycles)) then
+    else if (steady%period > 1) then
+      orbit%outcome = outcome_no_period_one_orbit
+    else if (is_diverging(steady, orbit%cycles)) then
+      orbit%reason = reason_diverged
+    else if (.not. is_settling(steady, orbit%cycles)) then
       orbit%outcome = outcome_no_period_one_orbit
     end if
+    if (orbit%outcome /= outcome_not_converged) orbit%reason = reason_none
   end subroutine judge
 end module attrito_integrate_run

@@ -5,14 +5,15 @@
 !> with A the half range of the motion over the last period in the norm of the mass matrix, A_u the largest half range of a contact's
 !> displacement. Period one if delta_1 <= tolerance. Period k if delta_k <= tolerance while every smaller delta stays above 1e-6 and a
 !> hundred tolerances (a mode that alternates while it dies out has a small delta_2 too, and is waited for). Neither within the
-!> cycles: still settling if delta_1 has halved over the last half of them, else not periodic.
+!> cycles: still settling if delta_1 has halved over the last half of them; diverging if A grows over all of that half, ever faster;
+!> else not periodic.
 module attrito_integrate_steady
   use attrito_core_kinds, only: wp
   use attrito_integrate_state, only: state_type
   use attrito_integrate_system, only: system_type
   implicit none
   private
-  public :: steady_type, new_steady, compare, is_settling
+  public :: steady_type, new_steady, compare, is_settling, is_diverging
 
   type :: steady_type
     real(wp) :: tolerance = 1.0e-10_wp
@@ -24,6 +25,8 @@ module attrito_integrate_steady
     integer :: period = 0
     !> Defects of each multiple at the last comparison [multiples], delta_1 of every cycle [cycles]
     real(wp), allocatable :: defect(:), history(:)
+    !> A of every cycle [cycles]
+    real(wp), allocatable :: amplitudes(:)
     !> Half range of the motion
     real(wp) :: amplitude = 0.0_wp
   end type steady_type
@@ -40,6 +43,7 @@ contains
     allocate (self%motion(2*size(system%eigenvalues), 0:multiples), self%slider(2*size(system%law), 0:multiples), source=0.0_wp)
     allocate (self%defect(multiples), source=huge(1.0_wp))
     allocate (self%history(0:cycles), source=huge(1.0_wp))
+    allocate (self%amplitudes(0:cycles), source=0.0_wp)
     self%tolerance = tolerance
   end function new_steady
 
@@ -64,6 +68,7 @@ contains
     self%motion(:, last) = [state%motion, state%rate/nu]
     self%slider(:, last) = reshape(state%slider, [2*size(system%law)])
     self%amplitude = 0.5_wp*norm2(high - low)
+    self%amplitudes(state%cycle) = self%amplitude
     contact_amplitude = amplitude_of_contacts(system, 0.5_wp*(high - low))
     if (.not. driven) then
       self%amplitude = max(self%amplitude, norm2(state%motion))
@@ -107,6 +112,27 @@ contains
     if (.not. is_settling) is_settling = maxval(self%history(cycles - window + 1:cycles)) < &
       0.5_wp*maxval(self%history(half:min(half + window - 1, cycles)))
   end function is_settling
+
+  !> Does the motion grow without bound? Its largest amplitude rises over the four quarters of the last half of the cycles, by more
+  !> than a hundredth in all, and by ever more: a motion on its way to a steady one rises ever less, and one of several frequencies
+  !> comes back.
+  pure logical function is_diverging(self, cycles)
+    type(steady_type), intent(in) :: self
+    !> Cycles done
+    integer, intent(in) :: cycles
+    real(wp) :: largest(4), rise(3)
+    integer :: part, quarter, first
+
+    quarter = min(cycles/8, self%seen/4)
+    is_diverging = .false.
+    if (quarter < 1) return
+    do part = 1, 4
+      first = cycles - (5 - part)*quarter + 1
+      largest(part) = maxval(self%amplitudes(first:first + quarter - 1))
+    end do
+    rise = largest(2:) - largest(:3)
+    is_diverging = all(rise > 0.0_wp) .and. all(rise(2:) >= rise(:2)) .and. largest(4) > 1.01_wp*largest(1)
+  end function is_diverging
 
   !> Largest half range of a contact's displacement, bounded from the modes' ranges.
   pure real(wp) function amplitude_of_contacts(system, range)

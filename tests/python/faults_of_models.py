@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from fault_cases import Case, drop, put
+from fault_cases import Case, both, drop, put
 from jobs import blocks, chain, wedge
 
 NAN = float("nan")
@@ -23,6 +23,29 @@ MODEL = [
         "a matrix file that is missing",
         put("model", mass="M.mtx"),
         ("job.toml: [model] mass = 'M.mtx': expected a file that can be read (No such file or directory)",),
+    ),
+    Case(
+        "coefficients of a load whose sum is beyond what numbers hold",
+        put("load", 0, dofs=[[1, 1e308], [1, 1e308]]),
+        ("job.toml: load preload = 'beyond what numbers hold': expected smaller numbers",),
+    ),
+    Case(
+        "coefficients of a harmonic load, a monitor and a contact likewise",
+        both(
+            put("load", 1, cosine=[[1, 1e308], [1, 1e308]]),
+            put("output", monitors=[{"name": "x", "dofs": [[0, -1e308], [0, -1e308]]}]),
+            put("contact", 0, normal=[[0, 1e308], [0, 1e308]]),
+        ),
+        (
+            "job.toml: contact[0] coefficients = 'beyond what numbers hold': expected smaller numbers",
+            "job.toml: harmonic loads = 'beyond what numbers hold': expected smaller numbers",
+            "job.toml: [output] monitors x = 'beyond what numbers hold': expected smaller numbers",
+        ),
+    ),
+    Case(
+        "factors whose damping is beyond what numbers hold",
+        put("damping", rayleigh=[0.0, 1e304]),
+        ("job.toml: [damping] rayleigh = [0.0, 1e+304]: expected factors whose damping is finite",),
     ),
     Case(
         "a matrix file that holds no matrix",
@@ -249,6 +272,11 @@ MESH = [
         "a contact set on a model without mesh",
         lambda job: job.update(model=wedge()["model"], damping={}),
         ("job.toml: contact_set[0] a = 'top': expected a model with a mesh: node sets need one",),
+    ),
+    Case(
+        "a node that is nowhere",
+        put("model", file="nowhere.h5"),
+        ("nowhere.h5: nodes/coordinates = 'nan at (2, 1)': expected finite numbers",),
     ),
     Case(
         "an unknown set among the boundary",

@@ -54,6 +54,9 @@ def faulty_files(tmp_path_factory) -> Path:
     shutil.copy(folder / "model.h5", folder / "nan.h5")
     with h5py.File(folder / "nan.h5", "r+") as file:
         file["mass/values"][0] = NAN
+    shutil.copy(folder / "model.h5", folder / "nowhere.h5")
+    with h5py.File(folder / "nowhere.h5", "r+") as file:
+        file["nodes/coordinates"][2, 1] = NAN
     with h5py.File(folder / "other.h5", "w") as file:
         file["numbers"] = np.arange(3)
     return folder
@@ -212,6 +215,10 @@ def test_what_a_result_does_not_hold_is_told(folder, capfd, wedge_result, argume
         (["--stiffness", "nan.mtx", "--mass", "K.mtx"], "nan.mtx: line 5 = '2 2 nan'"),
         (["--stiffness", "large.mtx", "--mass", "K.mtx"], "K.mtx: mass = '2 x 2': expected the size of the stiffness"),
         (["--calculix", "blade", "--mesh", "blade.inp"], "blade.dof: file = "),
+        (
+            ["--stiffness", "K.mtx", "--mass", "K.mtx", "--spin-hz", "nan"],
+            "import: spin_hz = nan: expected no speed for a stiffness that holds nothing of it",
+        ),
         (["--calculix", "blade"], "import: mesh = 'missing': expected a file that goes with dofs"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "told",

@@ -76,6 +76,31 @@ def test_a_run_that_is_too_short_exits_with_1_and_still_writes(tmp_path, capfd):
         assert file["integration"].attrs["outcome"] == "not_converged"
 
 
+@pytest.mark.parametrize("steps", [5, 6], ids=["beyond what numbers hold", "slowly"])
+def test_motion_that_diverges_has_not_converged_and_says_so(tmp_path, capfd, steps):
+    # Stuck, the highest frequency asks for more than 6 steps a period: central differences grow without bound.
+    done = integrate(tmp_path, capfd, scheme="central_difference", steps_per_period=steps)
+    assert done.returncode == 1, done.stdout
+    assert "the motion diverges" in done.stderr
+    with h5py.File(output(tmp_path)) as file:
+        assert file["integration"].attrs["outcome"] == "not_converged"
+        assert "diverges" in file["integration"].attrs["reason"]
+
+
+@pytest.mark.parametrize(("damping", "diverges"), [(-200.0, True), (-20.0, False)], ids=["unbounded", "bounded"])
+def test_motion_that_grows_is_told_from_one_of_several_frequencies(tmp_path, capfd, damping, diverges):
+    # Negative damping of 20 is made up for by friction, whatever the amplitude comes to; one of 200 is not.
+    job = write(tmp_path)
+    job["model"]["damping"] = [[damping, 0.0], [0.0, damping]]
+    (tmp_path / "job.toml").write_text(toml(job))
+    done = attrito_here(tmp_path, capfd, "integrate", "job.toml")
+    with h5py.File(output(tmp_path)) as file:
+        outcome = file["integration"].attrs["outcome"]
+    assert outcome == ("not_converged" if diverges else "no_period_one_orbit")
+    assert ("the motion diverges" in done.stderr) == diverges
+    assert done.returncode == (1 if diverges else 0)
+
+
 def test_the_history_of_the_whole_run_begins_at_zero(tmp_path, capfd):
     profile = [[0.0, 0.0], [0.1, 1.0]]
     done = integrate(tmp_path, capfd, history="run", start="rest", static_profile=profile, samples=32)

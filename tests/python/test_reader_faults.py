@@ -401,6 +401,18 @@ MESHES = {
         "node 8",
         "nodes that the file defines",
     ),
+    "Abaqus: a node that is nowhere": (
+        "two_springs.inp",
+        replaced("12, 0., 1., 0.", "12, 0., nan, 0."),
+        "[0.0, nan, 0.0] at node 12",
+        "finite numbers",
+    ),
+    "Nastran: a node that is nowhere": (
+        "two_springs_mesh.bdf",
+        replaced("10.-1", "1.+400"),
+        "at node 1000",
+        "finite numbers",
+    ),
     "Abaqus: two instances": (
         "two_springs.inp",
         lambda text: text + "*INSTANCE, NAME=A\n*END INSTANCE\n*INSTANCE, NAME=B\n*END INSTANCE\n",

@@ -15,7 +15,7 @@ import numpy as np
 
 from attrito.faults import Fault, InputError
 from attrito.importers.deck import Block, read_blocks
-from attrito.importers.mesh_data import Mesh
+from attrito.importers.mesh_data import Mesh, check_coordinates
 
 # Variants differ in integration, not in nodes; matrices come from the FE code anyway.
 ELEMENT_TYPES = {
@@ -62,6 +62,7 @@ def read_deck_mesh(path: str | Path, skip: bool = False) -> Mesh:
         raise InputError(node_blocks[0].fault(f"node {ids[count > 1][0]} twice", "every node id once"))
     read = _read_with_meshio(nodes, element_blocks, path)
     mesh = Mesh(node_ids, np.asarray(read.points, dtype=np.float64))
+    check_coordinates(str(path), node_ids, mesh.coordinates)
     for block, cells in zip(element_blocks, read.cells, strict=True):
         _add_elements(mesh, block, node_ids[cells.data])
     mesh.skipped = [f"elements of type {_element_type(block)}, line {block.line}" for block in others]

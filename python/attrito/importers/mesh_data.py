@@ -34,13 +34,23 @@ class Mesh:
 
 
 def new_mesh(path: str, ids: np.ndarray, coordinates: np.ndarray) -> Mesh:
-    """A mesh of nodes that differ, and no elements yet."""
+    """A mesh of nodes that differ, at finite coordinates, and no elements yet."""
     if len(ids) == 0:
         raise InputError(Fault(path, "nodes", "missing", "a mesh with nodes"))
+    check_coordinates(path, ids, coordinates)
     unique, count = np.unique(ids, return_counts=True)
     if len(unique) < len(ids):
         raise InputError(Fault(path, "nodes", f"node {unique[count > 1][0]} twice", "every node id once"))
     return Mesh(ids, coordinates)
+
+
+def check_coordinates(path: str, ids: np.ndarray, coordinates: np.ndarray) -> None:
+    """Raise where a node is at no finite place."""
+    bad = np.flatnonzero(~np.all(np.isfinite(coordinates), axis=1))
+    if len(bad):
+        more = f" and {len(bad) - 1} more nodes" if len(bad) > 1 else ""
+        value = f"{coordinates[bad[0]].tolist()} at node {ids[bad[0]]}{more}"
+        raise InputError(Fault(path, "coordinates", value, "finite numbers"))
 
 
 def check_nodes(path: str, mesh: Mesh) -> None:

@@ -8,6 +8,7 @@ stiffening alone.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from scipy.sparse import csr_matrix
@@ -32,6 +33,8 @@ def check_holdings(holds: Sequence[str], spin_hz: float | None, geometric: bool)
     if geometric and STRESS_STIFFENING in holds:
         expected = "no geometric stiffness: the stiffness is said to hold stress stiffening already"
         faults.append(Fault("import", "geometric_stiffness", "given", expected))
+    if spin_hz is not None and not math.isfinite(spin_hz):
+        faults.append(Fault("import", "spin_hz", spin_hz, "a finite number"))
     if faults:
         raise InputError(*faults)
 
