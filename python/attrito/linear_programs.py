@@ -10,9 +10,13 @@ import numpy as np
 
 BOX = 1e5
 TOLERANCE = 1e-11
+# Part of the largest |b| that rounding may leave of the rows that hold a maximum; beyond, the basis is inverted anew
+DRIFT = 1e-8
 PIVOT = 1e-9
 SLACK = 1e-12
 REFRESH = 50
+# Pivots per unknown after which a program is taken to go round in circles
+PATIENCE = 4
 GUESSES = 4
 
 
@@ -71,13 +75,21 @@ class DualSimplex:
     def _solve(self, b: np.ndarray) -> np.ndarray | None:
         largest = max(float(np.abs(b).max(initial=0.0)), np.finfo(float).tiny)
         limit = np.concatenate([b, np.full(2 * len(self._c), BOX * largest)])
-        for _ in range(10 * len(limit)):
+        fresh = False
+        for step in range(20 * len(limit)):
             x = self._inverse @ limit[self._basis]
             excess = self._rows @ x - limit
-            entering = int(excess.argmax())
-            if excess[entering] <= TOLERANCE * max(largest, float(np.abs(x).max())):
-                return x
-            if not self._pivot(entering):
+            circles = step > PATIENCE * len(self._c)
+            accepted = TOLERANCE * max(largest, float(np.abs(x).max()))
+            entering = int((excess > accepted).argmax() if circles else excess.argmax())
+            if excess[entering] <= accepted:
+                if fresh or np.abs(excess[self._basis]).max() <= DRIFT * largest:
+                    return x
+                self._invert()
+                fresh = True
+            elif self._pivot(entering, circles):
+                fresh = False
+            else:
                 break
         return None
 
@@ -87,9 +99,12 @@ class DualSimplex:
         for _ in range(GUESSES if self._own >= 2 * n else 0):
             basis = np.arange(n) + n * sides
             try:
-                multipliers = np.linalg.solve(self._rows[basis].T, self._c)
+                inverse = np.linalg.inv(self._rows[basis])
             except np.linalg.LinAlgError:
                 break
+            if np.abs(inverse).max() > 1.0 / PIVOT:
+                break
+            multipliers = self._c @ inverse
             if multipliers.min() >= -SLACK:
                 return basis
             sides ^= multipliers < 0.0
@@ -99,8 +114,12 @@ class DualSimplex:
         """The sides of the box that c points at: dual feasible whatever A is."""
         return self._own + np.arange(n) + np.where(self._c >= 0.0, 0, n)
 
-    def _pivot(self, entering: int) -> bool:
-        """Take a row into the basis for the one that keeps the multipliers from turning negative; False if none can."""
+    def _pivot(self, entering: int, circles: bool) -> bool:
+        """Take a row into the basis for the one that keeps the multipliers from turning negative; False if none can.
+
+        Where multipliers are zero none may be left to choose by; `circles`: the least numbers enter and leave, which
+        never come round (Bland 1977, doi:10.1287/moor.2.2.103).
+        """
         part = self._rows[entering] @ self._inverse
         able = part > PIVOT
         if not able.any():
@@ -108,7 +127,8 @@ class DualSimplex:
         # Two passes (Harris 1973): how far with a little slack on the multipliers, then the largest pivot up to there.
         multipliers = np.maximum(self._c @ self._inverse, 0.0)
         farthest = ((multipliers[able] + SLACK) / part[able]).min()
-        leaving = np.where(able & (multipliers <= farthest * part), part, 0.0).argmax()
+        candidates = able & (multipliers <= farthest * part)
+        leaving = np.where(candidates, -self._basis if circles else part, -np.inf).argmax()
         self._basis[leaving] = entering
         self._pivots += 1
         if self._pivots % REFRESH == 0:

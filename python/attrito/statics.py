@@ -114,7 +114,8 @@ def _critical(compliance: np.ndarray, kt: np.ndarray, kn: np.ndarray, mu: np.nda
         # Nothing but friction holds the body in this state: it gives way, and does not wedge.
         return np.inf
     values = np.linalg.eigvals(-np.linalg.solve(without, compliance @ grows))
-    rounding = ROUNDING * np.abs(values).max()
+    # Relative to 1 too: friction 1e9 times its size is none.
+    rounding = ROUNDING * max(1.0, np.abs(values).max())
     real = values.real[(np.abs(values.imag) <= rounding) & (values.real > rounding)]
     return float(1.0 / real.max()) if len(real) else np.inf
 

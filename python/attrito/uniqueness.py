@@ -42,6 +42,9 @@ MOST_SAMPLED = 12
 # Of the forces: what residual (1e-10), extrema and linear programs leave, with a margin of two orders.
 SINGLE_VALUED = 1e-8
 ROUNDING = 1e-12
+# Parts of the largest: what all sliders together change of forces if they are free; what a quantity feels of that.
+FREE = 1e-9
+FELT = 1e-6
 DIRECTIONS = ("t1", "t2", "n")
 
 
@@ -166,7 +169,11 @@ class _Family:
         # With friction |T| <= mu N says that N >= 0.
         bare = friction <= 0.0
         rubbed = friction[:, None] * self.normal
-        self._rows = np.vstack([self.tangential - rubbed, -self.tangential - rubbed, -self.normal[bare]])
+        rows = np.vstack([self.tangential - rubbed, -self.tangential - rubbed, -self.normal[bare]])
+        # Sliders of a body that only contacts hold may move together, which no force feels: a direction without limits.
+        sizes, span = np.linalg.svd(rows)[1:]
+        self._span = span[: np.count_nonzero(sizes > FREE * sizes.max(initial=0.0))].T
+        self._rows = rows @ self._span
         force = file["/contacts/force"][points][:, :, [0, 2], :]
         alternating = force.copy()
         alternating[..., 0] = 0.0
@@ -186,9 +193,13 @@ class _Family:
             scale = np.abs(row).max()
             if scale == 0.0:
                 continue
+            # Monitors' means are lengths: the program sees numbers of order one.
+            felt = row / scale @ self._span
+            if np.linalg.norm(row / scale - self._span @ felt) > FELT:
+                change[0, :, i], change[1, :, i] = -np.inf, np.inf
+                continue
             for sign, values in zip((-1.0, 1.0), change, strict=True):
-                # Monitors' means are lengths: the program sees numbers of order one.
-                program = DualSimplex(self._rows, sign * row / scale)
+                program = DualSimplex(self._rows, sign * felt)
                 values[:, i] = [sign * scale * program.maximum(limit) for limit in self._limits]
         return change[0], change[1]
 

@@ -60,7 +60,7 @@ contains
       solution(:n, 1) = everyone(n + 2, :)
       system(n + 1, :) = [-bottom, border%corner]
       solution(n + 1, 1) = last
-      call solve_dense(system, solution, status)
+      call solve_equilibrated(system, solution, status)
     end if
     call balance%ranks%broadcast_integer(status)
     y = 0.0_wp
@@ -71,6 +71,34 @@ contains
     call scatter(mine, solution(i + 1:i + size(mine), 1), y)
     omega = solution(n + 1, 1)
   end subroutine solve_by_elimination
+
+  !> Solve with the border, whose units are its own, of the size of the rest: pivots do not depend on the units of length and time.
+  subroutine solve_equilibrated(system, solution, status)
+    !> [n + 1, n + 1], destroyed
+    real(wp), intent(inout), contiguous :: system(:, :)
+    !> Right-hand side, then solution [n + 1, 1]
+    real(wp), intent(inout), contiguous :: solution(:, :)
+    integer, intent(out) :: status
+    real(wp) :: column, row
+    integer :: n
+
+    n = size(system, 1) - 1
+    column = largest_or_one(system(:n, n + 1))
+    system(:, n + 1) = system(:, n + 1)/column
+    row = largest_or_one(system(n + 1, :))
+    system(n + 1, :) = system(n + 1, :)/row
+    solution(n + 1, 1) = solution(n + 1, 1)/row
+    call solve_dense(system, solution, status)
+    solution(n + 1, 1) = solution(n + 1, 1)/column
+  end subroutine solve_equilibrated
+
+  !> Largest size of any number, or 1 if there is none above zero.
+  pure real(wp) function largest_or_one(numbers) result(largest)
+    real(wp), intent(in) :: numbers(:)
+
+    largest = maxval([0.0_wp, abs(numbers)])
+    if (.not. largest > 0.0_wp) largest = 1.0_wp
+  end function largest_or_one
 
   !> Active entries of this rank and of all, in the order of ranks.
   subroutine list_active(balance, mine, all)

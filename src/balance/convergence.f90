@@ -11,7 +11,7 @@ module attrito_balance_convergence
   use attrito_core_kinds, only: wp
   implicit none
   private
-  public :: is_answer, has_run_off
+  public :: is_answer, has_run_off, worse_of
 
   real(wp), parameter :: rounding = 16.0_wp*epsilon(1.0_wp), farthest = 1.0e8_wp
 
@@ -23,6 +23,14 @@ contains
 
     is_answer = .not. has_run_off(motion) .and. residual <= max(tolerance, rounding*motion)
   end function is_answer
+
+  !> The larger of two residuals. A number that is not finite is worse than any: `max` would pass over a NaN.
+  pure real(wp) function worse_of(a, b)
+    real(wp), intent(in) :: a, b
+
+    worse_of = huge(a)
+    if (a <= huge(a) .and. b <= huge(b)) worse_of = max(a, b)
+  end function worse_of
 
   !> Is a motion, by its norm, too far away for any residual to mean something?
   pure logical function has_run_off(motion)

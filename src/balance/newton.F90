@@ -11,7 +11,7 @@ module attrito_balance_newton
   use attrito_core_errors, only: error_type, raise
   use attrito_core_kinds, only: wp
   use attrito_balance_border, only: constraint_type, inner_product
-  use attrito_balance_convergence, only: has_run_off, is_answer
+  use attrito_balance_convergence, only: has_run_off, is_answer, worse_of
   use attrito_balance_linearised_step, only: solve_linearised, apply_linearised
   use attrito_balance_newton_context, only: context_handle_type, newton_context_type, least_stiffening
 #if PETSC_VERSION_LT(3, 23, 0)
@@ -206,7 +206,7 @@ contains
     ! A body that rounding of the structure's stiffness holds, far enough away, is no answer either.
     imbalance = 0.0_wp
     if (status == 0) imbalance = self%context%balance%imbalance(unknowns%motion(1, :))/self%context%motion_scale
-    report%residual = max(real(norm, wp), imbalance)
+    report%residual = worse_of(real(norm, wp), imbalance)
     report%converged = status == 0 .and. is_answer(report%residual, motion, self%context%tolerance)
     if (has_run_off(motion)) report%residual = huge(norm)
   end subroutine run

@@ -209,7 +209,9 @@ contains
 
     allocate (constraint%motion, mold=self%motion)
     constraint%motion = 0.0_wp
-    constraint%value = omega
+    ! Told in the frequency's scale, as along branches: rounding of omega then is no residual, whatever the unit of time.
+    constraint%frequency = 1.0_wp/self%context%frequency_scale
+    constraint%value = constraint%frequency*omega
     before = self%omega
     self%omega = omega
     call self%solve_with(constraint)
@@ -240,7 +242,7 @@ contains
 
     associate (context => self%context, low => min(omega_a, omega_b), high => max(omega_a, omega_b))
       call find_scales(context%balance, self%stuck%omega, low, high, context%motion_scale, mean)
-      context%frequency_scale = merge(high - low, max(high, 1.0_wp), high > low)
+      context%frequency_scale = merge(high - low, high, high > low)
       ! Rounding of the mean, which preloads and gaps move too, must stay below the tolerance on the harmonics; where it would hide
       ! them, points fail rather than pass.
       square = sum(self%motion(1, :)**2)

@@ -51,6 +51,8 @@ contains
       end if
       if (recorder%measures .or. recorder%samples .or. recorder%traces) call record(recorder, system, loading, segment)
       call move_to(system, segment, state)
+      ! What has run off to infinity has no events.
+      if (.not. all(abs(state%motion) < huge(1.0_wp))) exit
       low = min(low, state%motion)
       high = max(high, state%motion)
       if (in_a_row > 8 + 4*size(system%law)) then

@@ -150,6 +150,8 @@ contains
     real(wp), intent(in) :: change, amplitude
 
     relative = 0.0_wp
-    if (change > 0.0_wp) relative = change/max(amplitude, tiny(1.0_wp)/epsilon(1.0_wp))
+    ! A change that is not a number is one.
+    if (.not. change <= huge(1.0_wp)) relative = huge(1.0_wp)
+    if (change > 0.0_wp .and. change <= huge(1.0_wp)) relative = change/max(amplitude, tiny(1.0_wp)/epsilon(1.0_wp))
   end function relative
 end module attrito_integrate_steady

@@ -72,7 +72,7 @@ contains
       report%mean = report%harmonics(1, :)
       call count_states(balance, report)
       report%outcome = merge(outcome_no_period_one_orbit, outcome_not_converged, solver%no_orbit)
-      if (solver%report%converged) then
+      if (solver%report%converged .and. is_finite(report)) then
         report%outcome = merge(outcome_converged, outcome_indeterminate, solver%report%defect <= accepted_defect)
         if (.not. errors%are_within(tolerance)) report%outcome = outcome_above_tolerance
       end if
@@ -84,6 +84,14 @@ contains
       call balance%ranks%sum(report%work)
     end associate
   end subroutine report_point
+
+  !> Is everything that is told of the point a finite number?
+  pure logical function is_finite(report)
+    type(point_report_type), intent(in) :: report
+
+    is_finite = abs(report%residual) <= huge(1.0_wp) .and. all(abs(report%harmonics) <= huge(1.0_wp)) &
+                .and. all(abs(report%amplitude) <= huge(1.0_wp)) .and. all(abs(report%mean) <= huge(1.0_wp))
+  end function is_finite
 
   !> Coefficients of monitors [2 H + 1, monitors], those beyond a harmonic being zero.
   pure function monitored(balance, highest) result(harmonics)

@@ -153,3 +153,15 @@ def test_a_loss_factor_is_integrated_as_viscous_damping_where_asked(tmp_path, ca
     (tmp_path / "job.toml").write_text(toml(job))
     done = attrito_here(tmp_path, capfd, "integrate", "job.toml")
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("scheme", ["event", "hht", "exponential"])
+def test_motion_that_grows_beyond_all_numbers_is_not_converged(tmp_path, capfd, scheme):
+    job = write(tmp_path, scheme=scheme, cycles=20)
+    # The velocity grows like e^(3e4 t), by e^227 in a period.
+    job["model"]["damping"] = [[-3.0e4, 0.0], [0.0, -3.0e4]]
+    (tmp_path / "job.toml").write_text(toml(job))
+    done = attrito_here(tmp_path, capfd, "integrate", "job.toml")
+    assert done.returncode == 1, done.stdout
+    with h5py.File(output(tmp_path)) as file:
+        assert file["integration"].attrs["outcome"] == "not_converged"

@@ -393,6 +393,33 @@ def test_rows_may_be_added_to_a_linear_program_that_was_solved():
         assert np.abs(full[held] @ x - limits[held]).max() < 1e-9
 
 
+@pytest.mark.parametrize("seed", [0, 3, 4])
+def test_bounds_of_a_row_of_masses_that_only_friction_holds_are_what_the_others_can_carry(tmp_path, seed):
+    # Nothing else acts along it, so mean friction adds up to zero: |T_i| <= r_i, and at most what all others carry,
+    # r_i = mu N_i - |swing of T_i|. All sliders may move together: limits on seven combinations of eight sliders.
+    generator, masses = np.random.default_rng(seed), 8
+    job = chain(masses)
+    springs = 2 * np.eye(masses) - np.eye(masses, k=1) - np.eye(masses, k=-1)
+    springs[0, 0] = springs[-1, -1] = 1.0
+    nothing = np.zeros((masses, masses))
+    job["model"]["stiffness"] = np.block([[2e5 * springs, nothing], [nothing, 1e5 * np.eye(masses)]]).tolist()
+    for i, contact in enumerate(job["contact"]):
+        contact["normal"], contact["tangents"] = [[masses + i, 1.0]], [[[i, 1.0]]]
+        contact["tangential_stiffness"] = float(10 ** generator.uniform(4.0, 6.5))
+        contact["friction_coefficient"] = float(generator.uniform(0.2, 0.8))
+    job["load"][1] = {"kind": "harmonic", "cosine": [[0, 2.0], [3, -1.5]]}
+    job["sweep"] = {"frequencies_hz": [40.0]}
+    data = everything(tmp_path, job)
+    assert set(data["contacts/state"][0]) == {0}
+    force = data["contacts/force"][0]
+    friction = np.array([contact["friction_coefficient"] for contact in job["contact"]])
+    room = friction * force[:, 2, 0] - np.hypot(force[:, 0, 1], force[:, 0, 2])
+    most = np.minimum(room, room.sum() - room)
+    assert data["contacts/t1_high"][0] == pytest.approx(most, rel=1e-9)
+    assert data["contacts/t1_low"][0] == pytest.approx(-most, rel=1e-9)
+    assert data["monitors/end/mean_high"][0] == np.inf
+
+
 @pytest.mark.parametrize("size", [1, 2, 7, 30])
 def test_the_dual_simplex_finds_the_maxima_of_the_oracle_for_one_right_side_after_another(size):
     generator = np.random.default_rng(size)

@@ -1,9 +1,9 @@
 !> Which iterates of Newton's method are answers.
 program test_convergence
-  use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_value
+  use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_quiet_nan, ieee_value
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
-  use attrito_balance_convergence, only: has_run_off, is_answer
+  use attrito_balance_convergence, only: has_run_off, is_answer, worse_of
   use session, only: run_in_session
   use testing, only: test, check
   implicit none
@@ -13,7 +13,8 @@ program test_convergence
   call run_in_session('convergence', [ &
                       test('a residual within the tolerance is one, a greater one is not', within), &
                       test('what rounding of a great motion hides does not count', hidden), &
-                      test('what has run off is none, with any residual', run_off)])
+                      test('what has run off is none, with any residual', run_off), &
+                      test('what is not a number is none, whatever stands beside it', not_a_number)])
 
 contains
 
@@ -45,4 +46,20 @@ contains
     end do
     call check(error,.not. has_run_off(0.99e8_wp), 'great, but not run off')
   end subroutine run_off
+
+  subroutine not_a_number(error)
+    type(error_type), allocatable, intent(out) :: error
+    real(wp) :: nan, beside(2)
+    integer :: i
+
+    nan = ieee_value(1.0_wp, ieee_quiet_nan)
+    call check(error,.not. is_answer(0.0_wp, nan, tolerance), 'motion')
+    call check(error,.not. is_answer(nan, 1.0_wp, tolerance), 'residual')
+    beside = [0.0_wp, 1.0_wp]
+    do i = 1, size(beside)
+      call check(error,.not. is_answer(worse_of(nan, beside(i)), 1.0_wp, tolerance), 'first of two residuals')
+      call check(error,.not. is_answer(worse_of(beside(i), nan), 1.0_wp, tolerance), 'second of two residuals')
+    end do
+    call check(error, abs(worse_of(0.25_wp, 0.5_wp) - 0.5_wp) <= 0.0_wp, 'the larger of two numbers')
+  end subroutine not_a_number
 end program test_convergence
