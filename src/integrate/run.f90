@@ -33,7 +33,7 @@ module attrito_integrate_run
     integer :: scheme = scheme_event, steps_per_period = 0
     !> See `new_scheme`
     real(wp) :: dissipation = -1.0_wp
-    !> Most cycles; fewest, steady or not; longest period looked for
+    !> Most cycles before the period that is measured; fewest, steady or not; longest period looked for
     integer :: cycles = 400, fewest = 0, multiples = 4
     real(wp) :: tolerance = 1.0e-10_wp
     !> Samples per period of the recorded history; the whole run, or its last period only
@@ -96,6 +96,8 @@ contains
     orbit%recorded = new_recorder(system, options%samples, room)
     orbit%recorded%samples = options%whole_run
     steady = new_steady(system, options%multiples, options%cycles, options%tolerance)
+    ! Without cycles the one period that is measured is all that is marched.
+    converged = .true.
     do cycle = 1, options%cycles
       call one_period()
       finite = is_finite(orbit%state)
