@@ -79,9 +79,14 @@ class Progress:
         """How the reduction went; None where it was up to date."""
         if report is None:
             return
+        counted = (
+            f"{report.modes} modes below {report.shift_hz:.5g} Hz (inertia counts {report.modes_below_shift})"
+            if report.modes
+            else "no modes"
+        )
         self.say(
-            f"reduced to {report.coordinates} coordinates: {report.boundary} boundary dofs, {report.modes} modes below "
-            f"{report.shift_hz:.5g} Hz (inertia counts {report.modes_below_shift}), {report.corrections} corrections"
+            f"reduced to {report.coordinates} coordinates: {report.boundary} boundary dofs, {counted},"
+            f" {report.corrections} corrections"
         )
         if report.worst_error >= 0.0:
             self.say(f"estimated errors: at most {report.worst_error:.1e} (attrito info tells of which)")

@@ -74,10 +74,13 @@ contains
   end function worst
 
   !> Nothing was examined.
-  pure subroutine clear(self)
+  pure subroutine clear(self, vectors)
     class(quality_type), intent(inout) :: self
+    !> Number of loads and monitors
+    integer, intent(in) :: vectors
 
-    allocate (self%frequency_hz(0), self%error(0), self%response_hz(0), self%receptance(0, 0, 0), self%receptance_error(0, 0, 0))
+    allocate (self%frequency_hz(0), self%error(0), self%response_hz(0))
+    allocate (self%receptance(vectors, vectors, 0), self%receptance_error(vectors, vectors, 0))
   end subroutine clear
 
   !> Keep it for whoever takes up an interrupted reduction.

@@ -222,16 +222,16 @@ contains
       call quality%restore(work%split, work%store, error)
       return
     end if
-    if (size(modes%frequency_hz) == 0) then
-      call quality%clear()
+    top_hz = work%options%top_frequency_hz
+    if (top_hz <= 0.0_wp .and. size(modes%frequency_hz) > 0) top_hz = modes%frequency_hz(size(modes%frequency_hz))/1.5_wp
+    if (top_hz <= 0.0_wp) then
+      call quality%clear(size(work%vectors, 2))
       return
     end if
     call work%need_factor(error)
     if (allocated(error)) return
     call work%progress%step('error indicator', 0, 1)
     call work%begin(step_indicator)
-    top_hz = work%options%top_frequency_hz
-    if (top_hz <= 0.0_wp) top_hz = modes%frequency_hz(size(modes%frequency_hz))/1.5_wp
     examined%stiffness = work%stiffness
     examined%interior_mass = work%mass
     examined%factor = work%factor

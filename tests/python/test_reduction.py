@@ -161,6 +161,13 @@ def test_without_modes_the_stiffness_is_the_schur_complement(held):
     assert rom["vectors/full"].shape == (0, len(held.mass))
 
 
+def test_without_modes_or_a_frequency_nothing_is_examined_yet_loads_and_monitors_keep_their_places(held):
+    report, rom = held.reduce(vectors=unit(held, 100, 50), modes=0)
+    assert report.worst_error == -1.0
+    assert rom["quality/frequency_hz"].shape == (0,)
+    assert rom["quality/receptance"].shape == rom["quality/receptance_error"].shape == (0, 2, 2)
+
+
 def test_a_mode_is_not_torn_from_its_twin(tmp_path):
     square = make_case(tmp_path, *elastic_block((4, 2, 2), (0.1, 0.03, 0.03)))
     report, rom = square.reduce(modes=1)

@@ -252,6 +252,30 @@ def test_a_reduced_model_is_made_once(tmp_path):
     assert "reducing 81 dofs" in run(tmp_path, job).stdout
 
 
+@pytest.mark.parametrize("asked", [{"modes": 0}, {"max_frequency_hz": 1.0}])
+def test_a_reduced_model_without_modes_inside_goes_through_every_command(tmp_path, asked):
+    write_blocks(tmp_path / "model.h5")
+    job = blocks() | {"reduction": asked}
+    # Two frequencies of the reduced model below the end of the sweep, between which a response is examined.
+    job["sweep"] = {"frequencies_hz": [60.0, 4000.0]}
+    reduced = attrito(tmp_path, "reduce", write_job(tmp_path, job))
+    assert reduced.returncode == 0, reduced.stderr
+    assert "no modes, 2 corrections" in reduced.stdout
+    assert "error" in attrito(tmp_path, "info", "rom.h5").stdout
+    run(tmp_path, job)
+    rows = table(tmp_path)
+    assert [row["outcome"] for row in rows] == ["converged", "converged"]
+    for command in ("report", "export"):
+        done = attrito(tmp_path, command, "result.h5", *(["--point", "0"] if command == "export" else []))
+        assert done.returncode == 0, done.stderr
+    with h5py.File(tmp_path / "rom.h5") as rom:
+        assert not np.any(rom["coordinates/kind"][:] == 1)
+        receptance = rom["quality/receptance"]
+        assert receptance.shape == rom["quality/receptance_error"].shape
+        assert receptance.shape[1:] == (len(rom["vectors/name"]),) * 2
+        assert rom["reduction"].attrs["worst_error"] > 1e-3
+
+
 @pytest.mark.parametrize("quadrature", ["event", "sampled"])
 def test_bodies_that_only_friction_holds_find_their_equilibrium(tmp_path, quadrature):
     """Two masses joined by a spring k and pressed on the ground by P each are pushed apart by F > mu P: both slip.
