@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from attrito.cautions import of_static_solution
 from attrito.faults import NumericsError
 from attrito.job import Job
 from attrito.progress import Progress
@@ -96,6 +97,10 @@ class Course:
         if place.stretch % self._sides == 0:
             self._search.begin_level(level)
         self._progress.static(self._solver.walk_static_path(self._path, self._job["static"]["steps"], begin))
+        for warning in of_static_solution(self._solver.static_states):
+            if warning not in place.warnings:
+                place.warnings.append(warning)
+                self._progress.say(f"warning: {warning}")
         if self._listed:
             return self._solver.solve_at(self._listed, level, place.branch)
         most = self._job["continuation"]["max_points"]

@@ -52,6 +52,7 @@ class Place:
     points : points done of all sweeps
     outcomes : how many points ended how
     incomplete : sweeps that ended before their stop, in words
+    warnings : of the static solution
     """
 
     stretch: int = 0
@@ -63,6 +64,7 @@ class Place:
     points: int = 0
     outcomes: dict[str, int] = field(default_factory=dict)
     incomplete: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
 
     def add(self, point: Point) -> None:
         """Count a point that is done."""

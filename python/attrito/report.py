@@ -77,7 +77,8 @@ def glance(view: View) -> list[tuple[str, bool]]:
         return [("No point was solved.", True)]
     levels = len(view.peaks)
     span = f"{view.frequency.min():.6g} to {view.frequency.max():.6g} Hz"
-    lines = [(f"{count} points, {levels} level{'s' * (levels > 1)}, {span}.", False), _solutions(view)]
+    warned = [(f"{line[:1].upper()}{line[1:]}.", True) for line in view.result.attribute("warnings").splitlines()]
+    lines = [(f"{count} points, {levels} level{'s' * (levels > 1)}, {span}.", False), _solutions(view), *warned]
     lines += [*_verdicts(view), *_bifurcations(view), *_families(view)]
     estimate = np.where(view.solved, view.result.array("/points/estimate"), np.nan)
     if np.isfinite(estimate).any():

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from attrito import cautions
 from attrito.bifurcations import Finder, write_bifurcations
 from attrito.course import Course
 from attrito.faults import InputError, NumericsError, UnsolvedError
@@ -71,6 +72,7 @@ def run_job(comm: Comm, path: str | Job, resume: bool = False, max_seconds: floa
         job = on_root(comm, lambda: read_job(path))
         scene = on_root_only(comm, lambda: build_scene(job))
         _say_notes(progress, scene)
+        warnings = on_root(comm, lambda: cautions.of_scene(job, scene))
         stages.end("input")
         if rom_path(job) is not None:
             progress.reduction(make_rom(comm, job, scene, progress.say, progress.step))
@@ -81,8 +83,11 @@ def run_job(comm: Comm, path: str | Job, resume: bool = False, max_seconds: floa
         with Solver(comm, reduced, options) as solver:
             # Of a structure that is held, as the solver has found by now.
             margin = on_root(comm, lambda: friction_margin(reduced))
+            warnings += on_root(comm, lambda: cautions.of_damping(reduced))
             if (wedges := warning(margin)) is not None:
-                progress.say(wedges)
+                warnings.append(wedges)
+            for line in warnings:
+                progress.say(f"warning: {line}")
             linear = linear_responses(solver, job)
             progress.begin(len(reduced.mass), len(reduced.laws["tangents"]), linear)
             first = on_root_only(comm, lambda: first_record(job, scene, reduced, comm.size, linear))
@@ -93,7 +98,7 @@ def run_job(comm: Comm, path: str | Job, resume: bool = False, max_seconds: floa
                     run.solve(first, load_path, resume, stop)
             finally:
                 run.recorder.close()
-        run.finish(margin)
+        run.finish(margin, warnings)
     progress.end(run.result, stages, run.place)
     complaints = run.complaints()
     if complaints:
@@ -179,14 +184,15 @@ class _Run:
             f" go on with attrito run --resume {self._job.path}"
         )
 
-    def finish(self, margin: Margin | None) -> None:
+    def finish(self, margin: Margin | None, warnings: list[str]) -> None:
         """Make the result file; an older one stays until it is complete."""
-        on_root(self._comm, lambda: self._make_result(margin))
+        on_root(self._comm, lambda: self._make_result(margin, [*warnings, *self.place.warnings]))
         self._stages.end("writing")
 
-    def _make_result(self, margin: Margin | None) -> None:
+    def _make_result(self, margin: Margin | None, warnings: list[str]) -> None:
         with whole_hdf5(self.result) as file:
             fill_result(file, self.journal)
+            file.attrs["warnings"] = "\n".join(warnings)
             if self.place.incomplete:
                 file["points"].attrs["incomplete"] = "; ".join(self.place.incomplete)
             write_bounds(file, self._reduced, self._sampler)

@@ -144,7 +144,7 @@ class Solver:
         # A row of the last point
         self.coefficients = 2 * options.harmonics + 1
         # Counted up to the end of the last static load path
-        self.static_work = 0.0
+        self.static_work, self.static_states = 0.0, (0, 0, 0, 0)
         self._make_room(options.harmonics)
         m = len(scene.mass)
         damping = None if scene.damping is None else pointer(scene.damping)
@@ -197,7 +197,7 @@ class Solver:
         raw = RawPoint()
         sizes = path.shape[1], path.shape[0]
         self._call("attrito_walk_static_path", *sizes, pointer(path), steps, omega(frequency_hz), ctypes.byref(raw))
-        self.static_work = raw.work
+        self.static_work, self.static_states = raw.work, tuple(raw.states)
         return self._monitors(raw.harmonic_count)[0][:, 0]
 
     def sweep(self, start_hz: float, stop_hz: float, level: float, branch: int, max_points: int) -> Iterator[Point]:

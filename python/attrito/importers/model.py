@@ -21,6 +21,7 @@ from attrito.importers.source import Source
 from attrito.job_checks import DIRECTIONS
 from attrito.model_file import Model, write_model
 from attrito.overwriting import check_spared
+from attrito.rigidity import resisted_rotation
 
 
 def import_model(
@@ -133,7 +134,9 @@ def _model(
     check_spared("import", "output", [output], files)
     held = hold(model, holds, spin_hz, geometric)
     write_model(output, model, list(dict.fromkeys(files)))
-    return model, _notes(model) + held + parts.notes + _mesh_notes(nodes)
+    resists = resisted_rotation(model)
+    warnings = [] if resists is None else [f"warning: {resists}"]
+    return model, _notes(model) + held + parts.notes + _mesh_notes(nodes) + warnings
 
 
 def dof_label(dof: int, parts: Matrices) -> str:

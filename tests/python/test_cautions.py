@@ -1,0 +1,104 @@
+"""What a run warns of before it is run: each by a scene that has the fault and by one that has not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from elastic import elastic_block
+from jobs import attrito_here, blocks, wedge, write_blocks, write_job
+from scipy.sparse import csr_matrix
+
+from attrito.cautions import of_static_solution
+from attrito.model_file import write_model
+from attrito.report import glance
+from attrito.report_view import View
+from attrito.results import Result
+from attrito.rigidity import resisted_rotation, rotation_resistance
+
+
+def warnings_of(folder, capfd, job):
+    """What a run printed as warnings; the result and the report hold the same."""
+    done = attrito_here(folder, capfd, "run", write_job(folder, job))
+    assert done.returncode == 0, done.stdout + done.stderr
+    said = [line.removeprefix("warning: ") for line in done.stdout.splitlines() if line.startswith("warning: ")]
+    with Result(folder / "result.h5") as result:
+        assert result.attribute("warnings").splitlines() == said
+        first = [words for words, warns in glance(View(result, None)) if warns]
+    assert {f"{line[0].upper()}{line[1:]}." for line in said} <= set(first)
+    return said
+
+
+def test_a_sound_scene_brings_no_warning(tmp_path, capfd):
+    assert warnings_of(tmp_path, capfd, wedge()) == []
+
+
+def test_a_static_solution_in_which_nothing_touches_is_told_once(tmp_path, capfd):
+    job = wedge()
+    job["load"][0]["dofs"] = [[1, -420.0]]
+    job["sweep"]["levels"] = [1.0, 0.5]
+    (warning,) = warnings_of(tmp_path, capfd, job)
+    assert warning.startswith("no contact touches at the static solution")
+
+
+def test_one_contact_that_touches_is_enough():
+    assert of_static_solution((0, 1, 0, 5)) == []
+    assert len(of_static_solution((0, 0, 0, 6))) == 1
+    assert of_static_solution((0, 0, 0, 0)) == []
+
+
+def test_a_damping_matrix_that_feeds_a_mode_is_told(tmp_path, capfd):
+    job = wedge()
+    job["model"]["damping"] = [[60.0, 0.0], [0.0, -30.0]]
+    # The frictionless and the stuck system: modes near x and near y each.
+    said = warnings_of(tmp_path, capfd, job)
+    assert len(said) == 2
+    assert all(line.startswith("damping is negative: it feeds the") for line in said)
+    assert "stuck mode at" in said[0] and "frictionless mode at" in said[1]
+
+
+def test_a_tangent_along_the_normal_is_told_and_one_beside_it_is_not(tmp_path, capfd):
+    job = wedge()
+    job["contact"][0]["tangents"] = [[[0, -3.0], [1, -3.0]]]
+    job["contact"].append(job["contact"][0] | {"tangents": [[[0, 1.0], [1, 1.001]]]})
+    (warning,) = warnings_of(tmp_path, capfd, job)
+    assert warning.startswith("contact[0]: tangents[0] is parallel to normal")
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.05])
+def test_pairs_that_lie_apart_are_told_with_the_moment_that_a_rotation_finds(tmp_path, capfd, gap):
+    model = write_blocks(tmp_path / "model.h5")
+    pairs = len(model.node_sets["top"])
+    model.coordinates[np.isin(model.node_ids, model.node_sets["top"])] += [0.0, 0.0, gap]
+    write_model(tmp_path / "model.h5", model, [])
+    job = blocks()
+    job["contact_set"][0] |= {"tolerance": 0.1, "stiffness_per": "node"}
+    said = [line for line in warnings_of(tmp_path, capfd, job) if "apart, " in line and "contact_set" in line]
+    if gap == 0.0:
+        assert said == []
+        return
+    (warning,) = said
+    # Two tangents of 1e6 at every pair; about an axis in the plane, kt gap^2 each, times 1e-3 rad.
+    moment = 1e6 * pairs * gap**2 * 1e-3
+    assert f"up to {gap:.3g} apart" in warning
+    assert f"a moment of {moment:.3g};" in warning
+
+
+def test_matrices_that_resist_a_rigid_rotation_are_told_from_held_and_sound_ones():
+    model, points = elastic_block((4, 2, 2), (2.0, 1.0, 1.0), fixed=lambda points: points[:, 0] < 1e-9)
+    model.node_ids = np.arange(1, len(points) + 1)
+    model.coordinates = points
+    model.elements = {"C3D8": (np.array([1]), np.array([[1] * 8]))}
+    model.dof_node, model.dof_direction = np.repeat(model.node_ids, 3), np.tile([1, 2, 3], len(points))
+    assert resisted_rotation(model) is None
+    # Springs between nodes, the same in every direction: they resist no translation.
+    near = np.linalg.norm(points[:, None] - points[None, :], axis=2) < 0.51
+    springs = np.diag(near.sum(axis=1)) - near.astype(float)
+    for part in (1e-3, 1e-5):
+        spoilt = model.stiffness + part * model.stiffness.max() * csr_matrix(np.kron(springs, np.eye(3)))
+        told = model.__class__(spoilt, model.mass, None, model.dof_node, model.dof_direction)
+        told.node_ids, told.coordinates, told.elements = model.node_ids, points, model.elements
+        assert "resists a rigid rotation" in resisted_rotation(told)
+        assert 0.01 * part < rotation_resistance(told) < 10.0 * part
+        # Stress stiffening does so rightly.
+        told.stiffness_holds = ("stress_stiffening",)
+        assert resisted_rotation(told) is None
