@@ -129,6 +129,6 @@ def _distant_pairs(job: Job, scene: Scene) -> Iterator[str]:
         yield (
             f"contact_set[{i}]: its nodes lie up to {farthest:.3g} apart, {100 * farthest / extent:.2g} % of the"
             f" interface: when the whole model rotates rigidly by {ROTATION:g} rad they move against each other by up"
-            f" to {ROTATION * farthest:.3g}, and stuck contacts resist by a moment of {ROTATION * moment:.3g}; close the"
-            " gap in the mesh and give it as gap"
+            f" to {ROTATION * farthest:.3g}, and stuck contacts resist by a moment of {ROTATION * moment:.3g}; close"
+            " the gap in the mesh and give it as gap"
         )
