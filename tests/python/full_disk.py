@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from jobs import ENVIRONMENT
+from jobs import ENVIRONMENT, TIMEOUT
 
 OLD = b"the result of yesterday"
 
@@ -42,7 +42,7 @@ def with_room_for(
     command = [sys.executable, "-c", COMMAND, str(size), of, *arguments]
     command = command if ranks == 1 else ["mpirun", "-n", str(ranks), *command]
     return subprocess.run(
-        command, cwd=folder, env=os.environ | ENVIRONMENT, capture_output=True, text=True, timeout=60, check=False
+        command, cwd=folder, env=os.environ | ENVIRONMENT, capture_output=True, text=True, timeout=TIMEOUT, check=False
     )
 
 

@@ -106,7 +106,7 @@ def _stored(folder: Path) -> list[Source]:
     shutil.copytree(folder / "wedge", folder / "cut")
     job = wedge() | {"sweep": {"frequencies_hz": [131.0, 132.0, 133.0]}}
     write_job(folder / "cut", job)
-    attrito(folder / "cut", "run", "job.toml", "--max-seconds", "0.001")
+    attrito(folder / "cut", "run", "job.toml", "--max-seconds", "1e-9")
     result = "result.h5"
     return [
         *(Source(place, ("run", "job.toml"), "model.h5", kind) for kind in ("hdf5", "bytes")),

@@ -9,6 +9,8 @@ import json
 import os
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,16 +22,26 @@ from scipy.sparse import csr_matrix, diags
 from attrito.cli import main
 from attrito.model_file import Model, write_model
 
-TIMEOUT = 60
+# Seconds until something counts as hung. No test asks how fast a machine is: it waits for a state, or for an end.
+TIMEOUT = 600.0
 ROOT_HALF = 0.5**0.5
 ENVIRONMENT = {
     "OMPI_ALLOW_RUN_AS_ROOT": "1",
     "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
     "OMPI_MCA_rmaps_base_oversubscribe": "1",
+    # Tests run side by side: a rank that waits leaves its core to the others, and none is tied to one that is busy.
+    "OMPI_MCA_mpi_yield_when_idle": "1",
+    "OMPI_MCA_hwloc_base_binding_policy": "none",
     "OPENBLAS_NUM_THREADS": "1",
 }
 
 Job = dict[str, Any]
+
+
+def clean_environment() -> dict[str, str]:
+    """For what this MPI process starts and what must not take itself for its descendant."""
+    own = {key: value for key, value in os.environ.items() if not key.startswith(("OMPI_", "PMIX_", "OPAL_"))}
+    return own | ENVIRONMENT | {"PYTHONPATH": os.pathsep.join(sys.path)}
 
 
 def attrito(folder: Path, *arguments: str, ranks: int | None = None) -> subprocess.CompletedProcess[str]:
@@ -48,6 +60,15 @@ def attrito_here(folder: Path, capfd: pytest.CaptureFixture[str], *arguments: st
         code = main(arguments)
     out, err = capfd.readouterr()
     return subprocess.CompletedProcess(arguments, code, out, err)
+
+
+def wait_for(ready: Callable[[], bool], running: subprocess.Popen | None = None) -> None:
+    """Until something holds; a hang is a failure, and so is the end of what is running before."""
+    end = time.monotonic() + TIMEOUT
+    while not ready():
+        assert running is None or running.poll() is None, "it ended too soon"
+        assert time.monotonic() < end, "it hangs"
+        time.sleep(0.01)
 
 
 def toml(job: Job) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from jobs import TIMEOUT
 
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 sys.path.insert(0, str(BENCHMARKS))
@@ -23,7 +24,7 @@ import scenes  # noqa: E402
 def run(script: str, *arguments: str) -> Any:
     """What a benchmark prints."""
     command = [sys.executable, str(BENCHMARKS / script), *arguments]
-    return json.loads(subprocess.run(command, check=True, capture_output=True, text=True, timeout=300).stdout)
+    return json.loads(subprocess.run(command, check=True, capture_output=True, text=True, timeout=TIMEOUT).stdout)
 
 
 def test_an_element_carries_its_mass_and_no_stress_in_rigid_motion():

@@ -14,7 +14,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-from jobs import ENVIRONMENT, attrito_here
+from jobs import ENVIRONMENT, TIMEOUT, attrito_here
 
 from attrito.arguments import parser
 from attrito.job import read_job
@@ -182,7 +182,7 @@ def test_a_script_runs_and_says_something(script, tmp_path, capfd):
         env=os.environ | ENVIRONMENT,
         capture_output=True,
         text=True,
-        timeout=180,
+        timeout=TIMEOUT,
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() and "Warning" not in done.stderr
@@ -204,7 +204,7 @@ def test_the_first_run_s_own_model_gives_the_numbers_that_it_tells(tmp_path):
         env=os.environ | ENVIRONMENT | {"PATH": path},
         capture_output=True,
         text=True,
-        timeout=180,
+        timeout=TIMEOUT,
     )
     assert done.returncode == 0, done.stderr
     told = next(block for block in blocks if block.startswith("out/strip/model.h5:"))

@@ -6,7 +6,7 @@ import os
 import subprocess
 from pathlib import Path
 
-from jobs import ENVIRONMENT, wedge, write_job
+from jobs import ENVIRONMENT, TIMEOUT, wedge, write_job
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 def ended(*command: str, folder: Path, **environment: str) -> str:
     """What a command says that is expected to end well, in an environment without our own paths."""
     clean = {"PATH": "/usr/bin:/bin", "HOME": os.environ.get("HOME", "/")} | ENVIRONMENT | environment
-    done = subprocess.run(command, cwd=folder, env=clean, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(command, cwd=folder, env=clean, capture_output=True, text=True, timeout=TIMEOUT, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 

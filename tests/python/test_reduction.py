@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 
@@ -10,6 +9,7 @@ import h5py
 import numpy as np
 import pytest
 from elastic import elastic_block, rigid_motions
+from jobs import TIMEOUT, clean_environment
 from mpi4py import MPI
 from reduced import COUNTS, SIZE, Case, make_case, unit, worst
 from scipy.linalg import eigh
@@ -243,14 +243,9 @@ except InputError as error:
 
 def reduce_on_ranks(case: Case, ranks: int, modes: int, boundary: int) -> subprocess.CompletedProcess:
     """Reduce under mpirun, onto the first dofs."""
-    allowed = ("ALLOW_RUN_AS_ROOT", "ALLOW_RUN_AS_ROOT_CONFIRM", "MCA_rmaps_base_oversubscribe")
-    settings = {f"OMPI_{name}": "1" for name in allowed}
-    settings |= {"OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
-    # This process is an MPI process itself; mpirun must not take its descendants for its own.
-    clean = {key: value for key, value in os.environ.items() if not key.startswith(("OMPI_", "PMIX_", "OPAL_"))}
     arguments = [case.folder / "model.h5", case.folder / f"rom{ranks}.h5", modes, boundary, len(case.mass)]
     command = ["mpirun", "-n", str(ranks), sys.executable, "-c", ON_RANKS, *map(str, arguments)]
-    return subprocess.run(command, env=clean | settings, capture_output=True, text=True, timeout=120)
+    return subprocess.run(command, env=clean_environment(), capture_output=True, text=True, timeout=TIMEOUT)
 
 
 @pytest.mark.parametrize("boundary", [0, 36])

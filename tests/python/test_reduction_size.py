@@ -6,14 +6,13 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 from elastic import elastic_block, rigid_motions
-from jobs import attrito
+from jobs import TIMEOUT, attrito, clean_environment, wait_for
 from mpi4py import MPI
 from reduced import Case, make_case, unit, worst
 from scipy.linalg import eigh
@@ -30,25 +29,16 @@ sys.path.append(str(REPOSITORY / "benchmarks"))
 
 import blade_solid  # noqa: E402
 
-SETTINGS = {f"OMPI_{name}": "1" for name in ("ALLOW_RUN_AS_ROOT", "ALLOW_RUN_AS_ROOT_CONFIRM")}
-SETTINGS |= {"OMPI_MCA_rmaps_base_oversubscribe": "1", "OPENBLAS_NUM_THREADS": "1"}
-
-
-def clean_environment() -> dict[str, str]:
-    """This process is an MPI process; what it starts must not take itself for its descendant."""
-    own = {key: value for key, value in os.environ.items() if not key.startswith(("OMPI_", "PMIX_", "OPAL_"))}
-    return own | SETTINGS | {"PYTHONPATH": os.pathsep.join(sys.path)}
-
 
 @pytest.fixture(scope="module")
 def blade(tmp_path_factory) -> Path:
     """Folder of a free blade of 50 thousand dofs, reduced onto 200 contact nodes and 100 modes on two ranks."""
     folder = tmp_path_factory.mktemp("blade_50k")
     script, arguments = REPOSITORY / "benchmarks" / "blade_solid.py", [str(folder), "50000"]
-    subprocess.run([sys.executable, script, *arguments], check=True, env=clean_environment())
+    subprocess.run([sys.executable, script, *arguments], check=True, env=clean_environment(), timeout=TIMEOUT)
     script = REPOSITORY / "benchmarks" / "reduction.py"
     command = ["mpirun", "-n", "2", sys.executable, str(script), str(folder), "--modes", "100", "--keep"]
-    ran = subprocess.run(command, env=clean_environment(), capture_output=True, text=True, timeout=400)
+    ran = subprocess.run(command, env=clean_environment(), capture_output=True, text=True, timeout=TIMEOUT)
     assert ran.returncode == 0, ran.stderr
     return folder
 
@@ -125,7 +115,7 @@ def test_the_benchmark_blade_has_the_frequencies_that_calculix_finds(tmp_path, m
     monkeypatch.setattr(blade_solid, "unit_mass", lambda: mass)
     model = blade_solid.blade_model(6000)
     blade_solid.write_deck(tmp_path / "blade.inp", model, 5)
-    ran = subprocess.run(["ccx", "blade"], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    ran = subprocess.run(["ccx", "blade"], cwd=tmp_path, capture_output=True, text=True, timeout=TIMEOUT)
     assert ran.returncode == 0, ran.stdout
     lines = [line.split() for line in (tmp_path / "blade.dat").read_text().splitlines()]
     expected = np.array([float(line[3]) for line in lines if len(line) == 5 and line[0].isdigit()])
@@ -242,26 +232,27 @@ def test_factors_go_to_disk_where_memory_is_short_and_nothing_is_begun_where_it_
         reduce(beside)
 
 
+# Once a step has left the file, the reduction waits to be killed.
 RESTARTED = """
-import sys
+import signal, sys
+from pathlib import Path
 from mpi4py import MPI
 import numpy as np
 from attrito.reduction import reduce_model
 folder, boundary = sys.argv[1], np.load(sys.argv[1] + "/boundary.npy")
-how = {"modes": 60, "block_size": 4, "fingerprint": "it"}
+def listen(text, done, total):
+    if list(Path(folder, "rom.h5.steps").glob(sys.argv[2])):
+        signal.pause()
+how = {"modes": 60, "block_size": 4, "fingerprint": "it", "listener": listen}
 reduce_model(MPI.COMM_WORLD, folder + "/model.h5", folder + "/rom.h5", boundary, **how)
 """
 
 
 def kill_when(folder: Path, pattern: str, ranks: int) -> dict[str, float]:
     """Start the reduction, kill it hard once a step has left such a file; the files whole by then, with their times."""
-    command = ["mpirun", "-n", str(ranks), sys.executable, "-c", RESTARTED, str(folder)]
+    command = ["mpirun", "-n", str(ranks), sys.executable, "-c", RESTARTED, str(folder), pattern]
     running = subprocess.Popen(command, env=clean_environment(), start_new_session=True, stderr=subprocess.DEVNULL)
-    deadline = time.monotonic() + 120.0
-    while not list((folder / "rom.h5.steps").glob(pattern)):
-        assert running.poll() is None, "the reduction ended before it could be killed"
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
+    wait_for(lambda: bool(list((folder / "rom.h5.steps").glob(pattern))), running)
     children = subprocess.run(["pgrep", "-P", str(running.pid)], capture_output=True, text=True).stdout.split()
     for process in [*map(int, children), running.pid]:
         os.kill(process, signal.SIGKILL)

@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 import pytest
 import synthetic
-from jobs import attrito_here, chain, wedge, write_job
+from jobs import TIMEOUT, attrito_here, chain, wedge, write_job
 
 from attrito.faults import InputError
 from attrito.report import glance, make_page
@@ -274,7 +274,7 @@ def test_a_browser_lays_the_page_out_within_its_width(folder, capfd, width):
         "--virtual-time-budget=2000",
     ]
     command = [BROWSER, *options, f"--window-size={width},900", "--dump-dom", page.as_uri()]
-    dumped = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
+    dumped = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT, check=True).stdout
     told = re.search(r'data-told="\[([^\]]*)\]"', dumped).group(1)
     inner, scroll, figures, narrowest, lowest, letters = map(float, told.split(","))
     assert scroll <= inner and figures >= 8

@@ -6,15 +6,15 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from jobs import ENVIRONMENT, Job, attrito, attrito_here, chain, table, wedge, write_job
+from jobs import ENVIRONMENT, TIMEOUT, Job, attrito, attrito_here, chain, table, wait_for, wedge, write_job
 from mpi4py import MPI
+from patient import PROGRAM
 from restarts import differences, run_in_pieces, run_to_the_end
 
 from attrito import result_file
@@ -76,7 +76,7 @@ def test_two_ranks_resumed_after_every_point_give_the_same_file_bit_for_bit(tmp_
     write_job(tmp_path, job)
     done = subprocess.run(
         ["mpirun", "-n", "2", sys.executable, str(HERE / "restarts.py"), "job.toml", "result.h5"],
-        cwd=tmp_path, env=os.environ | ENVIRONMENT, capture_output=True, text=True, timeout=120, check=False,
+        cwd=tmp_path, env=os.environ | ENVIRONMENT, capture_output=True, text=True, timeout=TIMEOUT, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert differences(tmp_path / "result.h5", tmp_path / "result.whole") == []
@@ -86,9 +86,9 @@ def test_two_ranks_resumed_after_every_point_give_the_same_file_bit_for_bit(tmp_
 def cut(tmp_path_factory) -> Path:
     """A folder with the journal of a run that was stopped in its midst."""
     folder = tmp_path_factory.mktemp("cut")
-    done = attrito(folder, "run", write_job(folder, rubbing(1)), "--max-seconds", "0.001")
+    done = attrito(folder, "run", write_job(folder, rubbing(1)), "--max-seconds", "1e-9")
     assert done.returncode == 1
-    assert "stopped by --max-seconds 0.001; the 1 points solved so far are in result.h5.partial" in done.stderr
+    assert "stopped by --max-seconds 1e-09; the 1 points solved so far are in result.h5.partial" in done.stderr
     assert "go on with attrito run --resume job.toml" in done.stderr
     return folder
 
@@ -158,7 +158,7 @@ def test_a_record_of_absurd_size_is_none(tmp_path):
 def test_going_on_drops_what_was_cut_short(tmp_path):
     attrito(tmp_path, "run", write_job(tmp_path, rubbing(1)))
     whole = (tmp_path / "result.h5").rename(tmp_path / "whole.h5")
-    attrito(tmp_path, "run", "job.toml", "--max-seconds", "0.001")
+    attrito(tmp_path, "run", "job.toml", "--max-seconds", "1e-9")
     journal = tmp_path / "result.h5.partial"
     with journal.open("ab") as file:
         file.write(b"REC\n half a rec")
@@ -214,7 +214,7 @@ def test_another_model_or_number_of_ranks_is_not_gone_on_with(cut, tmp_path):
 def test_a_run_that_begins_anew_keeps_the_journal_it_finds_until_it_is_done(cut, tmp_path, capfd):
     journal = copy_of(cut, tmp_path)
     before = journal.read_bytes()
-    attrito_here(tmp_path, capfd, "run", "job.toml", "--max-seconds", "0.001")
+    attrito_here(tmp_path, capfd, "run", "job.toml", "--max-seconds", "1e-9")
     assert (tmp_path / "result.h5.partial.old").read_bytes() == before
     attrito_here(tmp_path, capfd, "run", "job.toml")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["job.toml", "result.h5"]
@@ -250,30 +250,20 @@ def test_a_run_that_is_not_on_the_main_thread_goes_without_signals():
 # mpirun passes SIGUSR1 and SIGUSR2 on; at SIGTERM it kills, which is what the journal is for.
 @pytest.mark.parametrize(("number", "ranks"), [(signal.SIGTERM, None), (signal.SIGUSR1, None), (signal.SIGUSR1, 2)])
 def test_a_signal_ends_a_run_after_a_whole_point(tmp_path, number, ranks):
-    job = rubbing(1)
-    job["sweep"]["levels"] = np.linspace(0.5, 1.0, 200).tolist()
-    command = [sys.executable, "-m", "attrito.cli", "run", write_job(tmp_path, job)]
+    command = [sys.executable, PROGRAM, "run", write_job(tmp_path, rubbing(1))]
     started = subprocess.Popen(
         command if ranks is None else ["mpirun", "-n", str(ranks), *command],
         cwd=tmp_path, env=os.environ | ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     journal = tmp_path / "result.h5.partial"
-    wait_for(lambda: journal.is_file() and len(list(read_journal(str(journal)))) > 3)
+    wait_for(lambda: journal.is_file() and len(list(read_journal(str(journal)))) > 3, started)
     started.send_signal(number)
-    out, error = started.communicate(timeout=60)
+    out, error = started.communicate(timeout=TIMEOUT)
     assert started.returncode == 1, out + error
     solved = len(list(read_journal(str(journal)))) - 1
     assert f"stopped by {number.name}; the {solved} points solved so far are in result.h5.partial" in error
     assert is_journal(journal)
     assert "\r" not in out
-
-
-def wait_for(ready, seconds: float = 50.0) -> None:
-    """Until something holds."""
-    end = time.monotonic() + seconds
-    while not ready():
-        assert time.monotonic() < end
-        time.sleep(0.05)
 
 
 def test_what_is_no_journal_is_told(tmp_path):

@@ -6,13 +6,13 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
 import h5py
 import jobs
 import numpy as np
+import patient
 import pytest
 from mpi4py import MPI
 
@@ -61,11 +61,9 @@ def test_a_study_that_was_killed_goes_on_and_ends_like_one_that_was_not(tmp_path
         write(folder)
     done = jobs.attrito(whole, "study", "study.toml")
     assert done.returncode == 0, done.stderr
-    command = [sys.executable, "-m", "attrito.cli", "study", "study.toml"]
+    command = [sys.executable, patient.PROGRAM, "study", "study.toml"]
     running = subprocess.Popen(command, cwd=broken, env=os.environ | jobs.ENVIRONMENT, stdout=subprocess.DEVNULL)
-    deadline = time.monotonic() + jobs.TIMEOUT
-    while len(list(broken.glob("study.h5.parts/*/*.json"))) < 3 and time.monotonic() < deadline:
-        time.sleep(0.01)
+    jobs.wait_for(lambda: len(list(broken.glob("study.h5.parts/*/*.json"))) >= 3, running)
     running.send_signal(signal.SIGKILL)
     running.wait()
     kept = len(list(broken.glob("study.h5.parts/*/*.json")))
