@@ -11,9 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
-from jobs import ENVIRONMENT, chain, table, wedge, write_job
-
-PATIENCE = 600
+from jobs import ENVIRONMENT, TIMEOUT, chain, table, wait_for, wedge, write_job
 
 
 def attrito_with_output(folder: Path, output: str, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -21,14 +19,14 @@ def attrito_with_output(folder: Path, output: str, *arguments: str) -> subproces
     command = [sys.executable, "-m", "attrito.cli", *arguments]
     options = {"cwd": folder, "env": os.environ | ENVIRONMENT, "stderr": subprocess.PIPE, "text": True}
     if output == "closed":
-        return subprocess.run(["sh", "-c", 'exec "$@" >&-', "sh", *command], timeout=PATIENCE, check=False, **options)
+        return subprocess.run(["sh", "-c", 'exec "$@" >&-', "sh", *command], timeout=TIMEOUT, check=False, **options)
     if output == "full":
         with open("/dev/full", "w") as full:
-            return subprocess.run(command, stdout=full, timeout=PATIENCE, check=False, **options)
+            return subprocess.run(command, stdout=full, timeout=TIMEOUT, check=False, **options)
     read, write = os.pipe()
     os.close(read)
     try:
-        return subprocess.run(command, stdout=write, timeout=PATIENCE, check=False, **options)
+        return subprocess.run(command, stdout=write, timeout=TIMEOUT, check=False, **options)
     finally:
         os.close(write)
 
@@ -71,13 +69,6 @@ def processes_of(launcher: int) -> list[int]:
     return [int(child) for child in Path(f"/proc/{launcher}/task/{launcher}/children").read_text().split()]
 
 
-def wait_until(ready, seconds: float = PATIENCE) -> None:
-    end = time.monotonic() + seconds
-    while not ready():
-        assert time.monotonic() < end
-        time.sleep(0.05)
-
-
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 @pytest.mark.parametrize("other_answers", [True, False], ids=["the other answers", "the other hangs"])
 def test_a_signal_at_one_rank_of_two_ends_both(tmp_path, number, other_answers):
@@ -88,7 +79,7 @@ def test_a_signal_at_one_rank_of_two_ends_both(tmp_path, number, other_answers):
         command, cwd=tmp_path, env=os.environ | ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     journal = tmp_path / "result.h5.partial"
-    wait_until(lambda: journal.is_file() and journal.stat().st_size > 100_000)
+    wait_for(lambda: journal.is_file() and journal.stat().st_size > 100_000)
     ranks = processes_of(started.pid)
     assert len(ranks) == 2
     if not other_answers:
@@ -96,9 +87,9 @@ def test_a_signal_at_one_rank_of_two_ends_both(tmp_path, number, other_answers):
         os.kill(ranks[0], signal.SIGSTOP)
         time.sleep(0.5)
     os.kill(ranks[1], number)
-    started.communicate(timeout=PATIENCE)
+    started.communicate(timeout=TIMEOUT)
     assert started.returncode != 0
-    wait_until(lambda: not any(Path(f"/proc/{rank}").exists() for rank in ranks))
+    wait_for(lambda: not any(Path(f"/proc/{rank}").exists() for rank in ranks))
     assert not (tmp_path / "result.h5").exists()
 
 
@@ -106,7 +97,7 @@ def on_two_ranks(folder: Path, script: str) -> subprocess.CompletedProcess[str]:
     (folder / "script.py").write_text(textwrap.dedent(script))
     return subprocess.run(
         ["mpirun", "-n", "2", sys.executable, "script.py"],
-        cwd=folder, env=os.environ | ENVIRONMENT, capture_output=True, text=True, timeout=PATIENCE, check=False,
+        cwd=folder, env=os.environ | ENVIRONMENT, capture_output=True, text=True, timeout=TIMEOUT, check=False,
     )  # fmt: skip
 
 
