@@ -23,12 +23,11 @@ import numpy as np
 from attrito.chart_file import Chart, Way
 from attrito.faults import InputError, NumericsError
 from attrito.integrator import Integrator, Run
-from attrito.job import TOLERANCE, Job, read_job, rom_path
-from attrito.rom import ROM, make_rom, reduced_scene
+from attrito.job import TOLERANCE, Job, read_job
+from attrito.rom import make_rom, reduced_scene
 from attrito.running import solver_options
 from attrito.scene import build_scene
 from attrito.solver import Options, Point, ReducedScene, Solver
-from attrito.stored import stored
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -62,10 +61,9 @@ class Bench:
         self._comm, self._job, self._seconds, self._say = comm, job, seconds, say
         whole = build_scene(job)
         self._path = whole.load_path
-        if rom_path(job) is not None:
-            make_rom(comm, job, whole, say)
-        self._scene = reduced_scene(job, whole)
-        self._options = solver_options(job)
+        self._rom, _ = make_rom(comm, job, whole, say)
+        self._scene = reduced_scene(job, whole, self._rom)
+        self._options = solver_options(job, self._rom)
         self._tangents = int(self._scene.laws["tangents"].max())
         self._level = job["sweep"]["levels"][-1]
         self._frequencies: list[float] = []
@@ -151,10 +149,9 @@ class Bench:
 
     def _fewer_modes(self) -> Iterator[Way]:
         """The reduced model without its highest fixed-interface modes, against the reduced model as it is."""
-        if rom_path(self._job) is None:
+        if self._rom is None:
             return
-        with stored(rom_path(self._job), ROM) as file:
-            modes = np.flatnonzero(file["coordinates/kind"][:] == 1)
+        modes = np.flatnonzero(self._rom.kind == 1)
         for count in dict.fromkeys(round(part * len(modes)) for part in MODE_PARTS):
             kept = np.setdiff1d(np.arange(len(self._scene.mass)), modes[count:])
             scene = restricted(self._scene, kept)

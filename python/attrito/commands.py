@@ -54,15 +54,26 @@ def chart(options: argparse.Namespace) -> None:
     """Error against cost of all ways to solve a job's scene -> CSV, HDF5, PNG."""
     from pathlib import Path
 
-    from attrito.chart import chart_job
-    from attrito.chart_file import table, write
-    from attrito.chart_picture import picture
+    from mpi4py import MPI
+
     from attrito.job import files_read, read_job
+    from attrito.locks import writing_alone
     from attrito.overwriting import check_spared
-    from attrito.plots import save
 
     picture_path = str(Path(options.output).with_suffix(".png"))
     check_spared("chart", "-o", [options.output, picture_path], files_read(read_job(options.job)))
+    with writing_alone(MPI.COMM_SELF, options.output, makes_folder=False):
+        _chart(options, picture_path)
+
+
+def _chart(options: argparse.Namespace, picture_path: str) -> None:
+    from pathlib import Path
+
+    from attrito.chart import chart_job
+    from attrito.chart_file import table, write
+    from attrito.chart_picture import picture
+    from attrito.plots import save
+
     found = chart_job(options.job, options.seconds, lambda text: print(text, file=sys.stderr, flush=True))
     write(found, options.output, str(Path(options.job).resolve()))
     save(picture(found), picture_path)

@@ -12,6 +12,7 @@ import numpy as np
 from mpi4py import MPI
 
 from attrito.faults import Fault, InputError
+from attrito.locks import writing_alone
 from attrito.mesh_pieces import Snapshot, XdmfSeries, share, write_collection, write_vtu
 from attrito.overwriting import check_spared
 from attrito.parallel import everywhere
@@ -116,10 +117,11 @@ def export_point(
     read = [result.path, result.attribute("model_file"), *([] if rom_file is None else [rom_file])]
     written = [f"{base}.{ending}" for ending in ENDINGS]
     everywhere(comm, lambda: check_spared("export", "-o", written, filter(None, read)))
-    written = everywhere(
-        comm,
-        lambda: _write(comm, base, cells, _snapshots(result, point, model, field, options), contact, options),
-    )
+    with writing_alone(comm, base, makes_folder=False):
+        written = everywhere(
+            comm,
+            lambda: _write(comm, base, cells, _snapshots(result, point, model, field, options), contact, options),
+        )
     return written, notes
 
 

@@ -20,9 +20,10 @@ from attrito.attractors import Attractor, State, find_attractors, told, write_at
 from attrito.faults import InputError, UnsolvedError
 from attrito.integrator import Integrator, Orbit, Run
 from attrito.job import Job, read_job
+from attrito.locks import writing_alone
 from attrito.parallel import on_root, on_root_only
 from attrito.restart import read_point
-from attrito.rom import make_rom, reduced_scene, rom_path
+from attrito.rom import make_rom, reduced_scene
 from attrito.scene import Scene, build_scene
 from attrito.solver import ReducedScene
 from attrito.stored import UNREADABLE
@@ -43,26 +44,31 @@ def integrate_job(comm: Comm, path: str | Job, say: Callable[[str], None] = prin
     job = on_root(comm, lambda: read_job(path))
     on_root(comm, lambda: _check(job))
     scene = on_root_only(comm, lambda: build_scene(job))
-    if rom_path(job) is not None:
-        make_rom(comm, job, scene, say)
+    file = job.file(job["output"]["file"])
+    with writing_alone(comm, file):
+        outcome, reason = _integrate(comm, job, scene, file, say)
+    if outcome == "not_converged":
+        raise UnsolvedError(file, f"the integration did not become steady ({reason}); see /integration")
+    return file
 
-    def work() -> tuple[str, str, str]:
-        reduced = damped(job, reduced_scene(job, scene))
+
+def _integrate(comm: Comm, job: Job, scene: Scene | None, file: str, say: Callable[[str], None]) -> tuple[str, str]:
+    """Integrate and write; outcome and reason."""
+    rom, _ = make_rom(comm, job, scene, say)
+
+    def work() -> tuple[str, str]:
+        reduced = damped(job, reduced_scene(job, scene, rom))
         choices = run_of(job, reduced)
         with Integrator(reduced) as session:
             place(session, job, scene, reduced)
             orbit = session.run(choices)
             met = attractors_of(session, job, scene, reduced, choices)
-        file = job.file(job["output"]["file"])
         write(file, job, reduced, choices, orbit, met)
         for line in [*summary(file, reduced, choices, orbit), *told(reduced.monitor_names, met)]:
             say(line)
-        return file, orbit.outcome, orbit.reason
+        return orbit.outcome, orbit.reason
 
-    file, outcome, reason = on_root(comm, work)
-    if outcome == "not_converged":
-        raise UnsolvedError(file, f"the integration did not become steady ({reason}); see /integration")
-    return file
+    return on_root(comm, work)
 
 
 def _check(job: Job) -> None:

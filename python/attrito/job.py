@@ -44,7 +44,7 @@ class Job:
 
 
 def rom_path(job: Job) -> str | None:
-    """Where the job's reduced model is kept; None when the matrices are used as they stand."""
+    """Where the job's reduced model is kept, the first of a folder; None when the matrices are used as they stand."""
     if "reduction" not in job.given:
         return None
     if job["reduction"]["file"] is not None:
@@ -59,11 +59,10 @@ def peak_path(job: Job) -> str:
     return str(Path(job.file(job["output"]["file"])).with_suffix(".peaks.h5"))
 
 
-def model_path(job: Job) -> str | None:
-    """The job's model file: its own, or one beside rom.h5 for matrices given otherwise."""
+def model_path(job: Job, rom: str | None) -> str | None:
+    """The job's model file: its own, or one beside the file of the reduced model for matrices given otherwise."""
     if job["model"]["file"] is not None:
         return job.file(job["model"]["file"])
-    rom = rom_path(job)
     return None if rom is None else str(Path(rom).with_suffix(".model.h5"))
 
 
@@ -369,7 +368,7 @@ def _check_outputs(job: Job) -> list[Fault]:
     if "reduction" in job.given:
         written.append(("[reduction] file", rom_path(job)))
         if job["model"]["file"] is None:
-            written.append(("[reduction] file", model_path(job)))
+            written.append(("[reduction] file", model_path(job, rom_path(job))))
     if "peak" in job.given:
         written.append(("[peak] file", peak_path(job)))
     faults, taken = [], list(_files_by_key(job).items())

@@ -97,8 +97,9 @@ TABLES: dict[str, dict[str, Key]] = {
         "file": Key(
             text,
             None,
-            "the reduced model; absent: `rom.h5` beside the result. Used again while matrices and what is asked stay"
-            " the same, else replaced",
+            "the reduced model, used again while matrices and what is asked stay the same, else replaced; absent:"
+            " `rom.h5` beside the result or, where that is another, `rom.<8 digits>.h5`"
+            " ([files.md](files.md#several-jobs-in-a-folder))",
         ),
     },
     "static": {

@@ -120,14 +120,17 @@ class Journal:
 
 
 def set_aside(path: str, name: str) -> None:
-    """Give a journal another name, unless another process writes it."""
-    with open(path, "r+b") as file:
+    """Give a journal another name, unless another process writes it; what is none stays where it is."""
+    if not is_journal(path) or (os.path.lexists(name) and not _is_plain_journal(name)):
+        taken = name if is_journal(path) else path
+        raise InputError(Fault(taken, "file", "not a journal", "nothing that attrito has not written under this name"))
+    with open(path, "r+b", opener=_open_or_make) as file:
         _lock(file, path)
         os.replace(path, name)
 
 
 def _open_or_make(path: str, flags: int) -> int:
-    return os.open(path, flags | os.O_CREAT, 0o666)
+    return os.open(path, flags | os.O_CREAT | os.O_NOFOLLOW, 0o666)
 
 
 def _lock(file: BinaryIO, path: str) -> None:
@@ -145,6 +148,16 @@ def is_journal(path: str | os.PathLike[str]) -> bool:
     """Whether a file begins as a journal does, as one that is cut short within its first line does too."""
     with open(path, "rb") as file:
         return MAGIC.startswith(file.read(len(MAGIC)))
+
+
+def remove_journal(path: str) -> None:
+    """Remove a journal that was set aside, if it is one."""
+    if _is_plain_journal(path):
+        os.unlink(path)
+
+
+def _is_plain_journal(path: str) -> bool:
+    return os.path.isfile(path) and not os.path.islink(path) and is_journal(path)
 
 
 def read_journal(path: str) -> Iterator[tuple[Record, int]]:

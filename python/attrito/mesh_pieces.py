@@ -22,7 +22,7 @@ import numpy as np
 
 from attrito.faults import NO_ROOM, Fault, InputError, unusable_file
 from attrito.parallel import everywhere, on_root
-from attrito.whole_file import new_name, whole_file, whole_hdf5
+from attrito.whole_file import whole_file, whole_hdf5
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -114,11 +114,14 @@ class XdmfSeries:
         self._open = contextlib.ExitStack()
         self.file: h5py.File | None = None
 
-        def begin() -> None:
+        def begin() -> str:
+            names: list[str] = []
             with _writing(f"{path}.h5"):
-                self.file = self._open.enter_context(whole_hdf5(f"{path}.h5"))
+                self.file = self._open.enter_context(whole_hdf5(f"{path}.h5", named=names.append))
+            return names[0]
 
-        on_root(comm, begin)
+        # What it is called until it is whole: on a name that all ranks write to.
+        self._unfinished = on_root(comm, begin)
         self.grids: list[str] = []
         self.cells = cells
         self.points = ""
@@ -160,7 +163,7 @@ class XdmfSeries:
         """Write this rank's part of a dataset; it is on disk afterwards."""
         data = memoryview(values).cast("B") if values.size else b""
         try:
-            with open(new_name(f"{self.path}.h5"), "r+b", buffering=0) as file:
+            with open(self._unfinished, "r+b", buffering=0) as file:
                 for first, end in own_bytes(offset, values.nbytes, self.comm):
                     file.seek(offset + first)
                     rest = data[first:end]

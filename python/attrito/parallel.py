@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
@@ -16,6 +17,18 @@ Value = TypeVar("Value")
 def on_root(comm: Comm, work: Callable[[], Value]) -> Value:
     """Do `work` on rank 0 and return its value on every rank; a fault is raised on every rank."""
     value, failure = _attempt(work) if comm.rank == 0 else (None, None)
+    value, failure = comm.bcast((value, failure))
+    if failure is not None:
+        raise failure
+    return value
+
+
+def on_root_in_its_time(comm: Comm, work: Callable[[], Value]) -> Value:
+    """The same as `on_root` for work that may wait long for other processes: ranks sleep meanwhile, MPI would spin."""
+    value, failure = _attempt(work) if comm.rank == 0 else (None, None)
+    ready = comm.Ibarrier()
+    while not ready.Test():
+        time.sleep(0.02)
     value, failure = comm.bcast((value, failure))
     if failure is not None:
         raise failure

@@ -13,15 +13,16 @@ from attrito.backbone import Backbone, BackboneTracker, follow_backbone, leading
 from attrito.faults import InputError, NumericsError, UnsolvedError
 from attrito.fixed_series import fixed_series, is_enough
 from attrito.job import Job, peak_path, read_job
+from attrito.locks import writing_alone
 from attrito.parallel import on_root, on_root_only
 from attrito.peak_file import Found, elasticity, table, write
 from attrito.peak_plot import peak_curve
 from attrito.peak_tracker import Peak, PeakTracker
 from attrito.plots import save
 from attrito.progress import Progress
-from attrito.rom import make_rom, reduced_scene, rom_path
+from attrito.rom import make_rom, reduced_scene
 from attrito.running import solver_options
-from attrito.scene import build_scene
+from attrito.scene import Scene, build_scene
 from attrito.solver import Options, ReducedScene, Solver
 
 if TYPE_CHECKING:
@@ -40,12 +41,26 @@ def peak_job(comm: Comm, path: str | Job, picture: str | None = None) -> str:
     job = on_root(comm, lambda: read_job(path))
     on_root(comm, lambda: _check(job))
     scene = on_root_only(comm, lambda: build_scene(job))
-    if rom_path(job) is not None:
-        progress.reduction(make_rom(comm, job, scene, progress.say, progress.step))
-    reduced, load_path = on_root(comm, lambda: (reduced_scene(job, scene), scene.load_path))
+    file = peak_path(job)
+    with writing_alone(comm, file):
+        missed = _follow_and_show(comm, job, scene, file, picture, progress)
+    if missed:
+        raise UnsolvedError(file, missed)
+    return file
+
+
+def _follow_and_show(
+    comm: Comm, job: Job, scene: Scene | None, file: str, picture: str | None, progress: Progress
+) -> str:
+    """Follow the peak, write and show what was found; what is missing, in words."""
+    rom, report = make_rom(comm, job, scene, progress.say, progress.step)
+    progress.reduction(report)
+    reduced, load_path, series = on_root(
+        comm, lambda: (reduced_scene(job, scene, rom), scene.load_path, fixed_series(solver_options(job, rom)))
+    )
     found: list[Found] = []
     leading = None
-    for options in on_root(comm, lambda: fixed_series(solver_options(job))):
+    for options in series:
         if found:
             progress.say(f"above the tolerance: anew with {options.harmonics} harmonics, {options.samples} samples")
         found, leading = [], None
@@ -61,7 +76,6 @@ def peak_job(comm: Comm, path: str | Job, picture: str | None = None) -> str:
     if job["peak"]["backbone"] and leading is not None:
         backbone = follow_mode(comm, job, options, reduced, load_path, leading, found)
         progress.say(f"backbone of stuck mode {leading[0]}: {sum(map(len, backbone.stretches))} points")
-    file = peak_path(job)
 
     def show() -> str:
         write(file, job, reduced, found, backbone)
@@ -71,10 +85,7 @@ def peak_job(comm: Comm, path: str | Job, picture: str | None = None) -> str:
         return place
 
     progress.say(f"{file}, {on_root(comm, show)}")
-    missed = _missed(job, found)
-    if missed:
-        raise UnsolvedError(file, missed)
-    return file
+    return _missed(job, found)
 
 
 def follow(solver: Solver, job: Job, scene: ReducedScene, load_path: np.ndarray) -> Iterator[Found]:

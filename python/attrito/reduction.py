@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from attrito import library as foreign
+from attrito.faults import Fault, InputError
 from attrito.job_schema import ORDERINGS
 from attrito.parallel import on_root
 
@@ -206,6 +207,11 @@ def reduce_model(
 def _prepare_steps(folder: Path, fingerprint: str) -> None:
     """Keep what an interrupted reduction of the same fingerprint has left; else start with an empty folder."""
     mark = folder / "fingerprint"
+    if folder.is_symlink() or (
+        folder.exists() and not mark.is_file() and (not folder.is_dir() or any(folder.iterdir()))
+    ):
+        expected = "a folder in which attrito has kept the steps of a reduction, or none of this name"
+        raise InputError(Fault(str(folder), "folder", "in the way", expected))
     fingerprint = fingerprint and f"{STEPS_VERSION} {fingerprint}"
     if fingerprint and mark.is_file() and mark.read_text() == fingerprint:
         return

@@ -46,7 +46,7 @@ def read_point(job: Job, key: str, start: str, path: str, scene: ReducedScene) -
     if not shaped or slider.shape != (contacts, 2) or frequency.ndim != 0:
         raise InputError(job.fault(key, start, f"a result of this scene in {path}"))
     # Results of earlier versions do not tell.
-    if made_of and made_of != coordinates_fingerprint(job, scene):
+    if made_of and made_of != coordinates_fingerprint(scene):
         expected = f"a result of this scene in {path}: it was made of another model, reduction or contacts"
         raise InputError(job.fault(key, start, expected))
     if not all(np.all(np.isfinite(values)) for values in (motion, slider, frequency)):

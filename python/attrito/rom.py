@@ -1,12 +1,14 @@
-"""The reduced model of a scene: made by the library and kept in rom.h5, or the matrices as they stand.
+"""The reduced model of a scene: made by the library and kept in a file, or the matrices as they stand.
 
-A `rom.h5` is used again when its fingerprint says that it was made from the same matrices, boundary, vectors and modes.
+A file is used again when its fingerprint says that it was made from the same matrices, boundary, vectors and modes.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import os
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,8 +20,9 @@ from attrito.faults import Fault, InputError
 from attrito.info import receptance_errors
 from attrito.job import HARMONICS, Job, model_path, rom_path
 from attrito.model_file import write_model
-from attrito.parallel import on_root
+from attrito.parallel import everywhere, on_root, on_root_in_its_time
 from attrito.reduction import Listener, Report, reduce_model
+from attrito.rom_claim import Claim, claim
 from attrito.scene import Scene
 from attrito.solver import ReducedScene
 from attrito.stored import UNREADABLE, stored
@@ -32,44 +35,136 @@ LARGEST_DENSE = 4000
 ROM = "a rom.h5 of `attrito reduce` (delete it, and it is made anew)"
 # Error below which modes, solved to residuals of 1e-12, tell nothing
 LEAST_ERROR = 1e-12
+# How often a file that others replace is looked at again, where there are no locks
+MOST_ROUNDS = 5
 # Raised when the reduction of the same input changes, so that no older rom.h5 is taken for it.
 REDUCTION_VERSION = 2
 
 
-def make_rom(
-    comm: Comm, job: Job, scene: Scene | None, say: Any = print, listener: Listener | None = None
-) -> Report | None:
-    """Reduce the scene (held by rank 0) unless rom.h5 already holds it; returns the library's report, if it worked.
+@dataclass(frozen=True)
+class Rom:
+    """What is solved with of a reduced model, read at once; `m` coordinates, the `nb` boundary dofs first.
 
-    The matrices of the scene's model are released: the library reads its own, and a big model is not to be held twice.
+    Parameters
+    ----------
+    path, fingerprint : the file, and what it was made from
+    mass, stiffness, damping : `[m, m]`; damping may be None
+    vectors : loads and monitors, `[nv, m]`
+    boundary : dofs of the full model, `[nb]`
+    kind : of each coordinate, `[m]`: 0 a boundary dof, 1 a mode, 2 a correction
+    mode_error : what the modes left out cost the monitors, relative to the largest response; 0 where it is not known
     """
-    path, source = rom_path(job), model_path(job)
+
+    path: str
+    fingerprint: str
+    mass: np.ndarray
+    stiffness: np.ndarray
+    damping: np.ndarray | None
+    vectors: np.ndarray
+    boundary: np.ndarray
+    kind: np.ndarray
+    mode_error: float
+
+
+def make_rom(
+    comm: Comm,
+    job: Job,
+    scene: Scene | None,
+    say: Any = print,
+    listener: Listener | None = None,
+    reads: bool | None = None,
+) -> tuple[Rom | None, Report | None]:
+    """The reduced model of a scene (held by rank 0), made unless its file is there, and the library's report if so.
+
+    Other processes may want the same or another one in the same folder (`rom_claim`). What is read is looked at after
+    it was read: it is what was asked for, whoever has written to the folder meanwhile. The matrices of the scene's
+    model are released where the reduction reads its own: a big model is not to be held twice.
+
+    Parameters
+    ----------
+    comm, job, scene : the ranks, the job, and its scene on rank 0
+    say, listener : told of what is done, in words and in steps
+    reads : whether this rank is to have the reduced model; None: rank 0 alone
+
+    Returns
+    -------
+    the reduced model, None on ranks that do not read it and where the job asks for none; the report
+    """
+    if rom_path(job) is None:
+        return None, None
+    reads = comm.rank == 0 if reads is None else reads
+    report: Report | None = None
+    held: list[Claim] = []
+    # The matrices may be gone later.
+    fingerprint = on_root(comm, lambda: _asked(job, scene))
+    count, dofs = comm.bcast(None if scene is None else (len(_vectors(scene)), scene.model.size))
+    for _ in range(MOST_ROUNDS):
+        try:
+            path, fresh = on_root_in_its_time(comm, lambda: _claim(job, fingerprint, say, held))
+            if not fresh:
+                report = _make(comm, job, scene, held, path, fingerprint, say, listener)
+            rom = everywhere(comm, lambda at=path: _read_rom(at, count, dofs) if reads else None)  # noqa: B023
+        finally:
+            if held:
+                held.pop().release()
+        # Another process may have replaced it before it was read, where there are no locks.
+        if all(comm.allgather(rom is None or rom.fingerprint == fingerprint)):
+            return rom, report
+        if not fresh:
+            break
+    raise InputError(Fault(path, "fingerprint", "of another reduction, again and again", "a file of its own"))
+
+
+def _asked(job: Job, scene: Scene) -> str:
+    """Fingerprint of what is asked for (rank 0)."""
+    _check_interior(job, scene)
+    return _fingerprint(job, scene)
+
+
+def _claim(job: Job, fingerprint: str, say: Any, held: list[Claim]) -> tuple[str, bool]:
+    """The file, and whether it is there; what is held of it goes to `held` (rank 0)."""
+    first = rom_path(job)
+    given = job["reduction"]["file"] is not None
+    held.append(claim(first, fingerprint, given, rom_fingerprint, say))
+    path, fresh = held[0].path, held[0].fresh
+    if fresh:
+        say(f"reduced model {path}: up to date")
+    elif Path(path).exists():
+        what = "another reduced model" if rom_fingerprint(path) else "which cannot be read"
+        say(f"replacing {path}, {what}: shapes of its results can be exported no longer")
+    elif not given and path != first:
+        say(f"{first} is of another reduction, done or interrupted: this one is {path}")
+    return path, fresh
+
+
+def _make(
+    comm: Comm,
+    job: Job,
+    scene: Scene | None,
+    held: list[Claim],
+    path: str,
+    fingerprint: str,
+    say: Any,
+    listener: Listener | None,
+) -> Report:
+    """Reduce the scene into a file under the lock of it."""
+    keys = job["reduction"]
     # The library reads matrices from files; those of a softened stiffness are of use to nobody else.
     softened = any(load["spin_softening"] for load in job["load"])
-    source = f"{path}.softened" if softened else source
-    keys = job["reduction"]
+    own = job["model"]["file"] is None
 
-    def prepare() -> tuple[bool, str, np.ndarray]:
-        _check_interior(job, scene)
-        fingerprint = _fingerprint(job, scene)
-        fresh = rom_fingerprint(path) == fingerprint
-        if fresh:
-            say(f"reduced model {path}: up to date")
-        else:
-            Path(path).parent.mkdir(parents=True, exist_ok=True)
-            if job["model"]["file"] is None or softened:
-                write_model(source, scene.model, [])
-            if Path(path).exists():
-                say(f"replacing {path}, another reduced model: shapes of its results can be exported no longer")
-            say(f"reducing {scene.model.size} dofs onto {len(scene.boundary)} boundary dofs and {_modes_in_words(job)}")
-            scene.model.stiffness = scene.model.mass = scene.model.damping = None
-        return fresh, fingerprint, scene.boundary
+    def prepare() -> tuple[str, str, np.ndarray]:
+        work = held[0].work
+        source = f"{work}.softened" if softened else model_path(job, path)
+        if own or softened:
+            write_model(source, scene.model, [])
+        _check_unfinished(f"{work}.partial")
+        say(f"reducing {scene.model.size} dofs onto {len(scene.boundary)} boundary dofs and {_modes_in_words(job)}")
+        scene.model.stiffness = scene.model.mass = scene.model.damping = None
+        return source, f"{work}.partial", scene.boundary
 
-    fresh, fingerprint, boundary = on_root(comm, prepare)
-    if fresh:
-        return None
+    source, partial, boundary = on_root(comm, prepare)
     vectors = None if comm.rank else np.array(list(_vectors(scene).values()))
-    partial = f"{path}.partial"
     by_error = keys["modes"] == "auto"
     try:
         report = reduce_model(
@@ -105,6 +200,13 @@ def make_rom(
     return report
 
 
+def _check_unfinished(path: str) -> None:
+    """Raise where the name of an unfinished reduced model leads elsewhere, or is no file: it would be written over."""
+    if os.path.islink(path) or (os.path.lexists(path) and not os.path.isfile(path)):
+        expected = "no link, folder or device: attrito writes an unfinished reduced model there"
+        raise InputError(Fault(path, "file", "in the way", expected))
+
+
 def excited_hz(job: Job) -> float:
     """The highest frequency that modes matter for: that of the highest harmonic at the end of the sweep.
 
@@ -134,11 +236,12 @@ def _check_interior(job: Job, scene: Scene) -> None:
         raise InputError(job.fault("[reduction] modes", modes, f"at most {interior}, the number of interior dofs"))
 
 
-def reduced_scene(job: Job, scene: Scene) -> ReducedScene:
-    """The scene in the coordinates that are solved, from rom.h5 or the matrices as they stand (rank 0)."""
-    path = rom_path(job)
+def reduced_scene(job: Job, scene: Scene, rom: Rom | None = None) -> ReducedScene:
+    """The scene in the coordinates that are solved: of a reduced model, or the matrices as they stand (rank 0)."""
     counts = [len(scene.static), len(scene.harmonic), len(scene.monitors)]
-    if path is None:
+    if rom is None and rom_path(job) is not None:
+        raise TypeError("the job asks for a reduced model: give what make_rom returns")
+    if rom is None:
         model = scene.model
         if model.size > LARGEST_DENSE:
             raise InputError(
@@ -151,9 +254,9 @@ def reduced_scene(job: Job, scene: Scene) -> ReducedScene:
         vectors = np.array(list(_vectors(scene).values()))
         directions = scene.contacts.rows.toarray()
     else:
-        mass, stiffness, damping, vectors, boundary = _read_rom(path, sum(counts), scene.model.size)
+        mass, stiffness, damping, vectors = rom.mass, rom.stiffness, rom.damping, rom.vectors
         directions = np.zeros((scene.contacts.rows.shape[0], len(mass)))
-        directions[:, : len(boundary)] = scene.contacts.rows[:, boundary].toarray()
+        directions[:, : len(rom.boundary)] = scene.contacts.rows[:, rom.boundary].toarray()
     static, harmonic, monitors = np.split(np.ascontiguousarray(vectors, dtype=float), np.cumsum(counts)[:-1])
     kind, value, damping = _damping(job, mass, stiffness, damping)
     return ReducedScene(
@@ -165,17 +268,19 @@ def reduced_scene(job: Job, scene: Scene) -> ReducedScene:
         np.ascontiguousarray(directions),
         *(np.ascontiguousarray(part) for part in (static, harmonic, monitors)),
         list(scene.monitors),
+        "" if rom is None else rom.fingerprint,
     )
 
 
-def _read_rom(path: str, vectors: int, dofs: int) -> tuple:
-    """Mass, stiffness, damping or None, loads and monitors, boundary dofs of a rom.h5."""
+def _read_rom(path: str, vectors: int, dofs: int) -> Rom:
+    """What is solved with of a reduced model, of so many loads and monitors and dofs; all of one state of the file."""
     with stored(path, ROM) as file:
         size = len(file["mass"])
         wanted = {"mass": (size, size), "stiffness": (size, size), "vectors/reduced": (vectors, size)}
         wanted |= {"damping": (size, size)} if "damping" in file else {}
         read = {name: file[name][()] for name in wanted}
-        boundary = file["boundary/dof"][:]
+        boundary, kind = file["boundary/dof"][:], file["coordinates/kind"][:]
+        fingerprint, cost = str(file.attrs.get("fingerprint", "")), _mode_error(file)
     faults = [
         Fault(path, name, f"{values.dtype} of shape {values.shape}", f"finite numbers of shape {wanted[name]}")
         for name, values in read.items()
@@ -183,9 +288,12 @@ def _read_rom(path: str, vectors: int, dofs: int) -> tuple:
     ]
     if boundary.dtype.kind != "i" or len(boundary) > size or np.any((boundary < 0) | (boundary >= dofs)):
         faults.append(Fault(path, "boundary/dof", boundary, f"at most {size} dofs of the model, 0 to {dofs - 1}"))
+    if kind.shape != (size,):
+        faults.append(Fault(path, "coordinates/kind", f"shape {kind.shape}", f"one for each of {size} coordinates"))
     if faults:
         raise InputError(*faults)
-    return read["mass"], read["stiffness"], read.get("damping"), read["vectors/reduced"], boundary
+    damping, reduced = read.get("damping"), read["vectors/reduced"]
+    return Rom(path, fingerprint, read["mass"], read["stiffness"], damping, reduced, boundary, kind, cost)
 
 
 def _damping(
@@ -230,27 +338,24 @@ def _fingerprint(job: Job, scene: Scene) -> str:
     return digest.hexdigest()
 
 
-def mode_error(path: str | None) -> float:
-    """What the modes left out of a rom.h5 cost the monitors, relative to the largest response; 0 without a reduction.
+def _mode_error(file: h5py.File) -> float:
+    """What the modes left out cost the monitors, relative to the largest response.
 
     The largest estimated error of a receptance between a monitor and a load (method.md, Reduction).
     """
-    if path is None:
+    if "quality" not in file or "vectors/name" not in file:
         return 0.0
-    with stored(path, ROM) as file:
-        if "quality" not in file or "vectors/name" not in file:
-            return 0.0
-        names = [name.decode() for name in file["vectors/name"][:]]
-        errors = receptance_errors(file["quality/receptance"][:], file["quality/receptance_error"][:])
-        watched = [i for i, name in enumerate(names) if name.startswith("monitor:")]
-        loads = [i for i in range(len(names)) if i not in watched] or watched
-        worst = float(np.nan_to_num(errors[np.ix_(watched, loads)]).max(initial=0.0))
+    names = [name.decode() for name in file["vectors/name"][:]]
+    errors = receptance_errors(file["quality/receptance"][:], file["quality/receptance_error"][:])
+    watched = [i for i, name in enumerate(names) if name.startswith("monitor:")]
+    loads = [i for i in range(len(names)) if i not in watched] or watched
+    worst = float(np.nan_to_num(errors[np.ix_(watched, loads)]).max(initial=0.0))
     return worst if worst > LEAST_ERROR else 0.0
 
 
-def coordinates_fingerprint(job: Job, scene: ReducedScene) -> str:
+def coordinates_fingerprint(scene: ReducedScene) -> str:
     """Of what coordinates and sliders stand for: the reduction, or the mass as it stands, and the contacts' rows."""
-    digest = hashlib.sha256(rom_fingerprint(rom_path(job)).encode() or np.ascontiguousarray(scene.mass).tobytes())
+    digest = hashlib.sha256(scene.reduction.encode() or np.ascontiguousarray(scene.mass).tobytes())
     digest.update(np.ascontiguousarray(scene.directions).tobytes())
     return digest.hexdigest()
 

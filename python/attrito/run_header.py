@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from attrito import __version__
-from attrito.job import Job
+from attrito.job import Job, model_path
 from attrito.journal import Record, Series
 from attrito.recorder import digest
-from attrito.rom import coordinates_fingerprint, model_path, rom_fingerprint, rom_path
+from attrito.rom import Rom, coordinates_fingerprint
 from attrito.scene import Scene
 from attrito.solver import ReducedScene, Solver
 
@@ -49,9 +49,9 @@ def linear_responses(solver: Solver, job: Job) -> dict[str, tuple[np.ndarray, np
     return responses
 
 
-def first_record(job: Job, scene: Scene, reduced: ReducedScene, ranks: int, linear: dict) -> Record:
+def first_record(job: Job, scene: Scene, rom: Rom | None, reduced: ReducedScene, ranks: int, linear: dict) -> Record:
     """The first record of the run's journal; `linear` is what `linear_responses` returns."""
-    rom = rom_path(job)
+    rom_file = None if rom is None else rom.path
     attributes = {
         "format": "attrito result",
         "format_version": 1,
@@ -60,10 +60,10 @@ def first_record(job: Job, scene: Scene, reduced: ReducedScene, ranks: int, line
         "references": REFERENCES,
         "job": json.dumps(job.tables),
         "job_file": str(Path(job.path).resolve()) if Path(job.path).is_file() else "",
-        "model_file": _absolute(model_path(job)),
-        "rom_file": _absolute(rom),
-        "rom_fingerprint": rom_fingerprint(rom),
-        "coordinates_fingerprint": coordinates_fingerprint(job, reduced),
+        "model_file": _absolute(model_path(job, rom_file)),
+        "rom_file": _absolute(rom_file),
+        "rom_fingerprint": reduced.reduction,
+        "coordinates_fingerprint": coordinates_fingerprint(reduced),
     }
     texts: dict[str, list[str]] = {}
     arrays: dict[str, np.ndarray] = {}

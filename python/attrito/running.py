@@ -11,15 +11,16 @@ from attrito import cautions
 from attrito.bifurcations import Finder, write_bifurcations
 from attrito.course import Course
 from attrito.faults import InputError, NumericsError, UnsolvedError
-from attrito.job import SAMPLES, Job, read_job
-from attrito.journal import Record, set_aside
+from attrito.job import SAMPLES, Job, read_job, rom_path
+from attrito.journal import Record, remove_journal, set_aside
+from attrito.locks import writing_alone
 from attrito.longer_periods import LongerPeriods, write_periods
 from attrito.parallel import on_root, on_root_only
 from attrito.progress import Progress
 from attrito.recorder import Place, Recorder
 from attrito.restart import StoredPoint, read_point
 from attrito.result_file import fill_result
-from attrito.rom import make_rom, mode_error, reduced_scene, rom_path
+from attrito.rom import Rom, make_rom, reduced_scene
 from attrito.run_header import first_record, linear_responses
 from attrito.scene import Scene, build_scene
 from attrito.search import Search
@@ -48,8 +49,9 @@ def reduce_job(comm: Comm, path: str | Job) -> str:
     _say_notes(progress, scene)
     if rom_path(job) is None:
         raise InputError(job.fault("[reduction]", "missing", "this table, to say what to reduce to"))
-    progress.reduction(make_rom(comm, job, scene, progress.say, progress.step))
-    return rom_path(job)
+    rom, report = make_rom(comm, job, scene, progress.say, progress.step)
+    progress.reduction(report)
+    return comm.bcast(None if rom is None else rom.path)
 
 
 def run_job(comm: Comm, path: str | Job, resume: bool = False, max_seconds: float | None = None) -> str:
@@ -68,42 +70,60 @@ def run_job(comm: Comm, path: str | Job, resume: bool = False, max_seconds: floa
     NumericsError : the solver gave up, or the run was stopped; what was solved is kept
     """
     progress, stages = Progress(comm), Stages(comm)
+    job = on_root(comm, lambda: read_job(path))
+    result = job.file(job["output"]["file"])
     with Stop(comm, max_seconds) as stop:
-        job = on_root(comm, lambda: read_job(path))
         scene = on_root_only(comm, lambda: build_scene(job))
         _say_notes(progress, scene)
         warnings = on_root(comm, lambda: cautions.of_scene(job, scene))
         stages.end("input")
-        if rom_path(job) is not None:
-            progress.reduction(make_rom(comm, job, scene, progress.say, progress.step))
-            stages.end("reduction")
-        reduced = on_root(comm, lambda: reduced_scene(job, scene))
-        load_path = on_root(comm, lambda: scene.load_path)
-        options = on_root(comm, lambda: solver_options(job))
-        with Solver(comm, reduced, options) as solver:
-            # Of a structure that is held, as the solver has found by now.
-            margin = on_root(comm, lambda: friction_margin(reduced))
-            warnings += on_root(comm, lambda: cautions.of_damping(reduced))
-            if (wedges := warning(margin)) is not None:
-                warnings.append(wedges)
-            for line in warnings:
-                progress.say(f"warning: {line}")
-            linear = linear_responses(solver, job)
-            progress.begin(len(reduced.mass), len(reduced.laws["tangents"]), linear)
-            first = on_root_only(comm, lambda: first_record(job, scene, reduced, comm.size, linear))
-            stages.end("linear responses")
-            run = _Run(comm, job, solver, reduced, options, progress, stages, load_path)
-            try:
-                with stop.solving():
-                    run.solve(first, load_path, resume, stop)
-            finally:
-                run.recorder.close()
-        run.finish(margin, warnings)
-    progress.end(run.result, stages, run.place)
+        with writing_alone(comm, result):
+            run = _solve(comm, job, scene, warnings, progress, stages, stop, resume)
+    progress.end(result, stages, run.place)
     complaints = run.complaints()
     if complaints:
-        raise UnsolvedError(run.result, "; ".join(complaints))
-    return run.result
+        raise UnsolvedError(result, "; ".join(complaints))
+    return result
+
+
+def _solve(
+    comm: Comm,
+    job: Job,
+    scene: Scene | None,
+    warnings: list[str],
+    progress: Progress,
+    stages: Stages,
+    stop: Stop,
+    resume: bool,
+) -> _Run:
+    """Reduce, solve, write the result with `warnings` and those found here; nobody else writes it meanwhile."""
+    rom, report = make_rom(comm, job, scene, progress.say, progress.step)
+    progress.reduction(report)
+    if rom_path(job) is not None:
+        stages.end("reduction")
+    reduced = on_root(comm, lambda: reduced_scene(job, scene, rom))
+    load_path = on_root(comm, lambda: scene.load_path)
+    options = on_root(comm, lambda: solver_options(job, rom))
+    with Solver(comm, reduced, options) as solver:
+        # Of a structure that is held, as the solver has found by now.
+        margin = on_root(comm, lambda: friction_margin(reduced))
+        warnings += on_root(comm, lambda: cautions.of_damping(reduced))
+        if (wedges := warning(margin)) is not None:
+            warnings.append(wedges)
+        for line in warnings:
+            progress.say(f"warning: {line}")
+        linear = linear_responses(solver, job)
+        progress.begin(len(reduced.mass), len(reduced.laws["tangents"]), linear)
+        first = on_root_only(comm, lambda: first_record(job, scene, rom, reduced, comm.size, linear))
+        stages.end("linear responses")
+        run = _Run(comm, job, solver, reduced, options, progress, stages, load_path)
+        try:
+            with stop.solving():
+                run.solve(first, load_path, resume, stop)
+        finally:
+            run.recorder.close()
+    run.finish(margin, warnings)
+    return run
 
 
 class _Run:
@@ -201,7 +221,7 @@ class _Run:
             write_margin(file, margin)
             write_bifurcations(file, self._finder.found, self._reduced.monitor_names)
         Path(self.journal).unlink()
-        Path(f"{self.journal}.old").unlink(missing_ok=True)
+        remove_journal(f"{self.journal}.old")
 
     def complaints(self) -> list[str]:
         """What the numerics did not deliver."""
@@ -242,8 +262,8 @@ def _journal_before(path: str, resume: bool) -> bool:
     return True
 
 
-def solver_options(job: Job) -> Options:
-    """The job's choices of the balance."""
+def solver_options(job: Job, rom: Rom | None = None) -> Options:
+    """The job's choices of the balance, and what its reduced model, if there is one, leaves out."""
     balance = job["balance"]
     automatic = balance["harmonics"] == "auto"
     loaded = max((load["harmonic"] for load in job["load"] if load["kind"] == "harmonic"), default=1)
@@ -262,7 +282,7 @@ def solver_options(job: Job) -> Options:
         choose_samples=chosen,
         fewest_samples=(balance["samples"] if chosen and balance["samples"] else FEWEST_SAMPLES),
         accepted_error=balance["tolerance"] or 0.0,
-        mode_error=mode_error(rom_path(job)),
+        mode_error=0.0 if rom is None else rom.mode_error,
     )
 
 

@@ -82,6 +82,7 @@ class ReducedScene:
     directions : rows of B, `[rows, m]`
     static, harmonic, monitors : `[loads, m]`, `[2 h + 1, m]`, `[monitors, m]`
     monitor_names : their names
+    reduction : fingerprint of the reduced model; empty without one
     """
 
     mass: np.ndarray
@@ -95,6 +96,7 @@ class ReducedScene:
     harmonic: np.ndarray
     monitors: np.ndarray
     monitor_names: list[str]
+    reduction: str = ""
 
 
 class Point(NamedTuple):

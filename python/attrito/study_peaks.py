@@ -18,7 +18,7 @@ from attrito.job import Job
 from attrito.parallel import on_root
 from attrito.peak_tracker import Peak, PeakTracker, Start
 from attrito.peaking import begin
-from attrito.rom import reduced_scene
+from attrito.rom import Rom, reduced_scene
 from attrito.running import solver_options
 from attrito.scene import Scene, build_scene, with_numbers_of
 from attrito.solver import Options, Point, ReducedScene, Solver
@@ -40,10 +40,11 @@ class SamplePeaks:
     comm : group of ranks
     base : scene of a job that the others differ from in contacts' laws, load path and damping alone, on rank 0; None
         where each is to be built anew
+    rom : the reduced model of them all, on rank 0, where they have one
     """
 
-    def __init__(self, comm: Comm, base: Scene | None):
-        self._comm, self._base = comm, base
+    def __init__(self, comm: Comm, base: Scene | None, rom: Rom | None = None):
+        self._comm, self._base, self._rom = comm, base, rom
         self._solver: Solver | None = None
         self._options: Options | None = None
         # Which of the series the last sample took
@@ -63,7 +64,8 @@ class SamplePeaks:
 
         def scene_of() -> tuple[ReducedScene, np.ndarray, list[Options]]:
             scene = build_scene(job) if self._base is None else with_numbers_of(job, self._base)
-            return reduced_scene(job, scene), scene.load_path, fixed_series(solver_options(job))
+            options = solver_options(job, self._rom)
+            return reduced_scene(job, scene, self._rom), scene.load_path, fixed_series(options)
 
         reduced, load_path, series = on_root(self._comm, scene_of)
         while True:

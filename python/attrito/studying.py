@@ -7,9 +7,11 @@ interrupted; one that is started again goes on from the batches that are there.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -19,9 +21,10 @@ import numpy as np
 
 from attrito.faults import UnsolvedError
 from attrito.job import Job, read_job, rom_path
+from attrito.locks import writing_alone
 from attrito.parallel import on_root, on_root_only
 from attrito.progress import Progress
-from attrito.rom import make_rom
+from attrito.rom import Rom, make_rom
 from attrito.scene import Scene, build_scene
 from attrito.study_design import Study, batches, read_study
 from attrito.study_file import write_study
@@ -37,32 +40,8 @@ def run_study(comm: Comm, path: str | Study) -> str:
     study = on_root(comm, lambda: read_study(path))
     job = on_root(comm, lambda: read_job(study.job))
     on_root(comm, lambda: study.check(job))
-    values = study.sample()
-    order = batches(study, values)
-    folder = Path(f"{study.file}.parts") / _fingerprint(study, job)
-    base = _shared_scene(comm, job, study, progress)
-    on_root(comm, lambda: folder.mkdir(parents=True, exist_ok=True))
-    missing = on_root(comm, lambda: [i for i in range(len(order)) if not _part(folder, i).exists()])
-    progress.say(f"{study.samples} samples in {len(order)} batches, {len(order) - len(missing)} of them there already")
-    groups = max(1, comm.size // study.ranks_per_group)
-    color = min(comm.rank // study.ranks_per_group, groups - 1)
-    group = comm.Split(color, comm.rank)
-    try:
-        for i in missing[color::groups]:
-            rows = _solve_batch(group, job, base, study, values[order[i]])
-            on_root(group, lambda i=i, rows=rows: _keep(_part(folder, i), order[i], rows))
-            progress.say(f"batch {i}: {len(rows)} samples")
-    finally:
-        group.Free()
-    comm.Barrier()
-
-    def finish() -> dict[str, int]:
-        found = [json.loads(_part(folder, i).read_text()) for i in range(len(order))]
-        failed = write_study(study, job, values, found)
-        shutil.rmtree(folder.parent)
-        return failed
-
-    failed = on_root(comm, finish)
+    with writing_alone(comm, study.file):
+        failed = _solve_samples(comm, job, study, progress)
     progress.say(study.file)
     complaints = []
     if failed["not_converged"]:
@@ -77,25 +56,68 @@ def run_study(comm: Comm, path: str | Study) -> str:
     return study.file
 
 
-def _shared_scene(comm: Comm, job: Job, study: Study, progress: Progress) -> Scene | None:
-    """Make the reduced model that all samples share; the scene that they differ from in numbers alone, if they do."""
+def _solve_samples(comm: Comm, job: Job, study: Study, progress: Progress) -> dict[str, int]:
+    """Solve the batches that are missing and write the study; how many samples ended how, of those to be told."""
+    values = study.sample()
+    order = batches(study, values)
+    folder = Path(f"{study.file}.parts") / _fingerprint(study, job)
+    groups = max(1, comm.size // study.ranks_per_group)
+    color = min(comm.rank // study.ranks_per_group, groups - 1)
+    base, rom = _shared_scene(comm, job, study, progress, reads=comm.rank == color * study.ranks_per_group)
+    on_root(comm, lambda: folder.mkdir(parents=True, exist_ok=True))
+    missing = on_root(comm, lambda: [i for i in range(len(order)) if not _part(folder, i).exists()])
+    progress.say(f"{study.samples} samples in {len(order)} batches, {len(order) - len(missing)} of them there already")
+    group = comm.Split(color, comm.rank)
+    try:
+        for i in missing[color::groups]:
+            rows = _solve_batch(group, job, base, rom, study, values[order[i]])
+            on_root(group, lambda i=i, rows=rows: _keep(_part(folder, i), order[i], rows))
+            progress.say(f"batch {i}: {len(rows)} samples")
+    finally:
+        group.Free()
+    comm.Barrier()
+
+    def finish() -> dict[str, int]:
+        found = [json.loads(_part(folder, i).read_text()) for i in range(len(order))]
+        failed = write_study(study, job, values, found)
+        _remove_parts(folder.parent)
+        return failed
+
+    return on_root(comm, finish)
+
+
+def _remove_parts(folder: Path) -> None:
+    """Remove the batches of this study and of older ones of its name, and nothing else."""
+    for path in folder.iterdir():
+        if re.fullmatch("[0-9a-f]{16}", path.name) and path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+    with contextlib.suppress(OSError):
+        folder.rmdir()
+
+
+def _shared_scene(
+    comm: Comm, job: Job, study: Study, progress: Progress, reads: bool
+) -> tuple[Scene | None, Rom | None]:
+    """The scene that samples differ from in numbers alone, if they do, and the reduced model of all, where `reads`."""
     scene = on_root_only(comm, lambda: build_scene(job))
-    if rom_path(job) is not None:
-        progress.reduction(make_rom(comm, job, scene, progress.say, progress.step))
+    rom, report = make_rom(comm, job, scene, progress.say, progress.step, reads)
+    progress.reduction(report)
     if not study.keeps_places(job):
-        return None
+        return None, rom
 
     def light() -> Scene:
         if rom_path(job) is None:
             return scene
         return replace(scene, model=replace(scene.model, stiffness=None, mass=None, damping=None))
 
-    return on_root(comm, light)
+    return on_root(comm, light), rom
 
 
-def _solve_batch(comm: Comm, job: Job, base: Scene | None, study: Study, values: np.ndarray) -> list[list[dict]]:
+def _solve_batch(
+    comm: Comm, job: Job, base: Scene | None, rom: Rom | None, study: Study, values: np.ndarray
+) -> list[list[dict]]:
     """Peaks of the samples of one batch, `[samples][values of the parameter]`."""
-    with SamplePeaks(comm, base) as peaks:
+    with SamplePeaks(comm, base, rom) as peaks:
         jobs = [study.changed(job, row) for row in values]
         return [peaks.of(changed, study.stops(changed)) for changed in jobs]
 

@@ -9,23 +9,23 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import re
+import secrets
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import h5py
 
-
-def new_name(path: str | os.PathLike[str]) -> str:
-    """What a file is called until it is whole."""
-    return f"{os.fspath(path)}.new"
+ENDING = ".new"
 
 
 @contextlib.contextmanager
 def whole_file(path: str | os.PathLike[str]) -> Iterator[str]:
     """The name under which to write a file in the block; it then takes its own, or is removed where the block failed.
 
-    What is there and is no file, as /dev/stdout, is written as it is.
+    The name is of this process alone, in the same folder, and the file is made empty: nothing that is there is written
+    over, and no link is followed. What is there at `path` and is no file, as /dev/stdout, is written as it is.
 
     Raises
     ------
@@ -34,8 +34,11 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[str]:
     if Path(path).exists() and not Path(path).is_file():
         yield str(path)
         return
-    new = new_name(path)
+    new = f"{os.fspath(path)}.{secrets.token_hex(4)}{ENDING}"
+    made = False
     try:
+        os.close(os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o666))
+        made = True
         yield new
         os.replace(new, path)
     except OSError as error:
@@ -43,19 +46,33 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[str]:
             error.filename, error.filename2 = str(path), None
         raise
     finally:
-        Path(new).unlink(missing_ok=True)
+        if made:
+            Path(new).unlink(missing_ok=True)
+
+
+def remove_left_overs(path: str | os.PathLike[str]) -> None:
+    """Remove what killed processes left of a file that no process writes now."""
+    of_this = re.compile(re.escape(Path(path).name) + r"\.[0-9a-f]{8}" + re.escape(ENDING))
+    for entry in os.scandir(Path(path).parent):
+        if of_this.fullmatch(entry.name) and entry.is_file(follow_symlinks=False):
+            with contextlib.suppress(OSError):
+                os.unlink(entry.path)
 
 
 @contextlib.contextmanager
-def whole_hdf5(path: str | os.PathLike[str], start: str | None = None) -> Iterator[h5py.File]:
+def whole_hdf5(
+    path: str | os.PathLike[str], start: str | None = None, named: Callable[[str], None] = lambda name: None
+) -> Iterator[h5py.File]:
     """The same for an HDF5 file, open for writing in the block, and on disk after it.
 
     Parameters
     ----------
     path : the file
     start : a file to begin with: copied if it is `path` itself, else used up
+    named : told the name that the file has until it is whole
     """
     with whole_file(path) as new:
+        named(new)
         if start is not None:
             (shutil.copyfile if start == str(path) else os.replace)(start, new)
         with _NeverFailing(new, "w+b" if start is None else "r+b") as disk:
