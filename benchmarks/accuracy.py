@@ -281,12 +281,12 @@ def summary(cases: list[dict]) -> dict:
 def blade_maker(path: str) -> Callable[[np.random.Generator], Case]:
     """Scenes like a job that has been run, its rom.h5 at hand."""
     from attrito.job import read_job
-    from attrito.rom import reduced_scene
+    from attrito.rom import make_rom, reduced_scene
     from attrito.scene import build_scene
 
     job = read_job(path)
-    scene = reduced_scene(job, build_scene(job))
-    return blade(scene)
+    whole = build_scene(job)
+    return blade(reduced_scene(job, whole, make_rom(MPI.COMM_SELF, job, whole)[0]))
 
 
 def kept(path: str | None) -> Iterator[dict | None]:
