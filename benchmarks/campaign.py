@@ -9,9 +9,10 @@ Scenes are those of `campaign_scenes.py`, truths those of `campaign_truth.py`, c
 `campaign_report.py`. Options are those of a job with `tolerance = 0.01` and everything automatic. `--compare` solves
 each scene alternately by this checkout and by another one, both built, and reports the ratio of their processor times.
 
-Scenes are shared out to processes, each of which solves one at a time. A scene that takes longer than `--seconds` is
-ended: it counts as skipped, its points that have no truth yet as without truth; each way to a truth ends by itself
-after `--truth-seconds` of the processor. What a scene comes to depends on the seed and its number alone.
+Scenes are shared out to processes, each of which solves one at a time. Each way to a truth ends by itself after
+`--truth-seconds` of the processor, all those of a scene after ten times that. A scene that takes longer than
+`--seconds` by the clock is ended: it counts as skipped, its points that have no truth yet as without truth. But for
+these limits, what a scene comes to depends on the seed and its number alone.
 """
 
 from __future__ import annotations
@@ -89,10 +90,12 @@ def examine(seed: int, number: int, truth_seconds: float, send: Callable[[dict],
     points = [{"kind": "point", "scene": number, "seed": seed, "point": index, "classes": scene.classes}
               | row_of(point, seconds) for index, (point, _, seconds) in enumerate(solved)]  # fmt: skip
     send({"kind": "solved", "scene": number, "points": points})
-    with Referee(scene.reduced, truth_seconds) as referee:
+    with Referee(scene.reduced, truth_seconds, 10.0 * truth_seconds) as referee:
         for row, (point, start, _) in zip(points, solved, strict=True):
             if point.outcome == "converged":
+                started = time.process_time()
                 row |= entry_of(referee.judge(start, NEAR * TOLERANCE, every=number % EVERY == 0))
+                row["truth_seconds"] = time.process_time() - started
             send(row)
 
 
@@ -265,8 +268,8 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="number of the first scene")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--seconds", type=float, default=400.0, help="a scene that takes longer is skipped")
-    parser.add_argument("--truth-seconds", type=float, default=8.0, help="of the processor, a way to a truth and point")
+    parser.add_argument("--seconds", type=float, default=600.0, help="a scene that takes longer is skipped")
+    parser.add_argument("--truth-seconds", type=float, default=6.0, help="of the processor, a way to a truth and point")
     parser.add_argument("--keep", metavar="FILE", help="JSON lines; a campaign goes on from there")
     parser.add_argument("--report-only", action="store_true", help="of what --keep has")
     parser.add_argument("--failures", metavar="FILE", help="CSV of every failure")

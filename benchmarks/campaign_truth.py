@@ -26,6 +26,7 @@ import os
 import pickle
 import resource
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,9 +40,10 @@ from attrito.restart import StoredPoint
 from attrito.solver import Options, ReducedScene, Solver
 from attrito.verify.torture.methods import state_of
 
-# Newton's method on the period map: most steps, a step, relative to the motion, that counts as none, that of the
-# differences, halvings of a step that does not lower the change, reduction above which the derivative is made anew
-MOST_STEPS, SETTLED, DIFFERENCE, MOST_HALVINGS, SLOW = 30, 1e-10, 1e-7, 6, 0.05
+# Newton's method on the period map: most steps, a step, relative to the motion, that counts as none, halvings of a step
+# that does not lower the change, reduction above which the derivative is made anew; steps of the differences
+MOST_STEPS, SETTLED, MOST_HALVINGS, SLOW = 30, 1e-10, 6, 0.05
+DIFFERENCE, DIFFERENCE_BY_STEPS = 1e-7, 1e-4
 # A last step of this length is accepted where the change does not fall any more: by events that is rounding, by
 # exponential steps the map jumps a little where a contact changes its state a step sooner or later
 NEAR, NEAR_BY_STEPS = 1e-6, 1e-3
@@ -49,9 +51,11 @@ NEAR, NEAR_BY_STEPS = 1e-6, 1e-3
 STEPS, MOST_EXPONENTIAL_STEPS, UNCERTAINTY = 512, 32768, 1e-4
 # What a truth may be off by, and how far sliders that are kept may have moved, parts of what they can carry
 WORST_UNCERTAINTY, SAME_MEMBER = 1e-3, 0.05
+# Of the time of a way, what a march by steps may take: where it is slow, Newton's method is not
+MARCH_SHARE = 0.4
 # Of a march: periods between two looks, most periods, change a period that counts as none
 LOOK, MOST_PERIODS = 25, 4000
-PERIODICITY, PERIODICITY_BY_STEPS = 1e-8, 1e-6
+PERIODICITY, PERIODICITY_BY_STEPS = 1e-8, 1e-5
 # Harmonics of the balance that stands in, those it is compared with, samples for two tangents
 HARMONICS, FEWER_HARMONICS, SAMPLES = 60, 40, 2048
 PATH = np.array([[0.0], [1.0]])
@@ -125,11 +129,12 @@ class NoTruthError(Exception):
 class Referee:
     """Truths of one scene's points; use it in a `with` block.
 
-    `seconds`: of the processor, for each way and point.
+    `seconds`: of the processor, for each way and point; `seconds_in_all`: for all points, after which no way begins.
     """
 
-    def __init__(self, scene: ReducedScene, seconds: float):
+    def __init__(self, scene: ReducedScene, seconds: float, seconds_in_all: float = np.inf):
         self._scene, self._seconds = scene, seconds
+        self._end = time.process_time() + seconds_in_all
         self._session = Integrator(scene)
         self._by_events = bool(np.all(scene.laws["tangents"] == 1))
 
@@ -149,6 +154,8 @@ class Referee:
         failures: list[str] = []
         for way in ways:
             try:
+                if time.process_time() > self._end:
+                    raise NoTruthError(f"{way.__name__}: not begun, the scene's time is up")
                 truth = way(point)
             except (NoTruthError, NumericsError) as error:
                 failures.append(str(error))
@@ -168,11 +175,11 @@ class Referee:
 
     def shooting(self, point: Solved) -> Truth:
         """By Newton's method on the period map."""
-        return self._refined(point, self._shoot)
+        return self._refined(point, self._shoot, self._seconds)
 
     def march(self, point: Solved) -> Truth:
         """Period after period."""
-        return self._refined(point, self._march)
+        return self._refined(point, self._march, self._seconds * (1.0 if self._by_events else MARCH_SHARE))
 
     def harmonics(self, point: Solved) -> Truth:
         """By many harmonics."""
@@ -182,9 +189,9 @@ class Referee:
         shift = self._shift(point, contacts["slider"], kept, contacts["n_mean"])
         return Truth("harmonics", fine, abs(coarse / fine - 1.0), shift, self._mean_shift(point, mean))
 
-    def _refined(self, point: Solved, way) -> Truth:
+    def _refined(self, point: Solved, way: Callable[..., tuple[Truth, State]], seconds: float) -> Truth:
         """A way, by events or with steps doubled until they do."""
-        deadline = time.process_time() + self._seconds
+        deadline = time.process_time() + seconds
         if self._by_events:
             return way(point, point.state, "event", None, deadline)[0]
         state, steps, before, found = point.state, STEPS, None, None
@@ -360,6 +367,7 @@ class _PeriodMap:
     def __init__(self, session: Integrator, scene: ReducedScene, point: Solved, scheme: str, steps: int | None):
         self._session = session
         self._choices = Run(point.frequency_hz, 1.0, scheme, steps, cycles=0, samples=1)
+        self._difference = DIFFERENCE if scheme == "event" else DIFFERENCE_BY_STEPS
         stuck = scenes.stuck_system(scene)
         natural = 2.0 * np.pi * stuck.frequencies_hz
         omega = 2.0 * np.pi * point.frequency_hz
@@ -411,6 +419,6 @@ class _PeriodMap:
             if time.process_time() > deadline:
                 raise NoTruthError("shooting: out of time")
             nearby = at.copy()
-            nearby[unknown] += DIFFERENCE
-            columns.append((self(nearby)[0] - end)[moving] / DIFFERENCE)
+            nearby[unknown] += self._difference
+            columns.append((self(nearby)[0] - end)[moving] / self._difference)
         return np.array(columns).T
