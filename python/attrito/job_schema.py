@@ -137,8 +137,8 @@ TABLES: dict[str, dict[str, Key]] = {
             choice("event", "sampled", "auto"),
             None,
             'one-tangent contacts by events, exact, two-tangent ones by samples; all by samples; or, `"auto"`, as by'
-            ' events, with as many samples as the tolerance asks for. Absent: `"auto"`, or `"event"` where harmonics are'
-            " fixed and no tolerance is given",
+            ' events, with as many samples as the tolerance asks for. Absent: `"auto"`, or `"event"` where harmonics'
+            " are fixed and no tolerance is given",
         ),
         "samples": Key(
             integer(8, 2**20),

@@ -34,8 +34,8 @@ def resisted_rotation(model: Model) -> str | None:
         return None
     return (
         f"the stiffness resists a rigid rotation, by {ratio:.1g} of its entries (0 for a structure at rest): bodies"
-        " that are held softly, or by contacts alone, come out too stiff; elements with hourglass control do that (C3D8R"
-        " of CalculiX 2.20; C3D8, C3D10 and C3D20 do not), and so do springs between nodes that lie apart"
+        " that are held softly, or by contacts alone, come out too stiff; elements with hourglass control do that"
+        " (C3D8R of CalculiX 2.20; C3D8, C3D10 and C3D20 do not), and so do springs between nodes that lie apart"
     )
 
 

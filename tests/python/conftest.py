@@ -1,4 +1,4 @@
-"""Fixtures that several files of tests share.
+"""Fixtures that several files of tests share, and slow studies: marked `slow`, they run with `--all` alone.
 
 Nothing is imported here that starts MPI: under pytest-xdist this file is also read by the process that hands out the
 tests, whose environment the others inherit, and `mpirun` would take what they start for ranks of that process.
@@ -12,6 +12,34 @@ import pytest
 
 if TYPE_CHECKING:
     from reduced import Case
+
+KEPT = "slow: --all runs it"
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """`--all`."""
+    parser.addoption("--all", action="store_true", help="run slow studies, too")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Make `slow` known."""
+    config.addinivalue_line("markers", "slow: a study of many scenes or of size, kept for script/test --all")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Skip slow studies unless all is asked for."""
+    for item in items:
+        if item.get_closest_marker("slow") and not config.getoption("--all"):
+            item.add_marker(pytest.mark.skip(reason=KEPT))
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say in the last lines how many studies were not run."""
+    kept = [report for report in terminalreporter.stats.get("skipped", []) if KEPT in str(report.longrepr)]
+    if kept:
+        terminalreporter.write_line(f"{len(kept)} slow studies are kept for script/test --all:")
+        for name in sorted(report.nodeid for report in kept):
+            terminalreporter.write_line(f"    {name}")
 
 
 @pytest.fixture
