@@ -38,14 +38,22 @@ class Member:
 
 
 class Family:
-    """The other members at a solver's last point. While they are visited the solver stands elsewhere; see `visit`."""
+    """The other members at a solver's last point. While they are visited the solver stands elsewhere; see `visit`.
 
-    def __init__(self, comm: Comm, solver: Solver, contacts: int, monitors: int):
-        self._comm, self._solver = comm, solver
+    `interrupted` says why to stop, or nothing; it is collective (`attrito.stop.Stop.interrupted`).
+    """
+
+    def __init__(
+        self, comm: Comm, solver: Solver, contacts: int, monitors: int, interrupted: Callable[[], str] | None = None
+    ):
+        self._comm, self._solver, self._interrupted = comm, solver, interrupted
         self._sizes = contacts, monitors
+        # Why visits were to stop, on every rank; empty: nothing asked for it
+        self.stopped = ""
 
     def visit(self, work: Callable[[Family], Found]) -> Found | None:
         """Do some work on the root, where its result is, all ranks at hand; the solver is left as it was."""
+        self.stopped = ""
         self._solver.call("attrito_enter_family")
         try:
             if self._comm.rank != 0:
@@ -71,6 +79,14 @@ class Family:
         """Move the sliders, `[nc, 2]`; False if that gives no member, and nothing has changed."""
         return self._ask("move", slider)
 
+    def work(self) -> float:
+        """Floating-point operations of the library since the visit began, by formulas, over all ranks."""
+        return self._ask("work")
+
+    def is_interrupted(self) -> bool:
+        """Whether a signal or the limit of time asks to stop; `stopped` then says which."""
+        return self._ask("is_interrupted")
+
     def keep(self, place: int) -> None:
         """Remember the present member in a place, 0 or 1."""
         self._ask("keep", place)
@@ -84,6 +100,11 @@ class Family:
         return self._follow(what, *arguments)
 
     def _follow(self, what: str, *arguments: object) -> object:
+        if what == "work":
+            return self._solver.work_of_visits()
+        if what == "is_interrupted":
+            self.stopped = self._interrupted() if self._interrupted is not None else ""
+            return bool(self.stopped)
         if what == "keep":
             return self._solver.call("attrito_keep_member", *arguments)
         if what == "go_back":

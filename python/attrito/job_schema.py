@@ -115,8 +115,8 @@ TABLES: dict[str, dict[str, Key]] = {
         "bounds": Key(
             choice("auto", "sampled", "none"),
             "auto",
-            "of points that are not unique: exact where they can be, sampled in jobs of at most 12 contacts (two"
-            " tangents count as three); or in all jobs",
+            "of points that are not unique: exact where they can be, else sampled by at most the work that the point"
+            " itself took (`not_examined` where that does not suffice); sampled whatever they cost; or none",
         ),
     },
     "balance": {

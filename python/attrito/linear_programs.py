@@ -29,6 +29,10 @@ class DualSimplex:
     ----------
     a : rows of A, `[m, n]`, entries of order one
     c : `[n]`, entries of order one
+
+    Attributes
+    ----------
+    pivots : made so far, of all maxima
     """
 
     def __init__(self, a: np.ndarray, c: np.ndarray):
@@ -36,7 +40,7 @@ class DualSimplex:
         self._rows = np.vstack([a, np.eye(n), -np.eye(n)])
         self._c, self._own = c, len(a)
         self._basis = self._begin(n)
-        self._pivots = 0
+        self.pivots = 0
         self._invert()
 
     def maximum(self, b: np.ndarray) -> float:
@@ -130,8 +134,8 @@ class DualSimplex:
         candidates = able & (multipliers <= farthest * part)
         leaving = np.where(candidates, -self._basis if circles else part, -np.inf).argmax()
         self._basis[leaving] = entering
-        self._pivots += 1
-        if self._pivots % REFRESH == 0:
+        self.pivots += 1
+        if self.pivots % REFRESH == 0:
             self._invert()
         else:
             column = self._inverse[:, leaving] / part[leaving]

@@ -5,6 +5,10 @@ the solver goes there. Where every contact sticks the model is exact and that is
 starts from the member found, half as long where the solver does not follow or nothing is gained, until there is nothing
 to gain. The contact law takes sliders back that were moved too far, so whatever the solver returns is a member: bounds
 are never too wide. They are too narrow where the family bends so much that the way uphill ends before its top.
+
+A search may have a budget of work, counted in floating-point operations by formulas and never in seconds, so that it
+ends at the same member on every machine, after a restart, and on any number of ranks. Quantities whose search it cut
+off have no bounds.
 """
 
 from __future__ import annotations
@@ -36,6 +40,7 @@ class Hull:
     mean, amplitude : of the monitors, `[2, monitors]`
     members : how many were visited
     accuracy : force below which a width is none
+    complete : whether the search of every quantity came to its end; NaN is the bound of one that did not
     """
 
     force: np.ndarray
@@ -43,6 +48,30 @@ class Hull:
     amplitude: np.ndarray
     members: int
     accuracy: float
+    complete: bool = True
+
+
+class OutOfBudget(Exception):  # noqa: N818
+    """The work of a search has come to its budget, or the run is to stop."""
+
+
+class _Budget:
+    """What the search of one point may still do: `work` operations, of the library's visits and of linear programs."""
+
+    def __init__(self, family: Family, work: float):
+        self._family, self._work, self._programs = family, work, 0.0
+
+    def farthest(self, model: LinearFamily, gradient: np.ndarray) -> tuple[np.ndarray, bool]:
+        """`model.farthest`, counted."""
+        before = model.work
+        found = model.farthest(gradient)
+        self._programs += model.work - before
+        return found
+
+    def check(self) -> None:
+        """Raise OutOfBudget where nothing is left, or the run is to stop."""
+        if self._family.is_interrupted() or self._family.work() + self._programs > self._work:
+            raise OutOfBudget
 
 
 class _Extremes:
@@ -66,34 +95,47 @@ class Search:
     def __init__(self, laws: dict[str, np.ndarray]):
         self._laws = laws
 
-    def __call__(self, family: Family) -> Hull | None:
-        """Visit members; None where the point itself cannot be described. The family ends where it began."""
+    def __call__(self, family: Family, work: float = np.inf) -> Hull | None:
+        """Visit members; None where the point itself cannot be described. The family ends where it began.
+
+        `work`: floating-point operations after which the search ends, whatever it has found.
+        """
         shown = family.describe()
         if shown is None:
             return None
         family.keep(SHOWN)
-        hull = _Extremes(values_of(shown))
-        model = self._model(family, shown)
-        for quantity in range(len(hull.lowest) if model is not None else 0):
-            for side in (1.0, -1.0):
-                self._climb(family, model, quantity, side, hull)
+        hull, budget = _Extremes(values_of(shown)), _Budget(family, work)
+        ended = np.full(len(hull.lowest), False)
+        try:
+            budget.check()
+            model = self._model(family, shown, budget)
+            for quantity in _order(shown):
+                for side in (1.0, -1.0) if model is not None else ():
+                    self._climb(family, model, quantity, side, hull, budget)
+                ended[quantity] = True
+        except OutOfBudget:
+            family.go_back(SHOWN)
         count, monitors = len(shown.force), len(shown.monitors)
-        both = np.array([hull.lowest, hull.highest])
+        both = np.where(ended, [hull.lowest, hull.highest], np.nan)
         force, mean, amplitude = np.split(both, [3 * count, 3 * count + monitors], axis=1)
-        return Hull(force.reshape(2, count, 3), mean, amplitude, hull.count, WORTHLESS * scale_of(shown))
+        accuracy = WORTHLESS * scale_of(shown)
+        return Hull(force.reshape(2, count, 3), mean, amplitude, hull.count, accuracy, bool(ended.all()))
 
-    def _climb(self, family: Family, model: LinearFamily, quantity: int, side: float, hull: _Extremes) -> None:
+    def _climb(
+        self, family: Family, model: LinearFamily, quantity: int, side: float, hull: _Extremes, budget: _Budget
+    ) -> None:
         """From the member shown towards the greatest value of `side` times a quantity, and back."""
         place, endless = SHOWN, False
         for _ in range(MOST_STEPS):
+            budget.check()
             gradient = side * model.gradients[quantity]
             worthless = WORTHLESS * model.scale * model.units[quantity]
-            step, leans = model.farthest(gradient)
+            step, leans = budget.farthest(model, gradient)
             expected = gradient @ step
             endless = False
             if expected <= worthless:
                 break
-            gain, part, member = self._advance(family, model, place, step, (quantity, side), hull)
+            gain, part, member = self._advance(family, model, place, step, (quantity, side), hull, budget)
             if gain <= worthless:
                 break
             endless = leans
@@ -102,7 +144,7 @@ class Search:
                 break
             place = BEST
             family.keep(place)
-            model = self._model(family, member)
+            model = self._model(family, member, budget)
             if model is None:
                 break
         if endless:
@@ -117,12 +159,14 @@ class Search:
         step: np.ndarray,
         aim: tuple[int, float],
         hull: _Extremes,
+        budget: _Budget,
     ) -> tuple[float, float, Member | None]:
         """Go as much of a step as gains something: what it gains, the part, and the member reached."""
         quantity, side = aim
         before = side * values_of(model.member)[quantity]
         part = 1.0
         for _ in range(MOST_HALVINGS):
+            budget.check()
             if family.move(model.slider(part * step)):
                 member = family.describe()
                 if member is not None:
@@ -134,10 +178,19 @@ class Search:
             part *= 0.5
         return 0.0, part, None
 
-    def _model(self, family: Family, member: Member) -> LinearFamily | None:
+    def _model(self, family: Family, member: Member, budget: _Budget) -> LinearFamily | None:
         """The linear model at the member that the family stands at; None where no slider is free, or it is singular."""
         moves = [(int(i), t) for i in np.flatnonzero(member.free) for t in range(self._laws["tangents"][i])]
-        changes = [family.differentiate(*move) for move in moves]
+        changes = []
+        for move in moves:
+            budget.check()
+            changes.append(family.differentiate(*move))
         if not moves or any(change is None for change in changes):
             return None
         return LinearFamily(member, moves, changes, self._laws)
+
+
+def _order(shown: Member) -> list[int]:
+    """Quantities of `values_of` in the order in which they are sought: monitors, which are asked for by name, first."""
+    forces, monitors = shown.force[:, :, 0].size, len(shown.monitors)
+    return [*range(forces, forces + 2 * monitors), *range(forces)]

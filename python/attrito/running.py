@@ -116,7 +116,7 @@ def _solve(
         progress.begin(len(reduced.mass), len(reduced.laws["tangents"]), linear)
         first = on_root_only(comm, lambda: first_record(job, scene, rom, reduced, comm.size, linear))
         stages.end("linear responses")
-        run = _Run(comm, job, solver, reduced, options, progress, stages, load_path)
+        run = _Run(comm, job, solver, reduced, options, progress, stages, load_path, stop)
         try:
             with stop.solving():
                 run.solve(first, load_path, resume, stop)
@@ -139,10 +139,11 @@ class _Run:
         progress: Progress,
         stages: Stages,
         load_path: np.ndarray,
+        stop: Stop,
     ):
         self._comm, self._job, self._solver, self._reduced = comm, job, solver, reduced
         self._progress, self._stages = progress, stages
-        self._sampler = Sampler(comm, solver, reduced, options, job["static"]["bounds"])
+        self._sampler = Sampler(comm, solver, reduced, options, job["static"]["bounds"], stop.interrupted)
         self._examiner = Examiner(comm, solver, job)
         self._longer = LongerPeriods(comm, job, reduced, load_path)
         self._finder = Finder(solver, job, progress)

@@ -142,6 +142,7 @@ class Solver:
     def __init__(self, comm: Comm, scene: ReducedScene, options: Options):
         self._library = library.load()
         self._library.attrito_create.restype = ctypes.c_void_p
+        self._library.attrito_work_of_visits.restype = ctypes.c_double
         self._scene, self._options = scene, options
         # A row of the last point
         self.coefficients = 2 * options.harmonics + 1
@@ -317,6 +318,10 @@ class Solver:
         """Go on from what was put down on as many ranks; False if it is not of this kind."""
         numbers = np.ascontiguousarray(numbers)
         return bool(self._library.attrito_take_up(self._handle, len(numbers), pointer(numbers)))
+
+    def work_of_visits(self) -> float:
+        """Floating-point operations since other members were begun to be visited; see `attrito.family`."""
+        return self._library.attrito_work_of_visits(self._handle)
 
     def call(self, name: str, *arguments: object) -> int:
         """A function of the library that takes this session and returns a number; see `attrito.family`."""

@@ -1,8 +1,8 @@
 """Ending a run in good order: at a signal of a batch system, or before its limit of time.
 
-A signal is only noted; the run asks after every point, when nothing is half done. All ranks answer alike, whichever of
-them the signal reached. SIGTERM is noted while points are being solved alone: before and after, it ends the process, as
-it does where nothing is said of it.
+A signal is only noted; the run asks after every point, when nothing is half done, and between the visits that bounds
+take, after which the point is not kept. All ranks answer alike, whichever of them the signal reached. SIGTERM is noted
+while points are being solved alone: before and after, it ends the process, as it does where nothing is said of it.
 """
 
 from __future__ import annotations
@@ -72,7 +72,13 @@ class Stop:
         """Why to stop after this point; empty: go on. Collective."""
         now = time.monotonic()
         self._longest, self._last = max(self._longest, now - self._last), now
-        late = self._limit is not None and now - self._begun + self._longest > self._limit
+        return self._answer(self._limit is not None and now - self._begun + self._longest > self._limit)
+
+    def interrupted(self) -> str:
+        """Why to stop at once, within a point that is then not kept; empty: go on. Collective."""
+        return self._answer(self._limit is not None and time.monotonic() - self._begun > self._limit)
+
+    def _answer(self, late: bool) -> str:
         answers = self._comm.allgather((self._signal, late and self._comm.rank == 0))
         number = max(number for number, _ in answers)
         if number:

@@ -17,6 +17,7 @@ are the same in all members. Elsewhere, where some contacts slip or have two tan
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import h5py
@@ -24,6 +25,7 @@ import numpy as np
 
 from attrito.contact_kernels import extrema
 from attrito.family import Family
+from attrito.faults import NumericsError
 from attrito.linear_programs import DualSimplex
 from attrito.members import Hull, Search
 from attrito.solver import Options, Point, ReducedScene, Solver
@@ -33,12 +35,11 @@ if TYPE_CHECKING:
 
 EXAMINED = ("stuck", "shaken_down")
 SOLVED = ("converged", "unstable", "indeterminate", "above_tolerance")
+VISITED = ("converged", "unstable", "above_tolerance")
 # How the bounds of a point came about, by number.
-KINDS = ("none", "exact", "sampled")
-# More contacts than this would cost more than the solve: by linear programs; and by visiting members, unless asked for,
-# where one with two tangents counts as three with one.
+KINDS = ("none", "exact", "sampled", "not_examined")
+# More contacts than this would cost more than the solve by linear programs.
 MOST_CONTACTS = 120
-MOST_SAMPLED = 12
 # Of the forces: what residual (1e-10), extrema and linear programs leave, with a margin of two orders.
 SINGLE_VALUED = 1e-8
 ROUNDING = 1e-12
@@ -51,35 +52,63 @@ DIRECTIONS = ("t1", "t2", "n")
 class Sampler:
     """Visits the families of points as they are solved, and keeps what it found at the root.
 
+    With "auto" a point's visits end once they have done as much work as the point itself took (`/points/work`).
+
     Parameters
     ----------
     comm, solver, scene, options : what solves, and what is solved
     bounds : "auto", "sampled" or "none", as in the job
+    interrupted : says why to stop between two visits, or nothing; collective
+
+    Attributes
+    ----------
+    programs : whether linear programs give the bounds of points at which every contact sticks
+    gives_up : whether such points have too many contacts for that
+    hulls : what was found, by number of the point
     """
 
-    def __init__(self, comm: Comm, solver: Solver, scene: ReducedScene, options: Options, bounds: str):
+    def __init__(
+        self,
+        comm: Comm,
+        solver: Solver,
+        scene: ReducedScene,
+        options: Options,
+        bounds: str,
+        interrupted: Callable[[], str] | None = None,
+    ):
         tangents = scene.laws["tangents"]
-        few = int((2 * tangents - 1).sum()) <= MOST_SAMPLED
-        self.programs = bounds == "auto" and len(tangents) <= MOST_CONTACTS and bool(np.all(tangents == 1))
+        single = bool(np.all(tangents == 1))
+        self.programs = bounds == "auto" and len(tangents) <= MOST_CONTACTS and single
+        self.gives_up = bounds == "auto" and len(tangents) > MOST_CONTACTS and single
         self.hulls: dict[int, Hull] = {}
-        self._samples = not options.uncoupled and (bounds == "sampled" or (bounds == "auto" and few))
+        self._solver, self._limited = solver, bounds == "auto"
+        self._samples = not options.uncoupled and bounds != "none"
         self._search = Search(scene.laws)
-        self._family = Family(comm, solver, len(tangents), len(scene.monitors))
-        self._points = 0
+        self._family = Family(comm, solver, len(tangents), len(scene.monitors), interrupted)
+        self._points, self._work = 0, 0.0
 
     def visit(self, point: Point) -> None:
-        """The solver stands at the next point, and does so again afterwards. Collective."""
+        """The solver stands at the next point, and does so again afterwards. Collective.
+
+        Raises
+        ------
+        NumericsError : the run was stopped meanwhile; the point is not to be kept
+        """
         place = self._points
         self._points += 1
+        own_work = point.work - max(self._work, self._solver.static_work)
+        self._work = point.work
         slips = sum(point.states[len(EXAMINED) :]) > 0
         if (
             not self._samples
             or point.unique
-            or point.outcome not in ("converged", "unstable", "above_tolerance")
-            or (self.programs and not slips)
+            or point.outcome not in VISITED
+            or ((self.programs or self.gives_up) and not slips)
         ):
             return
-        hull = self._family.visit(self._search)
+        hull = self._family.visit(lambda family: self._search(family, own_work if self._limited else np.inf))
+        if self._family.stopped:
+            raise NumericsError(f"stopped by {self._family.stopped}")
         if hull is not None:
             self.hulls[place] = hull
 
@@ -93,8 +122,12 @@ class Sampler:
         if "hull/force" in found:
             sides = {name: found[f"hull/{name}"] for name in ("force", "mean", "amplitude")}
             self.hulls[self._points] = Hull(
-                **sides, members=int(found["hull/members"]), accuracy=float(found["hull/accuracy"])
+                **sides,
+                members=int(found["hull/members"]),
+                accuracy=float(found["hull/accuracy"]),
+                complete=bool(found["hull/complete"]),
             )
+        self._work = float(found["/points/work"])
         self._points += 1
 
 
@@ -113,13 +146,15 @@ def write_bounds(file: h5py.File, scene: ReducedScene, sampler: Sampler) -> None
     if len(points):
         _write_exact(file, scene, points)
         kinds[points] = KINDS.index("exact")
+    if sampler.gives_up:
+        kinds[_families(file)] = KINDS.index("not_examined")
     for point, hull in sampler.hulls.items():
         _write_sampled(file, scene, point, hull)
-        kinds[point] = KINDS.index("sampled")
+        kinds[point] = KINDS.index("sampled" if hull.complete else "not_examined")
     stored = file.create_dataset("/points/bounds", data=kinds.astype(np.int32))
     stored.attrs["description"] = "where the bounds come from: index into the attribute names"
     stored.attrs["unit"] = "1"
-    stored.attrs["names"] = np.array(KINDS, dtype="S7")
+    stored.attrs["names"] = np.array(KINDS, dtype="S12")
 
 
 def _write_exact(file: h5py.File, scene: ReducedScene, points: np.ndarray) -> None:
@@ -138,19 +173,19 @@ def _write_exact(file: h5py.File, scene: ReducedScene, points: np.ndarray) -> No
 
 
 def _write_sampled(file: h5py.File, scene: ReducedScene, point: int, hull: Hull) -> None:
-    """The hull of the members visited, which the member shown is one of."""
+    """The hull of the members visited, which the member shown is one of; NaN where their search was cut off."""
     for row, direction in enumerate(DIRECTIONS):
         applies = scene.laws["tangents"] == 2 if direction == "t2" else np.full(hull.force.shape[1], True)
         shown = file[f"/contacts/{direction}_mean"][point]
-        for side, merge, values in zip(("low", "high"), (np.fmin, np.fmax), hull.force[:, :, row], strict=True):
+        for side, merge, values in zip(("low", "high"), (np.minimum, np.maximum), hull.force[:, :, row], strict=True):
             file[f"/contacts/{direction}_{side}"][point] = np.where(applies, merge(values, shown), np.nan)
     for i, name in enumerate(scene.monitor_names):
         monitor = file[f"/monitors/{name}"]
         for prefix, shown, values in (("mean_", "mean", hull.mean), ("", "amplitude", hull.amplitude)):
-            for side, merge, bound in zip(("low", "high"), (min, max), values[:, i], strict=True):
+            for side, merge, bound in zip(("low", "high"), (np.minimum, np.maximum), values[:, i], strict=True):
                 monitor[f"{prefix}{side}"][point] = merge(bound, monitor[shown][point])
     # What no member visited shows to be several-valued may be so all the same.
-    wide = (hull.force[1] - hull.force[0]).max(axis=1) > hull.accuracy
+    wide = (hull.force[1] - hull.force[0] > hull.accuracy).any(axis=1)
     file["/contacts/unique"][point] = np.where(wide, 0, -1).astype(np.int32)
 
 

@@ -4,7 +4,7 @@ module attrito_api_members
   use, intrinsic :: iso_c_binding
   use attrito_core_kinds, only: wp
   use attrito_continuation_members, only: description_type, enter_family, leave_family, keep_member, return_to_member, &
-                                          solve_member, describe_member, differentiate_member
+                                          solve_member, describe_member, differentiate_member, work_of_visits
   use attrito_api_session, only: session_type, session_of
   implicit none
   private
@@ -28,6 +28,15 @@ contains
     session => session_of(handle)
     call leave_family(session%solver, session%family)
   end subroutine attrito_leave_family
+
+  !> Floating-point operations since the family was entered.
+  real(c_double) function attrito_work_of_visits(handle) bind(c)
+    type(c_ptr), value :: handle
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    attrito_work_of_visits = work_of_visits(session%solver, session%family)
+  end function attrito_work_of_visits
 
   !> Remember the present member in a place, 0 or 1.
   subroutine attrito_keep_member(handle, place) bind(c)

@@ -142,6 +142,8 @@ contains
     session => session_of(handle)
     call session%solver%change_laws([(law_of(laws(i)), i=1, count)])
     session%contacts = session%solver%contacts
+    ! It has the laws of before.
+    if (allocated(session%in_time)) deallocate (session%in_time)
     if (.not. allocated(session%solver%in_time)) return
     deallocate (session%solver%in_time)
     allocate (session%solver%in_time, source=new_averaged_periods(session%structure, session%contacts))

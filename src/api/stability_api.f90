@@ -2,7 +2,6 @@
 module attrito_api_stability
   use, intrinsic :: iso_c_binding
   use attrito_core_errors, only: error_type
-  use attrito_core_kinds, only: wp
   use attrito_output_point_report, only: outcome_converged, outcome_unstable, outcome_indeterminate, outcome_above_tolerance
   use attrito_integrate_system, only: system_type
   use attrito_model_structure, only: damping_loss_factor
@@ -34,18 +33,13 @@ contains
     character(kind=c_char), intent(out) :: message(length)
     type(session_type), pointer :: session
     type(error_type), allocatable :: error
-    real(wp) :: truncation
 
     session => session_of(handle)
     report = examination_report_type(not_examined, 0, 0, -1.0_c_double, 0.0_c_double, 0.0_c_double, -1.0_c_double)
     call prepare(session, equivalent_viscous /= 0, error)
     status = tell(error, message)
     if (allocated(error)) return
-    associate (errors => session%point%errors)
-      ! An error that is not known may be large.
-      truncation = merge(errors%harmonics, huge(truncation), errors%are_known())
-    end associate
-    call examine(session%solver, session%in_time, examine_options_type(methods, orbit, truncation=truncation), session%examination)
+    call examine(session%solver, session%in_time, examine_options_type(methods, orbit), session%examination)
     call moduli_of(session%solver, session%examination, session%moduli(2))
     report%verdict = session%examination%verdict
     report%distance = session%examination%distance

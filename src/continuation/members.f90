@@ -15,13 +15,14 @@ module attrito_continuation_members
   use attrito_balance_newton, only: newton_report_type
   use attrito_balance_receptance, only: to_real
   use attrito_balance_unknowns, only: unknowns_type
+  use attrito_balance_work, only: residual_work
   use attrito_contact_state, only: state_stuck, state_shaken_down
   use attrito_continuation_place, only: place_type, place_of, return_to
   use attrito_continuation_solver, only: solver_type
   implicit none
   private
   public :: family_type, member_type, description_type, enter_family, leave_family, keep_member, return_to_member, solve_member, &
-            describe_member, differentiate_member
+            describe_member, differentiate_member, work_of_visits
 
   !> Sliders that still move by more than this part of the motion a period do not make a member
   real(wp), parameter :: accepted_defect = 1.0e-6_wp
@@ -78,6 +79,15 @@ contains
     call return_to_member(solver, self%shown)
     solver%context%balance%work = self%work
   end subroutine leave_family
+
+  !> Floating-point operations of the visits so far, by the formulas of `attrito_balance_work`, over all ranks.
+  real(wp) function work_of_visits(solver, self) result(work)
+    type(solver_type), intent(in) :: solver
+    type(family_type), intent(in) :: self
+
+    work = solver%context%balance%work - self%work
+    call solver%context%balance%ranks%sum(work)
+  end function work_of_visits
 
   !> Remember where the solver stands.
   subroutine keep_member(solver, self)
@@ -233,6 +243,7 @@ contains
       call balance%respond_to_deviation(deviation, response)
       right = unknowns_type(balance%recover(response), 0.0_wp*balance%slider, 0.0_wp)
       step = right
+      balance%work = balance%work + residual_work(balance%coefficients(), balance%rows(), size(balance%response, 1))
       call solve_linearised(balance, constraint, right, solver%context%linear, step, iterations, status)
     end associate
   end subroutine respond

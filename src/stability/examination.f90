@@ -2,21 +2,19 @@
 module attrito_stability_examination
   use attrito_core_kinds, only: wp
   use attrito_stability_multipliers, only: multiplier_type
-  use attrito_stability_verdict, only: largest_multiplier, not_examined, indeterminate
+  use attrito_model_contacts, only: contact_type
+  use attrito_stability_verdict, only: not_examined
   implicit none
   private
-  public :: examination_type, examine_options_type, is_sure, is_near, number, part, farthest, astray
+  public :: examination_type, examine_options_type, balance_motion_type, is_near, held, number, part, farthest
   public :: by_monodromy, by_hill, balanced_orbit, exact_orbit, automatic_orbit
 
   !> Engines, to be added
   integer, parameter :: by_monodromy = 1, by_hill = 2
 
-  !> The balance's orbit; the event-exact one near it; or the latter only where the former is too near a change to be sure
+  !> The balance's orbit; the event-exact one near it; or the latter wherever a contact slips or opens: the orbit of the balance then
+  !> leaves out what its series does, which depends on how that was chosen, and its multipliers with it
   integer, parameter :: balanced_orbit = 0, exact_orbit = 1, automatic_orbit = 2
-
-  !> Distance of the largest multiplier from the unit circle within which the balance's orbit is not enough: 20 harmonics leave out
-  !> some 3e-3 of it with stiff contacts
-  real(wp), parameter :: margin = 5.0e-2_wp
 
   type :: examine_options_type
     !> Sum of `by_...`
@@ -25,16 +23,22 @@ module attrito_stability_examination
     integer :: orbit = automatic_orbit
     !> Let integration in time decide where multipliers do not
     logical :: decide = .true.
-    !> Estimated relative error of the balance's motion by truncation
-    real(wp) :: truncation = 0.0_wp
   end type examine_options_type
 
-  !> Truncation beyond which its multipliers are not to be trusted at all: contacts that open and land in stick magnify it
-  real(wp), parameter :: coarse = 1.0e-3_wp
+  !> How far the event-exact orbit may lie from the balance's, part of its amplitude, to be taken for the same
+  real(wp), parameter :: farthest = 0.1_wp
 
-  !> How far the event-exact orbit may lie from the balance's, part of its amplitude, to be taken for the same; and motion in time
-  !> after less than a period from there, for the balance to be believed without that orbit
-  real(wp), parameter :: farthest = 0.1_wp, astray = 1.0e-2_wp
+  !> Part by which friction of contacts that hold is raised once the event-exact orbit is known: one that was shaken down touches its
+  !> limit there, where rounding decides whether it slips
+  real(wp), parameter :: raised = 1.0e-6_wp
+
+  !> What the balance says of all contacts
+  type :: balance_motion_type
+    !> Coefficients of relative displacement [2 H + 1, rows], sliders where the period starts [2, contacts]
+    real(wp), allocatable :: motion(:, :), slider(:, :)
+    !> Does a contact stick throughout? [contacts]
+    logical, allocatable :: holds(:)
+  end type balance_motion_type
 
   type :: examination_type
     !> One of `not_examined`, `unstable`, `stable`, `indeterminate`
@@ -53,15 +57,16 @@ module attrito_stability_examination
 
 contains
 
-  !> Is a verdict on the balance's orbit beyond what the balance leaves out?
-  pure logical function is_sure(self, truncation)
-    type(examination_type), intent(in) :: self
-    real(wp), intent(in) :: truncation
+  !> Laws with a little more friction on contacts that hold: their forces are the same, and they stick beyond doubt.
+  pure function held(law, holds) result(changed)
+    type(contact_type), intent(in) :: law(:)
+    !> [contacts]
+    logical, intent(in) :: holds(:)
+    type(contact_type) :: changed(size(law))
 
-    is_sure = self%verdict /= indeterminate .and. truncation <= coarse
-    if (allocated(self%monodromy)) is_sure = is_sure .and. abs(largest_multiplier(self%monodromy) - 1.0_wp) > margin
-    if (allocated(self%hill)) is_sure = is_sure .and. abs(largest_multiplier(self%hill) - 1.0_wp) > margin
-  end function is_sure
+    changed = law
+    where (holds) changed%friction_coefficient = (1.0_wp + raised)*law%friction_coefficient
+  end function held
 
   !> Was an orbit of motion in time found that can be taken for the balance's? Then multipliers are its.
   pure logical function is_near(self)

@@ -7,7 +7,7 @@ module attrito_stability_examine
   use attrito_continuation_solver, only: solver_type
   use attrito_integrate_system, only: system_type, new_system
   use attrito_stability_examination, only: examination_type, examine_options_type, by_monodromy, by_hill, balanced_orbit, &
-                                           exact_orbit, automatic_orbit
+                                           exact_orbit, automatic_orbit, balance_motion_type
   use attrito_stability_examine_legs, only: examine_legs
   use attrito_stability_examine_sampled, only: examine_sampled
   implicit none
@@ -24,28 +24,31 @@ contains
     type(system_type), allocatable, intent(in) :: system
     type(examine_options_type), intent(in) :: options
     type(examination_type), intent(out) :: self
-    real(wp), allocatable :: motion(:, :), slider(:, :)
-    real(wp) :: verdict, turning
+    type(balance_motion_type) :: all
+    real(wp) :: verdict, turning, holds(size(solver%contacts%law))
     integer :: i
 
     self%reason = ''
     associate (balance => solver%context%balance)
       turning = count(balance%law%tangents > 1 .and. balance%forces%state > state_shaken_down)
       call balance%ranks%sum(turning)
-      allocate (motion(balance%coefficients(), size(solver%contacts%row_stiffness)), slider(2, size(solver%contacts%law)), &
-                source=0.0_wp)
-      motion(:, balance%first_row:balance%first_row + balance%rows() - 1) = solver%motion
+      allocate (all%motion(balance%coefficients(), size(solver%contacts%row_stiffness)), all%slider(2, size(holds)), source=0.0_wp)
+      holds = 0.0_wp
+      all%motion(:, balance%first_row:balance%first_row + balance%rows() - 1) = solver%motion
       do i = 1, size(balance%law)
-        slider(:, balance%first_contact - 1 + i) = balance%forces(i)%slider
+        all%slider(:, balance%first_contact - 1 + i) = balance%forces(i)%slider
+        if (balance%forces(i)%state <= state_shaken_down) holds(balance%first_contact - 1 + i) = 1.0_wp
       end do
-      call balance%ranks%sum(motion)
-      call balance%ranks%sum(slider)
+      call balance%ranks%sum(all%motion)
+      call balance%ranks%sum(all%slider)
+      call balance%ranks%sum(holds)
+      all%holds = holds > 0.0_wp
       verdict = 0.0_wp
       if (balance%ranks%is_root()) then
         if (turning > 0.0_wp) then
-          call examine_sampled(solver, system, options, motion, slider, self)
+          call examine_sampled(solver, system, options, all, self)
         else
-          call examine_legs(solver, system, options, motion, slider, self)
+          call examine_legs(solver, system, options, all, self)
         end if
         verdict = real(self%verdict, wp)
       end if

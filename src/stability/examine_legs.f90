@@ -8,8 +8,8 @@ module attrito_stability_examine_legs
   use attrito_integrate_state, only: state_type
   use attrito_integrate_system, only: system_type
   use attrito_stability_distance, only: course_of_balance, distance_between, instants
-  use attrito_stability_examination, only: examination_type, examine_options_type, is_sure, is_near, number, part, farthest, astray, &
-                                           by_monodromy, by_hill, balanced_orbit, exact_orbit
+  use attrito_stability_examination, only: examination_type, examine_options_type, balance_motion_type, is_near, held, number, part, &
+                                           farthest, by_monodromy, by_hill, balanced_orbit, exact_orbit
   use attrito_stability_examine_sampled, only: examine_sampled_in_time
   use attrito_stability_graze, only: nudged, grazing_contact
   use attrito_stability_hill, only: hill_multipliers, too_large
@@ -28,41 +28,81 @@ module attrito_stability_examine_legs
 
 contains
 
-  !> Examine a motion of all contacts [2 H + 1, rows] with sliders [2, contacts]; those with two tangents stick.
-  subroutine examine_legs(solver, system, options, motion, slider, self)
+  !> Examine a motion of all contacts; those with two tangents stick.
+  subroutine examine_legs(solver, system, options, all_contacts, self)
     type(solver_type), intent(in) :: solver
     type(system_type), intent(in) :: system
     type(examine_options_type), intent(in) :: options
-    real(wp), intent(in) :: motion(:, :), slider(:, :)
+    type(balance_motion_type), intent(in) :: all_contacts
     type(examination_type), intent(inout) :: self
     type(orbit_legs_type) :: orbit, nudges(2)
     type(loading_type) :: loading
     type(state_type) :: start
-    real(wp), allocatable :: balance(:, :)
+    logical :: two_tangents
 
     loading = loading_of(solver, system)
-    start = start_of(solver, system, slider(1, :))
-    balance = course_of_balance(solver, system, instants)
-    if (options%orbit /= exact_orbit .or. any(system%law%tangents > 1)) then
-      call balanced_legs(solver, motion, slider(1, :), orbit, nudges)
+    two_tangents = any(system%law%tangents > 1)
+    call balanced_legs(solver, all_contacts%motion, all_contacts%slider(1, :), orbit, nudges)
+    if (options%orbit == balanced_orbit .or. (all(orbit%stuck) .and. (two_tangents .or. options%orbit /= exact_orbit))) then
       call judge_orbit(system, options, loading%period, orbit, nudges, self)
-      if (options%orbit == balanced_orbit .or. all(orbit%stuck) .or. self%verdict == not_examined) return
-      if (any(system%law%tangents > 1)) then
-        if (options%orbit /= exact_orbit .and. is_sure(self, options%truncation)) return
-        call examine_sampled_in_time(solver, system, options, slider, self)
-        return
-      end if
-      if (options%orbit /= exact_orbit .and. is_sure(self, options%truncation)) then
-        if (one_period_away(system, loading, start, balance) <= astray) return
-      end if
+      return
     end if
-    call exact_legs(system, loading, swings_of(system%law, motion), balance, start, orbit, nudges, self)
-    if (.not. is_near(self)) return
-    call judge_orbit(system, options, loading%period, orbit, nudges, self)
-    if (self%verdict /= indeterminate .or. .not. options%decide) return
-    self%verdict = decide_in_time(system, loading, start)
-    if (self%verdict /= indeterminate) self%reason = self%reason//'; decided by integration in time'
+    if (two_tangents) then
+      call examine_sampled_in_time(solver, system, options, all_contacts, self)
+      if (.not. is_near(self)) call judge_without_verdict(system, options, loading%period, orbit, nudges, self)
+      return
+    end if
+    start = start_of(solver, system, all_contacts%slider(1, :))
+    call examine_exact(solver, system, options, all_contacts, start, self)
+    if (is_near(self) .or. options%orbit == exact_orbit) return
+    call judge_without_verdict(system, options, loading%period, orbit, nudges, self)
   end subroutine examine_legs
+
+  !> On the event-exact orbit near a state, which is then where its period starts; none there, no verdict.
+  subroutine examine_exact(solver, system, options, all_contacts, start, self)
+    type(solver_type), intent(in) :: solver
+    type(system_type), intent(in) :: system
+    type(examine_options_type), intent(in) :: options
+    type(balance_motion_type), intent(in) :: all_contacts
+    type(state_type), intent(inout) :: start
+    type(examination_type), intent(inout) :: self
+    type(orbit_legs_type) :: orbit, nudges(2)
+    type(loading_type) :: loading
+    type(system_type) :: holding
+
+    loading = loading_of(solver, system)
+    call find_exact(system, loading, course_of_balance(solver, system, instants), start, orbit, self%distance)
+    if (.not. is_near(self)) then
+      self%verdict = indeterminate
+      self%reason = 'no event-exact orbit near that of the balance'
+      if (self%distance > farthest) self%reason = 'the event-exact orbit lies '//part(self%distance)//' from that of the balance'
+      return
+    end if
+    holding = system
+    holding%law = held(system%law, all_contacts%holds)
+    call exact_legs(holding, loading, swings_of(system%law, all_contacts%motion), start, orbit, nudges)
+    call judge_orbit(holding, options, loading%period, orbit, nudges, self)
+    if (self%verdict /= indeterminate .or. .not. options%decide) return
+    self%verdict = decide_in_time(holding, loading, start)
+    if (self%verdict /= indeterminate) self%reason = self%reason//'; decided by integration in time'
+  end subroutine examine_exact
+
+  !> Multipliers of the balance's orbit where there is no event-exact one beside it: they decide nothing.
+  subroutine judge_without_verdict(system, options, period, orbit, nudges, self)
+    type(system_type), intent(in) :: system
+    type(examine_options_type), intent(in) :: options
+    real(wp), intent(in) :: period
+    type(orbit_legs_type), intent(in) :: orbit, nudges(2)
+    type(examination_type), intent(inout) :: self
+    character(:), allocatable :: reason
+
+    reason = self%reason
+    call judge_orbit(system, options, period, orbit, nudges, self)
+    self%verdict = indeterminate
+    self%reason = reason
+    self%low = 0.0_wp
+    self%high = -1.0_wp
+  end subroutine judge_without_verdict
 
   !> Multipliers of an orbit and what they say.
   subroutine judge_orbit(system, options, period, orbit, nudges, self)
@@ -159,32 +199,21 @@ contains
     distance = distance_between(course, balance)
   end function one_period_away
 
-  !> Legs of the event-exact orbit, and of a period with contacts nudged; indeterminate if there is none near the balance's.
-  subroutine exact_legs(system, loading, swings, balance, start, orbit, nudges, self)
+  !> Legs of the period that begins at the event-exact orbit's start, and with contacts nudged.
+  subroutine exact_legs(system, loading, swings, start, orbit, nudges)
     type(system_type), intent(in) :: system
     type(loading_type), intent(in) :: loading
     !> Size of each contact's normal displacement
     real(wp), intent(in) :: swings(:)
-    !> The balance's motion [m, instants]
-    real(wp), intent(in) :: balance(:, :)
-    !> Of the balance's period, then of the orbit's
-    type(state_type), intent(inout) :: start
+    type(state_type), intent(in) :: start
     type(orbit_legs_type), intent(out) :: orbit, nudges(2)
-    type(examination_type), intent(inout) :: self
     type(system_type) :: other
     type(state_type) :: state
     real(wp) :: range
     integer :: i
 
-    call find_exact(system, loading, balance, start, orbit, self%distance)
-    if (.not. is_near(self)) then
-      self%verdict = indeterminate
-      self%reason = 'no event-exact orbit near that of the balance'
-      if (self%distance > farthest) self%reason = 'the event-exact orbit lies '//part(self%distance)//' from that of the balance'
-      self%low = 0.0_wp
-      self%high = -1.0_wp
-      return
-    end if
+    state = start
+    call march_period(system, loading, state, orbit, range)
     other = system
     do i = 1, 2
       other%law = nudged(system%law, swings, 2*i - 3)

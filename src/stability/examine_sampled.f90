@@ -8,15 +8,15 @@ module attrito_stability_examine_sampled
   use attrito_integrate_loading, only: loading_type
   use attrito_integrate_state, only: state_type
   use attrito_integrate_system, only: system_type
-  use attrito_stability_examination, only: examination_type, examine_options_type, is_sure, number, part, farthest, by_monodromy, &
-                                           balanced_orbit, exact_orbit
+  use attrito_stability_examination, only: examination_type, examine_options_type, balance_motion_type, is_near, number, part, &
+                                           farthest, by_monodromy, balanced_orbit, exact_orbit
   use attrito_stability_distance, only: course_of_balance, distance_between
   use attrito_stability_graze, only: nudged, grazing_contact
   use attrito_stability_multipliers, only: multiplier_type, largest_change
   use attrito_stability_sampled_motion, only: sampled_motion_type, motion_of_harmonics
   use attrito_stability_sampled_multipliers, only: sampled_multipliers, choose_modes
   use attrito_stability_sampled_orbit, only: sampled_orbit_type, new_sampled_orbit, legs_of_orbit
-  use attrito_stability_sampled_shooting, only: shoot_sampled, march_samples
+  use attrito_stability_sampled_shooting, only: shoot_sampled, settle_sampled, march_samples
   use attrito_stability_start, only: loading_of, start_of
   use attrito_stability_verdict, only: judge, largest_multiplier, band, indeterminate
   implicit none
@@ -47,55 +47,76 @@ module attrito_stability_examine_sampled
 
 contains
 
-  !> Examine a motion of all contacts [2 H + 1, rows] with sliders at its start [2, contacts]: on the balance's orbit, then, where
-  !> need be, on that of motion in time.
-  subroutine examine_sampled(solver, system, options, motion, slider, self)
+  !> Examine a motion of all contacts: on the orbit of motion in time near the balance's, or, where that is asked for, on the
+  !> balance's own. Without the former the multipliers of the latter are told, and there is no verdict.
+  subroutine examine_sampled(solver, system, options, all_contacts, self)
     type(solver_type), intent(in) :: solver
     type(system_type), intent(in) :: system
     type(examine_options_type), intent(in) :: options
-    real(wp), intent(in) :: motion(:, :), slider(:, :)
+    type(balance_motion_type), intent(in) :: all_contacts
     type(examination_type), intent(inout) :: self
     type(loading_type) :: loading
     type(sampled_examination_type) :: sampled
+    character(:), allocatable :: reason
 
     if (iand(options%methods, by_monodromy) == 0) then
       self%reason = 'a contact slips along two tangents or opens, which Hill''s problem here does not know'
       return
     end if
-    if (options%orbit /= exact_orbit) then
-      loading = loading_of(solver, system)
-      call examine_harmonics(system, loading%period, motion, slider, sampled)
-      call judge_sampled(sampled, self)
-      if (options%orbit == balanced_orbit .or. is_sure(self, options%truncation)) return
-    end if
-    call examine_sampled_in_time(solver, system, options, slider, self)
+    if (options%orbit /= balanced_orbit) call examine_sampled_in_time(solver, system, options, all_contacts, self)
+    if (options%orbit == exact_orbit .or. is_near(self)) return
+    reason = self%reason
+    loading = loading_of(solver, system)
+    call examine_harmonics(system, loading%period, all_contacts%motion, all_contacts%slider, sampled)
+    call judge_sampled(sampled, self)
+    if (options%orbit == balanced_orbit) return
+    self%verdict = indeterminate
+    self%reason = reason
+    self%low = 0.0_wp
+    self%high = -1.0_wp
   end subroutine examine_sampled
 
-  !> On the orbit of motion in time near the balance's.
-  subroutine examine_sampled_in_time(solver, system, options, slider, self)
+  !> On the orbit of motion in time near the balance's, from there or from what motion in time settles to.
+  subroutine examine_sampled_in_time(solver, system, options, all_contacts, self)
     type(solver_type), intent(in) :: solver
     type(system_type), intent(in) :: system
     type(examine_options_type), intent(in) :: options
-    !> [2, contacts]
-    real(wp), intent(in) :: slider(:, :)
+    type(balance_motion_type), intent(in) :: all_contacts
     type(examination_type), intent(inout) :: self
     type(state_type) :: start
     type(loading_type) :: loading
     type(sampled_examination_type) :: sampled
-    real(wp) :: moved, distance
+    integer :: attempt
 
     if (iand(options%methods, by_monodromy) == 0) return
-    start = start_of(solver, system, slider(1, :))
-    start%slider = slider
     loading = loading_of(solver, system)
-    call examine_in_time(system, loading, start, moved, sampled)
-    if (len(sampled%failure) == 0) then
-      distance = one_period_away(system, loading, start, course_of_balance(solver, system, fewest))
-      if (distance > farthest) sampled%failure = 'the orbit of motion in time lies '//part(distance)//' from that of the balance'
-      self%distance = distance
-    end if
+    do attempt = 1, 2
+      start = start_of(solver, system, all_contacts%slider(1, :))
+      start%slider = all_contacts%slider
+      if (attempt == 2) call settle_sampled(system, loading, fewest, start)
+      call examine_near(solver, system, loading, start, sampled, self%distance)
+      if (is_near(self)) exit
+    end do
     call judge_sampled(sampled, self)
   end subroutine examine_sampled_in_time
+
+  !> On the orbit next to a state, and how far that lies from the balance's; negative: there is none.
+  subroutine examine_near(solver, system, loading, start, sampled, distance)
+    type(solver_type), intent(in) :: solver
+    type(system_type), intent(in) :: system
+    type(loading_type), intent(in) :: loading
+    !> Where the search starts, then where the orbit's period starts
+    type(state_type), intent(inout) :: start
+    type(sampled_examination_type), intent(out) :: sampled
+    real(wp), intent(out) :: distance
+    real(wp) :: moved
+
+    distance = -1.0_wp
+    call examine_in_time(system, loading, start, moved, sampled)
+    if (len(sampled%failure) > 0) return
+    distance = one_period_away(system, loading, start, course_of_balance(solver, system, fewest))
+    if (distance > farthest) sampled%failure = 'the orbit of motion in time lies '//part(distance)//' from that of the balance'
+  end subroutine examine_near
 
   !> How far the orbit of motion in time lies from the balance's.
   real(wp) function one_period_away(system, loading, start, balance) result(distance)

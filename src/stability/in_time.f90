@@ -17,6 +17,9 @@ module attrito_stability_in_time
   integer, parameter :: periods_to_settle = 100
   !> Factors by which all have shrunk in the end, by which one is gone before, by which one has grown
   real(wp), parameter :: gone = 1.0e-1_wp, forgotten = 1.0e-3_wp, far = 1.0e3_wp
+  !> Where sliders stay where a perturbation has put them, motion comes to another member of a family: change over a period, part of
+  !> the perturbation, of one that has come there, and how far from the orbit that may be
+  real(wp), parameter :: arrived = 1.0e-6_wp, beside = 1.0e1_wp
 
 contains
 
@@ -26,7 +29,7 @@ contains
     type(loading_type), intent(in) :: loading
     !> Where the orbit's period starts
     type(state_type), intent(in) :: start
-    type(state_type) :: state
+    type(state_type) :: state, before
     real(wp) :: range, push(2*size(start%motion))
     integer :: i, m, cycle, died
 
@@ -39,20 +42,28 @@ contains
       push = perturbation*range*direction(2*m, i)
       state = new_state(system, start%motion + push(:m), start%rate + push(m + 1:), start%slider)
       do cycle = 1, periods
+        before = state
         call march_unseen(system, loading, state, range)
-        if (distance() > far*perturbation*range) return
-        if (distance() < forgotten*perturbation*range) exit
+        if (distance(start) > far*perturbation*range) return
+        if (distance(start) < forgotten*perturbation*range .or. has_arrived()) exit
       end do
-      if (distance() < gone*perturbation*range) died = died + 1
+      if (distance(start) < gone*perturbation*range .or. has_arrived()) died = died + 1
     end do
     verdict = merge(stable, indeterminate, died == perturbations)
 
   contains
 
-    real(wp) function distance()
+    real(wp) function distance(other)
+      type(state_type), intent(in) :: other
 
-      distance = hypot(norm2(state%motion - start%motion), norm2(state%rate - start%rate))
+      distance = hypot(norm2(state%motion - other%motion), norm2(state%rate - other%rate))
     end function distance
+
+    !> Has the motion come to a member of the orbit's family?
+    logical function has_arrived()
+
+      has_arrived = distance(before) < arrived*perturbation*range .and. distance(start) < beside*perturbation*range
+    end function has_arrived
   end function decide_in_time
 
   !> March until a period changes the motion by no more than a perturbation would.

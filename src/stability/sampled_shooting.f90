@@ -21,13 +21,15 @@ module attrito_stability_sampled_shooting
   use attrito_stability_sampled_orbit, only: sampled_orbit_type, new_sampled_orbit
   implicit none
   private
-  public :: shoot_sampled, march_samples
+  public :: shoot_sampled, settle_sampled, march_samples
 
   !> Most Newton steps, and the change that counts as none, relative to the motion
   integer, parameter :: most_steps = 30
   real(wp), parameter :: settled = 1.0e-9_wp
   !> Modes in the monodromy that Newton's method takes, at most
   integer, parameter :: most_modes = 100
+  !> Periods after which motion in time is taken to have settled
+  integer, parameter :: periods_to_settle = 100
   !> Part of its radius by which a slider that slips is put beyond it
   real(wp), parameter :: beyond = 1.0e-10_wp
 
@@ -78,6 +80,26 @@ contains
       call move(system, orbit, memory_of(system, orbit), full, end, start)
     end do
   end subroutine shoot_sampled
+
+  !> March until motion in time has settled, if it does.
+  subroutine settle_sampled(system, loading, steps, state)
+    type(system_type), intent(in) :: system
+    type(loading_type), intent(in) :: loading
+    integer, intent(in) :: steps
+    type(state_type), intent(inout) :: state
+    type(state_type) :: before
+    type(sampled_motion_type) :: motion
+    real(wp) :: range
+    integer :: period
+    logical :: converged
+
+    do period = 1, periods_to_settle
+      before = state
+      call march_samples(system, loading, steps, state, motion, range, converged)
+      if (.not. converged) return
+      if (norm2(state%motion - before%motion) <= settled*range) return
+    end do
+  end subroutine settle_sampled
 
   !> March one period of exponential steps, and sample the contacts' motion at each.
   subroutine march_samples(system, loading, steps, state, motion, range, converged, course)

@@ -2,7 +2,8 @@
 !>
 !> $$ z \leftarrow z - (M(z) - 1)^{-1} (P(z) - z), \qquad z = (p, p', w). $$
 !>
-!> Unstable orbits are found like stable ones. Sliders of contacts that stick throughout stay where they are; those of contacts
+!> M is that of the first period, made anew only where a step does not shrink to a part of the one before. Unstable orbits are found
+!> like stable ones. Sliders of contacts that stick throughout stay where they are; those of contacts
 !> that slip or are open where the period begins follow the motion.
 module attrito_stability_shooting
   use attrito_core_kinds, only: wp
@@ -27,6 +28,8 @@ module attrito_stability_shooting
   !> Modes in the monodromy that Newton's method takes, at most
   integer, parameter :: most_modes = 100
   real(wp), parameter :: settled = 1.0e-12_wp
+  !> Part to which a step shrinks while the monodromy is not made anew
+  real(wp), parameter :: shrinks = 0.1_wp
 
 contains
 
@@ -41,30 +44,30 @@ contains
     real(wp), intent(out) :: moved
     logical, intent(out) :: found
     type(state_type) :: first, end
-    real(wp), allocatable :: matrix(:, :), step(:, :), full(:)
+    real(wp), allocatable :: inverse(:, :), step(:), full(:)
     integer, allocatable :: rows(:)
-    real(wp) :: range, change
-    integer :: iteration, m, modes, i, info
+    real(wp) :: range, change, before
+    integer :: iteration, m, modes, info
 
     m = size(start%motion)
+    modes = min(m, most_modes)
     first = start
     found = .false.
+    before = 0.0_wp
+    change = huge(1.0_wp)
     do iteration = 1, most_steps
       end = start
       call march_period(system, loading, end, orbit, range)
-      modes = min(m, most_modes)
-      matrix = monodromy(reduce_to(system, modes), orbit, loading%period)
-      rows = [(i, i=1, modes), (m + i, i=1, modes), 2*m + free_sliders(orbit)]
-      do i = 1, size(rows)
-        matrix(i, i) = matrix(i, i) - 1.0_wp
-      end do
+      if (.not. (allocated(inverse) .and. change <= shrinks*before) .or. other_sliders()) then
+        call invert(system, orbit, loading%period, modes, rows, inverse, info)
+        if (info /= 0) exit
+      end if
+      before = change
       full = [end%motion - start%motion, end%rate - start%rate, end%slider(1, :) - start%slider(1, :)]
-      step = reshape(-full(rows), [size(rows), 1])
-      call solve_dense(matrix, step, info)
-      if (info /= 0) exit
+      step = -matmul(inverse, full(rows))
       ! Modes that are left out go where the period leaves them; sliders that are not free follow.
       full(2*m + 1:) = 0.0_wp
-      full(rows) = step(:, 1)
+      full(rows) = step
       change = norm2(full(:2*m))
       if (.not. change <= 1.0e3_wp*range) exit
       call move(system, full, start)
@@ -72,7 +75,41 @@ contains
       if (found) exit
     end do
     moved = norm2(start%motion - first%motion)/range
+
+  contains
+
+    !> Are other sliders free than when the monodromy was made?
+    logical function other_sliders()
+
+      other_sliders = .not. allocated(rows)
+      if (.not. other_sliders) other_sliders = size(rows) /= 2*modes + size(free_sliders(orbit))
+      if (.not. other_sliders) other_sliders = any(rows(2*modes + 1:) /= 2*m + free_sliders(orbit))
+    end function other_sliders
   end subroutine shoot
+
+  !> (M - 1)^{-1} of a period in the lowest modes, and the components of the state that it takes.
+  subroutine invert(system, orbit, period, modes, rows, inverse, info)
+    type(system_type), intent(in) :: system
+    type(orbit_legs_type), intent(in) :: orbit
+    real(wp), intent(in) :: period
+    integer, intent(in) :: modes
+    integer, allocatable, intent(out) :: rows(:)
+    real(wp), allocatable, intent(out) :: inverse(:, :)
+    !> 0, or not: singular
+    integer, intent(out) :: info
+    real(wp), allocatable :: matrix(:, :)
+    integer :: i, m
+
+    m = size(system%eigenvalues)
+    matrix = monodromy(reduce_to(system, modes), orbit, period)
+    rows = [(i, i=1, modes), (m + i, i=1, modes), 2*m + free_sliders(orbit)]
+    allocate (inverse(size(rows), size(rows)), source=0.0_wp)
+    do i = 1, size(rows)
+      matrix(i, i) = matrix(i, i) - 1.0_wp
+      inverse(i, i) = 1.0_wp
+    end do
+    call solve_dense(matrix, inverse, info)
+  end subroutine invert
 
   !> March one period from a state, and say what happened as legs.
   subroutine march_period(system, loading, state, orbit, range)

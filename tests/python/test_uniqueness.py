@@ -151,7 +151,7 @@ def test_many_contacts_feel_each_other_and_integration_in_time_stays_within_thei
         assert np.all(np.ptp(reached, axis=0) > 0.1 * (high - low))
 
 
-def mixed_chain(harmonics=3, bounds="auto"):
+def mixed_chain(harmonics=3, bounds="sampled"):
     """Three contacts of which one slips and two are free: what these hold presses on it and moves its amplitude."""
     job = tilted_chain()
     job["load"][1] |= {"cosine": [[0, 12.0]], "sine": [[0, 6.0]]}
@@ -290,6 +290,7 @@ def test_a_stuck_contact_with_two_tangents_on_a_level_wall_has_closed_form_bound
     job["contact"][0] |= {"normal": [[1, 1.0]], "tangents": [[[0, 1.0]], [[2, 1.0]]]}
     job["load"][1]["cosine"] = [[0, 1.0]]
     job["output"]["monitors"] = [{"name": "x", "dofs": [[0, 1.0]]}, {"name": "end", "dofs": [[2, 1.0]]}]
+    job["static"] = {"bounds": "sampled"}
     data = solved(tmp_path, job)
     assert data["points/bounds"] == [2]
     low, shown, high = (values[0, 0] for values in bounds(data, "n"))
@@ -354,17 +355,77 @@ def test_bounds_are_left_open_where_the_approach_is_uncoupled_or_the_job_wants_n
         assert np.isnan(data["contacts/t1_high"]).all()
 
 
-def test_ordinary_large_jobs_do_not_pay_for_visits_unless_asked_to(tmp_path):
+def test_automatic_bounds_end_at_the_work_of_the_point_and_leave_the_rest_open(tmp_path):
     job = chain(contacts=5, tangents=2)
     job["sweep"] = {"frequencies_hz": [60.0]}
-    assert solved(tmp_path, job)["points/bounds"] == [0]
+    open_ended = solved(tmp_path, job)
+    assert open_ended["points/bounds"] == [3]
+    assert np.isnan(open_ended["contacts/n_low"]).all()
+    assert np.isnan(open_ended["contacts/t2_high"]).all()
+    assert set(open_ended["contacts/unique"].ravel().tolist()) == {-1}
     assert solved(tmp_path, job | {"static": {"bounds": "sampled"}})["points/bounds"] == [2]
+
+
+class CountedFamily:
+    """A family, what its visits come to, and a stop that is asked for after so many answers."""
+
+    def __init__(self, family, most=10**9):
+        self._family, self._left, self.moves = family, most, 0
+
+    def __getattr__(self, name):
+        return getattr(self._family, name)
+
+    def move(self, slider):
+        self.moves += 1
+        return self._family.move(slider)
+
+    def is_interrupted(self):
+        self._left -= 1
+        return self._left < 0
+
+
+def test_a_search_does_no_more_than_its_budget_and_finds_the_same_as_far_as_it_comes(tmp_path):
+    def visit(family, scene):
+        def search(part=np.inf, most=10**9):
+            counted, before = CountedFamily(family, most), family.work()
+            hull = Search(scene.laws)(counted, before + part)
+            return hull, counted.moves, family.work() - before
+
+        whole, moves, spent = search()
+        assert whole.complete
+        part, fewer, less = search(0.5 * spent)
+        assert not part.complete
+        assert 0 < fewer < moves
+        assert less < 0.75 * spent
+        # Monitors come first, and what was found is what the whole search finds.
+        assert not np.isnan(part.mean).all()
+        assert np.isnan(part.force).any()
+        for name in ("mean", "amplitude"):
+            ours, theirs = getattr(part, name), getattr(whole, name)
+            known = ~np.isnan(ours)
+            assert np.allclose(ours[known], theirs[known], rtol=1e-6, atol=1e-12)
+        stopped, none, _ = search(most=0)
+        assert none == 0
+        assert np.isnan(stopped.mean).all()
+        return True
+
+    assert at_the_point(tmp_path, mixed_chain(), visit)
+
+
+def test_a_run_is_stopped_between_the_visits_of_its_bounds_and_keeps_no_half_examined_point(tmp_path):
+    job = chain(contacts=5, tangents=2) | {"static": {"bounds": "sampled"}}
+    job["sweep"] = {"frequencies_hz": [60.0]}
+    # After its only point a run ends whatever the time.
+    done = attrito(tmp_path, "run", write_job(tmp_path, job), "--max-seconds", "1e-3")
+    assert done.returncode == 1
+    assert "stopped by --max-seconds 0.001" in done.stderr
+    assert not list(tmp_path.glob("result*"))
 
 
 def test_where_the_bounds_come_from_has_names(tmp_path):
     run(tmp_path, wedge(force=5.0))
     with Result(tmp_path / "result.h5") as result:
-        assert result.names("/points/bounds") == ["none", "exact", "sampled"]
+        assert result.names("/points/bounds") == ["none", "exact", "sampled", "not_examined"]
         # It slips: unique.
         assert result.array("/points/bounds").tolist() == [1]
 
