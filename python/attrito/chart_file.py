@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 
 from attrito import __version__
+from attrito.csv_text import cell
 from attrito.whole_file import whole_hdf5
 
 SERIES = {
@@ -91,8 +92,14 @@ def table(chart: Chart) -> str:
         values = [getattr(way, name) for name in COLUMNS]
         numbers = ["" if value != value or value == 0 else f"{value:.6g}" for value in values]
         flags = ["true" if flag else "false" for flag in (efficient[i], i == chosen)]
-        lines.append(",".join([way.series, f'"{way.label}"', *numbers, *flags, f'"{way.note}"']))
+        lines.append(",".join([way.series, f'"{way.label}"', *numbers, *flags, _quoted(way.note)]))
     return "\n".join(lines) + "\n"
+
+
+def _quoted(text: str) -> str:
+    """A sentence as one cell, quoted whatever it holds."""
+    safe = cell(text)
+    return safe if safe.startswith('"') else f'"{safe}"'
 
 
 def write(chart: Chart, path: str, job: str) -> None:

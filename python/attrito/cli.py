@@ -15,6 +15,7 @@ from collections.abc import Sequence
 
 from attrito.arguments import parser
 from attrito.faults import Fault, InputError, NumericsError, unforeseen, unusable_file
+from attrito.overwriting import check_files
 from attrito.signal_watch import SignalWatch
 from attrito.standard_output import (
     forget_output,
@@ -30,6 +31,20 @@ PARALLEL = ("run", "reduce", "peak", "study", "integrate", "export", "verify")
 # Commands whose result is what they print.
 PRINTED = ("table", "info", "keys")
 INTERRUPTED = 130
+# Options that name what is read.
+READ = (
+    "job",
+    "study",
+    "result",
+    "file",
+    "mesh",
+    "nastran",
+    "stiffness",
+    "mass",
+    "damping",
+    "dofs",
+    "geometric_stiffness",
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -40,6 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parallel = options.command in PARALLEL
     with SignalWatch() if parallel else contextlib.nullcontext():
         try:
+            check_files(options.command, "file", _read_by(options))
             if options.command not in PRINTED:
                 with unbreakable_output():
                     options.work(options)
@@ -63,6 +79,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             fault = unforeseen(error)
             return _end_alone(f"{_place(options, fault)}{fault}", 2, parallel)
     return 0
+
+
+def _read_by(options: argparse.Namespace) -> list[str]:
+    """Files that a command is told to read."""
+    return [str(value) for name, value in vars(options).items() if name in READ and value is not None]
 
 
 def _place(options: argparse.Namespace, error: Exception) -> str:

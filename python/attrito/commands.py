@@ -6,7 +6,9 @@ Modules are imported by the commands that need them, so that none waits for anot
 from __future__ import annotations
 
 import argparse
+import glob
 import sys
+from pathlib import Path
 
 from attrito.faults import Fault, InputError
 
@@ -14,7 +16,12 @@ from attrito.faults import Fault, InputError
 def import_matrices(options: argparse.Namespace) -> None:
     """Matrices and mesh of another program -> model.h5."""
     from attrito.importers import import_model
+    from attrito.overwriting import check_files
 
+    for job, ending in ((options.calculix, ".*"), (options.abaqus, "_*")):
+        if job is not None:
+            place = Path(job)
+            check_files("import", "file", map(str, place.parent.glob(glob.escape(place.name) + ending)))
     _, notes = import_model(
         options.output,
         calculix_job=options.calculix,
@@ -52,8 +59,6 @@ def run(options: argparse.Namespace) -> None:
 
 def chart(options: argparse.Namespace) -> None:
     """Error against cost of all ways to solve a job's scene -> CSV, HDF5, PNG."""
-    from pathlib import Path
-
     from mpi4py import MPI
 
     from attrito.job import files_read, read_job
@@ -67,8 +72,6 @@ def chart(options: argparse.Namespace) -> None:
 
 
 def _chart(options: argparse.Namespace, picture_path: str) -> None:
-    from pathlib import Path
-
     from attrito.chart import chart_job
     from attrito.chart_file import table, write
     from attrito.chart_picture import picture
@@ -259,12 +262,8 @@ def _points(result, options: argparse.Namespace) -> list[int]:
 
 
 def _numbered(path: str, point: int) -> str:
-    from pathlib import Path
-
     return str(Path(path).with_name(f"{Path(path).stem}_{point}{Path(path).suffix}"))
 
 
 def _beside(result: str, name: str) -> str:
-    from pathlib import Path
-
     return str(Path(result).with_name(name))

@@ -16,7 +16,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from attrito.faults import Fault, InputError
-from attrito.plots import BRANCH_COLOURS, LIMIT_COLOUR, Look, legend_below, with_unit
+from attrito.plots import BRANCH_COLOURS, LIMIT_COLOUR, Look, legend_below, plain_text, with_unit
 from attrito.results import Result
 
 # States by colour and by mark, so that they are told apart in grey, too.
@@ -192,7 +192,7 @@ def draw_surface(axes: Axes, result: Result, point: int, surface: Surface, quant
             face = "none" if index == 2 else colours.to_rgba(values[surface.contacts][part])
             axes.scatter(*surface.seen[part].T, color=face, marker=marker, edgecolor="k", s=area, linewidth=0.6)
     across, up = (_direction(axis) for axis in surface.axes)
-    axes.set_title(f"{surface.name}\nto the right {across}, up {up}")
+    axes.set_title(f"{plain_text(surface.name)}\nto the right {across}, up {up}")
     axes.set_aspect("equal")
     axes.margins(0.08, 0.2)
 
@@ -250,4 +250,4 @@ def _draw_loop(axes: Axes, loop: Loop) -> None:
             for side in (limit, -limit):
                 axes.plot(displacement[:, index], side, color=LIMIT_COLOUR, linewidth=0.8, label="± µN")
         axes.plot(displacement[:, index], tangential[:, index], color=BRANCH_COLOURS[index], label=label)
-    axes.set_title(loop.name)
+    axes.set_title(plain_text(loop.name))

@@ -13,7 +13,7 @@ import numpy as np
 
 from attrito.faults import Fault, InputError
 from attrito.job_schema import ARRAYS, LOAD_KEYS, REQUIRED_TABLES, TABLES, Key
-from attrito.overwriting import is_same_file
+from attrito.overwriting import is_no_file, is_same_file
 
 
 @dataclass
@@ -185,6 +185,7 @@ def _cross_check(job: Job, earlier: list[Fault]) -> list[Fault]:
         _check_balance,
         _check_stability,
         _check_monitors,
+        _check_inputs,
         _check_outputs,
     )
     found = [fault for check in checks for fault in check(job)]
@@ -358,6 +359,12 @@ def _files_by_key(job: Job) -> dict[str, str]:
         named = {key: load[key] for key in ("file", "cosine", "sine") if isinstance(load[key], str)}
         taken |= {f"load[{i}] {key}": job.file(name) for key, name in named.items()}
     return taken
+
+
+def _check_inputs(job: Job) -> list[Fault]:
+    """What is read must be files; the job itself may come out of a pipe."""
+    named = list(_files_by_key(job).items())[1:]
+    return [job.fault(key, name, "a file, not a pipe or a device") for key, name in named if is_no_file(name)]
 
 
 def _check_outputs(job: Job) -> list[Fault]:

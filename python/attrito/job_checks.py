@@ -14,6 +14,8 @@ Check = Callable[[Any], Any]
 
 # Integers cross to the library as 32 bits.
 LARGEST_INTEGER = 2**31 - 1
+# Datasets beside those of the monitors.
+RESERVED = ("frequency_hz", "natural_hz")
 # Displacements along the axes, and rotations about them.
 DIRECTIONS = {"x": 1, "y": 2, "z": 3, "rx": 4, "ry": 5, "rz": 6}
 
@@ -160,13 +162,18 @@ def monitor(value: Any) -> dict[str, Any]:
     """A table { name, dofs }."""
     if not isinstance(value, dict) or set(value) != {"name", "dofs"}:
         raise ValueError("a table { name = ..., dofs = [[dof, coefficient], ...] }")
-    name = text(value["name"])
-    reserved = (".", "..", "frequency_hz", "natural_hz")
-    if "/" in name or "," in name or name != name.strip() or len(name.encode()) > 64 or name in reserved:
-        raise ValueError(
-            "a name of at most 64 bytes without slash, comma or outer blanks, other than " + ", ".join(reserved[2:])
-        )
+    name = dataset_name(value["name"])
     return {"name": name, "dofs": listing(term, 1)(value["dofs"])}
+
+
+def dataset_name(value: Any) -> str:
+    """A name that a dataset of the output and a column of a table can have."""
+    name = text(value)
+    barred = "/" in name or "," in name or name != name.strip() or name in (".", "..", *RESERVED)
+    if barred or len(name.encode(errors="surrogatepass")) > 64:
+        others = ", other than " + ", ".join(RESERVED)
+        raise ValueError("a name of at most 64 bytes without slash, comma or outer blanks" + others)
+    return name
 
 
 def corner(value: Any) -> float | dict[str, float]:

@@ -16,11 +16,7 @@ Value = TypeVar("Value")
 
 def on_root(comm: Comm, work: Callable[[], Value]) -> Value:
     """Do `work` on rank 0 and return its value on every rank; a fault is raised on every rank."""
-    value, failure = _attempt(work) if comm.rank == 0 else (None, None)
-    value, failure = comm.bcast((value, failure))
-    if failure is not None:
-        raise failure
-    return value
+    return _told_by_root(comm, *_attempt(work) if comm.rank == 0 else (None, None))
 
 
 def on_root_in_its_time(comm: Comm, work: Callable[[], Value]) -> Value:
@@ -29,10 +25,7 @@ def on_root_in_its_time(comm: Comm, work: Callable[[], Value]) -> Value:
     ready = comm.Ibarrier()
     while not ready.Test():
         time.sleep(0.02)
-    value, failure = comm.bcast((value, failure))
-    if failure is not None:
-        raise failure
-    return value
+    return _told_by_root(comm, value, failure)
 
 
 def on_root_only(comm: Comm, work: Callable[[], Value]) -> Value | None:
@@ -51,6 +44,14 @@ def everywhere(comm: Comm, work: Callable[[], Value]) -> Value:
     failure = next((error for error in comm.allgather(failure) if error is not None), None)
     if failure is not None:
         raise failure
+    return value
+
+
+def _told_by_root(comm: Comm, value: Value | None, failure: Exception | None) -> Value:
+    """The root's value on every rank, or its failure; the root's own failure keeps its cause."""
+    value, told = comm.bcast((value, failure))
+    if told is not None:
+        raise failure if comm.rank == 0 else told
     return value
 
 

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from attrito.peak_file import KINDS, read_backbone, read_peaks, smooth_curve
-from attrito.plots import BRANCH_COLOURS, STYLE
+from attrito.plots import BRANCH_COLOURS, STYLE, plain_text
 from attrito.solver import OUTCOMES
 
 STUCK_COLOUR = "#8a8a8a"
@@ -51,7 +51,8 @@ def peak_curve(path: str) -> Figure:
             _draw_differences(differences[0], value, data)
         upper.set_xscale("log")
         upper.set_ylim(bottom=0.0)
-        upper.set_ylabel(f"Peak of {attributes['monitor']}" + (" by level" if parameter == "level" else ""))
+        name = plain_text(str(attributes["monitor"]))
+        upper.set_ylabel(f"Peak of {name} by level" if parameter == "level" else f"Peak of {name}")
         lower.set_ylabel("Frequency (Hz)")
         figure.axes[-1].set_xlabel(f"{parameter.capitalize()} factor")
         upper.legend(loc="best")

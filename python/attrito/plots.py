@@ -6,6 +6,7 @@ no global state is involved. Colours stay apart for colour-blind readers (Okabe-
 
 from __future__ import annotations
 
+import io
 import os
 from dataclasses import dataclass
 from itertools import pairwise
@@ -110,8 +111,12 @@ def save(figure: Figure, path: str | os.PathLike[str], dpi: int = 220) -> None:
     """Write a figure; the ending chooses the format (.png, .pdf, .svg). Letters stay letters in PDF and SVG."""
     kind = Path(path).suffix.removeprefix(".")
     try:
-        with matplotlib.rc_context(STYLE), whole_file(path) as new:
-            figure.savefig(new, dpi=dpi, format=kind)
+        # Into memory first: where a disk is full, matplotlib's writers fail in ways of their own.
+        drawn = io.BytesIO()
+        with matplotlib.rc_context(STYLE):
+            figure.savefig(drawn, dpi=dpi, format=kind)
+        with whole_file(path) as new:
+            Path(new).write_bytes(drawn.getbuffer())
     except (OSError, ValueError) as error:
         raise InputError(Fault(str(path), "figure", str(error), "a writable .png, .pdf or .svg file")) from error
 
@@ -279,7 +284,7 @@ def _mark_bifurcations(axes: Axes, result: Result, monitor: str, per_level: bool
     for index in np.unique(kind):
         own = kind == index
         look = {"marker": BIFURCATION_MARKER[names[index]], "linestyle": "none", "color": "k", "markersize": 5}
-        axes.plot(frequency[own], amplitude[own], **look, zorder=4, label=names[index].replace("_", " "))
+        axes.plot(frequency[own], amplitude[own], **look, zorder=4, label=plain_text(names[index].replace("_", " ")))
 
 
 def _identity(levels: np.ndarray, branches: np.ndarray, level: float, branch: int) -> tuple[object, str]:
@@ -310,8 +315,14 @@ def legend_below(axes: Axes, columns: int, labelled: Axes | None = None, lines: 
     )
 
 
+def plain_text(text: str) -> str:
+    """A text of the user's or of a file's, for matplotlib: no part of it is set as mathematics."""
+    return text.replace("$", r"\$")
+
+
 def with_unit(name: str, unit: str, room: float = np.inf) -> str:
     """An axis label; in two lines where it is longer than some inches."""
+    name, unit = plain_text(name), plain_text(unit)
     if not unit:
         return name
     # A letter is half as wide as high.

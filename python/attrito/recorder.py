@@ -21,6 +21,7 @@ from attrito.faults import Fault, InputError
 from attrito.journal import Journal, Record, Series, read_journal
 from attrito.parallel import on_root
 from attrito.solver import Point, ReducedScene, Solver
+from attrito.stored import UNREADABLE, spoilt
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -108,11 +109,10 @@ class Recorder:
         first : what `begin` would write; what the journal holds must be the same
         search : what a level's points are to be known to
         """
-        notes = on_root(self._comm, lambda: self._reopen(job_file, first))
+        notes, place = on_root(self._comm, lambda: self._understood(job_file, first))
         self.written = len(notes)
         if not notes:
-            return Place()
-        place = Place(**notes[-1]["place"])
+            return place
         known = [i for i, note in enumerate(notes) if search.searches and note["place"]["level"] == place.level]
         if known:
             search.begin_level(notes[known[0]]["point"]["level"])
@@ -129,6 +129,16 @@ class Recorder:
             if i in known:
                 search.keep(SimpleNamespace(**note["point"]), note["place"]["taken"] == 1)
         return place
+
+    def _understood(self, job_file: str, first: Record) -> tuple[list[dict], Place]:
+        """Notes of the points that are gone on from, and where the last of them stands."""
+        try:
+            notes = self._reopen(job_file, first)
+            return notes, Place(**notes[-1]["place"]) if notes else Place()
+        except (InputError, OSError):
+            raise
+        except UNREADABLE as error:
+            raise spoilt(self._path, error, f"a journal that attrito {__version__} wrote") from error
 
     def _points(self) -> Iterator[Record | None]:
         """The points of the journal at the root, nothing elsewhere."""

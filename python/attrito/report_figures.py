@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from attrito.plots import BRANCH_COLOURS, Look, legend_below, with_unit
+from attrito.plots import BRANCH_COLOURS, Look, legend_below, plain_text, with_unit
 from attrito.results import Result
 
 LOOK = Look(width=130.0, font_size=10.0)
@@ -179,7 +179,7 @@ def multipliers(result: Result) -> Figure:
             if part.any():
                 marker, colour = KIND_LOOKS.get(name, ("o", "k"))
                 look = {"marker": marker, "color": colour, "linestyle": "none", "markersize": 3.4, "alpha": 0.6}
-                axes.plot(real[part], imaginary[part], label=name, **look)
+                axes.plot(real[part], imaginary[part], label=plain_text(name), **look)
         axes.set(aspect="equal", xlabel="Real part", ylabel="Imaginary part")
         legend_below(axes, 3)
     return figure

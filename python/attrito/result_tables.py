@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from attrito.csv_text import cell
 from attrito.results import Result
 
 
@@ -20,7 +21,7 @@ def table(result: Result) -> str:
         "branch": _integers(result.array("/points/branch")),
         "frequency_hz": _numbers(result.array("/points/frequency_hz")),
         "converged": _booleans(result.converged),
-        "outcome": result.outcome,
+        "outcome": map(cell, result.outcome),
         "stable": _booleans(result.array("/points/stable")),
         "unique": _booleans(result.array("/points/unique")),
         "period": _integers(result.array("/points/period")),
@@ -48,7 +49,7 @@ def contact_table(result: Result) -> str:
         "state": [],
     }
     if nc:
-        columns["state"] = result.named("/contacts/state")
+        columns["state"] = map(cell, result.named("/contacts/state"))
     for name in real:
         columns[name] = _numbers(result.array(f"/contacts/{name}").ravel()) if nc else []
     columns["unique"] = _booleans(result.array("/contacts/unique").ravel()) if nc else []
@@ -66,7 +67,7 @@ def multiplier_table(result: Result) -> str:
     if len(point):
         for name in ("method", "kind"):
             names = result.names(f"/multipliers/{name}")
-            columns[name] = [names[index] for index in result.array(f"/multipliers/{name}")]
+            columns[name] = [cell(names[index]) for index in result.array(f"/multipliers/{name}")]
         for name in ("real", "imag"):
             columns[name] = _numbers(result.array(f"/multipliers/{name}"))
     return _csv(columns | _level_column(result, point))
@@ -82,7 +83,7 @@ def bifurcation_table(result: Result) -> str:
         "branch": map(str, column["branch"]),
         "point": map(str, column["point"]),
         "frequency_hz": _numbers(result.array("/bifurcations/frequency_hz")),
-        "kind": [names[index] for index in column["kind"]],
+        "kind": [cell(names[index]) for index in column["kind"]],
     }
     for name in ("real", "imag", "uncertain_hz"):
         columns[name] = _numbers(result.array(f"/bifurcations/{name}"))
@@ -98,7 +99,7 @@ def _level_column(result: Result, point: np.ndarray) -> dict[str, Iterable[str]]
 
 
 def _csv(columns: dict[str, Iterable[str]]) -> str:
-    lines = [",".join(columns)]
+    lines = [",".join(map(cell, columns))]
     lines.extend(",".join(row) for row in zip(*columns.values(), strict=True))
     return "\n".join(lines) + "\n"
 

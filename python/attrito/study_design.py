@@ -16,7 +16,7 @@ from scipy.stats import qmc
 
 from attrito.faults import Fault, InputError
 from attrito.job import Job, check_job, files_read, plain, read_job, rom_path
-from attrito.job_checks import Check, boolean, choice, integer, listing, number, text
+from attrito.job_checks import Check, boolean, choice, dataset_name, integer, listing, number, text
 from attrito.overwriting import check_spared
 from attrito.scene import LAW_KEYS
 
@@ -158,7 +158,7 @@ CHECKS: dict[str, tuple[Check, Any]] = {
     "ranks_per_group": (integer(1), 1),
 }
 VARY_CHECKS: dict[str, tuple[Check, Any]] = {
-    "name": (text, None),
+    "name": (dataset_name, None),
     "keys": (listing(text, 1), None),
     "low": (number(), None),
     "high": (number(), None),
@@ -189,7 +189,7 @@ def read_study(
         raw = tomllib.loads(Path(path).read_text())
     except OSError as error:
         raise InputError(Fault(path, "file", error.strerror, "a study file that can be read")) from None
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(Fault(path, "file", str(error), "a study in TOML")) from None
     return _check_study(raw, path)
 
@@ -214,6 +214,9 @@ def _check_study(raw: dict[str, Any], path: str) -> Study:
         varies.append(
             Vary(one["name"], tuple(one["keys"]), one["low"], one["high"], tuple(one["values"]), one["factor"])
         )
+    names = [vary.name for vary in varies]
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        faults.append(Fault(path, "vary name", name, "names that differ"))
     if keys["job"] is None:
         faults.append(Fault(path, "job", "missing", "the job file whose keys are varied"))
     if (keys["samples"] is None) != (keys["design"] == "grid"):

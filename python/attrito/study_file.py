@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from attrito import __version__
 from attrito.job import Job
-from attrito.plots import BRANCH_COLOURS, STYLE, save
+from attrito.plots import BRANCH_COLOURS, STYLE, plain_text, save
 from attrito.solver import OUTCOMES
 from attrito.study_design import Study
 from attrito.study_peaks import METHODS
@@ -88,7 +88,7 @@ def picture(study: Study, stops: list[float], values: np.ndarray, amplitude: np.
             parts = np.array_split(order, min(max(1, len(order) // FEWEST), MOST_PARTS))
             middle = np.array([np.median(column[part]) for part in parts])
             _bands(axes, middle, np.array([np.quantile(amplitude[part, 0], QUANTILES) for part in parts]).T)
-            axes.set(xlabel=vary.name, ylabel="Amplitude of the peak")
+            axes.set(xlabel=plain_text(vary.name), ylabel="Amplitude of the peak")
         axes.legend()
     return figure
 

@@ -1,11 +1,12 @@
 """Malformed input by the hundred: job files, every reader's files, HDF5 files and journals, spoilt by chance.
 
     .venv/bin/python tests/python/fuzz.py --cases 1000 --seed 7
+    .venv/bin/python tests/python/fuzz.py --cases 600 --seed 7 --further
 
 Each case is a command of its own on a spoilt copy of good files, the same for the same seed, in a process with limits
 on memory and time. It must end by itself with exit code 0, 1 or 2, without a traceback, where it is refused within 5 s
-of processor time; with code 2 it says what is at fault, each line naming place and remedy. Prints JSON: how many cases
-ended how, and those that broke a rule.
+of processor time; with code 2 it says what is at fault, each line naming place and remedy, once. `--further`: spoilt in
+the ways of `spoil_further.py`. Prints JSON: how many cases ended how, and those that broke a rule.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from pathlib import Path
 from good_input import Source, sources
 from jobs import ENVIRONMENT, TIMEOUT
 from spoil import spoil
+from spoil_further import kinds_for
 
 from attrito.cli import main
 
@@ -71,6 +73,8 @@ def told_well(message: str) -> bool:
     lines = [line for line in message.splitlines() if line.strip()]
     if any("usage: attrito" in line for line in lines):
         return True
+    if sum(line.startswith("attrito: ") for line in lines) > 1:
+        return False
     first = next((i for i, line in enumerate(lines) if line.startswith("attrito: ")), None)
     return first is not None and all("expected" in line or ": " in line for line in lines[first:])
 
@@ -113,7 +117,7 @@ def _quietly(folder: Path, arguments: tuple[str, ...], log: Path, spoil_it: Call
         time.sleep(0.005)
 
 
-def run_case(number: int, seed: int, good: list[Source], folder: Path) -> Case:
+def run_case(number: int, seed: int, good: list[Source], folder: Path, further: bool = False) -> Case:
     """Spoil one input and run its command on it; the same for the same number and seed."""
     chance = random.Random(f"{seed}:{number}")
     source = good[number % len(good)]
@@ -122,21 +126,28 @@ def run_case(number: int, seed: int, good: list[Source], folder: Path) -> Case:
     shutil.copytree(source.folder, place)
     log = folder / "log"
 
-    def spoil_it() -> None:
-        spoil(place / source.spoilt, source.kind, chance)
+    arguments, how = source.arguments, source.kind
+    if further:
+        kind = chance.choice(kinds_for(place / source.spoilt, source.kind, arguments))
+        how = kind.__name__
+        arguments = kind(place, place / source.spoilt, arguments, chance) or arguments
 
-    code, seconds = _quietly(place, source.arguments, log, spoil_it)
-    name = f"{' '.join(source.arguments)} with {source.spoilt} spoilt as {source.kind}"
+    def spoil_it() -> None:
+        if not further:
+            spoil(place / source.spoilt, source.kind, chance)
+
+    code, seconds = _quietly(place, arguments, log, spoil_it)
+    name = f"{' '.join(arguments)} with {source.spoilt} spoilt as {how}"
     return Case(number, name, code, seconds, log.read_text(errors="replace"))
 
 
-def run_cases(cases: range, seed: int) -> list[Case]:
+def run_cases(cases: range, seed: int, further: bool = False) -> list[Case]:
     """Run some cases in a folder of their own."""
     os.environ.update(ENVIRONMENT)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         good = sources(folder)
-        return [run_case(number, seed, good, folder) for number in cases]
+        return [run_case(number, seed, good, folder, further) for number in cases]
 
 
 def summary(done: list[Case]) -> dict:
@@ -156,6 +167,7 @@ if __name__ == "__main__":
     parser.add_argument("--cases", type=int, default=400)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--further", action="store_true", help="in the ways of spoil_further.py")
     options = parser.parse_args()
-    ended = run_cases(range(options.first, options.first + options.cases), options.seed)
+    ended = run_cases(range(options.first, options.first + options.cases), options.seed, options.further)
     print(json.dumps(summary(ended), indent=1))

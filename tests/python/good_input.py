@@ -12,6 +12,7 @@ import scipy.io
 import scipy.sparse as sparse
 from jobs import attrito, blocks, wedge, write_blocks, write_job
 
+LAWS = ("friction_coefficient", "normal_stiffness")
 DATA = Path(__file__).parent / "data"
 
 
@@ -38,7 +39,18 @@ def _jobs(folder: Path) -> list[Source]:
     write_blocks(folder / "blocks" / "model.h5")
     write_job(folder / "blocks", blocks())
     run = ("run", "job.toml")
+    (folder / "study").mkdir()
+    job = wedge(force=1.0)
+    job["sweep"], job["peak"] = {"start_hz": 150.0, "stop_hz": 85.0}, {"start": 10.0, "stop": 10.5}
+    job["balance"] = {"harmonics": 3}
+    write_job(folder / "study", job)
+    vary = [{"name": key, "keys": [f"contact[*].{key}"], "low": 1.0, "high": 1.1, "factor": True} for key in LAWS]
+    write_job(folder / "study", {"job": "job.toml", "samples": 2, "vary": vary}, "study.toml")
+    study = ("study", "study.toml")
     return [
+        Source(folder / "study", study, "study.toml", "text"),
+        Source(folder / "study", study, "job.toml", "job"),
+        Source(folder / "study", ("peak", "job.toml"), "job.toml", "job"),
         Source(folder / "wedge", run, "job.toml", "job"),
         Source(folder / "blocks", run, "job.toml", "job"),
         Source(folder / "wedge", ("integrate", "job.toml"), "job.toml", "job"),

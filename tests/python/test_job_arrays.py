@@ -39,7 +39,8 @@ def test_jobs_started_together_give_what_each_gives_alone(tmp_path, first):
 
 def test_a_lock_is_gone_with_the_process_that_held_it(tmp_path):
     path = tmp_path / "result.h5"
-    script = "import sys, time; from attrito.locks import Lock; print(Lock(sys.argv[1]).take('me'), flush=True); time.sleep(600)"
+    script = "import sys, time; from attrito.locks import Lock; lock = Lock(sys.argv[1])"
+    script += "; print(lock.take('me'), flush=True); time.sleep(600)"
     with subprocess.Popen([sys.executable, "-c", script, str(path)], stdout=subprocess.PIPE, text=True) as holder:
         assert holder.stdout.readline() == "True\n"
         lock = Lock(path)

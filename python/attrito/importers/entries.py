@@ -57,6 +57,11 @@ class Entries:
             self._room -= count
             begin += count
 
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return BUFFER * len(self._buffers) - self._room
+
     def _chunks(self) -> Iterator[Chunk]:
         """All entries, as views."""
         for number, buffer in enumerate(self._buffers):

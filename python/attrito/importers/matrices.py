@@ -17,6 +17,9 @@ from attrito.importers.dof_numbers import DofNumbers
 from attrito.importers.source import Rows, Source
 
 HELD_DIAGONAL = 1.0e30
+# Rows that a file may declare however few its entries are, and beyond them for each entry: to be told before memory is
+# asked for.
+MOST_ROWS, ROWS_AN_ENTRY = 1_000_000, 100
 
 
 @dataclass
@@ -41,6 +44,10 @@ def assemble(
     dofs : node id and direction of each row, from a file beside the matrices
     file : that file
     """
+    for name, source in sources.items():
+        if source.entries is not None and (source.size or 0) > MOST_ROWS + ROWS_AN_ENTRY * source.entries.count:
+            shown = f"{source.size} rows, {source.entries.count} entries"
+            raise InputError(Fault(source.path, name, shown, "a size that the entries bear out"))
     named = [name for name, source in sources.items() if source.numbers is not None]
     if named and len(named) < len(sources):
         other = next(name for name in sources if name not in named)
