@@ -77,7 +77,7 @@ def test_names_in_a_study_that_cannot_be_kept_are_told_before_the_first_sample(t
     assert not (tmp_path / "study.h5.parts").exists()
 
 
-FORMULAS = ["=cmd|' /C calc'!A0", "+1", "-1", "@SUM(A1)"]
+FORMULAS = ["=cmd|' calc'!A0", "+1", "-1", "@SUM(A1)"]
 
 
 @pytest.mark.parametrize("name", FORMULAS)
