@@ -29,6 +29,8 @@ from attrito.job_checks import (
 
 # Of the rows for the factorisation of the interior stiffness, the default first.
 ORDERINGS = ("scotch", "pord", "amf", "qamd", "amd")
+# Of the fixed-interface modes, the default first.
+EIGENSOLVERS = ("slepc", "block_lanczos")
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,12 @@ TABLES: dict[str, dict[str, Key]] = {
             None,
             'with `"auto"`: error of frequencies and point receptances up to the sweep\'s end times harmonics;'
             " absent: a quarter of `[balance] tolerance`, or 0.001",
+        ),
+        "eigensolver": Key(
+            choice(*EIGENSOLVERS),
+            EIGENSOLVERS[0],
+            "of the fixed-interface modes: SLEPc's Krylov-Schur method, or block Lanczos, quicker on large models"
+            " ([performance.md](performance.md)). Both give the same modes: `rom.h5` of one serves the other",
         ),
         "ordering": Key(
             choice(*ORDERINGS), ORDERINGS[0], "of the rows for the factorisation ([performance.md](performance.md))"

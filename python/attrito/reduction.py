@@ -13,7 +13,7 @@ import numpy as np
 
 from attrito import library as foreign
 from attrito.faults import Fault, InputError
-from attrito.job_schema import ORDERINGS
+from attrito.job_schema import EIGENSOLVERS, ORDERINGS
 from attrito.parallel import on_root
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 # Raised when the steps leave their results in another form.
-STEPS_VERSION = 1
+STEPS_VERSION = 2
 TOLERANCE = 1e-12
 BLOCK_VECTORS = 16
 
@@ -36,10 +36,11 @@ class Report:
 
     `coordinates` = `boundary` + `modes` + `corrections`. One mode or two more than asked for are kept where the last
     has twins. `modes_below_shift` is the count by inertia below `shift_hz`, which agrees with the eigensolver's; -1
-    where nothing was counted. `mode_residual` bounds the relative error of the eigenvalues; `constraint_residual` is
-    that of K_ii Psi = -K_ib as solved. `factor_megabytes` and `factor_flops` are foreseen by the analysis, in core and
-    with the factors on disk, which is where they went if `out_of_core`. `worst_error` is the largest estimated relative
-    error of a natural frequency or of a point receptance of the reduced model; -1 where nothing was examined.
+    where nothing was counted. `mode_solves` vectors were solved for to find the modes. `mode_residual` bounds the
+    relative error of the eigenvalues; `constraint_residual` is that of K_ii Psi = -K_ib as solved. `factor_megabytes`
+    and `factor_flops` are foreseen by the analysis, in core and with the factors on disk, which is where they went if
+    `out_of_core`. `worst_error` is the largest estimated relative error of a natural frequency or of a point receptance
+    of the reduced model; -1 where nothing was examined.
     """
 
     dofs: int
@@ -49,6 +50,7 @@ class Report:
     corrections: int
     negative_pivots: int
     modes_below_shift: int
+    mode_solves: int
     factor_megabytes: int
     factor_megabytes_out_of_core: int
     out_of_core: int
@@ -91,6 +93,7 @@ class _Options(ctypes.Structure):
         ),
         ("ordering", ctypes.c_char * 8),
         ("out_of_core", ctypes.c_char * 4),
+        ("eigensolver", ctypes.c_char * 16),
     ]
 
 
@@ -108,6 +111,7 @@ def reduce_model(
     max_frequency_hz: float | None = None,
     error_target: float | None = None,
     top_frequency_hz: float = 0.0,
+    eigensolver: str = EIGENSOLVERS[0],
     check_inertia: bool = True,
     ordering: str = ORDERINGS[0],
     out_of_core: bool | None = None,
@@ -134,13 +138,14 @@ def reduce_model(
     max_frequency_hz : keep all up to this one, or
     error_target : double their number until natural frequencies and point receptances are estimated to be this near
     top_frequency_hz : where that is looked at, from 0; 0: up to two thirds of the highest mode's frequency
+    eigensolver : who finds the modes, one of `EIGENSOLVERS`
     check_inertia : prove by a second factorisation that no mode was missed
     ordering : of the rows for the factorisation, one of `ORDERINGS`
     out_of_core : factors on disk; None: where memory is short. They go to the folder MUMPS_OOC_TMPDIR, or /tmp.
     memory_gb : that the ranks of a machine may take together for the factors and beside them; None: what is free
     low_rank : threshold of block low-rank factors, 0 for exact ones
     block_size : columns of the basis treated at a time, 0: by the size of the model
-    block_vectors : vectors that the eigensolver solves for at once
+    block_vectors : vectors solved for at once, where the eigensolver has blocks
     fingerprint : of the matrices and all that is asked; empty: an interrupted reduction starts anew
     listener : told of progress on rank 0: a step, how much of it is done, of how much; or a sentence, and 0, 0
 
@@ -168,6 +173,7 @@ def reduce_model(
         memory_megabytes=1024.0 * (memory_gb or 0.0),
         ordering=ordering.encode(),
         out_of_core={None: b"auto", True: b"yes", False: b"no"}[out_of_core],
+        eigensolver=eigensolver.encode(),
     )
     steps = Path(f"{rom_path}.steps")
     on_root(comm, lambda: _prepare_steps(steps, fingerprint))

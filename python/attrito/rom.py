@@ -177,6 +177,7 @@ def _make(
             max_frequency_hz=keys["max_frequency_hz"],
             error_target=keys["error"] if by_error else None,
             top_frequency_hz=excited_hz(job),
+            eigensolver=keys["eigensolver"],
             ordering=keys["ordering"],
             out_of_core=None if keys["out_of_core"] == "auto" else keys["out_of_core"],
             memory_gb=keys["memory_gb"],

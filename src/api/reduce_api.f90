@@ -13,13 +13,13 @@ module attrito_api_reduce
   type, bind(c) :: options_type
     integer(c_int) :: modes, block_size, block_vectors, check_inertia
     real(c_double) :: max_frequency_hz, error_target, top_frequency_hz, tolerance, low_rank, memory_megabytes
-    character(kind=c_char) :: ordering(8), out_of_core(4)
+    character(kind=c_char) :: ordering(8), out_of_core(4), eigensolver(16)
   end type options_type
 
   !> See `reduction_report_type`
   type, bind(c) :: report_type
-    integer(c_int) :: dofs, coordinates, boundary, modes, corrections, negative_pivots, modes_below_shift, factor_megabytes, &
-                      factor_megabytes_out_of_core, out_of_core
+    integer(c_int) :: dofs, coordinates, boundary, modes, corrections, negative_pivots, modes_below_shift, mode_solves, &
+                      factor_megabytes, factor_megabytes_out_of_core, out_of_core
     character(kind=c_char) :: ordering(8)
     real(c_double) :: factor_flops, analysis_seconds, shift_hz, mode_residual, constraint_residual, worst_error
     real(c_double) :: seconds(size(step_names)), megabytes(size(step_names))
@@ -60,7 +60,7 @@ contains
                       block_vectors=options%block_vectors, &
                       tolerance=options%tolerance, check_inertia=options%check_inertia /= 0, &
                       ordering=joined(options%ordering), out_of_core=joined(options%out_of_core), low_rank=options%low_rank, &
-                      memory_megabytes=options%memory_megabytes), &
+                      memory_megabytes=options%memory_megabytes, eigensolver=joined(options%eigensolver)), &
                       new_progress(listener), found, error)
     report = c_report(found)
     status = tell(error, message)
@@ -74,10 +74,12 @@ contains
     report = report_type( &
       dofs=found%dofs, coordinates=found%coordinates, boundary=found%boundary, modes=found%modes, &
       corrections=found%corrections, negative_pivots=found%negative_pivots, modes_below_shift=found%modes_below_shift, &
-      factor_megabytes=found%factor_megabytes, factor_megabytes_out_of_core=found%factor_megabytes_out_of_core, &
+      mode_solves=found%mode_solves, factor_megabytes=found%factor_megabytes, &
+      factor_megabytes_out_of_core=found%factor_megabytes_out_of_core, &
       out_of_core=found%out_of_core, ordering=[(found%ordering(i:i), i=1, 8)], factor_flops=found%factor_flops, &
       analysis_seconds=found%analysis_seconds, shift_hz=found%shift_hz, mode_residual=found%mode_residual, &
-      constraint_residual=found%constraint_residual, worst_error=found%worst_error, seconds=found%seconds, megabytes=found%megabytes)
+      constraint_residual=found%constraint_residual, &
+      worst_error=found%worst_error, seconds=found%seconds, megabytes=found%megabytes)
   end function c_report
 
   !> Characters as one text; null characters end it.

@@ -9,39 +9,12 @@
 !> Sources: Grimes, Lewis & Simon, SIAM J. Matrix Anal. Appl. 15 (1994) 228-272, doi:10.1137/S0895479888151111; Wu & Simon, SIAM J.
 !> Matrix Anal. Appl. 22 (2000) 602-616, doi:10.1137/S0895479898334605 (thick restart).
 module attrito_reduce_block_lanczos
-  use attrito_core_communicator, only: communicator_type
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: subtract_product, symmetric_eigenpairs, transposed_product
+  use attrito_reduce_pencil, only: pencil_type
   implicit none
   private
-  public :: pencil_type, lanczos_type, new_lanczos
-
-  !> K and M as operators on blocks of vectors, each rank its rows
-  type, abstract :: pencil_type
-    !> The ranks that share the rows
-    type(communicator_type) :: ranks
-  contains
-    procedure(apply), deferred :: solve
-    procedure(apply), deferred :: mass
-    procedure(told), deferred :: tell
-  end type pencil_type
-
-  abstract interface
-    !> y = K^-1 x, or y = M x; status is not 0 on failure.
-    subroutine apply(self, x, y, status)
-      import :: pencil_type, wp
-      class(pencil_type), intent(in) :: self
-      real(wp), intent(in), contiguous :: x(:, :)
-      real(wp), intent(out), contiguous :: y(:, :)
-      integer, intent(out) :: status
-    end subroutine apply
-    !> So many modes have converged.
-    subroutine told(self, converged)
-      import :: pencil_type
-      class(pencil_type), intent(in) :: self
-      integer, intent(in) :: converged
-    end subroutine told
-  end interface
+  public :: lanczos_type, new_lanczos
 
   type :: lanczos_type
     !> Eigenvalues that converged, ascending; their shapes are the first columns of `v`, of unit modal mass

@@ -6,7 +6,7 @@ module attrito_reduce_dense_block
   use attrito_core_kinds, only: wp
   implicit none
   private
-  public :: wrap_block, multiply_block, multiply_transposed_block
+  public :: wrap_block, multiply_block, multiply_transposed_block, put_vector, take_vector
 
 contains
 
@@ -89,4 +89,32 @@ contains
     PetscCall(MatDestroy(result, ierr))
     PetscCall(MatDestroy(factor, ierr))
   end subroutine multiply_transposed_block
+
+  !> Fill a PETSc vector.
+  subroutine put_vector(column, vector, ierr)
+    !> This rank's rows
+    real(wp), intent(in) :: column(:)
+    type(tVec), intent(in) :: vector
+    !> PETSc's error code
+    PetscErrorCode, intent(out) :: ierr
+    PetscScalar, pointer :: values(:)
+
+    PetscCall(VecGetArray(vector, values, ierr))
+    values = column
+    PetscCall(VecRestoreArray(vector, values, ierr))
+  end subroutine put_vector
+
+  !> Read a PETSc vector.
+  subroutine take_vector(vector, column, ierr)
+    type(tVec), intent(in) :: vector
+    !> This rank's rows
+    real(wp), intent(out) :: column(:)
+    !> PETSc's error code
+    PetscErrorCode, intent(out) :: ierr
+    PetscScalar, pointer :: values(:)
+
+    PetscCall(VecGetArrayRead(vector, values, ierr))
+    column = values
+    PetscCall(VecRestoreArrayRead(vector, values, ierr))
+  end subroutine take_vector
 end module attrito_reduce_dense_block

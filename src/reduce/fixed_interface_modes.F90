@@ -4,8 +4,8 @@
 !>
 !> $$ K_{ii} \phi = \lambda M_{ii} \phi, \qquad \phi^T M_{ii} \phi = 1, \qquad \omega = \sqrt{\lambda} $$
 !>
-!> Block Lanczos on K_ii^{-1} M_ii, with the factors that the constraint modes use too. A few modes more than asked for are
-!> computed: they show where the gap is in which the count is checked, and a mode with a twin is not torn from it.
+!> SLEPc's Krylov-Schur method, or block Lanczos, on K_ii^{-1} M_ii, with the factors that the constraint modes use too. A few modes more
+!> than asked for are computed: they show where the gap is in which the count is checked, and a mode with a twin is not torn from it.
 !> The residual of a mode is the norm of phi - lambda K_ii^{-1} M_ii phi in M_ii, which bounds its relative error in lambda.
 module attrito_reduce_fixed_interface_modes
   use petscmat
@@ -17,11 +17,13 @@ module attrito_reduce_fixed_interface_modes
   use attrito_reduce_dense_block, only: multiply_block
   use attrito_reduce_interior_factor, only: interior_factor_type
   use attrito_reduce_interior_pencil, only: interior_pencil_type
+  use attrito_reduce_krylov_schur, only: find_by_krylov_schur, krylov_schur_type
   use attrito_reduce_progress, only: progress_type
+  use attrito_reduce_rayleigh_ritz, only: rayleigh_ritz
   use attrito_reduce_split, only: split_type
   implicit none
   private
-  public :: fixed_interface_modes_type, compute_fixed_interface_modes, mode_blocks
+  public :: fixed_interface_modes_type, eigensolver_type, compute_fixed_interface_modes, mode_blocks
 
   type :: fixed_interface_modes_type
     !> Natural frequencies in Hz, ascending
@@ -31,11 +33,23 @@ module attrito_reduce_fixed_interface_modes
     !> An eigenvalue free of modes, above the last kept one, and the number of modes found below it
     real(wp) :: shift = 0.0_wp
     integer :: below_shift = 0
+    !> Vectors that the eigensolver has solved for
+    integer :: solves = 0
   contains
     procedure :: keep
     procedure :: restore
     procedure :: eigenvalue
   end type fixed_interface_modes_type
+
+  !> How to find modes
+  type :: eigensolver_type
+    !> `slepc` or `block_lanczos`
+    character(16) :: name = 'slepc'
+    !> Relative residual to reach
+    real(wp) :: tolerance = 1.0e-12_wp
+    !> Vectors solved for at a time, where the solver has blocks
+    integer :: width = 16
+  end type eigensolver_type
 
   !> Modes computed beyond those asked for
   integer, parameter :: margin = 6
@@ -45,20 +59,18 @@ module attrito_reduce_fixed_interface_modes
 contains
 
   !> Compute the lowest modes, `wanted` of them, or one more or two where the last has a twin; store their shapes in blocks.
-  subroutine compute_fixed_interface_modes(split, mass, factor, wanted, tolerance, width, block_size, store, progress, &
+  subroutine compute_fixed_interface_modes(split, stiffness, mass, factor, wanted, eigensolver, block_size, store, progress, &
                                            self, error)
     !> Boundary and interior
     type(split_type), intent(in) :: split
-    !> M_ii
-    type(tMat), intent(in) :: mass
+    !> K_ii and M_ii
+    type(tMat), intent(in) :: stiffness, mass
     !> Factors of K_ii
     type(interior_factor_type), intent(in) :: factor
     !> Number of modes
     integer, intent(in) :: wanted
-    !> Relative residual to reach
-    real(wp), intent(in) :: tolerance
-    !> Vectors in a block of the eigensolver
-    integer, intent(in) :: width
+    !> Which one, and how
+    type(eigensolver_type), intent(in) :: eigensolver
     !> Shapes stored in a block
     integer, intent(in) :: block_size
     !> Where the shapes go
@@ -77,8 +89,13 @@ contains
     if (wanted == 0) return
     call progress%step('fixed-interface modes', 0, wanted)
     sought = min(wanted + margin, split%n - split%boundary_count)
-    call find_by_lanczos(split, interior_pencil_type(split%ranks, mass, factor, progress, wanted), sought, tolerance, width, &
-                         eigenvalues, shapes, ierr)
+    associate (pencil => interior_pencil_type(split%ranks, mass, factor, progress, wanted))
+      if (eigensolver%name == 'block_lanczos') then
+        call find_by_lanczos(split, pencil, sought, eigensolver, eigenvalues, shapes, self%solves, ierr)
+      else
+        call find_by_slepc(split, stiffness, pencil, sought, eigensolver, eigenvalues, shapes, self%solves, ierr)
+      end if
+    end associate
     call progress%step('fixed-interface modes', wanted, wanted)
     call raise_petsc(error, ierr, 'computing the fixed-interface modes')
     if (.not. allocated(error) .and. size(eigenvalues) < wanted) call raise_too_few(size(eigenvalues), wanted, error)
@@ -91,27 +108,62 @@ contains
     end if
   end subroutine compute_fixed_interface_modes
 
-  !> Block Lanczos from a block that does not depend on the number of ranks.
-  subroutine find_by_lanczos(split, pencil, sought, tolerance, width, eigenvalues, shapes, status)
+  !> Krylov-Schur by SLEPc, and one Rayleigh-Ritz step.
+  subroutine find_by_slepc(split, stiffness, pencil, sought, eigensolver, eigenvalues, shapes, solves, status)
+    type(split_type), intent(in) :: split
+    type(tMat), intent(in) :: stiffness
+    type(interior_pencil_type), intent(in) :: pencil
+    integer, intent(in) :: sought
+    type(eigensolver_type), intent(in) :: eigensolver
+    real(wp), allocatable, intent(out) :: eigenvalues(:), shapes(:, :)
+    integer, intent(out) :: solves, status
+    type(krylov_schur_type) :: search
+    real(wp), allocatable :: start(:, :), none(:, :)
+
+    call make_start(split, 1, start)
+    allocate (none(size(start, 1), 0))
+    search = krylov_schur_type(stiffness, pencil%mass_matrix, pencil%factor, pencil%progress, pencil%wanted)
+    call find_by_krylov_schur(search, start(:, 1), none, sought, eigensolver%tolerance, shapes, status)
+    if (status == 0) call rayleigh_ritz(pencil, eigensolver%width, shapes, eigenvalues, status)
+    solves = search%solves
+    if (status == 0) solves = solves + size(shapes, 2)
+  end subroutine find_by_slepc
+
+  !> Block Lanczos.
+  subroutine find_by_lanczos(split, pencil, sought, eigensolver, eigenvalues, shapes, solves, status)
     type(split_type), intent(in) :: split
     type(interior_pencil_type), intent(in) :: pencil
-    integer, intent(in) :: sought, width
-    real(wp), intent(in) :: tolerance
+    integer, intent(in) :: sought
+    type(eigensolver_type), intent(in) :: eigensolver
     real(wp), allocatable, intent(out) :: eigenvalues(:), shapes(:, :)
-    integer, intent(out) :: status
+    integer, intent(out) :: solves, status
     type(lanczos_type) :: lanczos
     real(wp), allocatable :: start(:, :)
-    integer :: i, n
+    integer :: n
 
     n = split%n - split%boundary_count
-    allocate (start(size(split%interior_rows), min(width, n)))
-    do i = 1, size(start, 2)
-      start(:, i) = cos(real(i, wp)*0.9_wp*real(split%first + split%interior_rows, wp)**2)
-    end do
-    call new_lanczos(lanczos, pencil, start, sought, min(max(2*sought, sought + 6*width), n + width), tolerance, status)
+    associate (width => eigensolver%width)
+      call make_start(split, min(width, n), start)
+      call new_lanczos(lanczos, pencil, start, sought, min(max(2*sought, sought + 6*width), n + width), eigensolver%tolerance, status)
+    end associate
+    solves = lanczos%solves
     call move_alloc(lanczos%eigenvalues, eigenvalues)
     call move_alloc(lanczos%v, shapes)
   end subroutine find_by_lanczos
+
+  !> Vectors to start from that do not depend on the number of ranks.
+  pure subroutine make_start(split, width, start)
+    type(split_type), intent(in) :: split
+    integer, intent(in) :: width
+    !> This rank's rows [interior rows, width]
+    real(wp), allocatable, intent(out) :: start(:, :)
+    integer :: i
+
+    allocate (start(size(split%interior_rows), width))
+    do i = 1, width
+      start(:, i) = cos(real(i, wp)*0.9_wp*real(split%first + split%interior_rows, wp)**2)
+    end do
+  end subroutine make_start
 
   !> Keep twins together, and find the first wide gap at or above the last kept mode.
   pure subroutine place_shift(eigenvalues, wanted, kept, shift, below)

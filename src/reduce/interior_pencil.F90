@@ -4,9 +4,9 @@
 module attrito_reduce_interior_pencil
   use petscmat
   use attrito_core_kinds, only: wp
-  use attrito_reduce_block_lanczos, only: pencil_type
   use attrito_reduce_dense_block, only: multiply_block
   use attrito_reduce_interior_factor, only: interior_factor_type
+  use attrito_reduce_pencil, only: pencil_type
   use attrito_reduce_progress, only: progress_type
   implicit none
   private

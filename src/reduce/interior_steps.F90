@@ -14,7 +14,7 @@ module attrito_reduce_interior_steps
   use attrito_reduce_constraint_modes, only: compute_constraint_modes
   use attrito_reduce_dense_block, only: multiply_block, multiply_transposed_block
   use attrito_reduce_error_indicator, only: examined_type, indicate_errors, quality_type
-  use attrito_reduce_fixed_interface_modes, only: compute_fixed_interface_modes, fixed_interface_modes_type, mode_blocks
+  use attrito_reduce_fixed_interface_modes, only: compute_fixed_interface_modes, eigensolver_type, fixed_interface_modes_type, mode_blocks
   use attrito_reduce_inertia_check, only: count_modes_up_to
   use attrito_reduce_project, only: project_matrices, project_vectors, projected_type
   use attrito_core_lapack, only: transposed_product
@@ -140,11 +140,15 @@ contains
     call work%need_factor(error)
     if (allocated(error)) return
     call work%begin(step_modes)
-    call compute_fixed_interface_modes(work%split, work%mass, work%factor, wanted, work%options%tolerance, &
-                                       work%options%block_vectors, work%block_size, work%store, work%progress, modes, error)
+    associate (how => eigensolver_type(work%options%eigensolver, work%options%tolerance, work%options%block_vectors))
+      call compute_fixed_interface_modes(work%split, work%stiffness%interior, work%mass, work%factor, wanted, how, &
+                                         work%block_size, work%store, work%progress, modes, error)
+    end associate
     call work%finish(step_modes)
     if (allocated(error)) return
     work%report%modes = size(modes%frequency_hz)
+    work%report%eigensolver = work%options%eigensolver
+    work%report%mode_solves = work%report%mode_solves + modes%solves
     work%report%mode_residual = maxval([0.0_wp, modes%residual])
     call work%save_report(error)
     if (.not. allocated(error)) call modes%keep(work%split, work%store, error)

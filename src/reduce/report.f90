@@ -24,7 +24,9 @@ module attrito_reduce_report
     real(wp) :: top_frequency_hz = 0.0_wp
     !> Columns treated at a time, which bounds the memory beside the factors; 0: by the size of the model
     integer :: block_size = 0
-    !> Vectors that the eigensolver solves for at once
+    !> Who finds the modes: `slepc` or `block_lanczos`
+    character(16) :: eigensolver = 'slepc'
+    !> Vectors solved for at once, where the eigensolver has blocks
     integer :: block_vectors = 16
     !> Relative residual of the modes
     real(wp) :: tolerance = 1.0e-12_wp
@@ -46,6 +48,9 @@ module attrito_reduce_report
     integer :: negative_pivots = 0
     !> Modes below the shift as counted by inertia; -1: not counted
     integer :: modes_below_shift = -1
+    !> Who found the modes, and the vectors it has solved for
+    character(16) :: eigensolver = ''
+    integer :: mode_solves = 0
     !> Memory of all ranks while factoring in megabytes, as foreseen: with the factors in core, and on disk
     integer :: factor_megabytes = 0, factor_megabytes_out_of_core = 0
     !> 1: the factors went to disk

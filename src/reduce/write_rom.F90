@@ -187,6 +187,7 @@ contains
     call create_group(file, '/reduction', error)
     if (.not. allocated(error)) call whole('negative_pivots', report%negative_pivots)
     if (.not. allocated(error)) call whole('modes_below_shift', report%modes_below_shift)
+    if (.not. allocated(error)) call whole('mode_solves', report%mode_solves)
     if (.not. allocated(error)) call whole('factor_megabytes', report%factor_megabytes)
     if (.not. allocated(error)) call whole('out_of_core', report%out_of_core)
     if (.not. allocated(error)) call number('shift_hz', report%shift_hz)
@@ -198,6 +199,7 @@ contains
       if (.not. allocated(error)) call number(trim(step_names(i))//'_peak_megabytes', report%megabytes(i))
     end do
     if (.not. allocated(error)) call write_attribute(file, '/reduction', 'ordering', trim(report%ordering), error)
+    if (.not. allocated(error)) call write_attribute(file, '/reduction', 'eigensolver', trim(report%eigensolver), error)
   contains
     subroutine whole(name, value)
       character(*), intent(in) :: name

@@ -1,0 +1,76 @@
+!> The best approximations to modes in a space, by its image under A = K^{-1} M, many right-hand sides a solve.
+!>
+!> $$ X^T M A X\, y = \theta\, X^T M X\, y, \qquad \lambda = 1/\theta, \qquad \phi = X y $$
+!>
+!> X y rather than A X y / theta: A would magnify what rounding leaves of the lowest modes in all others.
+module attrito_reduce_rayleigh_ritz
+  use attrito_core_kinds, only: wp
+  use attrito_core_lapack, only: symmetric_eigenpairs, transposed_product
+  use attrito_reduce_pencil, only: pencil_type
+  implicit none
+  private
+  public :: rayleigh_ritz
+
+  !> Eigenvalues of A, relative to the largest one, that count as nothing
+  real(wp), parameter :: nothing = 1.0e-13_wp
+  !> Rows treated at a time where the space is turned in place
+  integer, parameter :: strip = 2048
+
+contains
+
+  !> Turn a space into approximations to its modes.
+  subroutine rayleigh_ritz(pencil, width, x, eigenvalues, status)
+    !> K and M
+    class(pencil_type), intent(in) :: pencil
+    !> Vectors solved for at a time
+    integer, intent(in) :: width
+    !> This rank's rows of the space [rows, m]; then of the modes, fewer where the space holds no more
+    real(wp), allocatable, intent(inout) :: x(:, :)
+    !> Ascending
+    real(wp), allocatable, intent(out) :: eigenvalues(:)
+    !> Not 0: a product or a solve failed, or the space is less than its number of vectors says
+    integer, intent(out) :: status
+    real(wp), allocatable :: inertia(:, :), image(:, :), h(:, :), g(:, :), theta(:), y(:, :)
+    integer :: first, last, kept, m
+
+    m = size(x, 2)
+    status = 0
+    allocate (eigenvalues(0))
+    if (m == 0) return
+    allocate (h(m, m), g(m, m))
+    do first = 1, m, width
+      last = min(first + width - 1, m)
+      allocate (inertia(size(x, 1), last - first + 1), image(size(x, 1), last - first + 1))
+      call pencil%mass(x(:, first:last), inertia, status)
+      if (status == 0) call pencil%solve(inertia, image, status)
+      if (status /= 0) return
+      g(:, first:last) = transposed_product(x, inertia)
+      call pencil%mass(image, inertia, status)
+      if (status /= 0) return
+      h(:, first:last) = transposed_product(x, inertia)
+      deallocate (inertia, image)
+    end do
+    call pencil%ranks%sum(h)
+    call pencil%ranks%sum(g)
+    call symmetric_eigenpairs(0.5_wp*(h + transpose(h)), 0.5_wp*(g + transpose(g)), theta, y, status)
+    if (status /= 0) return
+    theta = theta(m:1:-1)
+    y = y(:, m:1:-1)
+    kept = count(theta > nothing*theta(1))
+    eigenvalues = 1.0_wp/theta(:kept)
+    call turn(x, y(:, :kept))
+    if (kept < m) x = x(:, :kept)
+  end subroutine rayleigh_ritz
+
+  !> v(:, :k) <- v y, in strips of rows.
+  subroutine turn(v, y)
+    real(wp), intent(inout) :: v(:, :)
+    real(wp), intent(in) :: y(:, :)
+    integer :: first, last
+
+    do first = 1, size(v, 1), strip
+      last = min(first + strip - 1, size(v, 1))
+      v(first:last, :size(y, 2)) = matmul(v(first:last, :), y)
+    end do
+  end subroutine turn
+end module attrito_reduce_rayleigh_ritz
