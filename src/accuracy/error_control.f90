@@ -6,6 +6,10 @@
 !> 3 H and with twice the samples, whose error is a quarter: 4/3 of what they change is the error of the samples. The error is split
 !> by the motion that either change of the forces makes by itself. Harmonics left out fade as those do that are there, so the tail of
 !> the motion tells how many more, or fewer, are needed.
+!>
+!> The estimate is checked by a second step (`attrito_accuracy_second_step`). Where that does not agree with the first, or a harmonic
+!> beyond has not settled, a longer series is solved, and the estimate is what the point changes by. So it goes on until two series
+!> agree.
 module attrito_accuracy_error_control
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_quiet_nan, ieee_value
   use attrito_core_kinds, only: wp
@@ -15,6 +19,8 @@ module attrito_accuracy_error_control
   use attrito_balance_newton, only: newton_report_type
   use attrito_balance_receptance, only: to_real
   use attrito_accuracy_finer_balance, only: finer_balance_type, new_finer_balance, finer_point_type
+  use attrito_accuracy_resonances, only: resonances_type
+  use attrito_accuracy_second_step, only: second_step_type, step_again
   use attrito_contact_state, only: state_slipping
   use attrito_continuation_arc_length, only: sweep_type
   use attrito_continuation_cascade, only: solve_by_cascade
@@ -31,11 +37,19 @@ module attrito_accuracy_error_control
   real(wp), parameter :: harmonics_share = 0.5_wp, samples_share = 0.25_wp, aimed_part = 0.3_wp
   !> A series is cut where so few harmonics would do
   real(wp), parameter :: worth_cutting = 0.75_wp
+  !> The two steps of an estimate agree if they differ by no more than this part of it, or of what harmonics may take of the tolerance
+  real(wp), parameter :: agreement = 0.5_wp, negligible = 0.2_wp
+  !> Part of a series that had to be lengthened until its estimate was sure that the next point begins with at least
+  real(wp), parameter :: shrinking = 0.8_wp
+  !> Part of the motion, in units of the tolerance, that a harmonic may lack
+  real(wp), parameter :: unsettled_share = 0.1_wp
+  !> The tolerance that estimates are made for where none is given
+  real(wp), parameter :: nominal_tolerance = 0.01_wp
   !> A tolerance that no error exceeds, one that is not known included
   real(wp), parameter :: no_tolerance = huge(1.0_wp)
   !> Harmonics and samples between which they are chosen
   integer, parameter :: most_harmonics = 100, most_samples = 8192
-  integer, parameter :: most_refinements = 4
+  integer, parameter :: most_refinements = 8
 
   !> Relative errors of the amplitude; those by harmonics and samples are NaN where the linearised step that tells them is singular
   type :: point_errors_type
@@ -56,6 +70,10 @@ module attrito_accuracy_error_control
     !> Of the present point; `modes` is the same for all points
     type(point_errors_type) :: errors
     type(finer_balance_type), private :: longer, denser
+    type(resonances_type), private :: resonances
+    !> Do the two steps of the last estimate agree? If not: harmonics that have not settled, up to this one
+    logical, private :: is_sure = .true.
+    integer, private :: unsettled = 0
     !> For the point that comes next
     integer, private :: next_harmonics = 0, next_samples = 0
   contains
@@ -134,33 +152,64 @@ contains
   end subroutine take_resolution_chosen
 
   !> Estimate the errors of the point, and solve it again on a finer series or more samples until they are accepted, or as fine as it
-  !> gets. A point that the finer balance does not reach stays, with its estimate; so does one of which nothing is known, without.
+  !> gets. A point that the finer balance does not reach stays, with its estimate if that is sure, and without if not.
   subroutine refine(self, solver)
     type(error_control_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
     type(finer_point_type) :: finer
+    real(wp), allocatable :: shorter(:, :)
     integer :: attempt, harmonics, samples, iterations
-    logical :: better
+    logical :: better, was_sure
 
+    was_sure = .true.
     iterations = solver%report%iterations
     self%next_harmonics = 0
     do attempt = 0, most_refinements
       call self%estimate(solver, finer)
       if (.not. (solver%report%converged .and. self%errors%are_known())) exit
       if (.not. (self%choose_harmonics .or. self%choose_samples)) exit
+      if (allocated(shorter) .and. .not. self%is_sure) call compare(self, solver, shorter)
       harmonics = needed_harmonics(self, solver, finer)
       samples = needed_samples(self, solver, harmonics)
-      self%next_harmonics = harmonics
+      ! A series on which estimates are not sure would be solved in vain.
+      self%next_harmonics = max(harmonics, merge(0, nint(shrinking*solver%options%harmonics), was_sure))
       self%next_samples = samples
-      if (accepted(self) .or. attempt == most_refinements) exit
+      if ((accepted(self) .and. self%is_sure) .or. attempt == most_refinements) exit
       harmonics = max(harmonics, solver%options%harmonics)
       samples = max(samples, solver%options%samples)
+      if (self%choose_harmonics .and. .not. self%is_sure) then
+        was_sure = .false.
+        harmonics = min(max(harmonics, next_longer(solver%options%harmonics), self%unsettled), most_harmonics)
+        samples = max(samples, 6*harmonics + 2)
+      end if
       if (harmonics == solver%options%harmonics .and. samples == solver%options%samples) exit
+      shorter = own_monitors(solver)
       call solve_finer(solver, finer, harmonics, samples, iterations, better)
       if (.not. better) exit
     end do
+    if (self%choose_harmonics .and. solver%report%converged .and. .not. self%is_sure) then
+      self%errors%harmonics = ieee_value(self%errors%harmonics, ieee_quiet_nan)
+    end if
     solver%report%iterations = iterations
   end subroutine refine
+
+  !> Take what the point differs by from the same on a shorter series for its error; that is sure once it is accepted.
+  subroutine compare(self, solver, shorter)
+    type(error_control_type), intent(inout) :: self
+    type(solver_type), intent(in) :: solver
+    !> Coefficients of the monitors [k, monitors]
+    real(wp), intent(in) :: shorter(:, :)
+
+    self%errors%harmonics = max(self%errors%harmonics, relative_change(shorter, own_monitors(solver)))
+    self%is_sure = accepted(self)
+  end subroutine compare
+
+  !> Length of the series that an estimate which is not sure is held against.
+  pure integer function next_longer(harmonics)
+    integer, intent(in) :: harmonics
+
+    next_longer = (5*harmonics)/4 + 2
+  end function next_longer
 
   !> Does the point meet what is asked of harmonics and samples?
   pure logical function accepted(self)
@@ -204,18 +253,25 @@ contains
     class(error_control_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
     type(finer_point_type), intent(out) :: finer
-    real(wp) :: sampled, error
-    integer :: harmonics, status
+    type(second_step_type) :: second
+    real(wp) :: sampled, error, difference, threshold
+    real(wp), allocatable :: own(:, :)
+    integer :: harmonics, samples, status
 
     self%errors%harmonics = 0.0_wp
     self%errors%samples = 0.0_wp
+    self%is_sure = .true.
+    self%unsettled = 0
     if (.not. solver%report%converged) return
     associate (balance => solver%context%balance)
       if (solver%all_stick .and. size(solver%structure%harmonic_load, 2) <= balance%coefficients()) return
       sampled = count(balance%forces%state >= state_slipping .and. .not. (balance%by_events .and. balance%law%tangents == 1))
       call balance%ranks%sum(sampled)
-      harmonics = min(longer_series(balance%receptance%harmonics), (balance%fourier%samples - 1)/2)
-      call prepare(self%longer, solver, harmonics, balance%fourier%samples)
+      threshold = unsettled_share*min(self%tolerance, nominal_tolerance)
+      harmonics = self%resonances%highest(solver, longer_series(balance%receptance%harmonics), threshold)
+      samples = balance%fourier%samples
+      if (any_sampled(solver)) samples = max(samples, 8*((2*harmonics + 9)/8))
+      call prepare(self%longer, solver, harmonics, samples)
       if (sampled > 0.0_wp) then
         call prepare(self%denser, solver, balance%receptance%harmonics, 2*balance%fourier%samples)
         call self%longer%correct(solver, finer, status, self%denser)
@@ -223,7 +279,19 @@ contains
         call self%longer%correct(solver, finer, status)
       end if
       error = ieee_value(error, ieee_quiet_nan)
-      if (status == 0) error = relative_change(solver, finer%monitors)
+      if (status == 0) then
+        own = own_monitors(solver)
+        error = relative_change(own, finer%monitors)
+        call step_again(self%longer, solver, finer, threshold, second)
+        self%unsettled = second%unsettled
+        self%is_sure = allocated(second%monitors) .and. second%unsettled == 0
+        if (allocated(second%monitors)) then
+          difference = relative_change(finer%monitors, second%monitors)
+          error = max(error, relative_change(own, second%monitors))
+          self%is_sure = self%is_sure .and. &
+                         difference <= max(agreement*error, negligible*harmonics_share*min(self%tolerance, nominal_tolerance))
+        end if
+      end if
       self%errors%samples = finer%samples_share*error
       self%errors%harmonics = error - self%errors%samples
     end associate
@@ -248,21 +316,26 @@ contains
     finer = new_finer_balance(solver%structure, solver%stuck, harmonics, samples)
   end subroutine prepare
 
-  !> Largest change of an amplitude from the solver's point to a finer one, relative to the latter.
-  real(wp) function relative_change(solver, monitors)
+  !> Coefficients of the monitors at the solver's present point [2 H + 1, monitors].
+  function own_monitors(solver) result(own)
     type(solver_type), intent(in) :: solver
-    !> Coefficients of the finer point [2 K + 1, monitors]
-    real(wp), intent(in) :: monitors(:, :)
-    real(wp) :: before(size(monitors, 2)), after(size(monitors, 2))
     real(wp), allocatable :: own(:, :)
 
-    relative_change = 0.0_wp
-    if (size(monitors, 2) == 0) return
     associate (balance => solver%context%balance)
       own = matmul(to_real(balance%response), matmul(transpose(balance%receptance%basis), solver%structure%monitors))
     end associate
-    before = half_ranges(own)
-    after = half_ranges(monitors)
+  end function own_monitors
+
+  !> Largest change of an amplitude from one point to another, relative to the latter.
+  pure real(wp) function relative_change(from, to)
+    !> Coefficients of the monitors of both [k, monitors]
+    real(wp), intent(in) :: from(:, :), to(:, :)
+    real(wp) :: before(size(to, 2)), after(size(to, 2))
+
+    relative_change = 0.0_wp
+    if (size(to, 2) == 0) return
+    before = half_ranges(from)
+    after = half_ranges(to)
     if (maxval(after) > 0.0_wp) relative_change = maxval(abs(after - before)/max(after, least_share*maxval(after)))
   end function relative_change
 

@@ -42,6 +42,8 @@ module attrito_accuracy_finer_balance
     real(wp), allocatable, private :: damping(:)
   contains
     procedure :: correct
+    procedure :: respond_beyond
+    procedure :: evaluate
     procedure :: destroy
   end type finer_balance_type
 
@@ -54,6 +56,9 @@ module attrito_accuracy_finer_balance
     real(wp), allocatable :: monitors(:, :)
     !> Part of what forces are changed by that is due to samples
     real(wp) :: samples_share = 0.0_wp
+    !> Response that these belong to [n, 0:K], and what start sliders that are unknowns have moved by [2, contacts]
+    complex(wp), allocatable :: response(:, :)
+    real(wp), allocatable :: slider(:, :)
   end type finer_point_type
 
 contains
@@ -102,7 +107,7 @@ contains
     associate (balance => solver%context%balance)
       allocate (response(size(balance%response, 1), 0:self%harmonics), source=(0.0_wp, 0.0_wp))
       response(:, :balance%receptance%harmonics) = balance%response
-      call respond_beyond(self, solver, response)
+      call self%respond_beyond(solver, kept_deviation(self, solver), response)
       generalised = to_real(response)
       point%motion = resized(solver%motion, 2*self%harmonics + 1)
       if (self%harmonics > balance%receptance%harmonics) then
@@ -114,29 +119,52 @@ contains
       if (present(denser)) call add_samples(denser, solver, change, released, point%samples_share)
       call step(solver, change, released, response, point, status)
       if (status == 0) point%monitors = matmul(to_real(response), balance%monitors)
+      point%response = response
       balance%work = balance%work + residual_work(2*self%harmonics + 1, balance%rows(), size(response, 1))
     end associate
   end subroutine correct
 
+  !> Deviation of this rank's rows at the balance's own motion [2 K + 1, rows]: mostly the balance has kept as many harmonics of it.
+  function kept_deviation(self, solver) result(deviation)
+    class(finer_balance_type), intent(in) :: self
+    type(solver_type), intent(inout) :: solver
+    real(wp), allocatable :: deviation(:, :), motion(:, :)
+    type(contact_forces_type) :: forces
+    integer :: i
+
+    associate (balance => solver%context%balance)
+      allocate (deviation(2*self%harmonics + 1, balance%rows()), source=0.0_wp)
+      do i = 1, size(balance%law)
+        if (balance%forces(i)%state < state_slipping) cycle
+        associate (first => balance%law(i)%first_row, last => balance%law(i)%first_row + balance%law(i)%tangents)
+          if (size(balance%forces(i)%deviation, 1) >= size(deviation, 1)) then
+            deviation(:, first:last) = balance%forces(i)%deviation(:size(deviation, 1), :)
+          else
+            motion = resized(solver%motion(:, first:last), size(deviation, 1))
+            forces%deviation = deviation(:, first:last)
+            call self%evaluate(solver, i, motion, balance%forces(i)%slider, forces)
+            deviation(:, first:last) = forces%deviation
+          end if
+        end associate
+      end do
+    end associate
+  end function kept_deviation
+
   !> Response at the harmonics beyond H to the contact forces and loads there.
-  subroutine respond_beyond(self, solver, response)
+  subroutine respond_beyond(self, solver, deviation, response)
     class(finer_balance_type), intent(in) :: self
     type(solver_type), intent(in) :: solver
+    !> Of this rank's rows [2 K + 1, rows]
+    real(wp), intent(in) :: deviation(:, :)
     complex(wp), intent(inout) :: response(:, 0:)
     real(wp), allocatable :: forces(:, :)
     complex(wp), allocatable :: columns(:, :)
-    integer :: h, i, k, loaded
+    integer :: h, k, loaded
 
     associate (balance => solver%context%balance, stuck => solver%stuck, lowest => solver%context%balance%receptance%harmonics + 1)
       if (self%harmonics < lowest) return
       k = 2*self%harmonics + 1
-      allocate (forces(k, size(balance%directions, 1)), source=0.0_wp)
-      do i = 1, size(balance%law)
-        if (balance%forces(i)%state < state_slipping) cycle
-        associate (first => balance%law(i)%first_row, last => balance%law(i)%first_row + balance%law(i)%tangents)
-          forces = forces - matmul(resized(balance%forces(i)%deviation, k), transpose(balance%directions(:, first:last)))
-        end associate
-      end do
+      forces = -matmul(deviation, transpose(balance%directions))
       call balance%ranks%sum(forces)
       loaded = min(size(solver%structure%harmonic_load, 2), k)
       forces(:loaded, :) = forces(:loaded, :) + balance%level*matmul(transpose(solver%structure%harmonic_load(:, :loaded)), &
@@ -153,6 +181,26 @@ contains
       response(:, lowest:) = columns(:, lowest + 1:)
     end associate
   end subroutine respond_beyond
+
+  !> Forces of one contact of this rank, as many coefficients as their deviation has room for; no Jacobian.
+  subroutine evaluate(self, solver, contact, motion, slider, forces)
+    class(finer_balance_type), intent(in) :: self
+    type(solver_type), intent(inout) :: solver
+    integer, intent(in) :: contact
+    !> Of its rows [2 K + 1, tangents + 1], and slider at the start [2]
+    real(wp), intent(in) :: motion(:, :), slider(2)
+    type(contact_forces_type), intent(inout) :: forces
+
+    associate (balance => solver%context%balance, law => solver%context%balance%law(contact))
+      forces%without_jacobian = .true.
+      if (balance%by_events .and. law%tangents == 1) then
+        call evaluate_contact_by_events(law, self%grid, motion, slider(1), forces)
+      else
+        call evaluate_contact(law, self%fourier, motion, slider, balance%forces(contact)%periodic, forces)
+      end if
+      balance%work = balance%work + contact_work(law, size(motion, 1), self%fourier%samples, balance%by_events)/4.0_wp
+    end associate
+  end subroutine evaluate
 
   !> What the finer balance's forces differ by at the harmonics up to H, and where its periodic sliders would go.
   subroutine change_forces(self, solver, motion, change, released)
@@ -174,15 +222,9 @@ contains
                    last => balance%law(i)%first_row + balance%law(i)%tangents)
           if (allocated(forces%deviation)) deallocate (forces%deviation)
           allocate (forces%deviation(k, law%tangents + 1))
-          forces%without_jacobian = .true.
-          if (balance%by_events .and. law%tangents == 1) then
-            call evaluate_contact_by_events(law, self%grid, motion(:, first:last), before%slider(1), forces)
-          else
-            call evaluate_contact(law, self%fourier, motion(:, first:last), before%slider, before%periodic, forces)
-          end if
+          call self%evaluate(solver, i, motion(:, first:last), before%slider, forces)
           change(:, first:last) = forces%deviation - before%deviation(:k, :)
           if (before%periodic) released(:, i) = forces%moved - before%moved
-          balance%work = balance%work + contact_work(law, size(motion, 1), self%fourier%samples, balance%by_events)/4.0_wp
         end associate
       end do
     end associate
@@ -256,6 +298,7 @@ contains
       response(:, :harmonics) = response(:, :harmonics) + moved%omega*added
       point%motion(:k, :) = point%motion(:k, :) + moved%motion
       point%omega = solver%omega + moved%omega
+      point%slider = moved%slider
     end associate
   end subroutine step
 

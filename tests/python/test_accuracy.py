@@ -196,3 +196,42 @@ def test_peaks_by_tolerance_have_the_harmonics_that_it_takes(tmp_path):
         if "tolerance" in balance:
             assert "above the tolerance: anew with 10 harmonics" in done.stdout
     assert amplitude[0] == pytest.approx(amplitude[1], rel=1e-4)
+
+
+def ringing(frequency_hz: float, harmonic: int, **balance) -> dict:
+    """A slider with a light, hardly damped oscillator on it, tuned to a harmonic of the excitation."""
+    own, light = 2 * np.pi * 100.0, 2 * np.pi * harmonic * frequency_hz
+    mass, ratio = 0.01, 5e-4
+    spring, dashpot = mass * light**2, 2 * ratio * mass * light
+    return {
+        "model": {
+            "mass": np.diag([1.0, mass, 1.0]).tolist(),
+            "stiffness": [[own**2 + spring, -spring, 0.0], [-spring, spring, 0.0], [0.0, 0.0, own**2]],
+            "damping": [[0.02 * own + dashpot, -dashpot, 0.0], [-dashpot, dashpot, 0.0], [0.0, 0.0, 0.02 * own]],
+        },
+        "contact": [
+            {
+                "normal": [[2, 1.0]],
+                "tangents": [[[0, 1.0]]],
+                "tangential_stiffness": 2.0e5,
+                "normal_stiffness": 2.0e5,
+                "friction_coefficient": 0.5,
+                "preload": 40.0,
+            }
+        ],
+        "load": [{"kind": "harmonic", "cosine": [[0, 60.0]]}],
+        "balance": balance,
+        "sweep": {"frequencies_hz": [frequency_hz]},
+        "output": {"file": "result.h5", "monitors": [{"name": "light", "dofs": [[1, 1.0], [0, -1.0]]}]},
+    }
+
+
+@pytest.mark.parametrize("harmonic", [5, 11, 13, 21])
+def test_a_resonance_beyond_three_times_the_harmonics_is_seen(tmp_path, harmonic):
+    truth = solved(tmp_path, ringing(70.0, harmonic, harmonics=60, samples=512), "light")[0]
+    blind = solved(tmp_path, ringing(70.0, harmonic, harmonics=3), "light")[0]
+    assert abs(blind[0] / truth[0] - 1.0) > 0.03, "the oscillator does not ring: the test is void"
+    amplitude, estimate, harmonics, _ = solved(tmp_path, ringing(70.0, harmonic, tolerance=0.01), "light")
+    assert abs(amplitude[0] / truth[0] - 1.0) < 0.01
+    assert estimate[0] < 0.01
+    assert harmonics[0] >= harmonic

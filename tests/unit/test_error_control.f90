@@ -1,7 +1,8 @@
 !> The estimated error of a point, where it can be told and where it cannot.
 program test_error_control
   use attrito_accuracy_error_control, only: error_control_type
-  use attrito_accuracy_finer_balance, only: finer_point_type
+  use attrito_accuracy_finer_balance, only: finer_balance_type, finer_point_type, new_finer_balance
+  use attrito_accuracy_second_step, only: second_step_type, step_again
   use attrito_continuation_cascade, only: solve_by_cascade
   use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
   use attrito_continuation_static_path, only: walk_static_path
@@ -14,6 +15,7 @@ program test_error_control
 
   call run_in_session('error_control', [ &
                       test('the estimate is what three times the harmonics change', finer), &
+                      test('a second step comes nearer to the finer balance than the first', second_step), &
                       test('where the linearised step is singular no error is told, and the point stays', singular)])
 
 contains
@@ -41,6 +43,38 @@ contains
     call check_close(error, norm2(point%motion(2:3, 1)), amplitude(2), 0.5_wp*abs(amplitude(2) - amplitude(1)), 'amplitude')
     call control%destroy()
   end subroutine finer
+
+  !> The wedge in one harmonic: held against three, as far as both steps look.
+  subroutine second_step(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(solver_type) :: solver
+    type(finer_balance_type) :: finer
+    type(finer_point_type) :: first
+    type(second_step_type) :: second
+    real(wp) :: truth, before, once, twice
+    integer :: status
+
+    call solve_wedge(3, solver, error)
+    if (allocated(error)) return
+    solver%context%balance%monitors = solver%context%balance%directions(:, :1)
+    truth = norm2(solver%motion(2:3, 1))
+    call solver%destroy()
+    call solve_wedge(1, solver, error)
+    if (allocated(error)) return
+    solver%context%balance%monitors = solver%context%balance%directions(:, :1)
+    before = norm2(solver%motion(2:3, 1))
+    finer = new_finer_balance(solver%structure, solver%stuck, 3, solver%options%samples)
+    call finer%correct(solver, first, status)
+    call step_again(finer, solver, first, 1.0e-3_wp, second)
+    call check(error, status == 0 .and. allocated(second%monitors), 'a step is singular')
+    if (allocated(error)) return
+    once = norm2(first%monitors(2:3, 1))
+    twice = norm2(second%monitors(2:3, 1))
+    call check(error, abs(once - truth) > 1.0e-3_wp*truth .and. abs(once - truth) < abs(before - truth), 'the test is void')
+    call check(error, abs(twice - truth) < 0.5_wp*abs(once - truth), 'the second step does not come nearer')
+    call finer%destroy()
+    call solver%destroy()
+  end subroutine second_step
 
   !> An equation that picks no point, 0 . d + 0 omega = 0, leaves the bordered system with a row of zeros.
   subroutine singular(error)

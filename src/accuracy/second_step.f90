@@ -1,0 +1,174 @@
+!> Does the linearised step hold that a finer balance was estimated by? Contact forces are evaluated where it ended, and a second step
+!> is made from there.
+!>
+!> $$ \rho_h = B \tilde Z_h^{-1} (f_h - B^T g_h(d^1)) - d^1_h, \qquad (I + R D) \, \delta^2 = \rho \quad (h \le H), \qquad
+!>    d^2_h = d^1_h + \rho_h \quad (h > H) $$
+!>
+!> Beyond H the contacts feel the motion that they cause there themselves: d^1_h answers forces without it, d^2_h with it once. Where
+!> both are in a ratio 1 + lambda, all further answers together come to d^1_h / (1 - lambda). That is much more than d^2_h if a
+!> natural frequency of the structure, its contacts slipping or open as they do in the mean, lies near h omega.
+module attrito_accuracy_second_step
+  use attrito_core_kinds, only: wp
+  use attrito_core_trigonometric, only: resized
+  use attrito_accuracy_finer_balance, only: finer_balance_type, finer_point_type
+  use attrito_balance_linearised_step, only: linear_options_type, solve_linearised, change_of_deviation
+  use attrito_balance_receptance, only: to_complex, to_real
+  use attrito_balance_unknowns, only: unknowns_type, new_unknowns
+  use attrito_contact_quadrature_sampled, only: contact_forces_type
+  use attrito_continuation_solver, only: solver_type
+  implicit none
+  private
+  public :: second_step_type, step_again
+
+  !> Relative residual of GMRES, where the step is large: an error needs two digits
+  real(wp), parameter :: accepted_residual = 1.0e-2_wp
+  !> Least |1 - lambda| that is believed: lambda is a mean over contacts and modes, and no more than one digit of it is sure
+  real(wp), parameter :: least_distance = 0.02_wp
+
+  type :: second_step_type
+    !> Coefficients of the monitors after it [2 K + 1, monitors]; not allocated where the step is singular
+    real(wp), allocatable :: monitors(:, :)
+    !> The highest harmonic beyond H whose motion has not settled; 0: all have
+    integer :: unsettled = 0
+  end type second_step_type
+
+  !> Of the harmonics 1 ... K: norms of the contacts' first answer and of what the second changes, and lambda [K]; the same norms of
+  !> the monitors, mean included [monitors, 1 + K]
+  type :: answers_type
+    real(wp), allocatable :: before(:), change(:), monitors(:, :), change_of_monitors(:, :)
+    complex(wp), allocatable :: ratio(:)
+  end type answers_type
+
+contains
+
+  !> From where the first step has ended; `first` stays.
+  subroutine step_again(finer, solver, first, threshold, second)
+    type(finer_balance_type), intent(in) :: finer
+    type(solver_type), intent(inout) :: solver
+    type(finer_point_type), intent(in) :: first
+    !> Part of the monitors' motion, and ten times that of the contacts', that may be missing of a harmonic
+    real(wp), intent(in) :: threshold
+    type(second_step_type), intent(out) :: second
+    type(unknowns_type) :: right, moved
+    type(linear_options_type) :: options
+    complex(wp), allocatable :: response(:, :), added(:, :)
+    real(wp), allocatable :: deviation(:, :), change(:, :), motion(:, :), monitors(:, :), released(:, :)
+    integer :: iterations, k, status
+
+    associate (balance => solver%context%balance, harmonics => solver%context%balance%receptance%harmonics)
+      k = balance%coefficients()
+      call evaluate_all(finer, solver, first, deviation, change, released)
+      allocate (response, mold=first%response)
+      response(:, harmonics + 1:) = 0.0_wp
+      allocate (added, mold=balance%response)
+      call balance%respond_to_deviation(change, added)
+      response(:, :harmonics) = balance%response + added
+      call finer%respond_beyond(solver, deviation, response)
+      call add_frequency(response, first%omega - solver%omega)
+      motion = matmul(to_real(response), balance%directions)
+      monitors = matmul(to_real(response), balance%monitors)
+      second%unsettled = highest_unsettled(answers_of(solver, first%motion, motion, first%monitors, monitors), (k + 1)/2, threshold)
+      right = new_unknowns(k, balance%rows(), size(released, 2))
+      moved = right
+      right%motion = motion(:k, :) - first%motion(:k, :)
+      right%slider = released
+      options = solver%context%linear
+      options%krylov%tolerance = accepted_residual
+      call solve_linearised(balance, solver%context%constraint, right, options, moved, iterations, status, &
+                            solver%context%preconditioner)
+      if (status /= 0) return
+      call balance%respond_to_deviation(change_of_deviation(balance, right, moved), added)
+      response(:, :harmonics) = response(:, :harmonics) + added
+      call add_frequency(response, moved%omega)
+      second%monitors = matmul(to_real(response), balance%monitors)
+    end associate
+
+  contains
+
+    !> What a change of the frequency adds to the response at the balance's own harmonics, to first order.
+    subroutine add_frequency(response, change)
+      complex(wp), intent(inout) :: response(:, 0:)
+      real(wp), intent(in) :: change
+      complex(wp), allocatable :: by_omega(:, :)
+
+      associate (balance => solver%context%balance, harmonics => solver%context%balance%receptance%harmonics)
+        allocate (by_omega, mold=balance%response)
+        call balance%receptance%respond_derivative(response(:, :harmonics), by_omega)
+        response(:, :harmonics) = response(:, :harmonics) + change*by_omega
+      end associate
+    end subroutine add_frequency
+  end subroutine step_again
+
+  !> Forces of all contacts of this rank where the first step has ended, those included that stuck before it.
+  subroutine evaluate_all(finer, solver, first, deviation, change, released)
+    type(finer_balance_type), intent(in) :: finer
+    type(solver_type), intent(inout) :: solver
+    type(finer_point_type), intent(in) :: first
+    !> Deviation [2 K + 1, rows], what it is changed by up to H [2 H + 1, rows], where periodic sliders have yet to go [2, contacts]
+    real(wp), allocatable, intent(out) :: deviation(:, :), change(:, :), released(:, :)
+    type(contact_forces_type) :: forces
+    integer :: i, k
+
+    associate (balance => solver%context%balance)
+      k = balance%coefficients()
+      allocate (deviation(size(first%motion, 1), balance%rows()), change(k, balance%rows()), released(2, size(balance%law)), &
+                source=0.0_wp)
+      do i = 1, size(balance%law)
+        associate (law => balance%law(i), before => balance%forces(i), row => balance%law(i)%first_row, &
+                   last => balance%law(i)%first_row + balance%law(i)%tangents)
+          if (allocated(forces%deviation)) deallocate (forces%deviation)
+          allocate (forces%deviation(size(deviation, 1), law%tangents + 1))
+          call finer%evaluate(solver, i, first%motion(:, row:last), before%slider + first%slider(:, i), forces)
+          deviation(:, row:last) = forces%deviation
+          change(:, row:last) = forces%deviation(:k, :) - before%deviation(:k, :)
+          if (before%periodic) released(:, i) = forces%moved - before%moved
+        end associate
+      end do
+    end associate
+  end subroutine evaluate_all
+
+  !> What two answers are, harmonic by harmonic: squares of the contacts' first motion and of its change, their product, and what
+  !> the answers after the second add to every monitor for each unit of lambda / (1 - lambda).
+  function answers_of(solver, first, second, first_monitors, second_monitors) result(answers)
+    type(solver_type), intent(in) :: solver
+    !> Motion of this rank's rows [2 K + 1, rows], and monitors [2 K + 1, monitors]
+    real(wp), intent(in) :: first(:, :), second(:, :), first_monitors(:, :), second_monitors(:, :)
+    type(answers_type) :: answers
+    complex(wp), allocatable :: before(:, :), change(:, :)
+    real(wp) :: sums(size(first, 1)/2, 4)
+    complex(wp) :: product
+    integer :: h
+
+    before = to_complex(first)
+    change = to_complex(second) - before
+    do h = 1, size(sums, 1)
+      product = sum(conjg(before(:, h + 1))*change(:, h + 1))
+      sums(h, :) = [sum(abs(before(:, h + 1))**2), sum(abs(change(:, h + 1))**2), real(product, wp), aimag(product)]
+    end do
+    call solver%context%balance%ranks%sum(sums)
+    answers%before = sqrt(sums(:, 1))
+    answers%change = sqrt(sums(:, 2))
+    answers%ratio = cmplx(sums(:, 3), sums(:, 4), wp)/max(sums(:, 1), tiny(1.0_wp))
+    answers%monitors = abs(to_complex(first_monitors))
+    answers%change_of_monitors = abs(to_complex(second_monitors - first_monitors))
+  end function answers_of
+
+  !> The highest harmonic, from one on, at which answers beyond the second would add more than a part of the motion.
+  pure integer function highest_unsettled(answers, lowest, threshold) result(highest)
+    type(answers_type), intent(in) :: answers
+    integer, intent(in) :: lowest
+    real(wp), intent(in) :: threshold
+    !> Parts of the contacts' motion count this much less than those of the monitors'
+    real(wp), parameter :: weight = 0.1_wp
+    real(wp) :: swing, swings(size(answers%monitors, 1)), further
+
+    swing = norm2(answers%before)
+    swings = sqrt(sum(answers%monitors(:, 2:)**2, 2))
+    do highest = size(answers%before), lowest, -1
+      further = abs(answers%ratio(highest))/max(abs(1.0_wp - answers%ratio(highest)), least_distance)
+      if (weight*further*answers%change(highest) > threshold*swing) return
+      if (any(further*answers%change_of_monitors(:, highest + 1) > threshold*swings)) return
+    end do
+    highest = 0
+  end function highest_unsettled
+end module attrito_accuracy_second_step
