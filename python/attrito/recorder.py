@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from itertools import islice, repeat
@@ -166,7 +167,8 @@ class Recorder:
         found = {name: values for follower in self._followers for name, values in follower.put_down().items()}
         kept = {f"state/{rank}": numbers for rank, numbers in enumerate(states)}
         told = {name: getattr(point, name) for name in ("level", "branch", "frequency_hz", "outcome")}
-        note = {"place": asdict(place), "point": told}
+        sums = [_sum_of(numbers) for numbers in states]
+        note = {"place": asdict(place), "point": told, "states": sums}
         self._journal.append(Record(note, self._told | found | kept, self._new))
         self._known |= set(self._new)
 
@@ -189,6 +191,10 @@ class Recorder:
             self._open(0, first)
             return []
         for record, _ in islice(read_journal(self._path), 1, len(notes)):
+            # The library takes a state as it is: numbers that are not its own could lead it anywhere.
+            states = [record.arrays[f"state/{rank}"] for rank in range(self._comm.size)]
+            if record.note["states"] != [_sum_of(numbers) for numbers in states]:
+                raise ValueError("the state of the solver is not the one that was put down")
             self._known |= set(record.series)
             for follower in self._followers:
                 follower.take_up(record.arrays)
@@ -199,6 +205,11 @@ class Recorder:
         """Closing twice does no harm."""
         if self._journal is not None:
             self._journal.close()
+
+
+def _sum_of(numbers: np.ndarray) -> int:
+    """CRC-32 of a state, with its size."""
+    return zlib.crc32(numbers.tobytes(), len(numbers)) if numbers.ndim == 1 and numbers.dtype == np.float64 else -1
 
 
 def digest(scene: ReducedScene, load_path: np.ndarray) -> str:
