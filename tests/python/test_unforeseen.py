@@ -134,6 +134,7 @@ def test_what_is_no_file_is_not_waited_for(tmp_path, capfd, what):
         ("run", "job.toml"),
         ("table", "result.h5"),
         ("import", "out.h5", "--stiffness", "K.mtx", "--mass", "K.mtx"),
+        ("import", "out.h5", "--stiffness", "K.mtx:KAAX", "--mass", "K.mtx:MAAX"),
     ):
         done = attrito_here(tmp_path, capfd, *arguments)
         assert done.returncode == 2 and "expected a file, not a pipe or a device" in done.stderr
