@@ -9,6 +9,14 @@ are never too wide. They are too narrow where the family bends so much that the 
 A search may have a budget of work, counted in floating-point operations by formulas and never in seconds, so that it
 ends at the same member on every machine, after a restart, and on any number of ranks. Quantities whose search it cut
 off have no bounds.
+
+The members are those of a truncated balance. Its estimated error e, a part of the forces, widens every bound; and where
+a free contact has less room between its limits than that,
+
+    -max_t (x . T - mu N) - max_t (-x . T - mu N) < e F,    or    min_t N < e F,
+
+along a direction x, with F the largest sum of a contact's coefficients, the contact may slip or
+open in every period of the true motion: then its mean forces are none of the family's, and no bounds are given.
 """
 
 from __future__ import annotations
@@ -18,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from attrito.family import Family, Member
-from attrito.linear_family import LinearFamily, scale_of, values_of
+from attrito.linear_family import LinearFamily, basis_at, scale_of, values_of
 
 # Part of the forces that is no width, nor worth a step: residual (1e-10) and cones drawn in (1e-9), with a margin.
 WORTHLESS = 1e-8
@@ -26,6 +34,8 @@ WORTHLESS = 1e-8
 LAST = 1e-6
 MOST_STEPS = 12
 MOST_HALVINGS = 6
+# Instants and directions at which the room of a contact is looked for.
+INSTANTS, ROOM_DIRECTIONS = 256, 8
 # Places where the family remembers members.
 SHOWN, BEST = 0, 1
 
@@ -51,8 +61,8 @@ class Hull:
     complete: bool = True
 
 
-class OutOfBudget(Exception):  # noqa: N818
-    """The work of a search has come to its budget, or the run is to stop."""
+class Ended(Exception):  # noqa: N818
+    """A search is not to go on: its budget is spent, the run is to stop, or bounds would say nothing of the truth."""
 
 
 class _Budget:
@@ -69,9 +79,9 @@ class _Budget:
         return found
 
     def check(self) -> None:
-        """Raise OutOfBudget where nothing is left, or the run is to stop."""
+        """Raise Ended where nothing is left, or the run is to stop."""
         if self._family.is_interrupted() or self._family.work() + self._programs > self._work:
-            raise OutOfBudget
+            raise Ended
 
 
 class _Extremes:
@@ -95,10 +105,11 @@ class Search:
     def __init__(self, laws: dict[str, np.ndarray]):
         self._laws = laws
 
-    def __call__(self, family: Family, work: float = np.inf) -> Hull | None:
+    def __call__(self, family: Family, work: float = np.inf, error: float = 0.0) -> Hull | None:
         """Visit members; None where the point itself cannot be described. The family ends where it began.
 
-        `work`: floating-point operations after which the search ends, whatever it has found.
+        `work`: floating-point operations after which the search ends, whatever it has found. `error`: of the balance,
+        estimated, a part of the motion; NaN: not known.
         """
         shown = family.describe()
         if shown is None:
@@ -107,18 +118,21 @@ class Search:
         hull, budget = _Extremes(values_of(shown)), _Budget(family, work)
         ended = np.full(len(hull.lowest), False)
         try:
+            if not least_room(shown, self._laws) >= error * scale_of(shown):
+                raise Ended
             budget.check()
             model = self._model(family, shown, budget)
             for quantity in _order(shown):
                 for side in (1.0, -1.0) if model is not None else ():
                     self._climb(family, model, quantity, side, hull, budget)
                 ended[quantity] = True
-        except OutOfBudget:
+        except Ended:
             family.go_back(SHOWN)
         count, monitors = len(shown.force), len(shown.monitors)
         both = np.where(ended, [hull.lowest, hull.highest], np.nan)
+        both += np.array([[-1.0], [1.0]]) * _errors(shown, error)
         force, mean, amplitude = np.split(both, [3 * count, 3 * count + monitors], axis=1)
-        accuracy = WORTHLESS * scale_of(shown)
+        accuracy = (WORTHLESS + 2.0 * error) * scale_of(shown)
         return Hull(force.reshape(2, count, 3), mean, amplitude, hull.count, accuracy, bool(ended.all()))
 
     def _climb(
@@ -194,3 +208,28 @@ def _order(shown: Member) -> list[int]:
     """Quantities of `values_of` in the order in which they are sought: monitors, which are asked for by name, first."""
     forces, monitors = shown.force[:, :, 0].size, len(shown.monitors)
     return [*range(forces, forces + 2 * monitors), *range(forces)]
+
+
+def _errors(shown: Member, error: float) -> np.ndarray:
+    """What truncation may make wrong of `values_of`, `[quantities]`, for a relative error of the motion."""
+    means = np.abs(shown.monitors[:, 1:]).sum(axis=1)
+    return error * np.concatenate([np.full(shown.force[:, :, 0].size, scale_of(shown)), means, shown.amplitude])
+
+
+def least_room(member: Member, laws: dict[str, np.ndarray]) -> float:
+    """The least force by which limits leave a free contact room, over contacts and directions; infinite: none is free.
+
+    Between the limits of T it does not depend on the mean of T.
+    """
+    room = np.inf
+    coefficients = member.force.shape[2]
+    basis = basis_at(2.0 * np.pi * np.arange(INSTANTS) / INSTANTS, coefficients)
+    for contact in np.flatnonzero(member.free):
+        t1, t2, n = member.force[contact] @ basis.T
+        friction = laws["friction_coefficient"][contact]
+        angles = np.pi * np.arange(ROOM_DIRECTIONS) / ROOM_DIRECTIONS if laws["tangents"][contact] == 2 else np.zeros(1)
+        for angle in angles:
+            along = np.cos(angle) * t1 + np.sin(angle) * t2
+            room = min(room, -(along - friction * n).max() - (-along - friction * n).max())
+        room = min(room, n.min())
+    return float(room)

@@ -106,7 +106,8 @@ class Sampler:
             or ((self.programs or self.gives_up) and not slips)
         ):
             return
-        hull = self._family.visit(lambda family: self._search(family, own_work if self._limited else np.inf))
+        error = point.errors[0] + point.errors[1]
+        hull = self._family.visit(lambda family: self._search(family, own_work if self._limited else np.inf, error))
         if self._family.stopped:
             raise NumericsError(f"stopped by {self._family.stopped}")
         if hull is not None:

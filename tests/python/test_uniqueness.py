@@ -9,11 +9,11 @@ from jobs import attrito, chain, run, wedge, write_job
 from mpi4py import MPI
 from scipy.optimize import linprog
 
-from attrito.family import Family
+from attrito.family import Family, Member
 from attrito.integrator import Integrator, Run
 from attrito.job import read_job
 from attrito.linear_programs import DualSimplex
-from attrito.members import Search
+from attrito.members import Search, least_room
 from attrito.results import Result
 from attrito.rom import reduced_scene
 from attrito.scene import build_scene
@@ -420,6 +420,41 @@ def test_a_run_is_stopped_between_the_visits_of_its_bounds_and_keeps_no_half_exa
     assert done.returncode == 1
     assert "stopped by --max-seconds 0.001" in done.stderr
     assert not list(tmp_path.glob("result*"))
+
+
+def test_bounds_are_as_wide_as_the_truncation_error_makes_them_and_none_where_a_contact_may_slip(tmp_path):
+    def visit(family, scene):
+        shown = family.describe()
+        exact, rough = (Search(scene.laws)(family, error=error) for error in (0.0, 1e-3))
+        scale = np.abs(shown.force).sum(axis=(1, 2)).max()
+        assert np.allclose(exact.force[0] - rough.force[0], 1e-3 * scale, rtol=1e-6)
+        assert np.allclose(rough.force[1] - exact.force[1], 1e-3 * scale, rtol=1e-6)
+        assert np.all(rough.amplitude[0] < exact.amplitude[0])
+        # More than all the room that a contact has between its limits, or not known at all.
+        room = least_room(shown, scene.laws)
+        assert 0.0 < room < scale
+        for error in (1.01 * room / scale, np.nan):
+            none = Search(scene.laws)(family, error=error)
+            assert not none.complete
+            assert np.isnan(none.force).all()
+        return True
+
+    assert at_the_point(tmp_path, mixed_chain(), visit)
+
+
+def test_the_room_of_a_contact_is_twice_what_friction_leaves_of_its_swing():
+    # T = 3 cos, N = 20.
+    force = np.zeros((2, 3, 5))
+    force[0, 0, 1], force[0, 2, 0] = 3.0, 20.0
+    force[1, 2, 0] = 1.0
+    member = Member(force, np.zeros((1, 5)), np.zeros(1), np.zeros((2, 2)), np.array([1.0, 0.0]))
+    laws = {"friction_coefficient": np.array([0.5, 0.5]), "tangents": np.array([1, 1])}
+    assert least_room(member, laws) == pytest.approx(2.0 * (0.5 * 20.0 - 3.0))
+    # Nor more than keeps it closed.
+    laws["friction_coefficient"][0] = 5.0
+    assert least_room(member, laws) == pytest.approx(20.0)
+    member.free[0] = 0.0
+    assert np.isinf(least_room(member, laws))
 
 
 def test_where_the_bounds_come_from_has_names(tmp_path):
