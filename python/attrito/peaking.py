@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from attrito.backbone import Backbone, BackboneTracker, follow_backbone, leading_mode
-from attrito.faults import InputError, NumericsError, UnsolvedError
+from attrito.faults import InputError, UnsolvedError
 from attrito.fixed_series import fixed_series, is_enough
 from attrito.job import Job, peak_path, read_job
 from attrito.locks import writing_alone
@@ -146,20 +146,32 @@ def follow_mode(
 
 
 def locate_optimum(tracker: PeakTracker, before: Peak, after: Peak) -> Peak | None:
-    """The extremum of the peak over the parameter between two peaks; None where it jumps from one to the other."""
+    """The extremum of the peak over the parameter between two peaks; None where it jumps or is lost on the way."""
+    slopes: dict[float, float] = {}
 
     def slope(logarithm: float) -> float:
-        peak = tracker.at(float(np.exp(logarithm)))
-        if peak.outcome == "not_converged":
-            raise NumericsError(f"the peak was lost at {tracker.parameter} {np.exp(logarithm):g} near its optimum")
-        return elasticity(peak, tracker.parameter)
+        # Once for each value: another way there may lead to another peak.
+        if logarithm not in slopes:
+            peak = tracker.at(float(np.exp(logarithm)))
+            if peak.outcome == "not_converged":
+                raise _LostError
+            slopes[logarithm] = elasticity(peak, tracker.parameter)
+        return slopes[logarithm]
 
-    ends = np.log([before.parameter, after.parameter])
-    # On the way back from the second the peak may stay on a curve that the first is not on.
-    if slope(ends[1]) * slope(ends[0]) > 0.0:
+    ends = np.log([before.parameter, after.parameter]).tolist()
+    try:
+        # On the way back from the second the peak may stay on a curve that the first is not on.
+        if slope(ends[1]) * slope(ends[0]) > 0.0:
+            return None
+        best = brentq(slope, *ends, xtol=OPTIMUM_TOLERANCE, rtol=1e-12)
+    except _LostError:
         return None
-    best = brentq(slope, *ends, xtol=OPTIMUM_TOLERANCE, rtol=1e-12)
-    return tracker.at(float(np.exp(best)))
+    optimum = tracker.at(float(np.exp(best)))
+    return None if optimum.outcome == "not_converged" else optimum
+
+
+class _LostError(Exception):
+    """A peak that was not found again."""
 
 
 def line(found: Found, parameter: str) -> str:

@@ -23,6 +23,8 @@ module attrito_continuation_start_in_time
   !> Stretches one after another that walk, and are then known to; change over a period of a motion that has settled
   integer, parameter :: attempts_walking = 3
   real(wp), parameter :: settled = 1.0e-3_wp
+  !> Binary digits of the largest number of a state that motion in time starts from
+  integer, parameter :: digits_at_start = 34
 
 contains
 
@@ -87,6 +89,15 @@ contains
     solver%no_orbit = solver%walks .or. (.not. converged .and. periods%moved .and. periods%change > settled)
   end subroutine run_and_solve
 
+  !> Numbers without the digits that depend on the order of sums over ranks: these would grow in motion that is unstable.
+  pure function rounded(numbers)
+    real(wp), intent(in) :: numbers(:)
+    real(wp) :: rounded(size(numbers)), unit
+
+    unit = scale(1.0_wp, exponent(maxval([0.0_wp, abs(numbers)])) - digits_at_start)
+    rounded = unit*anint(numbers/unit)
+  end function rounded
+
   !> A stretch of motion in time; the solver stands at its mean.
   subroutine move_on(solver, omega, count, periods)
     type(solver_type), intent(inout) :: solver
@@ -128,8 +139,9 @@ contains
         rate = rate - h*solver%omega*aimag(balance%response(:, h))
       end do
       call balance%ranks%gather_columns_everywhere(balance%slider, slider)
-      call solver%in_time%stand(matmul(balance%receptance%basis, displacement), matmul(balance%receptance%basis, rate), slider, &
-                                stands)
+      call solver%in_time%stand(rounded(matmul(balance%receptance%basis, displacement)), &
+                                rounded(matmul(balance%receptance%basis, rate)), &
+                                reshape(rounded([slider]), shape(slider)), stands)
     end associate
   end subroutine stand_in_time
 end module attrito_continuation_start_in_time

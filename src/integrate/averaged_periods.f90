@@ -27,8 +27,8 @@ module attrito_integrate_averaged_periods
 
   !> What periods of a walk have in common of their steps, and the least step that counts as one, relative to the motion
   real(wp), parameter :: alike = 0.01_wp, least_walk = 1.0e-5_wp
-  !> Relative error of each step's equilibrium
-  real(wp), parameter :: near_enough = 1.0e-6_wp
+  !> Relative error of each step's equilibrium: sliders of contacts that come to rest keep it
+  real(wp), parameter :: near_enough = 1.0e-13_wp
 
   type, extends(motion_in_time_type) :: averaged_periods_type
     type(structure_type) :: structure
