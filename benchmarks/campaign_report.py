@@ -43,6 +43,7 @@ def shares(points: list[dict], tolerance: float) -> dict:
     errors = np.array([row["error"] for row in judged])
     checked = [row for row in judged if can_hold(row)]
     ratios = np.array([estimate_over_error(row) for row in checked])
+    large = np.array([row["error"] >= 0.1 * tolerance for row in checked], dtype=bool)
     outcomes = Counter(row["outcome"] for row in points)
     return {
         "points": len(points),
@@ -56,6 +57,7 @@ def shares(points: list[dict], tolerance: float) -> dict:
         "largest error": float(errors.max(initial=0.0)),
         "estimates to check": len(checked),
         "estimate at least a third of the error, %": share(ratios >= LEAST_ESTIMATE),
+        "the same, errors of a tenth of the tolerance and more, %": share(ratios[large] >= LEAST_ESTIMATE),
         **{f"{name}, %": 100.0 * outcomes[name] / max(len(points), 1) for name in UNSOLVED},
     }
 
