@@ -13,7 +13,7 @@ import numpy as np
 
 from attrito.faults import Fault, InputError
 from attrito.job_schema import ARRAYS, LOAD_KEYS, REQUIRED_TABLES, TABLES, Key
-from attrito.overwriting import is_no_file, is_same_file
+from attrito.overwriting import check_files, is_no_file, is_same_file
 
 
 @dataclass
@@ -79,6 +79,7 @@ def read_job(source: str | os.PathLike[str] | Mapping[str, Any] | Job, folder: s
     if isinstance(source, Mapping):
         return check_job(plain(source), str(Path(folder) / "job"))
     path = str(source)
+    check_files(path, "file", [path])
     try:
         with open(path, "rb") as stream:
             raw = tomllib.load(stream)
@@ -364,6 +365,8 @@ def _files_by_key(job: Job) -> dict[str, str]:
 def _check_inputs(job: Job) -> list[Fault]:
     """What is read must be files; the job itself may come out of a pipe."""
     named = list(_files_by_key(job).items())[1:]
+    if job["continuation"]["start_file"] is not None:
+        named.append(("[continuation] start_file", job.file(job["continuation"]["start_file"])))
     return [job.fault(key, name, "a file, not a pipe or a device") for key, name in named if is_no_file(name)]
 
 

@@ -138,6 +138,10 @@ def test_what_is_no_file_is_not_waited_for(tmp_path, capfd, what):
     ):
         done = attrito_here(tmp_path, capfd, *arguments)
         assert done.returncode == 2 and "expected a file, not a pipe or a device" in done.stderr
+    vary = [{"name": "mu", "keys": ["contact[0].friction_coefficient"], "low": 0.1, "high": 0.2}]
+    write_job(tmp_path, {"job": "job.toml", "samples": 2, "vary": vary}, "study.toml")
+    done = attrito_here(tmp_path, capfd, "study", "study.toml")
+    assert done.returncode == 2 and "expected a file, not a pipe or a device" in done.stderr
     job = wedge()
     job["model"]["stiffness"] = "K.mtx"
     (tmp_path / "own.toml").unlink(missing_ok=True)
