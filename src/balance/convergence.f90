@@ -8,6 +8,7 @@
 !> tolerance. Mean positions do not count in x: a body that walks may be anywhere, and would converge by being far enough away. What
 !> has run off is no answer, whatever residual is told of it.
 module attrito_balance_convergence
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use attrito_core_kinds, only: wp
   implicit none
   private
@@ -21,7 +22,9 @@ contains
     !> Norms, and the residual asked for
     real(wp), intent(in) :: residual, motion, tolerance
 
-    is_answer = .not. has_run_off(motion) .and. residual <= max(tolerance, rounding*motion)
+    is_answer = .false.
+    if (has_run_off(motion) .or. .not. ieee_is_finite(residual)) return
+    is_answer = residual <= max(tolerance, rounding*motion)
   end function is_answer
 
   !> The larger of two residuals. A number that is not finite is worse than any: `max` would pass over a NaN.
@@ -29,13 +32,14 @@ contains
     real(wp), intent(in) :: a, b
 
     worse_of = huge(a)
-    if (a <= huge(a) .and. b <= huge(b)) worse_of = max(a, b)
+    if (ieee_is_finite(a) .and. ieee_is_finite(b)) worse_of = max(a, b)
   end function worse_of
 
   !> Is a motion, by its norm, too far away for any residual to mean something?
   pure logical function has_run_off(motion)
     real(wp), intent(in) :: motion
 
-    has_run_off = .not. motion <= farthest
+    has_run_off = .true.
+    if (ieee_is_finite(motion)) has_run_off = motion > farthest
   end function has_run_off
 end module attrito_balance_convergence

@@ -118,12 +118,11 @@ contains
     real(wp), allocatable, intent(out) :: eigenvalues(:), shapes(:, :)
     integer, intent(out) :: solves, status
     type(krylov_schur_type) :: search
-    real(wp), allocatable :: start(:, :), none(:, :)
+    real(wp), allocatable :: start(:, :)
 
     call make_start(split, 1, start)
-    allocate (none(size(start, 1), 0))
     search = krylov_schur_type(stiffness, pencil%mass_matrix, pencil%factor, pencil%progress, pencil%wanted)
-    call find_by_krylov_schur(search, start(:, 1), none, sought, eigensolver%tolerance, shapes, status)
+    call find_by_krylov_schur(search, start(:, 1), sought, eigensolver%tolerance, shapes, status)
     if (status == 0) call rayleigh_ritz(pencil, eigensolver%width, shapes, eigenvalues, status)
     solves = search%solves
     if (status == 0) solves = solves + size(shapes, 2)

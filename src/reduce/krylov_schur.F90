@@ -40,14 +40,12 @@ module attrito_reduce_krylov_schur
 contains
 
   !> Find vectors that span the lowest modes, up to `sought` of them and a few more; fewer where no more converge.
-  subroutine find_by_krylov_schur(self, start, known, sought, tolerance, shapes, ierr)
+  subroutine find_by_krylov_schur(self, start, sought, tolerance, shapes, ierr)
     !> K, M, factors
     type(krylov_schur_type), intent(inout) :: self
     !> This rank's rows of the first vector
     real(wp), intent(in), contiguous :: start(:)
-    !> This rank's rows of modes that are known, which are not sought again
-    real(wp), intent(in), contiguous :: known(:, :)
-    !> Number of modes, known ones not among them
+    !> Number of modes
     integer, intent(in) :: sought
     !> Residual in A relative to the eigenvalue
     real(wp), intent(in) :: tolerance
@@ -56,42 +54,34 @@ contains
     !> SLEPc's error code
     PetscErrorCode, intent(out) :: ierr
     type(tEPS) :: solver
-    type(tVec) :: first(1), others(size(known, 2))
+    type(tVec) :: first(1)
     PetscInt :: before, after
     PetscErrorCode :: status
-    integer :: i
 
-    call make_vectors(self%mass, reshape(start, [size(start), 1]), first, ierr)
-    if (ierr == 0) call make_vectors(self%mass, known, others, ierr)
+    call make_vector(self%mass, start, first(1), ierr)
     if (ierr == 0) call KSPGetTotalIterations(self%factor%solver, before, ierr)
-    if (ierr == 0) call solve(self, first, others, sought, tolerance, solver, ierr)
+    if (ierr == 0) call solve(self, first, sought, tolerance, solver, ierr)
     if (ierr == 0) call KSPGetTotalIterations(self%factor%solver, after, ierr)
     if (ierr == 0) self%solves = self%solves + after - before
-    do i = 1, size(others)
-      call VecDestroy(others(i), status)
-    end do
     if (ierr == 0) call copy_vectors(solver, first(1), size(start), shapes, ierr)
     call VecDestroy(first(1), status)
     if (ierr == 0) call release(self%mass, solver, ierr)
   end subroutine find_by_krylov_schur
 
-  subroutine make_vectors(like, columns, vectors, ierr)
+  subroutine make_vector(like, rows, vector, ierr)
     type(tMat), intent(in) :: like
-    real(wp), intent(in) :: columns(:, :)
-    type(tVec), intent(inout) :: vectors(:)
+    !> This rank's
+    real(wp), intent(in) :: rows(:)
+    type(tVec), intent(inout) :: vector
     PetscErrorCode, intent(out) :: ierr
-    integer :: i
 
-    ierr = 0
-    do i = 1, size(vectors)
-      PetscCall(MatCreateVecs(like, vectors(i), PETSC_NULL_VEC, ierr))
-      PetscCall(put_vector(columns(:, i), vectors(i), ierr))
-    end do
-  end subroutine make_vectors
+    PetscCall(MatCreateVecs(like, vector, PETSC_NULL_VEC, ierr))
+    PetscCall(put_vector(rows, vector, ierr))
+  end subroutine make_vector
 
-  subroutine solve(self, first, others, sought, tolerance, solver, ierr)
+  subroutine solve(self, first, sought, tolerance, solver, ierr)
     type(krylov_schur_type), intent(in), target :: self
-    type(tVec), intent(in) :: first(1), others(:)
+    type(tVec), intent(in) :: first(1)
     integer, intent(in) :: sought
     real(wp), intent(in) :: tolerance
     type(tEPS), intent(inout) :: solver
@@ -102,7 +92,7 @@ contains
 
     PetscCall(PetscObjectGetComm(self%mass, comm, ierr))
     PetscCall(MatGetSize(self%mass, n, PETSC_NULL_INTEGER, ierr))
-    room = min(n - size(others), sought + max(least_room, sought/3))
+    room = min(n, sought + max(least_room, sought/3))
     PetscCall(EPSCreate(comm, solver, ierr))
     PetscCall(EPSSetOptionsPrefix(solver, 'modes_', ierr))
     PetscCall(EPSSetOperators(solver, self%stiffness, self%mass, ierr))
@@ -115,9 +105,6 @@ contains
     ! It would solve once more for each vector; the Rayleigh-Ritz step does so by blocks.
     PetscCall(EPSSetPurify(solver, PETSC_FALSE, ierr))
     PetscCall(EPSSetInitialSpace(solver, 1, first, ierr))
-    if (size(others) > 0) then
-      PetscCall(EPSSetDeflationSpace(solver, size(others), others, ierr))
-    end if
     PetscCall(EPSGetST(solver, transform, ierr))
     PetscCall(STSetType(transform, STSINVERT, ierr))
     PetscCall(STSetKSP(transform, self%factor%solver, ierr))
