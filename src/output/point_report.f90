@@ -1,5 +1,6 @@
 !> What is told of one solved point: its outcome, its monitors over the period, and how wrong they may be.
 module attrito_output_point_report
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use attrito_core_kinds, only: wp, two_pi
   use attrito_core_trigonometric, only: extrema
   use attrito_balance_harmonic_balance, only: balance_type
@@ -89,8 +90,8 @@ contains
   pure logical function is_finite(report)
     type(point_report_type), intent(in) :: report
 
-    is_finite = abs(report%residual) <= huge(1.0_wp) .and. all(abs(report%harmonics) <= huge(1.0_wp)) &
-                .and. all(abs(report%amplitude) <= huge(1.0_wp)) .and. all(abs(report%mean) <= huge(1.0_wp))
+    is_finite = ieee_is_finite(report%residual) .and. all(ieee_is_finite(report%harmonics)) &
+                .and. all(ieee_is_finite(report%amplitude)) .and. all(ieee_is_finite(report%mean))
   end function is_finite
 
   !> Coefficients of monitors [2 H + 1, monitors], those beyond a harmonic being zero.
