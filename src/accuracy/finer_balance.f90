@@ -23,7 +23,7 @@ module attrito_accuracy_finer_balance
   use attrito_continuation_solver, only: solver_type
   implicit none
   private
-  public :: finer_balance_type, new_finer_balance, finer_point_type
+  public :: finer_balance_type, new_finer_balance, finer_point_type, solve_for_estimate
 
   !> Damping ratio of modes beyond H that have none of their own: it keeps their resonances finite
   real(wp), parameter :: nominal_ratio = 0.01_wp
@@ -274,23 +274,16 @@ contains
     !> 0, or not: singular
     integer, intent(out) :: status
     type(unknowns_type) :: right, moved
-    type(linear_options_type) :: options
     complex(wp), allocatable :: added(:, :)
-    integer :: iterations, k
+    integer :: k
 
     point%omega = solver%omega
     associate (balance => solver%context%balance, harmonics => solver%context%balance%receptance%harmonics)
       allocate (added, mold=balance%response)
       call balance%respond_to_deviation(change, added)
       k = size(change, 1)
-      right = new_unknowns(k, size(change, 2), size(released, 2))
-      moved = right
-      right%motion = balance%recover(added)
-      right%slider = released
-      options = solver%context%linear
-      options%krylov%tolerance = accepted_residual
-      call solve_linearised(balance, solver%context%constraint, right, options, moved, iterations, status, &
-                            solver%context%preconditioner)
+      right = unknowns_type(balance%recover(added), released)
+      call solve_for_estimate(solver, right, moved, status)
       if (status /= 0) return
       call balance%respond_to_deviation(change + change_of_deviation(balance, right, moved), added)
       response(:, :harmonics) = response(:, :harmonics) + added
@@ -301,6 +294,24 @@ contains
       point%slider = moved%slider
     end associate
   end subroutine step
+
+  !> A linearised step at the solver's point, as exact as an error needs.
+  subroutine solve_for_estimate(solver, right, step, status)
+    type(solver_type), intent(inout) :: solver
+    !> Right-hand sides of balance and sliders
+    type(unknowns_type), intent(in) :: right
+    type(unknowns_type), intent(out) :: step
+    !> 0, or not: singular
+    integer, intent(out) :: status
+    type(linear_options_type) :: options
+    integer :: iterations
+
+    step = new_unknowns(size(right%motion, 1), size(right%motion, 2), size(right%slider, 2))
+    options = solver%context%linear
+    options%krylov%tolerance = accepted_residual
+    call solve_linearised(solver%context%balance, solver%context%constraint, right, options, step, iterations, status, &
+                          solver%context%preconditioner)
+  end subroutine solve_for_estimate
 
   !> Give the transforms back.
   subroutine destroy(self)

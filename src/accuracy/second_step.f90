@@ -9,19 +9,16 @@
 !> natural frequency of the structure, its contacts slipping or open as they do in the mean, lies near h omega.
 module attrito_accuracy_second_step
   use attrito_core_kinds, only: wp
-  use attrito_core_trigonometric, only: resized
-  use attrito_accuracy_finer_balance, only: finer_balance_type, finer_point_type
-  use attrito_balance_linearised_step, only: linear_options_type, solve_linearised, change_of_deviation
+  use attrito_accuracy_finer_balance, only: finer_balance_type, finer_point_type, solve_for_estimate
+  use attrito_balance_linearised_step, only: change_of_deviation
   use attrito_balance_receptance, only: to_complex, to_real
-  use attrito_balance_unknowns, only: unknowns_type, new_unknowns
+  use attrito_balance_unknowns, only: unknowns_type
   use attrito_contact_quadrature_sampled, only: contact_forces_type
   use attrito_continuation_solver, only: solver_type
   implicit none
   private
   public :: second_step_type, step_again
 
-  !> Relative residual of GMRES, where the step is large: an error needs two digits
-  real(wp), parameter :: accepted_residual = 1.0e-2_wp
   !> Least |1 - lambda| that is believed: lambda is a mean over contacts and modes, and no more than one digit of it is sure
   real(wp), parameter :: least_distance = 0.02_wp
 
@@ -50,10 +47,9 @@ contains
     real(wp), intent(in) :: threshold
     type(second_step_type), intent(out) :: second
     type(unknowns_type) :: right, moved
-    type(linear_options_type) :: options
     complex(wp), allocatable :: response(:, :), added(:, :)
     real(wp), allocatable :: deviation(:, :), change(:, :), motion(:, :), monitors(:, :), released(:, :)
-    integer :: iterations, k, status
+    integer :: k, status
 
     associate (balance => solver%context%balance, harmonics => solver%context%balance%receptance%harmonics)
       k = balance%coefficients()
@@ -68,14 +64,8 @@ contains
       motion = matmul(to_real(response), balance%directions)
       monitors = matmul(to_real(response), balance%monitors)
       second%unsettled = highest_unsettled(answers_of(solver, first%motion, motion, first%monitors, monitors), (k + 1)/2, threshold)
-      right = new_unknowns(k, balance%rows(), size(released, 2))
-      moved = right
-      right%motion = motion(:k, :) - first%motion(:k, :)
-      right%slider = released
-      options = solver%context%linear
-      options%krylov%tolerance = accepted_residual
-      call solve_linearised(balance, solver%context%constraint, right, options, moved, iterations, status, &
-                            solver%context%preconditioner)
+      right = unknowns_type(motion(:k, :) - first%motion(:k, :), released)
+      call solve_for_estimate(solver, right, moved, status)
       if (status /= 0) return
       call balance%respond_to_deviation(change_of_deviation(balance, right, moved), added)
       response(:, :harmonics) = response(:, :harmonics) + added

@@ -12,6 +12,7 @@ module attrito_reduce_block_lanczos
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: subtract_product, symmetric_eigenpairs, transposed_product
   use attrito_reduce_pencil, only: pencil_type
+  use attrito_reduce_turned_columns, only: turn
   implicit none
   private
   public :: lanczos_type, new_lanczos
@@ -37,8 +38,6 @@ module attrito_reduce_block_lanczos
   real(wp), parameter :: nothing = 1.0e-13_wp
   !> Singular values that a round resolves, relative to its largest
   real(wp), parameter :: resolved = 1.0e-4_wp
-  !> Rows treated at a time where the space is turned in place
-  integer, parameter :: strip = 2048
 
 contains
 
@@ -249,18 +248,6 @@ contains
       self%h(i, i) = theta(i)
     end do
   end subroutine restart
-
-  !> v(:, :k) <- v y, in strips of rows.
-  subroutine turn(v, y)
-    real(wp), intent(inout) :: v(:, :)
-    real(wp), intent(in) :: y(:, :)
-    integer :: first, last
-
-    do first = 1, size(v, 1), strip
-      last = min(first + strip - 1, size(v, 1))
-      v(first:last, :size(y, 2)) = matmul(v(first:last, :), y)
-    end do
-  end subroutine turn
 
   !> Eigenpairs of a symmetric matrix told by its upper triangle, descending.
   subroutine ritz(h, theta, y)

@@ -7,14 +7,13 @@ module attrito_reduce_rayleigh_ritz
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: symmetric_eigenpairs, transposed_product
   use attrito_reduce_pencil, only: pencil_type
+  use attrito_reduce_turned_columns, only: turn
   implicit none
   private
   public :: rayleigh_ritz
 
   !> Eigenvalues of A, relative to the largest one, that count as nothing
   real(wp), parameter :: nothing = 1.0e-13_wp
-  !> Rows treated at a time where the space is turned in place
-  integer, parameter :: strip = 2048
 
 contains
 
@@ -61,16 +60,4 @@ contains
     call turn(x, y(:, :kept))
     if (kept < m) x = x(:, :kept)
   end subroutine rayleigh_ritz
-
-  !> v(:, :k) <- v y, in strips of rows.
-  subroutine turn(v, y)
-    real(wp), intent(inout) :: v(:, :)
-    real(wp), intent(in) :: y(:, :)
-    integer :: first, last
-
-    do first = 1, size(v, 1), strip
-      last = min(first + strip - 1, size(v, 1))
-      v(first:last, :size(y, 2)) = matmul(v(first:last, :), y)
-    end do
-  end subroutine turn
 end module attrito_reduce_rayleigh_ritz
