@@ -41,6 +41,9 @@ module attrito_accuracy_error_control
   real(wp), parameter :: agreement = 0.5_wp, negligible = 0.2_wp
   !> Part of a series that had to be lengthened until its estimate was sure that the next point begins with at least
   real(wp), parameter :: shrinking = 0.8_wp
+  !> Contacts so many times stiffer than the structure is at them may bounce at any frequency: series shorter than this are not sure
+  real(wp), parameter :: stiff = 1.0e3_wp
+  integer, parameter :: short_series = 5
   !> Part of the motion, in units of the tolerance, that a harmonic may lack
   real(wp), parameter :: unsettled_share = 0.1_wp
   !> The tolerance that estimates are made for where none is given
@@ -74,6 +77,8 @@ module attrito_accuracy_error_control
     !> Do the two steps of the last estimate agree? If not: harmonics that have not settled, up to this one
     logical, private :: is_sure = .true.
     integer, private :: unsettled = 0
+    !> Greatest ratio of a contact's stiffness to that of the structure at it; negative: not known yet
+    real(wp), private :: stiffness_ratio = -1.0_wp
     !> For the point that comes next
     integer, private :: next_harmonics = 0, next_samples = 0
   contains
@@ -292,10 +297,33 @@ contains
                          difference <= max(agreement*error, negligible*harmonics_share*min(self%tolerance, nominal_tolerance))
         end if
       end if
+      if (balance%receptance%harmonics < short_series .and. .not. solver%all_stick) then
+        if (self%stiffness_ratio < 0.0_wp) self%stiffness_ratio = greatest_stiffness_ratio(solver)
+        self%is_sure = self%is_sure .and. self%stiffness_ratio <= stiff
+      end if
       self%errors%samples = finer%samples_share*error
       self%errors%harmonics = error - self%errors%samples
     end associate
   end subroutine estimate
+
+  !> The stiffness of a contact over that of the structure, all other contacts stuck: with R the stuck system's flexibility at a row and
+  !> k the row's spring, the structure alone has 1/R - k there, so the ratio is k R/(1 - k R). The greatest of all rows.
+  real(wp) function greatest_stiffness_ratio(solver) result(ratio)
+    type(solver_type), intent(in) :: solver
+    real(wp), parameter :: rounding = 1.0e-12_wp
+    real(wp), allocatable :: modes(:, :)
+    real(wp) :: share
+    integer :: row
+
+    ratio = 0.0_wp
+    associate (contacts => solver%contacts, stuck => solver%stuck)
+      modes = matmul(transpose(contacts%directions), stuck%modes)
+      do row = 1, size(modes, 1)
+        share = contacts%row_stiffness(row)*sum(modes(row, :)**2/stuck%modal_stiffness)
+        ratio = max(ratio, share/max(1.0_wp - share, rounding))
+      end do
+    end associate
+  end function greatest_stiffness_ratio
 
   !> Harmonics of the longer series: three times as many, of long ones at most 20 or half as many more. Where forces fade like h^-2
   !> and motion like h^-4, what is beyond H falls like H^-3: two thirds of it are seen at least, 26 parts in 27 with a short series.

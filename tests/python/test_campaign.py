@@ -115,3 +115,13 @@ def test_the_report_counts_failures_by_their_kind():
     assert found["within the tolerance, %"] == 50.0
     assert found["estimate at least a third of the error, %"] == 75.0
     assert found["not_converged, %"] == pytest.approx(100.0 / 6.0)
+
+
+def test_one_harmonic_is_not_believed_where_contacts_are_ten_thousand_times_stiffer_than_the_structure():
+    # Found by the campaign: one harmonic is wrong by 6 and 9 % at estimates of 1e-3, nine and more have no solution.
+    scene = campaign_scenes.make(12424829, 58)
+    assert scene.ratio > 1e4
+    points = [point for point, *_ in campaign.sweep(scene)]
+    slipping = [point for point in points if sum(point.states[2:])]
+    assert [point.outcome for point in slipping] == ["above_tolerance"] * 2
+    assert all(np.isnan(point.estimate) for point in slipping)
