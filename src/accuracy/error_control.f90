@@ -306,8 +306,8 @@ contains
     end associate
   end subroutine estimate
 
-  !> The stiffness of a contact over that of the structure, all other contacts stuck: with R the stuck system's flexibility at a row and
-  !> k the row's spring, the structure alone has 1/R - k there, so the ratio is k R/(1 - k R). The greatest of all rows.
+  !> The stiffness of a contact over that of the structure, all other contacts stuck, the greatest of all rows. With R the stuck
+  !> system's flexibility at a row and k the row's spring, the structure alone has 1/R - k there, so the ratio is k R/(1 - k R).
   real(wp) function greatest_stiffness_ratio(solver) result(ratio)
     type(solver_type), intent(in) :: solver
     real(wp), parameter :: rounding = 1.0e-12_wp
