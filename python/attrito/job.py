@@ -190,7 +190,14 @@ def _cross_check(job: Job, earlier: list[Fault]) -> list[Fault]:
         _check_outputs,
     )
     found = [fault for check in checks for fault in check(job)]
-    return [fault for fault in found if at_fault.isdisjoint((fault.key, fault.key.partition(" ")[0]))]
+    # What is missing may be what was meant by the key of its table that is at fault.
+    doubtful = {key.partition(" ")[0] for key in at_fault}
+    return [
+        fault
+        for fault in found
+        if at_fault.isdisjoint((fault.key, fault.key.partition(" ")[0]))
+        and not (fault.value == "missing" and fault.key.partition(" ")[0] in doubtful)
+    ]
 
 
 def _check_model(job: Job) -> list[Fault]:

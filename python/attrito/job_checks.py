@@ -14,6 +14,8 @@ Check = Callable[[Any], Any]
 
 # Integers cross to the library as 32 bits.
 LARGEST_INTEGER = 2**31 - 1
+# In Hz, far above any: angular frequencies of all harmonics have finite squares, with room for what these are times.
+LARGEST_FREQUENCY = 1e100
 # Datasets beside those of the monitors.
 RESERVED = ("frequency_hz", "natural_hz")
 # Displacements along the axes, and rotations about them.
@@ -40,6 +42,11 @@ def number(low: float = -math.inf, high: float = math.inf, *, above: bool = Fals
         return float(value)
 
     return check
+
+
+def frequency(low: float = 0.0, *, above: bool = True) -> Check:
+    """A frequency in Hz whose harmonics' squares are numbers, too."""
+    return number(low, LARGEST_FREQUENCY, above=above)
 
 
 def integer(low: int, high: int = LARGEST_INTEGER) -> Check:

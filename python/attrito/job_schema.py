@@ -14,6 +14,7 @@ from attrito.job_checks import (
     choice,
     corner,
     either,
+    frequency,
     integer,
     listing,
     matrix,
@@ -77,7 +78,7 @@ TABLES: dict[str, dict[str, Key]] = {
             None,
             '[fixed-interface modes](method.md#reduction) to keep; `"auto"`: as many as `error` asks for',
         ),
-        "max_frequency_hz": Key(number(0, above=True), None, "instead of `modes`: keep those up to here"),
+        "max_frequency_hz": Key(frequency(), None, "instead of `modes`: keep those up to here"),
         "error": Key(
             number(0, 1, above=True),
             None,
@@ -158,9 +159,9 @@ TABLES: dict[str, dict[str, Key]] = {
         "max_iterations": Key(integer(1), 30, "of Newton's method"),
     },
     "sweep": {
-        "start_hz": Key(number(0, above=True), None, "followed by arc-length from here"),
-        "stop_hz": Key(number(0, above=True), None, "to here; or, instead of both:"),
-        "frequencies_hz": Key(listing(number(0, above=True), 1), None, "solved one by one, each from the one before"),
+        "start_hz": Key(frequency(), None, "followed by arc-length from here"),
+        "stop_hz": Key(frequency(), None, "to here; or, instead of both:"),
+        "frequencies_hz": Key(listing(frequency(), 1), None, "solved one by one, each from the one before"),
         "levels": Key(listing(number(0, above=True), 1), [1.0], "factors on all harmonic loads, a sweep each"),
     },
     "continuation": {
@@ -205,7 +206,7 @@ TABLES: dict[str, dict[str, Key]] = {
             "that is largest at the peak: half the range, or of one harmonic",
         ),
         "near_hz": Key(
-            number(0, above=True), None, "where the linear peak is; absent: the largest between the ends of the sweep"
+            frequency(), None, "where the linear peak is; absent: the largest between the ends of the sweep"
         ),
         "optimum": Key(boolean, True, "locate extrema of the peak over the parameter"),
         "backbone": Key(
@@ -238,7 +239,7 @@ TABLES: dict[str, dict[str, Key]] = {
         ),
         "steps_per_period": Key(integer(2), None, "of the schemes other than `event`; absent: what suits the scheme"),
         "dissipation": Key(number(0, 1), None, "HHT's -alpha (0.1) or generalised alpha's spectral radius (0.8)"),
-        "frequency_hz": Key(number(0, above=True), None, "of the excitation"),
+        "frequency_hz": Key(frequency(), None, "of the excitation"),
         "level": Key(number(0), 1.0, "factor on all harmonic loads"),
         "static_profile": Key(
             listing(pair_of_numbers, 1), None, "`[[time, factor], ...]` on the static loads; absent: constantly 1"
@@ -301,7 +302,9 @@ ARRAYS: dict[str, dict[str, Key]] = {
         "cosine": Key(either(terms, text), [], "harmonic: forces with cos h omega t, or a file of them"),
         "sine": Key(either(terms, text), [], "harmonic: forces with sin h omega t, or a file of them"),
         "speed_hz": Key(
-            number(0), None, "centrifugal: f = Omega^2 M r, r the distance from the axis ([below](#rotation))"
+            frequency(above=False),
+            None,
+            "centrifugal: f = Omega^2 M r, r the distance from the axis ([below](#rotation))",
         ),
         "axis_point": Key(listing(number(), 3, 3), None, "centrifugal: on the axis"),
         "axis_direction": Key(listing(number(), 3, 3), None, "centrifugal: of the axis"),

@@ -134,7 +134,18 @@ JOB = [
     Case(
         "a negative frequency in a list",
         frequencies(frequencies_hz=[132.0, -1.0]),
-        ("job.toml: [sweep] frequencies_hz = [132.0, -1.0]: expected a number above 0, not -1.0, as item 1",),
+        (
+            "job.toml: [sweep] frequencies_hz = [132.0, -1.0]: expected a number above 0 and of at most 1e+100,"
+            " not -1.0, as item 1",
+        ),
+    ),
+    Case(
+        "a frequency whose square is beyond all numbers",
+        frequencies(frequencies_hz=[1.7e308]),
+        (
+            "job.toml: [sweep] frequencies_hz = [1.7e+308]: expected a number above 0 and of at most 1e+100,"
+            " not 1.7e+308, as item 0",
+        ),
     ),
     Case(
         "no sweep at all",

@@ -12,7 +12,7 @@ import scipy.io
 from fault_cases import Case, both, drop, frequencies, put
 from faults_of_jobs import JOB
 from faults_of_models import MESH, MODEL
-from jobs import attrito, attrito_here, run, toml, wedge, write_blocks
+from jobs import attrito, attrito_here, run, toml, wedge, write_blocks, write_job
 from scipy.sparse import coo_matrix, eye
 
 OLD_RESULT = b"a result of yesterday"
@@ -231,3 +231,11 @@ def test_faults_of_an_import_are_told(folder, capfd, arguments, message):
 def test_an_import_into_a_folder_that_is_a_file_is_told(folder, capfd):
     done = attrito_here(folder, capfd, "import", "result.h5/model.h5", "--stiffness", "K.mtx", "--mass", "K.mtx")
     check(done, folder, ("result.h5/model.h5: file = ", "expected a file that can be written"))
+
+
+def test_what_a_faulty_key_may_have_meant_is_not_missing(folder, capfd):
+    job = wedge()
+    job["sweep"] = {"frequencies_hz": [-1.0]}
+    write_job(folder, job)
+    told = attrito_here(folder, capfd, "run", "job.toml").stderr.splitlines()
+    assert len(told) == 1 and "[sweep] frequencies_hz" in told[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -237,6 +238,8 @@ def written(folder: Path, name: str) -> bytes:
         sparse.save_npz(path, matrix)
     elif name == "new.mat":
         write.write_matlab_73(path, {"K": matrix})
+    elif name == "oldest.mat":
+        scipy.io.savemat(path, {"K": matrix}, format="4")
     elif name.endswith(".mat"):
         write.write_matlab(path, {"K": matrix})
     else:
@@ -247,6 +250,14 @@ def written(folder: Path, name: str) -> bytes:
 BINARY = {
     "npz: cut off": ("k.npz", lambda data: data[:-100], "a file of scipy.sparse.save_npz"),
     "MATLAB 5: cut off": ("old.mat", lambda data: data[:-30], "a MATLAB file"),
+    "MATLAB 4: cut off": ("oldest.mat", lambda data: data[:-3], "a MATLAB file"),
+    "MATLAB 4: more rows than the file holds": (
+        "oldest.mat",
+        lambda data: data[:4] + np.array([2**31 - 1, 2**31 - 1], "<i4").tobytes() + data[12:],
+        "a MATLAB file",
+    ),
+    "MATLAB 4: a name without letters": ("oldest.mat", lambda data: data[:16] + bytes(4) + data[20:], "a MATLAB file"),
+    "MATLAB 4: zeros after it": ("oldest.mat", lambda data: data + bytes(64), "a MATLAB file"),
     "MATLAB 7.3: cut off": ("new.mat", lambda data: data[:700], "a MATLAB file"),
     "OUTPUT4: cut off": ("sparse.op4", lambda data: data[:-20], "the file is cut off"),
     "OUTPUT4: cut off in a column": ("dense.op4", lambda data: data[:50], "the file is cut off"),
@@ -272,6 +283,26 @@ def test_faulty_binary_files_are_told(twin, tmp_path):
     (tmp_path / name).write_bytes(changed)
     told = fault_of(read_matrix, tmp_path / name, "stiffness")
     assert name in told and expected in told
+
+
+def test_gigabytes_of_zeros_are_no_matlab_file_and_are_not_read_to_their_end(tmp_path, monkeypatch):
+    path = tmp_path / "k.mat"
+    path.touch()
+    os.truncate(path, 2**33)
+    # Which takes them for hundreds of millions of variables.
+    monkeypatch.setattr(scipy.io, "whosmat", lambda path: pytest.fail("read by SciPy"))
+    told = fault_of(read_matrix, path, "stiffness")
+    assert "whose name has 0 letters at byte 0" in told and "expected a MATLAB file" in told
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_variables_of_version_4_are_known_in_either_order_of_bytes(order, tmp_path):
+    path = tmp_path / "k.mat"
+    numbers = np.array(STIFFNESS, f"{order}f8")
+    rows, columns = numbers.shape
+    head = np.array([0 if order == "<" else 1000, rows, columns, 0, 2], f"{order}i4")
+    path.write_bytes(head.tobytes() + b"K\0" + numbers.T.tobytes())
+    assert np.array_equal(read_matrix(path, "stiffness").toarray(), STIFFNESS)
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ import scipy.io
 from scipy.io.matlab import MatReadError
 from scipy.sparse import csr_matrix
 
+from attrito.importers.mat_records import fault_of_version_4, is_version_4
 from attrito.importers.npz import check_parts, real_matrix
 from attrito.importers.source import Source, no_such_matrix, refuse
 from attrito.stored import UNREADABLE, check_sizes
@@ -30,6 +31,8 @@ def read_matlab(path: str | Path, key: str, name: str | None = None) -> Source:
 
 
 def _from_mat(path: str, key: str, name: str | None) -> csr_matrix:
+    if is_version_4(path) and (fault := fault_of_version_4(path)):
+        raise refuse(path, key, fault, "a MATLAB file")
     try:
         shapes = {found: shape for found, shape, _ in scipy.io.whosmat(path)}
         name = _choose(path, key, name, shapes)
