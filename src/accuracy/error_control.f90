@@ -35,6 +35,8 @@ module attrito_accuracy_error_control
   !> Parts of the accepted error that harmonics and samples may take, and what a change of either aims at of its part: the estimate
   !> may be too small by a factor, and the next point is not this one
   real(wp), parameter :: harmonics_share = 0.5_wp, samples_share = 0.25_wp, aimed_part = 0.3_wp
+  !> Part of the half-range of a change of the motion that the change of an amplitude, which it bounds, is estimated as at least
+  real(wp), parameter :: share_of_motion = 0.2_wp
   !> A series is cut where so few harmonics would do
   real(wp), parameter :: worth_cutting = 0.75_wp
   !> The two steps of an estimate agree if they differ by no more than this part of it, or of what harmonics may take of the tolerance
@@ -145,8 +147,25 @@ contains
 
     call take_resolution_chosen(self, solver)
     call solve_by_cascade(solver, omega)
+    if (.not. solver%report%converged) call solve_on_short_series(self, solver, omega)
     call refine(self, solver)
   end subroutine solve_at
+
+  !> Where a long series has no solution, or none was found: try a short one, from which `refine` goes on. Not where there is no
+  !> periodic motion at all.
+  subroutine solve_on_short_series(self, solver, omega)
+    class(error_control_type), intent(in) :: self
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: omega
+    integer :: harmonics, iterations
+
+    harmonics = max(self%fewest_harmonics, short_series)
+    if (.not. self%choose_harmonics .or. solver%options%harmonics <= harmonics .or. solver%no_orbit) return
+    iterations = solver%report%iterations
+    call solver%set_resolution(harmonics, max(self%fewest_samples, 6*harmonics + 2))
+    call solve_by_cascade(solver, omega)
+    solver%report%iterations = solver%report%iterations + iterations
+  end subroutine solve_on_short_series
 
   !> What the last point asked for the next one.
   subroutine take_resolution_chosen(self, solver)
@@ -190,7 +209,12 @@ contains
       if (harmonics == solver%options%harmonics .and. samples == solver%options%samples) exit
       shorter = own_monitors(solver)
       call solve_finer(solver, finer, harmonics, samples, iterations, better)
-      if (.not. better) exit
+      if (.not. better) then
+        ! The next point had better begin with a series that has a solution.
+        self%next_harmonics = solver%options%harmonics
+        self%next_samples = solver%options%samples
+        exit
+      end if
     end do
     if (self%choose_harmonics .and. solver%report%converged .and. .not. self%is_sure) then
       self%errors%harmonics = ieee_value(self%errors%harmonics, ieee_quiet_nan)
@@ -354,18 +378,37 @@ contains
     end associate
   end function own_monitors
 
-  !> Largest change of an amplitude from one point to another, relative to the latter.
+  !> Largest change of an amplitude from one point to another, relative to the latter, and at least a part of the largest change that
+  !> an equal change of the motion can make: at the extremes of the motion its parts may cancel by chance.
   pure real(wp) function relative_change(from, to)
     !> Coefficients of the monitors of both [k, monitors]
     real(wp), intent(in) :: from(:, :), to(:, :)
-    real(wp) :: before(size(to, 2)), after(size(to, 2))
+    real(wp) :: difference(max(size(from, 1), size(to, 1)), size(to, 2))
+    real(wp), dimension(size(to, 2)) :: after, change
 
     relative_change = 0.0_wp
     if (size(to, 2) == 0) return
-    before = half_ranges(from)
+    difference = resized(to, size(difference, 1)) - resized(from, size(difference, 1))
     after = half_ranges(to)
-    if (maxval(after) > 0.0_wp) relative_change = maxval(abs(after - before)/max(after, least_share*maxval(after)))
+    change = max(abs(after - half_ranges(from)), share_of_motion*half_ranges(without_shift(difference, resized(to, size(difference, 1)))))
+    if (maxval(after) > 0.0_wp) relative_change = maxval(change/max(after, least_share*maxval(after)))
   end function relative_change
+
+  !> A change of series columnwise, less the shift in time that comes nearest to it: that changes no amplitude.
+  pure function without_shift(change, series) result(rest)
+    !> [k, columns] both
+    real(wp), intent(in) :: change(:, :), series(:, :)
+    real(wp) :: rest(size(change, 1), size(change, 2)), rate(size(change, 1))
+    integer :: h, i
+
+    do i = 1, size(change, 2)
+      rate(1) = 0.0_wp
+      do h = 1, size(rate)/2
+        rate(2*h:2*h + 1) = h*[series(2*h + 1, i), -series(2*h, i)]
+      end do
+      rest(:, i) = change(:, i) - rate*(dot_product(rate, change(:, i))/max(dot_product(rate, rate), tiny(1.0_wp)))
+    end do
+  end function without_shift
 
   !> Half the range over the period of series columnwise.
   pure function half_ranges(series) result(ranges)

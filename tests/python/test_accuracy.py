@@ -10,6 +10,7 @@ import pytest
 from jobs import attrito, attrito_here, chain, run, table, wedge, write_job
 from mpi4py import MPI
 
+from attrito.faults import UnsolvedError
 from attrito.running import run_job
 
 # Across the resonance of the wedge, where it slips and opens.
@@ -73,6 +74,15 @@ def test_the_estimate_is_the_error_of_samples(tmp_path):
     # The error falls like samples^-2 only in the mean: events move among the samples.
     assert np.all(estimate[known] > 0.3 * truth[known])
     assert np.all(estimate[known] < 3.0 * truth[known])
+
+
+def test_where_long_series_have_no_solution_points_are_solved_on_short_ones_and_say_so(tmp_path):
+    job = wedge(force=60.0) | {"balance": {}, "sweep": {"frequencies_hz": [136.0, 132.0]}}
+    job["contact"][0] |= {"tangential_stiffness": 3e9, "normal_stiffness": 3e9}
+    with pytest.raises(UnsolvedError, match=r"2 point\(s\) is above"):
+        here(tmp_path, job)
+    with h5py.File(tmp_path / "result.h5") as file:
+        assert np.all(np.isnan(file["points/estimate"][:]))
 
 
 @pytest.mark.parametrize("tolerance", [1e-1, 1e-2, 1e-3, 1e-4])
