@@ -1,6 +1,7 @@
-"""What a run warns of before its first point: scenes that can be solved, but are probably not what was meant.
+"""What commands on a job warn of: scenes that can be solved, but are probably not what was meant.
 
-Each warning is one sentence, printed once and kept in the result (its attribute `warnings`) and in the report.
+Each warning is one sentence, printed once and kept in the file that is written (its attribute `warnings`); a run's are
+in the report, too.
 """
 
 from __future__ import annotations
@@ -23,6 +24,11 @@ FAR_APART = 1e-3
 ROTATION = 1e-3
 # Part of the largest modal damping that is rounding.
 ROUNDING = 1e-10
+NOTHING_TOUCHES = "no contact touches at the static solution"
+TO_CHECK = (
+    "points begin from the structure without contacts;"
+    " check gap, the sign of the static loads and that of the contacts' normals"
+)
 
 
 def of_scene(job: Job, scene: Scene) -> list[str]:
@@ -78,12 +84,12 @@ def _is_positive(matrix: np.ndarray) -> bool:
 
 def of_static_solution(states: Sequence[int]) -> list[str]:
     """A warning where no contact touches; `states` counts those stuck, shaken down, slipping and open."""
-    if sum(states) == 0 or states[3] < sum(states):
-        return []
-    return [
-        "no contact touches at the static solution: points begin from the structure without contacts;"
-        " check gap, the sign of the static loads and that of the contacts' normals"
-    ]
+    return [] if sum(states) == 0 or states[3] < sum(states) else [f"{NOTHING_TOUCHES}: {TO_CHECK}"]
+
+
+def of_static_solutions(untouched: int, samples: int) -> list[str]:
+    """A warning where in some samples of a study no contact touches."""
+    return [f"{NOTHING_TOUCHES} of {untouched} of {samples} samples: {TO_CHECK}"] if untouched else []
 
 
 def _parallel_rows(job: Job, contacts: Contacts) -> Iterator[str]:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import h5py
 import numpy as np
 
-from attrito import __version__
+from attrito import __version__, cautions
 from attrito.attractors import Attractor, State, find_attractors, told, write_attractors
 from attrito.faults import InputError, UnsolvedError
 from attrito.integrator import Integrator, Orbit, Run
@@ -54,6 +54,14 @@ def integrate_job(comm: Comm, path: str | Job, say: Callable[[str], None] = prin
 
 def _integrate(comm: Comm, job: Job, scene: Scene | None, file: str, say: Callable[[str], None]) -> tuple[str, str]:
     """Integrate and write; outcome and reason."""
+    warnings: list[str] = []
+
+    def warn(found: list[str]) -> None:
+        warnings.extend(found)
+        for line in found:
+            say(f"warning: {line}")
+
+    on_root(comm, lambda: warn(cautions.of_scene(job, scene)))
     rom, _ = make_rom(comm, job, scene, say)
 
     def work() -> tuple[str, str]:
@@ -61,9 +69,13 @@ def _integrate(comm: Comm, job: Job, scene: Scene | None, file: str, say: Callab
         choices = run_of(job, reduced)
         with Integrator(reduced) as session:
             place(session, job, scene, reduced)
+            warn(cautions.of_damping(reduced))
+            if job["integrate"]["start"] == "static":
+                touching = session.touching()
+                warn(cautions.of_static_solution((touching, 0, 0, session.contacts - touching)))
             orbit = session.run(choices)
             met = attractors_of(session, job, scene, reduced, choices)
-        write(file, job, reduced, choices, orbit, met)
+        write(file, job, reduced, choices, orbit, met, warnings)
         for line in [*summary(file, reduced, choices, orbit), *told(reduced.monitor_names, met)]:
             say(line)
         return orbit.outcome, orbit.reason
@@ -201,7 +213,9 @@ def summary(file: str, scene: ReducedScene, choices: Run, orbit: Orbit) -> list[
     return [*lines, file]
 
 
-def write(path: str, job: Job, scene: ReducedScene, choices: Run, orbit: Orbit, met: list[Attractor]) -> None:
+def write(
+    path: str, job: Job, scene: ReducedScene, choices: Run, orbit: Orbit, met: list[Attractor], warnings: list[str]
+) -> None:
     """Write the group /integration, replacing one that is there."""
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     with whole_hdf5(path, start=path if _is_ours(path) else None) as file:
@@ -222,6 +236,7 @@ def write(path: str, job: Job, scene: ReducedScene, choices: Run, orbit: Orbit, 
         group.attrs["version"] = __version__
         group.attrs["outcome"], group.attrs["reason"] = orbit.outcome, orbit.reason
         group.attrs["scheme"] = choices.scheme
+        group.attrs["warnings"] = "\n".join(warnings)
         for name, (values, description, unit) in _datasets(scene, choices, orbit).items():
             stored = group.create_dataset(name, data=values)
             stored.attrs["description"], stored.attrs["unit"] = description, unit

@@ -218,6 +218,10 @@ class Integrator:
         )
         return arrays
 
+    def touching(self) -> int:
+        """How many contacts carry a normal force as the session stands."""
+        return self._library.attrito_integrator_touching(self._handle)
+
     def run(self, choices: Run) -> Orbit:
         """Integrate from where the session stands until steady; it then stands at the end."""
         profiles = [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -105,8 +106,15 @@ def columns(found: list[Found], parameter: str) -> dict[str, np.ndarray]:
     return {name: np.array(values) for name, values in rows.items()}
 
 
-def write(path: str, job: Job, scene: ReducedScene, found: list[Found], backbone: Backbone | None = None) -> None:
-    """Write the peaks; the file appears when it is complete."""
+def write(
+    path: str,
+    job: Job,
+    scene: ReducedScene,
+    found: list[Found],
+    backbone: Backbone | None = None,
+    warnings: Sequence[str] = (),
+) -> None:
+    """Write the peaks and what was warned of; the file appears when it is complete."""
     keys = job["peak"]
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     data = columns(found, keys["parameter"])
@@ -117,6 +125,7 @@ def write(path: str, job: Job, scene: ReducedScene, found: list[Found], backbone
         file.attrs["description"] = "A resonance peak followed in a parameter; see docs/peaks.md of attrito"
         file.attrs["references"] = REFERENCES
         file.attrs["job"] = json.dumps(job.tables)
+        file.attrs["warnings"] = "\n".join(warnings)
         file.attrs["parameter"] = keys["parameter"]
         file.attrs["amplitude"] = keys["amplitude"]
         file.attrs["monitor"] = keys["monitor"] or scene.monitor_names[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import brentq
 
+from attrito import cautions
 from attrito.backbone import Backbone, BackboneTracker, follow_backbone, leading_mode
 from attrito.faults import InputError, UnsolvedError
 from attrito.fixed_series import fixed_series, is_enough
@@ -53,18 +55,20 @@ def _follow_and_show(
     comm: Comm, job: Job, scene: Scene | None, file: str, picture: str | None, progress: Progress
 ) -> str:
     """Follow the peak, write and show what was found; what is missing, in words."""
+    progress.warn(on_root(comm, lambda: cautions.of_scene(job, scene)))
     rom, report = make_rom(comm, job, scene, progress.say, progress.step)
     progress.reduction(report)
     reduced, load_path, series = on_root(
         comm, lambda: (reduced_scene(job, scene, rom), scene.load_path, fixed_series(solver_options(job, rom)))
     )
+    progress.warn(on_root(comm, lambda: cautions.of_damping(reduced)))
     found: list[Found] = []
     leading = None
     for options in series:
         if found:
             progress.say(f"above the tolerance: anew with {options.harmonics} harmonics, {options.samples} samples")
         found, leading = [], None
-        with Solver(comm, reduced, options) as solver:
+        with Solver(comm, reduced, options) as solver, _warning_of_statics(progress, solver):
             for one in follow(solver, job, reduced, load_path):
                 found.append(one)
                 progress.say(line(one, job["peak"]["parameter"]))
@@ -78,7 +82,7 @@ def _follow_and_show(
         progress.say(f"backbone of stuck mode {leading[0]}: {sum(map(len, backbone.stretches))} points")
 
     def show() -> str:
-        write(file, job, reduced, found, backbone)
+        write(file, job, reduced, found, backbone, progress.warnings)
         print(table(file), end="")
         place = picture or str(Path(file).with_suffix(".png"))
         save(peak_curve(file), place)
@@ -86,6 +90,15 @@ def _follow_and_show(
 
     progress.say(f"{file}, {on_root(comm, show)}")
     return _missed(job, found)
+
+
+@contextlib.contextmanager
+def _warning_of_statics(progress: Progress, solver: Solver) -> Iterator[None]:
+    """Warn of the static solution that the block comes to, however it ends."""
+    try:
+        yield
+    finally:
+        progress.warn(cautions.of_static_solution(solver.static_states))
 
 
 def follow(solver: Solver, job: Job, scene: ReducedScene, load_path: np.ndarray) -> Iterator[Found]:

@@ -10,6 +10,7 @@ import math
 import os
 import sys
 import time
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,6 +45,7 @@ class Progress:
         self._step = ""
         self._begun = (0.0, 0)
         self._told = -math.inf
+        self.warnings: list[str] = []
 
     def say(self, line: str) -> None:
         """A line of its own."""
@@ -51,6 +53,13 @@ class Progress:
             return
         self._leave_standing()
         print(line, flush=True)
+
+    def warn(self, warnings: Iterable[str]) -> None:
+        """Warnings, each once however often it is found."""
+        for warning in warnings:
+            if warning not in self.warnings:
+                self.warnings.append(warning)
+                self.say(f"warning: {warning}")
 
     def _leave_standing(self) -> None:
         """The last point's line is to be read."""

@@ -49,8 +49,10 @@ def reduce_job(comm: Comm, path: str | Job) -> str:
     _say_notes(progress, scene)
     if rom_path(job) is None:
         raise InputError(job.fault("[reduction]", "missing", "this table, to say what to reduce to"))
+    progress.warn(on_root(comm, lambda: cautions.of_scene(job, scene)))
     rom, report = make_rom(comm, job, scene, progress.say, progress.step)
     progress.reduction(report)
+    progress.warn(on_root(comm, lambda: cautions.of_damping(reduced_scene(job, scene, rom))))
     return comm.bcast(None if rom is None else rom.path)
 
 
@@ -110,8 +112,7 @@ def _solve(
         warnings += on_root(comm, lambda: cautions.of_damping(reduced))
         if (wedges := warning(margin)) is not None:
             warnings.append(wedges)
-        for line in warnings:
-            progress.say(f"warning: {line}")
+        progress.warn(warnings)
         linear = linear_responses(solver, job)
         progress.begin(len(reduced.mass), len(reduced.laws["tangents"]), linear)
         first = on_root_only(comm, lambda: first_record(job, scene, rom, reduced, comm.size, linear))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,9 @@ QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 MOST_PARTS, FEWEST = 15, 8
 
 
-def write_study(study: Study, job: Job, values: np.ndarray, found: list[dict[str, Any]]) -> dict[str, int]:
+def write_study(
+    study: Study, job: Job, values: np.ndarray, found: list[dict[str, Any]], warnings: Sequence[str]
+) -> dict[str, int]:
     """Put batches together into the file and picture; returns how many samples have an outcome to report, by name."""
     stops = study.stops(job)
     rows: list[Any] = [None] * study.samples
@@ -45,6 +48,7 @@ def write_study(study: Study, job: Job, values: np.ndarray, found: list[dict[str
         file.attrs["description"] = "Resonance peaks over samples of a job's values; see docs/studies.md of attrito"
         file.attrs["job"], file.attrs["study"] = json.dumps(job.tables), json.dumps(study.as_table())
         file.attrs["parameter"] = job["peak"]["parameter"]
+        file.attrs["warnings"] = "\n".join(warnings)
 
         def put(name: str, data: np.ndarray, description: str, unit: str) -> h5py.Dataset:
             stored = file.create_dataset(name, data=data)

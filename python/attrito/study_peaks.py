@@ -84,7 +84,7 @@ class SamplePeaks:
             method, peak = search.run(self._starts.get(i, self._starts.get(i - 1)))
             if peak is not None:
                 self._starts[i] = search.tracker.start(peak.frequency_hz)
-            found.append(_row(method, peak))
+            found.append(_row(method, peak) | {"touches": any(self._solver.static_states[:3])})
         return found
 
     def _take(self, reduced: ReducedScene, options: Options) -> None:

@@ -19,12 +19,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from attrito import cautions
 from attrito.faults import UnsolvedError
 from attrito.job import Job, read_job, rom_path
 from attrito.locks import writing_alone
 from attrito.parallel import on_root, on_root_only
 from attrito.progress import Progress
-from attrito.rom import Rom, make_rom
+from attrito.rom import Rom, make_rom, reduced_scene
 from attrito.scene import Scene, build_scene
 from attrito.study_design import Study, batches, read_study
 from attrito.study_file import write_study
@@ -79,7 +80,11 @@ def _solve_samples(comm: Comm, job: Job, study: Study, progress: Progress) -> di
 
     def finish() -> dict[str, int]:
         found = [json.loads(_part(folder, i).read_text()) for i in range(len(order))]
-        failed = write_study(study, job, values, found)
+        rows = [row for batch in found for row in batch["rows"]]
+        # Batches that an earlier version left do not say.
+        untouched = sum(not all(one.get("touches", True) for one in row) for row in rows)
+        progress.warn(cautions.of_static_solutions(untouched, study.samples))
+        failed = write_study(study, job, values, found, progress.warnings)
         _remove_parts(folder.parent)
         return failed
 
@@ -100,8 +105,10 @@ def _shared_scene(
 ) -> tuple[Scene | None, Rom | None]:
     """The scene that samples differ from in numbers alone, if they do, and the reduced model of all, where `reads`."""
     scene = on_root_only(comm, lambda: build_scene(job))
+    progress.warn(on_root(comm, lambda: cautions.of_scene(job, scene)))
     rom, report = make_rom(comm, job, scene, progress.say, progress.step, reads)
     progress.reduction(report)
+    progress.warn(on_root(comm, lambda: cautions.of_damping(reduced_scene(job, scene, rom))))
     if not study.keeps_places(job):
         return None, rom
 

@@ -9,6 +9,7 @@ module attrito_api_integrate
   use attrito_model_structure, only: structure_type
   use attrito_integrate_loading, only: new_profile
   use attrito_integrate_run, only: run_options_type, orbit_type, integrate
+  use attrito_integrate_state, only: state_type, new_state, normal_force
   use attrito_integrate_static_walk, only: walk
   use attrito_integrate_system, only: system_type, new_system
   use attrito_api_message, only: tell
@@ -124,6 +125,18 @@ contains
     velocity = matmul(session%system%modes, session%rate)*session%system%clock
     slider(:, :size(session%contacts%law)) = session%slider
   end subroutine attrito_integrator_state
+
+  !> How many contacts carry a normal force as it stands.
+  integer(c_int) function attrito_integrator_touching(handle) result(touching) bind(c)
+    type(c_ptr), value :: handle
+    type(session_type), pointer :: session
+    type(state_type) :: state
+    integer :: i
+
+    call c_f_pointer(handle, session)
+    state = new_state(session%system, session%motion, session%rate, session%slider)
+    touching = count([(normal_force(session%system, state, i) > 0.0_wp, i=1, size(session%contacts%law))])
+  end function attrito_integrator_touching
 
   !> Integrate until steady; the session then stands at the end of the run.
   integer(c_int) function attrito_integrator_run(handle, options, report, message, length) result(status) bind(c)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import h5py
 import numpy as np
 import pytest
 from elastic import elastic_block
@@ -102,3 +103,53 @@ def test_matrices_that_resist_a_rigid_rotation_are_told_from_held_and_sound_ones
         # Stress stiffening does so rightly.
         told.stiffness_holds = ("stress_stiffening",)
         assert resisted_rotation(told) is None
+
+
+def odd_job() -> dict:
+    """A job of which every kind of command warns: no contact touches, damping feeds a mode, rows are parallel."""
+    job = wedge(force=1.0)
+    job["load"][0]["dofs"] = [[1, -420.0]]
+    job["model"]["damping"] = [[60.0, 0.0], [0.0, -30.0]]
+    job["contact"].append(job["contact"][0] | {"tangents": [[[0, 1.0], [1, 1.0]]]})
+    job["sweep"], job["peak"] = {"start_hz": 280.0, "stop_hz": 85.0}, {"start": 1.0, "stop": 1.05}
+    job["integrate"] = {"frequency_hz": 90.0, "cycles": 3}
+    return job
+
+
+@pytest.mark.parametrize("command", ["reduce", "peak", "study", "integrate"])
+def test_every_command_on_a_job_warns_once_of_what_it_finds(tmp_path, capfd, command):
+    job = odd_job()
+    if command == "reduce":
+        # Which takes a model with a mesh, and solves nothing.
+        model = write_blocks(tmp_path / "model.h5")
+        model.damping = -1e-6 * model.stiffness
+        write_model(tmp_path / "model.h5", model, [])
+        job = blocks()
+        job.pop("damping", None)
+        job["contact"] = [wedge()["contact"][0] | {"tangents": [[[0, 1.0], [1, 1.0]]]}]
+    path = write_job(tmp_path, job)
+    if command == "study":
+        vary = [{"name": "mu", "keys": ["contact[*].friction_coefficient"], "low": 1.0, "high": 1.1, "factor": True}]
+        path = write_job(tmp_path, {"job": "job.toml", "samples": 2, "vary": vary}, "study.toml")
+    done = attrito_here(tmp_path, capfd, command, path)
+    assert done.returncode in (0, 1), done.stdout + done.stderr
+    said = [line.removeprefix("warning: ") for line in done.stdout.splitlines() if line.startswith("warning: ")]
+    expected = ["is parallel to normal", "feeds the stuck mode", "feeds the frictionless mode"]
+    if command != "reduce":
+        expected.append("no contact touches at the static solution")
+    assert len(said) == len(expected), said
+    assert all(part in line for part, line in zip(expected, said, strict=True)), said
+    if command == "study":
+        assert "static solution of 2 of 2 samples" in said[-1]
+    if command != "reduce":
+        name = {"peak": "result.peaks.h5", "study": "study.h5", "integrate": "result.h5"}[command]
+        with h5py.File(tmp_path / name) as file:
+            kept = file["integration"] if command == "integrate" else file
+            assert kept.attrs["warnings"].splitlines() == said
+
+
+def test_an_integration_that_starts_on_touching_contacts_does_not_warn(tmp_path, capfd):
+    job = wedge()
+    job["integrate"] = {"frequency_hz": 132.0, "cycles": 3}
+    done = attrito_here(tmp_path, capfd, "integrate", write_job(tmp_path, job))
+    assert done.returncode in (0, 1) and "warning" not in done.stdout
