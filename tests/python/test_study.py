@@ -18,6 +18,7 @@ from mpi4py import MPI
 
 from attrito.job import read_job
 from attrito.solver import Solver
+from attrito.stability import ENGINES, ORBITS, examine_point, fetch_multipliers
 from attrito.study_design import batches, places, read_study, set_value
 from attrito.verify.wedge import PARAMETER_SETS, Wedge
 
@@ -128,6 +129,26 @@ def test_a_session_takes_other_friction_as_a_new_one_would_and_refuses_other_sti
         again = solve(solver)
     with Solver(MPI.COMM_SELF, changed, wedge._options) as solver:
         assert solve(solver) == again
+
+
+def test_stability_is_that_of_the_friction_a_session_has_taken():
+    """Orbits integrated in time have the laws of the scene, not those of the one before."""
+    wedge = Wedge(PARAMETER_SETS["unrounded"], 45.0, "C", 5)
+    changed = replace(wedge.scene, laws=wedge.scene.laws | {"friction_coefficient": np.full(1, 0.4)})
+
+    def examine(solver: Solver) -> tuple[float, ...]:
+        solver.walk_static_path(np.array([[0.0], [1.0]]), 20, 100.0)
+        (point,) = solver.solve_at([125.0], 10.0, 0)
+        report, reason = examine_point(solver, ENGINES["monodromy"], ORBITS["exact"])
+        assert point.outcome == "converged" and point.states[2] == 1 and not reason
+        return report.distance, *fetch_multipliers(solver, ENGINES["monodromy"], report.monodromy)[0]
+
+    with Solver(MPI.COMM_SELF, wedge.scene, wedge._options) as solver:
+        before = examine(solver)
+        assert solver.take(changed)
+        again = examine(solver)
+    with Solver(MPI.COMM_SELF, changed, wedge._options) as solver:
+        assert examine(solver) == again != before
 
 
 def test_keys_are_found_and_changed_by_their_paths(tmp_path):
