@@ -12,6 +12,7 @@ docs/python.md tells of each.
 from __future__ import annotations
 
 import importlib
+import os
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,10 @@ if TYPE_CHECKING:
     from attrito.report import write_report
     from attrito.result_tables import bifurcation_table, contact_table, multiplier_table, table
     from attrito.results import Result
+
+# HDF5 locks every file that it opens, and reads none where a file system has no locks. What attrito writes has locks of
+# its own (`locks.py`). HDF5 looks at this when it is loaded.
+os.environ.setdefault("HDF5_USE_FILE_LOCKING", "FALSE")
 
 try:
     __version__ = version("attrito")

@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 
 # What the system says where locks are not to be had.
 WITHOUT_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL)
+NO_LOCKS = (
+    "the file system of {} has no locks, so that nothing keeps other processes from writing the same files:"
+    " start jobs that share a folder or an output one after another"
+)
 
 
 class Lock:
@@ -60,7 +64,7 @@ class Lock:
             except OSError as error:
                 if error.errno not in WITHOUT_LOCKS:
                     os.close(descriptor)
-                    raise
+                    raise OSError(error.errno, f"{error.strerror} (lock)", self.path) from error
                 self.shared = False
             if not self.shared or _is_at(descriptor, self.path):
                 self._descriptor = descriptor
@@ -122,11 +126,13 @@ def writing_alone(comm: Comm, path: str | os.PathLike[str], makes_folder: bool =
         except OSError as error:
             if error.errno in NO_ROOM:
                 raise
-            expected = "a place where a file can be written"
+            expected = "a place where a file can be written and locked"
             raise InputError(Fault(str(path), "file", error.strerror, expected)) from error
         if not free:
             expected = "that no other process writes it: wait for that one, or give this output another name"
             raise InputError(Fault(str(path), "file", "in use", expected))
+        if not lock.shared:
+            print(f"warning: {NO_LOCKS.format(Path(path).parent.resolve())}", flush=True)
         remove_left_overs(path)
 
     on_root(comm, begin)

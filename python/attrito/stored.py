@@ -48,6 +48,10 @@ def spoilt(path: str | Path, error: BaseException, expected: str) -> InputError:
     if not Path(path).is_file():
         return InputError(Fault(str(path), "file", "absent", expected))
     said = " ".join(str(error).split()) or type(error).__name__
+    if "unable to lock file" in said:
+        # HDF5 was loaded before attrito could ask it not to.
+        expected = "a file system with locks, or the environment variable HDF5_USE_FILE_LOCKING=FALSE"
+        return InputError(Fault(str(path), "file", said, expected))
     key = "file" if isinstance(error, OSError) and not h5py.is_hdf5(path) else "contents"
     return InputError(Fault(str(path), key, said, f"{expected}, intact"))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import json
 import os
 import signal
@@ -12,7 +14,7 @@ from pathlib import Path
 
 import h5py
 import pytest
-from jobs import attrito_here, blocks, table, wedge, write_blocks, write_job
+from jobs import attrito, attrito_here, blocks, table, wedge, write_blocks, write_job
 from mpi4py import MPI
 
 from attrito import rom
@@ -51,6 +53,40 @@ def test_a_lock_is_gone_with_the_process_that_held_it(tmp_path):
     assert lock.take()
     lock.release()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_without_locks_is_told_and_the_job_is_done(tmp_path, capfd, monkeypatch):
+    def none(*_: object) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr(fcntl, "flock", none)
+    done = attrito_here(tmp_path, capfd, "run", write_job(tmp_path, wedge()))
+    assert done.returncode == 0, done.stdout + done.stderr
+    (warning,) = [line for line in done.stdout.splitlines() if line.startswith("warning: ")]
+    assert f"the file system of {tmp_path} has no locks" in warning
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["job.toml", "result.h5"]
+
+
+def test_a_lock_that_the_system_fails_to_give_is_told(tmp_path, capfd, monkeypatch):
+    def broken(*_: object) -> None:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr(fcntl, "flock", broken)
+    done = attrito_here(tmp_path, capfd, "run", write_job(tmp_path, wedge()))
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert (
+        "result.h5: file = 'Input/output error (lock)': expected a place where a file can be written and locked" in line
+    )
+
+
+def test_a_model_is_read_whatever_locks_it(tmp_path):
+    """HDF5 would refuse it, and all others where there are no locks."""
+    write_blocks(tmp_path / "model.h5")
+    with open(tmp_path / "model.h5", "rb") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        done = attrito(tmp_path, "info", "model.h5")
+    assert done.returncode == 0, done.stderr
 
 
 def test_a_lock_that_is_a_link_is_not_followed(tmp_path):
