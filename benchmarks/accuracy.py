@@ -27,7 +27,8 @@ import numpy as np
 import scenes
 from mpi4py import MPI
 
-from attrito.solver import Options, Point, ReducedScene, Solver
+from attrito.library.reduced_scene import ReducedScene
+from attrito.library.session import Options, Point, Solver
 
 TOLERANCES = (1e-1, 1e-2, 1e-3)
 # Fixed runs beside them: what costs are told against, and short series whose estimates are checked
@@ -280,9 +281,9 @@ def summary(cases: list[dict]) -> dict:
 
 def blade_maker(path: str) -> Callable[[np.random.Generator], Case]:
     """Scenes like a job that has been run, its rom.h5 at hand."""
-    from attrito.job import read_job
-    from attrito.rom import make_rom, reduced_scene
-    from attrito.scene import build_scene
+    from attrito.job.reading import read_job
+    from attrito.scene.build import build_scene
+    from attrito.scene.reduced_model import make_rom, reduced_scene
 
     job = read_job(path)
     whole = build_scene(job)

@@ -23,7 +23,8 @@ from pathlib import Path
 import numpy as np
 from scipy.sparse import bsr_matrix, csr_matrix
 
-from attrito.model_file import Model, write_model
+from attrito.model.model import Model
+from attrito.model.model_file import write_model
 
 YOUNG, POISSON, DENSITY = 1.15e11, 0.32, 4430.0  # titanium, SI
 SPAN, CHORD, ROOT = 0.30, 0.08, 0.16  # length, width, and the share of the length that is root

@@ -21,7 +21,7 @@ import numpy as np
 from mpi4py import MPI
 from scenes import plane_block, slip_thresholds, stuck_system
 
-from attrito.solver import Options, Solver
+from attrito.library.session import Options, Solver
 
 
 def measure(contacts: int, harmonics: int, modes: int, load: float, options: dict) -> dict:

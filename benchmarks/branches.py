@@ -21,8 +21,9 @@ import numpy as np
 import scenes
 from scipy.optimize import brentq
 
-from attrito.integrator import Integrator
-from attrito.solver import Options, Point, ReducedScene
+from attrito.library.integrator import Integrator
+from attrito.library.reduced_scene import ReducedScene
+from attrito.library.session import Options, Point
 
 STATIC_PATH = np.array([[0.0], [1.0]])
 

@@ -35,9 +35,9 @@ import numpy as np
 from campaign_truth import PATH, Referee, Solved, Truth, Verdict
 from mpi4py import MPI
 
-from attrito.faults import NumericsError
-from attrito.running import FIRST_HARMONICS, FIRST_SAMPLES
-from attrito.solver import Options, Point, Solver
+from attrito.library.session import Options, Point, Solver
+from attrito.scene.solver_options import FIRST_HARMONICS, FIRST_SAMPLES
+from attrito.support.errors import NumericsError
 
 TOLERANCE = 0.01
 # A truth so near, in tolerances, needs no second one; every so many scenes all points have every truth

@@ -20,7 +20,7 @@ import numpy as np
 import scenes
 from scipy.linalg import eigh
 
-from attrito.solver import ReducedScene
+from attrito.library.reduced_scene import ReducedScene
 
 # Shares of structures, of tuned scenes, of scenes that lift off, of loads with more than one harmonic
 STRUCTURES = {

@@ -33,12 +33,12 @@ import numpy as np
 import scenes
 from mpi4py import MPI
 
-from attrito.attractors import State
-from attrito.faults import NumericsError
-from attrito.integrator import Integrator, Orbit, Run
-from attrito.restart import StoredPoint
-from attrito.solver import Options, ReducedScene, Solver
-from attrito.verify.torture.methods import state_of
+from attrito.integration.attractors import State
+from attrito.library.integrator import Integrator, Orbit, Run
+from attrito.library.reduced_scene import ReducedScene
+from attrito.library.session import Options, Solver, StoredPoint
+from attrito.support.errors import NumericsError
+from attrito.verify.scene_grid.methods import state_of
 
 # Newton's method on the period map: most steps, a step, relative to the motion, that counts as none, halvings of a step
 # that does not lower the change, reduction above which the derivative is made anew; steps of the differences

@@ -18,9 +18,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from mpi4py import MPI
 
-from attrito import library
-from attrito.c_interface import make_law
-from attrito.solver import Options, Point, ReducedScene, Solver
+from attrito.library import loading
+from attrito.library.reduced_scene import ReducedScene
+from attrito.library.session import Options, Point, Solver
+from attrito.library.structures import make_law
 
 # A working set of as many bytes is taken to stay in a core's own cache.
 CACHE = 2**20 // 2
@@ -125,7 +126,7 @@ def contact_kernel(
     law = make_law(laws, 0)
 
     def mean(repeats: int) -> float:
-        library.load().attrito_time_contact(
+        loading.load().attrito_time_contact(
             ctypes.byref(law),
             motion.shape[1],
             samples,

@@ -23,7 +23,7 @@ import numpy as np
 import scenes
 from mpi4py import MPI
 
-from attrito.solver import Solver
+from attrito.library.session import Solver
 
 TOLERANCES = (1e-2, 1e-3)
 # Levels of the block, in median slip thresholds, and where it is solved, parts of the stuck natural frequency

@@ -11,8 +11,8 @@ from collections import Counter
 
 import numpy as np
 
-from attrito.integrator import Integrator, Orbit, Run
-from attrito.solver import ReducedScene
+from attrito.library.integrator import Integrator, Orbit, Run
+from attrito.library.reduced_scene import ReducedScene
 
 # What of a march's ends counts as an orbit found, in the solver's disfavour: still approaching one, or repeating but
 # for a change a period of less than NEARLY, which neither fades nor goes one way.

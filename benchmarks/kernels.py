@@ -28,7 +28,8 @@ import common  # isort: skip (sets the threads of BLAS before numpy is loaded)
 import numpy as np
 import scenes
 
-from attrito.solver import Options, ReducedScene
+from attrito.library.reduced_scene import ReducedScene
+from attrito.library.session import Options
 
 # Of the scenes
 HARMONICS = 5

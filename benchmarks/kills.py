@@ -42,9 +42,9 @@ sys.path.insert(0, str(TESTS))
 from jobs import ENVIRONMENT, chain, wedge, write_job  # noqa: E402 (a folder of scripts, not a package)
 from restarts import differences  # noqa: E402
 
-from attrito.journal import is_journal, read_journal  # noqa: E402
-from attrito.result_tables import table  # noqa: E402
-from attrito.results import Result  # noqa: E402
+from attrito.results.journal import is_journal, read_journal  # noqa: E402
+from attrito.results.result import Result  # noqa: E402
+from attrito.results.tables import table  # noqa: E402
 
 INPUT, RESULT = "input.toml", "result.h5"
 # From a signal at one rank to the end of all

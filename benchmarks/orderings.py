@@ -23,8 +23,8 @@ import h5py
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from attrito import library
-from attrito.job_schema import ORDERINGS
+from attrito.library import loading
+from attrito.library.names import ORDERINGS
 
 NUMBERS = {"amd": 0, "amf": 2, "scotch": 3, "pord": 4, "qamd": 6}
 NAMES = {number: name for name, number in NUMBERS.items()}
@@ -41,7 +41,7 @@ def interior_stiffness(path: Path) -> csr_matrix:
 
 def measure(folder: Path, ordering: str, low_rank: float, analyse: bool) -> dict:
     """One case, in this process."""
-    library.load()  # brings the MUMPS that has SCOTCH, before PETSc's own
+    loading.load()  # brings the MUMPS that has SCOTCH, before PETSc's own
     import petsc4py
 
     petsc4py.init([])

@@ -27,7 +27,8 @@ import common  # isort: skip (sets the threads of BLAS before numpy is loaded)
 import numpy as np
 import scenes
 
-from attrito.solver import Options, ReducedScene
+from attrito.library.reduced_scene import ReducedScene
+from attrito.library.session import Options
 
 ROOT = Path(__file__).resolve().parents[1]
 PEER = "pyHarm-os==1.2.2"

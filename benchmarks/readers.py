@@ -167,11 +167,11 @@ FORMATS: dict[str, tuple[Callable[[Path, int, int], None], str]] = {
 
 def measure(path: str) -> dict[str, float]:
     """Read one file in this process."""
-    from attrito import library
     from attrito.importers.dof_numbers import DofNumbers
     from attrito.importers.matrix import open_matrix
+    from attrito.library import loading
 
-    library.load()
+    loading.load()
     before = _resident()
     numbers = DofNumbers()
     start = time.process_time()

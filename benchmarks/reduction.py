@@ -22,8 +22,8 @@ import h5py
 import numpy as np
 from mpi4py import MPI
 
-from attrito.job_schema import EIGENSOLVERS, ORDERINGS
-from attrito.reduction import BLOCK_VECTORS, reduce_model
+from attrito.library.names import EIGENSOLVERS, ORDERINGS
+from attrito.library.reduction import BLOCK_VECTORS, reduce_model
 
 
 def boundary_and_vectors(path: Path, nodes: int | None = None) -> tuple[np.ndarray, np.ndarray]:

@@ -25,7 +25,7 @@ import evidence
 import numpy as np
 import scenes
 
-from attrito.solver import Options
+from attrito.library.session import Options
 
 
 def measure(contacts: int, stiffness: float, arguments: argparse.Namespace) -> list[dict]:

@@ -19,7 +19,7 @@ import common  # isort: skip (sets the threads of BLAS before numpy is loaded)
 import numpy as np
 import scenes
 
-from attrito.solver import Options
+from attrito.library.session import Options
 
 POINTS = 24
 SHIFT = 0.002

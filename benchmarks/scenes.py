@@ -15,7 +15,7 @@ from scipy.linalg import eigh
 from scipy.sparse import coo_matrix, csc_matrix, diags
 from scipy.sparse.linalg import LinearOperator, SuperLU, eigsh, splu
 
-from attrito.solver import ReducedScene
+from attrito.library.reduced_scene import ReducedScene
 
 YOUNG, POISSON, DENSITY = 2.1e11, 0.3, 7850.0
 FRICTION = 0.3

@@ -22,7 +22,8 @@ import evidence
 import numpy as np
 import scenes
 
-from attrito.solver import Options, Point, ReducedScene
+from attrito.library.reduced_scene import ReducedScene
+from attrito.library.session import Options, Point
 
 DIFFERENT = 0.05
 

@@ -19,7 +19,8 @@ import common  # isort: skip (sets the threads of BLAS before numpy is loaded)
 import numpy as np
 import scenes
 
-from attrito.solver import Options, ReducedScene
+from attrito.library.reduced_scene import ReducedScene
+from attrito.library.session import Options
 
 
 def measure(name: str, scene: ReducedScene, options: dict, turns: int) -> dict:

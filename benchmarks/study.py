@@ -25,7 +25,8 @@ import h5py
 import numpy as np
 import scenes
 
-from attrito.model_file import Model, write_model
+from attrito.model.model import Model
+from attrito.model.model_file import write_model
 
 ALONG, ACROSS = 5, 4
 STIFFNESS, PRESSING = 2.0e10, 1.0e4

@@ -26,12 +26,13 @@ import common  # isort: skip (sets the threads of BLAS before numpy is loaded)
 import numpy as np
 from mpi4py import MPI
 
-from attrito.bifurcations import KINDS as BIFURCATIONS
-from attrito.family import Family
-from attrito.faults import NumericsError
-from attrito.integrator import Integrator, Run
-from attrito.solver import Options, Point, ReducedScene, Solver
-from attrito.stability import ENGINES, ORBITS, examine_point, fetch_multipliers
+from attrito.library.family import Family
+from attrito.library.integrator import Integrator, Run
+from attrito.library.reduced_scene import ReducedScene
+from attrito.library.session import Options, Point, Solver
+from attrito.runs.bifurcations import KINDS as BIFURCATIONS
+from attrito.runs.stability import ENGINES, ORBITS, examine_point, fetch_multipliers
+from attrito.support.errors import NumericsError
 
 PATH = np.array([[0.0], [1.0]])
 STATIC_STEPS = 20

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import api_reference
 
-from attrito import job_reference
+from attrito.job import reference as job_reference
 
 DOCS = Path(__file__).resolve().parent
 BEGIN, END = "<!-- made by script/reference", "<!-- end of what is made -->"

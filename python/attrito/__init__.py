@@ -13,26 +13,22 @@ from __future__ import annotations
 
 import importlib
 import os
-from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
+
+from attrito.support.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from attrito.api import UnsolvedWarning, integrate, open, peak, reduce, run, study
-    from attrito.data import File, Group, Quantity
-    from attrito.faults import Fault, InputError, NumericsError, UnsolvedError
     from attrito.importers import import_model
-    from attrito.report import write_report
-    from attrito.result_tables import bifurcation_table, contact_table, multiplier_table, table
-    from attrito.results import Result
+    from attrito.report.report import write_report
+    from attrito.results.quantities import File, Group, Quantity
+    from attrito.results.result import Result
+    from attrito.results.tables import bifurcation_table, contact_table, multiplier_table, table
+    from attrito.support.errors import Fault, InputError, NumericsError, UnsolvedError
 
 # HDF5 locks every file that it opens, and reads none where a file system has no locks. What attrito writes has locks of
-# its own (`locks.py`). HDF5 looks at this when it is loaded.
+# its own (`support/locks.py`). HDF5 looks at this when it is loaded.
 os.environ.setdefault("HDF5_USE_FILE_LOCKING", "FALSE")
-
-try:
-    __version__ = version("attrito")
-except PackageNotFoundError:  # run from a source tree
-    __version__ = "unknown"
 
 # Where each name is; it is loaded when it is asked for, so that a command loads only what it needs.
 _PLACES = {
@@ -43,19 +39,19 @@ _PLACES = {
     "study": "api",
     "open": "api",
     "import_model": "importers",
-    "write_report": "report",
-    "File": "data",
-    "Group": "data",
-    "Quantity": "data",
-    "Result": "results",
-    "table": "result_tables",
-    "contact_table": "result_tables",
-    "bifurcation_table": "result_tables",
-    "multiplier_table": "result_tables",
-    "Fault": "faults",
-    "InputError": "faults",
-    "NumericsError": "faults",
-    "UnsolvedError": "faults",
+    "write_report": "report.report",
+    "File": "results.quantities",
+    "Group": "results.quantities",
+    "Quantity": "results.quantities",
+    "Result": "results.result",
+    "table": "results.tables",
+    "contact_table": "results.tables",
+    "bifurcation_table": "results.tables",
+    "multiplier_table": "results.tables",
+    "Fault": "support.errors",
+    "InputError": "support.errors",
+    "NumericsError": "support.errors",
+    "UnsolvedError": "support.errors",
     "UnsolvedWarning": "api",
 }
 __all__ = [

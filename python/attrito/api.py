@@ -14,15 +14,16 @@ import warnings
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from attrito.data import File
-from attrito.faults import Fault, InputError, UnsolvedError
-from attrito.job import Job, plain, read_job
-from attrito.parallel import on_root
+from attrito.job.job import Job
+from attrito.job.reading import plain, read_job
+from attrito.results.quantities import File
+from attrito.support.errors import Fault, InputError, UnsolvedError
+from attrito.support.parallel import on_root
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
-    from attrito.study_design import Study
+    from attrito.studies.design import Study
 
 JobSource: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any] | Job"
 StudySource: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any] | Study"
@@ -88,7 +89,7 @@ def run(
     >>> result = attrito.run("input/wedge.toml")
     >>> result = attrito.run(job | {"sweep": {"frequencies_hz": [132.0]}}, MPI.COMM_SELF)
     """
-    from attrito.running import run_job
+    from attrito.runs.run import run_job
 
     return File(_do(run_job, job, comm, folder, quiet, strict))
 
@@ -105,7 +106,7 @@ def integrate(
 
     Parameters and errors are those of `run`; motion that does not become steady is unsolved.
     """
-    from attrito.integrating import integrate_job
+    from attrito.integration.run import integrate_job
 
     return File(_do(integrate_job, job, comm, folder, quiet, strict))
 
@@ -117,7 +118,7 @@ def reduce(
 
     Parameters are those of `run`; errors are `InputError` and `NumericsError`.
     """
-    from attrito.running import reduce_job
+    from attrito.runs.run import reduce_job
 
     return File(_do(reduce_job, job, comm, folder, quiet, strict=True))
 
@@ -139,7 +140,7 @@ def peak(
     >>> with attrito.peak("input/wedge_peak.toml") as curve:
     ...     curve.peaks.level, curve.peaks.response
     """
-    from attrito.peaking import peak_job
+    from attrito.peaks.run import peak_job
 
     return File(_do(peak_job, job, comm, folder, quiet, strict))
 
@@ -163,8 +164,8 @@ def study(
     ------
     InputError, UnsolvedError : as of `run`
     """
-    from attrito.study_design import read_study
-    from attrito.studying import run_study
+    from attrito.studies.design import read_study
+    from attrito.studies.run import run_study
 
     return File(_do(run_study, study, comm, folder, quiet, strict, read_study))
 

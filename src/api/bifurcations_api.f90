@@ -12,7 +12,7 @@ module attrito_api_bifurcations
   implicit none
   private
 
-  ! Kinds, in the order of KINDS in bifurcations.py
+  ! Kinds, in the order of KINDS in runs/bifurcations.py
   integer, parameter :: fold = 0, contact_fold = 1, flip = 2, neimark_sacker = 3, branch_point = 4, contact_crossing = 5
 
   type, bind(c) :: bifurcation_report_type

@@ -12,7 +12,7 @@ module attrito_api_branches
   implicit none
   private
 
-  ! Ways to look for a start, in the order of STARTS in search.py
+  ! Ways to look for a start, in the order of STARTS in runs/branch_search.py
   integer, parameter :: cold = 0, in_motion = 1, from_preload = 2
 
 contains

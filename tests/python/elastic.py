@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sparse
 import synthetic
 
-from attrito.model_file import Model
+from attrito.model.model import Model
 
 YOUNG, POISSON, DENSITY = 2.1e11, 0.3, 7800.0
 CORNERS = np.array([(x, y, z) for z in (-1, 1) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))])

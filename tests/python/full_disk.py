@@ -16,7 +16,7 @@ OLD = b"the result of yesterday"
 COMMAND = """
 import resource, signal, sys
 from mpi4py import MPI
-from attrito import running
+from attrito.runs import run as running
 from attrito.cli import main
 
 def fill_disk():

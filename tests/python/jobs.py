@@ -20,7 +20,8 @@ import synthetic
 from scipy.sparse import csr_matrix, diags
 
 from attrito.cli import main
-from attrito.model_file import Model, write_model
+from attrito.model.model import Model
+from attrito.model.model_file import write_model
 
 # Seconds until something counts as hung. No test asks how fast a machine is: it waits for a state, or for an end.
 TIMEOUT = 600.0

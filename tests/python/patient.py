@@ -13,9 +13,9 @@ import sys
 import time
 from pathlib import Path
 
-from attrito import studying
 from attrito.cli import main
-from attrito.stop import Stop
+from attrito.studies import run as studying
+from attrito.support.stop_signals import Stop
 
 WAITS = 8
 PROGRAM = str(Path(__file__).resolve())

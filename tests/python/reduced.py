@@ -10,8 +10,9 @@ import numpy as np
 from mpi4py import MPI
 from scipy.linalg import eigh
 
-from attrito.model_file import Model, write_model
-from attrito.reduction import Report, reduce_model
+from attrito.library.reduction import Report, reduce_model
+from attrito.model.model import Model
+from attrito.model.model_file import write_model
 
 COUNTS, SIZE = (5, 3, 2), (0.1, 0.04, 0.03)
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from attrito.faults import NumericsError
-from attrito.running import run_job
+from attrito.runs.run import run_job
+from attrito.support.errors import NumericsError
 
 
 def run_to_the_end(job: Path) -> str:

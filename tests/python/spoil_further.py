@@ -135,7 +135,7 @@ def overflowing(folder: Path, path: Path, arguments: Arguments, chance: random.R
 
 def forged(folder: Path, path: Path, arguments: Arguments, chance: random.Random) -> None:
     """Records of a journal whose sums are right, and whose contents are not."""
-    from attrito.journal import _HEAD, _MARK, MAGIC
+    from attrito.results.journal import _HEAD, _MARK, MAGIC
 
     data, place, out = path.read_bytes(), len(MAGIC), [MAGIC]
     while place + _HEAD.size <= len(data):

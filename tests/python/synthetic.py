@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 from scipy.optimize import brentq
 
-from attrito.model_file import Model
+from attrito.model.model import Model
 
 STATES = ("stuck", "shaken_down", "slipping", "open")
 OUTCOMES = ("converged", "unstable", "indeterminate", "no_period_one_orbit", "not_converged")

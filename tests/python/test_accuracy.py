@@ -10,8 +10,8 @@ import pytest
 from jobs import attrito, attrito_here, chain, run, table, wedge, write_job
 from mpi4py import MPI
 
-from attrito.faults import UnsolvedError
-from attrito.running import run_job
+from attrito.runs.run import run_job
+from attrito.support.errors import UnsolvedError
 
 # Across the resonance of the wedge, where it slips and opens.
 FREQUENCIES = np.linspace(136.0, 116.0, 6).tolist()

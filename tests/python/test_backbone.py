@@ -15,12 +15,13 @@ import pytest
 from mpi4py import MPI
 from test_peak import DAMPING, KT, element, jenkins, job
 
-from attrito.backbone import BackbonePoint, BackboneTracker, follow_backbone
-from attrito.peak_file import Found, read_backbone, read_peaks
-from attrito.peak_tracker import PeakTracker
-from attrito.restart import StoredPoint
-from attrito.solver import Options, ReducedScene, Solver
-from attrito.verify.wedge import PARAMETER_SETS, Wedge
+from attrito.library.peak_tracker import PeakTracker
+from attrito.library.reduced_scene import ReducedScene
+from attrito.library.session import Options, Solver, StoredPoint
+from attrito.peaks.backbone import BackboneTracker, follow_backbone
+from attrito.peaks.curve import BackbonePoint, Found
+from attrito.peaks.file import read_backbone, read_peaks
+from attrito.verify.paper.wedge import PARAMETER_SETS, Wedge
 
 
 @contextmanager

@@ -13,7 +13,7 @@ import numpy as np
 from jobs import ENVIRONMENT, TIMEOUT, chain, table, wait_for, write_job
 from patient import PROGRAM
 
-from attrito.journal import read_journal
+from attrito.results.journal import read_journal
 
 SCRIPT = Path(__file__).resolve().parents[2] / "input" / "slurm.sh"
 

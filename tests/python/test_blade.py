@@ -17,8 +17,8 @@ from scipy.linalg import eigh
 from scipy.sparse import diags
 from scipy.sparse.linalg import eigsh
 
-from attrito.job import read_job
-from attrito.scene import build_scene
+from attrito.job.reading import read_job
+from attrito.scene.build import build_scene
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 

@@ -16,7 +16,7 @@ import campaign_report  # noqa: E402
 import campaign_scenes  # noqa: E402
 from campaign_truth import Referee, Solved  # noqa: E402
 
-from attrito.integrator import Integrator, Run  # noqa: E402
+from attrito.library.integrator import Integrator, Run  # noqa: E402
 
 SEED = 1
 # Of this seed: a chain whose five contacts slip; one of two tangents; one whose motion of period one is unstable

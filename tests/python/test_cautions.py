@@ -9,12 +9,12 @@ from elastic import elastic_block
 from jobs import attrito_here, blocks, wedge, write_blocks, write_job
 from scipy.sparse import csr_matrix
 
-from attrito.cautions import of_static_solution
-from attrito.model_file import write_model
-from attrito.report import glance
-from attrito.report_view import View
-from attrito.results import Result
-from attrito.rigidity import resisted_rotation, rotation_resistance
+from attrito.model.model_file import write_model
+from attrito.model.rigidity import resisted_rotation, rotation_resistance
+from attrito.report.report import glance
+from attrito.report.view import View
+from attrito.results.result import Result
+from attrito.scene.cautions import of_static_solution
 
 
 def warnings_of(folder, capfd, job):

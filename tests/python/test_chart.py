@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from jobs import attrito_here, wedge, write_job
 
-from attrito import chart
-from attrito.chart_file import Chart, Way
-from attrito.faults import NumericsError
+from attrito.charts import run as chart
+from attrito.charts.file import Chart, Way
+from attrito.support.errors import NumericsError
 
 
 @pytest.fixture
@@ -119,7 +119,7 @@ def test_the_efficient_front_holds_what_nothing_beats():
 
 
 def test_a_scene_without_some_coordinates_is_that_of_the_others():
-    from attrito.verify.wedge import PARAMETER_SETS, wedge_scene
+    from attrito.verify.paper.wedge import PARAMETER_SETS, wedge_scene
 
     whole = wedge_scene(next(iter(PARAMETER_SETS.values())), 45.0)
     part = chart.restricted(whole, np.array([0]))

@@ -16,12 +16,12 @@ from pathlib import Path
 import pytest
 from jobs import ENVIRONMENT, TIMEOUT, attrito_here
 
-from attrito.arguments import parser
-from attrito.job import read_job
-from attrito.job_checks import integer, listing, number, takes, term
-from attrito.job_reference import as_job, as_text, tables
-from attrito.job_schema import ARRAYS, TABLES
-from attrito.study_design import read_study
+from attrito.cli.arguments import parser
+from attrito.job.checks import integer, listing, number, takes, term
+from attrito.job.reading import read_job
+from attrito.job.reference import as_job, as_text, tables
+from attrito.job.schema import ARRAYS, TABLES
+from attrito.studies.design import read_study
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import synthetic
 
-from attrito.export import CELLS, export_point, full_field, mesh_cells, node_motion
-from attrito.faults import InputError
-from attrito.results import Result
+from attrito.export.export import CELLS, export_point, full_field, mesh_cells, node_motion
+from attrito.results.result import Result
+from attrito.support.errors import InputError
 
 KINDS = tuple(CELLS)
 # Mid-side nodes of VTK's quadratic cells, by the corners they lie between: VTK file formats, "Quadratic cells".

@@ -14,7 +14,7 @@ from full_disk import OLD, one_message, with_room_for
 from jobs import attrito, attrito_here
 from scipy.sparse import identity
 
-from attrito.model_file import write_model
+from attrito.model.model_file import write_model
 
 PHASES, FREQUENCY, COORDINATES = 5, 40.0, 21
 

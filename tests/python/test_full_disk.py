@@ -16,8 +16,8 @@ import scipy.sparse as sparse
 from full_disk import OLD, one_message, with_room_for
 from jobs import ENVIRONMENT, blocks, chain, wedge, write_blocks, write_job
 
-from attrito.results import Result
-from attrito.whole_file import whole_file, whole_hdf5
+from attrito.results.result import Result
+from attrito.support.atomic_files import whole_file, whole_hdf5
 
 
 @pytest.fixture(scope="module")
@@ -103,8 +103,8 @@ def test_hdf5_never_sees_that_the_disk_is_full(tmp_path):
     code = """
 import resource, signal, sys
 import numpy as np
-from attrito.results import Result
-from attrito.whole_file import whole_hdf5
+from attrito.results.result import Result
+from attrito.support.atomic_files import whole_hdf5
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
 try:

@@ -14,10 +14,10 @@ import scipy.io
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import eigsh
 
-from attrito.faults import InputError
 from attrito.importers import check_matrices, import_model, read_matrix, read_mesh
 from attrito.importers.dof_file import read_dof_file
-from attrito.model_file import read_model
+from attrito.model.model_file import read_model
+from attrito.support.errors import InputError
 
 DATA = Path(__file__).parent / "data"
 REPOSITORY = Path(__file__).parents[2]

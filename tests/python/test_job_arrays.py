@@ -17,14 +17,14 @@ import pytest
 from jobs import attrito, attrito_here, blocks, table, wedge, write_blocks, write_job
 from mpi4py import MPI
 
-from attrito import rom
-from attrito.faults import InputError
-from attrito.job import read_job
-from attrito.journal import MAGIC
-from attrito.locks import Lock
-from attrito.rom_claim import claim, steps_of
-from attrito.scene import build_scene
-from attrito.whole_file import whole_file
+from attrito.job.reading import read_job
+from attrito.results.journal import MAGIC
+from attrito.scene import reduced_model as rom
+from attrito.scene.build import build_scene
+from attrito.scene.rom_claim import claim, steps_of
+from attrito.support.atomic_files import whole_file
+from attrito.support.errors import InputError
+from attrito.support.locks import Lock
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 from job_arrays import job_arrays
@@ -41,7 +41,7 @@ def test_jobs_started_together_give_what_each_gives_alone(tmp_path, first):
 
 def test_a_lock_is_gone_with_the_process_that_held_it(tmp_path):
     path = tmp_path / "result.h5"
-    script = "import sys, time; from attrito.locks import Lock; lock = Lock(sys.argv[1])"
+    script = "import sys, time; from attrito.support.locks import Lock; lock = Lock(sys.argv[1])"
     script += "; print(lock.take('me'), flush=True); time.sleep(600)"
     with subprocess.Popen([sys.executable, "-c", script, str(path)], stdout=subprocess.PIPE, text=True) as holder:
         assert holder.stdout.readline() == "True\n"

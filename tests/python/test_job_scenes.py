@@ -18,10 +18,10 @@ from scipy.sparse import diags
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import eigsh
 
-from attrito.job import read_job
-from attrito.model_file import read_model
-from attrito.scene import build_scene
-from attrito.spin import softening, spin_of
+from attrito.job.reading import read_job
+from attrito.model.model_file import read_model
+from attrito.model.rotation import softening, spin_of
+from attrito.scene.build import build_scene
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 

@@ -14,13 +14,14 @@ from jobs import attrito_here, run, write_job
 from scipy.linalg import eigh
 from scipy.sparse import csr_matrix, diags, identity
 
-from attrito.deck_loads import deck_force
-from attrito.faults import InputError
 from attrito.importers import import_model
-from attrito.job import read_job
-from attrito.model_file import Model, read_model, write_model
-from attrito.scene import build_scene
-from attrito.spin import Spin, centrifugal_load, projector, softening, softening_within
+from attrito.job.reading import read_job
+from attrito.model.model import Model
+from attrito.model.model_file import read_model, write_model
+from attrito.model.rotation import Spin, centrifugal_load, projector, softening, softening_within
+from attrito.scene.build import build_scene
+from attrito.scene.deck_loads import deck_force
+from attrito.support.errors import InputError
 
 OBLIQUE = np.array([1.0, -2.0, 2.0]) / 3.0
 SPEED_HZ, SPRING_HZ = 30.0, 50.0
@@ -378,7 +379,7 @@ def test_pressure_on_one_end_has_the_force_and_moment_of_a_uniform_one(tmp_path,
     body = synthetic.block(kind, (2, 2, 1), (1.0, 2.0, 0.5))
     model = synthetic.assemble([body], {}, seed=3)
     (kind_ids, connectivity), top = next(iter(model.elements.values())), 0.5
-    from attrito.surfaces import FACES
+    from attrito.model.surfaces import FACES
 
     height = dict(zip(model.node_ids.tolist(), model.coordinates[:, 2].tolist(), strict=True))
     lines = [

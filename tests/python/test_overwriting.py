@@ -13,7 +13,7 @@ import scipy.sparse as sparse
 import synthetic
 from jobs import attrito_here, toml, wedge, write_job
 
-from attrito.model_file import write_model
+from attrito.model.model_file import write_model
 
 
 @pytest.fixture

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import synthetic
 
-from attrito.faults import InputError
-from attrito.pairing import contact_rows, pair_sets
-from attrito.surfaces import FACES, element_family, nodal_surface, set_faces, tangent_frames
+from attrito.model.pairing import contact_rows, pair_sets
+from attrito.model.surfaces import FACES, element_family, nodal_surface, set_faces, tangent_frames
+from attrito.support.errors import InputError
 
 KINDS = ("C3D4", "C3D8", "C3D10", "C3D20")
 JOB = ("job.toml", "contact_set[0]")

@@ -13,12 +13,13 @@ import pytest
 from mpi4py import MPI
 from scipy.optimize import brentq, minimize_scalar
 
-from attrito import peaking
-from attrito.peak_file import read_peaks
-from attrito.peak_tracker import PeakTracker
-from attrito.peaking import begin, follow
-from attrito.solver import Options, ReducedScene, Solver
-from attrito.verify.wedge import BAND, FORCES, PARAMETER_SETS, PRELOAD, Wedge
+from attrito.library.peak_tracker import PeakTracker
+from attrito.library.reduced_scene import ReducedScene
+from attrito.library.session import Options, Solver
+from attrito.peaks import run as peaking
+from attrito.peaks.file import read_peaks
+from attrito.peaks.run import begin, follow
+from attrito.verify.paper.wedge import BAND, FORCES, PARAMETER_SETS, PRELOAD, Wedge
 
 KT, LIMIT, DAMPING = 0.5, 1.0, 0.02
 

@@ -7,10 +7,12 @@ import pytest
 import synthetic
 from matplotlib.collections import PathCollection, PolyCollection
 
-from attrito.contact_plots import Loop, contact_map, hysteresis, surfaces
-from attrito.faults import InputError
-from attrito.plots import Look, frequency_response, save
-from attrito.results import Result
+from attrito.plots.contacts import contact_map, hysteresis, surfaces
+from attrito.plots.response import frequency_response
+from attrito.plots.style import Look, save
+from attrito.results.loops import Loop
+from attrito.results.result import Result
+from attrito.support.errors import InputError
 
 
 def lines(axes, label):

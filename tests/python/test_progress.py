@@ -11,8 +11,8 @@ from types import SimpleNamespace
 import pytest
 from jobs import ENVIRONMENT, wedge, write_job
 
-from attrito import progress as module
-from attrito.progress import Progress
+from attrito.runs import progress as module
+from attrito.runs.progress import Progress
 
 ALONE = SimpleNamespace(rank=0, size=1)
 

@@ -16,11 +16,11 @@ from jobs import ENVIRONMENT, TIMEOUT, attrito_here, wedge, write_job
 from mpi4py import MPI
 
 import attrito
-from attrito.job import read_job
-from attrito.rom import reduced_scene
-from attrito.running import solver_options
-from attrito.scene import build_scene
-from attrito.solver import Solver
+from attrito.job.reading import read_job
+from attrito.library.session import Solver
+from attrito.scene.build import build_scene
+from attrito.scene.reduced_model import reduced_scene
+from attrito.scene.solver_options import solver_options
 
 # N/m; with it the balance meets the forces in the paper's text.
 PAPER = 3.04e5

@@ -21,8 +21,9 @@ from scipy.linalg import eigh, subspace_angles
 from scipy.sparse.linalg import eigsh
 
 from attrito.importers import entries, import_model, read_matrix, read_mesh, text
-from attrito.model_file import Model, read_model
-from attrito.reduction import reduce_model
+from attrito.library.reduction import reduce_model
+from attrito.model.model import Model
+from attrito.model.model_file import read_model
 
 DATA = Path(__file__).parent / "data"
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -228,7 +229,7 @@ def reduced(folder: Path, model: Model) -> dict[str, np.ndarray]:
 
 @pytest.fixture(scope="module")
 def reference_rom(blade) -> dict[str, np.ndarray]:
-    from attrito.model_file import write_model
+    from attrito.model.model_file import write_model
 
     folder, model = blade
     write_model(folder / "read.h5", model, [])

@@ -15,9 +15,10 @@ from reduced import COUNTS, SIZE, Case, make_case, unit, worst
 from scipy.linalg import eigh
 from scipy.sparse import csr_matrix, diags
 
-from attrito.faults import InputError
-from attrito.model_file import Model, write_model
-from attrito.reduction import reduce_model
+from attrito.library.reduction import reduce_model
+from attrito.model.model import Model
+from attrito.model.model_file import write_model
+from attrito.support.errors import InputError
 
 
 def test_constraint_modes_agree_with_a_dense_solve(free):
@@ -230,8 +231,8 @@ ON_RANKS = """
 import sys
 from mpi4py import MPI
 import numpy as np
-from attrito.faults import InputError
-from attrito.reduction import reduce_model
+from attrito.support.errors import InputError
+from attrito.library.reduction import reduce_model
 model, rom, modes, boundary, n = *sys.argv[1:3], int(sys.argv[3]), int(sys.argv[4]), int(sys.argv[5])
 vectors = np.eye(n)[[100, 50]] if MPI.COMM_WORLD.rank == 0 else None
 try:

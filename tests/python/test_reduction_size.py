@@ -20,12 +20,12 @@ from reduced import Case, make_case, unit, worst
 from scipy.linalg import eigh
 from scipy.sparse.linalg import eigsh
 
-from attrito.faults import NumericsError
-from attrito.info import receptance_errors
-from attrito.job_schema import EIGENSOLVERS
-from attrito.model_file import read_model
-from attrito.progress import Progress
-from attrito.reduction import reduce_model
+from attrito.library.names import EIGENSOLVERS
+from attrito.library.reduction import reduce_model
+from attrito.model.model_file import read_model
+from attrito.runs.progress import Progress
+from attrito.scene.reduced_model import receptance_errors
+from attrito.support.errors import NumericsError
 
 REPOSITORY = Path(__file__).parents[2]
 sys.path.append(str(REPOSITORY / "benchmarks"))
@@ -228,8 +228,8 @@ WITHOUT_PATIENCE = """
 import sys
 from mpi4py import MPI
 import numpy as np
-from attrito.faults import NumericsError
-from attrito.reduction import reduce_model
+from attrito.support.errors import NumericsError
+from attrito.library.reduction import reduce_model
 try:
     reduce_model(MPI.COMM_WORLD, *sys.argv[1:3], np.arange(30), modes=40)
 except NumericsError as error:
@@ -294,7 +294,7 @@ import signal, sys
 from pathlib import Path
 from mpi4py import MPI
 import numpy as np
-from attrito.reduction import reduce_model
+from attrito.library.reduction import reduce_model
 folder, boundary = sys.argv[1], np.load(sys.argv[1] + "/boundary.npy")
 def listen(text, done, total):
     if list(Path(folder, "rom.h5.steps").glob(sys.argv[2])):
@@ -348,7 +348,7 @@ KILLED_AMONG_FORTY_MODES = """
 import os, signal, sys
 from mpi4py import MPI
 import numpy as np
-from attrito.reduction import reduce_model
+from attrito.library.reduction import reduce_model
 folder, boundary = sys.argv[1], np.load(sys.argv[1] + "/boundary.npy")
 def listen(text, done, total):
     if text == "fixed-interface modes" and total == 40:
@@ -397,7 +397,7 @@ def test_what_another_reduction_left_is_not_taken_up(middling):
 
 def test_long_steps_tell_how_much_time_is_left(monkeypatch, capsys):
     clock = iter([100.0, 101.0, 110.0, 111.0, 130.0, 140.0])
-    monkeypatch.setattr("attrito.progress.time.monotonic", lambda: next(clock))
+    monkeypatch.setattr("attrito.runs.progress.time.monotonic", lambda: next(clock))
     progress = Progress(MPI.COMM_SELF)
     for done in (0, 10, 100, 110, 300, 600):
         progress.step("constraint modes", done, 600)

@@ -15,10 +15,10 @@ import pytest
 import synthetic
 from jobs import TIMEOUT, attrito_here, chain, wedge, write_job
 
-from attrito.faults import InputError
-from attrito.report import glance, make_page
-from attrito.report_view import View
-from attrito.results import Result
+from attrito.report.report import glance, make_page
+from attrito.report.view import View
+from attrito.results.result import Result
+from attrito.support.errors import InputError
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 VOID = {"meta", "br", "img", "hr", "link"}

@@ -17,10 +17,11 @@ from mpi4py import MPI
 from patient import PROGRAM
 from restarts import differences, run_in_pieces, run_to_the_end
 
-from attrito import result_file
-from attrito.faults import InputError
-from attrito.journal import MAGIC, Journal, Record, Series, is_journal, read_journal
-from attrito.stop import Stop
+from attrito.library.series import Series
+from attrito.results import result_file
+from attrito.results.journal import MAGIC, Journal, Record, is_journal, read_journal
+from attrito.support.errors import InputError
+from attrito.support.stop_signals import Stop
 
 HERE = Path(__file__).parent
 

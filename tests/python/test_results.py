@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 import synthetic
 
-from attrito.faults import InputError
-from attrito.result_tables import contact_table, multiplier_table, table
-from attrito.results import Result
+from attrito.results.result import Result
+from attrito.results.tables import contact_table, multiplier_table, table
+from attrito.support.errors import InputError
 
 
 def rows(text: str) -> list[dict[str, str]]:

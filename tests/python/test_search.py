@@ -13,10 +13,10 @@ from jobs import run, table
 from test_bifurcations import swept
 from test_stability import stiff_wedge
 
-from attrito.integrator import Integrator, Run
-from attrito.job import read_job
-from attrito.rom import reduced_scene
-from attrito.scene import build_scene
+from attrito.job.reading import read_job
+from attrito.library.integrator import Integrator, Run
+from attrito.scene.build import build_scene
+from attrito.scene.reduced_model import reduced_scene
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from jobs import attrito, run, wedge
 
-from attrito.solver import ReducedScene
-from attrito.statics import friction_margin
-from attrito.verify.torture.scenes import STIFFNESS, Family
+from attrito.library.reduced_scene import ReducedScene
+from attrito.scene.friction_margin import friction_margin
+from attrito.verify.scene_grid.scenes import STIFFNESS, Family
 
 SIDES = {"slip+": 1.0, "slip-": -1.0}
 

@@ -16,11 +16,11 @@ import patient
 import pytest
 from mpi4py import MPI
 
-from attrito.job import read_job
-from attrito.solver import Solver
-from attrito.stability import ENGINES, ORBITS, examine_point, fetch_multipliers
-from attrito.study_design import batches, places, read_study, set_value
-from attrito.verify.wedge import PARAMETER_SETS, Wedge
+from attrito.job.reading import read_job
+from attrito.library.session import Solver
+from attrito.runs.stability import ENGINES, ORBITS, examine_point, fetch_multipliers
+from attrito.studies.design import batches, places, read_study, set_value
+from attrito.verify.paper.wedge import PARAMETER_SETS, Wedge
 
 STUDY = {
     "job": "job.toml",

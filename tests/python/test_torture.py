@@ -7,14 +7,15 @@ import pytest
 from jobs import run, table, wedge
 from mpi4py import MPI
 
-from attrito.attractors import pushed
-from attrito.family import Family as Members
-from attrito.integrator import Integrator, Run
-from attrito.solver import ATTEMPTS, Options, Solver
-from attrito.stability import ENGINES, ORBITS, examine_point
-from attrito.verify.torture.grid import NEAR
-from attrito.verify.torture.methods import SAMPLES, distance, state_of
-from attrito.verify.torture.scenes import Family, frequencies
+from attrito.integration.attractors import pushed
+from attrito.library.family import Family as Members
+from attrito.library.integrator import Integrator, Run
+from attrito.library.names import ATTEMPTS
+from attrito.library.session import Options, Solver
+from attrito.runs.stability import ENGINES, ORBITS, examine_point
+from attrito.verify.scene_grid.grid import NEAR
+from attrito.verify.scene_grid.methods import SAMPLES, distance, state_of
+from attrito.verify.scene_grid.scenes import Family, frequencies
 
 
 @pytest.mark.parametrize("frequency_hz", [65.641, 71.2821, 88.2051])

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from jobs import attrito
 
-from attrito.verify.torture.grid import COLUMNS, VERDICTS
-from attrito.verify.torture.methods import METHODS, motion, solve_family
-from attrito.verify.torture.scenes import DAMPING, FORCE, STIFFNESS, Family, families, frequencies
+from attrito.verify.scene_grid.grid import COLUMNS, VERDICTS
+from attrito.verify.scene_grid.methods import METHODS, motion, solve_family
+from attrito.verify.scene_grid.scenes import DAMPING, FORCE, STIFFNESS, Family, families, frequencies
 
 
 @pytest.fixture(scope="module")

@@ -18,10 +18,10 @@ from matplotlib.figure import Figure
 from mpi4py import MPI
 from synthetic import write_result
 
-from attrito import plots
-from attrito.csv_text import cell
-from attrito.faults import InputError
-from attrito.parallel import on_root
+from attrito.plots import response, style
+from attrito.support.csv_text import cell
+from attrito.support.errors import InputError
+from attrito.support.parallel import on_root
 
 
 @pytest.mark.parametrize(
@@ -38,7 +38,7 @@ def test_what_no_reader_foresaw_is_one_message_that_names_the_input(tmp_path, ca
     def fail(*_: object) -> None:
         raise error
 
-    monkeypatch.setattr("attrito.results.Result.__init__", fail)
+    monkeypatch.setattr("attrito.results.result.Result.__init__", fail)
     done = attrito_here(tmp_path, capfd, "table", "result.h5")
     assert done.returncode == 2 and done.stdout == ""
     assert done.stderr.startswith(f"attrito: result.h5: {said}") and done.stderr.count("\n") == 1
@@ -103,15 +103,15 @@ def test_any_text_is_one_cell(text):
 def test_names_are_drawn_as_they_are_and_are_no_mathematics(tmp_path, name):
     figure = Figure()
     axes = figure.subplots()
-    axes.set_xlabel(plots.plain_text(name))
-    plots.save(figure, tmp_path / "picture.svg")
+    axes.set_xlabel(style.plain_text(name))
+    style.save(figure, tmp_path / "picture.svg")
     assert name.replace("&", "&amp;") in (tmp_path / "picture.svg").read_text().replace("&#36;", "$")
     path = write_result(tmp_path / "result.h5", [100.0, 101.0], {name: [1.0, 2.0]})
-    from attrito.results import Result
+    from attrito.results.result import Result
 
     with Result(path) as result, warnings.catch_warnings():
         warnings.simplefilter("error")
-        plots.save(plots.frequency_response(result, name), tmp_path / "frf.svg")
+        style.save(response.frequency_response(result, name), tmp_path / "frf.svg")
     assert f"Amplitude of {name}" in (tmp_path / "frf.svg").read_text()
 
 

@@ -9,15 +9,15 @@ from jobs import attrito, chain, run, wedge, write_job
 from mpi4py import MPI
 from scipy.optimize import linprog
 
-from attrito.family import Family, Member
-from attrito.integrator import Integrator, Run
-from attrito.job import read_job
-from attrito.linear_programs import DualSimplex
-from attrito.members import Search, least_room
-from attrito.results import Result
-from attrito.rom import reduced_scene
-from attrito.scene import build_scene
-from attrito.solver import Options, Solver
+from attrito.job.reading import read_job
+from attrito.library.family import Family, Member
+from attrito.library.integrator import Integrator, Run
+from attrito.library.session import Options, Solver
+from attrito.results.result import Result
+from attrito.runs.bounds_by_members import Search, least_room
+from attrito.scene.build import build_scene
+from attrito.scene.reduced_model import reduced_scene
+from attrito.support.linear_programs import DualSimplex
 
 FREQUENCY = 132.0
 # Printed digits of docs and design.

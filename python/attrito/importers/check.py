@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from attrito.faults import Fault
 from attrito.importers.entries import CHUNK, SYMMETRY_TOLERANCE, looks_symmetric, row_blocks
+from attrito.support.errors import Fault
 
 
 def check_matrices(

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from attrito.faults import Fault, InputError
+from attrito.support.errors import Fault, InputError
 
 
 @dataclass

@@ -13,9 +13,9 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-from attrito.faults import Fault, InputError
 from attrito.importers.deck import Block, read_blocks
 from attrito.importers.mesh_data import Mesh, check_coordinates
+from attrito.support.errors import Fault, InputError
 
 # Variants differ in integration, not in nodes; matrices come from the FE code anyway.
 ELEMENT_TYPES = {

@@ -12,8 +12,8 @@ from typing import NoReturn
 
 import numpy as np
 
-from attrito.faults import Fault, InputError
 from attrito.importers.nastran_cards import Card, read_cards, whole_numbers
+from attrito.support.errors import Fault, InputError
 
 LABELS = {"UX": 1, "UY": 2, "UZ": 3, "ROTX": 4, "ROTY": 5, "ROTZ": 6}
 _CARDS = ("ASET", "ASET1", "USET")

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from attrito.faults import Fault, InputError
+from attrito.support.errors import Fault, InputError
 
 # Entries placed into the matrix at once.
 CHUNK = 1 << 19

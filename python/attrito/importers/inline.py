@@ -7,7 +7,7 @@ from numbers import Real
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from attrito.faults import Fault, InputError
+from attrito.support.errors import Fault, InputError
 
 
 def read_inline(rows: list[list[float]], key: str, file: str) -> csr_matrix:

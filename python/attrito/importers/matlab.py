@@ -14,7 +14,7 @@ from scipy.sparse import csr_matrix
 from attrito.importers.mat_records import fault_of_version_4, is_version_4
 from attrito.importers.npz import check_parts, real_matrix
 from attrito.importers.source import Source, no_such_matrix, refuse
-from attrito.stored import UNREADABLE, check_sizes
+from attrito.support.hdf5_reading import UNREADABLE, check_sizes
 
 # Version 4 has no such header, and is known by its ending.
 HEADER = b"MATLAB "

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from attrito.faults import Fault, InputError
 from attrito.importers.dof_numbers import DofNumbers
 from attrito.importers.source import Rows, Source
+from attrito.support.errors import Fault, InputError
 
 HELD_DIAGONAL = 1.0e30
 # Rows that a file may declare however few its entries are, and beyond them for each entry: to be told before memory is

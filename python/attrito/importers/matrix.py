@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from attrito.faults import Fault, InputError
 from attrito.importers.abaqus import is_abaqus, read_abaqus
 from attrito.importers.dof_numbers import DofNumbers
 from attrito.importers.harwell_boeing import is_harwell_boeing, read_harwell_boeing
@@ -24,6 +23,7 @@ from attrito.importers.npz import read_npz
 from attrito.importers.petsc_binary import HEADERS as PETSC
 from attrito.importers.petsc_binary import read_petsc_binary
 from attrito.importers.source import Source
+from attrito.support.errors import Fault, InputError
 
 KINDS = (
     "a matrix file: Matrix Market, PETSc binary, SciPy npz, MATLAB, Harwell-Boeing, Nastran DMIG or OUTPUT4, "

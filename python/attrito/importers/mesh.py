@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from attrito.faults import Fault, InputError
 from attrito.importers.ansys_mesh import is_ansys_mesh, read_ansys_mesh
 from attrito.importers.deck_mesh import read_deck_mesh
 from attrito.importers.mesh_data import Mesh
 from attrito.importers.nastran_mesh import is_nastran_mesh, read_nastran_mesh
+from attrito.support.errors import Fault, InputError
 
 __all__ = ["Mesh", "read_mesh"]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from attrito.faults import Fault, InputError
+from attrito.support.errors import Fault, InputError
 
 
 @dataclass

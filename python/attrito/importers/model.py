@@ -7,21 +7,22 @@ from pathlib import Path
 
 import numpy as np
 
-from attrito.faults import Fault, InputError
 from attrito.importers.calculix import read_calculix
 from attrito.importers.check import check_matrices
 from attrito.importers.dof_file import read_dof_file
 from attrito.importers.dof_numbers import DofNumbers
-from attrito.importers.jobs import abaqus_files, nastran_matrices
+from attrito.importers.fe_jobs import abaqus_files, nastran_matrices
 from attrito.importers.matrices import Matrices, assemble
 from attrito.importers.matrix import open_matrix, split_name
 from attrito.importers.mesh import Mesh, read_mesh
 from attrito.importers.prestress import check_holdings, hold
 from attrito.importers.source import Source
-from attrito.job_checks import DIRECTIONS
-from attrito.model_file import Model, write_model
-from attrito.overwriting import check_spared
-from attrito.rigidity import resisted_rotation
+from attrito.job.checks import DIRECTIONS
+from attrito.model.model import Model
+from attrito.model.model_file import write_model
+from attrito.model.rigidity import resisted_rotation
+from attrito.support.errors import Fault, InputError
+from attrito.support.overwrite_check import check_spared
 
 
 def import_model(

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from attrito.faults import InputError
 from attrito.importers.mesh_data import Mesh, check_nodes, new_mesh
 from attrito.importers.nastran_cards import Card, read_cards, whole_numbers
+from attrito.support.errors import InputError
 
 _GRID = re.compile(rb"^GRID[*, ]", re.IGNORECASE | re.MULTILINE)
 _KINDS = {("CTETRA", 4): "C3D4", ("CTETRA", 10): "C3D10", ("CHEXA", 8): "C3D8", ("CHEXA", 20): "C3D20"}

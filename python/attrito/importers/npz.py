@@ -11,7 +11,7 @@ import scipy.sparse
 from scipy.sparse import csr_matrix
 
 from attrito.importers.source import Source, refuse
-from attrito.stored import UNREADABLE
+from attrito.support.hdf5_reading import UNREADABLE
 
 HEADER = b"PK\x03\x04"
 

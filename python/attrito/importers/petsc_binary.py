@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from attrito.faults import Fault, InputError
+from attrito.support.errors import Fault, InputError
 
 MATRIX_CLASS = 1211216
 HEADERS = (np.array([MATRIX_CLASS], ">i4").tobytes(), np.array([MATRIX_CLASS], ">i8").tobytes())

@@ -13,9 +13,9 @@ from collections.abc import Sequence
 
 from scipy.sparse import csr_matrix
 
-from attrito.faults import Fault, InputError
-from attrito.model_file import Model
-from attrito.spin import HOLDINGS, SPIN_SOFTENING, STRESS_STIFFENING, softening_within
+from attrito.model.model import HOLDINGS, SPIN_SOFTENING, STRESS_STIFFENING, Model
+from attrito.model.rotation import softening_within
+from attrito.support.errors import Fault, InputError
 
 # Relative error of a speed seen in the matrices: medians over dofs near supports, and digits in the file.
 SEEN = 1e-3

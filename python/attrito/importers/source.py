@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from attrito.faults import Fault, InputError
 from attrito.importers.dof_numbers import DofNumbers
 from attrito.importers.entries import Entries
 from attrito.importers.text import Block
+from attrito.support.errors import Fault, InputError
 
 
 @dataclass(frozen=True)

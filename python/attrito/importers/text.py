@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from attrito import library
-from attrito.faults import Fault, InputError
+from attrito.library import loading
+from attrito.support.errors import Fault, InputError
 
 # Text and table of a block stay in the cache.
 BLOCK_BYTES = 1 << 20
@@ -93,7 +93,7 @@ class Block:
         """
         whole, values = np.empty((fields - 1, len(lines)), np.int32), np.empty(len(lines))
         first, last = (np.ascontiguousarray(place[lines], np.int64) for place in (self.first, self.last))
-        bad = library.load().attrito_read_entries(
+        bad = loading.load().attrito_read_entries(
             self.text.ctypes.data_as(ctypes.c_void_p),
             ctypes.c_int(len(lines)),
             *(array.ctypes.data_as(ctypes.c_void_p) for array in (first, last)),
@@ -115,7 +115,7 @@ class Block:
         table = np.empty((len(lines), len(begin)))
         first = np.ascontiguousarray(self.first[lines] + skip, np.int64)
         last = np.ascontiguousarray(self.last[lines], np.int64)
-        bad = library.load().attrito_read_numbers(
+        bad = loading.load().attrito_read_numbers(
             self.text.ctypes.data_as(ctypes.c_void_p),
             ctypes.c_int(len(lines)),
             first.ctypes.data_as(ctypes.c_void_p),

@@ -1,0 +1,1 @@
+"""`attrito chart`: which method finds what of a job."""

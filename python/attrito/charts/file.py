@@ -1,0 +1,122 @@
+"""What `attrito chart` finds: ways to solve a scene with their error and cost, as a table and as chart.h5."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import h5py
+import numpy as np
+
+from attrito.support.atomic_files import whole_hdf5
+from attrito.support.csv_text import cell
+from attrito.support.version import __version__
+
+SERIES = {
+    "tolerance": "harmonics and samples by tolerance",
+    "event": "by events, H fixed",
+    "sampled": "by samples, H and J fixed",
+    "uncoupled": "uncoupled, H fixed",
+    "modes": "fewer modes of the reduction",
+    "uncondensed": "Newton's method on all coordinates (work by formula)",
+    "integration": "time integration by steps, to the steady state",
+    "events in time": "time integration by located events",
+}
+
+
+@dataclass(frozen=True)
+class Way:
+    """One way to solve the scene, and what came of it.
+
+    `error` is NaN where it was not solved, and `note` then says why; settings that do not apply are 0. `too_long`: it
+    was not begun, since it would have taken longer than was asked for.
+    """
+
+    series: str
+    label: str
+    harmonics: int = 0
+    samples: int = 0
+    modes: int = 0
+    steps: int = 0
+    tolerance: float = 0.0
+    error: float = np.nan
+    estimate: float = np.nan
+    seconds: float = np.nan
+    work: float = np.nan
+    note: str = ""
+    too_long: bool = False
+
+
+@dataclass(frozen=True)
+class Chart:
+    """All ways, those on the efficient front, the one that the job's tolerance takes, and where they were held."""
+
+    ways: list[Way]
+    frequency_hz: float
+    level: float
+    reference: Way
+    tolerance: float
+
+    def efficient(self) -> np.ndarray:
+        """Which ways no other beats in both time and error, `[ways]`."""
+        error, seconds = (np.array([getattr(way, name) for way in self.ways]) for name in ("error", "seconds"))
+        beaten = [
+            np.any(((error < e) & (seconds <= s)) | ((error <= e) & (seconds < s)))
+            for e, s in zip(error, seconds, strict=True)
+        ]
+        return ~np.array(beaten, dtype=bool) & np.isfinite(error) & np.isfinite(seconds)
+
+    def chosen(self) -> int:
+        """The way of the job's tolerance."""
+        taken = [way.series == "tolerance" and way.tolerance == self.tolerance for way in self.ways]
+        return taken.index(True)
+
+
+COLUMNS = {
+    "harmonics": ("harmonics at the peak", "1"),
+    "samples": ("samples a period; 0: none needed", "1"),
+    "modes": ("fixed-interface modes, where they are varied", "1"),
+    "steps": ("steps a period of time integration", "1"),
+    "tolerance": ("relative error accepted, where that chooses", "1"),
+    "error": ("relative error of the peak's amplitude against the reference", "1"),
+    "estimate": ("the error that the run itself estimates", "1"),
+    "seconds": ("processor time, without the static load path", "s"),
+    "work": ("floating-point operations by formulas", "1"),
+}
+
+
+def table(chart: Chart) -> str:
+    """CSV, a line a way."""
+    efficient, chosen = chart.efficient(), chart.chosen()
+    lines = [",".join(["series", "setting", *COLUMNS, "efficient", "chosen", "note"])]
+    for i, way in enumerate(chart.ways):
+        values = [getattr(way, name) for name in COLUMNS]
+        numbers = ["" if value != value or value == 0 else f"{value:.6g}" for value in values]
+        flags = ["true" if flag else "false" for flag in (efficient[i], i == chosen)]
+        lines.append(",".join([way.series, f'"{way.label}"', *numbers, *flags, _quoted(way.note)]))
+    return "\n".join(lines) + "\n"
+
+
+def _quoted(text: str) -> str:
+    """A sentence as one cell, quoted whatever it holds."""
+    safe = cell(text)
+    return safe if safe.startswith('"') else f'"{safe}"'
+
+
+def write(chart: Chart, path: str, job: str) -> None:
+    """`chart.h5`: a dataset a column, an entry a way."""
+    with whole_hdf5(path) as file:
+        file.attrs["format"], file.attrs["attrito_version"], file.attrs["job_file"] = "attrito chart", __version__, job
+        file.attrs["description"] = "error against cost of the ways to solve a scene; see docs/accuracy.md of attrito"
+        for name in ("frequency_hz", "level", "tolerance"):
+            file.attrs[name] = getattr(chart, name)
+        file.attrs["reference_harmonics"] = chart.reference.harmonics
+        file.attrs["reference_estimate"] = chart.reference.estimate
+        data = {name: (np.array([getattr(way, name) for way in chart.ways]), *told) for name, told in COLUMNS.items()}
+        data["efficient"] = chart.efficient().astype(np.int8), "1: no way is both cheaper in time and nearer", "1"
+        for name in ("series", "label", "note"):
+            texts = np.array([getattr(way, name) for way in chart.ways], dtype=h5py.string_dtype())
+            data[name] = texts, {"series": "kind of way", "label": "its setting", "note": "why not solved"}[name], "1"
+        for name, (values, description, unit) in data.items():
+            stored = file.create_dataset(name, data=values)
+            stored.attrs["description"], stored.attrs["unit"] = description, unit
+        file["label"].attrs["chosen"] = chart.chosen()

@@ -1,0 +1,75 @@
+"""The picture of `attrito chart`: error against processor time, and against counted work."""
+
+from __future__ import annotations
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from attrito.charts.file import SERIES, Chart, Way
+from attrito.plots.style import BRANCH_COLOURS, STYLE
+
+MARKERS = dict(zip(SERIES, ("o", "s", "^", "v", "D", "x", "+", "P"), strict=True))
+COLOURS = dict(zip(SERIES, ("#000000", *BRANCH_COLOURS, "#000000"), strict=True))
+# Errors are drawn down to here; what is nearer to the reference cannot be told from it
+LEAST_ERROR = 1e-9
+
+
+def picture(chart: Chart) -> Figure:
+    """A panel a cost; the efficient front is a line, the way of the job's tolerance a star.
+
+    The dotted line is the reference's own estimated error: what is below it cannot be told apart.
+    """
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(12.4, 4.6), constrained_layout=True)
+        panels = figure.subplots(1, 2, sharey=True)
+        for axes, cost in zip(panels, ("seconds", "work"), strict=True):
+            for series, label in SERIES.items():
+                _draw(axes, [way for way in chart.ways if way.series == series], cost, series, label)
+            _mark(axes, chart, cost)
+            axes.axhline(chart.reference.estimate, color="#8a8a8a", linestyle=":", linewidth=1.0, label="reference")
+            axes.set(xscale="log", yscale="log", xlabel="Processor time (s)" if cost == "seconds" else "Counted work")
+        panels[0].set_ylabel("Relative error of the peak")
+        told = [way.error for way in chart.ways if np.isfinite(way.error)] + [chart.reference.estimate]
+        panels[0].set_ylim(bottom=max(min(told), LEAST_ERROR) / 3, top=2.0)
+        figure.suptitle(
+            f"{chart.frequency_hz:.5g} Hz, level {chart.level:g}; reference: {chart.reference.harmonics} harmonics,"
+            f" error {chart.reference.estimate:.0e}",
+            fontsize=9.5,
+        )
+        entries: dict[str, object] = {}
+        for axes in panels:
+            entries |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+        panels[1].legend(entries.values(), entries.keys(), loc="upper left", bbox_to_anchor=(1.01, 1.0))
+    return figure
+
+
+def _draw(axes: Axes, ways: list[Way], cost: str, series: str, label: str) -> None:
+    x, y = (np.array([getattr(way, name) for way in ways]) for name in (cost, "error"))
+    shown = np.isfinite(x) & np.isfinite(y)
+    if not shown.any():
+        return
+    size = 5.5 if series == "tolerance" else 4.5
+    axes.plot(
+        x[shown],
+        np.maximum(y[shown], LEAST_ERROR),
+        MARKERS[series],
+        color=COLOURS[series],
+        markersize=size,
+        markerfacecolor="none" if series != "tolerance" else None,
+        label=label,
+    )
+
+
+def _mark(axes: Axes, chart: Chart, cost: str) -> None:
+    """The front by time, drawn in its panel only, and the way that the job's tolerance takes."""
+    if cost == "seconds":
+        front = sorted((way.seconds, way.error) for way, on in zip(chart.ways, chart.efficient(), strict=True) if on)
+        seconds, error = np.array(front).T
+        nearest = np.maximum(error, LEAST_ERROR)
+        axes.step(seconds, nearest, where="post", color="#8a8a8a", linewidth=1.0, label="efficient front")
+    way = chart.ways[chart.chosen()]
+    if np.isfinite(way.error):
+        label = f"tolerance = {chart.tolerance:g}"
+        axes.plot(getattr(way, cost), max(way.error, LEAST_ERROR), "*", color="#D55E00", markersize=15, label=label)

@@ -1,0 +1,7 @@
+"""`python -m attrito.cli`."""
+
+import sys
+
+from attrito.cli.program import main
+
+sys.exit(main())

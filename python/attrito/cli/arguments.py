@@ -1,0 +1,226 @@
+"""The command line of `attrito`: its commands and what each takes."""
+
+from __future__ import annotations
+
+import argparse
+
+from attrito.cli import commands
+from attrito.support.version import __version__
+
+Parsers = argparse._SubParsersAction
+
+
+def parser() -> argparse.ArgumentParser:
+    """Of all commands; the options of each say in `work` what is to be done with them."""
+    whole = argparse.ArgumentParser(
+        prog="attrito", description="The steady vibration of finite-element structures that rub."
+    )
+    whole.add_argument("--version", action="version", version=f"attrito {__version__}")
+    parsers = whole.add_subparsers(dest="command", required=True, metavar="command")
+    making, solving = (_import, _reduce), (_run, _chart, _peak, _study, _integrate)
+    looking = (_table, _plot, _report, _info, _keys, _verify, _export)
+    for add in (*making, *solving, *looking):
+        add(parsers)
+    return whole
+
+
+def _import(parsers: Parsers) -> None:
+    one = parsers.add_parser("import", help="matrices and mesh of another program -> model.h5")
+    one.add_argument("output", help="model file to write")
+    one.add_argument("--calculix", metavar="JOB", help="CalculiX's JOB.sti, JOB.mas and JOB.dof")
+    one.add_argument("--abaqus", metavar="JOB", help="Abaqus's JOB_STIF1.mtx, JOB_MASS1.mtx (and JOB_DMPV1.mtx)")
+    one.add_argument("--nastran", metavar="FILE", help="Nastran's punch (DMIG) or OUTPUT4 file with K..., M..., B...")
+    one.add_argument("--mesh", help="nodes, elements, node sets: .inp, ANSYS archive (.cdb), Nastran bulk data (.bdf)")
+    for name in ("stiffness", "mass", "damping"):
+        what = "Matrix Market, PETSc, npz, .mat, Harwell-Boeing, .mtx of Abaqus, DMIG, OUTPUT4"
+        one.add_argument(f"--{name}", metavar="FILE[:NAME]", help=f"{name} matrix: {what}")
+    one.add_argument(
+        "--dofs", metavar="FILE", help="what each row is: lines node.direction, ANSYS's mapping file, or ASET cards"
+    )
+    one.add_argument(
+        "--holds",
+        metavar="NAMES",
+        default="",
+        help="what the stiffness holds already: stress_stiffening, spin_softening, or both with a comma",
+    )
+    one.add_argument("--spin-hz", type=float, help="speed of the rotation that this comes from, Hz")
+    one.add_argument("--geometric-stiffness", metavar="FILE", help="stress stiffening, to be added to the stiffness")
+    one.set_defaults(work=commands.import_matrices)
+
+
+def _reduce(parsers: Parsers) -> None:
+    one = parsers.add_parser("reduce", help="the job's model -> rom.h5 (attrito run does it too)")
+    one.add_argument("job", help="job file (TOML)")
+    one.set_defaults(work=commands.reduce)
+
+
+def _run(parsers: Parsers) -> None:
+    one = parsers.add_parser("run", help="a job -> result.h5")
+    one.add_argument("job", help="job file (TOML)")
+    one.add_argument("--resume", action="store_true", help="go on after the last point of a run that was cut short")
+    one.add_argument(
+        "--max-seconds",
+        type=_seconds,
+        metavar="S",
+        help="stop before this wall time, after a whole point (exit code 1)",
+    )
+    one.set_defaults(work=commands.run)
+
+
+def _chart(parsers: Parsers) -> None:
+    one = parsers.add_parser("chart", help="error against cost of all ways to solve a job's scene -> CSV, HDF5, PNG")
+    one.add_argument("job", help="job file (TOML)")
+    one.add_argument("-o", "--output", default="chart.h5", help="data (default: chart.h5); the picture goes beside it")
+    one.add_argument(
+        "--seconds", type=float, default=20.0, help="a series ends where a run of it takes longer (default: 20)"
+    )
+    one.set_defaults(work=commands.chart)
+
+
+def _peak(parsers: Parsers) -> None:
+    one = parsers.add_parser("peak", help="a resonance peak followed in the level or preload -> HDF5, table, picture")
+    one.add_argument("job", help="job file (TOML) with a table [peak]")
+    one.add_argument("-o", "--output", help="picture to write (default: the file of peaks, ending .png)")
+    one.set_defaults(work=commands.peak)
+
+
+def _study(parsers: Parsers) -> None:
+    one = parsers.add_parser("study", help="the peaks of a job for many values of its keys -> HDF5 and picture")
+    one.add_argument("study", help="study file (TOML)")
+    one.set_defaults(work=commands.study)
+
+
+def _integrate(parsers: Parsers) -> None:
+    one = parsers.add_parser("integrate", help="a job integrated in time -> group /integration of its output file")
+    one.add_argument("job", help="job file (TOML)")
+    one.set_defaults(work=commands.integrate)
+
+
+def _table(parsers: Parsers) -> None:
+    one = parsers.add_parser("table", help="result.h5 -> CSV on standard output")
+    one.add_argument("result", help="result file")
+    kind = one.add_mutually_exclusive_group()
+    kind.add_argument("--contacts", action="store_true", help="a row a point and contact")
+    kind.add_argument("--multipliers", action="store_true", help="a row a point and Floquet multiplier")
+    kind.add_argument("--bifurcations", action="store_true", help="a row a turning point or crossing multiplier")
+    one.set_defaults(work=commands.table)
+
+
+def _plot(parsers: Parsers) -> None:
+    one = parsers.add_parser("plot", help="result.h5 -> PNG, PDF, SVG: frequency response, loops or contact map")
+    one.add_argument("result", help="result file")
+    one.add_argument(
+        "-o",
+        "--output",
+        help="picture to write, .png, .pdf or .svg (default: frf.png, loops.png or contacts.png beside it)",
+    )
+    one.add_argument("--monitor", help="monitor of the frequency response (default: the first)")
+    kind = one.add_mutually_exclusive_group()
+    kind.add_argument("--loops", action="store_true", help="hysteresis loops of a point")
+    kind.add_argument(
+        "--map",
+        nargs="?",
+        const="slip",
+        choices=["slip", "state", "energy", "pressure"],
+        help="what the contacts of a point do, on their surface (default: slip)",
+    )
+    one.add_argument("--point", type=int, help="point of the loops or the map (default: the largest amplitude)")
+    one.add_argument(
+        "--contact", type=int, nargs="+", help="contacts of the loops (default: those that dissipate most)"
+    )
+    one.add_argument("--width", type=_measure, metavar="MM", help="of the figure, millimetres")
+    one.add_argument("--height", type=_measure, metavar="MM", help="of the figure, millimetres")
+    one.add_argument("--font", help="a font that is installed, as 'DejaVu Serif'")
+    one.add_argument("--font-size", type=_measure, default=9.0, metavar="POINTS", help="default: 9")
+    one.add_argument("--dpi", type=_positive, default=220, help="of a .png (default: 220)")
+    one.set_defaults(work=commands.plot)
+
+
+def _report(parsers: Parsers) -> None:
+    one = parsers.add_parser("report", help="result.h5 -> one HTML page with figures, verdicts and the job")
+    one.add_argument("result", help="result file")
+    one.add_argument("-o", "--output", help="page to write (default: report.html beside the result)")
+    one.add_argument("--point", type=int, help="point whose contacts are shown (default: the largest amplitude)")
+    one.set_defaults(work=commands.report)
+
+
+def _info(parsers: Parsers) -> None:
+    one = parsers.add_parser("info", help="what a model.h5 or rom.h5 holds, and how good a reduced model is")
+    one.add_argument("file", help="model or reduced model")
+    one.set_defaults(work=commands.info)
+
+
+def _keys(parsers: Parsers) -> None:
+    one = parsers.add_parser("keys", help="the keys of a job file: what each takes, its default, what it means")
+    one.add_argument("table", nargs="?", help="one table, as sweep (default: all)")
+    one.set_defaults(work=commands.keys)
+
+
+def _verify(parsers: Parsers) -> None:
+    one = parsers.add_parser("verify", help="reproduce Zucca & Firrone 2014: figures, data, and a table of numbers")
+    one.add_argument(
+        "what",
+        choices=["paper", "torture", "integrators"],
+        help="the paper, methods on thousands of small scenes, or largest stable steps of integrators on some of these",
+    )
+    one.add_argument("-o", "--output", metavar="DIR", help="folder to write (default: out/paper, out/torture, ...)")
+    one.add_argument("--harmonics", type=int, metavar="H", help="of the paper's balance (default: 5, as in the paper)")
+    one.add_argument(
+        "--quick", action="store_true", help="coarse curves, few scenes, and nothing that needs many harmonics"
+    )
+    one.add_argument(
+        "--scenes", type=_positive, metavar="N", help="so many of the small scenes (default: all; integrators: 500)"
+    )
+    one.set_defaults(work=commands.verify)
+
+
+def _export(parsers: Parsers) -> None:
+    one = parsers.add_parser("export", help="motion of the whole structure at points -> VTU or XDMF, animated")
+    one.add_argument("result", help="result file")
+    one.add_argument("-o", "--output", help="file to write (default: shape.vtu, shape.xdmf, ... beside the result)")
+    one.add_argument(
+        "--points", "--point", type=_numbers, metavar="LIST", help="points, as 12,30 (default: the largest amplitude)"
+    )
+    one.add_argument("--monitor", help="monitor whose largest amplitude is meant (default: the first)")
+    one.add_argument("--phases", type=_positive, metavar="N", help="instants of a period (default: coefficients, once)")
+    one.add_argument("--format", choices=["vtu", "xdmf"], help="default: by the ending of -o, else vtu")
+    one.add_argument(
+        "--scale",
+        type=float,
+        default=0.0,
+        help="draw the geometry displaced by this times the displacement (default: 0)",
+    )
+    one.set_defaults(work=commands.export)
+
+
+def _numbers(text: str) -> list[int]:
+    try:
+        return list(dict.fromkeys(int(word) for word in text.split(",")))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected numbers with commas between") from None
+
+
+def _positive(text: str) -> int:
+    if not text.isdecimal() or int(text) == 0:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a number of at least 1")
+    return int(text)
+
+
+def _measure(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value <= 2000.0:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a number above 0, at most 2000")
+    return value
+
+
+def _seconds(text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = 0.0
+    if not 0.0 < seconds < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a number of seconds above 0")
+    return seconds

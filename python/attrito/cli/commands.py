@@ -1,0 +1,270 @@
+"""What each command of `attrito` does with its options.
+
+Modules are imported by the commands that need them, so that none waits for another's.
+"""
+
+from __future__ import annotations
+
+import argparse
+import glob
+import sys
+from pathlib import Path
+
+from attrito.support.errors import Fault, InputError
+
+
+def import_matrices(options: argparse.Namespace) -> None:
+    """Matrices and mesh of another program -> model.h5."""
+    from attrito.importers import import_model
+    from attrito.support.overwrite_check import check_files
+
+    for job, ending in ((options.calculix, ".*"), (options.abaqus, "_*")):
+        if job is not None:
+            place = Path(job)
+            check_files("import", "file", map(str, place.parent.glob(glob.escape(place.name) + ending)))
+    _, notes = import_model(
+        options.output,
+        calculix_job=options.calculix,
+        abaqus_job=options.abaqus,
+        nastran_file=options.nastran,
+        mesh=options.mesh,
+        stiffness=options.stiffness,
+        mass=options.mass,
+        damping=options.damping,
+        dofs=options.dofs,
+        holds=[name.strip() for name in options.holds.split(",") if name.strip()],
+        spin_hz=options.spin_hz,
+        geometric_stiffness=options.geometric_stiffness,
+    )
+    print("\n".join([f"{options.output}:", *(f"  {note}" for note in notes)]))
+
+
+def reduce(options: argparse.Namespace) -> None:
+    """The job's model -> rom.h5."""
+    from mpi4py import MPI
+
+    from attrito.runs.run import reduce_job
+
+    reduce_job(MPI.COMM_WORLD, options.job)
+
+
+def run(options: argparse.Namespace) -> None:
+    """A job -> result.h5."""
+    from mpi4py import MPI
+
+    from attrito.runs.run import run_job
+
+    run_job(MPI.COMM_WORLD, options.job, options.resume, options.max_seconds)
+
+
+def chart(options: argparse.Namespace) -> None:
+    """Error against cost of all ways to solve a job's scene -> CSV, HDF5, PNG."""
+    from mpi4py import MPI
+
+    from attrito.job.job import files_read
+    from attrito.job.reading import read_job
+    from attrito.support.locks import writing_alone
+    from attrito.support.overwrite_check import check_spared
+
+    picture_path = str(Path(options.output).with_suffix(".png"))
+    check_spared("chart", "-o", [options.output, picture_path], files_read(read_job(options.job)))
+    with writing_alone(MPI.COMM_SELF, options.output, makes_folder=False):
+        _chart(options, picture_path)
+
+
+def _chart(options: argparse.Namespace, picture_path: str) -> None:
+    from attrito.charts.file import table, write
+    from attrito.charts.plot import picture
+    from attrito.charts.run import chart_job
+    from attrito.plots.style import save
+
+    found = chart_job(options.job, options.seconds, lambda text: print(text, file=sys.stderr, flush=True))
+    write(found, options.output, str(Path(options.job).resolve()))
+    save(picture(found), picture_path)
+    sys.stdout.write(table(found))
+
+
+def peak(options: argparse.Namespace) -> None:
+    """A resonance peak followed in the level or preload -> HDF5, table, picture."""
+    from mpi4py import MPI
+
+    from attrito.peaks.run import peak_job
+
+    peak_job(MPI.COMM_WORLD, options.job, options.output)
+
+
+def study(options: argparse.Namespace) -> None:
+    """The peaks of a job for many values of its keys -> HDF5 and picture."""
+    from mpi4py import MPI
+
+    from attrito.studies.run import run_study
+
+    run_study(MPI.COMM_WORLD, options.study)
+
+
+def integrate(options: argparse.Namespace) -> None:
+    """A job integrated in time -> group /integration of its output file."""
+    from mpi4py import MPI
+
+    from attrito.integration.run import integrate_job
+
+    integrate_job(MPI.COMM_WORLD, options.job)
+
+
+def table(options: argparse.Namespace) -> None:
+    """A result -> CSV on standard output."""
+    from attrito.results.result import Result
+    from attrito.results.tables import bifurcation_table, contact_table, multiplier_table, table
+
+    kinds = {"contacts": contact_table, "multipliers": multiplier_table, "bifurcations": bifurcation_table}
+    kind = next((work for name, work in kinds.items() if getattr(options, name)), table)
+    with Result(options.result) as result:
+        sys.stdout.write(kind(result))
+
+
+def plot(options: argparse.Namespace) -> None:
+    """A result -> picture of its frequency response, loops, or contacts."""
+    from attrito.plots import contacts, response, style
+    from attrito.results.loops import contact_loops, most_dissipating
+    from attrito.results.result import Result
+
+    look = style.Look(options.width, options.height, options.font, options.font_size)
+    with Result(options.result) as result:
+        monitor = _monitor(result, options)
+        if options.loops:
+            point = _point(result, options, monitor)
+            chosen = options.contact or most_dissipating(result, point)
+            units = [result.unit(f"/contacts/{name}") for name in ("displacement", "force")]
+            figure = contacts.hysteresis(contact_loops(result, point, chosen), *units, look=look)
+            name = "loops.png"
+        elif options.map:
+            point = _point(result, options, monitor)
+            figure, name = contacts.contact_map(result, point, options.map, look), "contacts.png"
+        else:
+            figure, name = response.frequency_response(result, monitor, look=look), "frf.png"
+        path = options.output or _beside(options.result, name)
+        style.save(figure, path, options.dpi)
+    print(path)
+
+
+def report(options: argparse.Namespace) -> None:
+    """A result -> one HTML page."""
+    from attrito.report.report import write_report
+    from attrito.results.result import Result
+
+    path = options.output or _beside(options.result, "report.html")
+    with Result(options.result) as result:
+        point = None if options.point is None else _point(result, options, "")
+        write_report(result, path, point)
+    print(path)
+
+
+def export(options: argparse.Namespace) -> None:
+    """Motion of the whole structure at points of a result -> VTU or XDMF."""
+    from mpi4py import MPI
+
+    from attrito.export.export import Options, export_point
+    from attrito.model.model_file import read_model
+    from attrito.results.result import Result
+    from attrito.support.parallel import everywhere
+
+    comm = MPI.COMM_WORLD
+    ending = "xdmf" if str(options.output).endswith(".xdmf") else "vtu"
+    how = Options(options.phases, options.format or ending, options.scale)
+    with everywhere(comm, lambda: Result(options.result)) as result:
+        points = everywhere(comm, lambda: _points(result, options))
+        name = result.attribute("model_file")
+        if not name:
+            raise InputError(Fault(options.result, "model_file", "none", "a result of a model with a mesh"))
+        model = everywhere(comm, lambda: read_model(name, matrices=False))
+        rom = result.attribute("rom_file") or None
+        path = options.output or _beside(options.result, "shape.vtu")
+        for point in points:
+            place = path if len(points) == 1 else _numbered(path, point)
+            written, notes = export_point(result, point, model, place, rom, how, comm)
+            if comm.rank == 0:
+                print("\n".join([written, *(f"  {note}" for note in notes)]))
+
+
+def info(options: argparse.Namespace) -> None:
+    """What a model or a reduced model holds."""
+    from attrito.results.info import describe
+
+    print("\n".join(describe(options.file)))
+
+
+def keys(options: argparse.Namespace) -> None:
+    """The keys of a job file."""
+    from attrito.job.reference import as_text, tables
+
+    if options.table is not None and options.table not in tables():
+        raise InputError(Fault("keys", "table", options.table, "one of " + ", ".join(tables())))
+    print(as_text(options.table))
+
+
+def verify(options: argparse.Namespace) -> None:
+    """The paper reproduced, methods on small scenes, or largest stable steps."""
+    without = "scenes" if options.what == "paper" else "harmonics"
+    if getattr(options, without) is not None:
+        raise InputError(Fault("verify", f"--{without}", getattr(options, without), f"none with {options.what!r}"))
+    if options.what == "torture":
+        from mpi4py import MPI
+
+        from attrito.verify.scene_grid import QUICK_SCENES, verify_torture
+
+        scenes = options.scenes or (QUICK_SCENES if options.quick else None)
+        verify_torture(MPI.COMM_WORLD, options.output or "out/torture", scenes)
+        return
+    if options.what == "integrators":
+        from mpi4py import MPI
+
+        from attrito.verify.scene_grid.integrators import QUICK, verify_integrators
+
+        scenes = options.scenes or (QUICK if options.quick else None)
+        verify_integrators(MPI.COMM_WORLD, options.output or "out/integrators", scenes)
+        return
+    from attrito.verify.paper import verify_paper
+
+    harmonics = 5 if options.harmonics is None else options.harmonics
+    if harmonics < 1:
+        raise InputError(Fault("verify", "--harmonics", harmonics, "at least 1"))
+    verify_paper(options.output or "out/paper", harmonics, options.quick)
+
+
+def _monitor(result, options: argparse.Namespace) -> str:
+    chosen = getattr(options, "monitor", None)
+    if chosen is not None and chosen not in result.monitors:
+        raise InputError(Fault(options.result, "--monitor", chosen, "one of " + ", ".join(result.monitors)))
+    return chosen or result.monitors[0]
+
+
+def _point(result, options: argparse.Namespace, monitor: str) -> int:
+    """The chosen point, or that of the largest amplitude."""
+    import numpy as np
+
+    if options.point is not None:
+        result.check_point(options.point)
+        if not result.converged[options.point]:
+            outcome = result.outcome[options.point]
+            raise InputError(Fault(options.result, "--point", f"{options.point}, {outcome}", "a point with a solution"))
+        return options.point
+    amplitude = result.monitor(monitor, "amplitude")
+    if not np.any(np.isfinite(amplitude)):
+        raise InputError(Fault(options.result, "points", len(amplitude), "at least one converged point"))
+    return int(np.nanargmax(amplitude))
+
+
+def _points(result, options: argparse.Namespace) -> list[int]:
+    """The chosen points, or that of the largest amplitude."""
+    monitor = _monitor(result, options)
+    if options.points is None:
+        return [_point(result, argparse.Namespace(point=None, result=options.result), monitor)]
+    return [_point(result, argparse.Namespace(point=point, result=options.result), monitor) for point in options.points]
+
+
+def _numbered(path: str, point: int) -> str:
+    return str(Path(path).with_name(f"{Path(path).stem}_{point}{Path(path).suffix}"))
+
+
+def _beside(result: str, name: str) -> str:
+    return str(Path(result).with_name(name))

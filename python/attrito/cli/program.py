@@ -1,0 +1,127 @@
+"""The command `attrito`.
+
+Exit codes: 0 done, and the result is there; 1 the numerics did not deliver (the file says where); 2 the input is at
+fault, or a file cannot be written; 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+
+from attrito.cli.arguments import parser
+from attrito.cli.signal_watch import SignalWatch
+from attrito.cli.standard_output import (
+    forget_output,
+    open_closed_descriptors,
+    print_names_in_any_encoding,
+    unbreakable_output,
+)
+from attrito.support.errors import Fault, InputError, NumericsError, unforeseen, unusable_file
+from attrito.support.overwrite_check import check_files
+
+# Ranks share the work; threads of BLAS would fight them. To be said before numpy and the library load BLAS.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+PARALLEL = ("run", "reduce", "peak", "study", "integrate", "export", "verify")
+# Commands whose result is what they print.
+PRINTED = ("table", "info", "keys")
+INTERRUPTED = 130
+# Options that name what is read.
+READ = (
+    "job",
+    "study",
+    "result",
+    "file",
+    "mesh",
+    "nastran",
+    "stiffness",
+    "mass",
+    "damping",
+    "dofs",
+    "geometric_stiffness",
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; returns the exit code."""
+    closed = open_closed_descriptors()
+    print_names_in_any_encoding()
+    options = parser().parse_args(arguments)
+    parallel = options.command in PARALLEL
+    with SignalWatch() if parallel else contextlib.nullcontext():
+        try:
+            check_files(options.command, "file", _read_by(options))
+            if options.command not in PRINTED:
+                with unbreakable_output():
+                    options.work(options)
+                return 0
+            if closed:
+                raise InputError(Fault(options.command, "standard output", "closed", "a place to print the result to"))
+            options.work(options)
+            sys.stdout.flush()
+        except (InputError, NumericsError) as error:
+            _tell(f"{_place(options, error)}{error}", parallel)
+            return 1 if isinstance(error, NumericsError) else 2
+        except BrokenPipeError:
+            # Whoever reads what is printed has seen enough.
+            forget_output()
+        except KeyboardInterrupt:
+            return _end_alone("interrupted", INTERRUPTED, parallel)
+        except OSError as error:
+            # Of this rank alone, as where its output goes to a disk that is full.
+            return _end_alone(str(unusable_file(error)), 2, parallel)
+        except Exception as error:
+            fault = unforeseen(error)
+            return _end_alone(f"{_place(options, fault)}{fault}", 2, parallel)
+    return 0
+
+
+def _read_by(options: argparse.Namespace) -> list[str]:
+    """Files that a command is told to read."""
+    given = [str(value) for name, value in vars(options).items() if name in READ and value is not None]
+    # `FILE:NAME` is one matrix of a file of several.
+    return [*given, *(value.rpartition(":")[0] for value in given if ":" in value)]
+
+
+def _place(options: argparse.Namespace, error: Exception) -> str:
+    """What the command was given, before messages that name no file."""
+    if getattr(error, "faults", ()):
+        return ""
+    given = next((name for name in ("job", "study", "result", "file", "output") if name in options), None)
+    return "" if given is None or (isinstance(error, NumericsError) and given != "job") else f"{vars(options)[given]}: "
+
+
+def _tell(message: str, parallel: bool) -> None:
+    """Print a message once; every rank has raised the same one."""
+    rank = 0
+    if parallel:
+        from mpi4py import MPI
+
+        rank = MPI.COMM_WORLD.rank
+    forget_output()
+    if rank == 0:
+        _print_error(message)
+
+
+def _end_alone(message: str, code: int, parallel: bool) -> int:
+    """End with what this rank alone has met: the others are ended with it."""
+    forget_output()
+    _print_error(message)
+    if parallel:
+        from mpi4py import MPI
+
+        if MPI.COMM_WORLD.size > 1:
+            MPI.COMM_WORLD.Abort(code)
+    return code
+
+
+def _print_error(message: str) -> None:
+    with contextlib.suppress(OSError, ValueError):
+        if os.environ.get("ATTRITO_TRACEBACK") and sys.exc_info()[1] is not None:
+            traceback.print_exc()
+        print(f"attrito: {message}", file=sys.stderr, flush=True)

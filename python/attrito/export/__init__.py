@@ -1,0 +1,1 @@
+"""`attrito export`: shapes on the mesh."""

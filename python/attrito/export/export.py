@@ -1,0 +1,290 @@
+"""The vibration of the whole structure at one point, for ParaView."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from mpi4py import MPI
+
+from attrito.export.mesh_pieces import Snapshot, XdmfSeries, share, write_collection, write_vtu
+from attrito.model.surfaces import element_family
+from attrito.results.result import Result
+from attrito.support.errors import Fault, InputError
+from attrito.support.hdf5_reading import stored
+from attrito.support.locks import writing_alone
+from attrito.support.overwrite_check import check_spared
+from attrito.support.parallel import everywhere
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+    from attrito.model.model import Model
+
+# CalculiX numbers the mid-side nodes of its input as VTK does: bottom, top, upright edges. (Its output files do not.)
+CELLS = {"C3D4": "tetra", "C3D8": "hexahedron", "C3D10": "tetra10", "C3D20": "hexahedron20"}
+# Of the files that are written, instants and pieces apart.
+ENDINGS = ("vtu", "pvtu", "pvd", "xdmf", "h5")
+# Rows of the recovery basis read at once.
+ROWS = 16
+# Values per node and instant held at once while looking for the peaks.
+BLOCK = 2_000_000
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a point is written.
+
+    Parameters
+    ----------
+    phases : instants of a period; None: the coefficients of the motion, once
+    format : `vtu` or `xdmf`
+    scale : the geometry is the stress-free one plus `scale` times the displacement (at its peak without phases)
+    """
+
+    phases: int | None = None
+    format: str = "vtu"
+    scale: float = 0.0
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Periodic displacement of the mesh nodes.
+
+    Parameters
+    ----------
+    harmonics : [nk, N, 3], Fourier coefficients in the order mean, cos 1, sin 1, ... (user length)
+    amplitude : [N], largest |displacement - mean| over the period (user length)
+    phase : instant of the largest motion of any node, omega t in [0, 2 pi)
+    """
+
+    harmonics: np.ndarray
+    amplitude: np.ndarray
+    phase: float
+
+    def shape_at(self, phase: float) -> np.ndarray:
+        """Displacement [N, 3], mean included, at omega t = `phase`."""
+        return np.tensordot(_fourier(phase, len(self.harmonics), 0), self.harmonics, axes=1)
+
+
+def export_point(
+    result: Result,
+    point: int,
+    model: Model,
+    path: str | os.PathLike[str],
+    rom_file: str | None = None,
+    options: Options | None = None,
+    comm: Comm | None = None,
+) -> tuple[str, list[str]]:
+    """Write the motion at a point, all ranks together; each holds the field of one point, `[n, nk]`.
+
+    Without phases, point data are vectors `mean`, `cosine_1`, `sine_1`, ...; `amplitude`, the largest
+    |displacement - mean| over the period; `shape_at_peak`, the displacement (mean included) at the instant of the
+    largest motion of any node. With phases, `displacement` at as many instants of a period. With contacts between node
+    sets also, on the nodes of both sides: `contact_state` (index into stuck, shaken_down, slipping, open; -1 elsewhere;
+    of several contacts the last state in this order), `normal_force` (mean, summed), `slip_fraction` (largest) and
+    `dissipated_energy` (summed); 0 elsewhere.
+
+    Parameters
+    ----------
+    result : an open result, on every rank
+    point : from 0
+    model : the finite-element model the result belongs to
+    path : the file to write; its ending is replaced
+    rom_file : `rom.h5` of a reduced model; None: the coordinates are the model's dofs
+    options : see `Options`
+    comm : the ranks; None: this process alone
+
+    Returns
+    -------
+    the file to open, and what was left out, one sentence each
+    """
+    options, comm = options or Options(), comm or MPI.COMM_SELF
+    result.check_point(point)
+    if not model.has_mesh:
+        raise InputError(Fault(result.path, "model", "without nodes", "a finite-element model, to draw its shape"))
+    dofs = len(model.dof_node)
+    own = share(dofs, comm)
+    part = everywhere(comm, lambda: full_field(result, point, dofs, rom_file, own))
+    field = np.concatenate(comm.allgather(part)) if comm.size > 1 else part
+    cells, notes = mesh_cells(model)
+    contact = contact_fields(result, point, model)
+    base = str(Path(path).with_suffix(""))
+    read = [result.path, result.attribute("model_file"), *([] if rom_file is None else [rom_file])]
+    written = [f"{base}.{ending}" for ending in ENDINGS]
+    everywhere(comm, lambda: check_spared("export", "-o", written, filter(None, read)))
+    with writing_alone(comm, base, makes_folder=False):
+        written = everywhere(
+            comm,
+            lambda: _write(comm, base, cells, _snapshots(result, point, model, field, options), contact, options),
+        )
+    return written, notes
+
+
+def _snapshots(result: Result, point: int, model: Model, field: np.ndarray, options: Options) -> Iterator[Snapshot]:
+    """What is drawn: the motion's coefficients once, or the displacement at instants of a period."""
+    if options.phases is None:
+        motion = node_motion(field, model)
+        peak = motion.shape_at(motion.phase)
+        data = {"mean": motion.harmonics[0]}
+        for harmonic in range(1, (len(motion.harmonics) + 1) // 2):
+            data[f"cosine_{harmonic}"] = motion.harmonics[2 * harmonic - 1]
+            data[f"sine_{harmonic}"] = motion.harmonics[2 * harmonic]
+        data |= {"amplitude": motion.amplitude, "shape_at_peak": peak}
+        yield Snapshot(0.0, model.coordinates + options.scale * peak, data)
+        return
+    harmonics = node_harmonics(field, model)
+    period = 1.0 / float(result.array("/points/frequency_hz")[point])
+    for step in range(options.phases):
+        moved = np.tensordot(_fourier(2 * np.pi * step / options.phases, len(harmonics), 0), harmonics, axes=1)
+        time = period * step / options.phases
+        yield Snapshot(time, model.coordinates + options.scale * moved, {"displacement": moved})
+
+
+def _write(
+    comm: Comm,
+    base: str,
+    cells: list[tuple[str, np.ndarray]],
+    snapshots: Iterator[Snapshot],
+    contact: dict[str, np.ndarray],
+    options: Options,
+) -> str:
+    if options.format == "xdmf":
+        with XdmfSeries(comm, base, cells, contact) as series:
+            for snapshot in snapshots:
+                series.add(snapshot, moved=options.scale != 0.0)
+            return series.finish()
+    files, times = [], []
+    for step, snapshot in enumerate(snapshots):
+        name = base if options.phases is None else f"{base}_phase_{step:03d}"
+        full = Snapshot(snapshot.time, snapshot.points, snapshot.fields | contact)
+        files.append(write_vtu(comm, name, cells, full))
+        times.append(snapshot.time)
+    if options.phases is None:
+        return files[0]
+    if comm.rank == 0:
+        write_collection(base, times, files)
+    return f"{base}.pvd"
+
+
+def full_field(result: Result, point: int, dofs: int, rom_file: str | None, part: slice = slice(None)) -> np.ndarray:
+    """Fourier coefficients [n, nk] on the full model's dofs, `basis^T q`, or on a part of them."""
+    coordinates = result.dataset("/points/coordinates")[point]
+    if rom_file is None:
+        if len(coordinates) != dofs:
+            expected = f"{dofs}, as many as the model has dofs, or the rom.h5 that made them"
+            raise InputError(Fault(result.path, "/points/coordinates", f"{len(coordinates)} coordinates", expected))
+        return coordinates[part]
+    with stored(rom_file, "a rom.h5 of `attrito reduce`") as rom:
+        basis = rom["/recovery/basis"]
+        made_with = result.attribute("rom_fingerprint")
+        if made_with and str(rom.attrs.get("fingerprint", "")) != made_with:
+            expected = f"the reduced model that {result.path} was made with: run its job again"
+            raise InputError(Fault(rom_file, "fingerprint", "of another reduction", expected))
+        if basis.shape != (len(coordinates), dofs):
+            expected = f"{len(coordinates)} x {dofs} to match {result.path} and the model"
+            raise InputError(Fault(rom_file, "/recovery/basis", " x ".join(map(str, basis.shape)), expected))
+        # A few rows at a time: the basis of a large model need not fit into memory.
+        field = np.zeros((len(range(dofs)[part]), coordinates.shape[1]))
+        for begin in range(0, len(coordinates), ROWS):
+            field += basis[begin : begin + ROWS, part].T @ coordinates[begin : begin + ROWS]
+        return field
+
+
+def node_motion(field: np.ndarray, model: Model) -> Motion:
+    """Motion of every node; constrained dofs stand still.
+
+    The peaks are those of the continuous motion: |displacement - mean|^2 is a trigonometric polynomial of twice the
+    order, sampled to find the highest hump, then climbed by Newton's method.
+    """
+    harmonics = node_harmonics(field, model)
+    amplitude, phase = np.zeros(len(model.node_ids)), np.zeros(len(model.node_ids))
+    moving = np.flatnonzero(np.any(harmonics[1:] != 0, axis=(0, 2)))
+    samples = 32 * max(1, field.shape[1] // 2)
+    for block in np.array_split(moving, max(1, len(moving) * samples // BLOCK)):
+        amplitude[block], phase[block] = _peaks(harmonics[:, block], samples)
+    return Motion(harmonics, amplitude, float(phase[np.argmax(amplitude)]) % (2 * np.pi))
+
+
+def node_harmonics(field: np.ndarray, model: Model) -> np.ndarray:
+    """Coefficients [nk, N, 3] at the nodes from those [n, nk] at the dofs, zero where held; rotations are left out."""
+    order = np.argsort(model.node_ids)
+    moves = model.dof_direction <= 3
+    node = order[np.searchsorted(model.node_ids, model.dof_node[moves], sorter=order)]
+    harmonics = np.zeros((field.shape[1], len(model.node_ids), 3))
+    harmonics[:, node, np.asarray(model.dof_direction[moves], dtype=int) - 1] = field[moves].T
+    return harmonics
+
+
+def contact_fields(result: Result, point: int, model: Model) -> dict[str, np.ndarray]:
+    """Contact quantities on the mesh nodes; empty if the contacts are not between nodes."""
+    if not (result.contacts and result.has("/contacts/parameters/node_a")):
+        return {}
+    state = np.full(len(model.node_ids), -1, dtype=np.int32)
+    force, slip, energy = (np.zeros(len(model.node_ids)) for _ in range(3))
+    values = {
+        name: result.dataset(f"/contacts/{name}")[point] for name in ("state", "n_mean", "slip", "dissipated_energy")
+    }
+    order = np.argsort(model.node_ids)
+    for side in ("node_a", "node_b"):
+        nodes = result.array(f"/contacts/parameters/{side}")
+        here = np.isin(nodes, model.node_ids)
+        row = order[np.searchsorted(model.node_ids, nodes[here], sorter=order)]
+        np.maximum.at(state, row, values["state"][here])
+        np.add.at(force, row, np.nan_to_num(values["n_mean"][here]))
+        np.maximum.at(slip, row, np.nan_to_num(values["slip"][here]))
+        np.add.at(energy, row, np.nan_to_num(values["dissipated_energy"][here]))
+    return {"contact_state": state, "normal_force": force, "slip_fraction": slip, "dissipated_energy": energy}
+
+
+def mesh_cells(model: Model) -> tuple[list[tuple[str, np.ndarray]], list[str]]:
+    """Cells of the mesh on rows of `coordinates`, and what has no counterpart in VTK."""
+    order = np.argsort(model.node_ids)
+    cells, notes = [], []
+    for name, (ids, connectivity) in model.elements.items():
+        family = element_family(name)
+        if family is None:
+            notes.append(f"{len(ids)} elements of type {name} are not drawn (drawn are {', '.join(CELLS)})")
+            continue
+        cells.append((CELLS[family], order[np.searchsorted(model.node_ids, connectivity, sorter=order)]))
+    return cells, notes
+
+
+def _fourier(phase: np.ndarray | float, nk: int, derivative: int) -> np.ndarray:
+    """1, cos, sin, cos 2, sin 2, ... of `phase`, or a derivative: [..., nk]."""
+    phase = np.asarray(phase, dtype=float)
+    harmonic = (np.arange(nk) + 1) // 2
+    # Every derivative turns a harmonic by a quarter; sin is cos a quarter late.
+    turn = (derivative - (np.arange(nk) % 2 == 0)) * np.pi / 2
+    values = harmonic**derivative * np.cos(phase[..., None] * harmonic + turn)
+    values[..., 0] = derivative == 0
+    return values
+
+
+def _peaks(harmonics: np.ndarray, samples: int) -> tuple[np.ndarray, np.ndarray]:
+    """Largest |x - mean| of each node and the phase where it occurs, from [nk, nodes, 3]."""
+    nk = len(harmonics)
+    moving = harmonics.copy()
+    moving[0] = 0
+    grid = 2 * np.pi * np.arange(samples) / samples
+    distance = sum((_fourier(grid, nk, 0) @ moving[:, :, axis]) ** 2 for axis in range(3))
+    best = grid[np.argmax(distance, axis=0)]
+
+    def position(phase: np.ndarray, derivative: int) -> np.ndarray:
+        return np.einsum("nk,knd->nd", _fourier(phase, nk, derivative), moving)
+
+    phase = best.copy()
+    for _ in range(5):
+        x, velocity, acceleration = (position(phase, derivative) for derivative in range(3))
+        slope = (x * velocity).sum(axis=1)
+        curvature = (velocity**2).sum(axis=1) + (x * acceleration).sum(axis=1)
+        step = np.where(curvature < 0, -slope / np.where(curvature < 0, curvature, 1), 0)
+        phase = np.clip(phase + step, best - grid[1], best + grid[1])
+    climbed = np.linalg.norm(position(phase, 0), axis=1)
+    sampled = np.sqrt(distance.max(axis=0))
+    # A flat top (a circle) has nothing to climb; keep whichever is higher.
+    return np.maximum(climbed, sampled), np.where(climbed >= sampled, phase, best)

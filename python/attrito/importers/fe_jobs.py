@@ -1,0 +1,61 @@
+"""Which files and matrices belong to a job of Abaqus or Nastran."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from attrito.importers.dof_numbers import DofNumbers
+from attrito.importers.nastran_dmig import DmigFile, is_dmig
+from attrito.importers.nastran_op4 import is_op4, read_op4_matrices
+from attrito.importers.source import Source
+from attrito.support.errors import Fault, InputError
+
+_ABAQUS = {"stiffness": "_STIF", "mass": "_MASS", "damping": "_DMPV"}
+# First letter of Nastran's names: KAAX, MAAX, BAAX of EXTSEOUT; KAA, KGG, K2GG, ...; K4 is structural damping.
+_NASTRAN = {"stiffness": "K", "mass": "M", "damping": "B"}
+_STRUCTURAL_DAMPING = "K4"
+
+
+def abaqus_files(job: str | Path) -> dict[str, str | Path]:
+    """The `.mtx` files of a job, `job_STIF1.mtx` and the like; the number is that of the step that wrote them."""
+    job = Path(job)
+    files: dict[str, str | Path] = {}
+    for name, part in _ABAQUS.items():
+        found = sorted(job.parent.glob(f"{job.name}{part}*.mtx"))
+        if len(found) > 1:
+            names = ", ".join(path.name for path in found)
+            raise InputError(Fault("import", "abaqus", names, f"one file, or --{name} with one of them"))
+        if found:
+            files[name] = found[0]
+        elif name != "damping":
+            expected = f"the {name} that *MATRIX OUTPUT writes"
+            raise InputError(Fault("import", "abaqus", f"{job}{part}1.mtx: no such file", expected))
+    return files
+
+
+def nastran_matrices(path: str | Path, numbers: DofNumbers) -> dict[str, Source]:
+    """Stiffness, mass and viscous damping of a file, told by the first letter of their names."""
+    path = str(path)
+    try:
+        with Path(path).open("rb") as file:
+            start = file.read(1 << 20)
+    except OSError as error:
+        expected = "a file that can be read"
+        raise InputError(Fault(path, "file", error.strerror or str(error), expected)) from error
+    if is_op4(start):
+        found, _ = read_op4_matrices(path, "nastran")
+    else:
+        found = DmigFile(path, numbers).sources
+        if not found:
+            expected = "a file with matrices: DMIG cards or OUTPUT4"
+            raise InputError(Fault(path, "file", "no matrix" if is_dmig(start) else "no DMIG", expected))
+    chosen: dict[str, Source] = {}
+    for name, letter in _NASTRAN.items():
+        names = [key for key in found if key.startswith(letter) and not key.startswith(_STRUCTURAL_DAMPING)]
+        if len(names) > 1 or (not names and name != "damping"):
+            value = ", ".join(names or found)
+            expected = f"one matrix whose name begins with {letter}, or --stiffness {path}:NAME --mass {path}:NAME"
+            raise InputError(Fault(path, name, value, expected))
+        if names:
+            chosen[name] = found[names[0]]
+    return chosen

@@ -1,0 +1,1 @@
+"""`attrito integrate`: motion in time, and what it comes to."""

@@ -1,0 +1,1 @@
+"""The job: its schema, reading and checking it."""

@@ -1,0 +1,28 @@
+"""Defaults of a job that depend on its other keys."""
+
+from __future__ import annotations
+
+from attrito.job.job import Job
+
+# Accepted where no tolerance is given, of the amplitude and of what a reduction leaves out
+TOLERANCE, MODE_ERROR = 0.01, 1e-3
+# Harmonics that modes matter for where they are chosen point by point: beyond, modes that are left out follow at rest
+HARMONICS = 5
+# Samples a period where none are asked for
+SAMPLES = 128
+# Part of the tolerance that the modes left out by a reduction may take
+MODES_SHARE = 0.25
+
+
+def fill_accuracy(job: Job) -> None:
+    """What follows from one another: a tolerance chooses all that is not given, and what is "auto" has a tolerance."""
+    balance, reduction = job["balance"], job["reduction"]
+    given = balance["tolerance"] is not None
+    if balance["harmonics"] is None:
+        balance["harmonics"] = "auto"
+    if balance["quadrature"] is None:
+        balance["quadrature"] = "auto" if given or balance["harmonics"] == "auto" else "event"
+    if reduction["modes"] == "auto" and reduction["error"] is None:
+        reduction["error"] = MODES_SHARE * balance["tolerance"] if given else MODE_ERROR
+    if not given and "auto" in (balance["harmonics"], balance["quadrature"]):
+        balance["tolerance"] = TOLERANCE

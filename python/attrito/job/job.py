@@ -1,0 +1,79 @@
+"""A checked job, and the files that it names."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from attrito.support.errors import Fault
+
+
+@dataclass
+class Job:
+    """A checked job.
+
+    Parameters
+    ----------
+    path : the job file, as the user wrote it
+    tables : every table with every key, defaults filled in; lists of tables for `contact`, `contact_set`, `load`
+    given : the tables that the file holds
+    """
+
+    path: str
+    tables: dict[str, Any]
+    given: frozenset[str]
+
+    def __getitem__(self, table: str) -> Any:
+        return self.tables[table]
+
+    def file(self, name: str) -> str:
+        """A file name of the job: relative ones are relative to the folder of the job file."""
+        return os.path.normpath(Path(self.path).parent / name)
+
+    def fault(self, key: str, value: object, expected: str) -> Fault:
+        """A fault at a key of this job."""
+        return Fault(self.path, key, value, expected)
+
+
+def rom_path(job: Job) -> str | None:
+    """Where the job's reduced model is kept, the first of a folder; None when the matrices are used as they stand."""
+    if "reduction" not in job.given:
+        return None
+    if job["reduction"]["file"] is not None:
+        return job.file(job["reduction"]["file"])
+    return str(Path(job.file(job["output"]["file"])).parent / "rom.h5")
+
+
+def peak_path(job: Job) -> str:
+    """Where the peaks of a job go."""
+    if job["peak"]["file"] is not None:
+        return job.file(job["peak"]["file"])
+    return str(Path(job.file(job["output"]["file"])).with_suffix(".peaks.h5"))
+
+
+def model_path(job: Job, rom: str | None) -> str | None:
+    """The job's model file: its own, or one beside the file of the reduced model for matrices given otherwise."""
+    if job["model"]["file"] is not None:
+        return job.file(job["model"]["file"])
+    return None if rom is None else str(Path(rom).with_suffix(".model.h5"))
+
+
+def files_read(job: Job) -> list[str]:
+    """The job file and all that it names to be read."""
+    return list(files_by_key(job).values())
+
+
+def files_by_key(job: Job) -> dict[str, str]:
+    """The job file and all that it names to be read, by the key that names it."""
+    taken = {"the job": os.path.normpath(job.path)}
+    for key, name in job["model"].items():
+        if isinstance(name, str):
+            # `FILE:NAME` is one matrix of a file of several.
+            whole = Path(job.file(name)).exists() or ":" not in name
+            taken[f"[model] {key}"] = job.file(name if whole else name.rpartition(":")[0])
+    for i, load in enumerate(job["load"]):
+        named = {key: load[key] for key in ("file", "cosine", "sine") if isinstance(load[key], str)}
+        taken |= {f"load[{i}] {key}": job.file(name) for key, name in named.items()}
+    return taken

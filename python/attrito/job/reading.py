@@ -1,0 +1,103 @@
+"""The job file: read, checked as a whole, every fault told with its place, defaults filled in."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from attrito.job.cross_checks import cross_check
+from attrito.job.defaults import fill_accuracy
+from attrito.job.job import Job
+from attrito.job.schema import ARRAYS, REQUIRED_TABLES, TABLES, Key
+from attrito.support.errors import Fault, InputError
+from attrito.support.overwrite_check import check_files
+
+
+def read_job(source: str | os.PathLike[str] | Mapping[str, Any] | Job, folder: str | os.PathLike[str] = ".") -> Job:
+    """Read and check a job; raises `InputError` with all faults together.
+
+    Parameters
+    ----------
+    source : a job file, or its tables as a dictionary, in which arrays stand for lists; a job that is checked stays
+    folder : what file names of a dictionary are relative to
+    """
+    if isinstance(source, Job):
+        return source
+    if isinstance(source, Mapping):
+        return check_job(plain(source), str(Path(folder) / "job"))
+    path = str(source)
+    check_files(path, "file", [path])
+    try:
+        with open(path, "rb") as stream:
+            raw = tomllib.load(stream)
+    except OSError as error:
+        raise InputError(Fault(path, "file", error.strerror, "a job file that can be read")) from None
+    except (ValueError, RecursionError) as error:
+        raise InputError(Fault(path, "file", str(error), "a job in TOML")) from None
+    return check_job(raw, path)
+
+
+def plain(value: Any) -> Any:
+    """What TOML knows: arrays and tuples as lists, numbers of numpy as Python's, paths as text; None is absent."""
+    if isinstance(value, Mapping):
+        return {str(name): plain(item) for name, item in value.items() if item is not None}
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return os.fspath(value) if isinstance(value, os.PathLike) else value
+
+
+def check_job(raw: dict[str, Any], path: str) -> Job:
+    """Check the tables of a job that is called `path`."""
+    faults: list[Fault] = []
+    tables: dict[str, Any] = {}
+    known = sorted(TABLES | ARRAYS)
+    for name in raw:
+        if name not in known:
+            faults.append(Fault(path, f"[{name}]", "unknown table", "one of " + ", ".join(known)))
+    for name, keys in TABLES.items():
+        table = raw.get(name, {})
+        if not isinstance(table, dict):
+            faults.append(Fault(path, name, table, f"a table [{name}]"))
+            table = {}
+        if name in raw or name not in REQUIRED_TABLES:
+            tables[name] = _check_table(path, f"[{name}]", table, keys, faults, required=name in raw)
+        else:
+            faults.append(Fault(path, f"[{name}]", "missing", f"a table with {', '.join(keys)}"))
+            tables[name] = {key: spec.default for key, spec in keys.items()}
+    for name, keys in ARRAYS.items():
+        rows = raw.get(name, [])
+        if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+            faults.append(Fault(path, name, type(rows).__name__, f"tables [[{name}]]"))
+            rows = []
+        tables[name] = [_check_table(path, f"{name}[{i}]", row, keys, faults) for i, row in enumerate(rows)]
+    job = Job(path, tables, frozenset(raw))
+    fill_accuracy(job)
+    faults += cross_check(job, faults)
+    if faults:
+        raise InputError(*faults)
+    return job
+
+
+def _check_table(
+    path: str, place: str, table: dict[str, Any], keys: dict[str, Key], faults: list[Fault], required: bool = True
+) -> dict[str, Any]:
+    checked = {name: key.default for name, key in keys.items()}
+    for name, value in table.items():
+        if name not in keys:
+            faults.append(Fault(path, f"{place} {name}", value, "a known key: " + ", ".join(keys)))
+            continue
+        try:
+            checked[name] = keys[name].check(value)
+        except ValueError as error:
+            faults.append(Fault(path, f"{place} {name}", value, str(error)))
+    for name, key in keys.items():
+        if required and key.required and name not in table:
+            faults.append(Fault(path, f"{place} {name}", "missing", "this key to be given"))
+    return checked

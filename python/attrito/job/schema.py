@@ -1,0 +1,320 @@
+"""What a job file may hold: its tables, their keys, what each key takes, what it is when absent, and what it means.
+
+`docs/job.md` and `attrito keys` are made from these tables (`reference.py`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from attrito.job.checks import (
+    Check,
+    boolean,
+    choice,
+    corner,
+    either,
+    frequency,
+    integer,
+    listing,
+    matrix,
+    monitor,
+    node_reference,
+    number,
+    start,
+    stored_point,
+    term,
+    terms,
+    text,
+)
+from attrito.library.names import EIGENSOLVERS, ORDERINGS
+
+
+@dataclass(frozen=True)
+class Key:
+    """One key of a table: how its value is checked, its value when absent, and what it means (Markdown)."""
+
+    check: Check
+    default: Any = None
+    meaning: str = ""
+    required: bool = False
+
+
+LAW = {
+    "tangential_stiffness": Key(
+        number(0, above=True), None, "kt: force per relative displacement while it sticks", True
+    ),
+    "normal_stiffness": Key(number(0, above=True), None, "kn: force per approach while it is closed", True),
+    "friction_coefficient": Key(number(0), None, "mu: \\|T\\| <= mu N", True),
+    "gap": Key(number(), 0.0, "N = max(preload + kn (v - gap), 0), v the approach of the two sides"),
+    "preload": Key(number(0), 0.0, "normal force without motion; usually 0, since the static load makes it"),
+}
+
+pair_of_numbers = listing(number(), 2, 2)
+
+TABLES: dict[str, dict[str, Key]] = {
+    "model": {
+        "file": Key(text, None, "`model.h5` of `attrito import`; or, instead, the matrices:"),
+        "mass": Key(
+            matrix, None, 'any file that [models.md](models.md) lists (`"job.pch:MAAX"`: one of several), or rows'
+        ),
+        "stiffness": Key(matrix, None, "likewise"),
+        "damping": Key(matrix, None, "likewise, viscous; may be left out"),
+    },
+    "damping": {
+        "rayleigh": Key(listing(number(0), 2, 2), None, "`[alpha, beta]`: C = alpha M + beta K"),
+        "ratio": Key(number(0, 1), None, "one damping ratio for every mode of the system with all contacts stuck"),
+        "loss_factor": Key(
+            number(0, 1), None, "structural: K (1 + i eta) at harmonics above 0; contact springs do not damp"
+        ),
+    },
+    "reduction": {
+        "modes": Key(
+            either(integer(0), choice("auto")),
+            None,
+            '[fixed-interface modes](method.md#reduction) to keep; `"auto"`: as many as `error` asks for',
+        ),
+        "max_frequency_hz": Key(frequency(), None, "instead of `modes`: keep those up to here"),
+        "error": Key(
+            number(0, 1, above=True),
+            None,
+            'with `"auto"`: error of frequencies and point receptances up to the sweep\'s end times harmonics;'
+            " absent: a quarter of `[balance] tolerance`, or 0.001",
+        ),
+        "eigensolver": Key(
+            choice(*EIGENSOLVERS),
+            EIGENSOLVERS[0],
+            "of the fixed-interface modes: SLEPc's Krylov-Schur method, or block Lanczos, quicker on large models"
+            " ([performance.md](performance.md)). Both give the same modes: `rom.h5` of one serves the other",
+        ),
+        "ordering": Key(
+            choice(*ORDERINGS), ORDERINGS[0], "of the rows for the factorisation ([performance.md](performance.md))"
+        ),
+        "out_of_core": Key(
+            either(boolean, choice("auto")),
+            "auto",
+            "factors on disk, in the folder `MUMPS_OOC_TMPDIR` or `/tmp`: where memory is short, or always, or never",
+        ),
+        "memory_gb": Key(
+            number(0, above=True), None, "that the ranks of a machine may take together; absent: what is free"
+        ),
+        "boundary": Key(listing(node_reference), [], "node sets or node ids kept besides the contact nodes"),
+        "file": Key(
+            text,
+            None,
+            "the reduced model, used again while matrices and what is asked stay the same, else replaced; absent:"
+            " `rom.h5` beside the result or, where that is another, `rom.<8 digits>.h5`"
+            " ([files.md](files.md#several-jobs-in-a-folder))",
+        ),
+    },
+    "static": {
+        "load_path": Key(
+            listing(corner, 1),
+            [0.0, 1.0],
+            "corners, walked quasi-statically: one factor on all static loads, or by name",
+        ),
+        "slider": Key(
+            choice("keep", "reset"), "keep", "start sliders of each point: of the point before, or the static ones"
+        ),
+        "steps": Key(integer(1), 20, "steps from corner to corner, halved where one fails"),
+        "bounds": Key(
+            choice("auto", "sampled", "none"),
+            "auto",
+            "of points that are not unique: exact where they can be, else sampled by at most the work that the point"
+            " itself took (`not_examined` where that does not suffice); sampled whatever they cost; or none",
+        ),
+    },
+    "balance": {
+        "approach": Key(choice("coupled", "uncoupled"), "coupled", "uncoupled: the mean frozen at the static solution"),
+        "harmonics": Key(
+            either(integer(1, 1000), choice("auto")),
+            None,
+            'highest harmonic H; `"auto"`, and absent: at each point what the tolerance asks for, 0.01 unless given',
+        ),
+        "tolerance": Key(
+            number(1e-8, 1),
+            None,
+            "relative error accepted in the monitors' amplitude: it chooses harmonics and samples where they are not"
+            " given, and a point whose estimated error is larger is `above_tolerance` ([accuracy.md](accuracy.md))."
+            " Absent: 0.01 where harmonics or samples are chosen; with fixed ones the error is estimated, not checked",
+        ),
+        "quadrature": Key(
+            choice("event", "sampled", "auto"),
+            None,
+            'one-tangent contacts by events, exact, two-tangent ones by samples; all by samples; or, `"auto"`, as by'
+            ' events, with as many samples as the tolerance asks for. Absent: `"auto"`, or `"event"` where harmonics'
+            " are fixed and no tolerance is given",
+        ),
+        "samples": Key(
+            integer(8, 2**20),
+            None,
+            "a period, of contacts that go by samples; the error falls like samples^-2 ([method.md](method.md)). Where"
+            " samples are chosen, the fewest. Absent: 128, or 6 H + 2 where that is more",
+        ),
+        "residual_tolerance": Key(number(1e-14, 1e-3), 1e-10, "norm of the residual relative to the stuck response"),
+        "max_iterations": Key(integer(1), 30, "of Newton's method"),
+    },
+    "sweep": {
+        "start_hz": Key(frequency(), None, "followed by arc-length from here"),
+        "stop_hz": Key(frequency(), None, "to here; or, instead of both:"),
+        "frequencies_hz": Key(listing(frequency(), 1), None, "solved one by one, each from the one before"),
+        "levels": Key(listing(number(0, above=True), 1), [1.0], "factors on all harmonic loads, a sweep each"),
+    },
+    "continuation": {
+        "branches": Key(
+            integer(1),
+            1,
+            "beyond 1, that many are looked for at each level: from both ends, beyond folds, out of motion in time, by"
+            " homotopy in the preload ([method.md](method.md#getting-from-point-to-point))",
+        ),
+        "start": Key(
+            stored_point,
+            None,
+            'a point of an older result, `"point:12"`, to begin at instead of at `start_hz`; with `both_directions`'
+            " also from it towards `start_hz`",
+        ),
+        "start_file": Key(text, None, "that result; absent: the output file as it was"),
+        "both_directions": Key(boolean, False, "sweep back too"),
+        "max_points": Key(
+            integer(2), 1000, "of a sweep; one that ends before its stop is told, in `/points` too, and exits with 1"
+        ),
+        "locate": Key(
+            boolean,
+            True,
+            "find turning points along sweeps, and where multipliers cross the unit circle if stability is examined"
+            " ([method.md](method.md#stability))",
+        ),
+    },
+    "peak": {
+        "parameter": Key(
+            choice("level", "preload"),
+            "level",
+            "what the peak is followed in: a factor on all harmonic or static loads",
+        ),
+        "start": Key(number(0, above=True), None, "its value to begin at, where contacts stick or slip"),
+        "stop": Key(number(0, above=True), None, "its value to end at"),
+        "values": Key(listing(number(0, above=True)), [], "between them at which the peak is located too"),
+        "level": Key(number(0, above=True), 1.0, 'with `parameter = "preload"`: factor on the harmonic loads'),
+        "monitor": Key(text, None, "whose peak; absent: the first of the output"),
+        "amplitude": Key(
+            choice("half_range", "first_harmonic"),
+            "half_range",
+            "that is largest at the peak: half the range, or of one harmonic",
+        ),
+        "near_hz": Key(
+            frequency(), None, "where the linear peak is; absent: the largest between the ends of the sweep"
+        ),
+        "optimum": Key(boolean, True, "locate extrema of the peak over the parameter"),
+        "backbone": Key(
+            boolean,
+            False,
+            "also where the backbone of the peak's mode, motion without excitation, expects the peaks"
+            " ([peaks.md](peaks.md#backbone))",
+        ),
+        "max_points": Key(integer(2), 1000, "of the curve"),
+        "file": Key(text, None, "of peaks; absent: that of the output, ending `.peaks.h5`"),
+    },
+    "stability": {
+        "method": Key(
+            choice("none", "monodromy", "hill", "both"),
+            "none",
+            "examine every point; `both` must agree. Coupled balance ([method.md](method.md#stability))",
+        ),
+        "orbit": Key(
+            choice("auto", "balance", "exact"),
+            "auto",
+            "multipliers of the balance's orbit, of the exact one near it, or of the latter only where the former is"
+            " within 0.05 of a change",
+        ),
+    },
+    "integrate": {
+        "scheme": Key(
+            choice("event", "central_difference", "newmark", "hht", "generalised_alpha", "exponential"),
+            "event",
+            "exact for one tangent; `exponential` for two",
+        ),
+        "steps_per_period": Key(integer(2), None, "of the schemes other than `event`; absent: what suits the scheme"),
+        "dissipation": Key(number(0, 1), None, "HHT's -alpha (0.1) or generalised alpha's spectral radius (0.8)"),
+        "frequency_hz": Key(frequency(), None, "of the excitation"),
+        "level": Key(number(0), 1.0, "factor on all harmonic loads"),
+        "static_profile": Key(
+            listing(pair_of_numbers, 1), None, "`[[time, factor], ...]` on the static loads; absent: constantly 1"
+        ),
+        "harmonic_profile": Key(listing(pair_of_numbers, 1), None, "likewise on the harmonic loads"),
+        "start": Key(start, "static", "the end of the load path, rest, or a point of the output file"),
+        "sliders": Key(
+            listing(either(number(), pair_of_numbers), 1),
+            None,
+            "at the start, one a contact (a pair with two tangents); absent: 0",
+        ),
+        "cycles": Key(integer(1), 400, "periods at most"),
+        "fewest_cycles": Key(integer(0), 0, "periods at least"),
+        "periodicity_tolerance": Key(
+            number(0, above=True), 1e-10, "steady: the state changes less over a period, relative to the amplitude"
+        ),
+        "max_period_multiple": Key(integer(1), 4, "longest period recognised, in periods of the excitation"),
+        "attractors": Key(
+            boolean,
+            False,
+            "also integrate from eight stated starts and list the motions met"
+            " ([method.md](method.md#motions-that-coexist))",
+        ),
+        "samples": Key(integer(8), 256, "of the record, a period"),
+        "history": Key(choice("period", "run"), "period", "what is recorded: the last period, or the whole run"),
+        "equivalent_viscous": Key(
+            boolean, False, "take a loss factor as C = eta K / omega, in integration and for stability"
+        ),
+    },
+    "output": {
+        "file": Key(text, None, "result file", required=True),
+        "monitors": Key(listing(monitor, 1), None, "weighted sums of dofs that are reported by name", required=True),
+    },
+}
+
+ARRAYS: dict[str, dict[str, Key]] = {
+    "contact": {
+        "normal": Key(listing(term, 1), None, "the approach v of the two sides, closing positive", required=True),
+        "tangents": Key(
+            listing(listing(term, 1), 1, 2), None, "the relative displacement u along one or two", required=True
+        ),
+        **LAW,
+    },
+    "contact_set": {
+        "a": Key(text, None, "node set of one side", required=True),
+        "b": Key(text, None, 'node set of the other; may be `"ground"`', required=True),
+        "tolerance": Key(number(0), None, "largest distance of the two nodes of a pair", required=True),
+        "tangents": Key(integer(1, 2), 2, "1: slides along one direction, the first tangent"),
+        "stiffness_per": Key(
+            choice("area", "node"), "area", "stiffness and preload are per tributary area of the pair, or per pair"
+        ),
+        **LAW,
+    },
+    "load": {
+        "name": Key(text, None, "for `load_path`"),
+        "kind": Key(choice("static", "harmonic", "centrifugal"), None, "which of the keys below apply", required=True),
+        "dofs": Key(terms, None, "static: forces"),
+        "file": Key(text, None, "static, instead of `dofs`: a file ([below](#forces-by-file))"),
+        "harmonic": Key(integer(1), 1, "harmonic: of the fundamental frequency"),
+        "cosine": Key(either(terms, text), [], "harmonic: forces with cos h omega t, or a file of them"),
+        "sine": Key(either(terms, text), [], "harmonic: forces with sin h omega t, or a file of them"),
+        "speed_hz": Key(
+            frequency(above=False),
+            None,
+            "centrifugal: f = Omega^2 M r, r the distance from the axis ([below](#rotation))",
+        ),
+        "axis_point": Key(listing(number(), 3, 3), None, "centrifugal: on the axis"),
+        "axis_direction": Key(listing(number(), 3, 3), None, "centrifugal: of the axis"),
+        "spin_softening": Key(
+            boolean,
+            False,
+            "centrifugal: take Omega^2 P M P from the stiffness, P what is across the axis; no Coriolis forces",
+        ),
+    },
+}
+
+REQUIRED_TABLES = ("model", "sweep", "output")
+LOAD_KEYS = {
+    "static": {"name", "kind", "dofs", "file"},
+    "harmonic": {"name", "kind", "harmonic", "cosine", "sine"},
+    "centrifugal": {"name", "kind", "speed_hz", "axis_point", "axis_direction", "spin_softening"},
+}

@@ -1,0 +1,1 @@
+"""The Fortran library: loading it, what crosses to it, and its sessions as Python objects."""

@@ -1,0 +1,128 @@
+"""The family that a point is one of, member by member: the root asks, every rank of the solver follows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from attrito.library.session import Solver
+from attrito.library.structures import pointer
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+Found = TypeVar("Found")
+
+
+@dataclass(frozen=True)
+class Member:
+    """One member of a family, or how it changes with a slider (`slider`, `free` and `amplitude` then say nothing).
+
+    Parameters
+    ----------
+    force : coefficients of contact forces, rows t1, t2, n, `[nc, 3, 2 H + 1]`
+    monitors : coefficients `[monitors, 2 H + 1]`
+    amplitude : half the monitors' ranges over the period, `[monitors]`
+    slider : at the start of the period, `[nc, 2]`
+    free : whether the contact holds its slider, whatever that is, `[nc]`
+    """
+
+    force: np.ndarray
+    monitors: np.ndarray
+    amplitude: np.ndarray
+    slider: np.ndarray
+    free: np.ndarray
+
+
+class Family:
+    """The other members at a solver's last point. While they are visited the solver stands elsewhere; see `visit`.
+
+    `interrupted` says why to stop, or nothing; it is collective (`Stop.interrupted` of `support/stop_signals.py`).
+    """
+
+    def __init__(
+        self, comm: Comm, solver: Solver, contacts: int, monitors: int, interrupted: Callable[[], str] | None = None
+    ):
+        self._comm, self._solver, self._interrupted = comm, solver, interrupted
+        self._sizes = contacts, monitors
+        # Why visits were to stop, on every rank; empty: nothing asked for it
+        self.stopped = ""
+
+    def visit(self, work: Callable[[Family], Found]) -> Found | None:
+        """Do some work on the root, where its result is, all ranks at hand; the solver is left as it was."""
+        self.stopped = ""
+        self._solver.call("attrito_enter_family")
+        try:
+            if self._comm.rank != 0:
+                while (request := self._comm.bcast(None)) is not None:
+                    self._follow(*request)
+                return None
+            try:
+                return work(self)
+            finally:
+                self._comm.bcast(None)
+        finally:
+            self._solver.call("attrito_leave_family")
+
+    def describe(self) -> Member | None:
+        """The present member; None if it cannot be evaluated."""
+        return self._ask("describe")
+
+    def differentiate(self, contact: int, tangent: int) -> Member | None:
+        """How the member described last changes with one component of -kt w; None if that is singular."""
+        return self._ask("differentiate", contact, tangent)
+
+    def move(self, slider: np.ndarray) -> bool:
+        """Move the sliders, `[nc, 2]`; False if that gives no member, and nothing has changed."""
+        return self._ask("move", slider)
+
+    def work(self) -> float:
+        """Floating-point operations of the library since the visit began, by formulas, over all ranks."""
+        return self._ask("work")
+
+    def is_interrupted(self) -> bool:
+        """Whether a signal or the limit of time asks to stop; `stopped` then says which."""
+        return self._ask("is_interrupted")
+
+    def keep(self, place: int) -> None:
+        """Remember the present member in a place, 0 or 1."""
+        self._ask("keep", place)
+
+    def go_back(self, place: int) -> None:
+        """Return to the member remembered there."""
+        self._ask("go_back", place)
+
+    def _ask(self, what: str, *arguments: object) -> object:
+        self._comm.bcast((what, *arguments))
+        return self._follow(what, *arguments)
+
+    def _follow(self, what: str, *arguments: object) -> object:
+        if what == "work":
+            return self._solver.work_of_visits()
+        if what == "is_interrupted":
+            self.stopped = self._interrupted() if self._interrupted is not None else ""
+            return bool(self.stopped)
+        if what == "keep":
+            return self._solver.call("attrito_keep_member", *arguments)
+        if what == "go_back":
+            return self._solver.call("attrito_return_to_member", *arguments)
+        if what == "move":
+            return self._solver.call("attrito_solve_member", pointer(np.ascontiguousarray(arguments[0]))) == 1
+        (contacts, monitors), coefficients = self._sizes, self._solver.coefficients
+        member = Member(
+            np.zeros((contacts, 3, coefficients)),
+            np.zeros((monitors, coefficients)),
+            np.zeros(monitors),
+            np.zeros((contacts, 2)),
+            np.zeros(contacts),
+        )
+        series = pointer(member.force), pointer(member.monitors)
+        if what == "describe":
+            rest = pointer(member.amplitude), pointer(member.slider), pointer(member.free)
+            status = self._solver.call("attrito_describe_member", *series, *rest)
+        else:
+            status = self._solver.call("attrito_differentiate_member", *arguments, *series)
+        return member if status == 0 else None

@@ -1,0 +1,44 @@
+"""Kernels of the library by themselves: a contact over a period, and extrema of series."""
+
+from __future__ import annotations
+
+import ctypes
+
+import numpy as np
+
+from attrito.library import loading
+from attrito.library.structures import RawLaw, pointer
+
+
+def sample_contact(
+    law: RawLaw, coefficients: np.ndarray, slider: np.ndarray, samples: int, passes: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Displacement and force of one contact over a period, `[tangents + 1, samples]` each.
+
+    Parameters
+    ----------
+    law : see `make_law`
+    coefficients : of its relative displacement, `[tangents + 1, nk]`, normal last
+    slider : at the start of the period, `[2]`
+    """
+    coefficients = np.ascontiguousarray(coefficients, dtype=float)
+    displacement, force = np.zeros((2, len(coefficients), samples))
+    loading.load().attrito_sample_contact(
+        ctypes.byref(law),
+        coefficients.shape[1],
+        samples,
+        pointer(coefficients),
+        pointer(np.ascontiguousarray(slider, dtype=float)),
+        passes,
+        pointer(displacement),
+        pointer(force),
+    )
+    return displacement, force
+
+
+def extrema(coefficients: np.ndarray) -> np.ndarray:
+    """Smallest and largest value over the period, located: `[..., 2]` of polynomials `[..., 2 H + 1]`."""
+    rows = np.ascontiguousarray(coefficients, dtype=float).reshape(-1, np.shape(coefficients)[-1])
+    lowest, highest = np.zeros((2, len(rows)))
+    loading.load().attrito_extrema(*rows.shape, pointer(rows), pointer(lowest), pointer(highest))
+    return np.stack([lowest, highest], axis=-1).reshape(*np.shape(coefficients)[:-1], 2)

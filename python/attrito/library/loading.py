@@ -1,0 +1,49 @@
+"""The Fortran library: finding it, loading it, calling it.
+
+mpi4py initialises MPI before; the library is handed `comm.py2f()`.
+"""
+
+from __future__ import annotations
+
+import atexit
+import ctypes
+import functools
+import os
+from pathlib import Path
+
+from attrito.support.errors import Fault, InputError, NumericsError
+
+NAME = "libattrito.so"
+MESSAGE_LENGTH = 2000
+
+
+@functools.cache
+def load() -> ctypes.CDLL:
+    """Load the library from ATTRITO_LIBRARY, the folder of the package, or the build folder of the source tree."""
+    package = Path(__file__).resolve().parents[1]
+    places = [package / NAME, *(package.parents[1] / "build" / preset / NAME for preset in ("release", "debug"))]
+    if chosen := os.environ.get("ATTRITO_LIBRARY"):
+        places = [Path(chosen)]
+    for place in places:
+        if place.is_file():
+            loaded = ctypes.CDLL(str(place), mode=ctypes.RTLD_GLOBAL)
+            atexit.register(loaded.attrito_stop)
+            return loaded
+    looked = ", ".join(map(str, places))
+    raise InputError(Fault("attrito", NAME, "not found", f"the built library in {looked} (run script/bootstrap)"))
+
+
+def check(status: int, message: ctypes.Array) -> None:
+    """Raise what the library told: status 1 the numerics, 2 the input, 3 a file that cannot be written or read."""
+    text = message.value.decode(errors="replace")
+    if status in (2, 3):
+        error = InputError()
+        error.args = (text,)
+        raise error
+    if status != 0:
+        raise NumericsError(text)
+
+
+def message_buffer() -> ctypes.Array:
+    """Room for a message."""
+    return ctypes.create_string_buffer(MESSAGE_LENGTH)

@@ -1,0 +1,173 @@
+"""A resonance peak followed in the level or the preload, by the Fortran library. All calls are collective."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from attrito.library.session import Point, Solver
+from attrito.library.structures import RawPoint, omega, pointer
+from attrito.support.errors import NumericsError
+
+AMPLITUDES = ("half_range", "first_harmonic")
+PARAMETERS = ("level", "preload")
+# Points of the linear response between its ends, besides those at natural frequencies, to find its largest peak.
+LINEAR_POINTS = 400
+NATURAL_FREQUENCIES = 40
+
+
+class _Peak(ctypes.Structure):
+    _fields_ = [
+        ("point", RawPoint),
+        *((name, ctypes.c_double) for name in ("parameter", "amplitude", "slope", "curvature")),
+        ("evaluations", ctypes.c_int),
+    ]
+
+
+@dataclass(frozen=True)
+class Peak:
+    """A resonance peak.
+
+    Parameters
+    ----------
+    point : as that of a sweep
+    parameter : level or preload
+    level : factor on the harmonic loads
+    amplitude : of the monitor, user length
+    slope : its derivative by the parameter along the peaks
+    curvature : its second derivative by angular frequency along the frequency response; negative at a maximum
+    evaluations : of the balance, since the session began
+    """
+
+    point: Point
+    parameter: float
+    level: float
+    amplitude: float
+    slope: float
+    curvature: float
+    evaluations: int
+
+    @property
+    def frequency_hz(self) -> float:
+        """Frequency of the peak, Hz."""
+        return self.point.frequency_hz
+
+    @property
+    def outcome(self) -> str:
+        """`converged`, `not_converged`, `indeterminate`, or `above_tolerance`."""
+        return self.point.outcome
+
+    @property
+    def response(self) -> float:
+        """Amplitude per unit of the harmonic loads."""
+        return self.amplitude / self.level
+
+
+@dataclass(frozen=True)
+class Start:
+    """A motion near a peak: Fourier coefficients of the model's coordinates `[m, 2 H + 1]`."""
+
+    frequency_hz: float
+    coordinates: np.ndarray
+
+
+class PeakTracker:
+    """The peak of one monitor of a solver that has walked its static path.
+
+    Parameters
+    ----------
+    solver : stays the caller's
+    monitor : index of the monitor
+    amplitude : a name of `AMPLITUDES`
+    band_hz : where the peak is looked for
+    static_factors : on the static loads at preload 1, `[loads]`
+    """
+
+    def __init__(
+        self, solver: Solver, monitor: int, amplitude: str, band_hz: tuple[float, float], static_factors: np.ndarray
+    ):
+        self._solver, self._monitor, self._amplitude, self._band = solver, monitor, AMPLITUDES.index(amplitude), band_hz
+        self._static = np.ascontiguousarray(static_factors, dtype=float)
+        self.parameter = PARAMETERS[0]
+
+    def linear_peak_hz(self) -> float:
+        """The largest peak of the linear response, contacts stuck, in the band, Hz."""
+        low, high = self._band
+        natural = self._solver.linear_response(True, np.array([low]), NATURAL_FREQUENCIES)[1]
+        grid = np.unique(np.concatenate([np.linspace(low, high, LINEAR_POINTS), natural]))
+        grid = grid[(grid >= low) & (grid <= high)]
+        amplitude = self._solver.linear_response(True, grid, 0)[0][self._monitor]
+        largest = int(np.nanargmax(amplitude))
+        if largest in (0, len(grid) - 1):
+            raise NumericsError(f"the linear response has no peak between {low:g} and {high:g} Hz to begin with")
+
+        def minus(frequency: float) -> float:
+            return -float(self._solver.linear_response(True, np.array([frequency]), 0)[0][self._monitor, 0])
+
+        bounds = (grid[largest - 1], grid[largest + 1])
+        found = minimize_scalar(minus, bounds=bounds, method="bounded", options={"xatol": 1e-9 * grid[largest]})
+        return float(found.x)
+
+    def begin(self, level: float, near_hz: float, branch: int = 0) -> Peak:
+        """The peak at a level, followed there from where all contacts stick at the linear peak's frequency."""
+        return self._call(
+            "attrito_begin_peak",
+            self._monitor,
+            self._amplitude,
+            len(self._static),
+            pointer(self._static),
+            omega(near_hz),
+            omega(self._band[0]),
+            omega(self._band[1]),
+            ctypes.c_double(level),
+            branch,
+        )[0]
+
+    def begin_near(self, start: Start, level: float, preload: float = 1.0, branch: int = 0) -> Peak:
+        """The peak near a motion, at a level and a factor on the static loads, sliders going on from where they are."""
+        return self._call(
+            "attrito_begin_peak_near",
+            self._monitor,
+            self._amplitude,
+            len(self._static),
+            pointer(self._static),
+            omega(start.frequency_hz),
+            omega(self._band[0]),
+            omega(self._band[1]),
+            ctypes.c_double(level),
+            ctypes.c_double(preload),
+            start.coordinates.shape[1],
+            pointer(start.coordinates),
+            branch,
+        )[0]
+
+    def start(self, frequency_hz: float) -> Start:
+        """Where the solver stands, for `begin_near`."""
+        return Start(frequency_hz, self._solver.coordinates())
+
+    def follow_in(self, parameter: str, branch: int = 0) -> Peak:
+        """Follow it in one of `PARAMETERS` from here on."""
+        self.parameter = parameter
+        return self._call("attrito_follow_peak_in", PARAMETERS.index(parameter), branch)[0]
+
+    def follow(self, stop: float, branch: int = 0) -> Iterator[Peak]:
+        """Step by step to a value of the parameter; the last peak has it, unless the curve is lost before."""
+        self._solver.call("attrito_turn_peak", ctypes.c_double(stop))
+        finished = False
+        while not finished:
+            peak, finished = self._call("attrito_next_peak", ctypes.c_double(stop), branch)
+            yield peak
+
+    def at(self, value: float, branch: int = 0) -> Peak:
+        """The peak at a value of the parameter, by as many steps as it takes."""
+        return self._call("attrito_peak_at", ctypes.c_double(value), branch)[0]
+
+    def _call(self, name: str, *arguments: object) -> tuple[Peak, bool]:
+        raw = _Peak()
+        self._solver.call(name, *arguments, ctypes.byref(raw))
+        numbers = (raw.parameter, raw.point.level, raw.amplitude, raw.slope, raw.curvature, raw.evaluations)
+        return Peak(self._solver._point(raw.point, followed=False), *numbers), bool(raw.point.finished)

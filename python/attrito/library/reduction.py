@@ -1,0 +1,227 @@
+"""Craig-Bampton reduction of model.h5 to rom.h5 by the Fortran library. The call is collective over all ranks."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from attrito.library import loading
+from attrito.library.names import EIGENSOLVERS, ORDERINGS
+from attrito.support.errors import Fault, InputError
+from attrito.support.parallel import on_root
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+    from numpy.typing import ArrayLike
+
+# Raised when the steps leave their results in another form.
+STEPS_VERSION = 2
+TOLERANCE = 1e-12
+BLOCK_VECTORS = 16
+
+
+STEPS = ("read", "count", "factor", "constraint", "modes", "correction", "indicator", "inertia", "project", "write")
+Listener = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a reduction found; wall time and largest memory (all ranks, in megabytes) of its steps, of `STEPS`.
+
+    `coordinates` = `boundary` + `modes` + `corrections`. One mode or two more than asked for are kept where the last
+    has twins. `modes_below_shift` is the count by inertia below `shift_hz`, which agrees with the eigensolver's; -1
+    where nothing was counted. `mode_solves` vectors were solved for to find the modes. `mode_residual` bounds the
+    relative error of the eigenvalues; `constraint_residual` is that of K_ii Psi = -K_ib as solved. `factor_megabytes`
+    and `factor_flops` are foreseen by the analysis, in core and with the factors on disk, which is where they went if
+    `out_of_core`. `worst_error` is the largest estimated relative error of a natural frequency or of a point receptance
+    of the reduced model; -1 where nothing was examined.
+    """
+
+    dofs: int
+    coordinates: int
+    boundary: int
+    modes: int
+    corrections: int
+    negative_pivots: int
+    modes_below_shift: int
+    mode_solves: int
+    factor_megabytes: int
+    factor_megabytes_out_of_core: int
+    out_of_core: int
+    ordering: str
+    factor_flops: float
+    analysis_seconds: float
+    shift_hz: float
+    mode_residual: float
+    constraint_residual: float
+    worst_error: float
+    seconds: dict[str, float]
+    megabytes: dict[str, float]
+
+
+_KINDS = {
+    "int": ctypes.c_int,
+    "float": ctypes.c_double,
+    "str": ctypes.c_char * 8,
+    "dict[str, float]": ctypes.c_double * len(STEPS),
+}
+
+
+class _Report(ctypes.Structure):
+    _fields_ = [(field.name, _KINDS[field.type]) for field in fields(Report)]
+
+
+class _Options(ctypes.Structure):
+    _fields_ = [
+        *((name, ctypes.c_int) for name in ("modes", "block_size", "block_vectors", "check_inertia")),
+        *(
+            (name, ctypes.c_double)
+            for name in (
+                "max_frequency_hz",
+                "error_target",
+                "top_frequency_hz",
+                "tolerance",
+                "low_rank",
+                "memory_megabytes",
+            )
+        ),
+        ("ordering", ctypes.c_char * 8),
+        ("out_of_core", ctypes.c_char * 4),
+        ("eigensolver", ctypes.c_char * 16),
+    ]
+
+
+_LISTENER = ctypes.CFUNCTYPE(None, ctypes.c_char_p, ctypes.c_int, ctypes.c_int)
+
+
+def reduce_model(
+    comm: Comm,
+    model_path: str | Path,
+    rom_path: str | Path,
+    boundary: ArrayLike,
+    vectors: ArrayLike | None = None,
+    *,
+    modes: int | None = None,
+    max_frequency_hz: float | None = None,
+    error_target: float | None = None,
+    top_frequency_hz: float = 0.0,
+    eigensolver: str = EIGENSOLVERS[0],
+    check_inertia: bool = True,
+    ordering: str = ORDERINGS[0],
+    out_of_core: bool | None = None,
+    low_rank: float = 0.0,
+    memory_gb: float | None = None,
+    block_size: int = 0,
+    block_vectors: int = BLOCK_VECTORS,
+    fingerprint: str = "",
+    listener: Listener | None = None,
+    library: ctypes.CDLL | None = None,
+) -> Report:
+    """Reduce a model onto its boundary dofs and a number of modes.
+
+    What the steps have done is kept in the folder `<rom_path>.steps` until the end. A reduction that was interrupted
+    goes on from there when it is asked for with the same fingerprint, on any number of ranks.
+
+    Parameters
+    ----------
+    comm : the ranks that do it together
+    model_path, rom_path : docs/files.md; `rom_path` is written over
+    boundary : dofs to keep, from 0, the same on every rank; in any order
+    vectors : `[nv, n]`, loads and monitors; rank 0's are taken. Those that act inside get a static correction each.
+    modes : number of fixed-interface modes, or
+    max_frequency_hz : keep all up to this one, or
+    error_target : double their number until natural frequencies and point receptances are estimated to be this near
+    top_frequency_hz : where that is looked at, from 0; 0: up to two thirds of the highest mode's frequency
+    eigensolver : who finds the modes, one of `EIGENSOLVERS`
+    check_inertia : prove by a second factorisation that no mode was missed
+    ordering : of the rows for the factorisation, one of `ORDERINGS`
+    out_of_core : factors on disk; None: where memory is short. They go to the folder MUMPS_OOC_TMPDIR, or /tmp.
+    memory_gb : that the ranks of a machine may take together for the factors and beside them; None: what is free
+    low_rank : threshold of block low-rank factors, 0 for exact ones
+    block_size : columns of the basis treated at a time, 0: by the size of the model
+    block_vectors : vectors solved for at once, where the eigensolver has blocks
+    fingerprint : of the matrices and all that is asked; empty: an interrupted reduction starts anew
+    listener : told of progress on rank 0: a step, how much of it is done, of how much; or a sentence, and 0, 0
+
+    Raises
+    ------
+    InputError : a motion stays free with the boundary held, the file is no model, or there is no room on the disk
+    NumericsError : no memory for the factors, or modes were missed
+    """
+    if sum(given is not None for given in (modes, max_frequency_hz, error_target)) != 1:
+        raise TypeError("give one of modes, max_frequency_hz and error_target")
+    dofs = np.unique(np.asarray(boundary, dtype=np.intc))
+    block = np.zeros((0, 0)) if vectors is None or comm.rank else np.atleast_2d(np.asarray(vectors, dtype=float))
+    block = np.ascontiguousarray(block)
+    count = comm.bcast(len(block))
+    options = _Options(
+        modes=-1 if modes is None else modes,
+        block_size=block_size,
+        block_vectors=block_vectors,
+        check_inertia=int(check_inertia),
+        max_frequency_hz=max_frequency_hz or 0.0,
+        error_target=error_target or 0.0,
+        top_frequency_hz=top_frequency_hz,
+        tolerance=TOLERANCE,
+        low_rank=low_rank,
+        memory_megabytes=1024.0 * (memory_gb or 0.0),
+        ordering=ordering.encode(),
+        out_of_core={None: b"auto", True: b"yes", False: b"no"}[out_of_core],
+        eigensolver=eigensolver.encode(),
+    )
+    steps = Path(f"{rom_path}.steps")
+    on_root(comm, lambda: _prepare_steps(steps, fingerprint))
+    told = (
+        _LISTENER(lambda text, done, total: listener(text.decode(), done, total))
+        if listener and not comm.rank
+        else None
+    )
+    report, message = _Report(), loading.message_buffer()
+    status = (library or loading.load()).attrito_reduce(
+        ctypes.c_int(comm.py2f()),
+        str(model_path).encode(),
+        str(rom_path).encode(),
+        str(steps).encode(),
+        ctypes.c_int(len(dofs)),
+        dofs.ctypes.data_as(ctypes.POINTER(ctypes.c_int)),
+        ctypes.c_int(block.shape[1]),
+        ctypes.c_int(count),
+        block.ctypes.data_as(ctypes.POINTER(ctypes.c_double)),
+        ctypes.byref(options),
+        told,
+        ctypes.byref(report),
+        ctypes.c_int(len(message)),
+        message,
+    )
+    # What is at fault stays so; what ran out of memory, or of room on the disk, may go on another time.
+    if status == 2 or not fingerprint or status == 0:
+        on_root(comm, lambda: shutil.rmtree(steps))
+    loading.check(status, message)
+    values = {field.name: getattr(report, field.name) for field in fields(Report)}
+    values["ordering"] = report.ordering.decode().strip()
+    for name in ("seconds", "megabytes"):
+        values[name] = dict(zip(STEPS, values[name], strict=True))
+    return Report(**values)
+
+
+def _prepare_steps(folder: Path, fingerprint: str) -> None:
+    """Keep what an interrupted reduction of the same fingerprint has left; else start with an empty folder."""
+    mark = folder / "fingerprint"
+    if folder.is_symlink() or (
+        folder.exists() and not mark.is_file() and (not folder.is_dir() or any(folder.iterdir()))
+    ):
+        expected = "a folder in which attrito has kept the steps of a reduction, or none of this name"
+        raise InputError(Fault(str(folder), "folder", "in the way", expected))
+    fingerprint = fingerprint and f"{STEPS_VERSION} {fingerprint}"
+    if fingerprint and mark.is_file() and mark.read_text() == fingerprint:
+        return
+    if folder.exists():
+        shutil.rmtree(folder)
+    folder.mkdir(parents=True)
+    mark.write_text(fingerprint)

@@ -1,0 +1,350 @@
+"""The solver of the Fortran library as a Python object. All calls are collective."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import operator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from attrito.library import loading
+from attrito.library.names import ATTEMPTS, DAMPING_KINDS, NO_SOLUTION, OUTCOMES
+from attrito.library.reduced_scene import ReducedScene
+from attrito.library.series import Series
+from attrito.library.structures import ERRORS, LISTENER, RawOptions, RawPoint, make_laws, omega, pointer
+from attrito.support.errors import NumericsError
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+
+@dataclass(frozen=True)
+class Options:
+    """Choices of the harmonic balance; see docs/job.md.
+
+    `accepted_error`: relative error of the amplitude beyond which a point is `above_tolerance`; 0: not checked. With
+    `choose_harmonics` and `choose_samples` the numbers given are those to begin with, `accepted_error` is what they are
+    chosen by, and there are at least `fewest_samples`. `mode_error`: the reduced model's own share of the error.
+    """
+
+    harmonics: int = 5
+    samples: int = 128
+    rounds: int = 20
+    max_iterations: int = 30
+    reset_slider: bool = False
+    uncoupled: bool = False
+    by_events: bool = False
+    choose_harmonics: bool = False
+    choose_samples: bool = False
+    fewest_samples: int = 32
+    tolerance: float = 1e-10
+    accepted_error: float = 0.0
+    mode_error: float = 0.0
+
+
+class Point(NamedTuple):
+    """One point of a sweep.
+
+    `states` counts contacts stuck, shaken down, slipping, open; `harmonics` are the coefficients of the monitors,
+    `[monitors, 2 H + 1]`, and `amplitude` half their ranges over the period, `[monitors]`, user length. `errors` are
+    the parts of `estimate` in the order of `ERRORS`; `work` counts floating-point operations of the session up to here.
+    `followed`: a point of a sweep, not of a list of frequencies.
+    """
+
+    frequency_hz: float
+    level: float
+    branch: int
+    iterations: int
+    linear_iterations: int
+    outcome: str
+    unique: bool
+    residual: float
+    estimate: float
+    errors: tuple[float, float, float]
+    samples: int
+    work: float
+    states: tuple[int, int, int, int]
+    harmonics: np.ndarray
+    amplitude: np.ndarray
+    finished: bool
+    reached_stop: bool
+    followed: bool
+
+    @property
+    def is_solved(self) -> bool:
+        """Whether there is a solution, whatever is known of its stability and error."""
+        return self.outcome not in NO_SOLUTION
+
+
+@dataclass(frozen=True)
+class StoredPoint:
+    """A point of a result: `coordinates` `[m, nk]`, `slider` `[nc, 2]` at the start of the period."""
+
+    frequency_hz: float
+    coordinates: np.ndarray
+    slider: np.ndarray
+
+
+_errors_of = operator.attrgetter(*ERRORS)
+
+
+class Solver:
+    """A session of the library on a reduced scene; close it, or use it in a `with` block."""
+
+    def __init__(self, comm: Comm, scene: ReducedScene, options: Options):
+        self._library = loading.load()
+        self._library.attrito_create.restype = ctypes.c_void_p
+        self._library.attrito_work_of_visits.restype = ctypes.c_double
+        self._scene, self._options = scene, options
+        # A row of the last point
+        self.coefficients = 2 * options.harmonics + 1
+        # Counted up to the end of the last static load path
+        self.static_work, self.static_states = 0.0, (0, 0, 0, 0)
+        self._make_room(options.harmonics)
+        m = len(scene.mass)
+        damping = None if scene.damping is None else pointer(scene.damping)
+        self._handle = ctypes.c_void_p(
+            self._library.attrito_create(
+                comm.py2f(),
+                m,
+                pointer(scene.mass),
+                pointer(scene.stiffness),
+                DAMPING_KINDS[scene.damping_kind],
+                ctypes.c_double(scene.damping_value),
+                damping,
+            )
+        )
+        self._library.attrito_set_loads(
+            self._handle,
+            len(scene.static),
+            pointer(scene.static),
+            len(scene.harmonic),
+            pointer(scene.harmonic),
+            len(scene.monitors),
+            pointer(scene.monitors),
+        )
+        laws = make_laws(scene.laws)
+        rows = len(scene.directions)
+        self._library.attrito_set_contacts(self._handle, len(laws), laws, rows, pointer(scene.directions))
+        given = RawOptions(**{name: getattr(options, name) for name, _ in RawOptions._fields_})
+        self._call("attrito_prepare", ctypes.byref(given))
+
+    def take(self, scene: ReducedScene) -> bool:
+        """Go on with a scene that differs in friction, gaps and preloads of contacts alone; False if in more.
+
+        The modes stay. Its static path is to be walked next.
+        """
+        if not _has_the_modes_of(self._scene, scene):
+            return False
+        self._scene = scene
+        laws = make_laws(scene.laws)
+        self._library.attrito_change_laws(self._handle, len(laws), laws)
+        return True
+
+    def coordinates(self) -> np.ndarray:
+        """Fourier coefficients of the model's coordinates at the last point, `[m, 2 H + 1]`."""
+        motion = np.zeros((len(self._scene.mass), self.coefficients))
+        self._library.attrito_coordinates(self._handle, self.coefficients, pointer(motion))
+        return motion
+
+    def walk_static_path(self, path: np.ndarray, steps: int, frequency_hz: float) -> np.ndarray:
+        """Walk the static load path, `[corners, loads]`; returns the means of the monitors."""
+        raw = RawPoint()
+        sizes = path.shape[1], path.shape[0]
+        self._call("attrito_walk_static_path", *sizes, pointer(path), steps, omega(frequency_hz), ctypes.byref(raw))
+        self.static_work, self.static_states = raw.work, tuple(raw.states)
+        return self._monitors(raw.harmonic_count)[0][:, 0]
+
+    def sweep(self, start_hz: float, stop_hz: float, level: float, branch: int, max_points: int) -> Iterator[Point]:
+        """Follow the branch from one frequency to another, a point at a time."""
+        self.set_excitation(start_hz, stop_hz, level, branch, max_points)
+        yield from self.go_on()
+
+    def go_on(self) -> Iterator[Point]:
+        """The points of a sweep that are left after the last."""
+        raw = RawPoint()
+        told_at, next_point = ctypes.byref(raw), self._library.attrito_next_point
+        while not raw.finished:
+            next_point(self._handle, told_at)
+            yield self._point(raw, followed=True)
+
+    def set_excitation(
+        self, start_hz: float, stop_hz: float, level: float, branch: int = 0, max_points: int = 0
+    ) -> None:
+        """Harmonic loads at a level, and scales for a range of frequency; a sweep may begin."""
+        self._library.attrito_begin_sweep(
+            self._handle, omega(start_hz), omega(stop_hz), ctypes.c_double(level), branch, max_points
+        )
+
+    def follow(self, start_hz: float, stop_hz: float, branch: int, max_points: int, way: int) -> Iterator[Point]:
+        """Follow the one branch that the solver stands on until it leaves a range, closes, or is lost.
+
+        Towards growing (1) or falling (-1) frequency, or (0) back from where the last sweep stands; the first point is
+        where it stands.
+        """
+        self._library.attrito_begin_branch(self._handle, omega(start_hz), omega(stop_hz), way, branch, max_points)
+        yield from self.go_on()
+
+    def stand_at(self, point: StoredPoint, level: float) -> bool:
+        """Solve at a point of a result, from its motion; the solver then stands there."""
+        return bool(
+            self.call(
+                "attrito_stand_at_motion",
+                point.coordinates.shape[1],
+                pointer(np.ascontiguousarray(point.coordinates, dtype=float)),
+                pointer(np.ascontiguousarray(point.slider, dtype=float)),
+                omega(point.frequency_hz),
+                ctypes.c_double(level),
+            )
+        )
+
+    def seek(self, way: int, frequency_hz: float, factor: float) -> bool:
+        """Look for a point at a frequency by one of `STARTS` (`branch_search.py`); the solver then stands there."""
+        return bool(self.call("attrito_seek", way, omega(frequency_hz), ctypes.c_double(factor)))
+
+    def solve_at(self, frequencies_hz: list[float], level: float, branch: int) -> Iterator[Point]:
+        """Solve frequencies one by one, each starting from the one before."""
+        low, high = min(frequencies_hz), max(frequencies_hz)
+        self._library.attrito_begin_sweep(self._handle, omega(low), omega(high), ctypes.c_double(level), branch, 0)
+        yield from self.go_on_at(frequencies_hz, branch)
+
+    def go_on_at(self, frequencies_hz: list[float], branch: int) -> Iterator[Point]:
+        """The frequencies of a list that are left after the last point."""
+        raw = RawPoint()
+        for frequency in frequencies_hz:
+            self._library.attrito_solve_at(self._handle, omega(frequency), branch, ctypes.byref(raw))
+            yield self._point(raw, followed=False)
+
+    def try_at(self, attempt: str, frequency_hz: float) -> Point:
+        """A point by one of `ATTEMPTS` alone; the session stands where it stood before, whatever it found.
+
+        After `solve_at` or `sweep` have begun, which set the level of the loads.
+        """
+        raw = RawPoint()
+        if self._library.attrito_try_at(self._handle, attempt.encode(), omega(frequency_hz), ctypes.byref(raw)) != 0:
+            raise ValueError(f"{attempt!r} is none of the cascade's attempts: {', '.join(ATTEMPTS)}")
+        return self._point(raw, followed=False)
+
+    def linear_response(self, stuck: bool, frequencies_hz: np.ndarray, natural: int) -> tuple[np.ndarray, np.ndarray]:
+        """Amplitudes `[monitors, frequencies]` at level 1 with contacts stuck, or closed without friction.
+
+        Also the lowest `natural` natural frequencies of that system, Hz.
+        """
+        angular = np.ascontiguousarray(2.0 * np.pi * np.asarray(frequencies_hz, dtype=float))
+        amplitude = np.zeros((len(self._scene.monitors), len(angular)))
+        lowest = np.zeros(natural)
+        self._call(
+            "attrito_linear_response",
+            int(stuck),
+            len(angular),
+            pointer(angular),
+            pointer(amplitude),
+            natural,
+            pointer(lowest),
+        )
+        return amplitude, lowest
+
+    def tell_point(self, hear: Callable[[str, Series, np.ndarray], None] | None) -> None:
+        """Hand the last point to `hear`, series by series: path, what it is, and the entry. None but at the root."""
+        names = "\n".join(self._scene.monitor_names).encode()
+
+        def told(
+            path: bytes, kind: bytes, dimensions: int, extent, values, description: bytes, unit: bytes, names: bytes
+        ):
+            shape = tuple(extent[:dimensions])
+            entry = np.array(values[: math.prod(shape)]).reshape(shape)
+            what = Series(
+                kind.decode(), description.decode(), unit.decode(), tuple(filter(None, names.decode().split(",")))
+            )
+            hear(path.decode(), what, entry.astype(np.int32) if what.kind == "int32" else entry)
+
+        self._library.attrito_tell_point(self._handle, names, LISTENER(told) if hear is not None else LISTENER())
+
+    def put_down(self) -> np.ndarray:
+        """What the last point leaves for the next on this rank: numbers that `take_up` understands."""
+        numbers = np.zeros(self._library.attrito_put_down(self._handle))
+        self._library.attrito_fetch_state(self._handle, pointer(numbers))
+        return numbers
+
+    def take_up(self, numbers: np.ndarray) -> bool:
+        """Go on from what was put down on as many ranks; False if it is not of this kind."""
+        numbers = np.ascontiguousarray(numbers)
+        return bool(self._library.attrito_take_up(self._handle, len(numbers), pointer(numbers)))
+
+    def work_of_visits(self) -> float:
+        """Floating-point operations since other members were begun to be visited; see `attrito.library.family`."""
+        return self._library.attrito_work_of_visits(self._handle)
+
+    def call(self, name: str, *arguments: object) -> int:
+        """A function of the library that takes this session and returns a number; see `attrito.library.family`."""
+        return getattr(self._library, name)(self._handle, *arguments)
+
+    def close(self) -> None:
+        """Give everything back."""
+        if self._handle:
+            self._library.attrito_destroy(self._handle)
+            self._handle = None
+
+    def __enter__(self) -> Solver:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _monitors(self, harmonic_count: int) -> tuple[np.ndarray, np.ndarray]:
+        if self._told[0].shape[1] != 2 * harmonic_count + 1:
+            self._make_room(harmonic_count)
+        self._library.attrito_monitors(self._handle, *self._told_at)
+        harmonics, amplitude = self._told
+        return harmonics.copy(), amplitude.copy()
+
+    def _make_room(self, harmonic_count: int) -> None:
+        """For what the library tells of the monitors; kept from point to point."""
+        count = len(self._scene.monitors)
+        self._told = np.zeros((count, 2 * harmonic_count + 1)), np.zeros(count)
+        self._told_at = tuple(pointer(array) for array in self._told)
+
+    def _point(self, raw: RawPoint, followed: bool) -> Point:
+        if raw.petsc_error:
+            raise NumericsError(f"PETSc failed (error {raw.petsc_error}) while solving a point")
+        self.coefficients = 2 * raw.harmonic_count + 1
+        return Point(
+            raw.frequency_hz,
+            raw.level,
+            raw.branch,
+            raw.iterations,
+            raw.linear_iterations,
+            OUTCOMES[raw.outcome],
+            raw.unique == 1,
+            raw.residual,
+            raw.estimate,
+            _errors_of(raw),
+            raw.samples,
+            raw.work,
+            tuple(raw.states),
+            *self._monitors(raw.harmonic_count),
+            bool(raw.finished),
+            bool(raw.reached_stop),
+            followed,
+        )
+
+    def _call(self, name: str, *arguments: object) -> None:
+        message = loading.message_buffer()
+        status = getattr(self._library, name)(self._handle, *arguments, message, len(message))
+        loading.check(status, message)
+
+
+# Of a contact's law, what its stuck state does not show
+FREE_OF_MODES = ("friction_coefficient", "gap", "preload")
+
+
+def _has_the_modes_of(a: ReducedScene, b: ReducedScene) -> bool:
+    """Whether two scenes differ in `FREE_OF_MODES` alone."""
+    plain = ("mass", "stiffness", "damping", "directions", "static", "harmonic", "monitors")
+    same = (a.damping_kind, a.damping_value, a.monitor_names) == (b.damping_kind, b.damping_value, b.monitor_names)
+    same = same and all(np.array_equal(getattr(a, name), getattr(b, name)) for name in plain)
+    return same and all(np.array_equal(a.laws[name], b.laws[name]) for name in a.laws if name not in FREE_OF_MODES)

@@ -1,0 +1,1 @@
+"""A full model: its matrices, mesh and surfaces, and what is computed of them without a job."""

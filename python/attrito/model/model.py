@@ -1,0 +1,72 @@
+"""A full model: matrices, dofs, mesh and node sets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+STRESS_STIFFENING, SPIN_SOFTENING = "stress_stiffening", "spin_softening"
+# What a stiffness may hold besides that of the structure at rest without load.
+HOLDINGS = (STRESS_STIFFENING, SPIN_SOFTENING)
+
+
+@dataclass
+class Model:
+    """A full model.
+
+    Parameters
+    ----------
+    stiffness, mass, damping : `[n, n]`, both triangles; damping may be absent; all None where a file was read
+        without its matrices
+    dof_node, dof_direction : `[n]`, node id and direction of each dof (1, 2, 3 for displacements along x, y, z; 4, 5, 6
+        for rotations about them); None where dofs are only numbered
+    node_ids, coordinates : `[N]` and `[N, 3]`, user length; None without a mesh
+    elements : for each type its ids `[E]` and its connectivity `[E, k]` (node ids, CalculiX order)
+    node_sets : for each name its node ids, ascending
+    size : number of dofs n; taken from the stiffness matrix when there is one
+    stiffness_holds : what the stiffness holds besides that of the structure at rest: names of `HOLDINGS`
+    spin_hz : speed of rotation of what it holds; None where it comes from other loads
+    """
+
+    stiffness: csr_matrix | None
+    mass: csr_matrix | None
+    damping: csr_matrix | None = None
+    dof_node: np.ndarray | None = None
+    dof_direction: np.ndarray | None = None
+    node_ids: np.ndarray | None = None
+    coordinates: np.ndarray | None = None
+    elements: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    node_sets: dict[str, np.ndarray] = field(default_factory=dict)
+    size: int = 0
+    stiffness_holds: tuple[str, ...] = ()
+    spin_hz: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.stiffness is not None:
+            self.size = self.stiffness.shape[0]
+
+    @property
+    def has_mesh(self) -> bool:
+        """Whether the dofs belong to nodes of a mesh."""
+        return self.node_ids is not None and self.names_dofs
+
+    @property
+    def names_dofs(self) -> bool:
+        """Whether dofs have a node and a direction, with a mesh or without."""
+        return self.dof_node is not None
+
+    def knows_node(self, node: int) -> bool:
+        """Whether there is a node of this id."""
+        ids = self.node_ids if self.has_mesh else self.dof_node
+        return ids is not None and bool(np.any(ids == node))
+
+    def on_dofs(self, field: np.ndarray) -> np.ndarray:
+        """A vector field on the nodes, `[N, 3]`, as a vector on the dofs, `[n]`; zero on rotations."""
+        order = np.argsort(self.node_ids)
+        place = order[np.searchsorted(self.node_ids, self.dof_node, sorter=order)]
+        moves = self.dof_direction <= 3
+        values = np.zeros(len(self.dof_node))
+        values[moves] = field[place[moves], self.dof_direction[moves] - 1]
+        return values

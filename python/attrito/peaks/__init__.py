@@ -1,0 +1,1 @@
+"""`attrito peak`: a resonance peak along a level or a preload, and backbones."""

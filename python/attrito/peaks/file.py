@@ -1,0 +1,221 @@
+"""The file of `attrito peak`: peaks along a curve, as HDF5 and as a table."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from attrito.job.job import Job
+from attrito.library.names import OUTCOMES
+from attrito.library.reduced_scene import ReducedScene
+from attrito.peaks.curve import KINDS, Found, elasticity
+from attrito.support.atomic_files import whole_hdf5
+from attrito.support.errors import Fault, InputError
+from attrito.support.hdf5_reading import stored
+from attrito.support.version import __version__
+
+if TYPE_CHECKING:
+    from attrito.peaks.curve import Backbone, BackbonePoint
+
+STATES = ("stuck", "shaken_down", "slipping", "open")
+REFERENCES = "Zucca & Firrone 2014, doi:10.1016/j.jsv.2013.09.032"
+
+
+COLUMNS = {
+    "level": ("factor on the harmonic loads", "1"),
+    "preload": ("factor on the static loads", "1"),
+    "frequency_hz": ("frequency of the peak", "Hz"),
+    "amplitude": ("amplitude of the monitor at the peak", "user length"),
+    "response": ("amplitude by level", "user length"),
+    "elasticity": ("relative change by relative change of the parameter: of response, or of amplitude (preload)", "1"),
+    "curvature": ("second derivative of the amplitude by frequency; negative at a maximum", "user length/Hz^2"),
+    "residual": ("relative residual of the balance", "1"),
+    "estimate": ("estimated relative error by truncation", "1"),
+}
+COUNTS = {
+    "iterations": "Newton steps, failed steps included",
+    "evaluations": "of the balance since the start, static path included",
+    "unique": "1 yes, 0 no, -1 not examined",
+}
+
+# Of a backbone at the peaks' levels, and along it
+AT_PEAKS = {
+    "backbone_frequency_hz": ("where the backbone expects the peak of this level", "Hz"),
+    "backbone_response": ("amplitude by level that it expects", "user length"),
+}
+ALONG = {
+    "level": ("factor on the harmonic loads whose work, in quadrature, would keep the motion up", "1"),
+    "frequency_hz": ("frequency of the motion without excitation", "Hz"),
+    "amplitude": ("amplitude of the monitor", "user length"),
+    "response": ("amplitude by level", "user length"),
+    "excitation": ("negative damping that keeps the motion up, a part of the mass", "rad/s"),
+    "damping_ratio": ("what it makes up for: excitation/(2 omega)", "1"),
+    "modal_amplitude": ("coordinate of the stuck mode, its modal stiffness being 1", "user (force*length)^0.5"),
+    "residual": ("relative residual of the balance", "1"),
+    "stretch": ("number, from 0: between two the curve was lost", "1"),
+}
+
+
+def columns(found: list[Found], parameter: str) -> dict[str, np.ndarray]:
+    """Every column of the table by name; NaN where there is no peak."""
+    rows: dict[str, list[Any]] = {name: [] for name in [*COLUMNS, *COUNTS]}
+    for one in found:
+        peak = one.peak
+        known = one.converged
+        values = {
+            "level": peak.level,
+            "preload": peak.parameter if parameter == "preload" else 1.0,
+            "frequency_hz": peak.frequency_hz if known else np.nan,
+            "amplitude": peak.amplitude if known else np.nan,
+            "response": peak.response if known else np.nan,
+            "elasticity": elasticity(peak, parameter) if known else np.nan,
+            # By angular frequency in the library.
+            "curvature": (2.0 * np.pi) ** 2 * peak.curvature if known else np.nan,
+            "residual": peak.point.residual,
+            "estimate": peak.point.estimate,
+            "iterations": peak.point.iterations,
+            "evaluations": peak.evaluations,
+            "unique": int(peak.point.unique),
+        }
+        for name, value in values.items():
+            rows[name].append(value)
+    return {name: np.array(values) for name, values in rows.items()}
+
+
+def write(
+    path: str,
+    job: Job,
+    scene: ReducedScene,
+    found: list[Found],
+    backbone: Backbone | None = None,
+    warnings: Sequence[str] = (),
+) -> None:
+    """Write the peaks and what was warned of; the file appears when it is complete."""
+    keys = job["peak"]
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    data = columns(found, keys["parameter"])
+    with whole_hdf5(path) as file:
+        file.attrs["format"] = "attrito peaks"
+        file.attrs["format_version"] = 1
+        file.attrs["attrito_version"] = __version__
+        file.attrs["description"] = "A resonance peak followed in a parameter; see docs/peaks.md of attrito"
+        file.attrs["references"] = REFERENCES
+        file.attrs["job"] = json.dumps(job.tables)
+        file.attrs["warnings"] = "\n".join(warnings)
+        file.attrs["parameter"] = keys["parameter"]
+        file.attrs["amplitude"] = keys["amplitude"]
+        file.attrs["monitor"] = keys["monitor"] or scene.monitor_names[0]
+
+        def put(name: str, values: np.ndarray, description: str, unit: str = "1", names: tuple = ()) -> None:
+            stored = file.create_dataset(f"peaks/{name}", data=values)
+            stored.attrs["description"], stored.attrs["unit"] = description, unit
+            if names:
+                stored.attrs["names"] = list(names)
+
+        for name, (description, unit) in COLUMNS.items():
+            put(name, data[name], description, unit)
+        for name, description in COUNTS.items():
+            put(name, data[name].astype(np.int32), description)
+        put("kind", np.array([KINDS.index(one.kind) for one in found], dtype=np.int32), "why it is there", names=KINDS)
+        outcomes = np.array([OUTCOMES.index(one.peak.outcome) for one in found], dtype=np.int32)
+        put("outcome", outcomes, "how it ended", names=OUTCOMES)
+        states = np.array([one.peak.point.states for one in found], dtype=np.int32)
+        put("states", states, "contacts in each state", names=STATES)
+        for i, name in enumerate(scene.monitor_names):
+            harmonics = np.array([one.peak.point.harmonics[i] for one in found])
+            put(f"monitors/{name}/harmonics", harmonics, "mean, cos 1, sin 1, cos 2, ...", "user length")
+            ranges = np.array([one.peak.point.amplitude[i] for one in found])
+            put(f"monitors/{name}/amplitude", ranges, "half the range over the period", "user length")
+        if backbone is not None:
+            file.attrs["backbone_mode"] = backbone.mode
+            for name, values in at_peaks(backbone).items():
+                put(name, values, *AT_PEAKS[name])
+            for name, values in along(backbone).items():
+                stored = file.create_dataset(f"backbone/{name}", data=values)
+                stored.attrs["description"], stored.attrs["unit"] = ALONG[name]
+            states = np.array([point.point.states for point in _points(backbone)], dtype=np.int32).reshape(
+                -1, len(STATES)
+            )
+            stored = file.create_dataset("backbone/states", data=states)
+            stored.attrs["description"], stored.attrs["unit"] = "contacts in each state", "1"
+            stored.attrs["names"] = list(STATES)
+
+
+def at_peaks(backbone: Backbone) -> dict[str, np.ndarray]:
+    """What a backbone expects of the peaks; NaN where it does not reach their level."""
+    points = backbone.at_peaks
+    return {
+        "backbone_frequency_hz": np.array([np.nan if one is None else one.frequency_hz for one in points]),
+        "backbone_response": np.array([np.nan if one is None else one.response for one in points]),
+    }
+
+
+def along(backbone: Backbone) -> dict[str, np.ndarray]:
+    """The backbone's own columns."""
+    points = _points(backbone)
+    data = {
+        name: np.array([getattr(one, name) for one in points])
+        for name in ("level", "frequency_hz", "amplitude", "response", "excitation", "modal_amplitude")
+    }
+    data["damping_ratio"] = data["excitation"] / (4.0 * np.pi * data["frequency_hz"])
+    data["residual"] = np.array([one.point.residual for one in points])
+    data["stretch"] = np.repeat(np.arange(len(backbone.stretches)), [len(stretch) for stretch in backbone.stretches])
+    return data
+
+
+def _points(backbone: Backbone) -> list[BackbonePoint]:
+    return [point for stretch in backbone.stretches for point in stretch]
+
+
+def read_peaks(path: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """Columns of a file of peaks, and its attributes."""
+    with stored(path, "peaks of `attrito peak`") as file:
+        if file.attrs.get("format") != "attrito peaks":
+            raise InputError(Fault(path, "format", file.attrs.get("format", "absent"), "peaks of `attrito peak`"))
+        names = [*COLUMNS, *COUNTS, "kind", "outcome", "states", *(name for name in AT_PEAKS if name in file["peaks"])]
+        data = {name: file[f"peaks/{name}"][()] for name in names}
+        return data, dict(file.attrs)
+
+
+def read_backbone(path: str) -> dict[str, np.ndarray] | None:
+    """Columns of the backbone in a file of peaks, if there is one."""
+    with stored(path, "peaks of `attrito peak`") as file:
+        return {name: file[f"backbone/{name}"][()] for name in [*ALONG, "states"]} if "backbone" in file else None
+
+
+def table(path: str) -> str:
+    """The peaks as CSV."""
+    data, _ = read_peaks(path)
+    numbers = [*COLUMNS, *(name for name in AT_PEAKS if name in data)]
+    names = ["kind", *numbers, *COUNTS, *STATES, "outcome"]
+    lines = [",".join(names)]
+    for i in range(len(data["level"])):
+        row = [KINDS[data["kind"][i]], *(f"{data[name][i]:.12g}" for name in numbers)]
+        row += [str(data[name][i]) for name in COUNTS] + [str(count) for count in data["states"][i]]
+        lines.append(",".join([*row, OUTCOMES[data["outcome"][i]]]))
+    return "\n".join(lines) + "\n"
+
+
+def smooth_curve(parameter: np.ndarray, amplitude: np.ndarray, power: np.ndarray, count: int = 24) -> np.ndarray:
+    """The curve between peaks by their exact slopes, `[2, points]`: cubic Hermite pieces in logarithms.
+
+    Parameters
+    ----------
+    parameter, amplitude : at the peaks in the order of the curve
+    power : d log(amplitude)/d log(parameter) there
+    """
+    x, y = np.log(parameter), np.log(amplitude)
+    pieces = []
+    for i in range(len(x) - 1):
+        first, last = (i, i + 1) if x[i] < x[i + 1] else (i + 1, i)
+        if x[first] == x[last]:
+            continue
+        piece = CubicHermiteSpline([x[first], x[last]], [y[first], y[last]], [power[first], power[last]])
+        at = np.linspace(x[i], x[i + 1], count)
+        pieces.append(np.array([at, piece(at)]))
+    return np.exp(np.concatenate(pieces, axis=1)) if pieces else np.array([parameter, amplitude])

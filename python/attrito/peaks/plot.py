@@ -1,0 +1,105 @@
+"""The picture of `attrito peak`: the optimisation curve, and the frequency of the peak along it."""
+
+from __future__ import annotations
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from attrito.library.names import OUTCOMES
+from attrito.peaks.curve import KINDS
+from attrito.peaks.file import read_backbone, read_peaks, smooth_curve
+from attrito.plots.style import BRANCH_COLOURS, STYLE, plain_text
+
+STUCK_COLOUR = "#8a8a8a"
+BACKBONE_COLOUR = BRANCH_COLOURS[2]
+
+
+def peak_curve(path: str) -> Figure:
+    """Amplitude of the peak (by level, where that is followed) and its frequency against the parameter.
+
+    With a backbone also what that expects, dashed, and how far it is from the peaks.
+    """
+    data, attributes = read_peaks(path)
+    backbone = read_backbone(path)
+    parameter = str(attributes["parameter"])
+    good = data["outcome"] != OUTCOMES.index("not_converged")
+    data = {name: values[good] for name, values in data.items()}
+    value = data[parameter]
+    height = data["response"] if parameter == "level" else data["amplitude"]
+    sticks = data["states"][:, 2:].sum(axis=1) == 0
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(6.4, 5.6 if backbone is None else 7.0), constrained_layout=True)
+        heights = (2, 1) if backbone is None else (2, 1, 1)
+        upper, lower, *differences = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
+        for stuck, colour, label in (
+            (True, STUCK_COLOUR, "all contacts stick"),
+            (False, BRANCH_COLOURS[0], "they slip"),
+        ):
+            for run in _runs(sticks == stuck):
+                power = data["elasticity"][run]
+                x, y = smooth_curve(value[run], height[run], power)
+                upper.plot(x, y, color=colour, label=label)
+                lower.plot(value[run], data["frequency_hz"][run], color=colour)
+                label = None
+        for i in np.flatnonzero(np.diff(sticks.astype(int))):
+            for axes, course in ((upper, height), (lower, data["frequency_hz"])):
+                axes.plot(value[i : i + 2], course[i : i + 2], color=STUCK_COLOUR, linestyle=":", linewidth=1.2)
+        _mark(upper, lower, value, height, data)
+        if backbone is not None:
+            _draw_backbone(upper, lower, backbone, value)
+            _draw_differences(differences[0], value, data)
+        upper.set_xscale("log")
+        upper.set_ylim(bottom=0.0)
+        name = plain_text(str(attributes["monitor"]))
+        upper.set_ylabel(f"Peak of {name} by level" if parameter == "level" else f"Peak of {name}")
+        lower.set_ylabel("Frequency (Hz)")
+        figure.axes[-1].set_xlabel(f"{parameter.capitalize()} factor")
+        upper.legend(loc="best")
+    return figure
+
+
+def _draw_backbone(upper: Axes, lower: Axes, backbone: dict[str, np.ndarray], value: np.ndarray) -> None:
+    """The backbone over the peaks' levels."""
+    here = (backbone["level"] >= 0.95 * value.min()) & (backbone["level"] <= 1.05 * value.max())
+    for axes, name in ((upper, "response"), (lower, "frequency_hz")):
+        label = "backbone" if name == "response" else None
+        for number in np.unique(backbone["stretch"][here]):
+            run = here & (backbone["stretch"] == number)
+            axes.plot(backbone["level"][run], backbone[name][run], "--", color=BACKBONE_COLOUR, label=label, zorder=3)
+            label = None
+
+
+def _draw_differences(axes: Axes, value: np.ndarray, data: dict[str, np.ndarray]) -> None:
+    """How far the backbone is from the peaks, relative."""
+    for name, expected, marker, label in (
+        ("response", "backbone_response", "o", "response"),
+        ("frequency_hz", "backbone_frequency_hz", "s", "frequency"),
+    ):
+        difference = 100.0 * (data[expected] / data[name] - 1.0)
+        axes.plot(value, difference, marker + "-", color=BACKBONE_COLOUR, markersize=3.5, linewidth=0.9, label=label,
+                  markerfacecolor="w" if marker == "s" else None)  # fmt: skip
+    axes.axhline(0.0, color="k", linewidth=0.6)
+    axes.set_ylabel("Backbone over\npeak (%)")
+    axes.legend(loc="best")
+
+
+def _runs(chosen: np.ndarray) -> list[np.ndarray]:
+    """Stretches of neighbours that are chosen, as indices, each of two and more."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], chosen.astype(int), [0]])))
+    return [np.arange(a, b) for a, b in edges.reshape(-1, 2) if b - a > 1]
+
+
+def _mark(upper: Axes, lower: Axes, value: np.ndarray, height: np.ndarray, data: dict[str, np.ndarray]) -> None:
+    for kind, marker, size in (("step", ".", 4), ("value", "o", 4.5), ("optimum", "*", 11)):
+        here = data["kind"] == KINDS.index(kind)
+        if not here.any():
+            continue
+        label = {"value": "values asked for", "optimum": "optimum"}.get(kind)
+        colour = BRANCH_COLOURS[1] if kind == "optimum" else "k"
+        upper.plot(value[here], height[here], marker, color=colour, markersize=size, label=label, zorder=4)
+        lower.plot(value[here], data["frequency_hz"][here], marker, color=colour, markersize=size, zorder=4)
+        if kind == "optimum":
+            for x, y in zip(value[here], height[here], strict=True):
+                upper.annotate(f"{y:.4g} at {x:.4g}", (x, y), xytext=(0, -14), textcoords="offset points", ha="center")

@@ -1,0 +1,277 @@
+"""`attrito peak`: a resonance peak followed in the level or the preload, without sweeps, into an HDF5 file."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from attrito.job.job import Job, peak_path
+from attrito.job.reading import read_job
+from attrito.library.peak_tracker import Peak, PeakTracker
+from attrito.library.reduced_scene import ReducedScene
+from attrito.library.session import Options, Solver
+from attrito.peaks.backbone import BackboneTracker, follow_backbone, leading_mode
+from attrito.peaks.curve import Backbone, Found, elasticity
+from attrito.peaks.file import table, write
+from attrito.peaks.fixed_series import fixed_series, is_enough
+from attrito.peaks.plot import peak_curve
+from attrito.plots.style import save
+from attrito.runs.progress import Progress
+from attrito.scene import cautions
+from attrito.scene.build import build_scene
+from attrito.scene.reduced_model import make_rom, reduced_scene
+from attrito.scene.scene import Scene
+from attrito.scene.solver_options import solver_options
+from attrito.support.errors import InputError, UnsolvedError
+from attrito.support.locks import writing_alone
+from attrito.support.parallel import on_root, on_root_only
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+# Of the parameter's logarithm: the peak is stationary at its optimum, so its own error is of second order.
+OPTIMUM_TOLERANCE = 1e-6
+
+
+def peak_job(comm: Comm, path: str | Job, picture: str | None = None) -> str:
+    """Follow the peak that a job asks for: file, table on standard output, picture. Returns the file's path.
+
+    What was found of a curve that is lost is written and shown before `UnsolvedError` is raised.
+    """
+    progress = Progress(comm)
+    job = on_root(comm, lambda: read_job(path))
+    on_root(comm, lambda: _check(job))
+    scene = on_root_only(comm, lambda: build_scene(job))
+    file = peak_path(job)
+    with writing_alone(comm, file):
+        missed = _follow_and_show(comm, job, scene, file, picture, progress)
+    if missed:
+        raise UnsolvedError(file, missed)
+    return file
+
+
+def _follow_and_show(
+    comm: Comm, job: Job, scene: Scene | None, file: str, picture: str | None, progress: Progress
+) -> str:
+    """Follow the peak, write and show what was found; what is missing, in words."""
+    progress.warn(on_root(comm, lambda: cautions.of_scene(job, scene)))
+    rom, report = make_rom(comm, job, scene, progress.say, progress.step)
+    progress.reduction(report)
+    reduced, load_path, series = on_root(
+        comm, lambda: (reduced_scene(job, scene, rom), scene.load_path, fixed_series(solver_options(job, rom)))
+    )
+    progress.warn(on_root(comm, lambda: cautions.of_damping(reduced)))
+    found: list[Found] = []
+    leading = None
+    for options in series:
+        if found:
+            progress.say(f"above the tolerance: anew with {options.harmonics} harmonics, {options.samples} samples")
+        found, leading = [], None
+        with Solver(comm, reduced, options) as solver, _warning_of_statics(progress, solver):
+            for one in follow(solver, job, reduced, load_path):
+                found.append(one)
+                progress.say(line(one, job["peak"]["parameter"]))
+                if leading is None and one.converged:
+                    leading = leading_mode(solver)
+        if is_enough(one.peak.outcome for one in found):
+            break
+    backbone = None
+    if job["peak"]["backbone"] and leading is not None:
+        backbone = follow_mode(comm, job, options, reduced, load_path, leading, found)
+        progress.say(f"backbone of stuck mode {leading[0]}: {sum(map(len, backbone.stretches))} points")
+
+    def show() -> str:
+        write(file, job, reduced, found, backbone, progress.warnings)
+        print(table(file), end="")
+        place = picture or str(Path(file).with_suffix(".png"))
+        save(peak_curve(file), place)
+        return place
+
+    progress.say(f"{file}, {on_root(comm, show)}")
+    return _missed(job, found)
+
+
+@contextlib.contextmanager
+def _warning_of_statics(progress: Progress, solver: Solver) -> Iterator[None]:
+    """Warn of the static solution that the block comes to, however it ends."""
+    try:
+        yield
+    finally:
+        progress.warn(cautions.of_static_solution(solver.static_states))
+
+
+def follow(solver: Solver, job: Job, scene: ReducedScene, load_path: np.ndarray) -> Iterator[Found]:
+    """Peaks of a job along its parameter; the last one has not converged if the curve was lost."""
+    keys = job["peak"]
+    tracker, peak = begin(solver, job, scene, load_path, keys["start"])
+    if keys["parameter"] == "preload" and peak.outcome != "not_converged":
+        peak = tracker.follow_in("preload")
+    yield Found(peak, "value")
+    stops = _stops(keys)
+    if peak.outcome == "not_converged":
+        return
+    count = 1
+    for stop in stops:
+        for after in tracker.follow(stop):
+            before, peak = peak, after
+            reached = abs(peak.parameter - stop) <= 1e-12 * stop
+            converged = "not_converged" not in (before.outcome, peak.outcome)
+            if converged and keys["optimum"] and _is_between(before, peak, keys["parameter"]):
+                optimum = locate_optimum(tracker, before, peak)
+                if optimum is not None:
+                    yield Found(optimum, "optimum")
+                peak = tracker.at(peak.parameter)
+            count += 1
+            yield Found(peak, "value" if reached else "step")
+            if peak.outcome == "not_converged" or count >= keys["max_points"]:
+                return
+
+
+def begin(
+    solver: Solver, job: Job, scene: ReducedScene, load_path: np.ndarray, value: float
+) -> tuple[PeakTracker, Peak]:
+    """Walk the static path and find the first peak, at a value of the job's parameter."""
+    keys = job["peak"]
+    by_level = keys["parameter"] == "level"
+    band = (min(_band(job)), max(_band(job)))
+    solver.walk_static_path(load_path * (1.0 if by_level else value), job["static"]["steps"], band[0])
+    tracker = PeakTracker(solver, _monitor(job, scene), keys["amplitude"], band, load_path[-1])
+    near = keys["near_hz"] if keys["near_hz"] is not None else tracker.linear_peak_hz()
+    return tracker, tracker.begin(value if by_level else keys["level"], near)
+
+
+def follow_mode(
+    comm: Comm,
+    job: Job,
+    options: Options,
+    scene: ReducedScene,
+    load_path: np.ndarray,
+    leading: tuple[int, float],
+    found: list[Found],
+) -> Backbone:
+    """The backbone of a mode over the levels of the peaks found; `leading`: that of `leading_mode` at the first."""
+    with Solver(comm, scene, options) as solver:
+        solver.walk_static_path(load_path, job["static"]["steps"], min(_band(job)))
+        mode, amplitude = leading
+        tracker = BackboneTracker(solver, mode, _monitor(job, scene), job["peak"]["amplitude"])
+        return follow_backbone(tracker, amplitude, found)
+
+
+def locate_optimum(tracker: PeakTracker, before: Peak, after: Peak) -> Peak | None:
+    """The extremum of the peak over the parameter between two peaks; None where it jumps or is lost on the way."""
+    slopes: dict[float, float] = {}
+
+    def slope(logarithm: float) -> float:
+        # Once for each value: another way there may lead to another peak.
+        if logarithm not in slopes:
+            peak = tracker.at(float(np.exp(logarithm)))
+            if peak.outcome == "not_converged":
+                raise _LostError
+            slopes[logarithm] = elasticity(peak, tracker.parameter)
+        return slopes[logarithm]
+
+    ends = np.log([before.parameter, after.parameter]).tolist()
+    try:
+        # On the way back from the second the peak may stay on a curve that the first is not on.
+        if slope(ends[1]) * slope(ends[0]) > 0.0:
+            return None
+        best = brentq(slope, *ends, xtol=OPTIMUM_TOLERANCE, rtol=1e-12)
+    except _LostError:
+        return None
+    optimum = tracker.at(float(np.exp(best)))
+    return None if optimum.outcome == "not_converged" else optimum
+
+
+class _LostError(Exception):
+    """A peak that was not found again."""
+
+
+def line(found: Found, parameter: str) -> str:
+    """One line a peak."""
+    peak = found.peak
+    stuck, shaken_down, slipping, opened = peak.point.states
+    return (
+        f"{parameter} {peak.parameter:<10.6g} {peak.frequency_hz:11.6g} Hz  amplitude {peak.amplitude:11.5e}"
+        f"  per level {peak.response:11.5e}  stuck {stuck + shaken_down:3d} slipping {slipping:3d} open {opened:3d}"
+        f"  {peak.point.iterations:3d} iterations  {found.kind}  {peak.outcome}"
+    )
+
+
+def _monitor(job: Job, scene: ReducedScene) -> int:
+    """Index of the monitor whose peak it is."""
+    name = job["peak"]["monitor"]
+    return scene.monitor_names.index(name) if name is not None else 0
+
+
+def _stops(keys: dict[str, Any]) -> list[float]:
+    """Values to stop at, in the order of the curve."""
+    low, high = sorted((keys["start"], keys["stop"]))
+    inside = sorted({value for value in keys["values"] if low < value < high})
+    return [*(inside if keys["stop"] > keys["start"] else inside[::-1]), keys["stop"]]
+
+
+def _is_between(before: Peak, after: Peak, parameter: str) -> bool:
+    """Whether the response has an extremum over the parameter between two peaks; stuck, it does not change."""
+    if sum(before.point.states[2:]) == 0 or sum(after.point.states[2:]) == 0:
+        return False
+    return elasticity(before, parameter) * elasticity(after, parameter) < 0.0
+
+
+def _band(job: Job) -> list[float]:
+    sweep = job["sweep"]
+    return sweep["frequencies_hz"] or [sweep["start_hz"], sweep["stop_hz"]]
+
+
+def _missed(job: Job, found: list[Found]) -> str:
+    keys = job["peak"]
+    last = found[-1]
+    if not last.converged:
+        known = [one.peak.parameter for one in found if one.converged]
+        where = f"beyond {keys['parameter']} {known[-1]:g}" if known else "from the start"
+        return f"the peak is lost {where}: no point of the curve was found there"
+    if abs(last.peak.parameter - keys["stop"]) > 1e-12 * keys["stop"]:
+        return f"[peak] max_points was reached at {keys['parameter']} {last.peak.parameter:g}"
+    if above := sum(one.peak.outcome == "above_tolerance" for one in found):
+        return f"the estimated error of {above} peak(s) is above [balance] tolerance = {job['balance']['tolerance']:g}"
+    return ""
+
+
+def _check(job: Job) -> None:
+    keys = job["peak"]
+    faults = [
+        job.fault(f"[peak] {name}", "missing", "a value of the parameter to follow the peak from and to")
+        for name in ("start", "stop")
+        if keys[name] is None
+    ]
+    if not faults and keys["start"] == keys["stop"]:
+        faults.append(job.fault("[peak] stop", keys["stop"], "a value other than start"))
+    names = [monitor["name"] for monitor in job["output"]["monitors"]]
+    if keys["monitor"] not in (None, *names):
+        faults.append(job.fault("[peak] monitor", keys["monitor"], "one of " + ", ".join(names)))
+    if min(_band(job)) == max(_band(job)):
+        faults.append(job.fault("[sweep] frequencies_hz", _band(job), "a band, in which the peak is looked for"))
+    if keys["parameter"] == "preload":
+        if job["balance"]["approach"] == "uncoupled":
+            expected = '"level": uncoupled, the mean is frozen and does not follow the preload'
+            faults.append(job.fault("[peak] parameter", "preload", expected))
+        if not any(load["kind"] in ("static", "centrifugal") for load in job["load"]):
+            faults.append(job.fault("[peak] parameter", "preload", '"level", since the job has no static load'))
+        if any(load["spin_softening"] for load in job["load"]):
+            expected = '"level": spin softening belongs to one speed, and so to one preload'
+            faults.append(job.fault("[peak] parameter", "preload", expected))
+    elif keys["level"] != 1.0:
+        faults.append(job.fault("[peak] level", keys["level"], 'no such key but with parameter = "preload"'))
+    if keys["backbone"]:
+        if keys["parameter"] == "preload":
+            expected = 'false: a backbone is followed over levels, with parameter = "level"'
+            faults.append(job.fault("[peak] backbone", True, expected))
+        if not any(load["kind"] == "harmonic" and load["harmonic"] == 1 for load in job["load"]):
+            expected = "false, or a harmonic load with harmonic = 1: its level is told by the work of such loads"
+            faults.append(job.fault("[peak] backbone", True, expected))
+    if faults:
+        raise InputError(*faults)

@@ -1,0 +1,132 @@
+"""The look of all figures, and how they are written.
+
+Figures are made without pyplot, so no window system and no global state is involved."""
+
+from __future__ import annotations
+
+import io
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib import font_manager
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.transforms import ScaledTranslation
+
+from attrito.support.atomic_files import whole_file
+from attrito.support.errors import Fault, InputError
+
+BRANCH_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+LIMIT_COLOUR = "#8a8a8a"
+DASHES = (0, (3, 1.8))
+STYLE = {
+    "font.size": 9,
+    "axes.labelsize": 10,
+    "axes.titlesize": 9.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.8,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.formatter.use_mathtext": True,
+    "axes.formatter.limits": (-3, 4),
+    "grid.color": "#e6e6e6",
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.6,
+    "figure.constrained_layout.w_pad": 0.07,
+    "figure.constrained_layout.h_pad": 0.07,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "svg.fonttype": "none",
+    "pdf.fonttype": 42,
+}
+
+
+@dataclass(frozen=True)
+class Look:
+    """Size and letters of a figure.
+
+    Parameters
+    ----------
+    width, height : millimetres; None: what suits the figure
+    font : a font that is installed; None: matplotlib's own
+    font_size : points, of tick labels; the others follow
+
+    Raises
+    ------
+    InputError : no such font
+    """
+
+    width: float | None = None
+    height: float | None = None
+    font: str | None = None
+    font_size: float = 9.0
+
+    def __post_init__(self) -> None:
+        if self.font is None:
+            return
+        try:
+            font_manager.findfont(self.font, fallback_to_default=False)
+        except ValueError:
+            known = sorted({font.name for font in font_manager.fontManager.ttflist})
+            raise InputError(Fault("plot", "font", self.font, "one of " + ", ".join(known))) from None
+
+    def style(self) -> dict[str, object]:
+        """Settings of matplotlib."""
+        scale = self.font_size / STYLE["font.size"]
+        sizes = {
+            name: scale * value for name, value in STYLE.items() if name.endswith(("font.size", "size", "fontsize"))
+        }
+        family = {} if self.font is None else {"font.family": [self.font]}
+        return STYLE | sizes | family
+
+    def size(self, usual: tuple[float, float]) -> tuple[float, float]:
+        """Inches of a figure that is usually so large; one measure given keeps its proportions."""
+        given = [None if value is None else value / 25.4 for value in (self.width, self.height)]
+        if given == [None, None]:
+            return usual
+        ratio = usual[1] / usual[0]
+        return given[0] or given[1] / ratio, given[1] or given[0] * ratio
+
+
+def save(figure: Figure, path: str | os.PathLike[str], dpi: int = 220) -> None:
+    """Write a figure; the ending chooses the format (.png, .pdf, .svg). Letters stay letters in PDF and SVG."""
+    kind = Path(path).suffix.removeprefix(".")
+    try:
+        # Into memory first: where a disk is full, matplotlib's writers fail in ways of their own.
+        drawn = io.BytesIO()
+        with matplotlib.rc_context(STYLE):
+            figure.savefig(drawn, dpi=dpi, format=kind)
+        with whole_file(path) as new:
+            Path(new).write_bytes(drawn.getbuffer())
+    except (OSError, ValueError) as error:
+        raise InputError(Fault(str(path), "figure", str(error), "a writable .png, .pdf or .svg file")) from error
+
+
+def legend_below(axes: Axes, columns: int, labelled: Axes | None = None, lines: float = 3.4) -> None:
+    """A legend some lines below the axes (ticks, numbers and label take three), of other axes' entries if given."""
+    drop = ScaledTranslation(0.0, -lines * matplotlib.rcParams["axes.labelsize"] / 72.0, axes.figure.dpi_scale_trans)
+    place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "bbox_transform": axes.transAxes + drop}
+    entries = (labelled or axes).get_legend_handles_labels()
+    handles = {label: handle for handle, label in zip(*entries, strict=True)}
+    axes.legend(
+        handles.values(), handles.keys(), **place, ncol=columns, columnspacing=1.2, handlelength=1.8, borderaxespad=0
+    )
+
+
+def plain_text(text: str) -> str:
+    """A text of the user's or of a file's, for matplotlib: no part of it is set as mathematics."""
+    return text.replace("$", r"\$")
+
+
+def with_unit(name: str, unit: str, room: float = np.inf) -> str:
+    """An axis label; in two lines where it is longer than some inches."""
+    name, unit = plain_text(name), plain_text(unit)
+    if not unit:
+        return name
+    # A letter is half as wide as high.
+    width = 0.5 * matplotlib.rcParams["axes.labelsize"] / 72.0 * len(f"{name} ({unit})")
+    return f"{name}{' ' if width <= room else chr(10)}({unit})"

@@ -1,0 +1,1 @@
+"""`attrito report`: one page about a result."""

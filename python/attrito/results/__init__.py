@@ -1,0 +1,1 @@
+"""Results on disk: journal, result.h5, tables and quantities."""

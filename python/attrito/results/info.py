@@ -1,0 +1,80 @@
+"""`attrito info`: what a model.h5 or rom.h5 holds, in words; of a reduced model also how good it is."""
+
+from __future__ import annotations
+
+import h5py
+import numpy as np
+
+from attrito.scene.reduced_model import receptance_errors
+from attrito.support.errors import Fault, InputError
+from attrito.support.hdf5_reading import stored
+
+FORMATS = ("attrito model", "attrito rom")
+
+
+def describe(path: str) -> list[str]:
+    """Lines about a file; `InputError` where it is neither a model nor a reduced one."""
+    with stored(path, "a model.h5 or rom.h5, an HDF5 file") as file:
+        kind = file.attrs.get("format")
+        if kind == FORMATS[0]:
+            return _model(file)
+        if kind == FORMATS[1]:
+            return [*_reduced_model(file), *_quality(file)]
+    raise InputError(Fault(path, "format", kind or "missing", " or ".join(f'"{name}"' for name in FORMATS)))
+
+
+def _model(file: h5py.File) -> list[str]:
+    size, entries = len(file["stiffness/row_offsets"]) - 1, len(file["stiffness/values"])
+    lines = [f"model of {size} dofs, {entries} entries in the stiffness"]
+    lines.append("matrices: " + ", ".join(name for name in ("stiffness", "mass", "damping") if name in file))
+    for kind, group in file.get("elements", {}).items():
+        lines.append(f"{len(group['id'])} elements {kind}")
+    for name, ids in file.get("node_sets", {}).items():
+        lines.append(f"node set {name}: {len(ids)} nodes")
+    return lines
+
+
+def _reduced_model(file: h5py.File) -> list[str]:
+    kinds = np.bincount(file["coordinates/kind"][:], minlength=3)
+    told = file["reduction"].attrs
+    lines = [
+        f"reduced model of {file['recovery/basis'].shape[1]} dofs: {kinds[0]} boundary dofs, {kinds[1]} fixed-interface"
+        f" modes, {kinds[2]} static corrections"
+    ]
+    if kinds[1]:
+        counted = told["modes_below_shift"]
+        proof = f"inertia counts {counted} below {told['shift_hz']:.6g} Hz" if counted >= 0 else "not counted"
+        low, high = file["modes/frequency_hz"][[0, -1]]
+        lines.append(
+            f"fixed-interface modes from {low:.6g} to {high:.6g} Hz, residual {told['mode_residual']:.1e}; {proof}"
+        )
+    lines.append(f"constraint modes: residual {told['constraint_residual']:.1e}")
+    place = "on disk" if told.get("out_of_core", 0) else "in core"
+    lines.append(f"factors ordered by {told['ordering']}, {told['factor_megabytes']} MB foreseen, {place}")
+    seconds = sum(value for name, value in told.items() if name.endswith("_seconds"))
+    peak = max((value for name, value in told.items() if name.endswith("_peak_megabytes")), default=0.0)
+    lines.append(f"made in {seconds:.1f} s and {peak / 1024:.1f} GB")
+    return lines
+
+
+def _quality(file: h5py.File) -> list[str]:
+    if "quality" not in file or len(file["quality/frequency_hz"]) == 0:
+        return ["error: not examined"]
+    group = file["quality"]
+    lines = ["estimated errors, interface free:"]
+    pairs = zip(group["frequency_hz"][:], group["frequency_error"][:], strict=True)
+    lines += [
+        f"  mode {i}: {frequency:.6g} Hz, too high by {error:.1e} of it"
+        for i, (frequency, error) in enumerate(pairs, 1)
+    ]
+    names = [name.decode() for name in file["vectors/name"][:]] if "vectors/name" in file else []
+    errors = receptance_errors(group["receptance"][:], group["receptance_error"][:])
+    loads = [i for i, name in enumerate(names) if not name.startswith("monitor:")]
+    for i, name in enumerate(names):
+        if name.startswith("monitor:") and len(group["response_hz"]):
+            worst = np.nanmax(errors[i, loads or [i]], initial=0.0)
+            top = group["response_hz"][-1]
+            lines.append(
+                f"  monitor {name.removeprefix('monitor:')}: responses up to {top:.6g} Hz wrong by {worst:.1e}"
+            )
+    return lines

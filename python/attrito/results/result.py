@@ -1,0 +1,213 @@
+"""Reading `result.h5`."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from types import TracebackType
+
+import h5py
+import numpy as np
+
+from attrito.library.names import NO_SOLUTION
+from attrito.results.journal import is_journal
+from attrito.results.result_file import fill_result
+from attrito.support.errors import Fault, InputError
+from attrito.support.hdf5_reading import UNREADABLE, as_text, check_sizes, spoilt
+
+# Shapes of what is known of each contact, where it is more than a number.
+OF_A_CONTACT = {"position": (3,), "frame": (3, 3)}
+
+
+class Result:
+    """An open `result.h5`; data are read when asked for.
+
+    Parameters
+    ----------
+    path : the file, or the journal of a run that is not over
+
+    Raises
+    ------
+    InputError : not there, not a result, or without a dataset that was asked for
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = str(path)
+        if not Path(path).is_file():
+            raise InputError(Fault(self.path, "file", "absent", "a result of `attrito run`"))
+        try:
+            self._file = _open(self.path)
+        except UNREADABLE as error:
+            raise InputError(Fault(self.path, "file", "not HDF5", "a result of `attrito run`")) from error
+        try:
+            self._check()
+        except UNREADABLE as error:
+            self.close()
+            raise spoilt(self.path, error, "a result of `attrito run`") from error
+        except InputError:
+            self.close()
+            raise
+
+    def _check(self) -> None:
+        """It is a result, and its series have an entry for each point and contact."""
+        form = self.attribute("format") or "absent"
+        if "result" not in form:
+            raise InputError(Fault(self.path, "format", form, "a result of `attrito run`"))
+        check_sizes(self._file, self.path)
+        points = self._file.get("points/frequency_hz")
+        if not isinstance(points, h5py.Dataset):
+            return
+        faults = []
+        for place in ("points", "monitors", "contacts"):
+            for path, stored in _datasets(self._file.get(place), place):
+                wanted = (len(points), self.contacts) if place == "contacts" else (len(points),)
+                if path.startswith("contacts/parameters/"):
+                    wanted = (self.contacts, *OF_A_CONTACT.get(path.rsplit("/", 1)[1], ()))
+                kinds, what = ("SO", "texts") if path == "contacts/parameters/set" else ("iuf", "numbers")
+                if stored.dtype.kind not in kinds or stored.shape[: len(wanted)] != wanted:
+                    value = f"{stored.dtype} of shape {stored.shape}"
+                    faults.append(Fault(self.path, path, value, f"{what}, an entry for each of {wanted}"))
+        if faults:
+            raise InputError(*faults)
+
+    def __enter__(self) -> Result:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file; closing twice does no harm."""
+        self._file.close()
+
+    def has(self, path: str) -> bool:
+        """Whether the dataset or group is in the file."""
+        return path in self._file
+
+    def dataset(self, path: str) -> h5py.Dataset:
+        """A dataset, unread."""
+        if not isinstance(self._file.get(path), h5py.Dataset):
+            raise InputError(Fault(self.path, path, "absent", "a dataset of a complete result"))
+        return self._file[path]
+
+    def array(self, path: str) -> np.ndarray:
+        """A whole dataset."""
+        try:
+            return self.dataset(path)[()]
+        except UNREADABLE as error:
+            raise spoilt(self.path, error, f"a result of `attrito run` with {path}") from error
+
+    def names(self, path: str) -> list[str]:
+        """What the integers of a dataset stand for: its attribute `names`."""
+        names = self.dataset(path).attrs.get("names")
+        if names is None:
+            raise InputError(Fault(self.path, f"{path}@names", "absent", "the names of its values"))
+        if isinstance(names, str | bytes):
+            return [name.strip() for name in as_text(names).split(",")]
+        return [as_text(name) for name in names]
+
+    def unit(self, path: str) -> str:
+        """Unit of a dataset for an axis label: `length, user units`; empty for pure numbers."""
+        unit = as_text(self.dataset(path).attrs.get("unit", "1"))
+        if unit == "1":
+            return ""
+        return f"{unit.removeprefix('user ')}, user units" if unit.startswith("user ") else unit
+
+    def attribute(self, name: str) -> str:
+        """A root attribute as text; empty if absent."""
+        return as_text(self._file.attrs.get(name, ""))
+
+    def attributes(self, path: str) -> dict[str, str]:
+        """Attributes of a group or dataset as text; none where it is absent."""
+        found = self._file.get(path)
+        return {} if found is None else {name: as_text(value) for name, value in found.attrs.items()}
+
+    @property
+    def points(self) -> int:
+        """Number of points."""
+        return len(self.dataset("/points/frequency_hz"))
+
+    @property
+    def contacts(self) -> int:
+        """Number of contacts, nc; 0 for a model without."""
+        shape = self.dataset("/contacts/state").shape if self.has("/contacts/state") else ()
+        return shape[1] if len(shape) == 2 else 0
+
+    @property
+    def outcome(self) -> list[str]:
+        """Name of each point's outcome."""
+        return self.named("/points/outcome")
+
+    def named(self, path: str) -> list[str]:
+        """Name of each entry of a series of whole numbers that stand for names, flat; empty for -1."""
+        names, found = self.names(path), self.array(path).ravel()
+        if np.any((found < -1) | (found >= len(names))):
+            raise InputError(Fault(self.path, path, found.tolist(), f"numbers from 0 to {len(names) - 1}"))
+        return [names[int(index)] if index >= 0 else "" for index in found]
+
+    @property
+    def converged(self) -> np.ndarray:
+        """bool [np], whether the point holds a solution (be it unstable or indeterminate)."""
+        return np.array([name not in NO_SOLUTION for name in self.outcome], dtype=bool)
+
+    @property
+    def monitors(self) -> list[str]:
+        """Names of the monitors, in the job's order."""
+        stored = list(self._file["/monitors"]) if self.has("/monitors") else []
+        try:
+            asked = [monitor["name"] for monitor in json.loads(self.attribute("job"))["output"]["monitors"]]
+        except (ValueError, KeyError, TypeError):
+            asked = []
+        return sorted(stored, key=lambda name: (asked.index(name) if name in asked else len(asked), name))
+
+    def monitor(self, name: str, quantity: str) -> np.ndarray:
+        """`amplitude`, `mean`, `low`, `high` [np] or `harmonics` [np, nk] of a monitor."""
+        if name not in self.monitors:
+            known = ", ".join(self.monitors) or "none"
+            raise InputError(Fault(self.path, "monitor", name, f"a monitor of this result ({known})"))
+        return self.array(f"/monitors/{name}/{quantity}")
+
+    def linear(self, kind: str, monitor: str) -> tuple[np.ndarray, np.ndarray] | None:
+        """Frequencies (Hz) and amplitudes at level 1 of a linear response, `stuck` or `frictionless`, if stored."""
+        path = f"/linear/{kind}"
+        if not (self.has(f"{path}/frequency_hz") and self.has(f"{path}/{monitor}")):
+            return None
+        frequency, amplitude = self.array(f"{path}/frequency_hz"), self.array(f"{path}/{monitor}")
+        if amplitude.shape != frequency.shape or frequency.ndim != 1:
+            expected = f"one amplitude for each of the {frequency.size} frequencies of {path}"
+            raise InputError(Fault(self.path, f"{path}/{monitor}", f"shape {amplitude.shape}", expected))
+        return frequency, amplitude
+
+    def check_point(self, point: int) -> None:
+        """Raise unless `point` is one of the result's, counted from 0."""
+        if not 0 <= point < self.points:
+            raise InputError(Fault(self.path, "point", point, f"a number from 0 to {self.points - 1}"))
+
+
+def _open(path: str) -> h5py.File:
+    """The file; of a run that is not over, what its journal holds so far."""
+    if is_journal(path):
+        file = h5py.File(path, "w", driver="core", backing_store=False)
+        try:
+            fill_result(file, path)
+        except BaseException:
+            file.close()
+            raise
+        return file
+    return h5py.File(path, "r")
+
+
+def _datasets(group: h5py.Group | None, place: str) -> list[tuple[str, h5py.Dataset]]:
+    """All datasets below a group, by their path."""
+    found: list[tuple[str, h5py.Dataset]] = []
+
+    def look(name: str, thing: h5py.Group | h5py.Dataset) -> None:
+        if isinstance(thing, h5py.Dataset):
+            found.append((f"{place}/{name}", thing))
+
+    if isinstance(group, h5py.Group):
+        group.visititems(look)
+    return found

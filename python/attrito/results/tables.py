@@ -1,0 +1,119 @@
+"""The tables of a result, as CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from attrito.results.result import Result
+from attrito.support.csv_text import cell
+
+
+def table(result: Result) -> str:
+    """CSV, one line a point.
+
+    `point, branch, frequency_hz, converged, outcome, stable, unique, period, iterations, estimate`, then four columns
+    a monitor. What was not examined is empty. A last column `level` if the result holds several.
+    """
+    columns: dict[str, Iterable[str]] = {
+        "point": map(str, range(result.points)),
+        "branch": _integers(result.array("/points/branch")),
+        "frequency_hz": _numbers(result.array("/points/frequency_hz")),
+        "converged": _booleans(result.converged),
+        "outcome": map(cell, result.outcome),
+        "stable": _booleans(result.array("/points/stable")),
+        "unique": _booleans(result.array("/points/unique")),
+        "period": _integers(result.array("/points/period")),
+        "iterations": _integers(result.array("/points/iterations")),
+        "estimate": _numbers(result.array("/points/estimate")),
+    }
+    for name in result.monitors:
+        for quantity in ("amplitude", "mean", "low", "high"):
+            columns[f"{name}_{quantity}"] = _numbers(result.monitor(name, quantity))
+    return _csv(columns | _level_column(result, np.arange(result.points)))
+
+
+def contact_table(result: Result) -> str:
+    """CSV, one line a point and contact, contacts counted from 0; the columns `t2_...` if the file has them."""
+    real = ["n_mean", "n_min", "n_low", "n_high", "t1_mean", "t1_low", "t1_high"]
+    if result.has("/contacts/t2_mean"):
+        real += ["t2_mean", "t2_low", "t2_high"]
+    real += ["stick", "slip", "open", "dissipated_energy"]
+    nc = result.contacts
+    point = np.repeat(np.arange(result.points), nc)
+    columns: dict[str, Iterable[str]] = {
+        "point": map(str, point),
+        "frequency_hz": _numbers(result.array("/points/frequency_hz")[point]),
+        "contact": map(str, np.tile(np.arange(nc), result.points)),
+        "state": [],
+    }
+    if nc:
+        columns["state"] = map(cell, result.named("/contacts/state"))
+    for name in real:
+        columns[name] = _numbers(result.array(f"/contacts/{name}").ravel()) if nc else []
+    columns["unique"] = _booleans(result.array("/contacts/unique").ravel()) if nc else []
+    return _csv(columns | _level_column(result, point))
+
+
+def multiplier_table(result: Result) -> str:
+    """CSV, one line a multiplier: `point, frequency_hz, method, real, imag, kind`; no line if none was computed."""
+    header = ("method", "real", "imag", "kind")
+    point = result.array("/multipliers/point") if result.has("/multipliers/point") else np.empty(0, dtype=int)
+    columns: dict[str, Iterable[str]] = {
+        "point": map(str, point),
+        "frequency_hz": _numbers(result.array("/points/frequency_hz")[point]),
+    } | dict.fromkeys(header, ())
+    if len(point):
+        for name in ("method", "kind"):
+            names = result.names(f"/multipliers/{name}")
+            columns[name] = [cell(names[index]) for index in result.array(f"/multipliers/{name}")]
+        for name in ("real", "imag"):
+            columns[name] = _numbers(result.array(f"/multipliers/{name}"))
+    return _csv(columns | _level_column(result, point))
+
+
+def bifurcation_table(result: Result) -> str:
+    """CSV, one line a bifurcation: `branch, point, frequency_hz, kind, real, imag, uncertain_hz`, then amplitudes."""
+    if not result.has("/bifurcations/kind"):
+        return "branch,point,frequency_hz,kind,real,imag,uncertain_hz\n"
+    names = result.names("/bifurcations/kind")
+    column = {name: result.array(f"/bifurcations/{name}") for name in ("branch", "point", "kind", "level")}
+    columns: dict[str, Iterable[str]] = {
+        "branch": map(str, column["branch"]),
+        "point": map(str, column["point"]),
+        "frequency_hz": _numbers(result.array("/bifurcations/frequency_hz")),
+        "kind": [cell(names[index]) for index in column["kind"]],
+    }
+    for name in ("real", "imag", "uncertain_hz"):
+        columns[name] = _numbers(result.array(f"/bifurcations/{name}"))
+    for name in result.monitors:
+        columns[f"{name}_amplitude"] = _numbers(result.array(f"/bifurcations/amplitude/{name}"))
+    return _csv(columns | _level_column(result, column["point"]))
+
+
+def _level_column(result: Result, point: np.ndarray) -> dict[str, Iterable[str]]:
+    """The column `level`, if there is more than one."""
+    level = result.array("/points/level")
+    return {"level": _numbers(level[point])} if len(np.unique(level)) > 1 else {}
+
+
+def _csv(columns: dict[str, Iterable[str]]) -> str:
+    lines = [",".join(map(cell, columns))]
+    lines.extend(",".join(row) for row in zip(*columns.values(), strict=True))
+    return "\n".join(lines) + "\n"
+
+
+def _numbers(values: np.ndarray) -> Iterator[str]:
+    """12 significant digits; NaN is empty; no minus zero."""
+    return ("" if value != value else f"{value + 0.0:.12g}" for value in np.asarray(values, dtype=float).tolist())
+
+
+def _integers(values: np.ndarray) -> Iterator[str]:
+    """Negative means not examined."""
+    return ("" if value < 0 else str(value) for value in values.tolist())
+
+
+def _booleans(values: np.ndarray) -> Iterator[str]:
+    """1 true, 0 false, -1 not examined."""
+    return ({1: "true", 0: "false"}.get(value, "") for value in np.asarray(values, dtype=int).tolist())

@@ -1,0 +1,1 @@
+"""`attrito run`: points along sweeps and branches, and what is found of each."""

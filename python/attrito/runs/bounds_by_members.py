@@ -1,0 +1,235 @@
+"""Bounds of a point that is not unique by visiting other members of its family: bounds marked `sampled`.
+
+The linear model of the family at a member (`attrito.linear_family`) says which sliders take a quantity farthest, and
+the solver goes there. Where every contact sticks the model is exact and that is the bound; elsewhere the next step
+starts from the member found, half as long where the solver does not follow or nothing is gained, until there is nothing
+to gain. The contact law takes sliders back that were moved too far, so whatever the solver returns is a member: bounds
+are never too wide. They are too narrow where the family bends so much that the way uphill ends before its top.
+
+A search may have a budget of work, counted in floating-point operations by formulas and never in seconds, so that it
+ends at the same member on every machine, after a restart, and on any number of ranks. Quantities whose search it cut
+off have no bounds.
+
+The members are those of a truncated balance. Its estimated error e, a part of the forces, widens every bound; and where
+a free contact has less room between its limits than that,
+
+    -max_t (x . T - mu N) - max_t (-x . T - mu N) < e F,    or    min_t N < e F,
+
+along a direction x, with F the largest sum of a contact's coefficients, the contact may slip or
+open in every period of the true motion: then its mean forces are none of the family's, and no bounds are given.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from attrito.library.family import Family, Member
+from attrito.runs.linear_family import LinearFamily, basis_at, scale_of, values_of
+
+# Part of the forces that is no width, nor worth a step: residual (1e-10) and cones drawn in (1e-9), with a margin.
+WORTHLESS = 1e-8
+# Steps gain ten to a hundred times less than the one before: after one that gains less than this comes none of worth.
+LAST = 1e-6
+MOST_STEPS = 12
+MOST_HALVINGS = 6
+# Instants and directions at which the room of a contact is looked for.
+INSTANTS, ROOM_DIRECTIONS = 256, 8
+# Places where the family remembers members.
+SHOWN, BEST = 0, 1
+
+
+@dataclass
+class Hull:
+    """Least and greatest value over the members visited.
+
+    Parameters
+    ----------
+    force : mean forces t1, t2, n, `[2, nc, 3]`
+    mean, amplitude : of the monitors, `[2, monitors]`
+    members : how many were visited
+    accuracy : force below which a width is none
+    complete : whether the search of every quantity came to its end; NaN is the bound of one that did not
+    """
+
+    force: np.ndarray
+    mean: np.ndarray
+    amplitude: np.ndarray
+    members: int
+    accuracy: float
+    complete: bool = True
+
+
+class Ended(Exception):  # noqa: N818
+    """A search is not to go on: its budget is spent, the run is to stop, or bounds would say nothing of the truth."""
+
+
+class _Budget:
+    """What the search of one point may still do: `work` operations, of the library's visits and of linear programs."""
+
+    def __init__(self, family: Family, work: float):
+        self._family, self._work, self._programs = family, work, 0.0
+
+    def farthest(self, model: LinearFamily, gradient: np.ndarray) -> tuple[np.ndarray, bool]:
+        """`model.farthest`, counted."""
+        before = model.work
+        found = model.farthest(gradient)
+        self._programs += model.work - before
+        return found
+
+    def check(self) -> None:
+        """Raise Ended where nothing is left, or the run is to stop."""
+        if self._family.is_interrupted() or self._family.work() + self._programs > self._work:
+            raise Ended
+
+
+class _Extremes:
+    """Least and greatest values so far, `[quantities]` each."""
+
+    def __init__(self, values: np.ndarray):
+        self.lowest, self.highest, self.count = values.copy(), values.copy(), 1
+
+    def add(self, values: np.ndarray) -> None:
+        self.lowest, self.highest = np.minimum(self.lowest, values), np.maximum(self.highest, values)
+        self.count += 1
+
+    def open(self, quantity: int, side: float) -> None:
+        """There is no end on this side."""
+        (self.highest if side > 0.0 else self.lowest)[quantity] = side * np.inf
+
+
+class Search:
+    """The search for the bounds of one point after another, on contacts of some laws, `[nc]` by key."""
+
+    def __init__(self, laws: dict[str, np.ndarray]):
+        self._laws = laws
+
+    def __call__(self, family: Family, work: float = np.inf, error: float = 0.0) -> Hull | None:
+        """Visit members; None where the point itself cannot be described. The family ends where it began.
+
+        `work`: floating-point operations after which the search ends, whatever it has found. `error`: of the balance,
+        estimated, a part of the motion; NaN: not known.
+        """
+        shown = family.describe()
+        if shown is None:
+            return None
+        family.keep(SHOWN)
+        hull, budget = _Extremes(values_of(shown)), _Budget(family, work)
+        ended = np.full(len(hull.lowest), False)
+        try:
+            if not least_room(shown, self._laws) >= error * scale_of(shown):
+                raise Ended
+            budget.check()
+            model = self._model(family, shown, budget)
+            for quantity in _order(shown):
+                for side in (1.0, -1.0) if model is not None else ():
+                    self._climb(family, model, quantity, side, hull, budget)
+                ended[quantity] = True
+        except Ended:
+            family.go_back(SHOWN)
+        count, monitors = len(shown.force), len(shown.monitors)
+        both = np.where(ended, [hull.lowest, hull.highest], np.nan)
+        both += np.array([[-1.0], [1.0]]) * _errors(shown, error)
+        force, mean, amplitude = np.split(both, [3 * count, 3 * count + monitors], axis=1)
+        accuracy = (WORTHLESS + 2.0 * error) * scale_of(shown)
+        return Hull(force.reshape(2, count, 3), mean, amplitude, hull.count, accuracy, bool(ended.all()))
+
+    def _climb(
+        self, family: Family, model: LinearFamily, quantity: int, side: float, hull: _Extremes, budget: _Budget
+    ) -> None:
+        """From the member shown towards the greatest value of `side` times a quantity, and back."""
+        place, endless = SHOWN, False
+        for _ in range(MOST_STEPS):
+            budget.check()
+            gradient = side * model.gradients[quantity]
+            worthless = WORTHLESS * model.scale * model.units[quantity]
+            step, leans = budget.farthest(model, gradient)
+            expected = gradient @ step
+            endless = False
+            if expected <= worthless:
+                break
+            gain, part, member = self._advance(family, model, place, step, (quantity, side), hull, budget)
+            if gain <= worthless:
+                break
+            endless = leans
+            last = LAST * model.scale * model.units[quantity]
+            if part == 1.0 and (gain <= last or abs(gain - expected) <= worthless):
+                break
+            place = BEST
+            family.keep(place)
+            model = self._model(family, member, budget)
+            if model is None:
+                break
+        if endless:
+            hull.open(quantity, side)
+        family.go_back(SHOWN)
+
+    def _advance(
+        self,
+        family: Family,
+        model: LinearFamily,
+        place: int,
+        step: np.ndarray,
+        aim: tuple[int, float],
+        hull: _Extremes,
+        budget: _Budget,
+    ) -> tuple[float, float, Member | None]:
+        """Go as much of a step as gains something: what it gains, the part, and the member reached."""
+        quantity, side = aim
+        before = side * values_of(model.member)[quantity]
+        part = 1.0
+        for _ in range(MOST_HALVINGS):
+            budget.check()
+            if family.move(model.slider(part * step)):
+                member = family.describe()
+                if member is not None:
+                    values = values_of(member)
+                    hull.add(values)
+                    if side * values[quantity] > before:
+                        return side * values[quantity] - before, part, member
+                family.go_back(place)
+            part *= 0.5
+        return 0.0, part, None
+
+    def _model(self, family: Family, member: Member, budget: _Budget) -> LinearFamily | None:
+        """The linear model at the member that the family stands at; None where no slider is free, or it is singular."""
+        moves = [(int(i), t) for i in np.flatnonzero(member.free) for t in range(self._laws["tangents"][i])]
+        changes = []
+        for move in moves:
+            budget.check()
+            changes.append(family.differentiate(*move))
+        if not moves or any(change is None for change in changes):
+            return None
+        return LinearFamily(member, moves, changes, self._laws)
+
+
+def _order(shown: Member) -> list[int]:
+    """Quantities of `values_of` in the order in which they are sought: monitors, which are asked for by name, first."""
+    forces, monitors = shown.force[:, :, 0].size, len(shown.monitors)
+    return [*range(forces, forces + 2 * monitors), *range(forces)]
+
+
+def _errors(shown: Member, error: float) -> np.ndarray:
+    """What truncation may make wrong of `values_of`, `[quantities]`, for a relative error of the motion."""
+    means = np.abs(shown.monitors[:, 1:]).sum(axis=1)
+    return error * np.concatenate([np.full(shown.force[:, :, 0].size, scale_of(shown)), means, shown.amplitude])
+
+
+def least_room(member: Member, laws: dict[str, np.ndarray]) -> float:
+    """The least force by which limits leave a free contact room, over contacts and directions; infinite: none is free.
+
+    Between the limits of T it does not depend on the mean of T.
+    """
+    room = np.inf
+    coefficients = member.force.shape[2]
+    basis = basis_at(2.0 * np.pi * np.arange(INSTANTS) / INSTANTS, coefficients)
+    for contact in np.flatnonzero(member.free):
+        t1, t2, n = member.force[contact] @ basis.T
+        friction = laws["friction_coefficient"][contact]
+        angles = np.pi * np.arange(ROOM_DIRECTIONS) / ROOM_DIRECTIONS if laws["tangents"][contact] == 2 else np.zeros(1)
+        for angle in angles:
+            along = np.cos(angle) * t1 + np.sin(angle) * t2
+            room = min(room, -(along - friction * n).max() - (-along - friction * n).max())
+        room = min(room, n.min())
+    return float(room)

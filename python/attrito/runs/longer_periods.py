@@ -1,0 +1,111 @@
+"""What becomes of a point that the balance has no solution at: motion in time from the static one, and its period.
+
+Event-exact integration under the point's loads until a period is recognised, up to 32 of the excitation's, or for
+400 cycles. If it is one there is an orbit after all, which the balance has not found (`not_converged`); if it is
+another, or none, that is the evidence of `no_period_one_orbit`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import h5py
+import numpy as np
+
+from attrito.library.integrator import Integrator, Run
+from attrito.library.names import NO_SOLUTION, OUTCOMES
+from attrito.library.reduced_scene import ReducedScene
+from attrito.library.session import Point
+from attrito.support.errors import NumericsError
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+    from attrito.job.job import Job
+
+LONGEST, CYCLES, PERIODICITY = 32, 400, 1e-8
+# Beyond so many contacts a point would cost minutes.
+MOST_CONTACTS = 12
+
+
+class LongerPeriods:
+    """Follows a run and integrates where it found no orbit, if stability is examined; only the root does anything.
+
+    Parameters
+    ----------
+    comm : of the run
+    job : says whether stability is examined
+    scene : at the root
+    path : static load path, `[corners, loads]`, at the root
+
+    Attributes
+    ----------
+    periods : by number of the point: period in periods of the excitation, 0: none recognised
+    """
+
+    def __init__(self, comm: Comm, job: Job, scene: ReducedScene | None, path: np.ndarray | None):
+        self._comm, self._scene, self._path = comm, scene, path
+        self._steps = job["static"]["steps"]
+        self._asks = job["stability"]["method"] != "none" and comm.rank == 0 and can_integrate(scene)
+        self._points = 0
+        self.periods: dict[int, int] = {}
+
+    def visit(self, point: Point) -> Point:
+        """The point, its outcome what motion in time says. Collective."""
+        number = self._points
+        self._points += 1
+        if point.outcome not in NO_SOLUTION:
+            return point
+        period = self._comm.bcast(self._period(point) if self._asks else None)
+        if period is None:
+            return point
+        self.periods[number] = period
+        return point._replace(outcome=_outcome(period))
+
+    def _period(self, point: Point) -> int | None:
+        choices = Run(
+            point.frequency_hz,
+            point.level,
+            cycles=CYCLES,
+            periodicity_tolerance=PERIODICITY,
+            max_period_multiple=LONGEST,
+            samples=1,
+        )
+        with Integrator(self._scene) as session:
+            try:
+                session.start_static(self._path, self._steps)
+            except NumericsError:
+                return None
+            orbit = session.run(choices)
+        # What still settles after all has no period yet, and none is claimed.
+        return orbit.period if orbit.outcome != "not_converged" else None
+
+    def put_down(self) -> dict[str, np.ndarray]:
+        """What was found of the last point, at the root."""
+        period = self.periods.get(self._points - 1)
+        return {} if period is None else {"longer_periods/period": np.array(period)}
+
+    def take_up(self, found: dict[str, np.ndarray]) -> None:
+        """Go on after a point of which `put_down` told this."""
+        if "longer_periods/period" in found:
+            self.periods[self._points] = int(found["longer_periods/period"])
+        self._points += 1
+
+
+def _outcome(period: int) -> str:
+    return "not_converged" if period == 1 else "no_period_one_orbit"
+
+
+def can_integrate(scene: ReducedScene) -> bool:
+    """Whether event-exact integration takes a scene, and soon is done."""
+    tangents = scene.laws["tangents"]
+    return scene.damping_kind != "loss_factor" and max(tangents) == 1 and len(tangents) <= MOST_CONTACTS
+
+
+def write_periods(file: h5py.File, longer: LongerPeriods) -> None:
+    """Put the periods into a result file that is open."""
+    if not longer.periods:
+        return
+    for number, period in longer.periods.items():
+        file["points/period"][number] = period
+        file["points/outcome"][number] = OUTCOMES.index(_outcome(period))

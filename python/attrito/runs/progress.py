@@ -1,0 +1,151 @@
+"""What a run says while it runs: on a terminal one line, which every point writes over; in a file a line now and then.
+
+Either way the first and the last point of a level, a branch or an outcome have a line that stays, and so has the last
+before anything else is said.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+import time
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+    from attrito.library.reduction import Report
+    from attrito.library.session import Point
+    from attrito.runs.position import RunPosition
+    from attrito.support.timing import Stages
+
+
+# Seconds between words on what takes long
+SILENCE = 2.0
+# Set by mpirun of Open MPI, by MPICH's, and by srun: their output may look like a terminal, and is passed on in lines.
+LAUNCHERS = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_STEP_ID")
+CLEAR_LINE = "\r\x1b[K"
+
+
+class Progress:
+    """Lines on standard output, from rank 0."""
+
+    def __init__(self, comm: Comm):
+        self._speaks = comm.rank == 0
+        self._terminal = self._speaks and sys.stdout.isatty() and not any(name in os.environ for name in LAUNCHERS)
+        self.count = 0
+        self.iterations = 0
+        # The last point's line, where it may be written over or was not written; level, branch, outcome of that point.
+        self._pending: str | None = None
+        self._last: tuple[float, int, str] | None = None
+        self._step = ""
+        self._begun = (0.0, 0)
+        self._told = -math.inf
+        self.warnings: list[str] = []
+
+    def say(self, line: str) -> None:
+        """A line of its own."""
+        if not self._speaks:
+            return
+        self._leave_standing()
+        print(line, flush=True)
+
+    def warn(self, warnings: Iterable[str]) -> None:
+        """Warnings, each once however often it is found."""
+        for warning in warnings:
+            if warning not in self.warnings:
+                self.warnings.append(warning)
+                self.say(f"warning: {warning}")
+
+    def _leave_standing(self) -> None:
+        """The last point's line is to be read."""
+        if self._pending is None:
+            return
+        print("" if self._terminal else self._pending, flush=True)
+        self._pending = None
+
+    def step(self, name: str, done: int, total: int) -> None:
+        """How far a step of a reduction has come, and the time left for it at this rate; a sentence if total is 0."""
+        if total == 0:
+            self.say(name)
+            return
+        now = time.monotonic()
+        if name != self._step:
+            self._step, self._begun, self._told = name, (now, done), -math.inf
+        # A step that is soon done needs no word; a long one some.
+        begun, before = self._begun
+        if now - self._told < SILENCE or now - begun < SILENCE or done <= before or done >= total:
+            return
+        self._told = now
+        left = (now - begun) / (done - before) * (total - done)
+        self.say(f"{name}: {done} of {total}, some {left:.0f} s left")
+
+    def reduction(self, report: Report | None) -> None:
+        """How the reduction went; None where it was up to date."""
+        if report is None:
+            return
+        counted = (
+            f"{report.modes} modes below {report.shift_hz:.5g} Hz (inertia counts {report.modes_below_shift})"
+            if report.modes
+            else "no modes"
+        )
+        self.say(
+            f"reduced to {report.coordinates} coordinates: {report.boundary} boundary dofs, {counted},"
+            f" {report.corrections} corrections"
+        )
+        if report.worst_error >= 0.0:
+            self.say(f"estimated errors: at most {report.worst_error:.1e} (attrito info tells of which)")
+        each = ", ".join(f"{step} {time:.1f}" for step, time in report.seconds.items() if time > 0.0)
+        self.say(f"in {sum(report.seconds.values()):.1f} s and {max(report.megabytes.values()) / 1024:.1f} GB: {each}")
+
+    def begin(self, coordinates: int, contacts: int, linear: dict[str, tuple]) -> None:
+        """What is going to be solved."""
+        # A motion that is free has a frequency of zero, which rounding leaves at some 1e-6 of the higher ones.
+        lowest = {
+            name: ", ".join(f"{f:.4g}" for f in natural[natural > 1e-5 * natural.max()][:3])
+            for name, (_, _, natural) in linear.items()
+        }
+        self.say(f"{coordinates} coordinates, {contacts} contacts; natural frequencies in Hz: "
+                 f"stuck {lowest['stuck']}, frictionless {lowest['frictionless']}")  # fmt: skip
+
+    def static(self, means: np.ndarray) -> None:
+        """The static load path was walked."""
+        self.say("static load path walked: monitors " + ", ".join(f"{value:.4g}" for value in means))
+
+    def point(self, point: Point, monitor: str, number: int) -> None:
+        """The line of a point, the `number`th of the run."""
+        self.iterations += point.iterations
+        self.count += 1
+        if not self._speaks:
+            return
+        stuck, shaken_down, slipping, opened = point.states
+        line = (
+            f"{number - 1:5d}  {point.frequency_hz:11.5g} Hz  level {point.level:<8.4g}"
+            f" {monitor} {point.amplitude[0]:11.4e}"
+            f"  stuck {stuck + shaken_down:3d} slipping {slipping:3d} open {opened:3d}"
+            f"  {point.iterations:3d} iterations  {point.outcome}"
+        )
+        now, kind = time.monotonic(), (point.level, point.branch, point.outcome)
+        news, self._last = kind != self._last, kind
+        if news:
+            self._leave_standing()
+        if self._terminal:
+            print(CLEAR_LINE + line, end="", flush=True)
+        self._pending = line
+        if news or (not self._terminal and now - self._told >= SILENCE):
+            self._leave_standing()
+            self._told = now
+
+    def end(self, result: str, stages: Stages, place: RunPosition) -> None:
+        """Where the result is, and what it took. Collective."""
+        megabytes = stages.peak_megabytes()
+        ways = ", ".join(f"{count} {name}" for name, count in place.outcomes.items())
+        self.say(f"{place.points} points ({ways}) in {stages.total:.1f} s: {result}")
+        each = ", ".join(f"{stage} {seconds:.1f}" for stage, seconds in stages.seconds.items() if seconds >= 0.05)
+        self.say(f"seconds: {each or 'none'}; {self.iterations} iterations of Newton's method")
+        held = f"{max(megabytes):.0f} MB on the largest of {len(megabytes)} ranks, {sum(megabytes):.0f} MB in all"
+        self.say("memory: " + (held if len(megabytes) > 1 else f"{megabytes[0]:.0f} MB"))

@@ -1,0 +1,219 @@
+"""Each point of a run safe on disk before the next begins, and going on after the last that is.
+
+What a run has found is in its journal, `result.h5.partial`: the root writes, every rank hands over what it needs to
+go on.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zlib
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from itertools import islice, repeat
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from attrito.library.reduced_scene import ReducedScene
+from attrito.library.series import Series
+from attrito.library.session import Point, Solver
+from attrito.results.journal import Journal, Record, read_journal
+from attrito.runs.position import RunPosition
+from attrito.support.errors import Fault, InputError
+from attrito.support.hdf5_reading import UNREADABLE, spoilt
+from attrito.support.parallel import on_root
+from attrito.support.version import __version__
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+    from attrito.runs.branch_search import Search
+
+
+class Follower(Protocol):
+    """What visits points and remembers what it found of each."""
+
+    def put_down(self) -> dict[str, np.ndarray]:
+        """What was found of the last point."""
+
+    def take_up(self, found: dict[str, np.ndarray]) -> None:
+        """Go on after a point of which `put_down` told this."""
+
+
+class Recorder:
+    """The journal of a run as all ranks see it; every method but `close` is collective.
+
+    Parameters
+    ----------
+    comm, solver : what solves
+    path : of the journal
+    followers : what remembers something of each point
+
+    Attributes
+    ----------
+    written : points that are on disk
+    """
+
+    def __init__(self, comm: Comm, solver: Solver, path: str, followers: Sequence[Follower]):
+        self._comm, self._solver, self._path, self._followers = comm, solver, path, followers
+        self._journal: Journal | None = None
+        self.written = 0
+        self._known: set[str] = set()
+        self._told: dict[str, np.ndarray] = {}
+        self._new: dict[str, Series] = {}
+
+    def begin(self, first: Record) -> None:
+        """Make the journal anew, with what holds for the run."""
+        on_root(self._comm, lambda: self._open(0, first))
+
+    def resume(self, job_file: str, first: Record, search: Search) -> RunPosition:
+        """Go on after the journal's last point; a search for other branches of a level begins again.
+
+        Parameters
+        ----------
+        job_file : the job, for messages
+        first : what `begin` would write; what the journal holds must be the same
+        search : what a level's points are to be known to
+        """
+        notes, place = on_root(self._comm, lambda: self._understood(job_file, first))
+        self.written = len(notes)
+        if not notes:
+            return place
+        known = [i for i, note in enumerate(notes) if search.searches and note["place"]["level"] == place.level]
+        if known:
+            search.begin_level(notes[known[0]]["point"]["level"])
+        records = self._points()
+        for i, note in enumerate(notes):
+            record = next(records)
+            if i not in known and i + 1 < len(notes):
+                continue
+            states = None
+            if self._comm.rank == 0:
+                states = [record.arrays[f"state/{rank}"] for rank in range(self._comm.size)]
+            if not self._solver.take_up(self._comm.scatter(states)):
+                raise InputError(Fault(self._path, "state", "of another version", f"what attrito {__version__} wrote"))
+            if i in known:
+                search.keep(SimpleNamespace(**note["point"]), note["place"]["taken"] == 1)
+        return place
+
+    def _understood(self, job_file: str, first: Record) -> tuple[list[dict], RunPosition]:
+        """Notes of the points that are gone on from, and where the last of them stands."""
+        try:
+            notes = self._reopen(job_file, first)
+            return notes, RunPosition(**notes[-1]["place"]) if notes else RunPosition()
+        except (InputError, OSError):
+            raise
+        except UNREADABLE as error:
+            raise spoilt(self._path, error, f"a journal that attrito {__version__} wrote") from error
+
+    def _points(self) -> Iterator[Record | None]:
+        """The points of the journal at the root, nothing elsewhere."""
+        if self._comm.rank != 0:
+            yield from repeat(None)
+        yield from (record for record, _ in islice(read_journal(self._path), 1, None))
+
+    def hear(self) -> None:
+        """Take down the point that the solver stands at, before anything moves it."""
+        self._told, self._new = {}, {}
+        self._solver.tell_point(self._hear if self._comm.rank == 0 else None)
+
+    def _hear(self, path: str, what: Series, values: np.ndarray) -> None:
+        self._told[path] = values
+        if path not in self._known:
+            self._new[path] = what
+
+    def write(self, point: Point, place: RunPosition) -> None:
+        """Put the point on disk, with what followers found of it, and all that the next starts from."""
+        states = self._comm.gather(self._solver.put_down())
+        on_root(self._comm, lambda: self._append(point, place, states))
+        self.written = place.points
+
+    def _append(self, point: Point, place: RunPosition, states: list[np.ndarray]) -> None:
+        found = {name: values for follower in self._followers for name, values in follower.put_down().items()}
+        kept = {f"state/{rank}": numbers for rank, numbers in enumerate(states)}
+        told = {name: getattr(point, name) for name in ("level", "branch", "frequency_hz", "outcome")}
+        sums = [_sum_of(numbers) for numbers in states]
+        note = {"place": asdict(place), "point": told, "states": sums}
+        self._journal.append(Record(note, self._told | found | kept, self._new))
+        self._known |= set(self._new)
+
+    def _open(self, keep: int, first: Record | None = None) -> None:
+        self._journal = Journal(self._path, keep)
+        if first is not None:
+            self._journal.append(first)
+
+    def _reopen(self, job_file: str, first: Record) -> list[dict]:
+        """Notes of the points that are gone on from; followers have taken these up."""
+        notes, ends = [], []
+        for record, end in read_journal(self._path):
+            if not ends:
+                _check(job_file, self._path, first.note, record.note)
+            notes.append(record.note)
+            ends.append(end)
+        while len(notes) > 1 and notes[-1]["place"]["searching"]:
+            notes.pop()
+        if len(notes) <= 1:
+            self._open(0, first)
+            return []
+        for record, _ in islice(read_journal(self._path), 1, len(notes)):
+            # The library takes a state as it is: numbers that are not its own could lead it anywhere.
+            states = [record.arrays[f"state/{rank}"] for rank in range(self._comm.size)]
+            if record.note["states"] != [_sum_of(numbers) for numbers in states]:
+                raise ValueError("the state of the solver is not the one that was put down")
+            self._known |= set(record.series)
+            for follower in self._followers:
+                follower.take_up(record.arrays)
+        self._open(ends[len(notes) - 1])
+        return notes[1:]
+
+    def close(self) -> None:
+        """Closing twice does no harm."""
+        if self._journal is not None:
+            self._journal.close()
+
+
+def _sum_of(numbers: np.ndarray) -> int:
+    """CRC-32 of a state, with its size."""
+    return zlib.crc32(numbers.tobytes(), len(numbers)) if numbers.ndim == 1 and numbers.dtype == np.float64 else -1
+
+
+def digest(scene: ReducedScene, load_path: np.ndarray) -> str:
+    """SHA-256 of all numbers that a run starts from."""
+    total = hashlib.sha256()
+    damping = scene.damping if scene.damping is not None else np.array(scene.damping_value)
+    laws = [scene.laws[name] for name in sorted(scene.laws)]
+    for values in (scene.mass, scene.stiffness, damping, *laws, scene.directions, scene.static, scene.harmonic,
+                   scene.monitors, load_path):  # fmt: skip
+        total.update(np.ascontiguousarray(values).tobytes())
+    return total.hexdigest()
+
+
+def _check(job_file: str, path: str, now: dict, before: dict) -> None:
+    """Only what would go on bit for bit may go on."""
+    anew = "; or a run without --resume, which begins anew"
+    faults = [
+        Fault(job_file, key, value, f"{then}, as {path} began with{anew}")
+        for key, value, then in _differences(
+            json.loads(now["attributes"]["job"]), json.loads(before["attributes"]["job"])
+        )
+    ]
+    for name, what in (("ranks", "ranks"), ("attrito_version", "version of attrito"), ("digest", "model and loads")):
+        old = before.get(name, before["attributes"].get(name))
+        new = now.get(name, now["attributes"].get(name))
+        if old != new and not (name == "digest" and faults):
+            shown = (new, old) if name != "digest" else (new[:12], old[:12])
+            faults.append(Fault(job_file, what, shown[0], f"{shown[1]}, as {path} began with{anew}"))
+    if faults:
+        raise InputError(*faults)
+
+
+def _differences(now: object, before: object, place: str = "") -> Iterator[tuple[str, object, object]]:
+    """Keys whose values differ, with both."""
+    if isinstance(now, dict) and isinstance(before, dict):
+        for key in sorted({*now, *before}):
+            yield from _differences(now.get(key), before.get(key), f"{place}.{key}" if place else key)
+    elif now != before:
+        yield place, now, before

@@ -1,0 +1,269 @@
+"""`attrito run`: a job from its file to result.h5."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from attrito.job.job import Job, rom_path
+from attrito.job.reading import read_job
+from attrito.library.reduced_scene import ReducedScene
+from attrito.library.session import Options, Solver, StoredPoint
+from attrito.results.journal import Record, remove_journal, set_aside
+from attrito.results.result_file import fill_result
+from attrito.results.stored_point import read_point
+from attrito.runs.bifurcations import Finder, write_bifurcations
+from attrito.runs.bounds import Sampler, write_bounds
+from attrito.runs.branch_search import Search
+from attrito.runs.header import first_record, linear_responses
+from attrito.runs.longer_periods import LongerPeriods, write_periods
+from attrito.runs.position import RunPosition
+from attrito.runs.progress import Progress
+from attrito.runs.recorder import Recorder
+from attrito.runs.stability import Examiner, write_multipliers
+from attrito.runs.sweeps import Course
+from attrito.scene import cautions
+from attrito.scene.build import build_scene
+from attrito.scene.friction_margin import Margin, friction_margin, warning, write_margin
+from attrito.scene.reduced_model import make_rom, reduced_scene
+from attrito.scene.scene import Scene
+from attrito.scene.solver_options import solver_options
+from attrito.support.atomic_files import whole_hdf5
+from attrito.support.errors import InputError, NumericsError, UnsolvedError
+from attrito.support.locks import writing_alone
+from attrito.support.parallel import on_root, on_root_only
+from attrito.support.stop_signals import Stop
+from attrito.support.timing import Stages
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+
+def reduce_job(comm: Comm, path: str | Job) -> str:
+    """`attrito reduce`: make the job's rom.h5; returns its path."""
+    progress = Progress(comm)
+    job = on_root(comm, lambda: read_job(path))
+    scene = on_root_only(comm, lambda: build_scene(job))
+    _say_notes(progress, scene)
+    if rom_path(job) is None:
+        raise InputError(job.fault("[reduction]", "missing", "this table, to say what to reduce to"))
+    progress.warn(on_root(comm, lambda: cautions.of_scene(job, scene)))
+    rom, report = make_rom(comm, job, scene, progress.say, progress.step)
+    progress.reduction(report)
+    progress.warn(on_root(comm, lambda: cautions.of_damping(reduced_scene(job, scene, rom))))
+    return comm.bcast(None if rom is None else rom.path)
+
+
+def run_job(comm: Comm, path: str | Job, resume: bool = False, max_seconds: float | None = None) -> str:
+    """Run a job; returns the result's path.
+
+    Parameters
+    ----------
+    path : the job file, or the job
+    resume : go on after the last point that an earlier run of the same job left; where there is none, begin
+    max_seconds : wall time to keep within: the run ends in good order before it
+
+    Raises
+    ------
+    InputError : the input is at fault
+    UnsolvedError : points are without a solution; they are in the result
+    NumericsError : the solver gave up, or the run was stopped; what was solved is kept
+    """
+    progress, stages = Progress(comm), Stages(comm)
+    job = on_root(comm, lambda: read_job(path))
+    result = job.file(job["output"]["file"])
+    with Stop(comm, max_seconds) as stop:
+        scene = on_root_only(comm, lambda: build_scene(job))
+        _say_notes(progress, scene)
+        warnings = on_root(comm, lambda: cautions.of_scene(job, scene))
+        stages.end("input")
+        with writing_alone(comm, result):
+            run = _solve(comm, job, scene, warnings, progress, stages, stop, resume)
+    progress.end(result, stages, run.place)
+    complaints = run.complaints()
+    if complaints:
+        raise UnsolvedError(result, "; ".join(complaints))
+    return result
+
+
+def _solve(
+    comm: Comm,
+    job: Job,
+    scene: Scene | None,
+    warnings: list[str],
+    progress: Progress,
+    stages: Stages,
+    stop: Stop,
+    resume: bool,
+) -> _Run:
+    """Reduce, solve, write the result with `warnings` and those found here; nobody else writes it meanwhile."""
+    rom, report = make_rom(comm, job, scene, progress.say, progress.step)
+    progress.reduction(report)
+    if rom_path(job) is not None:
+        stages.end("reduction")
+    reduced = on_root(comm, lambda: reduced_scene(job, scene, rom))
+    load_path = on_root(comm, lambda: scene.load_path)
+    options = on_root(comm, lambda: solver_options(job, rom))
+    with Solver(comm, reduced, options) as solver:
+        # Of a structure that is held, as the solver has found by now.
+        margin = on_root(comm, lambda: friction_margin(reduced))
+        warnings += on_root(comm, lambda: cautions.of_damping(reduced))
+        if (wedges := warning(margin)) is not None:
+            warnings.append(wedges)
+        progress.warn(warnings)
+        linear = linear_responses(solver, job)
+        progress.begin(len(reduced.mass), len(reduced.laws["tangents"]), linear)
+        first = on_root_only(comm, lambda: first_record(job, scene, rom, reduced, comm.size, linear))
+        stages.end("linear responses")
+        run = _Run(comm, job, solver, reduced, options, progress, stages, load_path, stop)
+        try:
+            with stop.solving():
+                run.solve(first, load_path, resume, stop)
+        finally:
+            run.recorder.close()
+    run.finish(margin, warnings)
+    return run
+
+
+class _Run:
+    """The solving part of a run, from its first point to the result file."""
+
+    def __init__(
+        self,
+        comm: Comm,
+        job: Job,
+        solver: Solver,
+        reduced: ReducedScene,
+        options: Options,
+        progress: Progress,
+        stages: Stages,
+        load_path: np.ndarray,
+        stop: Stop,
+    ):
+        self._comm, self._job, self._solver, self._reduced = comm, job, solver, reduced
+        self._progress, self._stages = progress, stages
+        self._sampler = Sampler(comm, solver, reduced, options, job["static"]["bounds"], stop.interrupted)
+        self._examiner = Examiner(comm, solver, job)
+        self._longer = LongerPeriods(comm, job, reduced, load_path)
+        self._finder = Finder(solver, job, progress)
+        self.result = job.file(job["output"]["file"])
+        self.journal = f"{self.result}.partial"
+        self.recorder = Recorder(
+            comm, solver, self.journal, (self._examiner, self._longer, self._sampler, self._finder)
+        )
+        self.place = RunPosition()
+
+    def solve(self, first: Record | None, load_path: np.ndarray, resume: bool, stop: Stop) -> None:
+        """Solve all points, each on disk before the next begins."""
+        progress, stages = self._progress, self._stages
+        search = Search(self._solver, self._job, load_path, self._finder, progress)
+        start = on_root(self._comm, lambda: _start(self._job, self._reduced))
+        self._begin(first, resume, search)
+        try:
+            course = Course(self._solver, self._job, load_path, search, start, progress)
+            for point in course.points(self.place):
+                stages.end("points")
+                point = self._longer.visit(self._examiner.examine(point))
+                stages.end("stability")
+                self.recorder.hear()
+                self._sampler.visit(point)
+                stages.end("bounds")
+                self._finder.visit(point)
+                stages.end("bifurcations")
+                search.keep(point, self.place.taken == 1)
+                self.place.add(point)
+                self.recorder.write(point, self.place)
+                stages.end("writing")
+                progress.point(point, self._reduced.monitor_names[0], self.place.points)
+                reason = stop.asked()
+                if reason and not course.is_done(self.place):
+                    raise NumericsError(f"stopped by {reason}")
+        except NumericsError as error:
+            if self.recorder.written:
+                raise NumericsError(f"{error}; {self._left()}") from None
+            on_root(self._comm, lambda: Path(self.journal).unlink(missing_ok=True))
+            raise
+        except (InputError, KeyboardInterrupt):
+            progress.say(self._left())
+            raise
+
+    def _begin(self, first: Record | None, resume: bool, search: Search) -> None:
+        there = on_root(self._comm, lambda: _journal_before(self.journal, resume))
+        if there and resume:
+            self.place = self.recorder.resume(self._job.path, first, search)
+            self._progress.say(f"going on after {self.place.points} points of {self.journal}")
+            self._progress.count = self.place.points
+            return
+        if resume:
+            self._progress.say(f"nothing to go on from ({self.journal} is absent): beginning")
+        self.recorder.begin(first)
+
+    def _left(self) -> str:
+        return (
+            f"the {self.recorder.written} points solved so far are in {self.journal} (attrito table reads it);"
+            f" go on with attrito run --resume {self._job.path}"
+        )
+
+    def finish(self, margin: Margin | None, warnings: list[str]) -> None:
+        """Make the result file; an older one stays until it is complete."""
+        on_root(self._comm, lambda: self._make_result(margin, [*warnings, *self.place.warnings]))
+        self._stages.end("writing")
+
+    def _make_result(self, margin: Margin | None, warnings: list[str]) -> None:
+        with whole_hdf5(self.result) as file:
+            fill_result(file, self.journal)
+            file.attrs["warnings"] = "\n".join(warnings)
+            if self.place.incomplete:
+                file["points"].attrs["incomplete"] = "; ".join(self.place.incomplete)
+            write_bounds(file, self._reduced, self._sampler)
+            write_multipliers(file, self._examiner)
+            write_periods(file, self._longer)
+            write_margin(file, margin)
+            write_bifurcations(file, self._finder.found, self._reduced.monitor_names)
+        Path(self.journal).unlink()
+        remove_journal(f"{self.journal}.old")
+
+    def complaints(self) -> list[str]:
+        """What the numerics did not deliver."""
+        found = list(self.place.incomplete)
+        if failed := self.place.outcomes.get("not_converged", 0):
+            found.append(f"{failed} point(s) did not converge; they are in the file with outcome not_converged")
+        if missing := self.place.outcomes.get("no_period_one_orbit", 0):
+            found.append(
+                f"{missing} point(s) without an orbit of the excitation's period: friction alone does not hold the body"
+                " there, or motion in time walks, bounces or takes several periods; they are in the file with outcome"
+                " no_period_one_orbit"
+            )
+        if above := self.place.outcomes.get("above_tolerance", 0):
+            found.append(
+                f"the estimated error of {above} point(s) is above [balance] tolerance ="
+                f" {self._job['balance']['tolerance']:g}; they are in the file with outcome above_tolerance, and"
+                f" /points/error_harmonics, error_samples and error_modes say what causes it"
+            )
+        return found
+
+
+def _start(job: Job, scene: ReducedScene) -> StoredPoint | None:
+    """The point of an older result that the job starts at."""
+    continuation = job["continuation"]
+    if continuation["start"] is None:
+        return None
+    path = job.file(continuation["start_file"] or job["output"]["file"])
+    return read_point(job, "[continuation] start", continuation["start"], path, scene)
+
+
+def _journal_before(path: str, resume: bool) -> bool:
+    """Whether an earlier run left a journal; one that is not gone on from is kept once, under another name."""
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    if not Path(path).is_file():
+        return False
+    if not resume:
+        set_aside(path, f"{path}.old")
+    return True
+
+
+def _say_notes(progress: Progress, scene: Scene | None) -> None:
+    for note in scene.contacts.notes if scene is not None else []:
+        progress.say(note)

@@ -1,0 +1,189 @@
+"""From job and model to what is solved: contacts as rows on dofs, loads and monitors as vectors, all on the full model.
+
+Everything here is done by rank 0 alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_matrix, vstack
+
+from attrito.importers import check_matrices, read_matrices
+from attrito.job.job import Job
+from attrito.model.model import Model
+from attrito.model.model_file import read_model
+from attrito.model.pairing import contact_rows, pair_sets
+from attrito.scene.dofs import DofResolver
+from attrito.scene.loads import build_loads, soften, spin_faults
+from attrito.scene.scene import Contacts, Scene
+from attrito.support.errors import InputError
+
+LAW_KEYS = ("tangential_stiffness", "normal_stiffness", "friction_coefficient", "gap", "preload")
+
+
+def build_scene(job: Job) -> Scene:
+    """Read the model and place the job's contacts, loads and monitors on it; all faults of a kind together."""
+    model = load_model(job)
+    places = DofResolver(job, model)
+    contacts = _contacts(job, model, places)
+    static, harmonic = build_loads(job, model, places)
+    monitors = {
+        monitor["name"]: places.vector(monitor["dofs"], f"[output] monitors[{i}]")
+        for i, monitor in enumerate(job["output"]["monitors"])
+    }
+    boundary = places.boundary(contacts)
+    places.faults += spin_faults(job, model)
+    if places.faults:
+        raise InputError(*places.faults)
+    soften(job, model)
+    check_finite(job, contacts, static, harmonic, monitors)
+    return Scene(model, contacts, static, harmonic, monitors, load_path_of(job, list(static)), boundary)
+
+
+def check_finite(
+    job: Job, contacts: Contacts, static: dict[str, np.ndarray], harmonic: np.ndarray, monitors: dict[str, np.ndarray]
+) -> None:
+    """Raise where numbers of the job, each of them finite, make sums or products that are not."""
+    faults = []
+    explicit = len(job["contact"])
+    row_contact = np.repeat(np.arange(contacts.count), contacts.laws["tangents"] + 1)
+    entries = np.repeat(np.arange(contacts.rows.shape[0]), np.diff(contacts.rows.indptr))
+    spoilt = {"coefficients": row_contact[entries[~np.isfinite(contacts.rows.data)]]}
+    spoilt |= {name: np.flatnonzero(~np.isfinite(contacts.laws[name])) for name in LAW_KEYS}
+    for name, where in spoilt.items():
+        for table in np.unique(contacts.tables[where]):
+            place = f"contact[{table}]" if table < explicit else f"contact_set[{table - explicit}]"
+            faults.append(job.fault(f"{place} {name}", "beyond what numbers hold", "smaller numbers"))
+    kinds = {f"load {name}": vector for name, vector in static.items()} | {"harmonic loads": harmonic}
+    kinds |= {f"[output] monitors {name}": vector for name, vector in monitors.items()}
+    for name, vector in kinds.items():
+        if not np.all(np.isfinite(vector)):
+            faults.append(job.fault(name, "beyond what numbers hold", "smaller numbers"))
+    if faults:
+        raise InputError(*faults)
+
+
+def with_numbers_of(job: Job, scene: Scene) -> Scene:
+    """The scene of a job that differs from a scene's own in its contacts' laws and load path alone: nothing is read."""
+    contacts = replace(scene.contacts, laws=laws_of(job, scene.contacts))
+    check_finite(job, contacts, scene.static, scene.harmonic, scene.monitors)
+    return replace(scene, contacts=contacts, load_path=load_path_of(job, list(scene.static)))
+
+
+def load_path_of(job: Job, names: list[str]) -> np.ndarray:
+    """Factors on the static loads of these names at the corners of the load path, `[corners, loads]`."""
+    path = [
+        [corner.get(name, 0.0) if isinstance(corner, dict) else corner for name in names]
+        for corner in job["static"]["load_path"]
+    ]
+    return np.array(path, dtype=float).reshape(len(path), len(names))
+
+
+def load_model(job: Job) -> Model:
+    """The job's model, its matrices checked."""
+    keys = job["model"]
+    if keys["file"] is not None:
+        path = job.file(keys["file"])
+        model = read_model(path)
+        where: Any = path
+    else:
+        sources, where = {}, {}
+        for name in ("stiffness", "mass", "damping"):
+            source = keys[name]
+            where[name] = job.file(source) if isinstance(source, str) else f"{job.path}: [model]"
+            if source is not None:
+                sources[name] = job.file(source) if isinstance(source, str) else source
+        parts = read_matrices(sources, "[model] {}", job.path)
+        model = Model(parts.matrices["stiffness"], parts.matrices["mass"], parts.matrices.get("damping"))
+        model.dof_node, model.dof_direction = parts.node, parts.direction
+    faults = check_matrices(model.stiffness, model.mass, model.damping, where)
+    if model.damping is not None:
+        faults += [
+            job.fault(f"[damping] {kind}", job["damping"][kind], "no such key beside the model's own damping matrix")
+            for kind in ("ratio", "loss_factor")
+            if job["damping"][kind] is not None
+        ]
+    if faults:
+        raise InputError(*faults)
+    return model
+
+
+def _contacts(job: Job, model: Model, places: DofResolver) -> Contacts:
+    blocks: list[_Block] = []
+    for i, contact in enumerate(job["contact"]):
+        key = f"contact[{i}]"
+        named = [*(("tangents", terms) for terms in contact["tangents"]), ("normal", contact["normal"])]
+        rows = []
+        for name, terms in named:
+            earlier = len(places.faults)
+            rows.append(places.vector(terms, f"{key} {name}"))
+            if not rows[-1].any() and len(places.faults) == earlier:
+                places.add(f"{key} {name}", [list(term) for term in terms], "a coefficient that is not zero")
+        blocks.append(_explicit(rows))
+    for i, contact_set in enumerate(job["contact_set"]):
+        try:
+            blocks.append(_paired(job, model, contact_set, f"contact_set[{i}]"))
+        except InputError as error:
+            places.faults += error.faults
+    if not blocks:
+        raise InputError(*places.faults)
+    where = {name: np.concatenate([block.places[name] for block in blocks]) for name in blocks[0].places}
+    tables = np.repeat(np.arange(len(blocks)), [block.count for block in blocks])
+    laws = {"tangents": np.concatenate([block.tangents for block in blocks])}
+    notes = [note for block in blocks for note in block.notes]
+    found = Contacts(laws, csr_matrix(vstack([block.rows for block in blocks])), where, tables, notes)
+    return replace(found, laws=laws_of(job, found))
+
+
+def laws_of(job: Job, contacts: Contacts) -> dict[str, np.ndarray]:
+    """Laws that a job gives to contacts whose places are known."""
+    given = [*job["contact"], *job["contact_set"]]
+    laws = {"tangents": contacts.laws["tangents"]}
+    for name in LAW_KEYS:
+        values = [np.nan if keys[name] is None else keys[name] for keys in given]
+        laws[name] = np.array(values, dtype=float)[contacts.tables]
+    by_area = np.array([keys.get("stiffness_per") == "area" for keys in given])[contacts.tables]
+    for name in ("tangential_stiffness", "normal_stiffness", "preload"):
+        laws[name][by_area] *= contacts.places["area"][by_area]
+    return laws
+
+
+@dataclass
+class _Block:
+    """Contacts of one table of the job."""
+
+    tangents: np.ndarray
+    rows: csr_matrix
+    places: dict[str, np.ndarray]
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def count(self) -> int:
+        return len(self.tangents)
+
+
+def _explicit(rows: list[np.ndarray]) -> _Block:
+    where: dict[str, np.ndarray] = {"set": np.array(["explicit"], dtype=object)}
+    where |= {name: np.array([-1], dtype=np.int64) for name in ("node_a", "node_b")}
+    where |= {"area": np.full(1, np.nan), "position": np.full((1, 3), np.nan), "frame": np.full((1, 3, 3), np.nan)}
+    return _Block(np.array([len(rows) - 1], dtype=np.int32), csr_matrix(np.array(rows)), where)
+
+
+def _paired(job: Job, model: Model, keys: dict[str, Any], place: str) -> _Block:
+    if not model.has_mesh:
+        raise InputError(job.fault(f"{place} a", keys["a"], "a model with a mesh: node sets need one"))
+    pairs = pair_sets(model, keys["a"], keys["b"], keys["tolerance"], keys["tangents"], job.path, place)
+    count = len(pairs.node_a)
+    where = {
+        "set": np.full(count, f"{keys['a']} - {keys['b']}", dtype=object),
+        "node_a": pairs.node_a,
+        "node_b": pairs.node_b,
+        "area": pairs.area,
+        "position": pairs.position,
+        "frame": pairs.frame,
+    }
+    tangents = np.full(count, keys["tangents"], dtype=np.int32)
+    return _Block(tangents, contact_rows(pairs, model), where, [f"{place}: {note}" for note in pairs.notes])

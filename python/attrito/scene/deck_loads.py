@@ -1,0 +1,132 @@
+"""Forces of a CalculiX or Abaqus deck: `*CLOAD` at nodes, `*DLOAD` with pressures `P1` ... `P6` on element faces.
+
+    *CLOAD                        *DLOAD
+    812, 3, -2.5                  4711, P2, 0.35
+    tip, 1, 1.0                   blades, P1, 0.1
+
+Nodes by id or node set, of the model or of the deck; elements by id or by an `*ELSET` of the deck. Lines add up.
+Forces at held dofs and on held nodes go into the support. Amplitudes, steps and frames are not read.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from attrito.importers.deck import Block, read_blocks
+from attrito.importers.deck_mesh import set_members
+from attrito.model.pressure import pressure_forces
+from attrito.model.surfaces import FACES, element_family
+from attrito.support.errors import InputError
+
+if TYPE_CHECKING:
+    from attrito.model.model import Model
+
+KEYWORDS = ("CLOAD", "DLOAD", "NSET", "ELSET", "HEADING")
+
+
+def deck_force(path: str | Path, model: Model) -> np.ndarray:
+    """Sum of the deck's forces on the model's dofs, `[n]`, user force; all faults of the deck together."""
+    reader = _Reader(model)
+    blocks = list(read_blocks(path))
+    faults = []
+    for block in blocks:
+        try:
+            reader.take(block)
+        except InputError as error:
+            faults += error.faults
+    if not faults and not any(block.keyword in ("CLOAD", "DLOAD") for block in blocks):
+        faults.append(blocks[0].fault("neither *CLOAD nor *DLOAD", "a deck with forces or pressures"))
+    if faults:
+        raise InputError(*faults)
+    return model.on_dofs(reader.forces)
+
+
+class _Reader:
+    """Sets known so far, and forces `[N, 3]` summed so far."""
+
+    def __init__(self, model: Model):
+        self.model = model
+        self.order = np.argsort(model.node_ids)
+        self.forces = np.zeros((len(model.node_ids), 3))
+        self.node_sets = {name.upper(): ids for name, ids in model.node_sets.items()}
+        self.element_sets: dict[str, np.ndarray] = {}
+        self.elements = _Elements(model)
+
+    def row_of(self, nodes: np.ndarray) -> np.ndarray:
+        return self.order[np.searchsorted(self.model.node_ids, nodes, sorter=self.order)]
+
+    def take(self, block: Block) -> None:
+        if block.keyword not in KEYWORDS:
+            raise InputError(block.fault("a keyword", "one of *" + ", *".join(KEYWORDS)))
+        if block.keyword in ("NSET", "ELSET"):
+            sets = self.node_sets if block.keyword == "NSET" else self.element_sets
+            name = block.parameters.get(block.keyword, "").upper()
+            sets[name] = np.union1d(sets.get(name, []), set_members(block, sets)).astype(np.int64)
+        elif block.keyword != "HEADING":
+            if "AMPLITUDE" in block.parameters or "LOAD CASE" in block.parameters or "OP" in block.parameters:
+                raise InputError(block.fault(", ".join(block.parameters), f"*{block.keyword} without parameters"))
+            for line in block.data:
+                (self._force if block.keyword == "CLOAD" else self._pressure)(block, line)
+
+    def _force(self, block: Block, line: str) -> None:
+        where, direction, value = self._fields(block, line, "node or node set, direction 1, 2 or 3, force")
+        if direction not in ("1", "2", "3"):
+            raise InputError(block.fault(line, "a direction 1, 2 or 3"))
+        nodes = self._members(block, where, self.node_sets, "a node or node set of the model")
+        unknown = np.setdiff1d(nodes, self.model.node_ids)
+        if len(unknown):
+            raise InputError(block.fault(f"node {unknown[0]}", "a node of the model"))
+        np.add.at(self.forces, (self.row_of(nodes), int(direction) - 1), value)
+
+    def _pressure(self, block: Block, line: str) -> None:
+        where, label, value = self._fields(block, line, "element or element set, P1 to P6, pressure")
+        if not (label.upper().startswith("P") and label[1:].isdecimal()):
+            expected = "a pressure P1 to P6 (rotation: a [[load]] of kind centrifugal)"
+            raise InputError(block.fault(line, expected))
+        ids = self._members(block, where, self.element_sets, "an element of the model, or an *ELSET of this deck")
+        for faces in self.elements.faces(ids, int(label[1:]), block):
+            pressure = np.full(len(faces), value)
+            self.forces += pressure_forces(self.model.coordinates, self.row_of(faces), pressure)
+
+    def _fields(self, block: Block, line: str, expected: str) -> tuple[str, str, float]:
+        words = [word.strip() for word in line.rstrip(", ").split(",")]
+        try:
+            where, kind, value = words
+            number = float(value)
+        except ValueError:
+            raise InputError(block.fault(line, expected)) from None
+        if not np.isfinite(number):
+            raise InputError(block.fault(line, "a finite number"))
+        return where, kind, number
+
+    def _members(self, block: Block, where: str, sets: dict[str, np.ndarray], expected: str) -> np.ndarray:
+        if where.isdecimal():
+            return np.array([int(where)])
+        if where.upper() not in sets:
+            raise InputError(block.fault(where, f"{expected}: {', '.join(sets) or 'there is no set'}"))
+        return sets[where.upper()]
+
+
+class _Elements:
+    """Elements of a model by id."""
+
+    def __init__(self, model: Model):
+        self.kinds = [(element_family(name), *parts) for name, parts in model.elements.items()]
+
+    def faces(self, ids: np.ndarray, number: int, block: Block) -> list[np.ndarray]:
+        """Face `number` (from 1) of elements: node ids, an array for each kind of element."""
+        found, left = [], np.unique(ids)
+        for family, own, connectivity in self.kinds:
+            here = np.isin(own, left)
+            if not here.any():
+                continue
+            if family is None or number > len(FACES[family]):
+                raise InputError(block.fault(f"P{number} on element {own[here][0]}", "a face that the element has"))
+            found.append(connectivity[here][:, list(FACES[family][number - 1])])
+            left = np.setdiff1d(left, own)
+        if len(left):
+            raise InputError(block.fault(f"element {left[0]}", "an element of the model"))
+        return found

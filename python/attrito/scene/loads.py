@@ -1,0 +1,109 @@
+"""The job's loads as vectors on the model's dofs, and what rotation takes from its stiffness."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from attrito.model.model import SPIN_SOFTENING
+from attrito.model.rotation import centrifugal_load, partly_held, softening, spin_of
+from attrito.scene.deck_loads import deck_force
+from attrito.support.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from attrito.job.job import Job
+    from attrito.model.model import Model
+    from attrito.scene.dofs import DofResolver
+
+# Relative difference of two speeds that count as one.
+SAME_SPEED = 1e-6
+
+
+def build_loads(job: Job, model: Model, places: DofResolver) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Static loads by name, each `[n]`, and the harmonic coefficients `[2 h + 1, n]`, user force."""
+    static: dict[str, np.ndarray] = {}
+    highest = max(load["harmonic"] for load in job["load"] if load["kind"] == "harmonic")
+    harmonic = np.zeros((2 * highest + 1, model.size))
+    for i, load in enumerate(job["load"]):
+        key = f"load[{i}]"
+        if load["kind"] == "harmonic":
+            for row, name in ((2 * load["harmonic"] - 1, "cosine"), (2 * load["harmonic"], "sine")):
+                harmonic[row] += _given(job, model, places, load[name], f"{key} {name}")
+        elif load["kind"] == "centrifugal":
+            static[load["name"]] = np.zeros(model.size)
+            if model.has_mesh:
+                static[load["name"]] = centrifugal_load(model, spin_of(load))
+            else:
+                places.add(f"{key} kind", "centrifugal", "a model with a mesh: the load needs the nodes' coordinates")
+        elif load["file"] is not None:
+            static[load["name"]] = _given(job, model, places, load["file"], f"{key} file")
+        else:
+            static[load["name"]] = _given(job, model, places, load["dofs"], f"{key} dofs")
+    return static, harmonic
+
+
+def _given(job: Job, model: Model, places: DofResolver, value: Any, key: str) -> np.ndarray:
+    """Forces given as terms or by a file, `[n]`; faults go to `places`."""
+    if not isinstance(value, str):
+        return places.vector(value, key)
+    try:
+        return _from_file(job, model, value, key)
+    except InputError as error:
+        places.faults += error.faults
+        return np.zeros(model.size)
+
+
+def _from_file(job: Job, model: Model, name: str, key: str) -> np.ndarray:
+    path = job.file(name)
+    suffix = Path(path).suffix
+    try:
+        if suffix == ".inp":
+            if not model.has_mesh:
+                raise InputError(job.fault(key, name, "numbers for the dofs, since the model has no mesh"))
+            return deck_force(path, model)
+        vector = np.load(path) if suffix == ".npy" else np.loadtxt(path, ndmin=1)
+    except OSError as error:
+        raise InputError(job.fault(key, name, f"a file that can be read ({error.strerror})")) from None
+    except ValueError as error:
+        raise InputError(Fault(path, "contents", str(error), "one number for each dof")) from None
+    if vector.shape != (model.size,) or vector.dtype.kind not in "iuf" or not np.all(np.isfinite(vector)):
+        words = "" if vector.dtype.kind in "iuf" else f" of {vector.dtype}"
+        shown = f"shape {vector.shape}{words}"
+        raise InputError(Fault(path, "contents", shown, f"{model.size} finite numbers, one for each dof"))
+    return np.asarray(vector, dtype=float)
+
+
+def spin_faults(job: Job, model: Model) -> list[Fault]:
+    """What of the job's rotation does not go with what the model's stiffness holds already."""
+    faults = []
+    for i, load in enumerate(job["load"]):
+        if load["kind"] != "centrifugal" or not model.has_mesh:
+            continue
+        key = f"load[{i}]"
+        speed = load["speed_hz"]
+        if model.spin_hz is not None and abs(speed - model.spin_hz) > SAME_SPEED * model.spin_hz:
+            held = " and ".join(model.stiffness_holds).replace("_", " ")
+            expected = f"{model.spin_hz:.8g}, the speed of the {held} in the stiffness of {job['model']['file']}"
+            faults.append(job.fault(f"{key} speed_hz", speed, expected))
+        if not load["spin_softening"]:
+            continue
+        if SPIN_SOFTENING in model.stiffness_holds:
+            expected = f"false: the stiffness of {job['model']['file']} holds spin softening already"
+            faults.append(job.fault(f"{key} spin_softening", True, expected))
+        held = partly_held(model, spin_of(load).direction)
+        if len(held):
+            expected = (
+                f"no node held in part, as node {held[0]} is ({len(held)} such nodes), where the axis is oblique to"
+                " what is held: the mass across is not in the matrices"
+            )
+            faults.append(job.fault(f"{key} spin_softening", True, expected))
+    return faults
+
+
+def soften(job: Job, model: Model) -> None:
+    """Take from the model's stiffness, in place, what the job's rotation does."""
+    for load in job["load"]:
+        if load["kind"] == "centrifugal" and load["spin_softening"]:
+            model.stiffness = (model.stiffness - softening(model, spin_of(load))).tocsr()

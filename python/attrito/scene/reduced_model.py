@@ -1,0 +1,386 @@
+"""The reduced model of a scene: made by the library and kept in a file, or the matrices as they stand.
+
+A file is used again when its fingerprint says that it was made from the same matrices, boundary, vectors and modes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
+
+from attrito.job.defaults import HARMONICS
+from attrito.job.job import Job, model_path, rom_path
+from attrito.library.reduced_scene import ReducedScene
+from attrito.library.reduction import Listener, Report, reduce_model
+from attrito.model.model_file import write_model
+from attrito.scene.rom_claim import Claim, claim
+from attrito.scene.scene import Scene
+from attrito.support.atomic_files import whole_hdf5
+from attrito.support.errors import Fault, InputError
+from attrito.support.hdf5_reading import UNREADABLE, stored
+from attrito.support.parallel import everywhere, on_root, on_root_in_its_time
+from attrito.support.version import __version__
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+LARGEST_DENSE = 4000
+ROM = "a rom.h5 of `attrito reduce` (delete it, and it is made anew)"
+# Error below which modes, solved to residuals of 1e-12, tell nothing
+LEAST_ERROR = 1e-12
+# How often a file that others replace is looked at again, where there are no locks
+MOST_ROUNDS = 5
+# Raised when the reduction of the same input changes, so that no older rom.h5 is taken for it.
+REDUCTION_VERSION = 2
+
+
+@dataclass(frozen=True)
+class Rom:
+    """What is solved with of a reduced model, read at once; `m` coordinates, the `nb` boundary dofs first.
+
+    Parameters
+    ----------
+    path, fingerprint : the file, and what it was made from
+    mass, stiffness, damping : `[m, m]`; damping may be None
+    vectors : loads and monitors, `[nv, m]`
+    boundary : dofs of the full model, `[nb]`
+    kind : of each coordinate, `[m]`: 0 a boundary dof, 1 a mode, 2 a correction
+    mode_error : what the modes left out cost the monitors, relative to the largest response; 0 where it is not known
+    """
+
+    path: str
+    fingerprint: str
+    mass: np.ndarray
+    stiffness: np.ndarray
+    damping: np.ndarray | None
+    vectors: np.ndarray
+    boundary: np.ndarray
+    kind: np.ndarray
+    mode_error: float
+
+
+def make_rom(
+    comm: Comm,
+    job: Job,
+    scene: Scene | None,
+    say: Any = print,
+    listener: Listener | None = None,
+    reads: bool | None = None,
+) -> tuple[Rom | None, Report | None]:
+    """The reduced model of a scene (held by rank 0), made unless its file is there, and the library's report if so.
+
+    Other processes may want the same or another one in the same folder (`rom_claim`). What is read is looked at after
+    it was read: it is what was asked for, whoever has written to the folder meanwhile. The matrices of the scene's
+    model are released where the reduction reads its own: a big model is not to be held twice.
+
+    Parameters
+    ----------
+    comm, job, scene : the ranks, the job, and its scene on rank 0
+    say, listener : told of what is done, in words and in steps
+    reads : whether this rank is to have the reduced model; None: rank 0 alone
+
+    Returns
+    -------
+    the reduced model, None on ranks that do not read it and where the job asks for none; the report
+    """
+    if rom_path(job) is None:
+        return None, None
+    reads = comm.rank == 0 if reads is None else reads
+    report: Report | None = None
+    held: list[Claim] = []
+    # The matrices may be gone later.
+    fingerprint = on_root(comm, lambda: _asked(job, scene))
+    count, dofs = comm.bcast(None if scene is None else (len(_vectors(scene)), scene.model.size))
+    for _ in range(MOST_ROUNDS):
+        try:
+            path, fresh = on_root_in_its_time(comm, lambda: _claim(job, fingerprint, say, held))
+            if not fresh:
+                report = _make(comm, job, scene, held, path, fingerprint, say, listener)
+            rom = everywhere(comm, lambda at=path: _read_rom(at, count, dofs) if reads else None)  # noqa: B023
+        finally:
+            if held:
+                held.pop().release()
+        # Another process may have replaced it before it was read, where there are no locks.
+        if all(comm.allgather(rom is None or rom.fingerprint == fingerprint)):
+            return rom, report
+        if not fresh:
+            break
+    raise InputError(Fault(path, "fingerprint", "of another reduction, again and again", "a file of its own"))
+
+
+def _asked(job: Job, scene: Scene) -> str:
+    """Fingerprint of what is asked for (rank 0)."""
+    _check_interior(job, scene)
+    return _fingerprint(job, scene)
+
+
+def _claim(job: Job, fingerprint: str, say: Any, held: list[Claim]) -> tuple[str, bool]:
+    """The file, and whether it is there; what is held of it goes to `held` (rank 0)."""
+    first = rom_path(job)
+    given = job["reduction"]["file"] is not None
+    held.append(claim(first, fingerprint, given, rom_fingerprint, say))
+    path, fresh = held[0].path, held[0].fresh
+    if fresh:
+        say(f"reduced model {path}: up to date")
+    elif Path(path).exists():
+        what = "another reduced model" if rom_fingerprint(path) else "which cannot be read"
+        say(f"replacing {path}, {what}: shapes of its results can be exported no longer")
+    elif not given and path != first:
+        say(f"{first} is of another reduction, done or interrupted: this one is {path}")
+    return path, fresh
+
+
+def _make(
+    comm: Comm,
+    job: Job,
+    scene: Scene | None,
+    held: list[Claim],
+    path: str,
+    fingerprint: str,
+    say: Any,
+    listener: Listener | None,
+) -> Report:
+    """Reduce the scene into a file under the lock of it."""
+    keys = job["reduction"]
+    # The library reads matrices from files; those of a softened stiffness are of use to nobody else.
+    softened = any(load["spin_softening"] for load in job["load"])
+    own = job["model"]["file"] is None
+
+    def prepare() -> tuple[str, str, np.ndarray]:
+        work = held[0].work
+        source = f"{work}.softened" if softened else model_path(job, path)
+        if own or softened:
+            write_model(source, scene.model, [])
+        _check_unfinished(f"{work}.partial")
+        say(f"reducing {scene.model.size} dofs onto {len(scene.boundary)} boundary dofs and {_modes_in_words(job)}")
+        scene.model.stiffness = scene.model.mass = scene.model.damping = None
+        return source, f"{work}.partial", scene.boundary
+
+    source, partial, boundary = on_root(comm, prepare)
+    vectors = None if comm.rank else np.array(list(_vectors(scene).values()))
+    by_error = keys["modes"] == "auto"
+    try:
+        report = reduce_model(
+            comm,
+            source,
+            partial,
+            boundary,
+            vectors,
+            modes=None if by_error else keys["modes"],
+            max_frequency_hz=keys["max_frequency_hz"],
+            error_target=keys["error"] if by_error else None,
+            top_frequency_hz=excited_hz(job),
+            eigensolver=keys["eigensolver"],
+            ordering=keys["ordering"],
+            out_of_core=None if keys["out_of_core"] == "auto" else keys["out_of_core"],
+            memory_gb=keys["memory_gb"],
+            fingerprint=fingerprint,
+            listener=listener,
+        )
+    finally:
+        if softened and comm.rank == 0:
+            Path(source).unlink(missing_ok=True)
+
+    def finish() -> None:
+        with whole_hdf5(path, start=partial) as file:
+            file.attrs["fingerprint"] = fingerprint
+            file.attrs["attrito_version"] = __version__
+            file.attrs["job"] = json.dumps(job.tables)
+            names = np.array(list(_vectors(scene)), dtype=h5py.string_dtype())
+            named = file.create_dataset("vectors/name", data=names)
+            named.attrs["description"], named.attrs["unit"] = "names of the loads and monitors", "1"
+
+    on_root(comm, finish)
+    return report
+
+
+def _check_unfinished(path: str) -> None:
+    """Raise where the name of an unfinished reduced model leads elsewhere, or is no file: it would be written over."""
+    if os.path.islink(path) or (os.path.lexists(path) and not os.path.isfile(path)):
+        expected = "no link, folder or device: attrito writes an unfinished reduced model there"
+        raise InputError(Fault(path, "file", "in the way", expected))
+
+
+def excited_hz(job: Job) -> float:
+    """The highest frequency that modes matter for: that of the highest harmonic at the end of the sweep.
+
+    Where harmonics are chosen point by point, of the fifth: beyond, modes that are left out follow at rest.
+    """
+    sweep = job["sweep"]
+    highest = max(sweep["frequencies_hz"] or [sweep["start_hz"], sweep["stop_hz"]])
+    harmonics = job["balance"]["harmonics"]
+    return highest * (HARMONICS if harmonics == "auto" else harmonics)
+
+
+def _modes_in_words(job: Job) -> str:
+    keys = job["reduction"]
+    if keys["modes"] == "auto":
+        return f"as many modes as an error of {keys['error']:g} up to {excited_hz(job):g} Hz asks for"
+    return f"{keys['modes']} modes" if keys["modes"] is not None else f"modes to {keys['max_frequency_hz']:g} Hz"
+
+
+def _check_interior(job: Job, scene: Scene) -> None:
+    """Raise unless there is something to reduce, and as many modes as the job asks for."""
+    interior = scene.model.size - len(scene.boundary)
+    modes = job["reduction"]["modes"]
+    if interior == 0:
+        expected = f"none: all {scene.model.size} dofs are boundary dofs, so there is nothing to reduce"
+        raise InputError(job.fault("[reduction]", "given", expected))
+    if isinstance(modes, int) and modes > interior:
+        raise InputError(job.fault("[reduction] modes", modes, f"at most {interior}, the number of interior dofs"))
+
+
+def reduced_scene(job: Job, scene: Scene, rom: Rom | None = None) -> ReducedScene:
+    """The scene in the coordinates that are solved: of a reduced model, or the matrices as they stand (rank 0)."""
+    counts = [len(scene.static), len(scene.harmonic), len(scene.monitors)]
+    if rom is None and rom_path(job) is not None:
+        raise TypeError("the job asks for a reduced model: give what make_rom returns")
+    if rom is None:
+        model = scene.model
+        if model.size > LARGEST_DENSE:
+            raise InputError(
+                job.fault(
+                    "[reduction]", "missing", f"a reduction: {model.size} dofs are too many to be used as they stand"
+                )
+            )
+        mass, stiffness = model.mass.toarray(), model.stiffness.toarray()
+        damping = None if model.damping is None else model.damping.toarray()
+        vectors = np.array(list(_vectors(scene).values()))
+        directions = scene.contacts.rows.toarray()
+    else:
+        mass, stiffness, damping, vectors = rom.mass, rom.stiffness, rom.damping, rom.vectors
+        directions = np.zeros((scene.contacts.rows.shape[0], len(mass)))
+        directions[:, : len(rom.boundary)] = scene.contacts.rows[:, rom.boundary].toarray()
+    static, harmonic, monitors = np.split(np.ascontiguousarray(vectors, dtype=float), np.cumsum(counts)[:-1])
+    kind, value, damping = _damping(job, mass, stiffness, damping)
+    return ReducedScene(
+        *(np.ascontiguousarray(matrix, dtype=float) for matrix in (mass, stiffness)),
+        kind,
+        value,
+        damping,
+        scene.contacts.laws,
+        np.ascontiguousarray(directions),
+        *(np.ascontiguousarray(part) for part in (static, harmonic, monitors)),
+        list(scene.monitors),
+        "" if rom is None else rom.fingerprint,
+    )
+
+
+def _read_rom(path: str, vectors: int, dofs: int) -> Rom:
+    """What is solved with of a reduced model, of so many loads and monitors and dofs; all of one state of the file."""
+    with stored(path, ROM) as file:
+        size = len(file["mass"])
+        wanted = {"mass": (size, size), "stiffness": (size, size), "vectors/reduced": (vectors, size)}
+        wanted |= {"damping": (size, size)} if "damping" in file else {}
+        read = {name: file[name][()] for name in wanted}
+        boundary, kind = file["boundary/dof"][:], file["coordinates/kind"][:]
+        fingerprint, cost = str(file.attrs.get("fingerprint", "")), _mode_error(file)
+    faults = [
+        Fault(path, name, f"{values.dtype} of shape {values.shape}", f"finite numbers of shape {wanted[name]}")
+        for name, values in read.items()
+        if values.shape != wanted[name] or values.dtype.kind != "f" or not np.all(np.isfinite(values))
+    ]
+    if boundary.dtype.kind != "i" or len(boundary) > size or np.any((boundary < 0) | (boundary >= dofs)):
+        faults.append(Fault(path, "boundary/dof", boundary, f"at most {size} dofs of the model, 0 to {dofs - 1}"))
+    if kind.shape != (size,):
+        faults.append(Fault(path, "coordinates/kind", f"shape {kind.shape}", f"one for each of {size} coordinates"))
+    if faults:
+        raise InputError(*faults)
+    damping, reduced = read.get("damping"), read["vectors/reduced"]
+    return Rom(path, fingerprint, read["mass"], read["stiffness"], damping, reduced, boundary, kind, cost)
+
+
+def _damping(
+    job: Job, mass: np.ndarray, stiffness: np.ndarray, damping: np.ndarray | None
+) -> tuple[str, float, np.ndarray | None]:
+    keys = job["damping"]
+    if keys["ratio"] is not None:
+        return "ratio", keys["ratio"], None
+    if keys["loss_factor"] is not None:
+        return "loss_factor", keys["loss_factor"], None
+    alpha, beta = keys["rayleigh"] or (0.0, 0.0)
+    if damping is not None or beta > 0.0:
+        own = 0.0 if damping is None else damping
+        with np.errstate(over="ignore", invalid="ignore"):
+            viscous = np.ascontiguousarray(own + alpha * mass + beta * stiffness)
+        if not np.all(np.isfinite(viscous)):
+            raise InputError(job.fault("[damping] rayleigh", [alpha, beta], "factors whose damping is finite"))
+        return "viscous", 0.0, viscous
+    return ("mass", alpha, None) if alpha > 0.0 else ("none", 0.0, None)
+
+
+def _vectors(scene: Scene) -> dict[str, np.ndarray]:
+    """Every load and monitor by name, each `[n]`."""
+    named = {f"load:{name}": vector for name, vector in scene.static.items()}
+    named |= {f"harmonic:{i}": vector for i, vector in enumerate(scene.harmonic)}
+    return named | {f"monitor:{name}": vector for name, vector in scene.monitors.items()}
+
+
+def _fingerprint(job: Job, scene: Scene) -> str:
+    digest = hashlib.sha256(f"reduction {REDUCTION_VERSION}".encode())
+    for matrix in (scene.model.stiffness, scene.model.mass, scene.model.damping):
+        if matrix is not None:
+            for array in (matrix.indptr, matrix.indices, matrix.data):
+                digest.update(np.ascontiguousarray(array).tobytes())
+    digest.update(scene.boundary.tobytes())
+    for name, vector in _vectors(scene).items():
+        digest.update(name.encode() + vector.tobytes())
+    keys = job["reduction"]
+    digest.update(json.dumps([keys["modes"], keys["max_frequency_hz"]]).encode())
+    if keys["modes"] == "auto":
+        digest.update(json.dumps([keys["error"], excited_hz(job)]).encode())
+    return digest.hexdigest()
+
+
+def _mode_error(file: h5py.File) -> float:
+    """What the modes left out cost the monitors, relative to the largest response.
+
+    The largest estimated error of a receptance between a monitor and a load (method.md, Reduction).
+    """
+    if "quality" not in file or "vectors/name" not in file:
+        return 0.0
+    names = [name.decode() for name in file["vectors/name"][:]]
+    errors = receptance_errors(file["quality/receptance"][:], file["quality/receptance_error"][:])
+    watched = [i for i, name in enumerate(names) if name.startswith("monitor:")]
+    loads = [i for i in range(len(names)) if i not in watched] or watched
+    worst = float(np.nan_to_num(errors[np.ix_(watched, loads)]).max(initial=0.0))
+    return worst if worst > LEAST_ERROR else 0.0
+
+
+def coordinates_fingerprint(scene: ReducedScene) -> str:
+    """Of what coordinates and sliders stand for: the reduction, or the mass as it stands, and the contacts' rows."""
+    digest = hashlib.sha256(scene.reduction.encode() or np.ascontiguousarray(scene.mass).tobytes())
+    digest.update(np.ascontiguousarray(scene.directions).tobytes())
+    return digest.hexdigest()
+
+
+def rom_fingerprint(path: str | None) -> str:
+    """Fingerprint of a rom.h5; empty where there is none."""
+    try:
+        with h5py.File(path or "") as file:
+            return str(file.attrs.get("fingerprint", ""))
+    except UNREADABLE:
+        return ""
+
+
+def receptance_errors(receptance: np.ndarray, errors: np.ndarray) -> np.ndarray:
+    """Largest error over frequencies relative to the largest receptance, for each pair `[nv, nv]`; NaN without one.
+
+    Parameters
+    ----------
+    receptance, errors : `[frequencies, nv, nv]`, as in rom.h5
+    """
+    if receptance.ndim != 3 or receptance.shape != errors.shape or receptance.dtype.kind != "f":
+        raise ValueError(f"quality/receptance of shape {receptance.shape}, receptance_error of {errors.shape}")
+    if len(receptance) == 0:
+        return np.full(receptance.shape[1:], np.nan)
+    largest = np.abs(receptance).max(axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(largest > 0.0, np.abs(errors).max(axis=0) / largest, np.nan)

@@ -1,0 +1,37 @@
+"""The job's choices of the harmonic balance, as the solver takes them."""
+
+from __future__ import annotations
+
+from attrito.job.defaults import SAMPLES
+from attrito.job.job import Job
+from attrito.library.session import Options
+from attrito.scene.reduced_model import Rom
+
+# Where they are chosen point by point, to begin with
+FIRST_HARMONICS, FIRST_SAMPLES = 3, 64
+# No fewer are chosen
+FEWEST_SAMPLES = 32
+
+
+def solver_options(job: Job, rom: Rom | None = None) -> Options:
+    """The job's choices of the balance, and what its reduced model, if there is one, leaves out."""
+    balance = job["balance"]
+    automatic = balance["harmonics"] == "auto"
+    loaded = max((load["harmonic"] for load in job["load"] if load["kind"] == "harmonic"), default=1)
+    harmonics = max(FIRST_HARMONICS, loaded) if automatic else balance["harmonics"]
+    chosen = balance["quadrature"] == "auto"
+    samples = balance["samples"] or max(FIRST_SAMPLES if chosen else SAMPLES, 6 * harmonics + 2)
+    return Options(
+        harmonics=harmonics,
+        samples=max(samples, (6 if automatic else 4) * harmonics + 2),
+        max_iterations=balance["max_iterations"],
+        tolerance=balance["residual_tolerance"],
+        reset_slider=job["static"]["slider"] == "reset",
+        uncoupled=balance["approach"] == "uncoupled",
+        by_events=balance["quadrature"] != "sampled",
+        choose_harmonics=automatic,
+        choose_samples=chosen,
+        fewest_samples=(balance["samples"] if chosen and balance["samples"] else FEWEST_SAMPLES),
+        accepted_error=balance["tolerance"] or 0.0,
+        mode_error=0.0 if rom is None else rom.mode_error,
+    )

@@ -1,0 +1,1 @@
+"""`attrito study`: peaks for many values of a job's keys."""

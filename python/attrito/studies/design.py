@@ -1,0 +1,314 @@
+"""What a study varies: its file, the values of its samples, and batches of neighbours among them."""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import qmc
+
+from attrito.job.checks import Check, boolean, choice, dataset_name, integer, listing, number, text
+from attrito.job.job import Job, files_read, rom_path
+from attrito.job.reading import check_job, plain, read_job
+from attrito.scene.build import LAW_KEYS
+from attrito.support.errors import Fault, InputError
+from attrito.support.overwrite_check import check_spared
+
+# What these hold is in the reduced model, but for the contacts' laws.
+MODEL_TABLES = ("model", "reduction", "load", "output", "contact", "contact_set")
+
+
+@dataclass(frozen=True)
+class Vary:
+    """One quantity: the keys of the job that have its value, or (`factor`) are multiplied by it.
+
+    Uniform between `low` and `high`, or one of `values` (a grid's nodes; else drawn from them).
+    """
+
+    name: str
+    keys: tuple[str, ...]
+    low: float | None
+    high: float | None
+    values: tuple[float, ...]
+    factor: bool
+
+
+@dataclass(frozen=True)
+class Study:
+    """A checked study; `job` is the job file, or the job."""
+
+    path: str
+    job: str | Job
+    file: str
+    design: str
+    samples: int
+    seed: int
+    batch: int
+    ranks_per_group: int
+    vary: tuple[Vary, ...]
+
+    @property
+    def picture(self) -> str:
+        """The picture that goes beside the file."""
+        return str(Path(self.file).with_suffix(".png"))
+
+    def sample(self) -> np.ndarray:
+        """Values of all samples, `[samples, quantities]`; the same for the same study."""
+        if self.design == "grid":
+            return np.array(list(product(*(vary.values for vary in self.vary))), dtype=float)
+        count = len(self.vary)
+        if self.design == "latin_hypercube":
+            unit = qmc.LatinHypercube(count, seed=np.random.default_rng(self.seed)).random(self.samples)
+        else:
+            unit = np.random.default_rng(self.seed).random((self.samples, count))
+        columns = []
+        for part, vary in zip(unit.T, self.vary, strict=True):
+            if vary.values:
+                columns.append(np.array(vary.values)[(part * len(vary.values)).astype(int)])
+            else:
+                columns.append(vary.low + part * (vary.high - vary.low))
+        return np.array(columns).T
+
+    def stops(self, job: Job) -> list[float]:
+        """Values of the job's parameter at which each sample's peak is located."""
+        keys = job["peak"]
+        last = [] if keys["stop"] is None else [keys["stop"]]
+        rising = not last or last[0] > keys["start"]
+        return [keys["start"], *sorted(keys["values"], reverse=not rising), *last]
+
+    def as_table(self) -> dict[str, Any]:
+        """All that the samples' values depend on."""
+        table = asdict(self)
+        return {name: table[name] for name in ("design", "samples", "seed", "batch", "vary")}
+
+    def changed(self, job: Job, row: np.ndarray) -> Job:
+        """The job with the values of a sample, checked as a job is."""
+        return self._changed(job, list(zip(self.vary, row.tolist(), strict=True)))
+
+    def _changed(self, job: Job, values: list[tuple[Vary, float]]) -> Job:
+        touched = {_table(key) for vary, _ in values for key in vary.keys}
+        tables = plain({name: table for name, table in job.tables.items() if name in job.given | touched})
+        for vary, value in values:
+            for key in vary.keys:
+                set_value(tables, key, value, vary.factor)
+        try:
+            return check_job(tables, job.path)
+        except InputError as error:
+            shown = ", ".join(f"{vary.name} = {value:g}" for vary, value in values)
+            faults = [Fault(self.path, f"vary ({shown}): {it.key}", it.value, it.expected) for it in error.faults]
+            raise InputError(*faults) from None
+
+    def keeps_places(self, job: Job) -> bool:
+        """Whether samples differ in contacts' laws and what is not of the model, so that they share what was read."""
+        return all(_is_law(key) or _table(key) not in MODEL_TABLES for vary in self.vary for key in vary.keys)
+
+    def check(self, job: Job) -> None:
+        """Raise unless every key is a number of the job that can be varied, and takes the values asked for."""
+        faults = []
+        if job["peak"]["start"] is None:
+            faults.append(job.fault("[peak] start", "missing", "the level or preload at which a study locates peaks"))
+        if job["sweep"]["start_hz"] is None:
+            faults.append(job.fault("[sweep] start_hz", "missing", "start_hz and stop_hz, the band of the peaks"))
+        for i, vary in enumerate(self.vary):
+            for key in vary.keys:
+                where = f"vary[{i}] keys"
+                if rom_path(job) is not None and _table(key) in MODEL_TABLES and not _is_law(key):
+                    expected = "a number that the reduced model does not hold: of contacts, " + ", ".join(LAW_KEYS)
+                    faults.append(Fault(self.path, where, key, expected))
+                    continue
+                try:
+                    places(job.tables, key)
+                except ValueError as error:
+                    faults.append(Fault(self.path, where, key, str(error)))
+        if faults:
+            raise InputError(*faults)
+        read = [self.path, *files_read(job), *filter(None, [rom_path(job)])]
+        check_spared(self.path, "file", [self.file, self.picture], read)
+        for vary in self.vary:
+            for value in vary.values or (vary.low, vary.high):
+                try:
+                    self._changed(job, [(vary, value)])
+                except InputError as error:
+                    faults += error.faults
+        if faults:
+            raise InputError(*faults)
+
+
+def _table(key: str) -> str:
+    return re.match(r"\w*", key).group()
+
+
+def _is_law(key: str) -> bool:
+    return _table(key) in ("contact", "contact_set") and key.rpartition(".")[2] in LAW_KEYS
+
+
+CHECKS: dict[str, tuple[Check, Any]] = {
+    "job": (text, None),
+    "file": (text, "study.h5"),
+    "design": (choice("random", "latin_hypercube", "grid"), "random"),
+    "samples": (integer(1), None),
+    "seed": (integer(0), 1),
+    "batch": (integer(1), 20),
+    "ranks_per_group": (integer(1), 1),
+}
+VARY_CHECKS: dict[str, tuple[Check, Any]] = {
+    "name": (dataset_name, None),
+    "keys": (listing(text, 1), None),
+    "low": (number(), None),
+    "high": (number(), None),
+    "values": (listing(number(), 1), ()),
+    "factor": (boolean, False),
+}
+
+
+def read_study(
+    source: str | os.PathLike[str] | Mapping[str, Any] | Study, folder: str | os.PathLike[str] = "."
+) -> Study:
+    """Read and check a study; raises `InputError` with all faults together.
+
+    Parameters
+    ----------
+    source : a study file, or its keys as a dictionary, whose job may be one, too; a study that is checked stays
+    folder : what file names of a dictionary are relative to
+    """
+    if isinstance(source, Study):
+        return source
+    if isinstance(source, Mapping):
+        given = source.get("job")
+        own = isinstance(given, Mapping | Job)
+        study = _check_study(plain({**source, "job": "job"} if own else source), str(Path(folder) / "study"))
+        return replace(study, job=read_job(given, folder)) if own else study
+    path = str(source)
+    try:
+        raw = tomllib.loads(Path(path).read_text())
+    except OSError as error:
+        raise InputError(Fault(path, "file", error.strerror, "a study file that can be read")) from None
+    except (ValueError, RecursionError) as error:
+        raise InputError(Fault(path, "file", str(error), "a study in TOML")) from None
+    return _check_study(raw, path)
+
+
+def _check_study(raw: dict[str, Any], path: str) -> Study:
+    """Check the keys of a study that is called `path`."""
+    faults: list[Fault] = []
+    rows = raw.pop("vary", [])
+    keys = _checked(path, "", raw, CHECKS, faults)
+    if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
+        raise InputError(*faults, Fault(path, "vary", "missing", "at least one table [[vary]]"))
+    varies = []
+    for i, row in enumerate(rows):
+        one = _checked(path, f"vary[{i}] ", row, VARY_CHECKS, faults)
+        if bool(one["values"]) == (one["low"] is not None and one["high"] is not None):
+            faults.append(Fault(path, f"vary[{i}] values", one["values"] or "missing", "either values or low and high"))
+        if keys["design"] == "grid" and not one["values"]:
+            faults.append(Fault(path, f"vary[{i}] values", "missing", "the nodes of the grid"))
+        if one["name"] is None or one["keys"] is None:
+            faults.append(Fault(path, f"vary[{i}]", "missing", "name and keys"))
+            continue
+        varies.append(
+            Vary(one["name"], tuple(one["keys"]), one["low"], one["high"], tuple(one["values"]), one["factor"])
+        )
+    names = [vary.name for vary in varies]
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        faults.append(Fault(path, "vary name", name, "names that differ"))
+    if keys["job"] is None:
+        faults.append(Fault(path, "job", "missing", "the job file whose keys are varied"))
+    if (keys["samples"] is None) != (keys["design"] == "grid"):
+        faults.append(Fault(path, "samples", keys["samples"], "a number of samples, but none of a grid"))
+    if faults:
+        raise InputError(*faults)
+    count = int(np.prod([len(vary.values) for vary in varies])) if keys["design"] == "grid" else keys["samples"]
+    folder = Path(path).parent
+    files = [os_path(folder, keys[name]) for name in ("job", "file")]
+    rest = (keys[name] for name in ("seed", "batch", "ranks_per_group"))
+    return Study(path, *files, keys["design"], count, *rest, tuple(varies))
+
+
+def os_path(folder: Path, name: str) -> str:
+    """A file name of the study, relative to its folder."""
+    return os.path.normpath(folder / name)
+
+
+def places(tables: dict[str, Any], key: str) -> list[tuple[Any, Any]]:
+    """Where a key's numbers are, as (container, index); `[*]` stands for every entry of a list.
+
+    Raises
+    ------
+    ValueError : it is not a number of the job
+    """
+    found: list[tuple[Any, Any]] = [({"": tables}, "")]
+    if not re.fullmatch(r"\w+(\.\w+|\[(\d+|\*)\])*", key):
+        raise ValueError('a path such as "contact[0].friction_coefficient" or "static.load_path[1]"')
+    for step in re.findall(r"\w+|\*", key):
+        ahead: list[tuple[Any, Any]] = []
+        for container, index in found:
+            inner = container[index]
+            if isinstance(inner, dict) and step in inner:
+                ahead.append((inner, step))
+            elif isinstance(inner, list) and step == "*":
+                ahead += [(inner, i) for i in range(len(inner))]
+            elif isinstance(inner, list) and step.isdecimal() and int(step) < len(inner):
+                ahead.append((inner, int(step)))
+            else:
+                known = ", ".join(inner) if isinstance(inner, dict) else "an index of the list"
+                raise ValueError(f"a key of the job; at {step!r}: {known}")
+        found = ahead
+    for container, index in found:
+        value = container[index]
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ValueError(f"a number of the job, not {value!r}")
+    return found
+
+
+def set_value(tables: dict[str, Any], key: str, value: float, factor: bool) -> None:
+    """Give a key of the job a value, or multiply what it has; whole numbers stay whole where they can."""
+    for container, index in places(tables, key):
+        new = container[index] * value if factor else value
+        container[index] = int(new) if isinstance(container[index], int) and new == int(new) else new
+
+
+def batches(study: Study, values: np.ndarray) -> list[np.ndarray]:
+    """Samples in batches of neighbours: halved across their widest quantity until short, then from next to next."""
+    width = np.ptp(values, axis=0)
+    scaled = values / np.where(width > 0.0, width, 1.0)
+    done: list[np.ndarray] = []
+    waiting = [np.arange(len(values))]
+    while waiting:
+        samples = waiting.pop(0)
+        if len(samples) <= study.batch:
+            done.append(_walk(samples, scaled))
+            continue
+        widest = int(np.argmax(np.ptp(scaled[samples], axis=0)))
+        samples = samples[np.argsort(scaled[samples, widest], kind="stable")]
+        waiting += [samples[: len(samples) // 2], samples[len(samples) // 2 :]]
+    return done
+
+
+def _walk(samples: np.ndarray, scaled: np.ndarray) -> np.ndarray:
+    left, walk = list(samples[1:]), [samples[0]]
+    while left:
+        distance = np.linalg.norm(scaled[left] - scaled[walk[-1]], axis=1)
+        walk.append(left.pop(int(np.argmin(distance))))
+    return np.array(walk)
+
+
+def _checked(
+    path: str, place: str, table: dict[str, Any], checks: dict[str, tuple[Check, Any]], faults: list[Fault]
+) -> dict[str, Any]:
+    checked = {name: default for name, (_, default) in checks.items()}
+    for name, value in table.items():
+        if name not in checks:
+            faults.append(Fault(path, f"{place}{name}", value, "a known key: " + ", ".join(checks)))
+            continue
+        try:
+            checked[name] = checks[name][0](value)
+        except ValueError as error:
+            faults.append(Fault(path, f"{place}{name}", value, str(error)))
+    return checked

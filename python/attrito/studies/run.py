@@ -1,0 +1,151 @@
+"""`attrito study`: a job solved for many values of its keys, over groups of ranks, into one HDF5 file.
+
+Samples are put into batches of neighbours. A batch is solved by one group and written when it is complete. Every batch
+begins at a linear peak, so what it gives depends neither on the number of groups nor on where a study was
+interrupted; one that is started again goes on from the batches that are there.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import re
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from attrito.job.job import Job, rom_path
+from attrito.job.reading import read_job
+from attrito.runs.progress import Progress
+from attrito.scene import cautions
+from attrito.scene.build import build_scene
+from attrito.scene.reduced_model import Rom, make_rom, reduced_scene
+from attrito.scene.scene import Scene
+from attrito.studies.design import Study, batches, read_study
+from attrito.studies.file import write_study
+from attrito.studies.sample_peaks import SamplePeaks
+from attrito.support.errors import UnsolvedError
+from attrito.support.locks import writing_alone
+from attrito.support.parallel import on_root, on_root_only
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+
+def run_study(comm: Comm, path: str | Study) -> str:
+    """Solve a study's samples; returns the file's path. Raises `UnsolvedError` at the end if some have no peak."""
+    progress = Progress(comm)
+    study = on_root(comm, lambda: read_study(path))
+    job = on_root(comm, lambda: read_job(study.job))
+    on_root(comm, lambda: study.check(job))
+    with writing_alone(comm, study.file):
+        failed = _solve_samples(comm, job, study, progress)
+    progress.say(study.file)
+    complaints = []
+    if failed["not_converged"]:
+        complaints.append(f"{failed['not_converged']} of {study.samples} samples have no peak; they are in the file")
+    if failed["above_tolerance"]:
+        complaints.append(
+            f"peaks of {failed['above_tolerance']} of {study.samples} samples have an estimated error above"
+            f" [balance] tolerance = {job['balance']['tolerance']:g}; they are in the file with outcome above_tolerance"
+        )
+    if complaints:
+        raise UnsolvedError(study.file, "; ".join(complaints))
+    return study.file
+
+
+def _solve_samples(comm: Comm, job: Job, study: Study, progress: Progress) -> dict[str, int]:
+    """Solve the batches that are missing and write the study; how many samples ended how, of those to be told."""
+    values = study.sample()
+    order = batches(study, values)
+    folder = Path(f"{study.file}.parts") / _fingerprint(study, job)
+    groups = max(1, comm.size // study.ranks_per_group)
+    color = min(comm.rank // study.ranks_per_group, groups - 1)
+    base, rom = _shared_scene(comm, job, study, progress, reads=comm.rank == color * study.ranks_per_group)
+    on_root(comm, lambda: folder.mkdir(parents=True, exist_ok=True))
+    missing = on_root(comm, lambda: [i for i in range(len(order)) if not _part(folder, i).exists()])
+    progress.say(f"{study.samples} samples in {len(order)} batches, {len(order) - len(missing)} of them there already")
+    group = comm.Split(color, comm.rank)
+    try:
+        for i in missing[color::groups]:
+            rows = _solve_batch(group, job, base, rom, study, values[order[i]])
+            on_root(group, lambda i=i, rows=rows: _keep(_part(folder, i), order[i], rows))
+            progress.say(f"batch {i}: {len(rows)} samples")
+    finally:
+        group.Free()
+    comm.Barrier()
+
+    def finish() -> dict[str, int]:
+        found = [json.loads(_part(folder, i).read_text()) for i in range(len(order))]
+        rows = [row for batch in found for row in batch["rows"]]
+        # Batches that an earlier version left do not say.
+        untouched = sum(not all(one.get("touches", True) for one in row) for row in rows)
+        progress.warn(cautions.of_static_solutions(untouched, study.samples))
+        failed = write_study(study, job, values, found, progress.warnings)
+        _remove_parts(folder.parent)
+        return failed
+
+    return on_root(comm, finish)
+
+
+def _remove_parts(folder: Path) -> None:
+    """Remove the batches of this study and of older ones of its name, and nothing else."""
+    for path in folder.iterdir():
+        if re.fullmatch("[0-9a-f]{16}", path.name) and path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+    with contextlib.suppress(OSError):
+        folder.rmdir()
+
+
+def _shared_scene(
+    comm: Comm, job: Job, study: Study, progress: Progress, reads: bool
+) -> tuple[Scene | None, Rom | None]:
+    """The scene that samples differ from in numbers alone, if they do, and the reduced model of all, where `reads`."""
+    scene = on_root_only(comm, lambda: build_scene(job))
+    progress.warn(on_root(comm, lambda: cautions.of_scene(job, scene)))
+    rom, report = make_rom(comm, job, scene, progress.say, progress.step, reads)
+    progress.reduction(report)
+    progress.warn(on_root(comm, lambda: cautions.of_damping(reduced_scene(job, scene, rom))))
+    if not study.keeps_places(job):
+        return None, rom
+
+    def light() -> Scene:
+        if rom_path(job) is None:
+            return scene
+        return replace(scene, model=replace(scene.model, stiffness=None, mass=None, damping=None))
+
+    return on_root(comm, light), rom
+
+
+def _solve_batch(
+    comm: Comm, job: Job, base: Scene | None, rom: Rom | None, study: Study, values: np.ndarray
+) -> list[list[dict]]:
+    """Peaks of the samples of one batch, `[samples][values of the parameter]`."""
+    with SamplePeaks(comm, base, rom) as peaks:
+        jobs = [study.changed(job, row) for row in values]
+        return [peaks.of(changed, study.stops(changed)) for changed in jobs]
+
+
+def _part(folder: Path, batch: int) -> Path:
+    return folder / f"batch_{batch:06d}.json"
+
+
+def _keep(path: Path, samples: np.ndarray, rows: list) -> None:
+    """Write a batch; the file appears when it is complete, whatever ends the program."""
+    partial = path.with_suffix(".partial")
+    with open(partial, "w") as stream:
+        json.dump({"samples": samples.tolist(), "rows": rows}, stream)
+        stream.flush()
+        os.fsync(stream.fileno())
+    os.replace(partial, path)
+
+
+def _fingerprint(study: Study, job: Job) -> str:
+    """Of all that the samples depend on."""
+    text = json.dumps([study.as_table(), job.tables], sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]

@@ -1,0 +1,1 @@
+"""What knows nothing of vibration: errors, files, ranks, signals."""

@@ -1,0 +1,82 @@
+"""HDF5 files that may hold anything: opened and looked over so that what is wrong with one is a fault of the file.
+
+HDF5 says what it cannot read in exceptions of many kinds, or not before a dataset of a few bytes has asked for all the
+memory there is; a file that is cut off may still open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from attrito.support.errors import Fault, InputError
+
+# What h5py and numpy raise on contents that are not what was written.
+UNREADABLE = (
+    LookupError, OSError, RuntimeError, ValueError, TypeError, AttributeError, MemoryError, ArithmeticError,
+)  # fmt: skip
+# Bytes that a dataset may claim whatever it has on disk, and how many times as many as it has.
+SMALL, MOST_TIMES = 1 << 26, 16
+
+
+@contextmanager
+def stored(path: str | Path, expected: str) -> Iterator[h5py.File]:
+    """The file, open for reading while the block lasts, in which nothing else is to be done.
+
+    Parameters
+    ----------
+    path : the file
+    expected : what it should be
+
+    Raises
+    ------
+    InputError : it is not there, not HDF5, or the block found that it is not what it should be
+    """
+    try:
+        with h5py.File(path, "r") as file:
+            check_sizes(file, str(path))
+            yield file
+    except UNREADABLE as error:
+        raise spoilt(path, error, expected) from error
+
+
+def spoilt(path: str | Path, error: BaseException, expected: str) -> InputError:
+    """The fault of a file that could not be made sense of."""
+    if not Path(path).is_file():
+        return InputError(Fault(str(path), "file", "absent", expected))
+    said = " ".join(str(error).split()) or type(error).__name__
+    if "unable to lock file" in said:
+        # HDF5 was loaded before attrito could ask it not to.
+        expected = "a file system with locks, or the environment variable HDF5_USE_FILE_LOCKING=FALSE"
+        return InputError(Fault(str(path), "file", said, expected))
+    key = "file" if isinstance(error, OSError) and not h5py.is_hdf5(path) else "contents"
+    return InputError(Fault(str(path), key, said, f"{expected}, intact"))
+
+
+def check_sizes(file: h5py.File, path: str) -> None:
+    """No dataset claims more than the file holds of it."""
+    faults: list[Fault] = []
+
+    def look(name: str, thing: h5py.Group | h5py.Dataset) -> None:
+        if isinstance(thing, h5py.Dataset) and thing.nbytes > max(SMALL, MOST_TIMES * thing.id.get_storage_size()):
+            held = thing.id.get_storage_size()
+            faults.append(
+                Fault(path, name, f"shape {thing.shape}", f"no more than the {held} bytes that the file holds of it")
+            )
+
+    file.visititems(look)
+    if faults:
+        raise InputError(*faults)
+
+
+def as_text(value: object) -> str:
+    """Text of an HDF5 attribute, whether Python or Fortran wrote it."""
+    if isinstance(value, np.ndarray) and value.size == 1:
+        value = value.reshape(-1)[0]
+    # h5py hides bytes that are no UTF-8 in surrogates, which nothing can write.
+    raw = value if isinstance(value, bytes) else str(value).encode(errors="surrogateescape")
+    return raw.decode(errors="replace").rstrip("\0 ")

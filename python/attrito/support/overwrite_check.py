@@ -1,0 +1,65 @@
+"""No file that is read is written over, and nothing is read that is no file."""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Iterable
+from pathlib import Path
+
+from attrito.support.errors import Fault, InputError
+
+
+def is_same_file(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> bool:
+    """Whether two names lead, or would lead, to one file."""
+    if Path(one).exists() and Path(other).exists():
+        return os.path.samefile(one, other)
+    return os.path.abspath(one) == os.path.abspath(other)
+
+
+# Where a shell passes what it reads or pipes to a command.
+PASSED_ON = ("/dev/fd/", "/dev/stdin", "/proc/self/fd/")
+
+
+def is_no_file(path: str | os.PathLike[str]) -> bool:
+    """Whether there is a pipe, a socket or a device: to read it may take for ever, or fill the memory."""
+    try:
+        mode = os.stat(path).st_mode
+    except (OSError, ValueError):
+        return False
+    passed_on = os.fspath(path).startswith(PASSED_ON) and not stat.S_ISCHR(mode)
+    return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode) or passed_on)
+
+
+def check_files(faults_of: str, key: str, paths: Iterable[str]) -> None:
+    """Raise where something to be read is no file.
+
+    Parameters
+    ----------
+    faults_of, key : file and key that name it, for the message
+    paths : what is to be read
+    """
+    faults = [Fault(faults_of, key, path, "a file, not a pipe or a device") for path in paths if is_no_file(path)]
+    if faults:
+        raise InputError(*faults)
+
+
+def check_spared(
+    file: str, key: str, outputs: Iterable[str | os.PathLike[str]], inputs: Iterable[str | os.PathLike[str]]
+) -> None:
+    """Raise `InputError` where a file to be written is one of those that are read.
+
+    Parameters
+    ----------
+    file, key : what chooses the outputs, as `export` and `-o`
+    outputs, inputs : names of files
+    """
+    read = list(inputs)
+    faults = [
+        Fault(file, key, str(output), f"a file other than {name}, which is read")
+        for output in outputs
+        for name in read
+        if is_same_file(output, name)
+    ]
+    if faults:
+        raise InputError(*faults)
