@@ -1,0 +1,95 @@
+"""The layout of the Python package: what may import what. CONTRIBUTING.md says what the packages are."""
+
+from __future__ import annotations
+
+import ast
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+SOURCE = Path(__file__).resolve().parents[2] / "python"
+# From below: a package imports only packages of floors below its own, and its own modules.
+FLOORS = (
+    ("support",),
+    ("library", "model"),
+    ("job",),
+    ("importers",),
+    ("scene",),
+    ("results",),
+    ("runs", "integration", "plots", "export"),
+    ("peaks", "charts", "report", "verify"),
+    ("studies",),
+    ("api",),
+    ("cli",),
+)
+FLOOR_OF = {package: floor for floor, packages in enumerate(FLOORS) for package in packages}
+
+
+def modules(source: Path = SOURCE) -> dict[str, Path]:
+    """Every module of the package by its dotted name; a package by that of its folder."""
+    found = {}
+    for path in sorted(source.rglob("attrito/**/*.py")):
+        found[".".join(path.relative_to(source).with_suffix("").parts).removesuffix(".__init__")] = path
+    return found
+
+
+def imports(paths: dict[str, Path]) -> dict[str, set[str]]:
+    """Modules that each imports: at its head, within a function, or for its types alone (`TYPE_CHECKING`)."""
+    found: dict[str, set[str]] = {}
+    for module, path in paths.items():
+        named: set[str] = set()
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                named |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                assert node.level == 0, f"{module} imports relative to itself"
+                for alias in node.names:
+                    whole = f"{node.module}.{alias.name}"
+                    named.add(whole if whole in paths else node.module)
+        found[module] = {name for name in named if name.partition(".")[0] == "attrito"} - {module}
+    return found
+
+
+def package_of(module: str) -> str:
+    return module.split(".")[1]
+
+
+def circle(graph: dict[str, set[str]]) -> list[str]:
+    """Modules that import one another in a circle; empty where there is none."""
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return error.args[1]
+    return []
+
+
+def test_every_module_has_a_package_with_a_floor():
+    found = {package_of(module) for module in modules() if module != "attrito"}
+    assert found == set(FLOOR_OF)
+
+
+def test_a_package_imports_only_packages_below_it():
+    graph = imports(modules())
+    assert sum(map(len, graph.values())) > 500
+    upwards = [
+        f"{module} imports {name}"
+        for module, names in graph.items()
+        if module != "attrito"
+        for name in sorted(names)
+        if name == "attrito"
+        or (package_of(name) != package_of(module) and FLOOR_OF[package_of(name)] >= FLOOR_OF[package_of(module)])
+    ]
+    assert upwards == []
+
+
+def test_no_modules_import_one_another_in_a_circle_not_even_for_types():
+    assert circle(imports(modules())) == []
+
+
+@pytest.mark.parametrize("head", ["", "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    "])
+def test_a_circle_would_be_found(tmp_path, head):
+    (tmp_path / "attrito" / "job").mkdir(parents=True)
+    for name, other in (("one", "two"), ("two", "one")):
+        (tmp_path / "attrito" / "job" / f"{name}.py").write_text(f"{head}from attrito.job.{other} import Thing\n")
+    assert set(circle(imports(modules(tmp_path)))) == {"attrito.job.one", "attrito.job.two"}
