@@ -11,9 +11,12 @@ With --signal a signal is sent to one rank of several, and the command is not st
 
     .venv/bin/python benchmarks/kills.py --what run --kills 50 --ranks 2 --signal SIGINT
 
-Prints JSON: `left`, how often a process was left after 20 s, is to be zero; `slowest`, the longest wait in seconds.
+Prints JSON: `left`, how often a process was left after 20 s, and `unreadable`, how often what was kept does not read,
+are to be zero; `kept`, how often points were kept; `slowest`, the longest wait in seconds.
 
 run     five contacts that begin to slip and move from rank to rank; gone on with by --resume, point by point
+bounds  points of contacts that stick and slip, whose bounds are sampled; auto: as far as their budget goes
+stability  points of contacts with two tangents, whose verdicts take longer than they
 search  the same where branches that coexist are sought; a search that is cut short begins again
 study   peaks over samples; gone on with batch by batch
 peak    a curve of peaks: nothing is kept before its end, and a file that is there is whole
@@ -39,7 +42,7 @@ from typing import Any
 TESTS = Path(__file__).resolve().parents[1] / "tests" / "python"
 sys.path.insert(0, str(TESTS))
 
-from jobs import ENVIRONMENT, chain, wedge, write_job  # noqa: E402 (a folder of scripts, not a package)
+from jobs import ENVIRONMENT, Job, chain, wedge, write_job  # noqa: E402 (a folder of scripts, not a package)
 from restarts import differences  # noqa: E402
 
 from attrito.results.journal import is_journal, read_journal  # noqa: E402
@@ -76,6 +79,15 @@ def _sliding(folder: Path, points: int, **continuation: int) -> None:
     job["continuation"] = {"max_points": points, **continuation}
     job["output"]["file"] = RESULT
     write_job(folder, job, INPUT)
+
+
+def _listed(folder: Path, points: int, **tables: Job) -> None:
+    """Points at which five contacts of eight slip along two tangents: the others' sliders are free."""
+    job = chain(contacts=8, tangents=2)
+    job["load"][1] |= {"cosine": [[0, 60.0]], "sine": [[0, 30.0]]}
+    job["sweep"] = {"frequencies_hz": [75.0 + 5.0 * i / points for i in range(points)]}
+    job["output"]["file"] = RESULT
+    write_job(folder, job | tables, INPUT)
 
 
 def _peaks(folder: Path, name: str, **peak: float | str) -> None:
@@ -128,6 +140,24 @@ def _batches_read(folder: Path) -> bool:
 
 TARGETS = {
     "run": Target(("run", "--resume", INPUT), _sliding, _points, _journal_reads),
+    "bounds": Target(
+        ("run", "--resume", INPUT),
+        lambda folder, points: _listed(folder, points, static={"bounds": "sampled"}),
+        _points,
+        _journal_reads,
+    ),
+    "auto": Target(
+        ("run", "--resume", INPUT),
+        lambda folder, points: _listed(folder, points, static={"bounds": "auto"}),
+        _points,
+        _journal_reads,
+    ),
+    "stability": Target(
+        ("run", "--resume", INPUT),
+        lambda folder, points: _listed(folder, points, stability={"method": "both"}),
+        _points,
+        _journal_reads,
+    ),
     "search": Target(
         ("run", "--resume", INPUT), lambda folder, points: _sliding(folder, points, branches=2), _points, _journal_reads
     ),
@@ -178,7 +208,7 @@ def signal_one_rank(folder: Path, what: str, times: int, ranks: int, size: int, 
     target, chance = TARGETS[what], random.Random(seed)
     target.prepare(folder, size)
     seconds = [_whole_run(folder, target, ranks) for _ in range(2)][-1]
-    found = {"signals": 0, "over_before": 0, "ended_well": 0, "left": 0, "slowest": 0.0}
+    found = {"signals": 0, "over_before": 0, "ended_well": 0, "left": 0, "kept": 0, "unreadable": 0, "slowest": 0.0}
     while found["signals"] < times:
         _clean(folder)
         run = _start(folder, target, ranks)
@@ -200,6 +230,8 @@ def signal_one_rank(folder: Path, what: str, times: int, ranks: int, size: int, 
             time.sleep(0.02)
         found["slowest"] = round(max(found["slowest"], time.monotonic() - begun), 2)
         found["ended_well"] += run.returncode == 0
+        found["kept"] += bool(target.kept(folder))
+        found["unreadable"] += not target.reads(folder)
     return {"what": what, "signal": name, "ranks": ranks, "seconds_of_a_run": round(seconds, 2), "seed": seed} | found
 
 
