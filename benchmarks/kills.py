@@ -214,7 +214,8 @@ def signal_one_rank(folder: Path, what: str, times: int, ranks: int, size: int, 
         run = _start(folder, target, ranks)
         time.sleep(chance.uniform(0.0, seconds))
         members = _processes_of(run)
-        rank = chance.choice(members[1:] or members)
+        # A process of one rank may have a child of MPI's own.
+        rank = chance.choice(members[1:]) if ranks > 1 and members[1:] else run.pid
         if run.poll() is not None:
             found["over_before"] += 1
             continue
