@@ -1,17 +1,20 @@
 """Malformed input by the hundred: job files, every reader's files, HDF5 files and journals, spoilt by chance.
 
     .venv/bin/python tests/python/fuzz.py --cases 1000 --seed 7
-    .venv/bin/python tests/python/fuzz.py --cases 600 --seed 7 --further
+    .venv/bin/python tests/python/fuzz.py --cases 600 --seed 7 --ways further
+    .venv/bin/python tests/python/fuzz.py --cases 600 --seed 7 --ways contents
 
 Each case is a command of its own on a spoilt copy of good files, the same for the same seed, in a process with limits
 on memory and time. It must end by itself with exit code 0, 1 or 2, without a traceback, where it is refused within 5 s
-of processor time; with code 2 it says what is at fault, each line naming place and remedy, once. `--further`: spoilt in
-the ways of `spoil_further.py`. Prints JSON: how many cases ended how, and those that broke a rule.
+of processor time; with code 2 it says what is at fault, each line naming place and remedy, once, and files that were
+there are as they were. `--ways`: spoilt in the ways of `spoil_further.py` or `spoil_contents.py`. Prints JSON: how many
+cases ended how, by kind, and those that broke a rule; `--all` lists those that were not refused, too.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import os
 import random
@@ -27,10 +30,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import spoil_contents
+import spoil_further
 from good_input import Source, sources
 from jobs import ENVIRONMENT, TIMEOUT
 from spoil import spoil
-from spoil_further import kinds_for
 
 from attrito.cli import main
 
@@ -40,6 +44,10 @@ SECONDS_OF_WORK = 20.0
 # Of the processor
 PROCESSOR_SECONDS = 30
 BYTES = 6 << 30
+# Kinds by the name of a way; in the first, a file is spoilt by what it is.
+WAYS = {"first": None, "further": spoil_further.kinds_for, "contents": spoil_contents.kinds_for}
+# Files beyond are not looked at for changes.
+LARGEST = 1 << 24
 
 
 @dataclass(frozen=True)
@@ -51,6 +59,8 @@ class Case:
     code: int | None
     seconds: float
     message: str
+    kind: str = ""
+    changed: tuple[str, ...] = ()
 
     @property
     def breaks(self) -> str:
@@ -65,6 +75,8 @@ class Case:
             return f"takes {self.seconds:.1f} s"
         if self.code == 2 and not told_well(self.message):
             return "does not say what is at fault"
+        if self.code == 2 and self.changed:
+            return f"changes {', '.join(self.changed)}"
         return ""
 
 
@@ -117,7 +129,16 @@ def _quietly(folder: Path, arguments: tuple[str, ...], log: Path, spoil_it: Call
         time.sleep(0.005)
 
 
-def run_case(number: int, seed: int, good: list[Source], folder: Path, further: bool = False) -> Case:
+def _contents(folder: Path) -> dict[str, str]:
+    """What files hold, by their names."""
+    return {
+        path.name: hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in folder.iterdir()
+        if path.is_file() and not path.is_symlink() and path.stat().st_size < LARGEST
+    }
+
+
+def run_case(number: int, seed: int, good: list[Source], folder: Path, ways: str = "first") -> Case:
     """Spoil one input and run its command on it; the same for the same number and seed."""
     chance = random.Random(f"{seed}:{number}")
     source = good[number % len(good)]
@@ -127,39 +148,50 @@ def run_case(number: int, seed: int, good: list[Source], folder: Path, further: 
     log = folder / "log"
 
     arguments, how = source.arguments, source.kind
-    if further:
+    kinds_for = WAYS[ways]
+    if kinds_for:
         kind = chance.choice(kinds_for(place / source.spoilt, source.kind, arguments))
         how = kind.__name__
         arguments = kind(place, place / source.spoilt, arguments, chance) or arguments
+    before = _contents(place)
 
     def spoil_it() -> None:
-        if not further:
+        if not kinds_for:
             spoil(place / source.spoilt, source.kind, chance)
 
     code, seconds = _quietly(place, arguments, log, spoil_it)
     name = f"{' '.join(arguments)} with {source.spoilt} spoilt as {how}"
-    return Case(number, name, code, seconds, log.read_text(errors="replace"))
+    after = _contents(place)
+    changed = tuple(one for one, sum_of in before.items() if after.get(one) != sum_of) if kinds_for else ()
+    return Case(number, name, code, seconds, log.read_text(errors="replace"), how, changed)
 
 
-def run_cases(cases: range, seed: int, further: bool = False) -> list[Case]:
+def run_cases(cases: range, seed: int, ways: str = "first") -> list[Case]:
     """Run some cases in a folder of their own."""
     os.environ.update(ENVIRONMENT)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         good = sources(folder)
-        return [run_case(number, seed, good, folder, further) for number in cases]
+        return [run_case(number, seed, good, folder, ways) for number in cases]
 
 
-def summary(done: list[Case]) -> dict:
-    """How many ended how, and those that broke a rule."""
+def summary(done: list[Case], everything: bool = False) -> dict:
+    """How many ended how, and those that broke a rule; with `everything` also those that were not refused."""
     refused = [case.seconds for case in done if case.code == 2]
     broken = [
         {"number": case.number, "case": case.name, "rule": case.breaks, "message": case.message[-600:]}
         for case in done
-        if case.breaks
+        if case.breaks or (everything and case.code != 2)
     ]
     codes = dict(Counter(str(case.code) for case in done))
-    return {"cases": len(done), "codes": codes, "slowest_refusal_seconds": max(refused, default=0.0), "broken": broken}
+    kinds = Counter(case.kind for case in done)
+    return {
+        "cases": len(done),
+        "codes": codes,
+        "kinds": kinds,
+        "slowest_refusal_seconds": max(refused, default=0.0),
+        "broken": broken,
+    }
 
 
 if __name__ == "__main__":
@@ -167,7 +199,10 @@ if __name__ == "__main__":
     parser.add_argument("--cases", type=int, default=400)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--further", action="store_true", help="in the ways of spoil_further.py")
+    parser.add_argument(
+        "--ways", choices=WAYS, default="first", help="further: spoil_further.py; contents: spoil_contents.py"
+    )
+    parser.add_argument("--all", action="store_true", help="list what was not refused, too")
     options = parser.parse_args()
-    ended = run_cases(range(options.first, options.first + options.cases), options.seed, options.further)
-    print(json.dumps(summary(ended), indent=1))
+    ended = run_cases(range(options.first, options.first + options.cases), options.seed, options.ways)
+    print(json.dumps(summary(ended, options.all), indent=1))
