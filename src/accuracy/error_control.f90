@@ -15,17 +15,17 @@ module attrito_accuracy_error_control
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: extrema, resized
-  use attrito_balance_border, only: constraint_type
-  use attrito_balance_newton, only: newton_report_type
-  use attrito_balance_receptance, only: to_real
+  use attrito_newton_border, only: constraint_type
+  use attrito_newton_newton, only: newton_report_type
+  use attrito_linear_receptance, only: to_real
   use attrito_accuracy_finer_balance, only: finer_balance_type, new_finer_balance, finer_point_type
   use attrito_accuracy_resonances, only: resonances_type
   use attrito_accuracy_second_step, only: second_step_type, step_again
   use attrito_contact_state, only: state_slipping
-  use attrito_continuation_arc_length, only: sweep_type
-  use attrito_continuation_cascade, only: solve_by_cascade
-  use attrito_continuation_place, only: place_type, place_of, return_to
-  use attrito_continuation_solver, only: solver_type
+  use attrito_continuation_sweep, only: sweep_type
+  use attrito_solve_strategies, only: solve_by_cascade
+  use attrito_solve_snapshot, only: place_type, place_of, return_to
+  use attrito_solve_solver, only: solver_type
   implicit none
   private
   public :: error_control_type, point_errors_type, no_tolerance

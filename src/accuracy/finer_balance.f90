@@ -10,9 +10,9 @@ module attrito_accuracy_finer_balance
   use attrito_core_kinds, only: wp
   use attrito_core_trigonometric, only: resized
   use attrito_model_structure, only: structure_type, damping_viscous, damping_loss_factor
-  use attrito_balance_linearised_step, only: linear_options_type, solve_linearised, change_of_deviation
-  use attrito_balance_receptance, only: to_complex, to_real
-  use attrito_balance_stuck_system, only: stuck_system_type
+  use attrito_newton_linearised_step, only: linear_options_type, solve_linearised, change_of_deviation
+  use attrito_linear_receptance, only: to_complex, to_real
+  use attrito_linear_stuck_system, only: stuck_system_type
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_balance_work, only: contact_work, residual_work
   use attrito_contact_fourier, only: fourier_type, new_fourier
@@ -20,7 +20,7 @@ module attrito_accuracy_finer_balance
   use attrito_contact_quadrature_sampled, only: contact_forces_type, evaluate_contact
   use attrito_contact_state, only: state_slipping
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, new_grid
-  use attrito_continuation_solver, only: solver_type
+  use attrito_solve_solver, only: solver_type
   implicit none
   private
   public :: finer_balance_type, new_finer_balance, finer_point_type, solve_for_estimate

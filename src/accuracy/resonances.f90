@@ -9,9 +9,9 @@
 module attrito_accuracy_resonances
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: symmetric_eigenpairs
-  use attrito_balance_receptance, only: to_complex
+  use attrito_linear_receptance, only: to_complex
   use attrito_contact_state, only: state_slipping
-  use attrito_continuation_solver, only: solver_type
+  use attrito_solve_solver, only: solver_type
   implicit none
   private
   public :: resonances_type

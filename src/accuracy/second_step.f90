@@ -10,11 +10,11 @@
 module attrito_accuracy_second_step
   use attrito_core_kinds, only: wp
   use attrito_accuracy_finer_balance, only: finer_balance_type, finer_point_type, solve_for_estimate
-  use attrito_balance_linearised_step, only: change_of_deviation
-  use attrito_balance_receptance, only: to_complex, to_real
+  use attrito_newton_linearised_step, only: change_of_deviation
+  use attrito_linear_receptance, only: to_complex, to_real
   use attrito_balance_unknowns, only: unknowns_type
   use attrito_contact_quadrature_sampled, only: contact_forces_type
-  use attrito_continuation_solver, only: solver_type
+  use attrito_solve_solver, only: solver_type
   implicit none
   private
   public :: second_step_type, step_again

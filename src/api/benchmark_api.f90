@@ -8,8 +8,8 @@ module attrito_api_benchmark
   use attrito_contact_quadrature_event, only: evaluate_contact_by_events
   use attrito_contact_quadrature_sampled, only: contact_forces_type, evaluate_contact
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, new_grid
-  use attrito_balance_border, only: constraint_type
-  use attrito_balance_linearised_step, only: solve_linearised
+  use attrito_newton_border, only: constraint_type
+  use attrito_newton_linearised_step, only: solve_linearised
   use attrito_balance_stuck_response, only: linear_motion, recover_loaded
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_output_point_report, only: monitored

@@ -3,7 +3,7 @@ module attrito_api_bifurcations
   use, intrinsic :: iso_c_binding
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use attrito_core_kinds, only: wp, two_pi
-  use attrito_continuation_place, only: place_type, place_of, return_to
+  use attrito_solve_snapshot, only: place_type, place_of, return_to
   use attrito_continuation_turning_point, only: turning_point_type, locate_turning_point
   use attrito_output_point_report, only: report_point
   use attrito_stability_crossing, only: crossing_type, locate_crossings, crossing_flip, crossing_unit, crossing_pair, crossing_jump

@@ -3,9 +3,9 @@ module attrito_api_branches
   use, intrinsic :: iso_c_binding
   use attrito_core_kinds, only: wp
   use attrito_core_trigonometric, only: resized
-  use attrito_continuation_arc_length, only: new_branch_sweep
-  use attrito_continuation_cascade, only: solve_by_cascade
-  use attrito_continuation_other_starts, only: start_cold, start_in_motion, start_from_preload
+  use attrito_continuation_sweep, only: new_branch_sweep
+  use attrito_solve_strategies, only: solve_by_cascade
+  use attrito_continuation_branch_seeds, only: start_cold, start_in_motion, start_from_preload
   use attrito_continuation_tangent, only: tangent_type, frequency_tangent
   use attrito_stability_crossing, only: moduli_type
   use attrito_api_session, only: session_type, session_of

@@ -3,7 +3,7 @@
 module attrito_api_members
   use, intrinsic :: iso_c_binding
   use attrito_core_kinds, only: wp
-  use attrito_continuation_members, only: description_type, enter_family, leave_family, keep_member, return_to_member, &
+  use attrito_family_members, only: description_type, enter_family, leave_family, keep_member, return_to_member, &
                                           solve_member, describe_member, differentiate_member, work_of_visits
   use attrito_api_session, only: session_type, session_of
   implicit none

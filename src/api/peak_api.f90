@@ -6,7 +6,7 @@ module attrito_api_peak
   use attrito_accuracy_finer_balance, only: finer_point_type
   use attrito_output_point_report, only: report_point
   use attrito_peak_condition, only: problem_type, value_of
-  use attrito_balance_receptance, only: to_real
+  use attrito_linear_receptance, only: to_real
   use attrito_peak_curve, only: begin_curve, begin_curve_near, follow_parameter
   use attrito_api_session, only: session_type, session_of
   use attrito_api_solver, only: point_type, point_of

@@ -6,10 +6,10 @@ module attrito_api_session
   use attrito_model_contacts, only: contact_type, contacts_type
   use attrito_model_structure, only: structure_type
   use attrito_accuracy_error_control, only: error_control_type
-  use attrito_continuation_arc_length, only: sweep_type
-  use attrito_continuation_known_points, only: known_points_type
-  use attrito_continuation_members, only: family_type, member_type
-  use attrito_continuation_solver, only: solver_type
+  use attrito_continuation_sweep, only: sweep_type
+  use attrito_continuation_stored_points, only: known_points_type
+  use attrito_family_members, only: family_type, member_type
+  use attrito_solve_solver, only: solver_type
   use attrito_integrate_system, only: system_type
   use attrito_peak_backbone, only: backbone_type
   use attrito_peak_curve, only: curve_type

@@ -12,15 +12,15 @@ module attrito_api_solver
   use attrito_model_contacts, only: new_contacts
   use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_quadrature_sampled, only: contact_samples_type, sample_contact
-  use attrito_balance_receptance, only: receptance_type, to_complex, to_real
-  use attrito_balance_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
-  use attrito_continuation_arc_length, only: new_sweep
-  use attrito_continuation_cascade, only: solve_by_attempt, attempt_names
-  use attrito_continuation_place, only: place_type, place_of, return_to
-  use attrito_continuation_rebalancing, only: field_type, rebalance
-  use attrito_continuation_solver, only: solver_options_type, new_solver
+  use attrito_linear_receptance, only: receptance_type, to_complex, to_real
+  use attrito_linear_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
+  use attrito_continuation_sweep, only: new_sweep
+  use attrito_solve_strategies, only: solve_by_attempt, attempt_names
+  use attrito_solve_snapshot, only: place_type, place_of, return_to
+  use attrito_solve_rebalancing, only: field_type, rebalance
+  use attrito_solve_solver, only: solver_options_type, new_solver
   use attrito_integrate_averaged_periods, only: new_averaged_periods
-  use attrito_continuation_static_path, only: walk_static_path
+  use attrito_solve_static_path, only: walk_static_path
   use attrito_accuracy_error_control, only: no_tolerance
   use attrito_output_point_report, only: point_report_type, report_point
   use attrito_stability_crossing, only: moduli_type

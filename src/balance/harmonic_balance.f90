@@ -17,9 +17,9 @@ module attrito_balance_harmonic_balance
   use attrito_contact_quadrature_sampled, only: contact_forces_type, evaluate_contact
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type
   use attrito_balance_active_rows, only: active_rows_type
-  use attrito_balance_free_motions, only: free_motions_type
-  use attrito_balance_receptance, only: receptance_type, to_complex, to_real
-  use attrito_balance_split_receptance, only: split_receptance_type
+  use attrito_linear_rigid_body_modes, only: free_motions_type
+  use attrito_linear_receptance, only: receptance_type, to_complex, to_real
+  use attrito_linear_split_receptance, only: split_receptance_type
   use attrito_balance_work, only: contact_work, residual_work
   implicit none
   private
@@ -266,7 +266,7 @@ contains
   end function residual_omega
 
   !> Mean forces at the last evaluation that nothing balances along the motions that the structure leaves free, as a displacement:
-  !> no more than the norm of the residual, but for rounding (`attrito_balance_free_motions`).
+  !> no more than the norm of the residual, but for rounding (`attrito_linear_rigid_body_modes`).
   real(wp) function imbalance(self, mean)
     class(balance_type), intent(in) :: self
     !> Of the relative displacements of the last evaluation [rows]

@@ -13,10 +13,10 @@ module attrito_balance_set_up
   use attrito_contact_fourier, only: new_fourier
   use attrito_contact_trigonometric_roots, only: new_grid
   use attrito_balance_active_rows, only: active_rows_type
-  use attrito_balance_free_motions, only: new_free_motions
+  use attrito_linear_rigid_body_modes, only: new_free_motions
   use attrito_balance_harmonic_balance, only: balance_type, stuck_mean_type
-  use attrito_balance_receptance, only: receptance_type, to_complex
-  use attrito_balance_split_receptance, only: split_receptance_type
+  use attrito_linear_receptance, only: receptance_type, to_complex
+  use attrito_linear_split_receptance, only: split_receptance_type
   implicit none
   private
   public :: new_balance, set_resolution, take_contacts

@@ -8,7 +8,7 @@ module attrito_balance_stuck_response
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: product_with_few
   use attrito_contact_state, only: state_stuck
-  use attrito_contact_stuck, only: demand_of_swings, margin_of_mean
+  use attrito_contact_stuck_bound, only: demand_of_swings, margin_of_mean
   use attrito_balance_harmonic_balance, only: balance_type, stuck_mean_type
   implicit none
   private

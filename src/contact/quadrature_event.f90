@@ -14,7 +14,7 @@ module attrito_contact_quadrature_event
   use attrito_contact_quadrature_sampled, only: contact_forces_type, hold_slider, stay_stuck
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open, state_stuck, state_shaken_down, state_slipping, &
                                    state_open
-  use attrito_contact_stuck, only: surely_stuck
+  use attrito_contact_stuck_bound, only: surely_stuck
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type
   implicit none
   private

@@ -12,10 +12,10 @@ module attrito_contact_quadrature_sampled
   use attrito_contact_fourier, only: fourier_type
   use attrito_contact_friction_disc, only: slide_on_disc
   use attrito_contact_friction_line, only: slide_along_line, slider_interval, side_landed
-  use attrito_contact_resting_place, only: resting_place_type, find_resting_place, resting_gradient
+  use attrito_contact_slider_projection, only: resting_place_type, find_resting_place, resting_gradient
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open, state_stuck, state_shaken_down, state_slipping, &
                                    state_open
-  use attrito_contact_stuck, only: surely_stuck
+  use attrito_contact_stuck_bound, only: surely_stuck
   implicit none
   private
   public :: stay_stuck, hold_slider, contact_forces_type, periodic_slider_type, evaluate_contact, contact_samples_type, &

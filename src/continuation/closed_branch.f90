@@ -2,10 +2,10 @@
 !> is solved in the plane through that point; if it is met there, the branch is complete.
 module attrito_continuation_closed_branch
   use attrito_core_kinds, only: wp
-  use attrito_balance_border, only: inner_product
-  use attrito_continuation_known_points, only: known_points_type
-  use attrito_continuation_place, only: place_type, place_of, return_to
-  use attrito_continuation_solver, only: solver_type
+  use attrito_newton_border, only: inner_product
+  use attrito_continuation_stored_points, only: known_points_type
+  use attrito_solve_snapshot, only: place_type, place_of, return_to
+  use attrito_solve_solver, only: solver_type
   use attrito_continuation_step, only: step_type
   implicit none
   private

@@ -7,9 +7,9 @@ module attrito_continuation_step
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: resized
-  use attrito_balance_border, only: constraint_type, inner_product
-  use attrito_continuation_place, only: place_type
-  use attrito_continuation_solver, only: solver_type
+  use attrito_newton_border, only: constraint_type, inner_product
+  use attrito_solve_snapshot, only: place_type
+  use attrito_solve_solver, only: solver_type
   use attrito_continuation_tangent, only: tangent_type
   implicit none
   private

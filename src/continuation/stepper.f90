@@ -9,11 +9,11 @@ module attrito_continuation_stepper
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: resized
-  use attrito_balance_border, only: constraint_type, inner_product
-  use attrito_continuation_sliders, only: nothing_holds
-  use attrito_continuation_place, only: place_type, return_to
-  use attrito_continuation_rebalancing, only: field_type, rebalance
-  use attrito_continuation_solver, only: solver_type
+  use attrito_newton_border, only: constraint_type, inner_product
+  use attrito_solve_sliders, only: nothing_holds
+  use attrito_solve_snapshot, only: place_type, return_to
+  use attrito_solve_rebalancing, only: field_type, rebalance
+  use attrito_solve_solver, only: solver_type
   use attrito_continuation_step, only: step_type
   use attrito_continuation_tangent, only: tangent_type, find_tangent, frequency_tangent, turn_round, share_of_harmonics
   implicit none

@@ -4,9 +4,9 @@ module attrito_continuation_stuck_branch
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_balance_stuck_response, only: find_loaded_response
-  use attrito_continuation_place, only: place_type
+  use attrito_solve_snapshot, only: place_type
   use attrito_continuation_range, only: range_type
-  use attrito_continuation_solver, only: solver_type
+  use attrito_solve_solver, only: solver_type
   use attrito_continuation_stepper, only: stepper_type, first_step, smallest_step, aimed_error, accepted_error
   implicit none
   private

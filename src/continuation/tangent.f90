@@ -7,11 +7,11 @@
 module attrito_continuation_tangent
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
-  use attrito_balance_border, only: constraint_type, inner_product
-  use attrito_balance_linearised_step, only: solve_linearised
-  use attrito_balance_newton_context, only: least_stiffening
+  use attrito_newton_border, only: constraint_type, inner_product
+  use attrito_newton_linearised_step, only: solve_linearised
+  use attrito_newton_newton_context, only: least_stiffening
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
-  use attrito_continuation_solver, only: solver_type
+  use attrito_solve_solver, only: solver_type
   implicit none
   private
   public :: tangent_type, find_tangent, frequency_tangent, turn_round, share_of_harmonics

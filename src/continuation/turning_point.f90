@@ -5,8 +5,8 @@
 !> the step, until what the frequency can still gain, |t_omega| times what is left, is nothing.
 module attrito_continuation_turning_point
   use attrito_core_kinds, only: wp
-  use attrito_continuation_place, only: place_type, place_of
-  use attrito_continuation_solver, only: solver_type
+  use attrito_solve_snapshot, only: place_type, place_of
+  use attrito_solve_solver, only: solver_type
   use attrito_continuation_step, only: step_type
   use attrito_continuation_tangent, only: tangent_type, find_tangent
   implicit none

@@ -11,7 +11,7 @@ module attrito_integrate_averaged_periods
   use attrito_core_trigonometric, only: harmonics_at
   use attrito_model_contacts, only: contacts_type
   use attrito_model_structure, only: structure_type, damping_loss_factor, damping_ratio
-  use attrito_continuation_motion_in_time, only: motion_in_time_type, excitation_type, periods_type
+  use attrito_solve_time_integrator, only: motion_in_time_type, excitation_type, periods_type
   use attrito_integrate_loading, only: loading_type, new_loading, new_profile
   use attrito_integrate_schemes, only: scheme_type, new_scheme, start_scheme, step_scheme, scheme_exponential
   use attrito_integrate_state, only: state_type, new_state

@@ -9,7 +9,7 @@ module attrito_integrate_system
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contact_type, contacts_type
   use attrito_model_structure, only: structure_type, damping_viscous, damping_loss_factor
-  use attrito_balance_stuck_system, only: stuck_system_type, new_stuck_system
+  use attrito_linear_stuck_system, only: stuck_system_type, new_stuck_system
   implicit none
   private
   public :: system_type, new_system

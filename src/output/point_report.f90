@@ -5,7 +5,7 @@ module attrito_output_point_report
   use attrito_core_trigonometric, only: extrema
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_accuracy_error_control, only: point_errors_type
-  use attrito_continuation_solver, only: solver_type
+  use attrito_solve_solver, only: solver_type
   use attrito_contact_state, only: state_stuck, state_open
   implicit none
   private

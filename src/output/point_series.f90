@@ -5,8 +5,8 @@ module attrito_output_point_series
   use attrito_core_kinds, only: wp, pi
   use attrito_core_trigonometric, only: extrema
   use attrito_model_contacts, only: contact_type
-  use attrito_continuation_solver, only: solver_type
-  use attrito_balance_receptance, only: to_real
+  use attrito_solve_solver, only: solver_type
+  use attrito_linear_receptance, only: to_real
   use attrito_output_listener, only: listener_type
   use attrito_output_point_report, only: point_report_type, outcome_names
   implicit none

@@ -17,10 +17,10 @@
 !> there the backbone expects a resonance peak, at omega. Source: Krack 2015, doi:10.1016/j.compstruc.2015.02.037.
 module attrito_peak_backbone
   use attrito_core_kinds, only: wp
-  use attrito_balance_receptance, only: to_real
+  use attrito_linear_receptance, only: to_real
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
-  use attrito_continuation_place, only: place_type, place_of, return_to
-  use attrito_continuation_solver, only: solver_type
+  use attrito_solve_snapshot, only: place_type, place_of, return_to
+  use attrito_solve_solver, only: solver_type
   use attrito_peak_amplitude, only: amplitude_type, amplitude_of
   use attrito_peak_condition, only: problem_type, direction_type, solve, respond
   implicit none

@@ -11,9 +11,9 @@
 !> go on until the tangents of both leave next to nothing of A to be gained. Planes stand across the tangent, so folds are passed.
 module attrito_peak_climb
   use attrito_core_kinds, only: wp
-  use attrito_balance_border, only: constraint_type, inner_product
-  use attrito_continuation_place, only: place_type, place_of, return_to
-  use attrito_continuation_solver, only: solver_type
+  use attrito_newton_border, only: constraint_type, inner_product
+  use attrito_solve_snapshot, only: place_type, place_of, return_to
+  use attrito_solve_solver, only: solver_type
   use attrito_continuation_step, only: step_type
   use attrito_continuation_tangent, only: tangent_type, find_tangent, frequency_tangent, turn_round
   use attrito_peak_condition, only: problem_type, direction_type, slope_along, scale_of_motion

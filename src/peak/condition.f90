@@ -11,13 +11,13 @@
 !> $$ \psi'[X] = A''[c_t, c_X] + A'\left[ C (q_{tX} + q_z) \right], \qquad r_d z + r_\omega z_\omega = B q_{tX}, \; c \cdot z = 0. $$
 module attrito_peak_condition
   use attrito_core_kinds, only: wp
-  use attrito_balance_border, only: constraint_type, inner_product
+  use attrito_newton_border, only: constraint_type, inner_product
   use attrito_balance_harmonic_balance, only: balance_type
-  use attrito_balance_linearised_step, only: solve_linearised
-  use attrito_balance_newton_context, only: least_stiffening
-  use attrito_balance_receptance, only: to_real
+  use attrito_newton_linearised_step, only: solve_linearised
+  use attrito_newton_newton_context, only: least_stiffening
+  use attrito_linear_receptance, only: to_real
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
-  use attrito_continuation_solver, only: solver_type
+  use attrito_solve_solver, only: solver_type
   use attrito_peak_amplitude, only: amplitude_type, amplitude_of
   use attrito_peak_second_derivative, only: differentiate_twice
   implicit none

@@ -8,9 +8,9 @@
 !> frequency response, peak and parameter together.
 module attrito_peak_corrector
   use attrito_core_kinds, only: wp
-  use attrito_balance_border, only: inner_product
-  use attrito_balance_newton, only: newton_report_type
-  use attrito_continuation_solver, only: solver_type
+  use attrito_newton_border, only: inner_product
+  use attrito_newton_newton, only: newton_report_type
+  use attrito_solve_solver, only: solver_type
   use attrito_peak_condition, only: problem_type, direction_type, linearisation_type, linearise, value_of, set_value, &
                                     scale_of_motion
   implicit none

@@ -5,10 +5,10 @@
 !> (attrito_peak_climb). Contacts with two tangents are sampled, which leaves psi kinks: their peaks are always climbed to.
 module attrito_peak_curve
   use attrito_core_kinds, only: wp
-  use attrito_balance_border, only: inner_product
-  use attrito_continuation_cascade, only: solve_by_cascade
-  use attrito_continuation_place, only: place_type, place_of, return_to
-  use attrito_continuation_solver, only: solver_type
+  use attrito_newton_border, only: inner_product
+  use attrito_solve_strategies, only: solve_by_cascade
+  use attrito_solve_snapshot, only: place_type, place_of, return_to
+  use attrito_solve_solver, only: solver_type
   use attrito_peak_climb, only: climb
   use attrito_peak_condition, only: problem_type, direction_type, linearisation_type, linearise, value_of, set_value, &
                                     scale_of_motion, parameter_level

@@ -11,8 +11,8 @@
 module attrito_stability_crossing
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
-  use attrito_continuation_place, only: place_type, place_of
-  use attrito_continuation_solver, only: solver_type
+  use attrito_solve_snapshot, only: place_type, place_of
+  use attrito_solve_solver, only: solver_type
   use attrito_continuation_step, only: step_type
   use attrito_integrate_system, only: system_type
   use attrito_stability_examine, only: examination_type, examine_options_type, examine, balanced_orbit, exact_orbit, &

@@ -6,7 +6,7 @@
 !> they part where contacts hit.
 module attrito_stability_distance
   use attrito_core_kinds, only: wp, two_pi
-  use attrito_continuation_solver, only: solver_type
+  use attrito_solve_solver, only: solver_type
   use attrito_integrate_system, only: system_type
   use attrito_stability_start, only: coordinates_of
   implicit none

@@ -4,7 +4,7 @@ module attrito_stability_examine
   use attrito_core_kinds, only: wp
   use attrito_contact_state, only: state_shaken_down
   use attrito_model_structure, only: structure_type, damping_loss_factor, damping_viscous
-  use attrito_continuation_solver, only: solver_type
+  use attrito_solve_solver, only: solver_type
   use attrito_integrate_system, only: system_type, new_system
   use attrito_stability_examination, only: examination_type, examine_options_type, by_monodromy, by_hill, balanced_orbit, &
                                            exact_orbit, automatic_orbit, balance_motion_type

@@ -3,7 +3,7 @@
 module attrito_stability_examine_legs
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contact_type
-  use attrito_continuation_solver, only: solver_type
+  use attrito_solve_solver, only: solver_type
   use attrito_integrate_loading, only: loading_type
   use attrito_integrate_state, only: state_type
   use attrito_integrate_system, only: system_type

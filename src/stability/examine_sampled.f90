@@ -4,7 +4,7 @@
 !> last doubling changed is the error told: at second order three times what is left.
 module attrito_stability_examine_sampled
   use attrito_core_kinds, only: wp
-  use attrito_continuation_solver, only: solver_type
+  use attrito_solve_solver, only: solver_type
   use attrito_integrate_loading, only: loading_type
   use attrito_integrate_state, only: state_type
   use attrito_integrate_system, only: system_type

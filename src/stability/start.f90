@@ -1,8 +1,8 @@
 !> A balance's point as a state in time: where its period starts, and the loads that act.
 module attrito_stability_start
   use attrito_core_kinds, only: wp
-  use attrito_balance_receptance, only: to_real
-  use attrito_continuation_solver, only: solver_type
+  use attrito_linear_receptance, only: to_real
+  use attrito_solve_solver, only: solver_type
   use attrito_integrate_loading, only: loading_type, new_loading, new_profile
   use attrito_integrate_state, only: state_type, new_state
   use attrito_integrate_system, only: system_type

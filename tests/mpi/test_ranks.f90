@@ -4,10 +4,10 @@ program test_ranks
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
   use attrito_model_structure, only: damping_viscous, damping_ratio
-  use attrito_continuation_arc_length, only: sweep_type, new_sweep
-  use attrito_continuation_cascade, only: solve_by_cascade
-  use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
-  use attrito_continuation_static_path, only: walk_static_path
+  use attrito_continuation_sweep, only: sweep_type, new_sweep
+  use attrito_solve_strategies, only: solve_by_cascade
+  use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
+  use attrito_solve_static_path, only: walk_static_path
   use attrito_accuracy_error_control, only: error_control_type, no_tolerance
   use attrito_accuracy_finer_balance, only: finer_point_type
   use attrito_output_point_report, only: point_report_type, report_point

@@ -5,12 +5,12 @@ program test_averaged_periods
   use attrito_core_kinds, only: wp, pi, two_pi
   use attrito_model_contacts, only: contact_type, new_contacts
   use attrito_model_structure, only: damping_loss_factor, damping_ratio
-  use attrito_balance_receptance, only: to_real
-  use attrito_continuation_arc_length, only: sweep_type, new_sweep
-  use attrito_continuation_cascade, only: solve_by_cascade
-  use attrito_continuation_motion_in_time, only: excitation_type, periods_type
-  use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
-  use attrito_continuation_static_path, only: walk_static_path
+  use attrito_linear_receptance, only: to_real
+  use attrito_continuation_sweep, only: sweep_type, new_sweep
+  use attrito_solve_strategies, only: solve_by_cascade
+  use attrito_solve_time_integrator, only: excitation_type, periods_type
+  use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
+  use attrito_solve_static_path, only: walk_static_path
   use attrito_integrate_averaged_periods, only: averaged_periods_type, new_averaged_periods
   use scenes, only: scene_type, wedge, wedge_preload, rubbing_frame, damp
   use session, only: run_in_session, only_me

@@ -1,8 +1,8 @@
 !> Ways to march that fail on purpose.
 module ways
   use attrito_core_kinds, only: wp
-  use attrito_continuation_ways, only: way_type
-  use attrito_continuation_solver, only: solver_type
+  use attrito_solve_homotopy, only: way_type
+  use attrito_solve_solver, only: solver_type
   implicit none
   private
   public :: small_steps_type, walled_type, reached
@@ -49,14 +49,14 @@ program test_branches
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp, two_pi
   use attrito_model_structure, only: damping_none
-  use attrito_balance_border, only: constraint_type
-  use attrito_balance_newton, only: newton_report_type
-  use attrito_balance_receptance, only: to_real
+  use attrito_newton_border, only: constraint_type
+  use attrito_newton_newton, only: newton_report_type
+  use attrito_linear_receptance, only: to_real
   use attrito_balance_unknowns, only: unknowns_type
-  use attrito_continuation_arc_length, only: sweep_type, new_sweep
-  use attrito_continuation_ways, only: march_along
-  use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
-  use attrito_continuation_static_path, only: walk_static_path
+  use attrito_continuation_sweep, only: sweep_type, new_sweep
+  use attrito_solve_homotopy, only: march_along
+  use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
+  use attrito_solve_static_path, only: walk_static_path
   use scenes, only: scene_type, wedge, one_sided_oscillator
   use session, only: run_in_session, only_me
   use testing, only: test, check, check_close

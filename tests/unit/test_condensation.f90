@@ -3,10 +3,10 @@ program test_condensation
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
   use attrito_model_structure, only: damping_none, damping_viscous, damping_ratio, damping_mass, damping_loss_factor
-  use attrito_balance_receptance, only: to_real
+  use attrito_linear_receptance, only: to_real
   use attrito_contact_state, only: state_stuck, state_shaken_down
-  use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
-  use attrito_continuation_static_path, only: walk_static_path
+  use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
+  use attrito_solve_static_path, only: walk_static_path
   use scenes, only: scene_type, rubbing_frame, damp
   use session, only: run_in_session, only_me
   use testing, only: test, check, check_close

@@ -8,7 +8,7 @@ program test_contact_law
   use attrito_contact_quadrature_sampled, only: contact_forces_type, contact_samples_type, evaluate_contact, sample_contact
   use attrito_contact_state, only: state_stuck, state_shaken_down, state_slipping, state_open, regime_open, &
                                    regime_stick
-  use attrito_contact_stuck, only: surely_stuck
+  use attrito_contact_stuck_bound, only: surely_stuck
   use scenes, only: noise
   use testing, only: test, run_suite, check, check_close
   implicit none

@@ -3,7 +3,7 @@ program test_convergence
   use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_quiet_nan, ieee_value
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
-  use attrito_balance_convergence, only: has_run_off, is_answer, worse_of
+  use attrito_newton_convergence, only: has_run_off, is_answer, worse_of
   use session, only: run_in_session
   use testing, only: test, check
   implicit none

@@ -3,9 +3,9 @@ program test_error_control
   use attrito_accuracy_error_control, only: error_control_type
   use attrito_accuracy_finer_balance, only: finer_balance_type, finer_point_type, new_finer_balance
   use attrito_accuracy_second_step, only: second_step_type, step_again
-  use attrito_continuation_cascade, only: solve_by_cascade
-  use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
-  use attrito_continuation_static_path, only: walk_static_path
+  use attrito_solve_strategies, only: solve_by_cascade
+  use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
+  use attrito_solve_static_path, only: walk_static_path
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp, two_pi
   use scenes, only: scene_type, wedge

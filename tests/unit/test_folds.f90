@@ -9,13 +9,13 @@
 program test_folds
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp, pi
-  use attrito_continuation_arc_length, only: sweep_type, new_sweep
-  use attrito_continuation_place, only: place_type, place_of, return_to
+  use attrito_continuation_sweep, only: sweep_type, new_sweep
+  use attrito_solve_snapshot, only: place_type, place_of, return_to
   use attrito_continuation_closed_branch, only: comes_home
-  use attrito_continuation_known_points, only: known_points_type
-  use attrito_continuation_other_starts, only: start_cold, start_in_motion, start_from_preload
-  use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
-  use attrito_continuation_static_path, only: walk_static_path
+  use attrito_continuation_stored_points, only: known_points_type
+  use attrito_continuation_branch_seeds, only: start_cold, start_in_motion, start_from_preload
+  use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
+  use attrito_solve_static_path, only: walk_static_path
   use attrito_continuation_step, only: step_type
   use attrito_continuation_tangent, only: frequency_tangent
   use attrito_continuation_turning_point, only: turning_point_type, locate_turning_point

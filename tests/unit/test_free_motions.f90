@@ -5,7 +5,7 @@ program test_free_motions
   use attrito_core_lapack, only: null_space
   use attrito_model_contacts, only: new_contacts
   use attrito_model_structure, only: damping_ratio
-  use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
+  use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
   use scenes, only: scene_type, rubbing_frame, damp, noise
   use session, only: run_in_session, only_me
   use testing, only: test, check, check_close

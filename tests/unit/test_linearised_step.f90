@@ -4,14 +4,14 @@ program test_linearised_step
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: solve_dense
   use attrito_model_structure, only: damping_viscous, damping_ratio
-  use attrito_balance_border, only: constraint_type
-  use attrito_balance_condensed_krylov, only: krylov_options_type
+  use attrito_newton_border, only: constraint_type
+  use attrito_newton_condensed_krylov, only: krylov_options_type
   use attrito_balance_harmonic_balance, only: balance_type
-  use attrito_balance_linearised_step, only: linear_options_type, solve_linearised, apply_linearised
-  use attrito_balance_receptance, only: receptance_type
+  use attrito_newton_linearised_step, only: linear_options_type, solve_linearised, apply_linearised
+  use attrito_linear_receptance, only: receptance_type
   use attrito_balance_set_up, only: new_balance
-  use attrito_balance_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
-  use attrito_balance_two_level_factors, only: two_level_factors_type
+  use attrito_linear_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
+  use attrito_newton_two_level_factors, only: two_level_factors_type
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_contact_state, only: state_stuck
   use scenes, only: scene_type, rubbing_frame, rubbing_frame_with_high_modes, damp, noise, restate

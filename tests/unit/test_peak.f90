@@ -4,8 +4,8 @@ program test_peak
   use attrito_core_kinds, only: wp, two_pi
   use attrito_core_trigonometric, only: extrema
   use attrito_contact_state, only: state_slipping
-  use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
-  use attrito_continuation_static_path, only: walk_static_path
+  use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
+  use attrito_solve_static_path, only: walk_static_path
   use attrito_peak_amplitude, only: amplitude_type, amplitude_of, half_range, first_harmonic
   use attrito_peak_condition, only: problem_type, direction_type, linearisation_type, linearise, value_of, set_value, &
                                     parameter_level, parameter_preload

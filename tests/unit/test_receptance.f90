@@ -4,10 +4,10 @@ program test_receptance
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: stuck_stiffness
   use attrito_model_structure, only: damping_none, damping_viscous, damping_ratio, damping_mass, damping_loss_factor
-  use attrito_balance_receptance, only: receptance_type, to_complex, to_real
-  use attrito_balance_receptance_direct, only: receptance_direct_type, new_receptance_direct
-  use attrito_balance_receptance_modal, only: receptance_modal_type
-  use attrito_balance_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
+  use attrito_linear_receptance, only: receptance_type, to_complex, to_real
+  use attrito_linear_receptance_direct, only: receptance_direct_type, new_receptance_direct
+  use attrito_linear_receptance_modal, only: receptance_modal_type
+  use attrito_linear_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
   use scenes, only: scene_type, rubbing_frame, one_sided_oscillator, damp, damp_as_modes_ratio, noise
   use testing, only: test, run_suite, check, check_close
   implicit none

@@ -2,7 +2,7 @@
 program test_resting_place
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp, two_pi
-  use attrito_contact_resting_place, only: resting_place_type, find_resting_place, resting_gradient
+  use attrito_contact_slider_projection, only: resting_place_type, find_resting_place, resting_gradient
   use scenes, only: noise
   use testing, only: test, run_suite, check, check_close
   implicit none

@@ -4,9 +4,9 @@ program test_stability
   use attrito_core_kinds, only: wp, two_pi
   use attrito_contact_state, only: regime_slip
   use attrito_contact_trigonometric_roots, only: new_grid
-  use attrito_continuation_cascade, only: solve_by_cascade
-  use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
-  use attrito_continuation_static_path, only: walk_static_path
+  use attrito_solve_strategies, only: solve_by_cascade
+  use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
+  use attrito_solve_static_path, only: walk_static_path
   use attrito_integrate_loading, only: loading_type
   use attrito_integrate_state, only: state_type, new_state
   use attrito_integrate_system, only: system_type, new_system

@@ -3,12 +3,12 @@ program test_wedge
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp, pi, two_pi
   use attrito_core_lapack, only: solve_dense
-  use attrito_balance_receptance, only: to_real
+  use attrito_linear_receptance, only: to_real
   use attrito_contact_state, only: state_stuck, state_slipping
-  use attrito_continuation_arc_length, only: sweep_type, new_sweep
-  use attrito_continuation_cascade, only: solve_by_cascade
-  use attrito_continuation_solver, only: solver_type, solver_options_type, new_solver
-  use attrito_continuation_static_path, only: walk_static_path
+  use attrito_continuation_sweep, only: sweep_type, new_sweep
+  use attrito_solve_strategies, only: solve_by_cascade
+  use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
+  use attrito_solve_static_path, only: walk_static_path
   use scenes, only: scene_type, wedge, wedge_preload
   use session, only: run_in_session, only_me
   use testing, only: test, check, check_close

@@ -12,7 +12,7 @@ OUTCOMES = (
 )
 # Of points without a solution
 NO_SOLUTION = ("no_period_one_orbit", "not_converged")
-# What the cascade tries, in its order; src/continuation/cascade.f90 has the same names.
+# What the cascade tries, in its order; src/solve/strategies.f90 has the same names.
 ATTEMPTS = (
     "newton_briefly",
     "held_mean",

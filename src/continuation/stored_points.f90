@@ -1,0 +1,192 @@
+!> Points of branches that are known already: to come back to, and to tell whether a solution lies on one of those branches.
+!>
+!> A solution x at omega lies on a known branch if Newton's method, from the straight line between two neighbouring points of it on
+!> either side of omega comes to x. So steps may be long, and members of one family count as one.
+module attrito_continuation_stored_points
+  use attrito_core_kinds, only: wp
+  use attrito_core_state_store, only: state_store_type
+  use attrito_core_trigonometric, only: resized
+  use attrito_solve_snapshot, only: place_type, place_of, return_to
+  use attrito_solve_solver, only: solver_type
+  implicit none
+  private
+  public :: known_points_type
+
+  !> Distance of two motions, relative to the larger, that is none
+  real(wp), parameter :: same = 1.0e-6_wp
+  !> Distance from the straight line, in its length and relative to the motion, beyond which a solution is not looked for from there
+  real(wp), parameter :: near_line = 1.0_wp, near_motion = 0.2_wp
+
+  type :: known_point_type
+    real(wp) :: omega = 0.0_wp
+    !> Of all rows [2 H + 1, rows] and contacts [2, contacts]; 1 where a slider is periodic, else 0 [1, contacts]
+    real(wp), allocatable :: motion(:, :), slider(:, :), periodic(:, :)
+    !> Does the branch go on from the point before?
+    logical :: follows = .false.
+  end type known_point_type
+
+  type :: known_points_type
+    type(known_point_type), allocatable :: points(:)
+    !> How many there are
+    integer :: count = 0
+  contains
+    procedure :: add
+    procedure :: drop_from
+    procedure :: stand_at
+    procedure :: has
+    procedure :: own_motion
+    procedure :: keep
+  end type known_points_type
+
+contains
+
+  !> Add where the solver stands.
+  subroutine add(self, solver, follows)
+    class(known_points_type), intent(inout) :: self
+    type(solver_type), intent(in) :: solver
+    !> Does the branch go on from the point that was added last?
+    logical, intent(in) :: follows
+    type(known_point_type), allocatable :: more(:)
+    integer :: i
+
+    if (.not. allocated(self%points)) allocate (self%points(64))
+    if (self%count == size(self%points)) then
+      allocate (more(2*self%count))
+      do i = 1, self%count
+        call move_alloc(self%points(i)%motion, more(i)%motion)
+        call move_alloc(self%points(i)%slider, more(i)%slider)
+        call move_alloc(self%points(i)%periodic, more(i)%periodic)
+        more(i)%omega = self%points(i)%omega
+        more(i)%follows = self%points(i)%follows
+      end do
+      call move_alloc(more, self%points)
+    end if
+    self%count = self%count + 1
+    associate (point => self%points(self%count), balance => solver%context%balance, contacts => size(solver%contacts%law))
+      point%omega = solver%omega
+      point%follows = follows
+      allocate (point%motion(size(solver%motion, 1), size(solver%contacts%directions, 2)))
+      allocate (point%slider(2, contacts), point%periodic(1, contacts))
+      call balance%ranks%gather_columns_everywhere(solver%motion, point%motion)
+      call balance%ranks%gather_columns_everywhere(balance%slider, point%slider)
+      call balance%ranks%gather_columns_everywhere(reshape(merge(1.0_wp, 0.0_wp, balance%periodic), [1, size(balance%periodic)]), &
+                                                   point%periodic)
+    end associate
+  end subroutine add
+
+  !> Put down in a store, or taken up from it.
+  subroutine keep(self, store)
+    class(known_points_type), intent(inout) :: self
+    type(state_store_type), intent(inout) :: store
+    integer :: i
+
+    call store%keep(self%count)
+    if (store%reading) then
+      if (allocated(self%points)) deallocate (self%points)
+      if (self%count > 0) allocate (self%points(max(64, self%count)))
+    end if
+    do i = 1, self%count
+      call store%keep(self%points(i)%omega)
+      call store%keep(self%points(i)%motion)
+      call store%keep(self%points(i)%slider)
+      call store%keep(self%points(i)%periodic)
+      call store%keep(self%points(i)%follows)
+    end do
+  end subroutine keep
+
+  !> Forget a point and all after it.
+  pure subroutine drop_from(self, number)
+    class(known_points_type), intent(inout) :: self
+    integer, intent(in) :: number
+    integer :: i
+
+    do i = number, self%count
+      self%points(i) = known_point_type()
+    end do
+    self%count = min(self%count, number - 1)
+  end subroutine drop_from
+
+  !> Let the solver stand at a point.
+  subroutine stand_at(self, solver, number)
+    class(known_points_type), intent(in) :: self
+    type(solver_type), intent(inout) :: solver
+    integer, intent(in) :: number
+
+    associate (point => self%points(number), balance => solver%context%balance)
+      associate (contacts => size(balance%law), contact => balance%first_contact)
+        solver%motion = self%own_motion(solver, number)
+        solver%omega = point%omega
+        solver%all_stick = .false.
+        call solver%set_slider(point%slider(:, contact:contact + contacts - 1), &
+                               point%periodic(1, contact:contact + contacts - 1) > 0.5_wp)
+      end associate
+    end associate
+  end subroutine stand_at
+
+  !> Does the solver stand on a known branch? It stands there still when that is told.
+  logical function has(self, solver, up_to)
+    class(known_points_type), intent(in) :: self
+    type(solver_type), intent(inout) :: solver
+    !> Number of the last point that is looked at
+    integer, intent(in) :: up_to
+    type(place_type) :: here
+    real(wp), allocatable :: line(:, :), end(:, :)
+    real(wp) :: share, width
+    integer :: i, attempt
+
+    has = .false.
+    here = place_of(solver)
+    do i = 2, min(self%count, up_to)
+      associate (a => self%points(i - 1), b => self%points(i))
+        if (.not. b%follows) cycle
+        if ((a%omega - here%omega)*(b%omega - here%omega) > 0.0_wp) cycle
+        share = 0.5_wp
+        if (abs(b%omega - a%omega) > 0.0_wp) share = (here%omega - a%omega)/(b%omega - a%omega)
+        line = self%own_motion(solver, i - 1)
+        end = self%own_motion(solver, i)
+        width = distance(solver, line, end)
+        line = line + share*(end - line)
+        if (distance(solver, line, here%motion) > near_line*width + near_motion*size_of(solver, here%motion)) cycle
+      end associate
+      ! With the sliders of the solution, and with those of the branch: where all stick both give the same harmonics.
+      do attempt = 1, 2
+        if (attempt == 2) call self%stand_at(solver, i - 1)
+        solver%motion = line
+        call solver%solve_at(here%omega)
+        if (solver%report%converged) has = distance(solver, solver%motion, here%motion) <= same*size_of(solver, here%motion)
+        call return_to(solver, here)
+        if (has) return
+      end do
+    end do
+  end function has
+
+  !> A point's motion of this rank's rows, in as many harmonics as the solver has.
+  function own_motion(self, solver, number) result(motion)
+    class(known_points_type), intent(in) :: self
+    type(solver_type), intent(in) :: solver
+    integer, intent(in) :: number
+    real(wp), allocatable :: motion(:, :)
+
+    associate (balance => solver%context%balance)
+      motion = resized(self%points(number)%motion(:, balance%first_row:balance%first_row + balance%rows() - 1), &
+                       size(solver%motion, 1))
+    end associate
+  end function own_motion
+
+  !> Distance of two motions of this rank's rows, without their means: those of one family differ in them.
+  real(wp) function distance(solver, a, b)
+    type(solver_type), intent(in) :: solver
+    real(wp), intent(in) :: a(:, :), b(:, :)
+
+    distance = size_of(solver, b - a)
+  end function distance
+
+  real(wp) function size_of(solver, motion)
+    type(solver_type), intent(in) :: solver
+    real(wp), intent(in) :: motion(:, :)
+
+    size_of = sum(motion(2:, :)**2)
+    call solver%context%balance%ranks%sum(size_of)
+    size_of = sqrt(size_of)
+  end function size_of
+end module attrito_continuation_stored_points

@@ -1,0 +1,290 @@
+!> A sweep over frequency along branches of solutions, which may fold: from a start to a stop, point by point.
+!>
+!> Where no step along the branch converges, where it ends, closes upon itself or runs back over the start, it looks for a place
+!> beyond all that it has come to. One that follows a single branch ends there.
+module attrito_continuation_sweep
+  use attrito_core_kinds, only: wp
+  use attrito_core_state_store, only: state_store_type
+  use attrito_newton_newton, only: newton_report_type
+  use attrito_continuation_closed_branch, only: comes_home
+  use attrito_continuation_stored_points, only: known_points_type
+  use attrito_solve_strategies, only: solve_by_cascade
+  use attrito_solve_snapshot, only: place_type
+  use attrito_continuation_range, only: range_type
+  use attrito_solve_solver, only: solver_type
+  use attrito_continuation_step, only: step_type
+  use attrito_continuation_stepper, only: stepper_type, smallest_step
+  use attrito_continuation_stuck_branch, only: stuck_branch_type
+  use attrito_continuation_tangent, only: tangent_type
+  implicit none
+  private
+  public :: sweep_type, new_sweep, new_branch_sweep
+
+  !> Part of the sweep to move on by where the branch was lost
+  real(wp), parameter :: jump = 0.01_wp
+  !> Steps after which a branch may have come back to where it was begun
+  integer, parameter :: fewest_steps = 4
+
+  type :: sweep_type
+    type(range_type), private :: range
+    integer :: branch = 0, points = 0, max_points = 1000
+    logical :: finished = .false.
+    !> Did it end at its stop? Did the branch close upon itself?
+    logical :: reached_stop = .false., closed = .false.
+    !> How it goes along the branch, and what it remembers of where every contact sticks
+    type(stepper_type) :: stepper
+    type(stuck_branch_type), private :: stuck_branch
+    !> Does it follow one branch only, from where the solver stood when it began, and end where that is lost?
+    logical, private :: one_branch = .false.
+    !> Does the solver stand on a branch, and where was that begun? Steps since then
+    logical, private :: on_branch = .false.
+    type(known_points_type), private :: home
+    integer, private :: steps = 0
+    !> The farthest that the branch went, angular frequency
+    real(wp), private :: farthest = 0.0_wp
+  contains
+    procedure :: advance
+    procedure :: look_ahead
+    procedure :: set_harmonics
+    procedure :: keep
+  end type sweep_type
+
+contains
+
+  !> A sweep of the solver's present loads from one angular frequency to another.
+  function new_sweep(solver, start, stop, branch, max_points) result(self)
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: start, stop
+    integer, intent(in) :: branch, max_points
+    type(sweep_type) :: self
+
+    self%range = range_type(start, stop)
+    self%branch = branch
+    self%max_points = max_points
+    call self%stepper%begin(sign(1.0_wp, stop - start))
+    call solver%set_scales(start, stop)
+  end function new_sweep
+
+  !> A sweep along the one branch that the solver stands on, from there in a direction until it leaves a range, closes, or is lost.
+  function new_branch_sweep(solver, start, stop, towards, branch, max_points) result(self)
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: start, stop
+    type(tangent_type), intent(in) :: towards
+    integer, intent(in) :: branch, max_points
+    type(sweep_type) :: self
+
+    self = new_sweep(solver, start, stop, branch, max_points)
+    self%one_branch = .true.
+    call self%stepper%begin(sign(1.0_wp, towards%omega))
+    self%stepper%tangent = towards
+  end function new_branch_sweep
+
+  !> What a point leaves for the next: put down after it, or taken up in its place.
+  subroutine keep(self, store)
+    class(sweep_type), intent(inout) :: self
+    type(state_store_type), intent(inout) :: store
+
+    call self%range%keep(store)
+    call store%keep(self%branch)
+    call store%keep(self%points)
+    call store%keep(self%max_points)
+    call store%keep(self%finished)
+    call store%keep(self%reached_stop)
+    call store%keep(self%closed)
+    call self%stepper%keep(store)
+    call self%stuck_branch%keep(store)
+    call store%keep(self%one_branch)
+    call store%keep(self%on_branch)
+    call self%home%keep(store)
+    call store%keep(self%steps)
+    call store%keep(self%farthest)
+  end subroutine keep
+
+  !> Solve the next point; the solver's report says how it ended.
+  subroutine advance(self, solver)
+    class(sweep_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+
+    if (self%points > 0) call self%stepper%share_out(solver)
+    if (self%points == 0 .and. self%one_branch) then
+      call begin_here(self, solver)
+    else if (self%points == 0) then
+      call begin_at(self, solver, self%range%start)
+    else if (self%on_branch .and. .not. is_back_at_start(self, solver)) then
+      call follow(self, solver)
+      call watch_closing(self, solver)
+    else
+      call begin_beyond(self, solver)
+    end if
+    self%points = self%points + 1
+    if (self%one_branch .and. (is_back_at_start(self, solver) .or. .not. self%on_branch)) self%finished = .true.
+    self%farthest = merge(max(self%farthest, solver%omega), min(self%farthest, solver%omega), self%range%width() > 0.0_wp)
+    if (self%points >= self%max_points) self%finished = .true.
+  end subroutine advance
+
+  !> Let what the sweep remembers have so many harmonics.
+  subroutine set_harmonics(self, harmonics)
+    class(sweep_type), intent(inout) :: self
+    integer, intent(in) :: harmonics
+
+    call self%stepper%set_coefficients(2*harmonics + 1)
+  end subroutine set_harmonics
+
+  !> Find a point at a frequency, and the branch's tangent there; a point that is not found still moves the sweep on.
+  subroutine begin_at(self, solver, omega)
+    type(sweep_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: omega
+    real(wp) :: target
+
+    target = omega
+    if (self%range%passes_stop(omega + smallest_step*self%range%width())) target = self%range%stop
+    call solve_by_cascade(solver, target)
+    solver%omega = target
+    call self%stepper%begin(sign(1.0_wp, self%range%width()))
+    self%reached_stop = abs(target - self%range%stop) <= 0.0_wp
+    self%finished = self%reached_stop
+    self%on_branch = solver%report%converged
+    self%closed = .false.
+    self%steps = 0
+    self%farthest = target
+    call self%home%drop_from(1)
+    call self%home%add(solver, .false.)
+  end subroutine begin_at
+
+  !> The first point of the branch that the solver stands on.
+  subroutine begin_here(self, solver)
+    type(sweep_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+
+    call solver%solve_at(solver%omega)
+    self%on_branch = solver%report%converged
+    self%farthest = solver%omega
+    call self%home%add(solver, .false.)
+  end subroutine begin_here
+
+  !> A branch that comes back to where it was begun is complete; a sweep goes on beyond it.
+  subroutine watch_closing(self, solver)
+    type(sweep_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+    type(newton_report_type) :: report
+
+    self%steps = self%steps + 1
+    if (.not. self%on_branch .or. self%finished .or. self%steps < fewest_steps) return
+    report = solver%report
+    self%closed = comes_home(self%home, solver, self%stepper%last)
+    if (.not. self%closed) then
+      solver%report = report
+      return
+    end if
+    solver%report%iterations = report%iterations + solver%report%iterations
+    self%on_branch = .false.
+    self%finished = self%one_branch
+  end subroutine watch_closing
+
+  !> Where the branch was lost or left the range: a place beyond all that the sweep has come to, and the branch there.
+  subroutine begin_beyond(self, solver)
+    type(sweep_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+
+    self%branch = self%branch + 1
+    call begin_at(self, solver, self%farthest + jump*self%range%width())
+  end subroutine begin_beyond
+
+  !> One accepted step along the branch, the sweep's last point, or, where no step converges, a place beyond.
+  subroutine follow(self, solver)
+    type(sweep_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+    type(place_type) :: before
+    real(wp) :: error
+    integer :: iterations
+    logical :: accepted
+
+    call self%stuck_branch%follow(self%stepper, self%range, solver, accepted)
+    if (accepted) then
+      call note_end(self, solver%omega)
+      return
+    end if
+    call before%mark(solver)
+    call self%stepper%look_ahead(solver)
+    if (.not. self%stepper%looked_ahead) then
+      call lose_branch(self, solver)
+      return
+    end if
+    call self%stepper%take_step(solver, before, error, iterations, accepted)
+    if (accepted) then
+      call self%stepper%remember(solver, before)
+      call self%stepper%adapt(error)
+      self%on_branch = .not. self%stepper%walks(solver)
+      solver%report%iterations = iterations
+      call end_at_range(self, solver, before)
+    else
+      call lose_branch(self, solver)
+      solver%report%iterations = iterations + solver%report%iterations
+    end if
+  end subroutine follow
+
+  !> No step from here converges: the sweep looks for a place beyond; where one branch alone is asked for it has ended.
+  subroutine lose_branch(self, solver)
+    type(sweep_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+
+    if (.not. self%one_branch) then
+      call begin_beyond(self, solver)
+    else
+      solver%report%converged = .false.
+      solver%no_orbit = .false.
+      solver%omega = solver%omega + smallest_step*self%range%width()
+      self%on_branch = .false.
+    end if
+    self%stepper%last = step_type()
+  end subroutine lose_branch
+
+  !> A step over an end of the range is taken back to the end itself.
+  subroutine end_at_range(self, solver, before)
+    type(sweep_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+    !> Before the step
+    type(place_type), intent(in) :: before
+    real(wp) :: target
+    integer :: iterations
+
+    if (.not. self%range%is_left(solver%omega)) return
+    target = self%range%clipped(solver%omega)
+    call note_end(self, target)
+    iterations = solver%report%iterations
+    solver%motion = before%motion + (target - before%omega)/(solver%omega - before%omega)*(solver%motion - before%motion)
+    solver%omega = before%omega
+    call solver%set_slider(before%slider, before%periodic)
+    call solve_by_cascade(solver, target)
+    solver%omega = target
+    if (solver%report%converged) call self%stepper%remember_in_frequency(solver, before)
+    solver%report%iterations = iterations + solver%report%iterations
+  end subroutine end_at_range
+
+  !> A sweep that comes to its stop is finished.
+  pure subroutine note_end(self, omega)
+    type(sweep_type), intent(inout) :: self
+    real(wp), intent(in) :: omega
+
+    self%reached_stop = abs(omega - self%range%stop) <= 0.0_wp
+    self%finished = self%reached_stop
+  end subroutine note_end
+
+  !> Has the branch run back over where the sweep began?
+  pure logical function is_back_at_start(self, solver)
+    type(sweep_type), intent(in) :: self
+    type(solver_type), intent(in) :: solver
+
+    is_back_at_start = self%steps > 0 .and. abs(solver%omega - self%range%start) <= 0.0_wp
+  end function is_back_at_start
+
+  !> Whether the frequency turned on the last step, `stepper%turned`; what the last point's evaluation left is lost.
+  subroutine look_ahead(self, solver)
+    class(sweep_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+
+    self%stepper%turned = .false.
+    if (self%on_branch) call self%stepper%look_ahead(solver)
+  end subroutine look_ahead
+end module attrito_continuation_sweep

@@ -1,0 +1,322 @@
+!> Members of the family that a point is one of, when some of its contacts never slip: what they are, and how they change with the
+!> free sliders w.
+!>
+!> A free contact holds its slider, so its deviation is the constant g_t = -k_t w, and a change s of it changes the motion by
+!>
+!> $$ (I + R D) \, \delta d = -R s, \qquad \delta\lambda = K_c \delta d + D \delta d + s $$
+!>
+!> with D the Jacobian of the contacts that slip or open: exact at this member, and everywhere where there are none of those.
+!> Sliders moved too far are taken back by the contact law itself: what a solve returns is a member, whatever was asked for.
+module attrito_family_members
+  use attrito_core_kinds, only: wp
+  use attrito_core_trigonometric, only: extrema
+  use attrito_newton_border, only: constraint_type
+  use attrito_newton_linearised_step, only: solve_linearised
+  use attrito_newton_newton, only: newton_report_type
+  use attrito_linear_receptance, only: to_real
+  use attrito_balance_unknowns, only: unknowns_type
+  use attrito_balance_work, only: residual_work
+  use attrito_contact_state, only: state_stuck, state_shaken_down
+  use attrito_solve_snapshot, only: place_type, place_of, return_to
+  use attrito_solve_solver, only: solver_type
+  implicit none
+  private
+  public :: family_type, member_type, description_type, enter_family, leave_family, keep_member, return_to_member, solve_member, &
+            describe_member, differentiate_member, work_of_visits
+
+  !> Sliders that still move by more than this part of the motion a period do not make a member
+  real(wp), parameter :: accepted_defect = 1.0e-6_wp
+
+  !> Where the solver stands, and what it reported of getting there
+  type :: member_type
+    type(place_type) :: place
+    type(newton_report_type) :: report
+  end type member_type
+
+  !> The point shown, to come back to
+  type :: family_type
+    type(member_type) :: shown
+    logical :: reset_slider = .false.
+    !> Counted before other members were visited, which is no work of the point
+    real(wp) :: work = 0.0_wp
+  end type family_type
+
+  !> A member, or how it changes, on every rank
+  type :: description_type
+    !> Coefficients of contact forces, rows t1, t2, n [2 H + 1, 3, contacts], and of the monitors [2 H + 1, monitors]
+    real(wp), allocatable :: force(:, :, :), monitors(:, :)
+    !> Sliders [2, contacts], and whether they are free (1) or not (0) [contacts]
+    real(wp), allocatable :: slider(:, :), free(:)
+    !> Half the monitors' ranges over the period [monitors]
+    real(wp), allocatable :: amplitude(:)
+  end type description_type
+
+contains
+
+  !> Stand at the point just solved, ready to visit other members.
+  subroutine enter_family(solver, self)
+    type(solver_type), intent(inout) :: solver
+    type(family_type), intent(out) :: self
+    integer :: i
+
+    call keep_member(solver, self%shown)
+    self%reset_slider = solver%options%reset_slider
+    self%work = solver%context%balance%work
+    solver%options%reset_slider = .false.
+    ! The point's own sliders, not those that the next one is to start from.
+    do i = 1, size(solver%context%balance%forces)
+      solver%context%balance%slider(:, i) = solver%context%balance%forces(i)%slider
+    end do
+    call solver%context%forget()
+  end subroutine enter_family
+
+  !> Leave the solver as it was before.
+  subroutine leave_family(solver, self)
+    type(solver_type), intent(inout) :: solver
+    type(family_type), intent(in) :: self
+
+    solver%options%reset_slider = self%reset_slider
+    call return_to_member(solver, self%shown)
+    solver%context%balance%work = self%work
+  end subroutine leave_family
+
+  !> Floating-point operations of the visits so far, by the formulas of `attrito_balance_work`, over all ranks.
+  real(wp) function work_of_visits(solver, self) result(work)
+    type(solver_type), intent(in) :: solver
+    type(family_type), intent(in) :: self
+
+    work = solver%context%balance%work - self%work
+    call solver%context%balance%ranks%sum(work)
+  end function work_of_visits
+
+  !> Remember where the solver stands.
+  subroutine keep_member(solver, self)
+    type(solver_type), intent(in) :: solver
+    type(member_type), intent(out) :: self
+
+    self = member_type(place_of(solver), solver%report)
+  end subroutine keep_member
+
+  !> Stand where it stood.
+  subroutine return_to_member(solver, self)
+    type(solver_type), intent(inout) :: solver
+    type(member_type), intent(in) :: self
+
+    call return_to(solver, self%place)
+    solver%report = self%report
+  end subroutine return_to_member
+
+  !> Move the start sliders, solve at the same frequency, and say whether that gave a member; if not, nothing has changed. From
+  !> where the linear model leads, which is the answer where every contact sticks, then from where it stands.
+  subroutine solve_member(solver, slider, found)
+    type(solver_type), intent(inout) :: solver
+    !> Of all contacts [2, contacts]
+    real(wp), intent(in) :: slider(:, :)
+    logical, intent(out) :: found
+    type(member_type) :: before
+    real(wp) :: own(2, size(solver%context%balance%law))
+    integer :: attempt, status
+
+    call keep_member(solver, before)
+    associate (first => solver%context%balance%first_contact)
+      own = slider(:, first:first + size(own, 2) - 1)
+    end associate
+    do attempt = 1, 2
+      call return_to_member(solver, before)
+      status = 0
+      if (attempt == 1) call predict(solver, own - before%place%slider, status)
+      if (status /= 0) cycle
+      call solver%set_slider(own, before%place%periodic)
+      call solver%solve_at(solver%omega)
+      found = solver%report%converged .and. solver%report%defect <= accepted_defect
+      if (found) return
+    end do
+    call return_to_member(solver, before)
+  end subroutine solve_member
+
+  !> Move the motion as free sliders that are moved take it to first order.
+  subroutine predict(solver, moved, status)
+    type(solver_type), intent(inout) :: solver
+    !> Change of this rank's sliders [2, contacts]
+    real(wp), intent(in) :: moved(:, :)
+    integer, intent(out) :: status
+    type(unknowns_type) :: step
+    real(wp), allocatable :: deviation(:, :)
+    integer :: i, t
+
+    call evaluate(solver, status)
+    if (status /= 0) return
+    associate (balance => solver%context%balance)
+      allocate (deviation, mold=balance%residual)
+      deviation = 0.0_wp
+      do i = 1, size(balance%law)
+        if (.not. is_free(solver, i)) cycle
+        do t = 1, balance%law(i)%tangents
+          deviation(1, balance%law(i)%first_row + t - 1) = -balance%law(i)%tangential_stiffness*moved(t, i)
+        end do
+      end do
+    end associate
+    call respond(solver, deviation, step, status)
+    if (status == 0) solver%motion = solver%motion + step%motion
+  end subroutine predict
+
+  !> Describe the member that the solver stands at.
+  subroutine describe_member(solver, self, status)
+    type(solver_type), intent(inout) :: solver
+    type(description_type), intent(out) :: self
+    !> 0, or not: it cannot be evaluated
+    integer, intent(out) :: status
+    real(wp) :: range(2)
+    integer :: i
+
+    call evaluate(solver, status)
+    if (status /= 0) return
+    associate (balance => solver%context%balance, contacts => size(solver%contacts%law))
+      allocate (self%slider(2, contacts), self%free(contacts), source=0.0_wp)
+      do i = 1, size(balance%law)
+        self%slider(:, balance%first_contact - 1 + i) = balance%slider(:, i)
+        self%free(balance%first_contact - 1 + i) = merge(1.0_wp, 0.0_wp, is_free(solver, i))
+      end do
+      call balance%ranks%sum(self%slider)
+      call balance%ranks%sum(self%free)
+      call gather(solver, balance%recover(balance%response), own_deviation(solver), balance%response, self)
+    end associate
+    allocate (self%amplitude(size(self%monitors, 2)))
+    do i = 1, size(self%amplitude)
+      range = extrema(self%monitors(:, i))
+      self%amplitude(i) = 0.5_wp*(range(2) - range(1))
+    end do
+  end subroutine describe_member
+
+  !> How forces and monitors change with one component of a free slider: by the force -k_t w, the member described before.
+  subroutine differentiate_member(solver, contact, tangent, self, status)
+    type(solver_type), intent(in) :: solver
+    !> Among all, from 1
+    integer, intent(in) :: contact, tangent
+    !> Only `force` and `monitors`
+    type(description_type), intent(out) :: self
+    !> 0, or not: another member has the same sliders
+    integer, intent(out) :: status
+    type(unknowns_type) :: step
+    real(wp), allocatable :: deviation(:, :)
+    complex(wp), allocatable :: response(:, :)
+    integer :: own, i
+
+    associate (balance => solver%context%balance)
+      allocate (deviation, mold=balance%residual)
+      deviation = 0.0_wp
+      own = contact - balance%first_contact + 1
+      if (own >= 1 .and. own <= size(balance%law)) deviation(1, balance%law(own)%first_row + tangent - 1) = 1.0_wp
+      call respond(solver, deviation, step, status)
+      if (status /= 0) return
+      do i = 1, size(balance%law)
+        if (.not. allocated(balance%forces(i)%jacobian)) cycle
+        associate (first => balance%law(i)%first_row, last => balance%law(i)%first_row + balance%law(i)%tangents)
+          deviation(:, first:last) = deviation(:, first:last) + &
+            reshape(matmul(balance%forces(i)%jacobian, reshape(step%motion(:, first:last), [size(deviation(:, first:last))])), &
+                    shape(deviation(:, first:last)))
+        end associate
+      end do
+      allocate (response, mold=balance%response)
+      call balance%respond_to_deviation(deviation, response)
+      call gather(solver, step%motion, deviation, response, self)
+    end associate
+  end subroutine differentiate_member
+
+  !> First-order change of the motion, at a frequency, with forces on the contacts, at the last evaluation.
+  subroutine respond(solver, deviation, step, status)
+    type(solver_type), intent(in) :: solver
+    !> On this rank's rows [2 H + 1, rows]
+    real(wp), intent(in) :: deviation(:, :)
+    type(unknowns_type), intent(out) :: step
+    !> 0, or not: singular
+    integer, intent(out) :: status
+    type(constraint_type) :: constraint
+    type(unknowns_type) :: right
+    complex(wp), allocatable :: response(:, :)
+    integer :: iterations
+
+    associate (balance => solver%context%balance)
+      allocate (response, mold=balance%response)
+      allocate (constraint%motion, mold=balance%residual)
+      constraint%motion = 0.0_wp
+      call balance%respond_to_deviation(deviation, response)
+      right = unknowns_type(balance%recover(response), 0.0_wp*balance%slider, 0.0_wp)
+      step = right
+      balance%work = balance%work + residual_work(balance%coefficients(), balance%rows(), size(balance%response, 1))
+      call solve_linearised(balance, constraint, right, solver%context%linear, step, iterations, status)
+    end associate
+  end subroutine respond
+
+  !> Forces and Jacobian at the present motion and sliders. A free contact at its limit has been taken there: from now on it holds
+  !> its slider.
+  subroutine evaluate(solver, status)
+    type(solver_type), intent(inout) :: solver
+    integer, intent(out) :: status
+    integer :: i
+
+    associate (balance => solver%context%balance)
+      call balance%evaluate(solver%motion, solver%omega, status)
+      call solver%context%forget()
+      do i = 1, size(balance%forces)
+        if (.not. is_free(solver, i)) cycle
+        balance%forces(i)%active = .false.
+        if (allocated(balance%forces(i)%jacobian)) deallocate (balance%forces(i)%jacobian)
+      end do
+    end associate
+  end subroutine evaluate
+
+  !> Does this rank's contact hold its slider, whatever that is?
+  pure logical function is_free(solver, contact)
+    type(solver_type), intent(in) :: solver
+    integer, intent(in) :: contact
+
+    associate (forces => solver%context%balance%forces(contact))
+      is_free = .not. forces%unique .and. (forces%state == state_stuck .or. forces%state == state_shaken_down)
+    end associate
+  end function is_free
+
+  !> Deviations of this rank's rows [2 H + 1, rows].
+  pure function own_deviation(solver) result(deviation)
+    type(solver_type), intent(in) :: solver
+    real(wp), allocatable :: deviation(:, :)
+    integer :: i
+
+    associate (balance => solver%context%balance)
+      allocate (deviation, mold=balance%residual)
+      do i = 1, size(balance%law)
+        associate (first => balance%law(i)%first_row)
+          deviation(:, first:first + balance%law(i)%tangents) = balance%forces(i)%deviation(:size(deviation, 1), :)
+        end associate
+      end do
+    end associate
+  end function own_deviation
+
+  !> Forces and monitors of all ranks from motion and deviation of this rank's rows and the structure's response.
+  subroutine gather(solver, motion, deviation, response, self)
+    type(solver_type), intent(in) :: solver
+    real(wp), intent(in) :: motion(:, :), deviation(:, :)
+    complex(wp), intent(in) :: response(:, :)
+    type(description_type), intent(inout) :: self
+    real(wp) :: stiffness
+    integer :: i, row, place
+
+    associate (balance => solver%context%balance)
+      allocate (self%force(balance%coefficients(), 3, size(solver%contacts%law)), source=0.0_wp)
+      do i = 1, size(balance%law)
+        associate (law => balance%law(i))
+          do row = 1, law%tangents + 1
+            place = merge(3, row, row > law%tangents)
+            stiffness = merge(law%normal_stiffness, law%tangential_stiffness, row > law%tangents)
+            self%force(:, place, balance%first_contact - 1 + i) = deviation(:, law%first_row + row - 1) &
+                                                                  + stiffness*motion(:, law%first_row + row - 1)
+          end do
+        end associate
+      end do
+      do i = 1, size(self%force, 3)
+        call balance%ranks%sum(self%force(:, :, i))
+      end do
+      self%monitors = matmul(to_real(response), matmul(transpose(balance%receptance%basis), solver%structure%monitors))
+    end associate
+  end subroutine gather
+end module attrito_family_members

@@ -1,0 +1,257 @@
+!> The linear system with every contact stuck, at one frequency and all harmonics.
+!>
+!> $$ \tilde Z_h(\omega) x_h = F_h, \qquad \tilde Z_h = \tilde K - (h \omega)^2 M + i h \omega C, \qquad \tilde K = K + B^T K_c B $$
+!>
+!> in generalised coordinates x with q = basis x: the modes of (K~, M) where damping leaves them uncoupled, q itself elsewhere.
+!> Harmonic h is held as a complex column X_h = x_ch - i x_sh, h = 0 ... H.
+module attrito_linear_receptance
+  use attrito_core_kinds, only: wp
+  implicit none
+  private
+  public :: receptance_type, to_complex, to_real
+
+  type, abstract :: receptance_type
+    !> Columns turn generalised coordinates into those of the model: q = basis x [m, n]
+    real(wp), allocatable :: basis(:, :)
+    !> Rows of B in generalised coordinates, in columns [n, rows]
+    real(wp), allocatable :: directions(:, :)
+    !> Highest harmonic
+    integer :: harmonics = 0
+    !> Lowest harmonic it answers for: 1 where the mean has no support
+    integer :: lowest = 0
+    !> Angular frequency it is set to, and the highest harmonic that it is set for
+    real(wp) :: omega = -1.0_wp
+    integer :: highest = 0
+    !> Part of its stiffness that is added to that of the mean: see `hold_mean`
+    real(wp) :: held = 0.0_wp
+    !> Autonomous motion: damping taken away, a part of the mass; a mode that a spring holds at harmonic 1, if any, and this spring in
+    !> that mode's coordinate
+    real(wp) :: excitation = 0.0_wp, lift = 0.0_wp
+    integer :: lifted_mode = 0
+  contains
+    procedure(set_harmonics), deferred :: set_harmonics
+    procedure(set_frequency), deferred :: set_frequency
+    procedure(respond), deferred :: respond
+    procedure(respond_derivative), deferred :: respond_derivative
+    procedure(inertia_of), deferred :: inertia_of
+    procedure(block_between), deferred :: block_between
+    procedure(low_shapes), deferred :: low_shapes
+    procedure(low_stiffness), deferred :: low_stiffness
+    procedure(remainder), deferred :: remainder
+    procedure :: respond_inertia
+    procedure :: respond_excitation
+    procedure :: uncoupled_modes
+    procedure :: hold_mean
+    procedure :: excite
+    procedure :: lift_mode
+    procedure :: is_set
+  end type receptance_type
+
+  abstract interface
+    !> Answer for so many harmonics from now on; a frequency is to be set anew.
+    subroutine set_harmonics(self, harmonics)
+      import :: receptance_type
+      class(receptance_type), intent(inout) :: self
+      integer, intent(in) :: harmonics
+    end subroutine set_harmonics
+
+    !> Make ready for an angular frequency, and for all harmonics unless told the highest that will be asked for.
+    subroutine set_frequency(self, omega, status, highest)
+      import :: receptance_type, wp
+      class(receptance_type), intent(inout) :: self
+      !> rad per time
+      real(wp), intent(in) :: omega
+      !> 0, or not: the system is singular there
+      integer, intent(out) :: status
+      integer, intent(in), optional :: highest
+    end subroutine set_frequency
+
+    !> X_h = Z_h^-1 F_h, up to any harmonic that it is set for.
+    subroutine respond(self, force, response)
+      import :: receptance_type, wp
+      class(receptance_type), intent(in) :: self
+      !> F [n, 0:h]
+      complex(wp), intent(in) :: force(:, 0:)
+      !> X [n, 0:h]
+      complex(wp), intent(out) :: response(:, 0:)
+    end subroutine respond
+
+    !> dX_h/domega = -Z_h^-1 (dZ_h/domega) X_h.
+    subroutine respond_derivative(self, response, derivative)
+      import :: receptance_type, wp
+      class(receptance_type), intent(in) :: self
+      !> X [n, 0:H]
+      complex(wp), intent(in) :: response(:, 0:)
+      !> dX/domega [n, 0:H]
+      complex(wp), intent(out) :: derivative(:, 0:)
+    end subroutine respond_derivative
+
+    !> M X_h.
+    subroutine inertia_of(self, response, product)
+      import :: receptance_type, wp
+      class(receptance_type), intent(in) :: self
+      !> X [n, 0:H]
+      complex(wp), intent(in) :: response(:, 0:)
+      !> [n, 0:H]
+      complex(wp), intent(out) :: product(:, 0:)
+    end subroutine inertia_of
+
+    !> Receptance between rows of B at one harmonic, B_a Z_h^-1 B_b^T.
+    subroutine block_between(self, h, rows_a, rows_b, block)
+      import :: receptance_type, wp
+      class(receptance_type), intent(in) :: self
+      integer, intent(in) :: h
+      !> Rows of B, from 1
+      integer, intent(in) :: rows_a(:), rows_b(:)
+      !> [size(rows_a), size(rows_b)]
+      complex(wp), intent(out) :: block(:, :)
+    end subroutine block_between
+
+    !> The lowest modes of the stuck system at some rows of B: all that the following two take as low.
+    function low_shapes(self, low, directions) result(shapes)
+      import :: receptance_type, wp
+      class(receptance_type), intent(in) :: self
+      integer, intent(in) :: low
+      !> Rows of B in generalised coordinates, in columns [n, rows]
+      real(wp), intent(in) :: directions(:, :)
+      !> [low, rows]
+      real(wp) :: shapes(low, size(directions, 2))
+    end function low_shapes
+
+    !> Dynamic stiffness of the lowest modes at one harmonic, what couples them left out.
+    function low_stiffness(self, h, low) result(stiffness)
+      import :: receptance_type, wp
+      class(receptance_type), intent(in) :: self
+      integer, intent(in) :: h, low
+      complex(wp) :: stiffness(low)
+    end function low_stiffness
+
+    !> Receptance among a few rows of B, less what the lowest modes carry.
+    subroutine remainder(self, low, directions, blocks)
+      import :: receptance_type, wp
+      class(receptance_type), intent(in) :: self
+      integer, intent(in) :: low
+      !> Rows of B in generalised coordinates, in columns [n, rows]
+      real(wp), intent(in) :: directions(:, :)
+      !> [rows, rows, 0:H]
+      complex(wp), intent(out) :: blocks(:, :, 0:)
+    end subroutine remainder
+  end interface
+
+contains
+
+  !> -Z_h^-1 (d^2Z_h/domega^2) X_h = 2 h^2 Z_h^-1 M X_h.
+  subroutine respond_inertia(self, response, derivative)
+    class(receptance_type), intent(in) :: self
+    !> X [n, 0:H]
+    complex(wp), intent(in) :: response(:, 0:)
+    complex(wp), intent(out) :: derivative(:, 0:)
+    integer :: h
+
+    call respond_to_parts(self, [(cmplx(2*h**2, 0, wp), h=0, self%harmonics)], response, derivative)
+  end subroutine respond_inertia
+
+  !> dX_h/dxi = -Z_h^-1 (dZ_h/dxi) X_h = Z_h^-1 i h omega M X_h, xi being `excitation`.
+  subroutine respond_excitation(self, response, derivative)
+    class(receptance_type), intent(in) :: self
+    !> X [n, 0:H]
+    complex(wp), intent(in) :: response(:, 0:)
+    complex(wp), intent(out) :: derivative(:, 0:)
+    integer :: h
+
+    call respond_to_parts(self, [(cmplx(0.0_wp, h*self%omega, wp), h=0, self%harmonics)], response, derivative)
+  end subroutine respond_excitation
+
+  !> Z_h^-1 p_h M X_h.
+  subroutine respond_to_parts(self, parts, response, derivative)
+    class(receptance_type), intent(in) :: self
+    !> p [0:H]
+    complex(wp), intent(in) :: parts(0:)
+    !> X [n, 0:H]
+    complex(wp), intent(in) :: response(:, 0:)
+    complex(wp), intent(out) :: derivative(:, 0:)
+    complex(wp) :: force(size(response, 1), 0:self%harmonics)
+    integer :: h
+
+    call self%inertia_of(response, force)
+    do h = 0, self%harmonics
+      force(:, h) = parts(h)*force(:, h)
+    end do
+    call self%respond(force, derivative)
+  end subroutine respond_to_parts
+
+  !> Stiffness, mass and damping of the modes, ascending, if they are all there is to the response; none where damping couples them.
+  subroutine uncoupled_modes(self, stiffness, mass, damping)
+    class(receptance_type), intent(in) :: self
+    !> [n] or [0]
+    real(wp), allocatable, intent(out) :: stiffness(:), mass(:), damping(:)
+
+    allocate (stiffness(0), mass(0), damping(0))
+  end subroutine uncoupled_modes
+
+  !> Let the damping be C - excitation M from the next frequency that is set on: 0 is the structure itself.
+  subroutine excite(self, excitation)
+    class(receptance_type), intent(inout) :: self
+    real(wp), intent(in) :: excitation
+
+    self%excitation = excitation
+    self%omega = -1.0_wp
+  end subroutine excite
+
+  !> Let a spring hold the coordinate of a mode of the stuck system at harmonic 1, Z_1 + lift M x x^T M/(x^T M x)^2, so that it has an
+  !> inverse at this mode's resonance.
+  subroutine lift_mode(self, mode, lift)
+    class(receptance_type), intent(inout) :: self
+    !> From 1, ascending
+    integer, intent(in) :: mode
+    !> Beside the modal stiffness x^T K~ x
+    real(wp), intent(in) :: lift
+
+    self%lifted_mode = mode
+    self%lift = lift
+    self%omega = -1.0_wp
+  end subroutine lift_mode
+
+  !> Is it ready for an angular frequency and harmonics up to one?
+  pure logical function is_set(self, omega, highest)
+    class(receptance_type), intent(in) :: self
+    real(wp), intent(in) :: omega
+    integer, intent(in) :: highest
+
+    is_set = abs(omega - self%omega) <= 0.0_wp .and. highest <= self%highest
+  end function is_set
+
+  !> Let the mean's stiffness be (1 + part) K~ from the next frequency that is set on: 0 is the structure itself.
+  subroutine hold_mean(self, part)
+    class(receptance_type), intent(inout) :: self
+    real(wp), intent(in) :: part
+
+    self%held = part
+    self%omega = -1.0_wp
+  end subroutine hold_mean
+
+  !> Real coefficients [2 H + 1, n] as complex columns [n, 0:H].
+  pure function to_complex(coefficients) result(columns)
+    real(wp), intent(in) :: coefficients(:, :)
+    complex(wp) :: columns(size(coefficients, 2), 0:(size(coefficients, 1) - 1)/2)
+    integer :: h
+
+    columns(:, 0) = coefficients(1, :)
+    do h = 1, ubound(columns, 2)
+      columns(:, h) = cmplx(coefficients(2*h, :), -coefficients(2*h + 1, :), wp)
+    end do
+  end function to_complex
+
+  !> Complex columns [n, 0:H] as real coefficients [2 H + 1, n].
+  pure function to_real(columns) result(coefficients)
+    complex(wp), intent(in) :: columns(:, 0:)
+    real(wp) :: coefficients(2*ubound(columns, 2) + 1, size(columns, 1))
+    integer :: h
+
+    coefficients(1, :) = real(columns(:, 0), wp)
+    do h = 1, ubound(columns, 2)
+      coefficients(2*h, :) = real(columns(:, h), wp)
+      coefficients(2*h + 1, :) = -aimag(columns(:, h))
+    end do
+  end function to_real
+end module attrito_linear_receptance

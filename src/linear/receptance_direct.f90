@@ -1,0 +1,218 @@
+!> Receptance by a dense factorisation per harmonic: for any damping. Slower than modes, never wrong.
+!>
+!> $$ \tilde Z_h = \tilde K - (h \omega)^2 M + i h \omega C + i \eta K \; [h > 0] $$
+!>
+!> Structural damping acts on K, not on the contact springs, and not at harmonic 0.
+module attrito_linear_receptance_direct
+  use attrito_core_kinds, only: wp
+  use attrito_core_lapack, only: factor_complex, solve_factored_complex
+  use attrito_model_structure, only: structure_type, damping_viscous, damping_mass, damping_loss_factor
+  use attrito_linear_receptance, only: receptance_type
+  implicit none
+  private
+  public :: receptance_direct_type, new_receptance_direct
+
+  type, extends(receptance_type) :: receptance_direct_type
+    !> K~, M and viscous C [m, m]
+    real(wp), allocatable :: stuck_stiffness(:, :), mass(:, :), viscous(:, :)
+    !> Modes of (K~, M) [m, m]
+    real(wp), allocatable :: modes(:, :)
+    !> eta K [m, m]
+    real(wp), allocatable :: structural(:, :)
+    !> Factors of Z_h [m, m, 0:H] and their row interchanges [m, 0:H]
+    complex(wp), allocatable, private :: factors(:, :, :)
+    integer, allocatable, private :: pivots(:, :)
+  contains
+    procedure :: set_harmonics
+    procedure :: set_frequency
+    procedure :: respond
+    procedure :: respond_derivative
+    procedure :: inertia_of
+    procedure :: block_between
+    procedure :: low_shapes
+    procedure :: low_stiffness
+    procedure :: remainder
+  end type receptance_direct_type
+
+contains
+
+  !> From the structure, K~ [m, m], its modes [m, m] and the rows of B in columns [m, rows].
+  function new_receptance_direct(structure, stuck_stiffness, modes, directions, harmonics) result(self)
+    type(structure_type), intent(in) :: structure
+    real(wp), intent(in) :: stuck_stiffness(:, :), modes(:, :), directions(:, :)
+    integer, intent(in) :: harmonics
+    type(receptance_direct_type) :: self
+    integer :: i, m
+
+    m = size(stuck_stiffness, 1)
+    self%stuck_stiffness = stuck_stiffness
+    self%modes = modes
+    self%mass = structure%mass
+    allocate (self%viscous(m, m), self%structural(m, m), self%basis(m, m), source=0.0_wp)
+    if (structure%damping_kind == damping_viscous) self%viscous = structure%damping
+    if (structure%damping_kind == damping_mass) self%viscous = structure%damping_value*structure%mass
+    if (structure%damping_kind == damping_loss_factor) self%structural = structure%damping_value*structure%stiffness
+    do i = 1, m
+      self%basis(i, i) = 1.0_wp
+    end do
+    self%directions = directions
+    call self%set_harmonics(harmonics)
+  end function new_receptance_direct
+
+  subroutine set_harmonics(self, harmonics)
+    class(receptance_direct_type), intent(inout) :: self
+    integer, intent(in) :: harmonics
+    integer :: m
+
+    m = size(self%mass, 1)
+    self%harmonics = harmonics
+    self%omega = -1.0_wp
+    if (allocated(self%factors)) deallocate (self%factors, self%pivots)
+    allocate (self%factors(m, m, 0:harmonics), self%pivots(m, 0:harmonics))
+  end subroutine set_harmonics
+
+  subroutine set_frequency(self, omega, status, highest)
+    class(receptance_direct_type), intent(inout) :: self
+    real(wp), intent(in) :: omega
+    integer, intent(out) :: status
+    integer, intent(in), optional :: highest
+    integer :: h, first, last
+
+    status = 0
+    last = self%harmonics
+    if (present(highest)) last = min(highest, last)
+    if (self%is_set(omega, last)) return
+    first = max(merge(0, 1, self%omega < 0.0_wp), self%lowest)
+    ! Until all harmonics are factored the factors belong to no frequency.
+    self%omega = -1.0_wp
+    self%highest = last
+    do h = first, last
+      self%factors(:, :, h) = cmplx(self%stuck_stiffness - (h*omega)**2*self%mass, h*omega*damping_of(self), wp)
+      if (h > 0) self%factors(:, :, h) = self%factors(:, :, h) + (0.0_wp, 1.0_wp)*self%structural
+      if (h == 0) self%factors(:, :, h) = (1.0_wp + self%held)*self%factors(:, :, h)
+      if (h == 1 .and. self%lifted_mode > 0) self%factors(:, :, h) = self%factors(:, :, h) + lift_of(self)
+      call factor_complex(self%factors(:, :, h), self%pivots(:, h), status)
+      if (status /= 0) return
+    end do
+    self%omega = omega
+  end subroutine set_frequency
+
+  subroutine respond(self, force, response)
+    class(receptance_direct_type), intent(in) :: self
+    complex(wp), intent(in) :: force(:, 0:)
+    complex(wp), intent(out) :: response(:, 0:)
+    complex(wp) :: column(size(force, 1), 1)
+    integer :: h
+
+    if (ubound(force, 2) > self%highest) error stop 'receptance: asked beyond the harmonics that it is set for'
+    response(:, :self%lowest - 1) = 0.0_wp
+    do h = self%lowest, ubound(force, 2)
+      column(:, 1) = force(:, h)
+      call solve_factored_complex(self%factors(:, :, h), self%pivots(:, h), column)
+      response(:, h) = column(:, 1)
+    end do
+  end subroutine respond
+
+  subroutine respond_derivative(self, response, derivative)
+    class(receptance_direct_type), intent(in) :: self
+    complex(wp), intent(in) :: response(:, 0:)
+    complex(wp), intent(out) :: derivative(:, 0:)
+    complex(wp) :: force(size(response, 1), 0:self%harmonics)
+    integer :: h
+
+    do h = 0, self%harmonics
+      force(:, h) = 2.0_wp*h**2*self%omega*matmul(self%mass, response(:, h)) &
+                    - (0.0_wp, 1.0_wp)*h*matmul(damping_of(self), response(:, h))
+    end do
+    call self%respond(force, derivative)
+  end subroutine respond_derivative
+
+  subroutine inertia_of(self, response, product)
+    class(receptance_direct_type), intent(in) :: self
+    complex(wp), intent(in) :: response(:, 0:)
+    complex(wp), intent(out) :: product(:, 0:)
+
+    product = matmul(self%mass, response)
+  end subroutine inertia_of
+
+  !> Viscous damping, with what is taken away [m, m].
+  pure function damping_of(self) result(damping)
+    class(receptance_direct_type), intent(in) :: self
+    real(wp) :: damping(size(self%mass, 1), size(self%mass, 1))
+
+    damping = self%viscous - self%excitation*self%mass
+  end function damping_of
+
+  !> The spring on the lifted mode [m, m].
+  pure function lift_of(self) result(stiffness)
+    class(receptance_direct_type), intent(in) :: self
+    real(wp) :: stiffness(size(self%mass, 1), size(self%mass, 1))
+    real(wp) :: inertia(size(self%mass, 1))
+
+    associate (shape => self%modes(:, self%lifted_mode), m => size(inertia))
+      inertia = matmul(self%mass, shape)
+      inertia = inertia/dot_product(shape, inertia)
+      stiffness = self%lift*spread(inertia, 2, m)*spread(inertia, 1, m)
+    end associate
+  end function lift_of
+
+  subroutine block_between(self, h, rows_a, rows_b, block)
+    class(receptance_direct_type), intent(in) :: self
+    integer, intent(in) :: h, rows_a(:), rows_b(:)
+    complex(wp), intent(out) :: block(:, :)
+    complex(wp) :: columns(size(self%directions, 1), size(rows_b))
+
+    columns = self%directions(:, rows_b)
+    call solve_factored_complex(self%factors(:, :, h), self%pivots(:, h), columns)
+    block = matmul(transpose(self%directions(:, rows_a)), columns)
+  end subroutine block_between
+
+  function low_shapes(self, low, directions) result(shapes)
+    class(receptance_direct_type), intent(in) :: self
+    integer, intent(in) :: low
+    real(wp), intent(in) :: directions(:, :)
+    real(wp) :: shapes(low, size(directions, 2))
+
+    shapes = matmul(transpose(self%modes(:, :low)), directions)
+  end function low_shapes
+
+  function low_stiffness(self, h, low) result(stiffness)
+    class(receptance_direct_type), intent(in) :: self
+    integer, intent(in) :: h, low
+    complex(wp) :: stiffness(low)
+    integer :: i
+
+    do i = 1, low
+      associate (x => self%modes(:, i), frequency => h*self%omega)
+        stiffness(i) = cmplx(dot_product(x, matmul(self%stuck_stiffness, x)) - frequency**2*dot_product(x, matmul(self%mass, x)), &
+                             frequency*dot_product(x, matmul(damping_of(self), x)), wp)
+        if (h > 0) stiffness(i) = stiffness(i) + (0.0_wp, 1.0_wp)*dot_product(x, matmul(self%structural, x))
+        if (h == 0) stiffness(i) = (1.0_wp + self%held)*stiffness(i)
+        if (h == 1 .and. i == self%lifted_mode) stiffness(i) = stiffness(i) + self%lift
+      end associate
+    end do
+  end function low_stiffness
+
+  subroutine remainder(self, low, directions, blocks)
+    class(receptance_direct_type), intent(in) :: self
+    integer, intent(in) :: low
+    real(wp), intent(in) :: directions(:, :)
+    complex(wp), intent(out) :: blocks(:, :, 0:)
+    complex(wp) :: columns(size(directions, 1), size(directions, 2)), stiffness(low)
+    real(wp) :: shapes(low, size(directions, 2))
+    integer :: h, i, rows
+
+    rows = size(directions, 2)
+    shapes = self%low_shapes(low, directions)
+    blocks(:, :, :self%lowest - 1) = 0.0_wp
+    do h = self%lowest, self%harmonics
+      columns = directions
+      call solve_factored_complex(self%factors(:, :, h), self%pivots(:, h), columns)
+      blocks(:, :, h) = matmul(transpose(directions), columns)
+      stiffness = self%low_stiffness(h, low)
+      do i = 1, low
+        blocks(:, :, h) = blocks(:, :, h) - spread(shapes(i, :), 2, rows)*spread(shapes(i, :), 1, rows)/stiffness(i)
+      end do
+    end do
+  end subroutine remainder
+end module attrito_linear_receptance_direct

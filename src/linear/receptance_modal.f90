@@ -1,0 +1,211 @@
+!> Receptance in the modes of the stuck system: diagonal, exact for damping that leaves these modes uncoupled.
+!>
+!> $$ X_{hr} = F_{hr} / (k_r - (h \omega)^2 m_r + i h \omega c_r), \qquad c_r = 2 \zeta \omega_r m_r \text{ or } \alpha m_r $$
+module attrito_linear_receptance_modal
+  use attrito_core_kinds, only: wp
+  use attrito_linear_receptance, only: receptance_type
+  implicit none
+  private
+  public :: receptance_modal_type, new_receptance_modal
+
+  type, extends(receptance_type) :: receptance_modal_type
+    !> Modal stiffness, mass and damping [n], however the modes are normalised
+    real(wp), allocatable :: modal_stiffness(:), modal_mass(:), modal_damping(:)
+    !> Dynamic flexibility at this frequency [n, 0:H], and its real and imaginary parts in turn [n, 2 H + 1]
+    complex(wp), allocatable, private :: flexibility(:, :)
+    real(wp), allocatable, private :: parts(:, :)
+  contains
+    procedure :: set_harmonics
+    procedure :: set_frequency
+    procedure :: respond
+    procedure :: respond_derivative
+    procedure :: inertia_of
+    procedure :: block_between
+    procedure :: low_shapes
+    procedure :: low_stiffness
+    procedure :: remainder
+    procedure :: uncoupled_modes
+  end type receptance_modal_type
+
+contains
+
+  !> From the modes of (K~, M) [m, n], what they carry [n], and the rows of B in columns [m, rows].
+  function new_receptance_modal(modal_stiffness, modal_mass, modal_damping, modes, directions, harmonics) result(self)
+    real(wp), intent(in) :: modal_stiffness(:), modal_mass(:), modal_damping(:), modes(:, :), directions(:, :)
+    integer, intent(in) :: harmonics
+    type(receptance_modal_type) :: self
+
+    self%modal_stiffness = modal_stiffness
+    self%modal_mass = modal_mass
+    self%modal_damping = modal_damping
+    self%basis = modes
+    self%directions = matmul(transpose(modes), directions)
+    call self%set_harmonics(harmonics)
+  end function new_receptance_modal
+
+  subroutine set_harmonics(self, harmonics)
+    class(receptance_modal_type), intent(inout) :: self
+    integer, intent(in) :: harmonics
+
+    self%harmonics = harmonics
+    self%omega = -1.0_wp
+    if (allocated(self%flexibility)) deallocate (self%flexibility, self%parts)
+    allocate (self%flexibility(size(self%modal_mass), 0:harmonics), self%parts(size(self%modal_mass), 2*harmonics + 1))
+  end subroutine set_harmonics
+
+  subroutine set_frequency(self, omega, status, highest)
+    class(receptance_modal_type), intent(inout) :: self
+    real(wp), intent(in) :: omega
+    integer, intent(out) :: status
+    integer, intent(in), optional :: highest
+    real(wp), dimension(size(self%modal_mass)) :: stiffness, loss, square
+    integer :: h, last
+
+    status = 0
+    last = self%harmonics
+    if (present(highest)) last = min(highest, last)
+    if (self%is_set(omega, last)) return
+    self%highest = last
+    do h = 0, last
+      stiffness = self%modal_stiffness - (h*omega)**2*self%modal_mass
+      loss = h*omega*damping_of(self)
+      if (h == 0) stiffness = (1.0_wp + self%held)*stiffness
+      if (h == 1 .and. self%lifted_mode > 0) stiffness(self%lifted_mode) = stiffness(self%lifted_mode) + self%lift
+      if (any(abs(stiffness) + abs(loss) <= 0.0_wp)) then
+        if (h >= self%lowest) status = 1
+        stiffness = 1.0_wp
+        loss = 0.0_wp
+      end if
+      ! Not by a division of complex numbers, whose care for overflow is not needed and takes several times as long.
+      square = stiffness**2 + loss**2
+      self%parts(:, max(2*h, 1)) = stiffness/square
+      if (h > 0) self%parts(:, 2*h + 1) = -loss/square
+      self%flexibility(:, h) = cmplx(stiffness/square, -loss/square, wp)
+    end do
+    ! Refused as often as it is asked for.
+    self%omega = merge(omega, -1.0_wp, status == 0)
+  end subroutine set_frequency
+
+  subroutine respond(self, force, response)
+    class(receptance_modal_type), intent(in) :: self
+    complex(wp), intent(in) :: force(:, 0:)
+    complex(wp), intent(out) :: response(:, 0:)
+
+    if (ubound(force, 2) > self%highest) error stop 'receptance: asked beyond the harmonics that it is set for'
+    response(:, :self%lowest - 1) = 0.0_wp
+    associate (low => self%lowest, high => ubound(force, 2))
+      response(:, low:) = force(:, low:)*self%flexibility(:, low:high)
+    end associate
+  end subroutine respond
+
+  subroutine respond_derivative(self, response, derivative)
+    class(receptance_modal_type), intent(in) :: self
+    complex(wp), intent(in) :: response(:, 0:)
+    complex(wp), intent(out) :: derivative(:, 0:)
+
+    complex(wp) :: force(size(response, 1), 0:self%harmonics)
+    integer :: h
+
+    do h = 0, self%harmonics
+      force(:, h) = cmplx(2.0_wp*h**2*self%omega*self%modal_mass, -h*damping_of(self), wp)*response(:, h)
+    end do
+    call self%respond(force, derivative)
+  end subroutine respond_derivative
+
+  subroutine inertia_of(self, response, product)
+    class(receptance_modal_type), intent(in) :: self
+    complex(wp), intent(in) :: response(:, 0:)
+    complex(wp), intent(out) :: product(:, 0:)
+
+    product = spread(self%modal_mass, 2, size(response, 2))*response
+  end subroutine inertia_of
+
+  !> What the modes are damped by, with what is taken away.
+  pure function damping_of(self) result(damping)
+    class(receptance_modal_type), intent(in) :: self
+    real(wp) :: damping(size(self%modal_mass))
+
+    damping = self%modal_damping - self%excitation*self%modal_mass
+  end function damping_of
+
+  subroutine block_between(self, h, rows_a, rows_b, block)
+    class(receptance_modal_type), intent(in) :: self
+    integer, intent(in) :: h, rows_a(:), rows_b(:)
+    complex(wp), intent(out) :: block(:, :)
+    complex(wp) :: flexibility(size(self%modal_mass))
+    real(wp) :: a(size(rows_a), size(self%modal_mass)), b(size(self%modal_mass), size(rows_b))
+    real(wp) :: re(size(rows_a), size(rows_b)), im(size(rows_a), size(rows_b))
+
+    flexibility = self%flexibility(:, h)
+    a = transpose(self%directions(:, rows_a))
+    b = self%directions(:, rows_b)
+    re = matmul(a, spread(real(flexibility, wp), 2, size(rows_b))*b)
+    if (h == 0) then
+      im = 0.0_wp
+    else
+      im = matmul(a, spread(aimag(flexibility), 2, size(rows_b))*b)
+    end if
+    block = cmplx(re, im, wp)
+  end subroutine block_between
+
+  function low_shapes(self, low, directions) result(shapes)
+    class(receptance_modal_type), intent(in) :: self
+    integer, intent(in) :: low
+    real(wp), intent(in) :: directions(:, :)
+    real(wp) :: shapes(low, size(directions, 2))
+
+    shapes = directions(:low, :)
+  end function low_shapes
+
+  function low_stiffness(self, h, low) result(stiffness)
+    class(receptance_modal_type), intent(in) :: self
+    integer, intent(in) :: h, low
+    complex(wp) :: stiffness(low)
+
+    stiffness = 1.0_wp/self%flexibility(:low, h)
+  end function low_stiffness
+
+  subroutine uncoupled_modes(self, stiffness, mass, damping)
+    class(receptance_modal_type), intent(in) :: self
+    real(wp), allocatable, intent(out) :: stiffness(:), mass(:), damping(:)
+
+    if (self%lifted_mode > 0) then
+      ! Not alike at all harmonics.
+      allocate (stiffness(0), mass(0), damping(0))
+      return
+    end if
+    stiffness = self%modal_stiffness
+    mass = self%modal_mass
+    damping = damping_of(self)
+  end subroutine uncoupled_modes
+
+  subroutine remainder(self, low, directions, blocks)
+    class(receptance_modal_type), intent(in) :: self
+    integer, intent(in) :: low
+    real(wp), intent(in) :: directions(:, :)
+    complex(wp), intent(out) :: blocks(:, :, 0:)
+    real(wp) :: pairs(size(directions, 1) - low, size(directions, 2)*(size(directions, 2) + 1)/2)
+    real(wp) :: sums(size(pairs, 2), 2*self%harmonics + 1)
+    integer :: h, i, j, pair
+
+    pair = 0
+    do j = 1, size(directions, 2)
+      do i = 1, j
+        pair = pair + 1
+        pairs(:, pair) = directions(low + 1:, i)*directions(low + 1:, j)
+      end do
+    end do
+    sums = matmul(transpose(pairs), self%parts(low + 1:, :))
+    pair = 0
+    do j = 1, size(directions, 2)
+      do i = 1, j
+        pair = pair + 1
+        blocks(i, j, 0) = sums(pair, 1)
+        do h = 1, self%harmonics
+          blocks(i, j, h) = cmplx(sums(pair, 2*h), sums(pair, 2*h + 1), wp)
+        end do
+        blocks(j, i, :) = blocks(i, j, :)
+      end do
+    end do
+  end subroutine remainder
+end module attrito_linear_receptance_modal

@@ -1,0 +1,93 @@
+!> Motions that the structure leaves free: along them the contacts' mean forces have to balance the static loads by themselves,
+!>
+!> $$ s = Z^T (f_0 - B^T \lambda_0) = 0 \quad \text{where} \quad K Z = 0, \qquad (K_c B Z)^T K_c B Z = I. $$
+!>
+!> The residual r_0 of the condensed balance tells that but for rounding: s = -(K_c B Z)^T r_0, so |s| <= |r_0| at every motion.
+!> Rounding of the stuck modes, though, is a spring (1e-12 of the contacts' with 100 of them), and far enough away it holds a body
+!> that walks. There r_0 vanishes and s does not.
+module attrito_linear_rigid_body_modes
+  use attrito_core_kinds, only: wp
+  use attrito_core_lapack, only: null_space, solve_dense, symmetric_eigenpairs
+  use attrito_model_contacts, only: contacts_type
+  use attrito_model_structure, only: structure_type
+  implicit none
+  private
+  public :: free_motions_type, new_free_motions, free_motions
+
+  !> Square of the part of a motion's forces that is normal, up to which it is rounding
+  real(wp), parameter :: no_part = 1.0e-12_wp
+
+  type :: free_motions_type
+    !> How many, and how many of these, the first, slide along all contacts
+    integer :: count = 0, sliding = 0
+    !> B Z of all rows, and the same times the rows' stiffness [rows, count]
+    real(wp), allocatable :: rows(:, :), held_rows(:, :)
+    !> Static loads in columns [count, loads], and the constant part of the harmonic load at level 1 [count]
+    real(wp), allocatable :: static_loads(:, :), mean_load(:)
+  contains
+    procedure :: slide_of
+  end type free_motions_type
+
+contains
+
+  !> Of a structure that contacts hold.
+  function new_free_motions(structure, contacts) result(self)
+    type(structure_type), intent(in) :: structure
+    type(contacts_type), intent(in) :: contacts
+    type(free_motions_type) :: self
+    real(wp), allocatable :: motions(:, :), normal_part(:), turned(:, :), normal(:, :)
+    integer :: info
+
+    motions = free_motions(structure%stiffness)
+    if (size(motions, 2) == 0) return
+    self%rows = matmul(transpose(contacts%directions), motions)
+    self%held_rows = spread(contacts%row_stiffness, 2, size(motions, 2))*self%rows
+    normal = self%held_rows(contacts%law%first_row + contacts%law%tangents, :)
+    call symmetric_eigenpairs(matmul(transpose(normal), normal), matmul(transpose(self%held_rows), self%held_rows), &
+                              normal_part, turned, info)
+    if (info /= 0) return
+    self%count = size(motions, 2)
+    self%sliding = count(normal_part <= no_part)
+    self%rows = matmul(self%rows, turned)
+    self%held_rows = matmul(self%held_rows, turned)
+    motions = matmul(motions, turned)
+    self%static_loads = matmul(transpose(motions), structure%static_loads)
+    self%mean_load = matmul(structure%harmonic_load(:, 1), motions)
+  end function new_free_motions
+
+  !> Motions that a stiffness makes nothing of but rounding [m, count]: scaled to a unit diagonal, so that stiff and soft parts count
+  !> alike and stiff contacts beside soft parts do not look like free motions.
+  function free_motions(stiffness) result(motions)
+    real(wp), intent(in) :: stiffness(:, :)
+    real(wp), allocatable :: motions(:, :)
+    real(wp) :: scale(size(stiffness, 1))
+    integer :: i
+
+    scale = [(stiffness(i, i), i=1, size(scale))]
+    where (scale > 0.0_wp)
+      scale = 1.0_wp/sqrt(scale)
+    else where
+      scale = 1.0_wp
+    end where
+    call null_space(stiffness*spread(scale, 1, size(scale))*spread(scale, 2, size(scale)), &
+                    10.0_wp*epsilon(1.0_wp)*size(scale), motions)
+    motions = motions*spread(scale, 2, size(motions, 2))
+  end function free_motions
+
+  !> Of mean displacements d the part that slides along all contacts, (B Z)_i c with the c that leave least of d in their springs,
+  !>
+  !> $$ (B Z)^T K_c B Z \, c = (B Z)^T K_c d. $$
+  function slide_of(self, held) result(slide)
+    class(free_motions_type), intent(in) :: self
+    !> (K_c B Z)^T d of the motions that slide, summed over all rows [sliding]
+    real(wp), intent(in) :: held(:)
+    !> c [sliding]
+    real(wp) :: slide(size(held)), matrix(size(held), size(held)), right(size(held), 1)
+    integer :: info
+
+    matrix = matmul(transpose(self%rows(:, :size(held))), self%held_rows(:, :size(held)))
+    right(:, 1) = held
+    call solve_dense(matrix, right, info)
+    slide = merge(right(:, 1), 0.0_wp, info == 0)
+  end function slide_of
+end module attrito_linear_rigid_body_modes

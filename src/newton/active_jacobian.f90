@@ -1,0 +1,64 @@
+!> Derivative of the active contacts' forces as a Newton step takes it, contact by contact and without the rows that are zero:
+!>
+!> $$ D = (1 - s) \, dg/dd, $$
+!>
+!> s being what contacts keep of their springs. All ways to solve the condensed system take it from here.
+module attrito_newton_active_jacobian
+  use attrito_core_kinds, only: wp
+  use attrito_balance_harmonic_balance, only: balance_type
+  use attrito_linear_receptance, only: to_real
+  implicit none
+  private
+  public :: contact_jacobian_type, jacobian_of, unknowns_of, places_of_rows, change_with_omega
+
+  !> D of one contact: its rows that are not zero, and these [rows, all columns]
+  type :: contact_jacobian_type
+    integer, allocatable :: rows(:)
+    real(wp), allocatable :: values(:, :)
+  end type contact_jacobian_type
+
+contains
+
+  !> Of an active contact, by its place among these.
+  pure function jacobian_of(balance, contact) result(self)
+    type(balance_type), intent(in) :: balance
+    integer, intent(in) :: contact
+    type(contact_jacobian_type) :: self
+    integer :: i
+
+    associate (forces => balance%forces(balance%active%contacts(contact)))
+      self%rows = pack([(i, i=1, size(forces%active))], forces%active)
+      self%values = (1.0_wp - balance%stiffening)*forces%jacobian(self%rows, :)
+    end associate
+  end function jacobian_of
+
+  !> How many rows of D on this rank are not zero: its part of the condensed system.
+  pure integer function unknowns_of(balance) result(unknowns)
+    type(balance_type), intent(in) :: balance
+    integer :: i
+
+    unknowns = 0
+    do i = 1, size(balance%active%contacts)
+      unknowns = unknowns + count(balance%forces(balance%active%contacts(i))%active)
+    end do
+  end function unknowns_of
+
+  !> Places of the active rows among the rows of all ranks.
+  pure function places_of_rows(balance) result(places)
+    type(balance_type), intent(in) :: balance
+    integer :: places(balance%active%count)
+    integer :: i, row
+
+    associate (active => balance%active)
+      places = [((balance%first_row - 1 + active%source(i) + row, row=0, active%rows(i) - 1), i=1, size(active%rows))]
+    end associate
+  end function places_of_rows
+
+  !> Derivative of the balance's residual by omega on the active rows, b [2 H + 1, active rows].
+  pure function change_with_omega(balance) result(change)
+    type(balance_type), intent(in) :: balance
+    real(wp) :: change(balance%coefficients(), balance%active%count)
+
+    change = -matmul(to_real(balance%response_omega), balance%active%directions)
+  end function change_with_omega
+end module attrito_newton_active_jacobian

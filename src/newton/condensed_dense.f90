@@ -1,0 +1,240 @@
+!> The condensed linear system of a Newton step, formed on the active rows only and solved by LU:
+!>
+!>   [ I + (D R)_AA     (D b)_A ] [ y            ]   [ (D rho)_A         ]
+!>   [ -p^T R_A         q - p^T b ] [ delta omega ] = [ sigma - p^T rho  ]
+!>
+!> A are the rows where D = dg/dd is not zero: a stuck contact costs nothing, one that slips without opening its tangents only; the
+!> bordered form is regular at simple folds. Ranks bring their rows; the first solves.
+module attrito_newton_condensed_dense
+  use attrito_core_kinds, only: wp
+  use attrito_core_lapack, only: solve_dense
+  use attrito_newton_active_jacobian, only: change_with_omega, contact_jacobian_type, jacobian_of, places_of_rows, unknowns_of
+  use attrito_newton_border, only: border_type
+  use attrito_balance_harmonic_balance, only: balance_type
+  implicit none
+  private
+  public :: solve_by_elimination
+
+  !> An active entry of D's rows
+  type :: entry_type
+    !> Row of B among all ranks', coefficient in it; place of the row among the active ones of its rank, if that is this one
+    integer :: row = 0, coefficient = 0, place = 0
+  end type entry_type
+
+  !> Receptance at one harmonic
+  type :: block_type
+    !> Active entries of this harmonic, by their place among all
+    integer, allocatable :: columns(:)
+    !> From them to rows of this rank [rows, columns]
+    complex(wp), allocatable :: values(:, :)
+  end type block_type
+
+contains
+
+  !> Solve for y and omega; the balance holds the Jacobian of its last evaluation.
+  subroutine solve_by_elimination(balance, border, rho, last, y, omega, status)
+    type(balance_type), intent(in) :: balance
+    type(border_type), intent(in) :: border
+    !> Right-hand side of the balance [2 H + 1, active rows], and sigma - p^T rho
+    real(wp), intent(in) :: rho(:, :), last
+    !> D delta d [2 H + 1, active rows] and step of omega
+    real(wp), intent(out) :: y(:, :), omega
+    !> 0, or not: singular
+    integer, intent(out) :: status
+    type(entry_type), allocatable :: mine(:), all(:)
+    real(wp), allocatable :: transposed_rows(:, :), everyone(:, :), system(:, :), solution(:, :), bottom(:, :), row(:, :)
+    integer :: i, n
+
+    call list_active(balance, mine, all)
+    n = size(all)
+    call assemble_rows(balance, mine, all, rho, transposed_rows)
+    call balance%ranks%gather_columns(transposed_rows, everyone)
+    row = 0.0_wp*rho
+    if (border%has_motion) row = border%row_at(balance%active%directions)
+    call balance%ranks%gather_columns(reshape([(row(mine(i)%coefficient, mine(i)%place), i=1, size(mine))], [1, size(mine)]), bottom)
+    allocate (solution(n + 1, 1), source=0.0_wp)
+    status = 0
+    if (balance%ranks%is_root()) then
+      allocate (system(n + 1, n + 1))
+      system(:n, :) = transpose(everyone(:n + 1, :))
+      solution(:n, 1) = everyone(n + 2, :)
+      system(n + 1, :) = [-bottom, border%corner]
+      solution(n + 1, 1) = last
+      call solve_equilibrated(system, solution, status)
+    end if
+    call balance%ranks%broadcast_integer(status)
+    y = 0.0_wp
+    omega = 0.0_wp
+    if (status /= 0) return
+    call balance%ranks%broadcast(solution(:, 1))
+    i = offset_of_rank(mine, all)
+    call scatter(mine, solution(i + 1:i + size(mine), 1), y)
+    omega = solution(n + 1, 1)
+  end subroutine solve_by_elimination
+
+  !> Solve with the border, whose units are its own, of the size of the rest: pivots do not depend on the units of length and time.
+  subroutine solve_equilibrated(system, solution, status)
+    !> [n + 1, n + 1], destroyed
+    real(wp), intent(inout), contiguous :: system(:, :)
+    !> Right-hand side, then solution [n + 1, 1]
+    real(wp), intent(inout), contiguous :: solution(:, :)
+    integer, intent(out) :: status
+    real(wp) :: column, row
+    integer :: n
+
+    n = size(system, 1) - 1
+    column = largest_or_one(system(:n, n + 1))
+    system(:, n + 1) = system(:, n + 1)/column
+    row = largest_or_one(system(n + 1, :))
+    system(n + 1, :) = system(n + 1, :)/row
+    solution(n + 1, 1) = solution(n + 1, 1)/row
+    call solve_dense(system, solution, status)
+    solution(n + 1, 1) = solution(n + 1, 1)/column
+  end subroutine solve_equilibrated
+
+  !> Largest size of any number, or 1 if there is none above zero.
+  pure real(wp) function largest_or_one(numbers) result(largest)
+    real(wp), intent(in) :: numbers(:)
+
+    largest = maxval([0.0_wp, abs(numbers)])
+    if (.not. largest > 0.0_wp) largest = 1.0_wp
+  end function largest_or_one
+
+  !> Active entries of this rank and of all, in the order of ranks.
+  subroutine list_active(balance, mine, all)
+    type(balance_type), intent(in) :: balance
+    type(entry_type), allocatable, intent(out) :: mine(:), all(:)
+    integer, allocatable :: unpacked(:)
+    integer :: packed(balance%active%count*balance%coefficients())
+    integer :: contact, count, i, k
+
+    k = balance%coefficients()
+    allocate (mine(unknowns_of(balance)))
+    count = 0
+    associate (rows => balance%active)
+      do contact = 1, size(rows%contacts)
+        associate (active => balance%forces(rows%contacts(contact))%active, above => balance%first_row + rows%source(contact) - 1)
+          do i = 1, size(active)
+            if (.not. active(i)) cycle
+            count = count + 1
+            mine(count) = entry_type(above + (i - 1)/k, modulo(i - 1, k) + 1, rows%first(contact) + (i - 1)/k)
+            packed(count) = (mine(count)%row - 1)*k + mine(count)%coefficient
+          end do
+        end associate
+      end do
+    end associate
+    call balance%ranks%gather_integers(packed(:count), unpacked)
+    allocate (all(size(unpacked)))
+    do i = 1, size(all)
+      all(i) = entry_type((unpacked(i) - 1)/k + 1, modulo(unpacked(i) - 1, k) + 1)
+    end do
+  end subroutine list_active
+
+  !> This rank's rows of the dense system, as columns: [n + 2, mine], the last two being (D b) and (D rho).
+  subroutine assemble_rows(balance, mine, all, rho, transposed_rows)
+    type(balance_type), intent(in) :: balance
+    type(entry_type), intent(in) :: mine(:), all(:)
+    real(wp), intent(in) :: rho(:, :)
+    real(wp), allocatable, intent(out) :: transposed_rows(:, :)
+    type(block_type), allocatable :: blocks(:)
+    type(contact_jacobian_type) :: jacobian
+    real(wp), allocatable :: receptance(:, :), rows(:, :), by_omega(:, :)
+    integer :: contact, column, i, k, n, offset
+
+    n = size(all)
+    k = balance%coefficients()
+    allocate (transposed_rows(n + 2, size(mine)))
+    call receptance_blocks(balance, all, blocks)
+    by_omega = change_with_omega(balance)
+    column = 0
+    offset = offset_of_rank(mine, all)
+    do contact = 1, size(balance%active%contacts)
+      jacobian = jacobian_of(balance, contact)
+      associate (first => balance%active%first(contact), own => balance%active%rows(contact), count => size(jacobian%rows))
+        call receptance_to(blocks, all, first - 1, own, k, receptance)
+        receptance(:, n + 1) = reshape(by_omega(:, first:first + own - 1), [k*own])
+        receptance(:, n + 2) = reshape(rho(:, first:first + own - 1), [k*own])
+        rows = matmul(jacobian%values, receptance)
+        do i = 1, count
+          rows(i, offset + column + i) = rows(i, offset + column + i) + 1.0_wp
+        end do
+        transposed_rows(:, column + 1:column + count) = transpose(rows)
+        column = column + count
+      end associate
+    end do
+  end subroutine assemble_rows
+
+  !> Receptances from the active entries of each harmonic to all rows of this rank's contacts that have any.
+  subroutine receptance_blocks(balance, all, blocks)
+    type(balance_type), intent(in) :: balance
+    type(entry_type), intent(in) :: all(:)
+    type(block_type), allocatable, intent(out) :: blocks(:)
+    integer :: h, i
+    integer :: rows(balance%active%count)
+
+    rows = places_of_rows(balance)
+    allocate (blocks(0:balance%receptance%harmonics))
+    do h = 0, balance%receptance%harmonics
+      blocks(h)%columns = pack([(i, i=1, size(all))], all%coefficient/2 == h)
+      allocate (blocks(h)%values(size(rows), size(blocks(h)%columns)), source=(0.0_wp, 0.0_wp))
+      if (h == 0 .and. allocated(balance%frozen_mean)) cycle
+      call balance%receptance%block_between(h, rows, all(blocks(h)%columns)%row, blocks(h)%values)
+    end do
+  end subroutine receptance_blocks
+
+  !> Where this rank's active entries begin among all.
+  pure integer function offset_of_rank(mine, all)
+    type(entry_type), intent(in) :: mine(:), all(:)
+
+    offset_of_rank = 0
+    if (size(mine) == 0) return
+    do offset_of_rank = 0, size(all) - 1
+      associate (entry => all(offset_of_rank + 1))
+        if (entry%row == mine(1)%row .and. entry%coefficient == mine(1)%coefficient) return
+      end associate
+    end do
+  end function offset_of_rank
+
+  !> Real receptance from the active entries to all coefficients of a contact's rows [k rows, n + 2]; the last two columns are free.
+  pure subroutine receptance_to(blocks, all, above, rows, k, receptance)
+    type(block_type), intent(in) :: blocks(0:)
+    type(entry_type), intent(in) :: all(:)
+    !> Rows in the blocks before the contact's, its rows, and coefficients a row
+    integer, intent(in) :: above, rows, k
+    real(wp), allocatable, intent(out) :: receptance(:, :)
+    integer :: h, i, row, mean_or_cosine, sine
+
+    allocate (receptance(k*rows, size(all) + 2), source=0.0_wp)
+    do h = 0, ubound(blocks, 1)
+      do i = 1, size(blocks(h)%columns)
+        associate (column => blocks(h)%columns(i))
+          do row = 1, rows
+            mean_or_cosine = (row - 1)*k + max(2*h, 1)
+            sine = (row - 1)*k + 2*h + 1
+            associate (value => blocks(h)%values(above + row, i))
+              if (modulo(all(column)%coefficient, 2) == 0 .or. h == 0) then
+                receptance(mean_or_cosine, column) = real(value, wp)
+                if (h > 0) receptance(sine, column) = -aimag(value)
+              else
+                receptance(mean_or_cosine, column) = aimag(value)
+                receptance(sine, column) = real(value, wp)
+              end if
+            end associate
+          end do
+        end associate
+      end do
+    end do
+  end subroutine receptance_to
+
+  !> Put the solution of this rank's entries into the field of its active rows.
+  pure subroutine scatter(mine, solution, field)
+    type(entry_type), intent(in) :: mine(:)
+    real(wp), intent(in) :: solution(:)
+    real(wp), intent(inout) :: field(:, :)
+    integer :: i
+
+    do i = 1, size(mine)
+      field(mine(i)%coefficient, mine(i)%place) = solution(i)
+    end do
+  end subroutine scatter
+end module attrito_newton_condensed_dense

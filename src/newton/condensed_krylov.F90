@@ -1,0 +1,238 @@
+#include <petsc/finclude/petscksp.h>
+#include "petsc_compatibility.h"
+!> The condensed linear system of a Newton step solved by flexible GMRES, the system applied as a product and preconditioned on two
+!> levels.
+!>
+!> Spread over ranks as the contacts are; unknowns are y where D is not zero, as it is zero elsewhere, and, the root's last, omega.
+!> Source: Saad & Schultz 1986, doi:10.1137/0907058; Saad 1993, doi:10.1137/0914028; Balay et al., PETSc users manual, chapter KSP.
+module attrito_newton_condensed_krylov
+  use petscksp
+  use attrito_core_kinds, only: wp
+  use attrito_newton_border, only: border_type
+  use attrito_newton_condensed_operator, only: condensed_operator_type, new_condensed_operator
+  use attrito_balance_harmonic_balance, only: balance_type
+  use attrito_newton_two_level, only: two_level_type, new_two_level
+  use attrito_newton_two_level_factors, only: two_level_factors_type
+  implicit none
+  private
+  public :: krylov_options_type, solve_by_krylov
+
+  type :: krylov_options_type
+    !> Residual of the linear system, relative to its right-hand side; and what a product may leave out of a mode
+    real(wp) :: tolerance = 1.0e-4_wp
+    !> Modes of the coarse system
+    integer :: low_modes = 32
+    integer :: max_iterations = 300
+  end type krylov_options_type
+
+  !> What PETSc's callbacks see
+  type :: system_type
+    type(condensed_operator_type) :: system
+    type(two_level_type) :: preconditioner
+  end type system_type
+
+#if PETSC_VERSION_LT(3, 23, 0)
+  interface
+    subroutine MatCreateShell(comm, local_rows, local_columns, rows, columns, context, matrix, ierr)
+      import :: system_type, tMat
+      integer :: comm
+      PetscInt :: local_rows, local_columns, rows, columns
+      type(system_type) :: context
+      type(tMat) :: matrix
+      PetscErrorCode :: ierr
+    end subroutine MatCreateShell
+    subroutine MatShellGetContext(matrix, context, ierr)
+      import :: system_type, tMat
+      type(tMat) :: matrix
+      type(system_type), pointer :: context
+      PetscErrorCode :: ierr
+    end subroutine MatShellGetContext
+    subroutine PCShellSetContext(pc, context, ierr)
+      import :: system_type, tPC
+      type(tPC) :: pc
+      type(system_type) :: context
+      PetscErrorCode :: ierr
+    end subroutine PCShellSetContext
+    subroutine PCShellGetContext(pc, context, ierr)
+      import :: system_type, tPC
+      type(tPC) :: pc
+      type(system_type), pointer :: context
+      PetscErrorCode :: ierr
+    end subroutine PCShellGetContext
+  end interface
+#endif
+
+contains
+
+  !> Solve for y and omega; the balance holds the Jacobian of its last evaluation.
+  subroutine solve_by_krylov(balance, border, rho, last, options, factors, y, omega, iterations, status)
+    type(balance_type), target, intent(inout) :: balance
+    type(border_type), intent(in) :: border
+    !> Right-hand side of the balance [2 H + 1, active rows], and sigma - p^T rho
+    real(wp), intent(in) :: rho(:, :), last
+    type(krylov_options_type), intent(in) :: options
+    !> Of the preconditioner; made anew where they do not serve any more
+    type(two_level_factors_type), target, intent(inout) :: factors
+    !> D delta d [2 H + 1, active rows] and step of omega
+    real(wp), intent(out) :: y(:, :), omega
+    integer, intent(out) :: iterations
+    !> 0, or not: singular
+    integer, intent(out) :: status
+    type(system_type), target :: context
+    real(wp), allocatable :: right(:, :)
+    logical :: anew, converged
+    integer :: count
+    PetscErrorCode :: ierr
+
+    y = 0.0_wp
+    omega = 0.0_wp
+    iterations = 0
+    status = 0
+    context%system = new_condensed_operator(balance, border, options%tolerance)
+    right = context%system%multiply_jacobian(rho)
+    do
+      anew = .not. factors%serve(balance)
+      if (anew) call factors%make(balance, options%low_modes, status)
+      if (status /= 0) return
+      call new_two_level(context%system, factors, context%preconditioner)
+      call run(context, options%tolerance, min(options%max_iterations, factors%patience()), right, &
+               context%system%weight*last, y, omega, count, converged, ierr)
+      status = merge(0, 1, ierr == 0)
+      iterations = iterations + count
+      call factors%count(count)
+      if (.not. converged) call factors%discard()
+      ! A step short of its tolerance, with factors just made, is still the best one known: Newton's line search judges it.
+      if (converged .or. anew .or. status /= 0) return
+    end do
+  end subroutine solve_by_krylov
+
+  !> Create the solver, solve and give everything back; `last` has the weight of the system's constraint.
+  subroutine run(context, tolerance, most, right, last, y, omega, iterations, converged, ierr)
+    type(system_type), target, intent(inout) :: context
+    real(wp), intent(in) :: tolerance
+    !> Iterations
+    integer, intent(in) :: most
+    real(wp), intent(in) :: right(:, :), last
+    real(wp), intent(out) :: y(:, :), omega
+    integer, intent(out) :: iterations
+    logical, intent(out) :: converged
+    PetscErrorCode, intent(out) :: ierr
+    type(tVec) :: x, b
+    type(tMat) :: matrix
+    type(tKSP) :: ksp
+    type(tPC) :: pc
+    PetscInt :: n, count
+    PetscInt, parameter :: longest_restart = 100
+    PetscReal :: residual, size_of_right
+
+    iterations = 0
+    converged = .false.
+    y = 0.0_wp
+    omega = 0.0_wp
+    associate (ranks => context%system%balance%ranks)
+      n = size(context%system%unknowns)
+      if (ranks%is_root()) n = n + 1
+      PetscCall(VecCreateMPI(ranks%handle, n, PETSC_DETERMINE, x, ierr))
+      PetscCall(VecDuplicate(x, b, ierr))
+      PetscCall(MatCreateShell(ranks%handle, n, n, PETSC_DETERMINE, PETSC_DETERMINE, context, matrix, ierr))
+      PetscCall(MatShellSetOperation(matrix, MATOP_MULT, multiply, ierr))
+      PetscCall(KSPCreate(ranks%handle, ksp, ierr))
+    end associate
+    PetscCall(KSPSetType(ksp, KSPFGMRES, ierr))
+    PetscCall(KSPGMRESSetRestart(ksp, min(most, longest_restart), ierr))
+    PetscCall(KSPSetPCSide(ksp, PC_RIGHT, ierr))
+    PetscCall(KSPSetOperators(ksp, matrix, matrix, ierr))
+    PetscCall(KSPGetPC(ksp, pc, ierr))
+    PetscCall(PCSetType(pc, PCSHELL, ierr))
+    PetscCall(PCShellSetContext(pc, context, ierr))
+    PetscCall(PCShellSetApply(pc, precondition, ierr))
+    PetscCall(KSPSetTolerances(ksp, tolerance, 0.0_wp, PETSC_DEFAULT_REAL, most, ierr))
+    PetscCall(store(context, b, right, last, ierr))
+    PetscCall(KSPSolve(ksp, b, x, ierr))
+    PetscCall(KSPGetResidualNorm(ksp, residual, ierr))
+    PetscCall(VecNorm(b, NORM_2, size_of_right, ierr))
+    PetscCall(KSPGetIterationNumber(ksp, count, ierr))
+    PetscCall(load(context, x, y, omega, ierr))
+    PetscCall(KSPDestroy(ksp, ierr))
+    PetscCall(MatDestroy(matrix, ierr))
+    PetscCall(VecDestroy(x, ierr))
+    PetscCall(VecDestroy(b, ierr))
+    iterations = count
+    converged = residual <= tolerance*size_of_right
+  end subroutine run
+
+  !> The system times a vector.
+  subroutine multiply(matrix, x, product, ierr)
+    type(tMat) :: matrix
+    type(tVec) :: x, product
+    PetscErrorCode :: ierr
+    type(system_type), pointer :: context
+    real(wp), allocatable :: y(:, :), result(:, :)
+    real(wp) :: omega, last
+
+    PetscCall(MatShellGetContext(matrix, context, ierr))
+    allocate (y, result, mold=context%system%column)
+    PetscCall(load(context, x, y, omega, ierr))
+    call context%system%apply(y, omega, result, last)
+    PetscCall(store(context, product, result, last, ierr))
+  end subroutine multiply
+
+  !> The preconditioner times a vector.
+  subroutine precondition(pc, x, product, ierr)
+    type(tPC) :: pc
+    type(tVec) :: x, product
+    PetscErrorCode :: ierr
+    type(system_type), pointer :: context
+    real(wp), allocatable :: residual(:, :), y(:, :)
+    real(wp) :: last, omega
+
+    PetscCall(PCShellGetContext(pc, context, ierr))
+    allocate (residual, y, mold=context%system%column)
+    PetscCall(load(context, x, residual, last, ierr))
+    call context%preconditioner%apply(residual, last, y, omega)
+    PetscCall(store(context, product, y, omega, ierr))
+  end subroutine precondition
+
+  !> Field and scalar from a vector; the scalar on every rank.
+  subroutine load(context, x, field, scalar, ierr)
+    type(system_type), intent(in) :: context
+    type(tVec) :: x
+    real(wp), intent(out), contiguous, target :: field(:, :)
+    real(wp), intent(out) :: scalar
+    PetscErrorCode, intent(out) :: ierr
+    PetscScalar, pointer :: values(:)
+    real(wp), pointer :: flat(:)
+    real(wp) :: last(1)
+
+    PetscCall(VecGetArrayRead(x, values, ierr))
+    field = 0.0_wp
+    flat(1:size(field)) => field
+    associate (unknowns => context%system%unknowns)
+      flat(unknowns) = values(:size(unknowns))
+    end associate
+    last = 0.0_wp
+    if (context%system%balance%ranks%is_root()) last = values(size(values))
+    PetscCall(VecRestoreArrayRead(x, values, ierr))
+    call context%system%balance%ranks%broadcast(last)
+    scalar = last(1)
+  end subroutine load
+
+  !> A vector from field and scalar.
+  subroutine store(context, x, field, scalar, ierr)
+    type(system_type), intent(in) :: context
+    type(tVec) :: x
+    real(wp), intent(in), contiguous, target :: field(:, :)
+    real(wp), intent(in) :: scalar
+    PetscErrorCode, intent(out) :: ierr
+    PetscScalar, pointer :: values(:)
+    real(wp), pointer :: flat(:)
+
+    PetscCall(VecGetArray(x, values, ierr))
+    flat(1:size(field)) => field
+    associate (unknowns => context%system%unknowns)
+      values(:size(unknowns)) = flat(unknowns)
+    end associate
+    if (context%system%balance%ranks%is_root()) values(size(values)) = scalar
+    PetscCall(VecRestoreArray(x, values, ierr))
+  end subroutine store
+end module attrito_newton_condensed_krylov

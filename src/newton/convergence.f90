@@ -1,0 +1,45 @@
+!> When an iterate of Newton's method is an answer.
+!>
+!> Residuals r and harmonics of the motion x are scaled by the stuck response:
+!>
+!> $$ |r| \le \max(\mathrm{tolerance}, 16 \epsilon |x|), \qquad |x| \le 10^8 $$
+!>
+!> Where contacts are far stiffer than what they hold, motion may exceed the stuck response so far that rounding hides more than the
+!> tolerance. Mean positions do not count in x: a body that walks may be anywhere, and would converge by being far enough away. What
+!> has run off is no answer, whatever residual is told of it.
+module attrito_newton_convergence
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+  use attrito_core_kinds, only: wp
+  implicit none
+  private
+  public :: is_answer, has_run_off, worse_of
+
+  real(wp), parameter :: rounding = 16.0_wp*epsilon(1.0_wp), farthest = 1.0e8_wp
+
+contains
+
+  pure logical function is_answer(residual, motion, tolerance)
+    !> Norms, and the residual asked for
+    real(wp), intent(in) :: residual, motion, tolerance
+
+    is_answer = .false.
+    if (has_run_off(motion) .or. .not. ieee_is_finite(residual)) return
+    is_answer = residual <= max(tolerance, rounding*motion)
+  end function is_answer
+
+  !> The larger of two residuals. A number that is not finite is worse than any: `max` would pass over a NaN.
+  pure real(wp) function worse_of(a, b)
+    real(wp), intent(in) :: a, b
+
+    worse_of = huge(a)
+    if (ieee_is_finite(a) .and. ieee_is_finite(b)) worse_of = max(a, b)
+  end function worse_of
+
+  !> Is a motion, by its norm, too far away for any residual to mean something?
+  pure logical function has_run_off(motion)
+    real(wp), intent(in) :: motion
+
+    has_run_off = .true.
+    if (ieee_is_finite(motion)) has_run_off = motion > farthest
+  end function has_run_off
+end module attrito_newton_convergence

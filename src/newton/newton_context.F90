@@ -1,0 +1,92 @@
+#include <petsc/finclude/petscksp.h>
+!> What PETSc's callbacks of the Newton solver see, and the interfaces that hand it through.
+module attrito_newton_newton_context
+  use petscksp
+  use attrito_core_kinds, only: wp
+  use attrito_newton_border, only: constraint_type
+  use attrito_balance_harmonic_balance, only: balance_type
+  use attrito_newton_linearised_step, only: linear_options_type
+  use attrito_newton_two_level_factors, only: two_level_factors_type
+  use attrito_balance_unknowns, only: unknowns_type
+  implicit none
+  private
+  public :: newton_context_type, context_handle_type, least_stiffening
+#if PETSC_VERSION_LT(3, 23, 0)
+  public :: MatCreateShell, MatShellGetContext, PCShellSetContext, PCShellGetContext
+#endif
+
+  !> Part of their springs that contacts keep in a step that else were singular: where all of them slip and nothing else holds a body,
+  !> its mean position is free, and stays where it was.
+  real(wp), parameter :: least_stiffening = 1.0e-7_wp
+
+  type :: newton_context_type
+    type(balance_type) :: balance
+    !> The equation that picks the point
+    type(constraint_type) :: constraint
+    !> Length and angular frequency that make unknowns and residual of order one
+    real(wp) :: motion_scale = 1.0_wp, frequency_scale = 1.0_wp
+    !> Norm of the scaled residual that counts as converged
+    real(wp) :: tolerance = 1.0e-10_wp
+    type(linear_options_type) :: linear
+    !> GMRES's preconditioner, from one step to the next
+    type(two_level_factors_type) :: preconditioner
+    !> PETSc's code of an error in a solve that it could not carry out; 0: none so far
+    integer :: petsc_error = 0
+    !> Iterations of GMRES since the solve began
+    integer :: linear_iterations = 0
+    !> Springs that contacts keep at first, and norm of the residual at the last Jacobian
+    real(wp) :: stiffening = 0.0_wp, last_norm = 0.0_wp
+    !> The last step that was solved for, and the right-hand side that it answers
+    type(unknowns_type) :: step, right
+    !> Where the balance was last evaluated
+    type(unknowns_type) :: evaluated
+    logical :: is_evaluated = .false.
+  contains
+    procedure :: forget
+  end type newton_context_type
+
+  !> What PETSc is given and hands back: it takes no type that has procedures of its own
+  type :: context_handle_type
+    type(newton_context_type), pointer :: context => null()
+  end type context_handle_type
+
+#if PETSC_VERSION_LT(3, 23, 0)
+  interface
+    subroutine MatCreateShell(comm, local_rows, local_columns, rows, columns, context, matrix, ierr)
+      import :: context_handle_type, tMat
+      integer :: comm
+      PetscInt :: local_rows, local_columns, rows, columns
+      type(context_handle_type) :: context
+      type(tMat) :: matrix
+      PetscErrorCode :: ierr
+    end subroutine MatCreateShell
+    subroutine MatShellGetContext(matrix, context, ierr)
+      import :: context_handle_type, tMat
+      type(tMat) :: matrix
+      type(context_handle_type), pointer :: context
+      PetscErrorCode :: ierr
+    end subroutine MatShellGetContext
+    subroutine PCShellSetContext(pc, context, ierr)
+      import :: context_handle_type, tPC
+      type(tPC) :: pc
+      type(context_handle_type) :: context
+      PetscErrorCode :: ierr
+    end subroutine PCShellSetContext
+    subroutine PCShellGetContext(pc, context, ierr)
+      import :: context_handle_type, tPC
+      type(tPC) :: pc
+      type(context_handle_type), pointer :: context
+      PetscErrorCode :: ierr
+    end subroutine PCShellGetContext
+  end interface
+#endif
+
+contains
+
+  !> Loads, sliders or scales have changed: what was evaluated no longer holds.
+  pure subroutine forget(self)
+    class(newton_context_type), intent(inout) :: self
+
+    self%is_evaluated = .false.
+  end subroutine forget
+end module attrito_newton_newton_context

@@ -1,0 +1,137 @@
+!> Preconditioner of the condensed system: what the lowest modes of the stuck system carry from contact to contact, exactly, and of
+!> the rest what each contact feels of itself.
+!>
+!> $$ R \approx R_{local} + U Z^{-1} U^T, \qquad (I + D R)^{-1} \approx A^{-1} - E U (Z + U^T E U)^{-1} U^T A^{-1}, $$
+!> $$ A = I + D R_{local}, \qquad E = A^{-1} D $$
+!>
+!> U are the lowest modes at the contacts, Z their dynamic stiffness per harmonic (Woodbury's identity). A^-1, E and the inverse of
+!> the coarse system are those of `two_level_factors`, which may be of an earlier Newton iteration, of a point nearby: contacts and
+!> rows that they do not know count as stuck ones, E = 0. GMRES makes up for what has changed since. All is in single precision, so
+!> that it is not quite the same linear operator at every vector: flexible GMRES does not ask for that.
+!> Source: Woodbury 1950; two-level Schwarz methods as in Toselli & Widlund 2005, doi:10.1007/b137868.
+module attrito_newton_two_level
+  use attrito_core_kinds, only: sp, wp
+  use attrito_core_lapack, only: times_vector
+  use attrito_newton_condensed_operator, only: condensed_operator_type
+  use attrito_newton_two_level_factors, only: two_level_factors_type
+  implicit none
+  private
+  public :: two_level_type, new_two_level
+
+  type :: two_level_type
+    type(condensed_operator_type), pointer :: system => null()
+    type(two_level_factors_type), pointer :: factors => null()
+    !> Coefficients a row
+    integer :: coefficients = 0
+    !> Place of every active contact among those that the factors know, 0 for none
+    integer, allocatable :: place(:)
+    !> Modes at the active rows [low, rows]
+    real(sp), allocatable :: shapes(:, :)
+    !> Preconditioned column of omega [k, rows], and what is left of the corner
+    real(wp), allocatable :: column(:, :)
+    real(wp) :: corner = 1.0_wp
+  contains
+    procedure :: apply
+    procedure, private :: apply_inverse
+  end type two_level_type
+
+contains
+
+  !> For a system, with factors at hand.
+  subroutine new_two_level(system, factors, self)
+    type(condensed_operator_type), target, intent(in) :: system
+    type(two_level_factors_type), target, intent(in) :: factors
+    type(two_level_type), intent(out) :: self
+
+    self%system => system
+    self%factors => factors
+    self%coefficients = system%balance%coefficients()
+    associate (active => system%balance%active)
+      self%place = factors%places_of(active%contacts)
+      self%shapes = real(system%balance%receptance%low_shapes(factors%low, active%directions), sp)
+    end associate
+    allocate (self%column, mold=system%column)
+    call self%apply_inverse(system%column, self%column)
+    self%corner = system%corner + system%product_with_row(self%column)
+    if (.not. abs(self%corner) > 0.0_wp) self%corner = 1.0_wp
+  end subroutine new_two_level
+
+  !> Inverse of the approximate system times (residual, last).
+  subroutine apply(self, residual, last, y, omega)
+    class(two_level_type), intent(in) :: self
+    real(wp), intent(in), contiguous :: residual(:, :)
+    real(wp), intent(in) :: last
+    real(wp), intent(out), contiguous :: y(:, :)
+    real(wp), intent(out) :: omega
+
+    call self%apply_inverse(residual, y)
+    omega = (last + self%system%product_with_row(y))/self%corner
+    y = y - self%column*omega
+  end subroutine apply
+
+  !> The same without the border.
+  subroutine apply_inverse(self, residual, y)
+    class(two_level_type), intent(in) :: self
+    real(wp), intent(in), contiguous :: residual(:, :)
+    real(wp), intent(out), contiguous :: y(:, :)
+    real(sp), allocatable, target :: field(:, :), answer(:, :), modal(:, :)
+    real(sp), pointer :: flat_field(:), flat_answer(:), flat_modal(:)
+    real(wp), allocatable :: together(:, :)
+
+    field = real(residual, sp)
+    flat_field(1:size(field)) => field
+    call apply_blocks(self, flat_field)
+    together = matmul(field, transpose(self%shapes))
+    call self%system%balance%ranks%sum(together)
+    modal = real(together, sp)
+    flat_modal(1:size(modal)) => modal
+    allocate (answer, mold=modal)
+    flat_answer(1:size(answer)) => answer
+    call times_vector(self%factors%coarse, flat_modal, flat_answer)
+    ! A frozen mean does not respond.
+    if (allocated(self%system%balance%frozen_mean)) answer(1, :) = 0.0_sp
+    modal = matmul(answer, self%shapes)
+    flat_modal(1:size(modal)) => modal
+    call subtract_stiffness(self, flat_modal, flat_field)
+    y = field
+  end subroutine apply_inverse
+
+  !> A^-1 times a field, coefficient running faster than row, in its place.
+  subroutine apply_blocks(self, field)
+    class(two_level_type), intent(in) :: self
+    real(sp), intent(inout), contiguous :: field(:)
+    real(sp) :: product(3*self%coefficients)
+    integer :: i, start
+
+    do i = 1, size(self%place)
+      if (self%place(i) == 0) cycle
+      start = self%coefficients*(self%system%balance%active%first(i) - 1)
+      associate (block => self%factors%blocks(self%place(i)))
+        associate (n => size(block%rows))
+          call times_vector(block%inverse, field(start + block%rows), product(:n))
+          field(start + block%rows) = product(:n)
+        end associate
+      end associate
+    end do
+  end subroutine apply_blocks
+
+  !> y less E times a field.
+  subroutine subtract_stiffness(self, field, y)
+    class(two_level_type), intent(in) :: self
+    real(sp), intent(in), contiguous :: field(:)
+    real(sp), intent(inout), contiguous :: y(:)
+    real(sp) :: product(3*self%coefficients)
+    integer :: i, start
+
+    do i = 1, size(self%place)
+      if (self%place(i) == 0) cycle
+      start = self%coefficients*(self%system%balance%active%first(i) - 1)
+      associate (block => self%factors%blocks(self%place(i)))
+        associate (n => size(block%rows))
+          call times_vector(block%stiffness, field(start + 1:start + size(block%stiffness, 2)), product(:n))
+          y(start + block%rows) = y(start + block%rows) - product(:n)
+        end associate
+      end associate
+    end do
+  end subroutine subtract_stiffness
+end module attrito_newton_two_level

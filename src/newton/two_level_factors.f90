@@ -1,0 +1,341 @@
+!> What the two-level preconditioner is made of, from the state of the contacts at one linear system, and kept for the next ones:
+!>
+!> $$ A^{-1} = (I + D R_{local})^{-1}, \qquad E = A^{-1} D, \qquad (Z + U^T E U)^{-1} $$
+!>
+!> The blocks couple the rows and harmonics of one contact; the coarse system couples the harmonics of some thirty modes and is
+!> inverted on every rank. They are kept in single precision, since reading them is what applying them costs. Making them costs as
+!> much as some tens of iterations of GMRES, so they are made anew only when iterations in excess of what they took at first add up to
+!> a dozen, when contacts have moved to other ranks or the series' length has changed, or when more or less of the springs is kept.
+module attrito_newton_two_level_factors
+  use attrito_core_kinds, only: sp, wp
+  use attrito_core_lapack, only: invert
+  use attrito_newton_active_jacobian, only: contact_jacobian_type, jacobian_of
+  use attrito_balance_harmonic_balance, only: balance_type
+  implicit none
+  private
+  public :: two_level_factors_type
+
+  !> Contacts taken together in the coarse system, to bound its memory
+  integer, parameter :: bunch = 32
+  !> Iterations of GMRES in excess after which to make the factors anew; 30 take as long on the whole
+  integer, parameter :: worth = 12
+  !> Change of the springs kept in the step that makes them void
+  real(wp), parameter :: other_springs = 1.0e-3_wp
+
+  !> Of one contact, on its rows where D is not zero: A^-1 [rows, rows] and E [rows, all columns]
+  type :: block_type
+    integer, allocatable :: rows(:)
+    real(sp), allocatable :: inverse(:, :), stiffness(:, :)
+  end type block_type
+
+  type :: two_level_factors_type
+    !> Contacts that are known, by their place among this rank's, ascending
+    integer, allocatable :: contacts(:)
+    !> A^-1 and E by contact
+    type(block_type), allocatable :: blocks(:)
+    !> Inverse of the coarse system [k low, k low], of so many modes
+    integer :: low = 0
+    real(sp), allocatable :: coarse(:, :)
+    !> What they were made for: contacts and series of then, springs kept
+    integer, private :: changes = 0
+    real(wp), private :: stiffening = 0.0_wp
+    !> Iterations of GMRES with them: at first, and beyond that since
+    integer, private :: usual = -1, excess = 0
+  contains
+    procedure :: make
+    procedure :: serve
+    procedure :: patience
+    procedure :: count
+    procedure :: discard
+    procedure :: places_of
+  end type two_level_factors_type
+
+contains
+
+  !> Do they serve the balance's last evaluation?
+  pure logical function serve(self, balance)
+    class(two_level_factors_type), intent(in) :: self
+    type(balance_type), intent(in) :: balance
+
+    serve = allocated(self%coarse) .and. self%changes == balance%changes .and. self%excess < worth &
+            .and. abs(self%stiffening - balance%stiffening) < other_springs
+  end function serve
+
+  !> Iterations after which it is better to make them anew; no limit to those just made.
+  pure integer function patience(self)
+    class(two_level_factors_type), intent(in) :: self
+
+    patience = huge(patience)
+    if (self%usual >= 0) patience = self%usual + worth
+  end function patience
+
+  !> Take note of the iterations of a solve.
+  pure subroutine count(self, iterations)
+    class(two_level_factors_type), intent(inout) :: self
+    integer, intent(in) :: iterations
+
+    if (self%usual < 0) self%usual = iterations
+    self%excess = self%excess + max(iterations - self%usual, 0)
+  end subroutine count
+
+  !> Never to be used again.
+  pure subroutine discard(self)
+    class(two_level_factors_type), intent(inout) :: self
+
+    self%excess = worth
+  end subroutine discard
+
+  !> Places of contacts among those that are known, 0 for none; both ascend.
+  pure function places_of(self, contacts) result(places)
+    class(two_level_factors_type), intent(in) :: self
+    integer, intent(in) :: contacts(:)
+    integer :: places(size(contacts))
+    integer :: i, next
+
+    places = 0
+    next = 1
+    do i = 1, size(contacts)
+      do while (next <= size(self%contacts))
+        if (self%contacts(next) >= contacts(i)) exit
+        next = next + 1
+      end do
+      if (next > size(self%contacts)) return
+      if (self%contacts(next) == contacts(i)) places(i) = next
+    end do
+  end function places_of
+
+  !> Make them for the balance's last evaluation.
+  subroutine make(self, balance, low, status)
+    class(two_level_factors_type), intent(inout) :: self
+    type(balance_type), intent(in) :: balance
+    !> Lowest modes in the coarse system
+    integer, intent(in) :: low
+    !> 0, or not: singular, and they are void
+    integer, intent(out) :: status
+    real(wp), allocatable :: shapes(:, :)
+
+    self%contacts = balance%active%contacts
+    self%low = min(low, size(balance%directions, 1))
+    self%changes = balance%changes
+    self%stiffening = balance%stiffening
+    self%usual = -1
+    self%excess = 0
+    shapes = balance%receptance%low_shapes(self%low, balance%active%directions)
+    call new_blocks(self, balance, status)
+    call agree(balance, status)
+    if (status == 0) then
+      call new_coarse(self, balance, shapes, status)
+      call agree(balance, status)
+    end if
+    if (status /= 0) call self%discard()
+  end subroutine make
+
+  !> A failure of any rank is one of all.
+  subroutine agree(balance, status)
+    type(balance_type), intent(in) :: balance
+    integer, intent(inout) :: status
+
+    status = nint(min(balance%ranks%largest(real(abs(status), wp)), 1.0_wp))
+  end subroutine agree
+
+  !> A^-1 and E, contact by contact, on the rows where D is not zero.
+  subroutine new_blocks(self, balance, status)
+    type(two_level_factors_type), intent(inout) :: self
+    type(balance_type), intent(in) :: balance
+    integer, intent(out) :: status
+    complex(wp) :: local(3, 3, 0:balance%receptance%harmonics)
+    type(contact_jacobian_type) :: jacobian
+    real(wp), allocatable :: product(:, :), inverse(:, :)
+    integer :: i, j
+
+    status = 0
+    if (allocated(self%blocks)) deallocate (self%blocks)
+    allocate (self%blocks(size(balance%active%contacts)))
+    do i = 1, size(balance%active%contacts)
+      call receive_locally(self, balance, i, local)
+      jacobian = jacobian_of(balance, i)
+      associate (block => self%blocks(i))
+        block%rows = jacobian%rows
+        if (allocated(product)) deallocate (product)
+        allocate (product, mold=jacobian%values)
+        call times_local(jacobian%values, local, balance%active%rows(i), product)
+        inverse = product(:, block%rows)
+        do j = 1, size(block%rows)
+          inverse(j, j) = inverse(j, j) + 1.0_wp
+        end do
+        call invert(inverse, status)
+        if (status /= 0) return
+        block%inverse = real(inverse, sp)
+        block%stiffness = real(matmul(inverse, jacobian%values), sp)
+      end associate
+    end do
+  end subroutine new_blocks
+
+  !> R_local of one active contact: its own receptance without the lowest modes.
+  subroutine receive_locally(self, balance, contact, local)
+    type(two_level_factors_type), intent(in) :: self
+    type(balance_type), intent(in) :: balance
+    !> Its place among the active ones
+    integer, intent(in) :: contact
+    !> [3, 3, 0:H]
+    complex(wp), intent(out) :: local(:, :, 0:)
+
+    associate (first => balance%active%first(contact), n => balance%active%rows(contact))
+      call balance%receptance%remainder(self%low, balance%active%directions(:, first:first + n - 1), local(:n, :n, :))
+    end associate
+    if (allocated(balance%frozen_mean)) local(:, :, 0) = 0.0_wp
+  end subroutine receive_locally
+
+  !> D R_local of one contact: R_local couples rows, and cosine with sine, of one harmonic.
+  pure subroutine times_local(jacobian, local, rows, product)
+    !> Rows of it [any, k rows]
+    real(wp), intent(in) :: jacobian(:, :)
+    !> [3, 3, 0:H]
+    complex(wp), intent(in) :: local(:, :, 0:)
+    integer, intent(in) :: rows
+    real(wp), intent(out) :: product(:, :)
+    integer :: from, to, h, k, c_from, c_to
+
+    k = size(jacobian, 2)/rows
+    product = 0.0_wp
+    do to = 1, rows
+      do from = 1, rows
+        c_from = (from - 1)*k + 1
+        c_to = (to - 1)*k + 1
+        product(:, c_to) = product(:, c_to) + jacobian(:, c_from)*real(local(from, to, 0), wp)
+        do h = 1, ubound(local, 3)
+          associate (cosine => c_from + 2*h - 1, sine => c_from + 2*h, re => real(local(from, to, h), wp), &
+                     im => aimag(local(from, to, h)))
+            product(:, c_to + 2*h - 1) = product(:, c_to + 2*h - 1) + jacobian(:, cosine)*re - jacobian(:, sine)*im
+            product(:, c_to + 2*h) = product(:, c_to + 2*h) + jacobian(:, cosine)*im + jacobian(:, sine)*re
+          end associate
+        end do
+      end do
+    end do
+  end subroutine times_local
+
+  !> The inverse of Z + U^T E U, coefficient running faster than mode.
+  subroutine new_coarse(self, balance, shapes, status)
+    type(two_level_factors_type), intent(inout) :: self
+    type(balance_type), intent(in) :: balance
+    !> U^T [low, active rows]
+    real(wp), intent(in) :: shapes(:, :)
+    integer, intent(out) :: status
+    real(wp), allocatable :: coarse(:, :, :, :), inverse(:, :)
+    complex(wp), allocatable :: stiffness(:)
+    integer :: k, h, i, first
+
+    k = balance%coefficients()
+    allocate (coarse(k, self%low, k, self%low), source=0.0_wp)
+    do first = 1, size(self%contacts), bunch
+      call add_bunch(self, balance, shapes, first, min(first + bunch - 1, size(self%contacts)), coarse)
+    end do
+    call sum_over_ranks(coarse)
+    if (allocated(balance%frozen_mean)) then
+      coarse(1, :, :, :) = 0.0_wp
+      coarse(:, :, 1, :) = 0.0_wp
+    end if
+    do h = 0, balance%receptance%harmonics
+      stiffness = balance%receptance%low_stiffness(h, self%low)
+      do i = 1, self%low
+        if (h == 0) then
+          coarse(1, i, 1, i) = coarse(1, i, 1, i) + real(stiffness(i), wp)
+        else
+          associate (c => 2*h, s => 2*h + 1, re => real(stiffness(i), wp), im => aimag(stiffness(i)))
+            coarse(c, i, c, i) = coarse(c, i, c, i) + re
+            coarse(c, i, s, i) = coarse(c, i, s, i) + im
+            coarse(s, i, c, i) = coarse(s, i, c, i) - im
+            coarse(s, i, s, i) = coarse(s, i, s, i) + re
+          end associate
+        end if
+      end do
+    end do
+    inverse = reshape(coarse, [k*self%low, k*self%low])
+    call invert(inverse, status)
+    self%coarse = real(inverse, sp)
+
+  contains
+
+    subroutine sum_over_ranks(values)
+      real(wp), intent(inout), contiguous, target :: values(:, :, :, :)
+      real(wp), pointer :: flat(:)
+
+      flat(1:size(values)) => values
+      call balance%ranks%sum(flat)
+    end subroutine sum_over_ranks
+  end subroutine new_coarse
+
+  !> Add U^T E U of some contacts to the coarse system [k, low, k, low].
+  subroutine add_bunch(self, balance, shapes, from, to, coarse)
+    type(two_level_factors_type), intent(in) :: self
+    type(balance_type), intent(in) :: balance
+    real(wp), intent(in) :: shapes(:, :)
+    integer, intent(in) :: from, to
+    real(wp), intent(inout) :: coarse(:, :, :, :)
+    real(sp), allocatable :: stacked(:, :, :, :), sums(:, :)
+    integer, allocatable :: carriers(:)
+    integer :: k, low, i, j, b
+
+    k = size(coarse, 1)
+    low = size(coarse, 2)
+    carriers = [(balance%active%first(i) + carrying_rows(self%blocks(i), k), i=from, to)]
+    allocate (stacked(k, k, low, size(carriers)), source=0.0_sp)
+    j = 0
+    do i = from, to
+      associate (first => balance%active%first(i), last => balance%active%first(i) + balance%active%rows(i) - 1, &
+                 own => carrying_rows(self%blocks(i), k))
+        call stack(self%blocks(i), real(shapes(:, first:last), sp), own, stacked(:, :, :, j + 1:j + size(own)))
+        j = j + size(own)
+      end associate
+    end do
+    sums = matmul(reshape(stacked, [k*k*low, size(carriers)]), transpose(real(shapes(:, carriers), sp)))
+    do j = 1, low
+      do b = 1, k
+        do i = 1, low
+          coarse(:, i, b, j) = coarse(:, i, b, j) + sums(1 + k*(b - 1) + k*k*(j - 1):k*b + k*k*(j - 1), i)
+        end do
+      end do
+    end do
+  end subroutine add_bunch
+
+  !> Rows of a contact at which E is not zero, from 0, ascending.
+  pure function carrying_rows(block, coefficients) result(carriers)
+    type(block_type), intent(in) :: block
+    integer, intent(in) :: coefficients
+    integer, allocatable :: carriers(:)
+    logical :: carries(0:2)
+    integer :: row
+
+    carries = .false.
+    carries((block%rows - 1)/coefficients) = .true.
+    carriers = pack([(row, row=0, 2)], carries)
+  end function carrying_rows
+
+  !> E U of one contact.
+  subroutine stack(block, shapes, carriers, stacked)
+    type(block_type), intent(in) :: block
+    !> U^T at its rows [low, rows]
+    real(sp), intent(in) :: shapes(:, :)
+    !> Those of its rows, from 0, at which E is not zero
+    integer, intent(in) :: carriers(:)
+    !> E U by coefficient of the row, that of the mode, mode, and row [k, k, low, carriers], zeros to begin with
+    real(sp), intent(inout) :: stacked(:, :, :, :)
+    real(sp), allocatable :: carried(:, :)
+    integer :: coefficient(size(block%rows)), place(size(block%rows)), places(0:size(shapes, 2) - 1), i, j, b, k, n, row
+
+    k = size(stacked, 1)
+    n = size(block%rows)
+    places(carriers) = [(i, i=1, size(carriers))]
+    coefficient = modulo(block%rows - 1, k) + 1
+    place = places((block%rows - 1)/k)
+    ! E as [(row, b), row'], b a coefficient, to [(row, b), mode]
+    carried = matmul(reshape(block%stiffness, [n*k, size(shapes, 2)]), transpose(shapes))
+    do j = 1, size(shapes, 1)
+      do b = 1, k
+        do row = 1, n
+          stacked(coefficient(row), b, j, place(row)) = carried(row + (b - 1)*n, j)
+        end do
+      end do
+    end do
+  end subroutine stack
+end module attrito_newton_two_level_factors

@@ -1,0 +1,108 @@
+!> Ways from where a parameter is to where it should be, taken in steps: each starts from the solution of the one before.
+module attrito_solve_homotopy
+  use attrito_core_kinds, only: wp
+  use attrito_solve_mean_regularisation, only: solve_held
+  use attrito_solve_solver, only: solver_type
+  implicit none
+  private
+  public :: march_along, way_type, frequency_way_type, level_way_type
+
+  !> Smallest part of the way taken in one step
+  real(wp), parameter :: smallest_step = 1.0_wp/128.0_wp
+
+  !> A way from 0 to 1
+  type, abstract :: way_type
+  contains
+    procedure(solve_part), deferred :: solve
+  end type way_type
+
+  abstract interface
+    !> Solve at a part t of the way, and say whether it converged.
+    subroutine solve_part(self, solver, t, converged)
+      import :: way_type, solver_type, wp
+      class(way_type), intent(in) :: self
+      type(solver_type), intent(inout) :: solver
+      real(wp), intent(in) :: t
+      logical, intent(out) :: converged
+    end subroutine solve_part
+  end interface
+
+  !> From one angular frequency to another
+  type, extends(way_type) :: frequency_way_type
+    real(wp) :: from = 0.0_wp, to = 0.0_wp
+  contains
+    procedure :: solve => solve_frequency
+  end type frequency_way_type
+
+  !> From no harmonic load to its level, at one angular frequency
+  type, extends(way_type) :: level_way_type
+    real(wp) :: omega = 0.0_wp, level = 1.0_wp
+    !> With springs that hold the mean
+    logical :: held = .false.
+  contains
+    procedure :: solve => solve_level
+  end type level_way_type
+
+contains
+
+  subroutine solve_frequency(self, solver, t, converged)
+    class(frequency_way_type), intent(in) :: self
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: t
+    logical, intent(out) :: converged
+
+    call solver%solve_at(self%from + t*(self%to - self%from))
+    converged = solver%report%converged
+  end subroutine solve_frequency
+
+  subroutine solve_level(self, solver, t, converged)
+    class(level_way_type), intent(in) :: self
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: t
+    logical, intent(out) :: converged
+
+    call solver%set_loads(solver%context%balance%static_factors, t*self%level)
+    if (self%held) then
+      call solve_held(solver, self%omega)
+    else
+      call solver%solve_at(self%omega)
+    end if
+    converged = solver%report%converged
+  end subroutine solve_level
+
+  !> March a way from 0 to 1, halving the step where it fails.
+  subroutine march_along(way, solver, iterations, converged, first_step, most_iterations)
+    class(way_type), intent(in) :: way
+    type(solver_type), intent(inout) :: solver
+    !> Counts on
+    integer, intent(inout) :: iterations
+    logical, intent(out) :: converged
+    !> A quarter unless given
+    real(wp), intent(in), optional :: first_step
+    !> After which it is given up; never unless given
+    integer, intent(in), optional :: most_iterations
+    real(wp) :: reached, step, largest_step
+    logical :: done
+    integer :: budget
+
+    budget = huge(1)
+    if (present(most_iterations)) budget = iterations + most_iterations
+    reached = 0.0_wp
+    largest_step = 0.25_wp
+    if (present(first_step)) largest_step = first_step
+    step = largest_step
+    do while (reached < 1.0_wp .and. iterations < budget)
+      step = min(step, 1.0_wp - reached)
+      call way%solve(solver, reached + step, done)
+      iterations = iterations + solver%report%iterations
+      if (done) then
+        reached = merge(1.0_wp, reached + step, reached + step > 1.0_wp - 1.0e-9_wp)
+        step = min(2.0_wp*step, largest_step)
+      else
+        step = 0.5_wp*step
+        if (step < min(smallest_step, 0.1_wp*largest_step)) exit
+      end if
+    end do
+    converged = reached >= 1.0_wp
+  end subroutine march_along
+end module attrito_solve_homotopy

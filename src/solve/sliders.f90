@@ -1,0 +1,81 @@
+!> What becomes of sliders after a solve: those that a further period would move, those that stay, and how far any of them would go;
+!> and whether any contact moves, or any holds.
+module attrito_solve_sliders
+  use attrito_core_kinds, only: wp
+  use attrito_balance_harmonic_balance, only: balance_type
+  use attrito_contact_state, only: state_stuck, state_shaken_down
+  implicit none
+  private
+  public :: found_moving, keep_sliders, largest_defect, none_moves, nothing_holds
+
+contains
+
+  !> Sliders that a further period would move become periodic, from where it would move them; says whether there were any.
+  logical function found_moving(balance, least)
+    type(balance_type), intent(inout) :: balance
+    !> Distance that counts as moving
+    real(wp), intent(in) :: least
+    real(wp) :: found
+    integer :: i
+
+    found = 0.0_wp
+    do i = 1, size(balance%forces)
+      associate (forces => balance%forces(i))
+        if (balance%periodic(i)) cycle
+        if (norm2(forces%moved) <= least) cycle
+        balance%periodic(i) = .true.
+        balance%slider(:, i) = forces%slider + forces%moved
+        found = 1.0_wp
+      end associate
+    end do
+    found_moving = balance%ranks%largest(found) > 0.0_wp
+  end function found_moving
+
+  !> Let the sliders of the last evaluation be the start of the next point; a periodic one that has come to rest was shaken down.
+  subroutine keep_sliders(balance, before, least)
+    type(balance_type), intent(inout) :: balance
+    !> Sliders at the point before [2, contacts], and the distance that counts as having moved
+    real(wp), intent(in) :: before(:, :), least
+    integer :: i
+
+    do i = 1, size(balance%forces)
+      associate (forces => balance%forces(i))
+        if (balance%periodic(i) .and. forces%state == state_stuck) then
+          balance%periodic(i) = .false.
+          if (norm2(forces%slider - before(:, i)) > least) forces%state = state_shaken_down
+        end if
+        balance%slider(:, i) = forces%slider
+      end associate
+    end do
+  end subroutine keep_sliders
+
+  !> The farthest that one more period would move a slider.
+  real(wp) function largest_defect(balance)
+    type(balance_type), intent(in) :: balance
+    integer :: i
+
+    largest_defect = 0.0_wp
+    do i = 1, size(balance%forces)
+      largest_defect = max(largest_defect, norm2(balance%forces(i)%moved))
+    end do
+    largest_defect = balance%ranks%largest(largest_defect)
+  end function largest_defect
+
+  !> Has every contact stuck all over the period?
+  logical function none_moves(balance)
+    type(balance_type), intent(in) :: balance
+    real(wp) :: moving
+
+    moving = merge(1.0_wp, 0.0_wp, any(balance%forces%state > state_shaken_down))
+    none_moves = balance%ranks%largest(moving) <= 0.0_wp
+  end function none_moves
+
+  !> Does every contact slip or open in the period?
+  logical function nothing_holds(balance)
+    type(balance_type), intent(in) :: balance
+    real(wp) :: holds
+
+    holds = merge(1.0_wp, 0.0_wp, any(balance%forces%state <= state_shaken_down))
+    nothing_holds = balance%ranks%largest(holds) <= 0.0_wp
+  end function nothing_holds
+end module attrito_solve_sliders

@@ -1,0 +1,372 @@
+!> A model made ready to be solved: stuck system, balance, Newton's method, and where on the branch it stands.
+module attrito_solve_solver
+  use attrito_core_communicator, only: communicator_type
+  use attrito_core_errors, only: error_type
+  use attrito_core_kinds, only: wp
+  use attrito_core_state_store, only: state_store_type
+  use attrito_core_trigonometric, only: resized
+  use attrito_model_contacts, only: contact_type, contacts_type
+  use attrito_model_structure, only: structure_type
+  use attrito_newton_border, only: constraint_type
+  use attrito_newton_newton, only: newton_type, newton_report_type, new_newton
+  use attrito_newton_newton_context, only: newton_context_type
+  use attrito_linear_receptance, only: receptance_type
+  use attrito_balance_set_up, only: new_balance, set_resolution, take_contacts
+  use attrito_balance_stuck_response, only: evaluate_stuck
+  use attrito_linear_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
+  use attrito_newton_two_level_factors, only: two_level_factors_type
+  use attrito_balance_unknowns, only: unknowns_type
+  use attrito_solve_newton_strategies, only: solve_briefly, solve_persistently
+  use attrito_solve_time_integrator, only: motion_in_time_type
+  use attrito_solve_scales, only: find_scales
+  use attrito_solve_sliders, only: found_moving, keep_sliders, largest_defect, none_moves
+  implicit none
+  private
+  public :: solver_type, solver_options_type, new_solver
+
+  !> Norm of the residual beyond which nothing counts as converged
+  real(wp), parameter :: loosest_tolerance = 1.0e-6_wp
+
+  type :: solver_options_type
+    integer :: harmonics = 5
+    !> Samples a period
+    integer :: samples = 128
+    !> Solves of a point while sliders of two tangents turn out to move on
+    integer :: rounds = 20
+    integer :: max_iterations = 30
+    !> Norm of the residual, relative to the stuck response, that counts as converged
+    real(wp) :: tolerance = 1.0e-10_wp
+    !> Start every point's sliders where the static solution left them, rather than where the point before did
+    logical :: reset_slider = .false.
+    !> Freeze the mean at the static solution
+    logical :: uncoupled = .false.
+    !> Contacts with one tangent by events rather than by samples
+    logical :: by_events = .false.
+  end type solver_options_type
+
+  type :: solver_type
+    type(structure_type) :: structure
+    type(contacts_type) :: contacts
+    type(stuck_system_type) :: stuck
+    type(solver_options_type) :: options
+    type(newton_context_type), pointer :: context => null()
+    type(newton_type) :: newton
+    !> Relative displacements of this rank's rows [2 H + 1, rows] and angular frequency
+    real(wp), allocatable :: motion(:, :)
+    real(wp) :: omega = 0.0_wp
+    !> Sliders that the static solution left [2, contacts]
+    real(wp), allocatable :: static_slider(:, :)
+    !> How the last solve ended, with the iterations of all its tries
+    type(newton_report_type) :: report
+    !> Did every contact stick at the last point that converged?
+    logical :: all_stick = .false.
+    !> Give a start up early, after a few iterations of Newton's method alone: others follow
+    logical :: brief = .false.
+    !> Where no point was found: there is none near, by the balance with its mean held or by motion in time; a body walks
+    logical :: no_orbit = .false., walks = .false.
+    !> Where starts come from that no point before leads to; may be missing
+    class(motion_in_time_type), allocatable :: in_time
+  contains
+    procedure :: solve_with
+    procedure :: solve_at
+    procedure :: solve_stuck_at
+    procedure :: accept
+    procedure :: set_scales
+    procedure :: set_loads
+    procedure :: set_slider
+    procedure :: hold_contacts
+    procedure :: change_laws
+    procedure :: keep
+    procedure :: set_resolution => set_resolution_of_solver
+    procedure :: destroy
+  end type solver_type
+
+contains
+
+  !> Diagonalise the stuck system and create balance and Newton's method.
+  subroutine new_solver(structure, contacts, ranks, options, self, error)
+    type(structure_type), intent(in) :: structure
+    type(contacts_type), intent(in) :: contacts
+    type(communicator_type), intent(in) :: ranks
+    type(solver_options_type), intent(in) :: options
+    type(solver_type), intent(out) :: self
+    type(error_type), allocatable, intent(out) :: error
+    class(receptance_type), allocatable :: receptance
+
+    self%structure = structure
+    self%contacts = contacts
+    self%options = options
+    call new_stuck_system(structure, contacts, .true., self%stuck, error)
+    if (allocated(error)) return
+    call new_receptance(structure, contacts, self%stuck, options%harmonics, receptance)
+    allocate (self%context)
+    call new_balance(structure, contacts, receptance, ranks, options%samples, self%context%balance)
+    self%context%balance%by_events = options%by_events
+    self%context%tolerance = options%tolerance
+    call new_newton(self%context, options%max_iterations, self%newton, error)
+    if (allocated(error)) return
+    allocate (self%motion(self%context%balance%coefficients(), self%context%balance%rows()), source=0.0_wp)
+    self%static_slider = self%context%balance%slider
+  end subroutine new_solver
+
+  !> Solve from the present motion and frequency. Motion, frequency and sliders change only if it converges.
+  !>
+  !> A slider with two tangents is marched from where the point before left it; one that then still moves is a periodic one, to be
+  !> found with the motion, and the solve is repeated.
+  subroutine solve_with(self, constraint)
+    class(solver_type), intent(inout) :: self
+    !> The equation that picks the point
+    type(constraint_type), intent(in) :: constraint
+    type(unknowns_type) :: unknowns
+    real(wp), allocatable :: slider(:, :)
+    logical, allocatable :: periodic(:)
+    real(wp) :: tight
+    integer :: round, iterations, linear_iterations
+
+    associate (balance => self%context%balance)
+      slider = balance%slider
+      periodic = balance%periodic
+      unknowns = unknowns_type(self%motion, slider, self%omega)
+      iterations = 0
+      linear_iterations = 0
+      tight = self%context%tolerance
+      self%context%tolerance = loose_tolerance(self, tight)
+      do round = 1, self%options%rounds
+        if (self%brief) then
+          call solve_briefly(self%newton, unknowns, constraint, self%report)
+        else
+          call solve_persistently(self%newton, unknowns, constraint, self%options%uncoupled, self%report)
+        end if
+        iterations = iterations + self%report%iterations
+        linear_iterations = linear_iterations + self%report%linear_iterations
+        if (.not. self%report%converged) exit
+        if (found_moving(balance, self%options%tolerance*self%context%motion_scale)) then
+          unknowns%slider = balance%slider
+          call self%context%forget()
+        else
+          if (self%context%tolerance <= tight) exit
+          self%context%tolerance = tight
+        end if
+      end do
+      self%context%tolerance = tight
+      self%report%iterations = iterations
+      self%report%linear_iterations = linear_iterations
+      self%report%defect = largest_defect(balance)/self%context%motion_scale
+      if (self%report%converged) then
+        call self%accept(unknowns%motion, unknowns%omega, slider)
+      else
+        balance%slider = slider
+        balance%periodic = periodic
+        if (self%options%reset_slider) call reset_slider(self)
+      end if
+    end associate
+    call self%context%forget()
+  end subroutine solve_with
+
+  !> Stand at the point that the balance was last evaluated at; sliders go on from it.
+  subroutine accept(self, motion, omega, slider_before)
+    class(solver_type), intent(inout) :: self
+    real(wp), intent(in) :: motion(:, :), omega
+    !> Sliders at the point before [2, contacts]
+    real(wp), intent(in) :: slider_before(:, :)
+
+    self%motion = motion
+    self%omega = omega
+    call keep_sliders(self%context%balance, slider_before, self%options%tolerance*self%context%motion_scale)
+    self%all_stick = none_moves(self%context%balance)
+    if (self%options%reset_slider) call reset_slider(self)
+    call self%context%forget()
+  end subroutine accept
+
+  !> Let the next point start from where the static solution left the sliders.
+  subroutine reset_slider(self)
+    class(solver_type), intent(inout) :: self
+
+    self%context%balance%slider = self%static_slider
+    self%context%balance%periodic = .false.
+  end subroutine reset_slider
+
+  !> Tolerance that tells which sliders move on: with one tangent there are none, and the first solve is the last.
+  real(wp) function loose_tolerance(self, tight)
+    class(solver_type), intent(in) :: self
+    real(wp), intent(in) :: tight
+    real(wp), parameter :: share = 1.0e-3_wp
+    real(wp) :: square
+
+    loose_tolerance = tight
+    if (all(self%contacts%law%tangents == 1)) return
+    square = sum(self%motion(2:, :)**2)
+    call self%context%balance%ranks%sum(square)
+    loose_tolerance = max(tight, share*sqrt(square)/self%context%motion_scale)
+  end function loose_tolerance
+
+  !> Solve at a given angular frequency.
+  subroutine solve_at(self, omega)
+    class(solver_type), intent(inout) :: self
+    real(wp), intent(in) :: omega
+    type(constraint_type) :: constraint
+    real(wp) :: before
+
+    allocate (constraint%motion, mold=self%motion)
+    constraint%motion = 0.0_wp
+    ! Told in the frequency's scale, as along branches: rounding of omega then is no residual, whatever the unit of time.
+    constraint%frequency = 1.0_wp/self%context%frequency_scale
+    constraint%value = constraint%frequency*omega
+    before = self%omega
+    self%omega = omega
+    call self%solve_with(constraint)
+    if (.not. self%report%converged) self%omega = before
+  end subroutine solve_at
+
+  !> At a given angular frequency, where every contact stuck at the point before, the linear response if it leaves them stuck with
+  !> sliders where they are: no iteration is needed. Nothing changes if it does not.
+  subroutine solve_stuck_at(self, omega, stuck)
+    class(solver_type), intent(inout) :: self
+    real(wp), intent(in) :: omega
+    logical, intent(out) :: stuck
+
+    stuck = .false.
+    if (.not. self%all_stick) return
+    call evaluate_stuck(self%context%balance, omega, self%motion, stuck)
+    call self%context%forget()
+    if (.not. stuck) return
+    self%omega = omega
+    self%report = newton_report_type(converged=.true., residual=0.0_wp)
+  end subroutine solve_stuck_at
+
+  !> Scales of residuals and steps between two angular frequencies, and the tolerance that rounding leaves.
+  subroutine set_scales(self, omega_a, omega_b)
+    class(solver_type), intent(inout) :: self
+    real(wp), intent(in) :: omega_a, omega_b
+    real(wp) :: mean, square
+
+    associate (context => self%context, low => min(omega_a, omega_b), high => max(omega_a, omega_b))
+      call find_scales(context%balance, self%stuck%omega, low, high, context%motion_scale, mean)
+      context%frequency_scale = merge(high - low, high, high > low)
+      ! Rounding of the mean, which preloads and gaps move too, must stay below the tolerance on the harmonics; where it would hide
+      ! them, points fail rather than pass.
+      square = sum(self%motion(1, :)**2)
+      call context%balance%ranks%sum(square)
+      mean = max(mean, sqrt(square))
+      context%tolerance = min(max(self%options%tolerance, 1.0e-13_wp*mean/context%motion_scale), loosest_tolerance)
+      call context%forget()
+    end associate
+  end subroutine set_scales
+
+  !> Factors on the static loads, and the level of the harmonic ones.
+  subroutine set_loads(self, static_factors, level)
+    class(solver_type), intent(inout) :: self
+    real(wp), intent(in) :: static_factors(:), level
+
+    self%context%balance%static_factors = static_factors
+    self%context%balance%level = level
+    call self%context%forget()
+  end subroutine set_loads
+
+  !> Start the march of every contact from these sliders.
+  subroutine set_slider(self, slider, periodic)
+    class(solver_type), intent(inout) :: self
+    !> [2, contacts of this rank]
+    real(wp), intent(in) :: slider(:, :)
+    !> Those to be found with the motion rather than marched from here; none unless given
+    logical, intent(in), optional :: periodic(:)
+
+    self%context%balance%slider = slider
+    if (present(periodic)) then
+      self%context%balance%periodic = periodic
+    else
+      self%context%balance%periodic = .false.
+    end if
+    call self%context%forget()
+  end subroutine set_slider
+
+  !> Go on with another length of the series and other samples; the motion keeps the harmonics that both lengths have.
+  subroutine set_resolution_of_solver(self, harmonics, samples)
+    class(solver_type), intent(inout) :: self
+    integer, intent(in) :: harmonics, samples
+    type(error_type), allocatable :: error
+
+    if (harmonics == self%options%harmonics .and. samples == self%options%samples) return
+    self%options%harmonics = harmonics
+    self%options%samples = samples
+    call set_resolution(self%context%balance, self%structure, harmonics, samples)
+    self%motion = resized(self%motion, 2*harmonics + 1)
+    associate (constraint => self%context%constraint)
+      if (allocated(constraint%motion)) constraint%motion = resized(constraint%motion, 2*harmonics + 1)
+    end associate
+    call self%context%forget()
+    call self%newton%take_length(error)
+  end subroutine set_resolution_of_solver
+
+  !> Let this rank hold these contacts. Motion and sliders of the solver are to follow.
+  subroutine hold_contacts(self, first, last)
+    class(solver_type), intent(inout) :: self
+    !> The first and the last of this rank, from 1
+    integer, intent(in) :: first, last
+    type(error_type), allocatable :: error
+
+    call self%newton%destroy()
+    call take_contacts(self%context%balance, self%contacts, first, last)
+    call self%context%forget()
+    call new_newton(self%context, self%options%max_iterations, self%newton, error)
+  end subroutine hold_contacts
+
+  !> Let the contacts have other friction coefficients, gaps and preloads; motion and sliders are to follow.
+  subroutine change_laws(self, law)
+    class(solver_type), intent(inout) :: self
+    !> Of all contacts
+    type(contact_type), intent(in) :: law(:)
+
+    self%contacts%law%friction_coefficient = law%friction_coefficient
+    self%contacts%law%gap = law%gap
+    self%contacts%law%preload = law%preload
+    associate (balance => self%context%balance)
+      call self%hold_contacts(balance%first_contact, balance%first_contact + size(balance%law) - 1)
+    end associate
+    self%all_stick = .false.
+  end subroutine change_laws
+
+  !> What a point leaves for the next: put down after it, or taken up in its place.
+  subroutine keep(self, store)
+    class(solver_type), intent(inout) :: self
+    type(state_store_type), intent(inout) :: store
+    integer :: first, last, harmonics, samples
+
+    harmonics = self%options%harmonics
+    samples = self%options%samples
+    call store%keep(harmonics)
+    call store%keep(samples)
+    if (store%reading) call self%set_resolution(harmonics, samples)
+    associate (balance => self%context%balance, context => self%context)
+      first = balance%first_contact
+      last = first + size(balance%law) - 1
+      call store%keep(first)
+      call store%keep(last)
+      if (store%reading) call self%hold_contacts(max(first, 1), min(last, size(self%contacts%law)))
+      call store%keep(self%motion)
+      call store%keep(self%static_slider)
+      call store%keep(self%omega)
+      call store%keep(self%all_stick)
+      call store%keep(self%no_orbit)
+      call store%keep(self%walks)
+      call store%keep(context%motion_scale)
+      call store%keep(context%frequency_scale)
+      call store%keep(context%tolerance)
+      call balance%keep(store)
+      ! Made anew by the next point, whether this process solves it or another.
+      context%preconditioner = two_level_factors_type()
+      if (allocated(context%step%motion)) deallocate (context%step%motion)
+      call context%forget()
+    end associate
+  end subroutine keep
+
+  !> Give back what libraries hold.
+  subroutine destroy(self)
+    class(solver_type), intent(inout) :: self
+
+    if (.not. associated(self%context)) return
+    call self%newton%destroy()
+    call self%context%balance%destroy()
+    deallocate (self%context)
+  end subroutine destroy
+end module attrito_solve_solver

@@ -1,0 +1,83 @@
+!> Static equilibrium along a load path, walked quasi-statically: each step starts from the sliders that the step before left.
+!>
+!> $$ K q_0 + B^T \lambda(B q_0, w) = \sum_i s_i f_i $$
+!>
+!> It is the harmonic balance without harmonic loads, so a step is the same solve; the path is walked in equal steps, halved where
+!> one fails.
+module attrito_solve_static_path
+  use attrito_core_errors, only: error_type, raise
+  use attrito_core_kinds, only: wp
+  use attrito_solve_homotopy, only: march_along, way_type
+  use attrito_solve_solver, only: solver_type
+  implicit none
+  private
+  public :: walk_static_path
+
+  !> From one set of factors on the static loads to another, at one angular frequency
+  type, extends(way_type) :: load_way_type
+    real(wp), allocatable :: from(:), to(:)
+    real(wp) :: omega = 0.0_wp
+  contains
+    procedure :: solve => solve_loads
+  end type load_way_type
+
+contains
+
+  !> Walk the path from the unloaded state; leaves the solver with the last point's loads, motion and sliders.
+  subroutine walk_static_path(solver, path, steps, omega, error)
+    type(solver_type), intent(inout) :: solver
+    !> Factors on the static loads at the corners [loads, corners]
+    real(wp), intent(in) :: path(:, :)
+    !> Steps from corner to corner
+    integer, intent(in) :: steps
+    !> Angular frequency to stand at
+    real(wp), intent(in) :: omega
+    type(error_type), allocatable, intent(out) :: error
+    real(wp) :: from(size(path, 1)), to(size(path, 1))
+    integer :: corner, iterations
+    logical :: converged
+    character(120) :: where_it_failed
+
+    solver%motion = 0.0_wp
+    solver%omega = omega
+    solver%walks = .false.
+    solver%no_orbit = .false.
+    call solver%set_slider(0.0_wp*solver%static_slider)
+    from = 0.0_wp
+    if (allocated(solver%context%balance%frozen_mean)) deallocate (solver%context%balance%frozen_mean)
+    do corner = 1, size(path, 2)
+      to = path(:, corner)
+      if (corner == 1 .and. all(abs(to - from) <= 0.0_wp)) cycle
+      call solver%set_loads(to, 0.0_wp)
+      call solver%set_scales(omega, omega)
+      iterations = 0
+      call march_along(load_way_type(from, to, omega), solver, iterations, converged, 1.0_wp/steps)
+      if (solver%context%petsc_error /= 0) then
+        write (where_it_failed, '(a,i0,a)') 'PETSc failed (error ', solver%context%petsc_error, ') while solving the static balance'
+        call raise(error, trim(where_it_failed))
+        return
+      end if
+      if (.not. converged) then
+        write (where_it_failed, '(a,i0,a)') 'static load path, corner ', corner, ': no equilibrium found'
+        call raise(error, trim(where_it_failed)//' (do the loads open all contacts that hold a body?)')
+        return
+      end if
+      from = to
+    end do
+    solver%static_slider = solver%context%balance%slider
+    associate (response => solver%context%balance%response)
+      if (solver%options%uncoupled) solver%context%balance%frozen_mean = response(:, lbound(response, 2))
+    end associate
+  end subroutine walk_static_path
+
+  subroutine solve_loads(self, solver, t, converged)
+    class(load_way_type), intent(in) :: self
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: t
+    logical, intent(out) :: converged
+
+    call solver%set_loads(self%from + t*(self%to - self%from), 0.0_wp)
+    call solver%solve_at(self%omega)
+    converged = solver%report%converged
+  end subroutine solve_loads
+end module attrito_solve_static_path

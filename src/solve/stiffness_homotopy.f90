@@ -1,0 +1,138 @@
+!> Homotopy in the stiffness of the contacts, for points that no start leads to because contacts are stiff: they hit and leave within
+!> so small a part of the period that Newton's method sees nothing of it from afar,
+!>
+!> $$ k_n(t) = \epsilon^{1 - t} k_n, \qquad k_t(t) = \epsilon^{1 - t} k_t, \qquad t = 0 \dots 1. $$
+!>
+!> Every stiffness has a stuck system of its own; what is handed on from one to the next is the motion. Motion in time need not be
+!> that of the softer contacts to lead to a solution of theirs.
+module attrito_solve_stiffness_homotopy
+  use attrito_core_errors, only: error_type
+  use attrito_core_kinds, only: wp
+  use attrito_model_contacts, only: contacts_type, new_contacts
+  use attrito_newton_newton, only: newton_report_type
+  use attrito_balance_stuck_response, only: linear_motion
+  use attrito_solve_solver, only: solver_type, new_solver
+  use attrito_solve_time_integration_start, only: has_time, solve_in_time
+  use attrito_solve_homotopy, only: march_along, way_type
+  implicit none
+  private
+  public :: can_soften, solve_by_stiffness
+
+  !> Of the softest contacts: the first that a start leads to a solution of
+  real(wp), parameter :: softest(2) = [1.0e-2_wp, 1.0e-4_wp]
+  !> Steps over a hundredth, iterations after which it is given up, and coordinates beyond which it is not begun: each step
+  !> diagonalises a stuck system
+  integer, parameter :: steps = 4, most_iterations = 200, most_coordinates = 300
+  !> Where softest contacts start from: the solver's motion, their stuck response, the motion in time of those that are not soft
+  integer, parameter :: from_here = 1, from_stuck_response = 2, from_motion_in_time = 3
+
+  type, extends(way_type) :: stiffness_way_type
+    real(wp) :: omega = 0.0_wp, softest = 1.0_wp
+  contains
+    procedure :: solve => solve_softened
+  end type stiffness_way_type
+
+contains
+
+  !> Is the structure small enough? A mean that is frozen belongs to one stiffness.
+  pure logical function can_soften(solver)
+    type(solver_type), intent(in) :: solver
+
+    can_soften = .not. solver%options%uncoupled .and. size(solver%structure%mass, 1) <= most_coordinates
+  end function can_soften
+
+  !> From soft contacts to those that there are.
+  subroutine solve_by_stiffness(solver, omega, iterations, converged)
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: omega
+    !> Counts on
+    integer, intent(inout) :: iterations
+    logical, intent(out) :: converged
+    real(wp), allocatable :: motion(:, :)
+    integer :: i, start
+
+    motion = solver%motion
+    do i = 1, size(softest)
+      do start = from_here, merge(from_motion_in_time, from_stuck_response, has_time(solver))
+        solver%motion = motion
+        call solve_at_part(solver, omega, softest(i), start, converged)
+        iterations = iterations + solver%report%iterations
+        if (.not. converged) cycle
+        call march_along(stiffness_way_type(omega, softest(i)), solver, iterations, converged, 1.0_wp/(i*steps), most_iterations)
+        if (converged) return
+      end do
+    end do
+  end subroutine solve_by_stiffness
+
+  subroutine solve_softened(self, solver, t, converged)
+    class(stiffness_way_type), intent(in) :: self
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: t
+    logical, intent(out) :: converged
+
+    if (t < 1.0_wp) then
+      call solve_at_part(solver, self%omega, self%softest**(1.0_wp - t), from_here, converged)
+    else
+      call solver%solve_at(self%omega)
+      converged = solver%report%converged
+    end if
+  end subroutine solve_softened
+
+  !> Solve with softer contacts; the solver takes the motion over, its sliders stay where they were.
+  subroutine solve_at_part(solver, omega, factor, start, converged)
+    type(solver_type), intent(inout) :: solver
+    real(wp), intent(in) :: omega, factor
+    !> One of `from_...`
+    integer, intent(in) :: start
+    logical, intent(out) :: converged
+    type(solver_type) :: softer
+    integer :: status, iterations
+
+    solver%report = newton_report_type()
+    call soften(solver, factor, softer, converged)
+    if (converged) call softer%context%balance%receptance%set_frequency(omega, status)
+    if (converged) converged = status == 0
+    if (converged) then
+      call softer%set_scales(omega, omega)
+      if (start == from_stuck_response) softer%motion = linear_motion(softer%context%balance)
+      if (start == from_motion_in_time) then
+        allocate (softer%in_time, source=solver%in_time)
+        iterations = 0
+        call solve_in_time(softer, omega, .false., .false., iterations, converged)
+        solver%report%iterations = iterations
+      else
+        call softer%solve_at(omega)
+        converged = softer%report%converged
+        solver%report%iterations = softer%report%iterations
+      end if
+      if (converged) solver%motion = softer%motion
+    end if
+    call softer%destroy()
+  end subroutine solve_at_part
+
+  !> The same solver with softer contacts, at the same motion, sliders and loads.
+  subroutine soften(solver, factor, softer, done)
+    type(solver_type), intent(in) :: solver
+    real(wp), intent(in) :: factor
+    type(solver_type), intent(out) :: softer
+    logical, intent(out) :: done
+    type(contacts_type) :: contacts
+    type(error_type), allocatable :: error
+
+    contacts = solver%contacts
+    contacts%law%normal_stiffness = factor*contacts%law%normal_stiffness
+    contacts%law%tangential_stiffness = factor*contacts%law%tangential_stiffness
+    contacts = new_contacts(contacts%law, contacts%directions)
+    associate (balance => solver%context%balance)
+      call new_solver(solver%structure, contacts, balance%ranks, solver%options, softer, error)
+      done = .not. allocated(error)
+      if (.not. done) return
+      call softer%hold_contacts(balance%first_contact, balance%first_contact + size(balance%law) - 1)
+      call softer%set_loads(balance%static_factors, balance%level)
+      softer%motion = solver%motion
+      softer%static_slider = solver%static_slider
+      softer%omega = solver%omega
+      call softer%set_slider(balance%slider, balance%periodic)
+    end associate
+  end subroutine soften
+end module attrito_solve_stiffness_homotopy
