@@ -21,6 +21,7 @@ import numpy as np
 from mpi4py import MPI
 from scenes import plane_block, slip_thresholds, stuck_system
 
+from attrito.library.names import STATES
 from attrito.library.session import Options, Solver
 
 
@@ -50,7 +51,7 @@ def measure(contacts: int, harmonics: int, modes: int, load: float, options: dic
         "iterations": iterations,
         "ms_per_point": 1e3 * seconds / len(points),
         "ms_per_iteration": 1e3 * seconds / iterations if iterations else None,
-        "states_at_peak": dict(zip(("stuck", "shaken_down", "slipping", "open"), highest.states, strict=True)),
+        "states_at_peak": dict(zip(STATES, highest.states, strict=True)),
     }
 
 

@@ -19,13 +19,13 @@ import numpy as np
 from mpi4py import MPI
 
 from attrito.library import loading
+from attrito.library.names import STATES
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Point, Solver
-from attrito.library.structures import make_law
+from attrito.library.structures import make_law, pointer
 
 # A working set of as many bytes is taken to stay in a core's own cache.
 CACHE = 2**20 // 2
-STATES = ("stuck", "shaken_down", "slipping", "open")
 
 
 class TimedSolver(Solver):
@@ -41,8 +41,8 @@ class TimedSolver(Solver):
 
     def stand_at_stuck_response(self, frequency_hz: float, level: float) -> None:
         """Stand at the stuck system's response, which no solve has to reach."""
-        omega = ctypes.c_double(2.0 * np.pi * frequency_hz)
-        if self._library.attrito_stand_at_stuck_response(self._handle, omega, ctypes.c_double(level)) != 0:
+        omega = 2.0 * np.pi * frequency_hz
+        if self._library.attrito_stand_at_stuck_response(self._handle, omega, level) != 0:
             raise RuntimeError("the stuck system is singular at this frequency")
 
     def slip_stuck_response(self, frequency_hz: float, share: float, highest: float) -> None:
@@ -88,7 +88,7 @@ class TimedSolver(Solver):
         points = []
         point, handle = self._library.attrito_linear_point, self._handle
         for frequency in frequencies_hz:
-            if point(handle, ctypes.c_double(2.0 * np.pi * frequency), *self._told_at) != 0:
+            if point(handle, 2.0 * np.pi * frequency, *self._told_at) != 0:
                 raise RuntimeError("the stuck system is singular at this frequency")
             harmonics, amplitude = self._told
             points.append((frequency, harmonics.copy(), amplitude.copy()))
@@ -98,7 +98,7 @@ class TimedSolver(Solver):
         """Seconds of a linear response that recovers every contact row, at one frequency."""
 
         def mean(repeats: int) -> float:
-            seconds, omega = ctypes.c_double(), ctypes.c_double(2.0 * np.pi * frequency_hz)
+            seconds, omega = ctypes.c_double(), 2.0 * np.pi * frequency_hz
             if self._library.attrito_time_linear_response(self._handle, omega, repeats, ctypes.byref(seconds)) != 0:
                 raise RuntimeError("the stuck system is singular at this frequency")
             return seconds.value
@@ -130,7 +130,7 @@ def contact_kernel(
             ctypes.byref(law),
             motion.shape[1],
             samples,
-            motion.ctypes.data_as(ctypes.c_void_p),
+            pointer(motion),
             int(by_events),
             int(periodic),
             repeats,

@@ -28,10 +28,12 @@ from mpi4py import MPI
 
 from attrito.library.family import Family
 from attrito.library.integrator import Integrator, Run
+from attrito.library.names import BIFURCATION_KINDS as BIFURCATIONS
+from attrito.library.names import ENGINES, ORBITS
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Point, Solver
-from attrito.runs.bifurcations import KINDS as BIFURCATIONS
-from attrito.runs.stability import ENGINES, ORBITS, examine_point, fetch_multipliers
+from attrito.library.structures import RawBifurcation, pointer
+from attrito.runs.stability import examine_point, fetch_multipliers
 from attrito.support.errors import NumericsError
 
 PATH = np.array([[0.0], [1.0]])
@@ -164,18 +166,11 @@ def sweep(scene: ReducedScene, start_hz: float, stop_hz: float, most: int, orbit
     return found
 
 
-class _Bifurcation(ctypes.Structure):
-    _fields_ = [
-        ("kind", ctypes.c_int),
-        *((name, ctypes.c_double) for name in ("frequency_hz", "uncertain_hz", "re", "im")),
-    ]
-
-
 def bifurcations(solver: Solver, count: int, monitors: int) -> Iterator[str]:
     """Kinds of those found on the last step."""
     for i in range(count):
-        report, amplitude = _Bifurcation(), np.zeros(monitors)
-        solver.call("attrito_bifurcation", i, ctypes.byref(report), ctypes.c_void_p(amplitude.ctypes.data))
+        report, amplitude = RawBifurcation(), np.zeros(monitors)
+        solver.call("attrito_bifurcation", i, ctypes.byref(report), pointer(amplitude))
         yield BIFURCATIONS[report.kind]
 
 

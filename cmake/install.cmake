@@ -1,9 +1,11 @@
-# cmake --install build/release --prefix P: the command P/bin/attrito, and P/lib/attrito with the package `attrito` and its library.
+# cmake --install build/release --prefix P: the command P/bin/attrito, P/lib/attrito with the package `attrito` and its library, and the C
+#   header P/include/attrito.h.
 #   Python finds the package with PYTHONPATH=P/lib/attrito; the command needs nothing set.
 
 set(place lib/attrito)
 set_target_properties(attrito PROPERTIES INSTALL_RPATH_USE_LINK_PATH ON)
 install(TARGETS attrito LIBRARY DESTINATION ${place}/attrito)
+install(FILES src/api/attrito.h DESTINATION include)
 install(DIRECTORY python/attrito DESTINATION ${place} PATTERN __pycache__ EXCLUDE PATTERN "*.so*" EXCLUDE)
 
 # What importlib.metadata reads the version from.

@@ -9,6 +9,7 @@ module attrito_api_backbone
   use attrito_api_solver, only: point_type, point_of
   implicit none
   private
+  public :: backbone_type
 
   type, bind(c) :: backbone_type
     !> Without an estimate of its error

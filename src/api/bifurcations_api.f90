@@ -11,8 +11,9 @@ module attrito_api_bifurcations
   use attrito_api_session, only: session_type, session_of, bifurcation_type
   implicit none
   private
+  public :: bifurcation_report_type, fold, contact_fold, flip, neimark_sacker, branch_point, contact_crossing
 
-  ! Kinds, in the order of KINDS in runs/bifurcations.py
+  ! Kinds, listed by `attrito_describe`
   integer, parameter :: fold = 0, contact_fold = 1, flip = 2, neimark_sacker = 3, branch_point = 4, contact_crossing = 5
 
   type, bind(c) :: bifurcation_report_type

@@ -11,8 +11,9 @@ module attrito_api_branches
   use attrito_api_session, only: session_type, session_of
   implicit none
   private
+  public :: cold, in_motion, from_preload
 
-  ! Ways to look for a start, in the order of STARTS in runs/branch_search.py
+  ! Ways to look for a start, listed by `attrito_describe`
   integer, parameter :: cold = 0, in_motion = 1, from_preload = 2
 
 contains

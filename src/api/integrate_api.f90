@@ -16,6 +16,7 @@ module attrito_api_integrate
   use attrito_api_session, only: contact_law_type, law_of
   implicit none
   private
+  public :: scene_type, options_type, report_type
 
   type :: session_type
     type(structure_type) :: structure

@@ -12,6 +12,7 @@ module attrito_api_peak
   use attrito_api_solver, only: point_type, point_of
   implicit none
   private
+  public :: peak_type
 
   type, bind(c) :: peak_type
     type(point_type) :: point

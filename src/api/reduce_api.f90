@@ -8,6 +8,7 @@ module attrito_api_reduce
   use attrito_reduce_report, only: step_names
   implicit none
   private
+  public :: options_type, report_type
 
   !> See `reduction_options_type`
   type, bind(c) :: options_type

@@ -28,7 +28,7 @@ module attrito_api_solver
   use attrito_api_session, only: session_type, session_of, contact_law_type, law_of
   implicit none
   private
-  public :: point_type, point_of
+  public :: options_type, point_type, point_of
 
   type, bind(c) :: options_type
     integer(c_int) :: harmonics, samples, rounds, max_iterations, reset_slider, uncoupled, by_events, choose_harmonics, choose_samples

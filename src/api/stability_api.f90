@@ -13,6 +13,7 @@ module attrito_api_stability
   use attrito_api_session, only: session_type, session_of
   implicit none
   private
+  public :: examination_report_type
 
   type, bind(c) :: examination_report_type
     !> `not_examined`, `unstable`, `stable`, `indeterminate`; and how many multipliers each engine found

@@ -11,7 +11,7 @@ module attrito_output_point_series
   use attrito_output_point_report, only: point_report_type, outcome_names
   implicit none
   private
-  public :: tell_point
+  public :: tell_point, state_names
 
   character(12), parameter :: state_names(0:3) = [character(12) :: 'stuck', 'shaken_down', 'slipping', 'open']
   !> Series of one number a contact, in the order of `numbers_of`

@@ -11,9 +11,9 @@ import h5py
 import numpy as np
 from scipy.optimize import brentq
 
+from attrito.library.names import STATES
 from attrito.model.model import Model
 
-STATES = ("stuck", "shaken_down", "slipping", "open")
 OUTCOMES = ("converged", "unstable", "indeterminate", "no_period_one_orbit", "not_converged")
 
 HEX_EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))

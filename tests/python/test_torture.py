@@ -10,9 +10,9 @@ from mpi4py import MPI
 from attrito.integration.attractors import pushed
 from attrito.library.family import Family as Members
 from attrito.library.integrator import Integrator, Run
-from attrito.library.names import ATTEMPTS
+from attrito.library.names import ATTEMPTS, ENGINES, ORBITS
 from attrito.library.session import Options, Solver
-from attrito.runs.stability import ENGINES, ORBITS, examine_point
+from attrito.runs.stability import examine_point
 from attrito.verify.scene_grid.grid import NEAR
 from attrito.verify.scene_grid.methods import SAMPLES, distance, state_of
 from attrito.verify.scene_grid.scenes import Family, frequencies

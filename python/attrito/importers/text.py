@@ -7,7 +7,6 @@ here, on arrays of line beginnings.
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from attrito.library import loading
+from attrito.library.structures import pointer
 from attrito.support.errors import Fault, InputError
 
 # Text and table of a block stay in the cache.
@@ -94,11 +94,11 @@ class Block:
         whole, values = np.empty((fields - 1, len(lines)), np.int32), np.empty(len(lines))
         first, last = (np.ascontiguousarray(place[lines], np.int64) for place in (self.first, self.last))
         bad = loading.load().attrito_read_entries(
-            self.text.ctypes.data_as(ctypes.c_void_p),
-            ctypes.c_int(len(lines)),
-            *(array.ctypes.data_as(ctypes.c_void_p) for array in (first, last)),
-            ctypes.c_int(fields - 1),
-            *(array.ctypes.data_as(ctypes.c_void_p) for array in (whole, values)),
+            pointer(self.text),
+            len(lines),
+            *map(pointer, (first, last)),
+            fields - 1,
+            *map(pointer, (whole, values)),
         )
         return None if bad else (whole, values)
 
@@ -116,14 +116,11 @@ class Block:
         first = np.ascontiguousarray(self.first[lines] + skip, np.int64)
         last = np.ascontiguousarray(self.last[lines], np.int64)
         bad = loading.load().attrito_read_numbers(
-            self.text.ctypes.data_as(ctypes.c_void_p),
-            ctypes.c_int(len(lines)),
-            first.ctypes.data_as(ctypes.c_void_p),
-            last.ctypes.data_as(ctypes.c_void_p),
-            ctypes.c_int(len(begin)),
-            begin.ctypes.data_as(ctypes.c_void_p),
-            width.ctypes.data_as(ctypes.c_void_p),
-            table.ctypes.data_as(ctypes.c_void_p),
+            pointer(self.text),
+            len(lines),
+            *map(pointer, (first, last)),
+            len(begin),
+            *map(pointer, (begin, width, table)),
         )
         if bad:
             raise self.fault(lines[bad - 1], expected)

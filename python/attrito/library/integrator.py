@@ -8,19 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from attrito.library import loading
-from attrito.library.names import DAMPING_KINDS, OUTCOMES
+from attrito.library.names import DAMPING_KINDS, OUTCOMES, REASONS, SCHEMES
 from attrito.library.reduced_scene import ReducedScene
-from attrito.library.structures import make_law
+from attrito.library.structures import RawOrbit, RawRun, RawScene, make_laws, pointer
 
-SCHEMES = ("event", "central_difference", "newmark", "hht", "generalised_alpha", "exponential")
 DEFAULT_STEPS = {"exponential": 1000}
-# Why a motion has not converged, as the library counts them
-REASONS = (
-    "",
-    "the motion is still settling: give it more [integrate] cycles",
-    "a step of the scheme could not be solved: take more [integrate] steps_per_period",
-    "the motion diverges: it grows from period to period, or beyond what numbers hold",
-)
+# Why a motion has not converged, in words
+WORDS = {
+    "none": "",
+    "settling": "the motion is still settling: give it more [integrate] cycles",
+    "step": "a step of the scheme could not be solved: take more [integrate] steps_per_period",
+    "diverged": "the motion diverges: it grows from period to period, or beyond what numbers hold",
+}
 
 
 @dataclass(frozen=True)
@@ -59,7 +58,7 @@ class Orbit:
     Parameters
     ----------
     outcome : converged, no_period_one_orbit, not_converged
-    reason : why it has not converged, one of `REASONS`; else empty
+    reason : why it has not converged, in words; else empty
     period : multiple of the excitation's period, 0: none recognised
     defect, contraction : relative change over the period, and its ratio to the one before
     motion_amplitude : half range in the norm of the mass matrix, what the defect is relative to
@@ -101,34 +100,6 @@ class Orbit:
     seconds: float
 
 
-class _Scene(ctypes.Structure):
-    _fields_ = [
-        *(
-            (name, ctypes.c_int)
-            for name in ("size", "contacts", "rows", "statics", "coefficients", "monitors", "damping_kind")
-        ),
-        ("damping_value", ctypes.c_double),
-        *((name, ctypes.c_void_p) for name in ("mass", "stiffness", "damping", "laws", "directions")),
-        *((name, ctypes.c_void_p) for name in ("static_loads", "harmonic_load", "monitor_rows")),
-    ]
-
-
-class _Options(ctypes.Structure):
-    _fields_ = [
-        *((name, ctypes.c_int) for name in ("scheme", "steps_per_period", "cycles", "fewest", "multiples", "samples")),
-        *((name, ctypes.c_int) for name in ("whole_run", "static_knots", "harmonic_knots")),
-        *((name, ctypes.c_double) for name in ("omega", "level", "dissipation", "tolerance")),
-        *((name, ctypes.c_void_p) for name in ("static_factors", "static_profile", "harmonic_profile")),
-    ]
-
-
-class _Report(ctypes.Structure):
-    _fields_ = [
-        *((name, ctypes.c_int) for name in ("outcome", "reason", "period", "cycles", "events", "chatter", "samples")),
-        *((name, ctypes.c_double) for name in ("defect", "contraction", "amplitude", "work", "damping", "seconds")),
-    ]
-
-
 class Integrator:
     """A session of the library on a reduced scene: start it, run it, run it on. Use it in a `with` block."""
 
@@ -138,7 +109,7 @@ class Integrator:
         self._handle = ctypes.c_void_p()
         self._factors = np.ones(len(scene.static))
         self.size, self.contacts = len(scene.mass), len(scene.laws["tangents"])
-        laws = (type(make_law(scene.laws, 0)) * self.contacts)(*(make_law(scene.laws, i) for i in range(self.contacts)))
+        laws = make_laws(scene.laws)
         arrays = [
             scene.mass,
             scene.stiffness,
@@ -151,7 +122,7 @@ class Integrator:
         mass, stiffness, damping, *vectors = (
             None if a is None else np.ascontiguousarray(a, dtype=float) for a in arrays
         )
-        raw = _Scene(
+        raw = RawScene(
             len(mass),
             self.contacts,
             len(scene.directions),
@@ -190,9 +161,9 @@ class Integrator:
             "attrito_integrator_start_static",
             len(self._scene.static),
             len(path),
-            path.ctypes.data_as(ctypes.c_void_p),
+            pointer(path),
             steps,
-            None if given is None else given.ctypes.data_as(ctypes.c_void_p),
+            None if given is None else pointer(given),
         )
 
     def start(
@@ -206,17 +177,13 @@ class Integrator:
         arrays = [np.ascontiguousarray(array, dtype=float) for array in (displacement, velocity, sliders)]
         if static_factors is not None:
             self._factors = np.array(static_factors, dtype=float)
-        self._library.attrito_integrator_start(
-            self._handle, len(self._scene.mass), *(ctypes.c_void_p(array.ctypes.data) for array in arrays)
-        )
+        self._library.attrito_integrator_start(self._handle, len(self._scene.mass), *map(pointer, arrays))
 
     def state(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Displacement `[m]`, velocity `[m]`, sliders `[nc, 2]` as the session stands."""
         m = len(self._scene.mass)
         arrays = np.zeros(m), np.zeros(m), np.zeros((self.contacts, 2))
-        self._library.attrito_integrator_state(
-            self._handle, m, *(ctypes.c_void_p(array.ctypes.data) for array in arrays)
-        )
+        self._library.attrito_integrator_state(self._handle, m, *map(pointer, arrays))
         return arrays
 
     def touching(self) -> int:
@@ -230,7 +197,7 @@ class Integrator:
             for profile in (choices.static_profile, choices.harmonic_profile)
         ]
         steps = choices.steps_per_period or DEFAULT_STEPS.get(choices.scheme, 100)
-        raw = _Options(
+        raw = RawRun(
             SCHEMES.index(choices.scheme),
             steps,
             choices.cycles,
@@ -246,11 +213,11 @@ class Integrator:
             self._factors.ctypes.data,
             *(profile.ctypes.data for profile in profiles),
         )
-        report = _Report()
+        report = RawOrbit()
         self._call("attrito_integrator_run", ctypes.byref(raw), ctypes.byref(report))
         return self._orbit(report)
 
-    def _orbit(self, report: _Report) -> Orbit:
+    def _orbit(self, report: RawOrbit) -> Orbit:
         rows, count = len(self._scene.directions), len(self._scene.monitors)
         ns = report.samples
         measures = np.zeros((count, 3)), np.zeros(rows), np.zeros((self.contacts, 5))
@@ -264,7 +231,7 @@ class Integrator:
         multiple = max(1, report.period)
         return Orbit(
             OUTCOMES[report.outcome],
-            REASONS[report.reason],
+            WORDS[REASONS[report.reason]],
             report.period,
             report.cycles,
             report.defect,
@@ -302,7 +269,7 @@ class Integrator:
         self.close()
 
     def _fetch(self, name: str, *arrays: np.ndarray) -> None:
-        getattr(self._library, name)(self._handle, *(ctypes.c_void_p(array.ctypes.data) for array in arrays))
+        getattr(self._library, name)(self._handle, *map(pointer, arrays))
 
     def _call(self, name: str, *arguments: object) -> None:
         message = loading.message_buffer()

@@ -11,6 +11,8 @@ import functools
 import os
 from pathlib import Path
 
+from attrito.library.description import differing_sizes
+from attrito.library.signatures import declare
 from attrito.support.errors import Fault, InputError, NumericsError
 
 NAME = "libattrito.so"
@@ -27,10 +29,22 @@ def load() -> ctypes.CDLL:
     for place in places:
         if place.is_file():
             loaded = ctypes.CDLL(str(place), mode=ctypes.RTLD_GLOBAL)
+            _check_interface(loaded, place)
             atexit.register(loaded.attrito_stop)
             return loaded
     looked = ", ".join(map(str, places))
     raise InputError(Fault("attrito", NAME, "not found", f"the built library in {looked} (run script/bootstrap)"))
+
+
+def _check_interface(loaded: ctypes.CDLL, place: Path) -> None:
+    """Give the entries their types; raise `InputError` where the library is not of this version of the package."""
+    expected = "the library of this version of attrito (run script/bootstrap)"
+    try:
+        declare(loaded)
+    except AttributeError as error:
+        raise InputError(Fault(str(place), "entry", str(error), expected)) from None
+    if names := differing_sizes(loaded):
+        raise InputError(Fault(str(place), "structures", f"of other sizes: {', '.join(names)}", expected))
 
 
 def check(status: int, message: ctypes.Array) -> None:

@@ -1,4 +1,4 @@
-"""Names of what crosses to the Fortran library as a number, in the library's order."""
+"""Names of what crosses to the Fortran library as a number, in its order; a test holds both sides together."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ OUTCOMES = (
 )
 # Of points without a solution
 NO_SOLUTION = ("no_period_one_orbit", "not_converged")
-# What the cascade tries, in its order; src/solve/strategies.f90 has the same names.
+# What the cascade tries, in its order
 ATTEMPTS = (
     "newton_briefly",
     "held_mean",
@@ -24,8 +24,62 @@ ATTEMPTS = (
     "force_steps",
     "stiffness_steps",
 )
+# Of a contact over the period
+STATES = ("stuck", "shaken_down", "slipping", "open")
+# Of a contact at an instant
+REGIMES = ("stick", "slip", "open")
 DAMPING_KINDS = {"none": 0, "viscous": 1, "ratio": 2, "mass": 3, "loss_factor": 4}
-# Of the rows for the factorisation of the interior stiffness, the default first.
+
+# Of stability: the engines, by the number that the library adds up; whose orbit; what an examination says; multipliers
+ENGINES = {"monodromy": 1, "hill": 2}
+ORBITS = {"balance": 0, "exact": 1, "auto": 2}
+VERDICTS = ("unstable", "stable", "indeterminate")
+MULTIPLIER_KINDS = ("floquet", "slip", "stuck")
+BIFURCATION_KINDS = ("fold", "contact_fold", "flip", "neimark_sacker", "branch_point", "contact_crossing")
+# Ways to look for a point of another branch
+STARTS = ("cold", "in_motion", "from_preload")
+
+# Of peaks: whose amplitude, and in what they are followed
+AMPLITUDES = ("half_range", "first_harmonic")
+PARAMETERS = ("level", "preload")
+
+# Of integration in time, and why its motion has not converged
+SCHEMES = ("event", "central_difference", "newmark", "hht", "generalised_alpha", "exponential")
+REASONS = ("none", "settling", "step", "diverged")
+
+# Of the reduction; orderings of the rows for the factorisation of the interior stiffness and eigensolvers for the
+# fixed-interface modes cross by their names, the default first.
+REDUCTION_STEPS = (
+    "read",
+    "count",
+    "factor",
+    "constraint",
+    "modes",
+    "correction",
+    "indicator",
+    "inertia",
+    "project",
+    "write",
+)
 ORDERINGS = ("scotch", "pord", "amf", "qamd", "amd")
-# Of the fixed-interface modes, the default first.
 EIGENSOLVERS = ("slepc", "block_lanczos")
+
+# Each that crosses as a number, by the name that the library gives it.
+ENUMERATIONS: dict[str, tuple[str, ...] | dict[str, int]] = {
+    "outcomes": OUTCOMES,
+    "attempts": ATTEMPTS,
+    "states": STATES,
+    "regimes": REGIMES,
+    "damping_kinds": DAMPING_KINDS,
+    "engines": ENGINES,
+    "orbits": ORBITS,
+    "verdicts": VERDICTS,
+    "multiplier_kinds": MULTIPLIER_KINDS,
+    "bifurcation_kinds": BIFURCATION_KINDS,
+    "starts": STARTS,
+    "amplitudes": AMPLITUDES,
+    "parameters": PARAMETERS,
+    "schemes": SCHEMES,
+    "reasons": REASONS,
+    "reduction_steps": REDUCTION_STEPS,
+}

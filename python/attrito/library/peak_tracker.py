@@ -9,23 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from attrito.library.names import AMPLITUDES, PARAMETERS
 from attrito.library.session import Point, Solver
-from attrito.library.structures import RawPoint, omega, pointer
+from attrito.library.structures import RawPeak, omega, pointer
 from attrito.support.errors import NumericsError
 
-AMPLITUDES = ("half_range", "first_harmonic")
-PARAMETERS = ("level", "preload")
 # Points of the linear response between its ends, besides those at natural frequencies, to find its largest peak.
 LINEAR_POINTS = 400
 NATURAL_FREQUENCIES = 40
-
-
-class _Peak(ctypes.Structure):
-    _fields_ = [
-        ("point", RawPoint),
-        *((name, ctypes.c_double) for name in ("parameter", "amplitude", "slope", "curvature")),
-        ("evaluations", ctypes.c_int),
-    ]
 
 
 @dataclass(frozen=True)
@@ -123,7 +114,7 @@ class PeakTracker:
             omega(near_hz),
             omega(self._band[0]),
             omega(self._band[1]),
-            ctypes.c_double(level),
+            level,
             branch,
         )[0]
 
@@ -138,8 +129,8 @@ class PeakTracker:
             omega(start.frequency_hz),
             omega(self._band[0]),
             omega(self._band[1]),
-            ctypes.c_double(level),
-            ctypes.c_double(preload),
+            level,
+            preload,
             start.coordinates.shape[1],
             pointer(start.coordinates),
             branch,
@@ -156,18 +147,18 @@ class PeakTracker:
 
     def follow(self, stop: float, branch: int = 0) -> Iterator[Peak]:
         """Step by step to a value of the parameter; the last peak has it, unless the curve is lost before."""
-        self._solver.call("attrito_turn_peak", ctypes.c_double(stop))
+        self._solver.call("attrito_turn_peak", stop)
         finished = False
         while not finished:
-            peak, finished = self._call("attrito_next_peak", ctypes.c_double(stop), branch)
+            peak, finished = self._call("attrito_next_peak", stop, branch)
             yield peak
 
     def at(self, value: float, branch: int = 0) -> Peak:
         """The peak at a value of the parameter, by as many steps as it takes."""
-        return self._call("attrito_peak_at", ctypes.c_double(value), branch)[0]
+        return self._call("attrito_peak_at", value, branch)[0]
 
     def _call(self, name: str, *arguments: object) -> tuple[Peak, bool]:
-        raw = _Peak()
+        raw = RawPeak()
         self._solver.call(name, *arguments, ctypes.byref(raw))
         numbers = (raw.parameter, raw.point.level, raw.amplitude, raw.slope, raw.curvature, raw.evaluations)
-        return Peak(self._solver._point(raw.point, followed=False), *numbers), bool(raw.point.finished)
+        return Peak(self._solver.point_of(raw.point), *numbers), bool(raw.point.finished)

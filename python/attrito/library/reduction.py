@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from attrito.library import loading
-from attrito.library.names import EIGENSOLVERS, ORDERINGS
+from attrito.library.names import EIGENSOLVERS, ORDERINGS, REDUCTION_STEPS
+from attrito.library.signatures import LISTENER
+from attrito.library.structures import RawReduction, RawReductionReport, pointer
 from attrito.support.errors import Fault, InputError
 from attrito.support.parallel import on_root
 
@@ -24,15 +26,12 @@ if TYPE_CHECKING:
 STEPS_VERSION = 2
 TOLERANCE = 1e-12
 BLOCK_VECTORS = 16
-
-
-STEPS = ("read", "count", "factor", "constraint", "modes", "correction", "indicator", "inertia", "project", "write")
 Listener = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
 class Report:
-    """What a reduction found; wall time and largest memory (all ranks, in megabytes) of its steps, of `STEPS`.
+    """What a reduction found; wall time and largest memory (all ranks, megabytes) of its `REDUCTION_STEPS`.
 
     `coordinates` = `boundary` + `modes` + `corrections`. One mode or two more than asked for are kept where the last
     has twins. `modes_below_shift` is the count by inertia below `shift_hz`, which agrees with the eigensolver's; -1
@@ -65,41 +64,6 @@ class Report:
     megabytes: dict[str, float]
 
 
-_KINDS = {
-    "int": ctypes.c_int,
-    "float": ctypes.c_double,
-    "str": ctypes.c_char * 8,
-    "dict[str, float]": ctypes.c_double * len(STEPS),
-}
-
-
-class _Report(ctypes.Structure):
-    _fields_ = [(field.name, _KINDS[field.type]) for field in fields(Report)]
-
-
-class _Options(ctypes.Structure):
-    _fields_ = [
-        *((name, ctypes.c_int) for name in ("modes", "block_size", "block_vectors", "check_inertia")),
-        *(
-            (name, ctypes.c_double)
-            for name in (
-                "max_frequency_hz",
-                "error_target",
-                "top_frequency_hz",
-                "tolerance",
-                "low_rank",
-                "memory_megabytes",
-            )
-        ),
-        ("ordering", ctypes.c_char * 8),
-        ("out_of_core", ctypes.c_char * 4),
-        ("eigensolver", ctypes.c_char * 16),
-    ]
-
-
-_LISTENER = ctypes.CFUNCTYPE(None, ctypes.c_char_p, ctypes.c_int, ctypes.c_int)
-
-
 def reduce_model(
     comm: Comm,
     model_path: str | Path,
@@ -121,7 +85,6 @@ def reduce_model(
     block_vectors: int = BLOCK_VECTORS,
     fingerprint: str = "",
     listener: Listener | None = None,
-    library: ctypes.CDLL | None = None,
 ) -> Report:
     """Reduce a model onto its boundary dofs and a number of modes.
 
@@ -160,7 +123,7 @@ def reduce_model(
     block = np.zeros((0, 0)) if vectors is None or comm.rank else np.atleast_2d(np.asarray(vectors, dtype=float))
     block = np.ascontiguousarray(block)
     count = comm.bcast(len(block))
-    options = _Options(
+    options = RawReduction(
         modes=-1 if modes is None else modes,
         block_size=block_size,
         block_vectors=block_vectors,
@@ -178,25 +141,25 @@ def reduce_model(
     steps = Path(f"{rom_path}.steps")
     on_root(comm, lambda: _prepare_steps(steps, fingerprint))
     told = (
-        _LISTENER(lambda text, done, total: listener(text.decode(), done, total))
+        LISTENER(lambda text, done, total: listener(text.decode(), done, total))
         if listener and not comm.rank
-        else None
+        else LISTENER()
     )
-    report, message = _Report(), loading.message_buffer()
-    status = (library or loading.load()).attrito_reduce(
-        ctypes.c_int(comm.py2f()),
+    report, message = RawReductionReport(), loading.message_buffer()
+    status = loading.load().attrito_reduce(
+        comm.py2f(),
         str(model_path).encode(),
         str(rom_path).encode(),
         str(steps).encode(),
-        ctypes.c_int(len(dofs)),
-        dofs.ctypes.data_as(ctypes.POINTER(ctypes.c_int)),
-        ctypes.c_int(block.shape[1]),
-        ctypes.c_int(count),
-        block.ctypes.data_as(ctypes.POINTER(ctypes.c_double)),
+        len(dofs),
+        pointer(dofs),
+        block.shape[1],
+        count,
+        pointer(block),
         ctypes.byref(options),
         told,
         ctypes.byref(report),
-        ctypes.c_int(len(message)),
+        len(message),
         message,
     )
     # What is at fault stays so; what ran out of memory, or of room on the disk, may go on another time.
@@ -206,7 +169,7 @@ def reduce_model(
     values = {field.name: getattr(report, field.name) for field in fields(Report)}
     values["ordering"] = report.ordering.decode().strip()
     for name in ("seconds", "megabytes"):
-        values[name] = dict(zip(STEPS, values[name], strict=True))
+        values[name] = dict(zip(REDUCTION_STEPS, values[name], strict=True))
     return Report(**values)
 
 

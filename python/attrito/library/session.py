@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from attrito.library import loading
-from attrito.library.names import ATTEMPTS, DAMPING_KINDS, NO_SOLUTION, OUTCOMES
+from attrito.library.names import ATTEMPTS, DAMPING_KINDS, NO_SOLUTION, OUTCOMES, STARTS
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series
-from attrito.library.structures import ERRORS, LISTENER, RawOptions, RawPoint, make_laws, omega, pointer
+from attrito.library.signatures import HEARER
+from attrito.library.structures import ERRORS, RawOptions, RawPoint, make_laws, omega, pointer
 from attrito.support.errors import NumericsError
 
 if TYPE_CHECKING:
@@ -97,8 +98,6 @@ class Solver:
 
     def __init__(self, comm: Comm, scene: ReducedScene, options: Options):
         self._library = loading.load()
-        self._library.attrito_create.restype = ctypes.c_void_p
-        self._library.attrito_work_of_visits.restype = ctypes.c_double
         self._scene, self._options = scene, options
         # A row of the last point
         self.coefficients = 2 * options.harmonics + 1
@@ -114,7 +113,7 @@ class Solver:
                 pointer(scene.mass),
                 pointer(scene.stiffness),
                 DAMPING_KINDS[scene.damping_kind],
-                ctypes.c_double(scene.damping_value),
+                scene.damping_value,
                 damping,
             )
         )
@@ -170,15 +169,13 @@ class Solver:
         told_at, next_point = ctypes.byref(raw), self._library.attrito_next_point
         while not raw.finished:
             next_point(self._handle, told_at)
-            yield self._point(raw, followed=True)
+            yield self.point_of(raw, followed=True)
 
     def set_excitation(
         self, start_hz: float, stop_hz: float, level: float, branch: int = 0, max_points: int = 0
     ) -> None:
         """Harmonic loads at a level, and scales for a range of frequency; a sweep may begin."""
-        self._library.attrito_begin_sweep(
-            self._handle, omega(start_hz), omega(stop_hz), ctypes.c_double(level), branch, max_points
-        )
+        self._library.attrito_begin_sweep(self._handle, omega(start_hz), omega(stop_hz), level, branch, max_points)
 
     def follow(self, start_hz: float, stop_hz: float, branch: int, max_points: int, way: int) -> Iterator[Point]:
         """Follow the one branch that the solver stands on until it leaves a range, closes, or is lost.
@@ -198,18 +195,18 @@ class Solver:
                 pointer(np.ascontiguousarray(point.coordinates, dtype=float)),
                 pointer(np.ascontiguousarray(point.slider, dtype=float)),
                 omega(point.frequency_hz),
-                ctypes.c_double(level),
+                level,
             )
         )
 
-    def seek(self, way: int, frequency_hz: float, factor: float) -> bool:
-        """Look for a point at a frequency by one of `STARTS` (`branch_search.py`); the solver then stands there."""
-        return bool(self.call("attrito_seek", way, omega(frequency_hz), ctypes.c_double(factor)))
+    def seek(self, way: str, frequency_hz: float, factor: float) -> bool:
+        """Look for a point at a frequency by one of `STARTS`; the solver then stands there."""
+        return bool(self.call("attrito_seek", STARTS.index(way), omega(frequency_hz), factor))
 
     def solve_at(self, frequencies_hz: list[float], level: float, branch: int) -> Iterator[Point]:
         """Solve frequencies one by one, each starting from the one before."""
         low, high = min(frequencies_hz), max(frequencies_hz)
-        self._library.attrito_begin_sweep(self._handle, omega(low), omega(high), ctypes.c_double(level), branch, 0)
+        self._library.attrito_begin_sweep(self._handle, omega(low), omega(high), level, branch, 0)
         yield from self.go_on_at(frequencies_hz, branch)
 
     def go_on_at(self, frequencies_hz: list[float], branch: int) -> Iterator[Point]:
@@ -217,7 +214,7 @@ class Solver:
         raw = RawPoint()
         for frequency in frequencies_hz:
             self._library.attrito_solve_at(self._handle, omega(frequency), branch, ctypes.byref(raw))
-            yield self._point(raw, followed=False)
+            yield self.point_of(raw)
 
     def try_at(self, attempt: str, frequency_hz: float) -> Point:
         """A point by one of `ATTEMPTS` alone; the session stands where it stood before, whatever it found.
@@ -227,7 +224,7 @@ class Solver:
         raw = RawPoint()
         if self._library.attrito_try_at(self._handle, attempt.encode(), omega(frequency_hz), ctypes.byref(raw)) != 0:
             raise ValueError(f"{attempt!r} is none of the cascade's attempts: {', '.join(ATTEMPTS)}")
-        return self._point(raw, followed=False)
+        return self.point_of(raw)
 
     def linear_response(self, stuck: bool, frequencies_hz: np.ndarray, natural: int) -> tuple[np.ndarray, np.ndarray]:
         """Amplitudes `[monitors, frequencies]` at level 1 with contacts stuck, or closed without friction.
@@ -262,7 +259,7 @@ class Solver:
             )
             hear(path.decode(), what, entry.astype(np.int32) if what.kind == "int32" else entry)
 
-        self._library.attrito_tell_point(self._handle, names, LISTENER(told) if hear is not None else LISTENER())
+        self._library.attrito_tell_point(self._handle, names, HEARER(told) if hear is not None else HEARER())
 
     def put_down(self) -> np.ndarray:
         """What the last point leaves for the next on this rank: numbers that `take_up` understands."""
@@ -308,7 +305,13 @@ class Solver:
         self._told = np.zeros((count, 2 * harmonic_count + 1)), np.zeros(count)
         self._told_at = tuple(pointer(array) for array in self._told)
 
-    def _point(self, raw: RawPoint, followed: bool) -> Point:
+    def point_of(self, raw: RawPoint, followed: bool = False) -> Point:
+        """The solver's present point, of which the library has given these numbers.
+
+        Raises
+        ------
+        NumericsError : PETSc failed
+        """
         if raw.petsc_error:
             raise NumericsError(f"PETSc failed (error {raw.petsc_error}) while solving a point")
         self.coefficients = 2 * raw.harmonic_count + 1

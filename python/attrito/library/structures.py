@@ -1,47 +1,40 @@
-"""What crosses to the Fortran library, as C has it: structures, numbers, pointers to arrays."""
+"""What crosses to the Fortran library, as C has it (src/api/attrito.h): structures, and pointers to arrays."""
 
 from __future__ import annotations
 
 import ctypes
+from ctypes import c_char, c_double, c_int, c_void_p
+from typing import Any
 
 import numpy as np
+
+from attrito.library.names import ENGINES, REDUCTION_STEPS
 
 # Parts of a point's estimated error
 ERRORS = ("error_harmonics", "error_samples", "error_modes")
 
-# void f(path, kind, dimensions, extent, values, description, unit, names)
-LISTENER = ctypes.CFUNCTYPE(
-    None,
-    ctypes.c_char_p,
-    ctypes.c_char_p,
-    ctypes.c_int,
-    ctypes.POINTER(ctypes.c_int),
-    ctypes.POINTER(ctypes.c_double),
-    *[ctypes.c_char_p] * 3,
-)
 
-
-class RawOptions(ctypes.Structure):
-    """`attrito.library.session.Options`."""
-
-    _fields_ = [
-        *((name, ctypes.c_int) for name in ("harmonics", "samples", "rounds", "max_iterations")),
-        ("reset_slider", ctypes.c_int),
-        ("uncoupled", ctypes.c_int),
-        *((name, ctypes.c_int) for name in ("by_events", "choose_harmonics", "choose_samples", "fewest_samples")),
-        *((name, ctypes.c_double) for name in ("tolerance", "accepted_error", "mode_error")),
-    ]
+def _all(kind: Any, *names: str) -> list[tuple[str, Any]]:
+    """Fields of one type."""
+    return [(name, kind) for name in names]
 
 
 class RawLaw(ctypes.Structure):
     """A contact's law."""
 
     _fields_ = [
-        ("tangents", ctypes.c_int),
-        *(
-            (name, ctypes.c_double)
-            for name in ("tangential_stiffness", "normal_stiffness", "friction_coefficient", "gap", "preload")
-        ),
+        ("tangents", c_int),
+        *_all(c_double, "tangential_stiffness", "normal_stiffness", "friction_coefficient", "gap", "preload"),
+    ]
+
+
+class RawOptions(ctypes.Structure):
+    """`attrito.library.session.Options`."""
+
+    _fields_ = [
+        *_all(c_int, "harmonics", "samples", "rounds", "max_iterations", "reset_slider", "uncoupled"),
+        *_all(c_int, "by_events", "choose_harmonics", "choose_samples", "fewest_samples"),
+        *_all(c_double, "tolerance", "accepted_error", "mode_error"),
     ]
 
 
@@ -49,37 +42,158 @@ class RawPoint(ctypes.Structure):
     """What is one number of a point."""
 
     _fields_ = [
-        *(
-            (name, ctypes.c_int)
-            for name in ("branch", "iterations", "linear_iterations", "outcome", "unique", "finished", "reached_stop")
-        ),
-        ("states", ctypes.c_int * 4),
-        *((name, ctypes.c_int) for name in ("harmonic_count", "samples", "petsc_error")),
-        *((name, ctypes.c_double) for name in ("frequency_hz", "level", "residual", "estimate", *ERRORS, "work")),
+        *_all(c_int, "branch", "iterations", "linear_iterations", "outcome", "unique", "finished", "reached_stop"),
+        ("states", c_int * 4),
+        *_all(c_int, "harmonic_count", "samples", "petsc_error"),
+        *_all(c_double, "frequency_hz", "level", "residual", "estimate", *ERRORS, "work"),
     ]
+
+
+class RawPeak(ctypes.Structure):
+    """`attrito.library.peak_tracker.Peak`."""
+
+    _fields_ = [
+        ("point", RawPoint),
+        *_all(c_double, "parameter", "amplitude", "slope", "curvature"),
+        ("evaluations", c_int),
+    ]
+
+
+class RawBackbone(ctypes.Structure):
+    """`attrito.peaks.curve.BackbonePoint`."""
+
+    _fields_ = [("point", RawPoint), *_all(c_double, "modal_amplitude", "excitation", "level", "amplitude")]
+
+
+class RawExamination(ctypes.Structure):
+    """What an examination of stability found: the verdict, and how many multipliers each engine has."""
+
+    _fields_ = [*_all(c_int, "verdict", *ENGINES), *_all(c_double, "distance", "change", "low", "high")]
+
+
+class RawBifurcation(ctypes.Structure):
+    """`attrito.runs.bifurcations.Bifurcation`."""
+
+    _fields_ = [("kind", c_int), *_all(c_double, "frequency_hz", "uncertain_hz", "re", "im")]
+
+
+class RawScene(ctypes.Structure):
+    """A scene for integration in time; the arrays are those of `ReducedScene`."""
+
+    _fields_ = [
+        *_all(c_int, "size", "contacts", "rows", "statics", "coefficients", "monitors", "damping_kind"),
+        ("damping_value", c_double),
+        *_all(c_void_p, "mass", "stiffness", "damping", "laws", "directions"),
+        *_all(c_void_p, "static_loads", "harmonic_load", "monitor_rows"),
+    ]
+
+
+class RawRun(ctypes.Structure):
+    """`attrito.library.integrator.Run`."""
+
+    _fields_ = [
+        *_all(c_int, "scheme", "steps_per_period", "cycles", "fewest", "multiples", "samples"),
+        *_all(c_int, "whole_run", "static_knots", "harmonic_knots"),
+        *_all(c_double, "omega", "level", "dissipation", "tolerance"),
+        *_all(c_void_p, "static_factors", "static_profile", "harmonic_profile"),
+    ]
+
+
+class RawOrbit(ctypes.Structure):
+    """What is one number of `attrito.library.integrator.Orbit`."""
+
+    _fields_ = [
+        *_all(c_int, "outcome", "reason", "period", "cycles", "events", "chatter", "samples"),
+        *_all(c_double, "defect", "contraction", "amplitude", "work", "damping", "seconds"),
+    ]
+
+
+class RawReduction(ctypes.Structure):
+    """Choices of a reduction."""
+
+    _fields_ = [
+        *_all(c_int, "modes", "block_size", "block_vectors", "check_inertia"),
+        *_all(c_double, "max_frequency_hz", "error_target", "top_frequency_hz"),
+        *_all(c_double, "tolerance", "low_rank", "memory_megabytes"),
+        ("ordering", c_char * 8),
+        ("out_of_core", c_char * 4),
+        ("eigensolver", c_char * 16),
+    ]
+
+
+class RawReductionReport(ctypes.Structure):
+    """`attrito.library.reduction.Report`."""
+
+    _fields_ = [
+        *_all(c_int, "dofs", "coordinates", "boundary", "modes", "corrections", "negative_pivots"),
+        *_all(c_int, "modes_below_shift", "mode_solves", "factor_megabytes", "factor_megabytes_out_of_core"),
+        ("out_of_core", c_int),
+        ("ordering", c_char * 8),
+        *_all(c_double, "factor_flops", "analysis_seconds", "shift_hz", "mode_residual", "constraint_residual"),
+        ("worst_error", c_double),
+        *_all(c_double * len(REDUCTION_STEPS), "seconds", "megabytes"),
+    ]
+
+
+# Each by the name that it has in attrito.h, after `attrito_`.
+STRUCTURES: dict[str, type[ctypes.Structure]] = {
+    "contact_law": RawLaw,
+    "solver_options": RawOptions,
+    "point": RawPoint,
+    "peak": RawPeak,
+    "backbone": RawBackbone,
+    "examination_report": RawExamination,
+    "bifurcation_report": RawBifurcation,
+    "integrate_scene": RawScene,
+    "integrate_options": RawRun,
+    "integrate_report": RawOrbit,
+    "reduce_options": RawReduction,
+    "reduce_report": RawReductionReport,
+}
+
+
+class Doubles(c_void_p):
+    """`double *`: an array, or one number by reference."""
+
+
+class Integers(c_void_p):
+    """`int *`."""
+
+
+class Longs(c_void_p):
+    """`long *`."""
+
+
+_POINTERS = {
+    np.dtype(np.float64): Doubles,
+    np.dtype(np.int32): Integers,
+    np.dtype(np.int64): Longs,
+    np.dtype(np.uint8): ctypes.c_char_p,
+}
 
 
 def make_law(laws: dict[str, np.ndarray], contact: int) -> RawLaw:
     """The law of one contact out of arrays `[nc]` by key."""
-    numbers = (float(laws[name][contact]) for name, _ in RawLaw._fields_[1:])
+    numbers = (float(laws[name][contact]) for name, *_ in RawLaw._fields_[1:])
     return RawLaw(int(laws["tangents"][contact]), *numbers)
 
 
-def make_laws(laws: dict[str, np.ndarray]) -> ctypes.Array:
+def make_laws(laws: dict[str, np.ndarray]) -> ctypes.Array[RawLaw]:
     """The laws of all contacts."""
     count = len(laws["tangents"])
     return (RawLaw * count)(*(make_law(laws, i) for i in range(count)))
 
 
-def omega(frequency_hz: float) -> ctypes.c_double:
+def omega(frequency_hz: float) -> float:
     """Angular frequency, rad/s."""
-    return ctypes.c_double(2.0 * np.pi * frequency_hz)
+    return float(2.0 * np.pi * frequency_hz)
 
 
-def pointer(array: np.ndarray) -> ctypes.c_void_p:
-    """Where an array's numbers begin; it lives as long as the pointer."""
-    if array.dtype != np.float64 or not array.flags.c_contiguous:
-        raise TypeError("expected a contiguous array of float64")
-    place = ctypes.c_void_p(array.ctypes.data)
+def pointer(array: np.ndarray) -> Any:
+    """Where an array's numbers begin, by their type; it lives as long as the pointer."""
+    kind = _POINTERS.get(array.dtype)
+    if kind is None or not array.flags.c_contiguous:
+        raise TypeError(f"expected a contiguous array of {', '.join(map(str, _POINTERS))}")
+    place = kind(array.ctypes.data)
     place.array = array  # cheaper than `data_as`
     return place

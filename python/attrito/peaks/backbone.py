@@ -7,9 +7,9 @@ import ctypes
 import numpy as np
 from scipy.optimize import brentq
 
-from attrito.library.peak_tracker import AMPLITUDES
+from attrito.library.names import AMPLITUDES
 from attrito.library.session import Solver
-from attrito.library.structures import RawPoint
+from attrito.library.structures import RawBackbone
 from attrito.peaks.curve import Backbone, BackbonePoint, Found
 
 # Points of the curve are this factor of the mode's coordinate apart.
@@ -21,13 +21,6 @@ MOST_POINTS = 400
 LEAPS = (2, 4, 6, 9, 13, 18, 24)
 # Of the logarithm of the coordinate, where the level is a peak's.
 LEVEL_TOLERANCE = 1e-10
-
-
-class _Backbone(ctypes.Structure):
-    _fields_ = [
-        ("point", RawPoint),
-        *((name, ctypes.c_double) for name in ("modal_amplitude", "excitation", "level", "amplitude")),
-    ]
 
 
 def leading_mode(solver: Solver) -> tuple[int, float]:
@@ -53,22 +46,20 @@ class BackboneTracker:
 
     def begin(self, modal_amplitude: float) -> BackbonePoint:
         """The point of an amplitude, followed there from one at which contacts stick."""
-        return self._call(
-            "attrito_begin_backbone", self.mode, self._monitor, self._amplitude, ctypes.c_double(modal_amplitude), 0
-        )
+        return self._call("attrito_begin_backbone", self.mode, self._monitor, self._amplitude, modal_amplitude, 0)
 
     def at(self, modal_amplitude: float) -> BackbonePoint:
         """The point of an amplitude, by as many steps as it takes."""
-        return self._call("attrito_backbone_at", ctypes.c_double(modal_amplitude), 0)
+        return self._call("attrito_backbone_at", modal_amplitude, 0)
 
     def anew(self, modal_amplitude: float) -> BackbonePoint:
         """The point of an amplitude, by long steps from one at which contacts stick."""
-        return self._call("attrito_backbone_anew", ctypes.c_double(modal_amplitude), 0)
+        return self._call("attrito_backbone_anew", modal_amplitude, 0)
 
     def _call(self, name: str, *arguments: object) -> BackbonePoint:
-        raw = _Backbone()
+        raw = RawBackbone()
         self._solver.call(name, *arguments, ctypes.byref(raw))
-        point = self._solver._point(raw.point, followed=False)
+        point = self._solver.point_of(raw.point)
         return BackbonePoint(point, raw.modal_amplitude, raw.excitation, raw.level, raw.amplitude)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from attrito.job.job import Job
-from attrito.library.names import OUTCOMES
+from attrito.library.names import OUTCOMES, STATES
 from attrito.library.reduced_scene import ReducedScene
 from attrito.peaks.curve import KINDS, Found, elasticity
 from attrito.support.atomic_files import whole_hdf5
@@ -22,7 +22,6 @@ from attrito.support.version import __version__
 if TYPE_CHECKING:
     from attrito.peaks.curve import Backbone, BackbonePoint
 
-STATES = ("stuck", "shaken_down", "slipping", "open")
 REFERENCES = "Zucca & Firrone 2014, doi:10.1016/j.jsv.2013.09.032"
 
 

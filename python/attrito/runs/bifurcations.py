@@ -10,15 +10,14 @@ import h5py
 import numpy as np
 
 from attrito.job.job import Job
-from attrito.library.names import NO_SOLUTION
+from attrito.library.names import BIFURCATION_KINDS as KINDS
+from attrito.library.names import NO_SOLUTION, ORBITS
 from attrito.library.session import Point, Solver
-from attrito.runs.stability import METHODS, ORBITS
+from attrito.library.structures import RawBifurcation, pointer
+from attrito.runs.stability import METHODS
 
 if TYPE_CHECKING:
     from attrito.runs.progress import Progress
-
-# As the library counts them.
-KINDS = ("fold", "contact_fold", "flip", "neimark_sacker", "branch_point", "contact_crossing")
 
 FOLDS = KINDS[:2]
 FOLD_CROSSINGS = KINDS[4:]
@@ -26,13 +25,6 @@ FOLD_CROSSINGS = KINDS[4:]
 # may be of: what few harmonics leave out.
 FOLD_POINTS = 3
 FOLD_WIDTH = 1e-3
-
-
-class _Report(ctypes.Structure):
-    _fields_ = [
-        ("kind", ctypes.c_int),
-        *((name, ctypes.c_double) for name in ("frequency_hz", "uncertain_hz", "re", "im")),
-    ]
 
 
 @dataclass(frozen=True)
@@ -75,8 +67,8 @@ class Finder:
         if not self._looks or not point.followed or point.outcome in NO_SOLUTION:
             return
         for i in range(self._solver.call("attrito_find_bifurcations", *self._how)):
-            report, amplitude = _Report(), np.zeros(len(point.amplitude))
-            self._solver.call("attrito_bifurcation", i, ctypes.byref(report), ctypes.c_void_p(amplitude.ctypes.data))
+            report, amplitude = RawBifurcation(), np.zeros(len(point.amplitude))
+            self._solver.call("attrito_bifurcation", i, ctypes.byref(report), pointer(amplitude))
             new = Bifurcation(
                 KINDS[report.kind],
                 number,

@@ -14,16 +14,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from attrito.job.job import Job
-from attrito.library.names import NO_SOLUTION
+from attrito.library.names import NO_SOLUTION, STARTS
 from attrito.library.session import Point, Solver
 from attrito.runs.bifurcations import FOLDS, Finder
 
 if TYPE_CHECKING:
     from attrito.runs.progress import Progress
 
-# As the library counts them.
-COLD, IN_TIME, HOMOTOPY = "a cold start", "motion in time", "homotopy in the preload"
-STARTS = {COLD: 0, IN_TIME: 1, HOMOTOPY: 2}
+COLD, IN_TIME, HOMOTOPY = STARTS
+# In words
+WORDS = {COLD: "a cold start", IN_TIME: "motion in time", HOMOTOPY: "homotopy in the preload"}
 # Frequencies, beside the ends, at which starts are made whatever is known; factors on the harmonics of a known motion
 # that motion in time begins with, and on the static loads.
 FREQUENCIES = 5
@@ -113,7 +113,7 @@ class Search:
             done.add(start)
             if not self._seek(start, low, high):
                 continue
-            self._progress.say(f"another branch at {start.frequency_hz:.6g} Hz, by {start.way}")
+            self._progress.say(f"another branch at {start.frequency_hz:.6g} Hz, by {WORDS[start.way]}")
             yield from self._follow(low, high, branch)
             branch += 1
             found += 1
@@ -125,7 +125,7 @@ class Search:
         else:
             self._solver.walk_static_path(self._path, self._steps, start.frequency_hz)
             self._solver.set_excitation(low, high, self._level)
-        if not self._solver.seek(STARTS[start.way], start.frequency_hz, start.factor):
+        if not self._solver.seek(start.way, start.frequency_hz, start.factor):
             return False
         return not self._solver.call("attrito_is_known", self._kept)
 

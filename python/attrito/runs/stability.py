@@ -10,24 +10,16 @@ import numpy as np
 
 from attrito.job.job import Job
 from attrito.library import loading
+from attrito.library.names import ENGINES, MULTIPLIER_KINDS, ORBITS, VERDICTS
 from attrito.library.session import Point, Solver
+from attrito.library.structures import RawExamination, pointer
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
-# The engines, by the number the library adds up, and the kinds of multipliers.
-ENGINES = {"monodromy": 1, "hill": 2}
-ORBITS = {"balance": 0, "exact": 1, "auto": 2}
 METHODS = {"none": 0, **ENGINES, "both": 3}
-KINDS = ("floquet", "slip", "stuck")
-# Verdicts as the library counts them, and what the outcome of a converged point becomes.
-OUTCOMES = {0: "unstable", 1: "converged", 2: "indeterminate"}
-
-
-class _Report(ctypes.Structure):
-    _fields_ = [(name, ctypes.c_int) for name in ("verdict", *ENGINES)] + [
-        (name, ctypes.c_double) for name in ("distance", "change", "low", "high")
-    ]
+# What the outcome of a converged point becomes by its verdict.
+OUTCOMES = {"unstable": "unstable", "stable": "converged", "indeterminate": "indeterminate"}
 
 
 class Examiner:
@@ -80,7 +72,9 @@ class Examiner:
                 self.reasons[number] = reason
         if point.outcome == "above_tolerance":
             return point
-        return point._replace(outcome=OUTCOMES.get(report.verdict, point.outcome))
+        if report.verdict not in range(len(VERDICTS)):
+            return point
+        return point._replace(outcome=OUTCOMES[VERDICTS[report.verdict]])
 
     def put_down(self) -> dict[str, np.ndarray]:
         """What was found of the last point, at the root."""
@@ -116,9 +110,9 @@ class Examiner:
         self.rows += zip([number] * count, [index] * count, real, imaginary, kind, strict=True)
 
 
-def examine_point(solver: Solver, methods: int, orbit: int, viscous: int = 0) -> tuple[_Report, str]:
+def examine_point(solver: Solver, methods: int, orbit: int, viscous: int = 0) -> tuple[RawExamination, str]:
     """What the library finds at the point where a solver stands, and why it has no verdict. Collective."""
-    report, message = _Report(), loading.message_buffer()
+    report, message = RawExamination(), loading.message_buffer()
     status = solver.call("attrito_examine", methods, orbit, viscous, ctypes.byref(report), message, len(message))
     loading.check(status, message)
     return report, message.value.decode()
@@ -127,7 +121,7 @@ def examine_point(solver: Solver, methods: int, orbit: int, viscous: int = 0) ->
 def fetch_multipliers(solver: Solver, engine: int, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Real parts, imaginary parts and kinds of the last examination's multipliers by one engine, at the root."""
     real, imaginary, kind = np.zeros(count), np.zeros(count), np.zeros(count, dtype=np.int32)
-    solver.call("attrito_multipliers", engine, *(ctypes.c_void_p(a.ctypes.data) for a in (real, imaginary, kind)))
+    solver.call("attrito_multipliers", engine, pointer(real), pointer(imaginary), pointer(kind))
     return real, imaginary, kind
 
 
@@ -145,7 +139,7 @@ def write_multipliers(file: h5py.File, examiner: Examiner) -> None:
             np.int32,
             "index into the attribute names: dynamic; zero of a slider that a period forgets; "
             "one of a slider that stays",
-            KINDS,
+            MULTIPLIER_KINDS,
         ),  # fmt: skip
     }
     for column, (name, (kind, description, names)) in zip(columns, data.items(), strict=True):
@@ -156,7 +150,7 @@ def write_multipliers(file: h5py.File, examiner: Examiner) -> None:
     points = len(file["points/stable"])
     real, imaginary, kind = columns[2:]
     largest, distance, change, low, high = np.full((5, points), np.nan)
-    decides = kind == KINDS.index("floquet")
+    decides = kind == MULTIPLIER_KINDS.index("floquet")
     np.fmax.at(largest, columns[0][decides].astype(int), np.hypot(real, imaginary)[decides])
     known = (examiner.distances, examiner.changes, examiner.lows, examiner.highs)
     for column, numbers in zip((distance, change, low, high), known, strict=True):

@@ -14,10 +14,10 @@ from mpi4py import MPI
 from attrito.integration.attractors import State, pushed
 from attrito.library.family import Family as Members
 from attrito.library.integrator import Integrator, Orbit, Run
-from attrito.library.names import ATTEMPTS, OUTCOMES
+from attrito.library.names import ATTEMPTS, ENGINES, MULTIPLIER_KINDS, ORBITS, OUTCOMES
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Point, Solver
-from attrito.runs.stability import ENGINES, KINDS, ORBITS, examine_point, fetch_multipliers
+from attrito.runs.stability import examine_point, fetch_multipliers
 from attrito.support.errors import NumericsError
 from attrito.verify.scene_grid.scenes import Family, frequencies
 
@@ -118,7 +118,7 @@ def _examine(columns: Columns, solver: Solver, index: int) -> bool:
     columns.put("reason", index, next((code for code, text in REASONS.items() if text and text in reason), 0))
     if report.monodromy:
         real, imaginary, kind = fetch_multipliers(solver, ENGINES["monodromy"], report.monodromy)
-        dynamic = kind == KINDS.index("floquet")
+        dynamic = kind == MULTIPLIER_KINDS.index("floquet")
         columns.put("largest_multiplier", index, np.hypot(real, imaginary)[dynamic].max(initial=0.0))
     return report.verdict in (0, 1)
 

@@ -1,0 +1,461 @@
+/* The C interface of attrito. Made by script/header from the Fortran sources; a test compares both.
+ *
+ * Arrays are C's: the last index runs fastest. A status is 0 (done), 1 (the numerics), 2 (the input) or 3 (a file); its
+ * message is written to the room that the caller gives. A communicator is Fortran's handle (MPI_Comm_c2f), of MPI that
+ * is initialised. A handle is made by attrito_create or attrito_integrator_create, and given back by attrito_destroy or
+ * attrito_integrator_destroy.
+ */
+#ifndef ATTRITO_H
+#define ATTRITO_H
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* An entry of a series: its path in the file; `real64` or `int32`; its sizes, slowest first; its numbers; what they are, their
+ * unit, and, where they count names, these with commas between. */
+typedef void (*attrito_hearer)(const char *path, const char *kind, int dimensions, const int *extent,
+    const double *values, const char *description, const char *unit, const char *names);
+
+/* A sentence where `total` is 0; else `done` of `total` parts of the step of this name. */
+typedef void (*attrito_listener)(const char *text, int done, int total);
+
+typedef struct {
+    int tangents;
+    double tangential_stiffness;
+    double normal_stiffness;
+    double friction_coefficient;
+    double gap;
+    double preload;
+} attrito_contact_law;
+
+typedef struct {
+    int harmonics;
+    int samples;
+    int rounds;
+    int max_iterations;
+    int reset_slider;
+    int uncoupled;
+    int by_events;
+    int choose_harmonics;
+    int choose_samples;
+    int fewest_samples;
+    double tolerance;
+    double accepted_error;
+    double mode_error;
+} attrito_solver_options;
+
+typedef struct {
+    int branch;
+    int iterations;
+    int linear_iterations;
+    int outcome;
+    int unique;
+    int finished;
+    int reached_stop;
+    int states[4];
+    int harmonics;
+    int samples;
+    int petsc_error;
+    double frequency_hz;
+    double level;
+    double residual;
+    double estimate;
+    double error_harmonics;
+    double error_samples;
+    double error_modes;
+    double work;
+} attrito_point;
+
+/* A session on a structure of m coordinates. */
+void *attrito_create(int comm, int m, const double *mass, const double *stiffness, int damping_kind,
+    double damping_value, void *damping);
+
+/* Loads and monitors: static loads [static_count, m], harmonic load [coefficients, m], monitors [monitor_count, m]. */
+void attrito_set_loads(void *handle, int static_count, const double *static_loads, int coefficients,
+    const double *harmonic_load, int monitor_count, const double *monitors);
+
+/* Contacts and their rows of B [rows, m], each contact's tangents before its normal. */
+void attrito_set_contacts(void *handle, int count, const attrito_contact_law *laws, int rows,
+    const double *directions);
+
+/* Make the session ready to solve. */
+int attrito_prepare(void *handle, const attrito_solver_options *options, char *message, int length);
+
+/* Give the contacts other laws of the same stiffnesses and directions: modes stay. A static path is to be walked next. */
+void attrito_change_laws(void *handle, int count, const attrito_contact_law *laws);
+
+/* Walk the static load path [corners, static loads], standing at an angular frequency. */
+int attrito_walk_static_path(void *handle, int loads, int corners, const double *path, int steps, double omega,
+    attrito_point *point, char *message, int length);
+
+/* Begin a sweep of the harmonic loads at a level between two angular frequencies. */
+void attrito_begin_sweep(void *handle, double start, double stop, double level, int branch, int max_points);
+
+/* The next point of the sweep. */
+void attrito_next_point(void *handle, attrito_point *point);
+
+/* A point at an angular frequency. */
+void attrito_solve_at(void *handle, double omega, int branch, attrito_point *point);
+
+/* A point at an angular frequency by one attempt of the cascade alone; the session then stands where it stood before, whether that
+ * found a point or not. 0, or 1: there is no attempt of that name. */
+int attrito_try_at(void *handle, const char *attempt, double omega, attrito_point *point);
+
+/* Coefficients of the monitors [monitors, 2 H + 1] and their amplitudes at the last point. */
+void attrito_monitors(void *handle, double *harmonics, double *amplitude);
+
+/* Linear response of the monitors, with contacts stuck or closed without friction: amplitudes [monitors, count] at level 1, and
+ * the lowest natural frequencies [frequencies] in Hz of that system. */
+int attrito_linear_response(void *handle, int stuck, int count, const double *omega, double *amplitude,
+    int frequencies, double *natural_hz, char *message, int length);
+
+/* The last call of a process, before MPI ends. */
+void attrito_stop(void);
+
+/* Give everything back. */
+void attrito_destroy(void *handle);
+
+/* Displacement and force [tangents + 1, samples] of one contact over a period, for its coefficients [tangents + 1, coefficients]. */
+void attrito_sample_contact(const attrito_contact_law *law, int coefficients, int samples, const double *motion,
+    const double *slider, int passes, double *displacement, double *force);
+
+/* Smallest and largest value over the period of trigonometric polynomials [count, coefficients]: [count] each. */
+void attrito_extrema(int count, int coefficients, const double *polynomials, double *lowest, double *highest);
+
+typedef struct {
+    attrito_point point;
+    double modal_amplitude;
+    double excitation;
+    double level;
+    double amplitude;
+} attrito_backbone;
+
+/* Mode (from 1) that carries most of the first harmonic of the session's point, and its coordinate. */
+void attrito_leading_mode(void *handle, int *mode, double *amplitude);
+
+/* The backbone of a mode (from 1) at an amplitude of its coordinate, told by a monitor (from 0). The static path has been walked;
+ * the session serves nothing but this backbone from then on. */
+void attrito_begin_backbone(void *handle, int mode, int monitor, int measure, double amplitude, int branch,
+    attrito_backbone *backbone);
+
+/* At another amplitude, by long steps from where contacts stick. */
+void attrito_backbone_anew(void *handle, double amplitude, int branch, attrito_backbone *backbone);
+
+/* Followed to another amplitude. */
+void attrito_backbone_at(void *handle, double amplitude, int branch, attrito_backbone *backbone);
+
+/* Stand at the response of the stuck system to the harmonic loads at a level, where what slips depends on no solve; static loads
+ * in full, sliders at zero. */
+int attrito_stand_at_stuck_response(void *handle, double omega, double level);
+
+/* Residual and Jacobian at the present point: mean seconds of an evaluation, norm of the residual relative to that of the motion,
+ * and the rows of the Jacobian that are not zero. Collective; times of this rank. */
+int attrito_time_evaluation(void *handle, int repeats, double *seconds, double *residual, int *active);
+
+/* One linearised step at the present point, frequency held: mean seconds of a solve, and iterations of GMRES. Collective; times of
+ * this rank. */
+int attrito_time_step(void *handle, int repeats, double *seconds, int *iterations);
+
+/* A linear frequency response that recovers every contact row, every contact stuck: mean seconds a frequency, at the harmonics that
+ * are loaded. Collective; times of this rank. */
+int attrito_time_linear_response(void *handle, double omega, int repeats, double *seconds);
+
+/* The linear response at a frequency, told as a point of a sweep is: rows of all contacts recovered, coefficients of the monitors
+ * [monitors, 2 H + 1] and their amplitudes. 0, or not: it is singular there. */
+int attrito_linear_point(void *handle, double omega, double *harmonics, double *amplitude);
+
+/* Forces and Jacobian of one contact for coefficients [tangents + 1, coefficients]: mean seconds of an evaluation, and the fraction
+ * of the period that it does not stick. By events (one tangent) or by samples; two tangents marched once as a periodic slider, or
+ * twice. */
+void attrito_time_contact(const attrito_contact_law *law, int coefficients, int samples, const double *motion,
+    int by_events, int periodic, int repeats, double *seconds, double *moving);
+
+typedef struct {
+    int kind;
+    double frequency_hz;
+    double uncertain_hz;
+    double re;
+    double im;
+} attrito_bifurcation_report;
+
+/* Find the bifurcations of the sweep's last step, in its order, and how many there are; the sweep goes on as if nothing had
+ * been asked. What stands of the last point must have been written. Crossings are those of the engines and the orbit that the
+ * last two points were examined by, if they were. */
+int attrito_find_bifurcations(void *handle, int methods, int orbit);
+
+/* One of those found, from 0, and the amplitudes of the monitors there. */
+void attrito_bifurcation(void *handle, int i, attrito_bifurcation_report *report, double *amplitude);
+
+/* Remember where the session stands as a point that is known; `follows`: the branch goes on from the one remembered last. */
+void attrito_keep_point(void *handle, int follows);
+
+/* Forget all points but the first so many. */
+void attrito_forget_points(void *handle, int count);
+
+/* Stand at a point that is known, from 0. */
+void attrito_stand_at_point(void *handle, int number);
+
+/* Does the session stand on a branch of the first so many points that are known? */
+int attrito_is_known(void *handle, int count);
+
+/* Look for a point at an angular frequency: 1 if one was found, on which the session then stands. */
+int attrito_seek(void *handle, int way, double omega, double factor);
+
+/* Begin a sweep along the branch on which the session stands, within a range of angular frequency: towards growing (1) or falling
+ * (-1) frequency, or (0) back from where the last sweep stands. */
+void attrito_begin_branch(void *handle, double start, double stop, int way, int branch, int max_points);
+
+/* Stand at a motion of the model's coordinates [m, coefficients] at an angular frequency, with sliders [contacts, 2], and solve
+ * there; 1 if that converges. */
+int attrito_stand_at_motion(void *handle, int coefficients, const double *coordinates, const double *slider,
+    double omega, double level);
+
+/* Describe the interface in words, a line each: `names OF name=number ...` of an enumeration, `size OF bytes` of a structure.
+ * Returns the room that the text takes with the null character at its end; what does not fit is left out. */
+int attrito_describe(int length, char *text);
+
+typedef struct {
+    int size;
+    int contacts;
+    int rows;
+    int statics;
+    int coefficients;
+    int monitors;
+    int damping_kind;
+    double damping_value;
+    void *mass;
+    void *stiffness;
+    void *damping;
+    void *laws;
+    void *directions;
+    void *static_loads;
+    void *harmonic_load;
+    void *monitor_rows;
+} attrito_integrate_scene;
+
+/* See `run_options_type` */
+typedef struct {
+    int scheme;
+    int steps_per_period;
+    int cycles;
+    int fewest;
+    int multiples;
+    int samples;
+    int whole_run;
+    int static_knots;
+    int harmonic_knots;
+    double omega;
+    double level;
+    double dissipation;
+    double tolerance;
+    void *static_factors;
+    void *static_profile;
+    void *harmonic_profile;
+} attrito_integrate_options;
+
+/* See `orbit_type` */
+typedef struct {
+    int outcome;
+    int reason;
+    int period;
+    int cycles;
+    int events;
+    int chatter;
+    int samples;
+    double defect;
+    double contraction;
+    double amplitude;
+    double work;
+    double damping;
+    double seconds;
+} attrito_integrate_report;
+
+/* A session on a scene at rest, unloaded. */
+int attrito_integrator_create(const attrito_integrate_scene *scene, void **handle, char *message, int length);
+
+/* Start from the end of a static load path [corners, statics], walked from rest with given sliders [contacts, 2] (or null: 0). */
+int attrito_integrator_start_static(void *handle, int statics, int corners, const double *path, int steps,
+    void *slider, char *message, int length);
+
+/* Start from a state in the scene's coordinates: displacement [m], velocity [m], sliders [contacts, 2]. */
+void attrito_integrator_start(void *handle, int size_of_scene, const double *displacement, const double *velocity,
+    const double *slider);
+
+/* The state as it stands, after the start or the last run. */
+void attrito_integrator_state(void *handle, int size_of_scene, double *displacement, double *velocity, double *slider);
+
+/* How many contacts carry a normal force as it stands. */
+int attrito_integrator_touching(void *handle);
+
+/* Integrate until steady; the session then stands at the end of the run. */
+int attrito_integrator_run(void *handle, const attrito_integrate_options *options, attrito_integrate_report *report,
+    char *message, int length);
+
+/* Measures of the recorded period: monitors [monitors, 3] mean, lowest, highest; mean force of rows [rows]; contacts
+ * [contacts, 5] shares of stick, slip, open, smallest normal force, energy dissipated a period of the excitation. */
+void attrito_integrator_measures(void *handle, double *monitors, double *forces, double *contacts);
+
+/* Samples: seconds [samples], monitors [samples, monitors], displacement and force of rows [samples, rows], regimes
+ * [samples, contacts]. */
+void attrito_integrator_samples(void *handle, double *time, double *monitors, double *displacement, double *force,
+    int *regime);
+
+/* Give everything back. */
+void attrito_integrator_destroy(void *handle);
+
+/* Begin at the last point. */
+void attrito_enter_family(void *handle);
+
+/* Leave the session as it was. */
+void attrito_leave_family(void *handle);
+
+/* Floating-point operations since the family was entered. */
+double attrito_work_of_visits(void *handle);
+
+/* Remember the present member in a place, 0 or 1. */
+void attrito_keep_member(void *handle, int place);
+
+/* Go back to the one remembered there. */
+void attrito_return_to_member(void *handle, int place);
+
+/* Move the sliders [contacts, 2]; 1 if that gave a member, else 0 and nothing has changed. */
+int attrito_solve_member(void *handle, const double *slider);
+
+/* The present member: forces [contacts, 3, 2 H + 1], monitors [monitors, 2 H + 1] with amplitudes, sliders [contacts, 2] and
+ * whether they are free (1.0 or 0.0). 0, or not: it cannot be evaluated. */
+int attrito_describe_member(void *handle, double *force, double *monitors, double *amplitude, double *slider,
+    double *free);
+
+/* Change of the member described last with component `tangent` (from 0) of -k_t w of a contact (from 0); 0, or not: singular. */
+int attrito_differentiate_member(void *handle, int contact, int tangent, double *force, double *monitors);
+
+typedef struct {
+    attrito_point point;
+    double parameter;
+    double amplitude;
+    double slope;
+    double curvature;
+    int evaluations;
+} attrito_peak;
+
+/* Find the peak of a monitor (from 0) at a level, near an angular frequency; sweeps go from start to stop. The static path has been
+ * walked. `static_factors` [loads] are those at preload 1. */
+void attrito_begin_peak(void *handle, int monitor, int measure, int loads, const double *static_factors, double omega,
+    double start, double stop, double level, int branch, attrito_peak *peak);
+
+/* The same near a motion of the model's coordinates [m, coefficients], at a level and a preload, sliders where they are. */
+void attrito_begin_peak_near(void *handle, int monitor, int measure, int loads, const double *static_factors,
+    double omega, double start, double stop, double level, double preload, int coefficients, const double *coordinates,
+    int branch, attrito_peak *peak);
+
+/* Motion of the model's coordinates at the last point [m, coefficients]. */
+void attrito_coordinates(void *handle, int coefficients, double *coordinates);
+
+/* Follow it in the level (0) or the preload (1) from here on. */
+void attrito_follow_peak_in(void *handle, int parameter, int branch, attrito_peak *peak);
+
+/* The next steps go towards a value of the parameter. */
+void attrito_turn_peak(void *handle, double value);
+
+/* One step along the curve of peaks, or just to a value of the parameter, where it has finished. */
+void attrito_next_peak(void *handle, double stop, int branch, attrito_peak *peak);
+
+/* The peak at a value of the parameter, by as many steps as it takes. */
+void attrito_peak_at(void *handle, double value, int branch, attrito_peak *peak);
+
+/* Evaluations of the balance since the session began: what solving costs, whatever the machine. */
+int attrito_evaluations(void *handle);
+
+/* Tell what the last point is; names of monitors, one a line. Collective. */
+void attrito_tell_point(void *handle, const char *monitors, attrito_hearer listener);
+
+/* Put down what the last point leaves for the next on this rank; returns how many numbers that is. */
+int attrito_put_down(void *handle);
+
+/* The numbers put down last. */
+void attrito_fetch_state(void *handle, double *numbers);
+
+/* Take up, in place of the last point, what was put down on as many ranks; 1 if it is of this session's kind, else 0. Collective. */
+int attrito_take_up(void *handle, int count, const double *numbers);
+
+/* See `reduction_options_type` */
+typedef struct {
+    int modes;
+    int block_size;
+    int block_vectors;
+    int check_inertia;
+    double max_frequency_hz;
+    double error_target;
+    double top_frequency_hz;
+    double tolerance;
+    double low_rank;
+    double memory_megabytes;
+    char ordering[8];
+    char out_of_core[4];
+    char eigensolver[16];
+} attrito_reduce_options;
+
+/* See `reduction_report_type` */
+typedef struct {
+    int dofs;
+    int coordinates;
+    int boundary;
+    int modes;
+    int corrections;
+    int negative_pivots;
+    int modes_below_shift;
+    int mode_solves;
+    int factor_megabytes;
+    int factor_megabytes_out_of_core;
+    int out_of_core;
+    char ordering[8];
+    double factor_flops;
+    double analysis_seconds;
+    double shift_hz;
+    double mode_residual;
+    double constraint_residual;
+    double worst_error;
+    double seconds[10];
+    double megabytes[10];
+} attrito_reduce_report;
+
+/* Reduce model.h5 to rom.h5; collective. */
+int attrito_reduce(int comm, const char *model_path, const char *rom_path, const char *folder, int boundary_count,
+    const int *boundary, int n, int vector_count, const double *vectors, const attrito_reduce_options *options,
+    attrito_listener listener, attrito_reduce_report *report, int length, char *message);
+
+typedef struct {
+    int verdict;
+    int monodromy;
+    int hill;
+    double distance;
+    double change;
+    double low;
+    double high;
+} attrito_examination_report;
+
+/* Examine the last point on an orbit (0 the balance's, 1 the event-exact one near it, 2 where need be) by the sum of engines (1
+ * monodromy, 2 Hill's problem), note the verdict in what is going to be written of it,
+ * and say why where there is none. */
+int attrito_examine(void *handle, int methods, int orbit, int equivalent_viscous, attrito_examination_report *report,
+    char *message, int length);
+
+/* Multipliers of the last examination by one engine, 1 or 2: real and imaginary parts, kinds. */
+void attrito_multipliers(void *handle, int method, double *re, double *im, int *kind);
+
+/* Table of numbers [fields, lines] from lines of text, NaN where a field is empty; returns the first line, from 1, that
+ * does not hold numbers, or 0. Widths of zero: fields are separated by blanks or commas. */
+int attrito_read_numbers(const char *text, int lines, const long *first, const long *last, int fields,
+    const int *begin, const int *width, double *table);
+
+/* Whole numbers above zero [fields, lines] and, last in each line, a value [lines]; returns the first line, from 1, that holds
+ * anything else, or 0. */
+int attrito_read_entries(const char *text, int lines, const long *first, const long *last, int fields, int *whole,
+    double *values);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
