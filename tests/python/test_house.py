@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import ast
+import re
+import sys
+import tomllib
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -62,6 +65,20 @@ def circle(graph: dict[str, set[str]]) -> list[str]:
     except CycleError as error:
         return error.args[1]
     return []
+
+
+def test_what_the_package_imports_is_what_it_depends_on():
+    """Of other projects: the dependencies of pyproject.toml, each named as its module is."""
+    imported = {
+        name.partition(".")[0]
+        for path in modules().values()
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Import | ast.ImportFrom)
+        for name in ([alias.name for alias in node.names] if isinstance(node, ast.Import) else [node.module])
+    }
+    project = tomllib.loads((SOURCE / "pyproject.toml").read_text())["project"]
+    needed = {re.match(r"[\w-]+", requirement)[0] for requirement in project["dependencies"]}
+    assert imported - sys.stdlib_module_names - {"attrito"} == needed
 
 
 def test_every_module_has_a_package_with_a_floor():

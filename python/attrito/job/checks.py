@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 Check = Callable[[Any], Any]
@@ -80,7 +81,7 @@ def choice(*names: str) -> Check:
     words = "one of " + ", ".join(f'"{name}"' for name in names) if len(names) > 1 else f'"{names[0]}"'
 
     def check(value: Any) -> str:
-        if value not in names:
+        if not isinstance(value, str) or value not in names:
             raise ValueError(words)
         return value
 
@@ -102,30 +103,39 @@ def either(*checks: Check) -> Check:
     return check
 
 
-def listing(item: Check, low: int = 0, high: int | None = None) -> Check:
-    """A list of items, `low` to `high` of them."""
+@dataclass(frozen=True)
+class Listing:
+    """The check of a list of items, `low` to `high` of them, or any number from `low`."""
 
-    def check(value: Any) -> list:
+    item: Check
+    low: int = 0
+    high: int | None = None
+
+    def __call__(self, value: Any) -> list[Any]:
+        """The list of what the items' check makes of them."""
+        low, high = self.low, self.high
         if not isinstance(value, list) or len(value) < low or (high is not None and len(value) > high):
             count = f"{low}" if high == low else f"at least {low}" if high is None else f"{low} to {high}"
             raise ValueError(f"a list of {count} items")
         checked = []
         for place, entry in enumerate(value):
             try:
-                checked.append(item(entry))
+                checked.append(self.item(entry))
             except ValueError as error:
                 inner = str(error)
                 words = f"{inner} of item {place}" if "as item" in inner else f"{inner}, not {entry!r}, as item {place}"
                 raise ValueError(words) from None
         return checked
 
-    check.item, check.low, check.high = item, low, high
-    return check
+
+def listing(item: Check, low: int = 0, high: int | None = None) -> Check:
+    """A list of items, `low` to `high` of them."""
+    return Listing(item, low, high)
 
 
 def takes(check: Check) -> str:
     """What a check takes, in words: those with which it refuses what nothing takes; of a list its items' too."""
-    if not hasattr(check, "item"):
+    if not isinstance(check, Listing):
         try:
             check(object())
         except ValueError as error:
@@ -188,12 +198,13 @@ def corner(value: Any) -> float | dict[str, float]:
     if isinstance(value, dict):
         return {name: number()(factor) for name, factor in value.items()}
     try:
-        return number()(value)
+        factor: float = number()(value)
     except ValueError:
         raise ValueError("a number, or a table of numbers by the names of loads") from None
+    return factor
 
 
-def matrix(value: Any) -> str | list:
+def matrix(value: Any) -> str | list[list[Any]]:
     """A file, or rows of numbers."""
     if isinstance(value, str):
         return text(value)
@@ -204,7 +215,7 @@ def matrix(value: Any) -> str | list:
 
 def start(value: Any) -> str:
     """Where an integration starts: "static", "rest" or "point:<number>"."""
-    if value in ("static", "rest") or (isinstance(value, str) and re.fullmatch(r"point:\d+", value)):
+    if isinstance(value, str) and re.fullmatch(r"static|rest|point:\d+", value):
         return value
     raise ValueError('"static", "rest" or "point:<number>"')
 
@@ -218,4 +229,5 @@ def stored_point(value: Any) -> str:
 
 def node_reference(value: Any) -> int | str:
     """A node's id or a node set's name."""
-    return either(integer(1), text)(value)
+    node: int | str = either(integer(1), text)(value)
+    return node

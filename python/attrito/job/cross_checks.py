@@ -144,7 +144,7 @@ def _check_sweep(job: Job) -> list[Fault]:
 
 
 def _check_balance(job: Job) -> list[Fault]:
-    faults = []
+    faults: list[Fault] = []
     harmonics, samples = job["balance"]["harmonics"], job["balance"]["samples"]
     if not isinstance(harmonics, int):
         return faults
@@ -199,10 +199,12 @@ def _check_outputs(job: Job) -> list[Fault]:
     if job["output"]["file"] is None:
         return []
     written = [("[output] file", job.file(job["output"]["file"]))]
-    if "reduction" in job.given:
-        written.append(("[reduction] file", rom_path(job)))
-        if job["model"]["file"] is None:
-            written.append(("[reduction] file", model_path(job, rom_path(job))))
+    rom = rom_path(job)
+    if rom is not None:
+        written.append(("[reduction] file", rom))
+        model = model_path(job, rom)
+        if job["model"]["file"] is None and model is not None:
+            written.append(("[reduction] file", model))
     if "peak" in job.given:
         written.append(("[peak] file", peak_path(job)))
     faults, taken = [], list(files_by_key(job).items())

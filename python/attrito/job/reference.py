@@ -89,8 +89,8 @@ def as_job(given: dict[str, Any]) -> str:
     """
     parts = []
     for name, keys in tables().items():
-        rows = given.get(name) or ([] if name in ARRAYS else {})
-        for row in rows if name in ARRAYS else [rows]:
+        rows: list[dict[str, Any]] = given.get(name) or [] if name in ARRAYS else [given.get(name) or {}]
+        for row in rows:
             lines = [
                 f"{key} = {toml_value(value)}"
                 for key, value in row.items()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -69,23 +69,28 @@ class Family:
 
     def describe(self) -> Member | None:
         """The present member; None if it cannot be evaluated."""
-        return self._ask("describe")
+        member: Member | None = self._ask("describe")
+        return member
 
     def differentiate(self, contact: int, tangent: int) -> Member | None:
         """How the member described last changes with one component of -kt w; None if that is singular."""
-        return self._ask("differentiate", contact, tangent)
+        change: Member | None = self._ask("differentiate", contact, tangent)
+        return change
 
     def move(self, slider: np.ndarray) -> bool:
         """Move the sliders, `[nc, 2]`; False if that gives no member, and nothing has changed."""
-        return self._ask("move", slider)
+        moved: bool = self._ask("move", slider)
+        return moved
 
     def work(self) -> float:
         """Floating-point operations of the library since the visit began, by formulas, over all ranks."""
-        return self._ask("work")
+        operations: float = self._ask("work")
+        return operations
 
     def is_interrupted(self) -> bool:
         """Whether a signal or the limit of time asks to stop; `stopped` then says which."""
-        return self._ask("is_interrupted")
+        interrupted: bool = self._ask("is_interrupted")
+        return interrupted
 
     def keep(self, place: int) -> None:
         """Remember the present member in a place, 0 or 1."""
@@ -95,11 +100,11 @@ class Family:
         """Return to the member remembered there."""
         self._ask("go_back", place)
 
-    def _ask(self, what: str, *arguments: object) -> object:
+    def _ask(self, what: str, *arguments: Any) -> Any:
         self._comm.bcast((what, *arguments))
         return self._follow(what, *arguments)
 
-    def _follow(self, what: str, *arguments: object) -> object:
+    def _follow(self, what: str, *arguments: Any) -> Any:
         if what == "work":
             return self._solver.work_of_visits()
         if what == "is_interrupted":

@@ -106,22 +106,20 @@ class Integrator:
     def __init__(self, scene: ReducedScene):
         self._library = loading.load()
         self._scene = scene
-        self._handle = ctypes.c_void_p()
+        self._handle: ctypes.c_void_p | None = ctypes.c_void_p()
         self._factors = np.ones(len(scene.static))
         self.size, self.contacts = len(scene.mass), len(scene.laws["tangents"])
         laws = make_laws(scene.laws)
         arrays = [
             scene.mass,
             scene.stiffness,
-            scene.damping,
             scene.directions,
             scene.static,
             scene.harmonic,
             scene.monitors,
         ]
-        mass, stiffness, damping, *vectors = (
-            None if a is None else np.ascontiguousarray(a, dtype=float) for a in arrays
-        )
+        mass, stiffness, *vectors = (np.ascontiguousarray(array, dtype=float) for array in arrays)
+        damping = None if scene.damping is None else np.ascontiguousarray(scene.damping, dtype=float)
         raw = RawScene(
             len(mass),
             self.contacts,
@@ -188,7 +186,8 @@ class Integrator:
 
     def touching(self) -> int:
         """How many contacts carry a normal force as the session stands."""
-        return self._library.attrito_integrator_touching(self._handle)
+        touching: int = self._library.attrito_integrator_touching(self._handle)
+        return touching
 
     def run(self, choices: Run) -> Orbit:
         """Integrate from where the session stands until steady; it then stands at the end."""
@@ -221,11 +220,12 @@ class Integrator:
         rows, count = len(self._scene.directions), len(self._scene.monitors)
         ns = report.samples
         measures = np.zeros((count, 3)), np.zeros(rows), np.zeros((self.contacts, 5))
-        samples = np.zeros(ns), *(np.zeros((ns, n)) for n in (count, rows, rows))
+        time = np.zeros(ns)
+        monitors, displacement, force = (np.zeros((ns, n)) for n in (count, rows, rows))
         regime = np.zeros((ns, self.contacts), dtype=np.int32)
         if report.outcome != OUTCOMES.index("not_converged") or ns:
             self._fetch("attrito_integrator_measures", *measures)
-            self._fetch("attrito_integrator_samples", *samples, regime)
+            self._fetch("attrito_integrator_samples", time, monitors, displacement, force, regime)
         (mean, low, high), forces, contacts = measures[0].T, measures[1], measures[2].T
         stick, slip, opened, normal_min, friction = contacts
         multiple = max(1, report.period)
@@ -251,7 +251,10 @@ class Integrator:
             slip,
             opened,
             friction,
-            *samples,
+            time,
+            monitors,
+            displacement,
+            force,
             regime,
             report.seconds,
         )

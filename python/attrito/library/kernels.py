@@ -41,4 +41,5 @@ def extrema(coefficients: np.ndarray) -> np.ndarray:
     rows = np.ascontiguousarray(coefficients, dtype=float).reshape(-1, np.shape(coefficients)[-1])
     lowest, highest = np.zeros((2, len(rows)))
     loading.load().attrito_extrema(*rows.shape, pointer(rows), pointer(lowest), pointer(highest))
-    return np.stack([lowest, highest], axis=-1).reshape(*np.shape(coefficients)[:-1], 2)
+    ends: np.ndarray = np.stack([lowest, highest], axis=-1)
+    return ends.reshape(*np.shape(coefficients)[:-1], 2)

@@ -7,7 +7,7 @@ import math
 import operator
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -106,7 +106,7 @@ class Solver:
         self._make_room(options.harmonics)
         m = len(scene.mass)
         damping = None if scene.damping is None else pointer(scene.damping)
-        self._handle = ctypes.c_void_p(
+        self._handle: ctypes.c_void_p | None = ctypes.c_void_p(
             self._library.attrito_create(
                 comm.py2f(),
                 m,
@@ -129,7 +129,7 @@ class Solver:
         laws = make_laws(scene.laws)
         rows = len(scene.directions)
         self._library.attrito_set_contacts(self._handle, len(laws), laws, rows, pointer(scene.directions))
-        given = RawOptions(**{name: getattr(options, name) for name, _ in RawOptions._fields_})
+        given = RawOptions(**{name: getattr(options, name) for name, *_ in RawOptions._fields_})
         self._call("attrito_prepare", ctypes.byref(given))
 
     def take(self, scene: ReducedScene) -> bool:
@@ -247,11 +247,21 @@ class Solver:
 
     def tell_point(self, hear: Callable[[str, Series, np.ndarray], None] | None) -> None:
         """Hand the last point to `hear`, series by series: path, what it is, and the entry. None but at the root."""
-        names = "\n".join(self._scene.monitor_names).encode()
+        monitors = "\n".join(self._scene.monitor_names).encode()
+        if hear is None:
+            self._library.attrito_tell_point(self._handle, monitors, HEARER())
+            return
 
         def told(
-            path: bytes, kind: bytes, dimensions: int, extent, values, description: bytes, unit: bytes, names: bytes
-        ):
+            path: bytes,
+            kind: bytes,
+            dimensions: int,
+            extent: Any,
+            values: Any,
+            description: bytes,
+            unit: bytes,
+            names: bytes,
+        ) -> None:
             shape = tuple(extent[:dimensions])
             entry = np.array(values[: math.prod(shape)]).reshape(shape)
             what = Series(
@@ -259,7 +269,7 @@ class Solver:
             )
             hear(path.decode(), what, entry.astype(np.int32) if what.kind == "int32" else entry)
 
-        self._library.attrito_tell_point(self._handle, names, HEARER(told) if hear is not None else HEARER())
+        self._library.attrito_tell_point(self._handle, monitors, HEARER(told))
 
     def put_down(self) -> np.ndarray:
         """What the last point leaves for the next on this rank: numbers that `take_up` understands."""
@@ -274,11 +284,13 @@ class Solver:
 
     def work_of_visits(self) -> float:
         """Floating-point operations since other members were begun to be visited; see `attrito.library.family`."""
-        return self._library.attrito_work_of_visits(self._handle)
+        operations: float = self._library.attrito_work_of_visits(self._handle)
+        return operations
 
     def call(self, name: str, *arguments: object) -> int:
         """A function of the library that takes this session and returns a number; see `attrito.library.family`."""
-        return getattr(self._library, name)(self._handle, *arguments)
+        answer: int = getattr(self._library, name)(self._handle, *arguments)
+        return answer
 
     def close(self) -> None:
         """Give everything back."""

@@ -194,6 +194,6 @@ def pointer(array: np.ndarray) -> Any:
     kind = _POINTERS.get(array.dtype)
     if kind is None or not array.flags.c_contiguous:
         raise TypeError(f"expected a contiguous array of {', '.join(map(str, _POINTERS))}")
-    place = kind(array.ctypes.data)
+    place: Any = kind(array.ctypes.data)
     place.array = array  # cheaper than `data_as`
     return place

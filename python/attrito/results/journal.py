@@ -190,7 +190,10 @@ def _decode(header: dict, payload: bytes) -> Record:
         dtype, count = np.dtype(kind), math.prod(shape)
         arrays[name] = np.frombuffer(payload, dtype, count, place).reshape(shape)
         place += count * dtype.itemsize
-    series = {name: Series(*what[:3], tuple(what[3])) for name, what in header["series"].items()}
+    series = {
+        name: Series(kind, description, unit, tuple(names))
+        for name, (kind, description, unit, names) in header["series"].items()
+    }
     return Record(header["note"], arrays, series)
 
 

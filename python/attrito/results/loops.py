@@ -60,14 +60,15 @@ def _main_direction(motion: np.ndarray) -> np.ndarray:
     """Unit vector `[tangents]` of the largest motion `[tangents, samples]`."""
     if len(motion) == 1:
         return np.ones(1)
-    return np.linalg.svd(motion - motion.mean(axis=1, keepdims=True), full_matrices=False)[0][:, 0]
+    directions: np.ndarray = np.linalg.svd(motion - motion.mean(axis=1, keepdims=True), full_matrices=False)[0]
+    return directions[:, 0]
 
 
 def most_dissipating(result: Result, point: int, count: int = 4) -> list[int]:
     """The contacts that dissipate most at a point, the largest first."""
     result.check_point(point)
     energy = np.nan_to_num(result.dataset("contacts/dissipated_energy")[point])
-    return np.argsort(-energy, kind="stable")[:count].tolist()
+    return [int(contact) for contact in np.argsort(-energy, kind="stable")[:count]]
 
 
 def _laws() -> tuple[str, ...]:

@@ -57,7 +57,8 @@ class Quantity(NDArrayOperatorsMixin):
             raise InputError(Fault("Quantity", "labels", self.description, "values that stand for names"))
         table = np.array([*self.names, ""], dtype=object)
         known = (self.values >= 0) & (self.values < len(self.names))
-        return table[np.where(known, self.values, len(self.names))]
+        found: np.ndarray = table[np.where(known, self.values, len(self.names))]
+        return found
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -67,9 +68,9 @@ class Quantity(NDArrayOperatorsMixin):
     def __array__(self, dtype: Any = None) -> np.ndarray:
         return np.asarray(self.values, dtype=dtype)
 
-    def __array_ufunc__(self, function: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:
         plain = [item.values if isinstance(item, Quantity) else item for item in inputs]
-        return getattr(function, method)(*plain, **options)
+        return getattr(ufunc, method)(*plain, **kwargs)
 
     def __getattr__(self, name: str) -> Any:
         """Methods of arrays: `max()`, `mean(axis=0)`, ..."""
@@ -196,7 +197,8 @@ class File(Group):
     @property
     def resolved_job(self) -> dict[str, Any]:
         """The job with every table and every key; None for what has no value."""
-        return json.loads(self.attributes.get("job", "{}"))
+        tables: dict[str, Any] = json.loads(self.attributes.get("job", "{}"))
+        return tables
 
     def close(self) -> None:
         """Close the file; closing twice does no harm."""

@@ -61,7 +61,7 @@ class Result:
         faults = []
         for place in ("points", "monitors", "contacts"):
             for path, stored in _datasets(self._file.get(place), place):
-                wanted = (len(points), self.contacts) if place == "contacts" else (len(points),)
+                wanted: tuple[int, ...] = (len(points), self.contacts) if place == "contacts" else (len(points),)
                 if path.startswith("contacts/parameters/"):
                     wanted = (self.contacts, *OF_A_CONTACT.get(path.rsplit("/", 1)[1], ()))
                 kinds, what = ("SO", "texts") if path == "contacts/parameters/set" else ("iuf", "numbers")
@@ -96,9 +96,10 @@ class Result:
     def array(self, path: str) -> np.ndarray:
         """A whole dataset."""
         try:
-            return self.dataset(path)[()]
+            values: np.ndarray = self.dataset(path)[()]
         except UNREADABLE as error:
             raise spoilt(self.path, error, f"a result of `attrito run` with {path}") from error
+        return values
 
     def names(self, path: str) -> list[str]:
         """What the integers of a dataset stand for: its attribute `names`."""
@@ -133,7 +134,7 @@ class Result:
     @property
     def contacts(self) -> int:
         """Number of contacts, nc; 0 for a model without."""
-        shape = self.dataset("/contacts/state").shape if self.has("/contacts/state") else ()
+        shape: tuple[int, ...] = self.dataset("/contacts/state").shape if self.has("/contacts/state") else ()
         return shape[1] if len(shape) == 2 else 0
 
     @property
