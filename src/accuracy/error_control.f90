@@ -21,6 +21,7 @@ module attrito_accuracy_error_control
   use attrito_accuracy_finer_balance, only: finer_balance_type, new_finer_balance, finer_point_type
   use attrito_accuracy_resonances, only: resonances_type
   use attrito_accuracy_second_step, only: second_step_type, step_again
+  use attrito_contact_evaluation, only: goes_by_events
   use attrito_contact_state, only: state_slipping
   use attrito_continuation_sweep, only: sweep_type
   use attrito_solve_strategies, only: solve_by_cascade
@@ -294,15 +295,15 @@ contains
     if (.not. solver%report%converged) return
     associate (balance => solver%context%balance)
       if (solver%all_stick .and. size(solver%structure%harmonic_load, 2) <= balance%coefficients()) return
-      sampled = count(balance%forces%state >= state_slipping .and. .not. (balance%by_events .and. balance%law%tangents == 1))
+      sampled = count(balance%forces%state >= state_slipping .and. .not. goes_by_events(balance%law, balance%quadrature%by_events))
       call balance%ranks%sum(sampled)
       threshold = unsettled_share*min(self%tolerance, nominal_tolerance)
       harmonics = self%resonances%highest(solver, longer_series(balance%receptance%harmonics), threshold)
-      samples = balance%fourier%samples
+      samples = balance%quadrature%fourier%samples
       if (any_sampled(solver)) samples = max(samples, 8*((2*harmonics + 9)/8))
       call prepare(self%longer, solver, harmonics, samples)
       if (sampled > 0.0_wp) then
-        call prepare(self%denser, solver, balance%receptance%harmonics, 2*balance%fourier%samples)
+        call prepare(self%denser, solver, balance%receptance%harmonics, 2*balance%quadrature%fourier%samples)
         call self%longer%correct(solver, finer, status, self%denser)
       else
         call self%longer%correct(solver, finer, status)
@@ -363,9 +364,9 @@ contains
     type(solver_type), intent(in) :: solver
     integer, intent(in) :: harmonics, samples
 
-    if (finer%harmonics == harmonics .and. finer%fourier%samples == samples) return
+    if (finer%harmonics == harmonics .and. finer%quadrature%fourier%samples == samples) return
     call finer%destroy()
-    finer = new_finer_balance(solver%structure, solver%stuck, harmonics, samples)
+    finer = new_finer_balance(solver%structure, solver%stuck, harmonics, samples, solver%context%balance%quadrature%by_events)
   end subroutine prepare
 
   !> Coefficients of the monitors at the solver's present point [2 H + 1, monitors].
@@ -486,7 +487,7 @@ contains
   pure logical function any_sampled(solver)
     type(solver_type), intent(in) :: solver
 
-    any_sampled = .not. solver%context%balance%by_events .or. any(solver%contacts%law%tangents > 1)
+    any_sampled = any(.not. goes_by_events(solver%contacts%law, solver%context%balance%quadrature%by_events))
   end function any_sampled
 
   !> Give the transforms back.

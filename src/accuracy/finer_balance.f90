@@ -15,11 +15,11 @@ module attrito_accuracy_finer_balance
   use attrito_linear_stuck_system, only: stuck_system_type
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_balance_work, only: contact_work, residual_work
-  use attrito_contact_fourier, only: fourier_type, new_fourier
-  use attrito_contact_quadrature_event, only: evaluate_contact_by_events
-  use attrito_contact_quadrature_sampled, only: contact_forces_type, evaluate_contact
+  use attrito_contact_evaluation, only: quadrature_type, evaluate_contact
+  use attrito_contact_fourier, only: new_fourier
+  use attrito_contact_forces, only: contact_forces_type
   use attrito_contact_state, only: state_slipping
-  use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, new_grid
+  use attrito_contact_trigonometric_roots, only: new_grid
   use attrito_solve_solver, only: solver_type
   implicit none
   private
@@ -34,9 +34,8 @@ module attrito_accuracy_finer_balance
   type :: finer_balance_type
     !> K
     integer :: harmonics = 0
-    !> Samples, of which no gradient is asked
-    type(fourier_type) :: fourier
-    type(trigonometric_grid_type) :: grid
+    !> Its samples are asked for no gradient
+    type(quadrature_type) :: quadrature
     !> Stiffness of the stuck modes, complex where damping is structural, and their damping [n]
     complex(wp), allocatable, private :: stiffness(:)
     real(wp), allocatable, private :: damping(:)
@@ -64,15 +63,16 @@ module attrito_accuracy_finer_balance
 contains
 
   !> For so many harmonics and samples.
-  function new_finer_balance(structure, stuck, harmonics, samples) result(self)
+  function new_finer_balance(structure, stuck, harmonics, samples, by_events) result(self)
     type(structure_type), intent(in) :: structure
     type(stuck_system_type), intent(in) :: stuck
     integer, intent(in) :: harmonics, samples
+    !> Are events preferred to samples?
+    logical, intent(in) :: by_events
     type(finer_balance_type) :: self
 
     self%harmonics = harmonics
-    self%fourier = new_fourier(0, samples)
-    self%grid = new_grid(harmonics)
+    self%quadrature = quadrature_type(by_events, fourier=new_fourier(0, samples), grid=new_grid(harmonics))
     self%stiffness = stuck%modal_stiffness
     self%damping = stuck%modal_damping
     if (structure%damping_kind == damping_viscous) self%damping = projected(structure%damping, stuck%modes)
@@ -193,12 +193,8 @@ contains
 
     associate (balance => solver%context%balance, law => solver%context%balance%law(contact))
       forces%without_jacobian = .true.
-      if (balance%by_events .and. law%tangents == 1) then
-        call evaluate_contact_by_events(law, self%grid, motion, slider(1), forces)
-      else
-        call evaluate_contact(law, self%fourier, motion, slider, balance%forces(contact)%periodic, forces)
-      end if
-      balance%work = balance%work + contact_work(law, size(motion, 1), self%fourier%samples, balance%by_events)/4.0_wp
+      call evaluate_contact(law, self%quadrature, motion, slider, balance%forces(contact)%periodic, forces)
+      balance%work = balance%work + contact_work(law, size(motion, 1), self%quadrature)/4.0_wp
     end associate
   end subroutine evaluate
 
@@ -317,6 +313,6 @@ contains
   subroutine destroy(self)
     class(finer_balance_type), intent(inout) :: self
 
-    call self%fourier%destroy()
+    call self%quadrature%fourier%destroy()
   end subroutine destroy
 end module attrito_accuracy_finer_balance

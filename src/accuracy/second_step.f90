@@ -13,7 +13,7 @@ module attrito_accuracy_second_step
   use attrito_newton_linearised_step, only: change_of_deviation
   use attrito_linear_receptance, only: to_complex, to_real
   use attrito_balance_unknowns, only: unknowns_type
-  use attrito_contact_quadrature_sampled, only: contact_forces_type
+  use attrito_contact_forces, only: contact_forces_type
   use attrito_solve_solver, only: solver_type
   implicit none
   private

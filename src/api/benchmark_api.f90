@@ -4,10 +4,10 @@ module attrito_api_benchmark
   use attrito_core_kinds, only: wp
   use attrito_core_trigonometric, only: extrema
   use attrito_model_contacts, only: contact_type
-  use attrito_contact_fourier, only: fourier_type, new_fourier
-  use attrito_contact_quadrature_event, only: evaluate_contact_by_events
-  use attrito_contact_quadrature_sampled, only: contact_forces_type, evaluate_contact
-  use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, new_grid
+  use attrito_contact_evaluation, only: quadrature_type, evaluate_contact
+  use attrito_contact_forces, only: contact_forces_type
+  use attrito_contact_fourier, only: new_fourier
+  use attrito_contact_trigonometric_roots, only: new_grid
   use attrito_newton_border, only: constraint_type
   use attrito_newton_linearised_step, only: solve_linearised
   use attrito_balance_stuck_response, only: linear_motion, recover_loaded
@@ -154,28 +154,22 @@ contains
     real(c_double), intent(in) :: motion(coefficients, law%tangents + 1)
     real(c_double), intent(out) :: seconds, moving
     type(contact_type) :: contact
-    type(fourier_type) :: fourier
-    type(trigonometric_grid_type) :: grid
+    type(quadrature_type) :: quadrature
     type(contact_forces_type) :: forces
     real(wp), parameter :: slider(2) = 0.0_wp
     real(wp) :: started
     integer :: i
 
     contact = law_of(law)
-    fourier = new_fourier((coefficients - 1)/2, samples)
-    grid = new_grid((coefficients - 1)/2)
+    quadrature = quadrature_type(by_events /= 0, new_fourier((coefficients - 1)/2, samples), new_grid((coefficients - 1)/2))
     allocate (forces%deviation(coefficients, law%tangents + 1))
     started = clock()
     do i = 1, repeats
-      if (by_events /= 0) then
-        call evaluate_contact_by_events(contact, grid, motion, slider(1), forces)
-      else
-        call evaluate_contact(contact, fourier, motion, slider, periodic /= 0, forces)
-      end if
+      call evaluate_contact(contact, quadrature, motion, slider, periodic /= 0, forces)
     end do
     seconds = (clock() - started)/repeats
     moving = forces%slip + forces%open
-    call fourier%destroy()
+    call quadrature%fourier%destroy()
   end subroutine attrito_time_contact
 
   !> Of this rank's processor: other work on the machine does not count.

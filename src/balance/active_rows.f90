@@ -4,7 +4,7 @@
 module attrito_balance_active_rows
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contact_type
-  use attrito_contact_quadrature_sampled, only: contact_forces_type
+  use attrito_contact_forces, only: contact_forces_type
   implicit none
   private
   public :: active_rows_type

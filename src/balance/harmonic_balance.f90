@@ -11,11 +11,9 @@ module attrito_balance_harmonic_balance
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_model_contacts, only: contact_type
-  use attrito_contact_fourier, only: fourier_type
+  use attrito_contact_evaluation, only: quadrature_type, evaluate_contact
+  use attrito_contact_forces, only: contact_forces_type
   use attrito_contact_kept_forces, only: keep_forces
-  use attrito_contact_quadrature_event, only: evaluate_contact_by_events
-  use attrito_contact_quadrature_sampled, only: contact_forces_type, evaluate_contact
-  use attrito_contact_trigonometric_roots, only: trigonometric_grid_type
   use attrito_balance_active_rows, only: active_rows_type
   use attrito_linear_rigid_body_modes, only: free_motions_type
   use attrito_linear_receptance, only: receptance_type, to_complex, to_real
@@ -43,11 +41,8 @@ module attrito_balance_harmonic_balance
 
   type :: balance_type
     type(communicator_type) :: ranks
-    type(fourier_type) :: fourier
-    !> Where roots are looked for
-    type(trigonometric_grid_type) :: grid
-    !> Contacts with one tangent by events, exact, rather than by samples
-    logical :: by_events = .false.
+    !> How contacts are evaluated
+    type(quadrature_type) :: quadrature
     class(receptance_type), allocatable :: receptance
     !> What iterative solves take in its place, and keep
     type(split_receptance_type) :: split
@@ -151,7 +146,7 @@ contains
     do i = 1, size(self%law)
       call self%evaluate_forces(i, motion(:, self%law(i)%first_row:self%law(i)%first_row + self%law(i)%tangents))
       if (allocated(self%forces(i)%jacobian)) then
-        self%work = self%work + contact_work(self%law(i), self%coefficients(), self%fourier%samples, self%by_events)
+        self%work = self%work + contact_work(self%law(i), self%coefficients(), self%quadrature)
       end if
     end do
     call self%active%find(self%law, self%forces, self%directions)
@@ -201,13 +196,8 @@ contains
     !> Motion of its rows [2 H + 1, tangents + 1]
     real(wp), intent(in) :: own(:, :)
 
-    associate (law => self%law(contact), forces => self%forces(contact))
-      if (self%by_events .and. law%tangents == 1) then
-        call evaluate_contact_by_events(law, self%grid, own, self%slider(1, contact), forces)
-      else
-        call evaluate_contact(law, self%fourier, own, self%slider(:, contact), self%periodic(contact), forces)
-      end if
-    end associate
+    call evaluate_contact(self%law(contact), self%quadrature, own, self%slider(:, contact), self%periodic(contact), &
+                          self%forces(contact))
   end subroutine evaluate_forces
 
   !> Response to the loads alone, every contact stuck at zero slider [n, 0:H].
@@ -365,6 +355,6 @@ contains
   subroutine destroy(self)
     class(balance_type), intent(inout) :: self
 
-    call self%fourier%destroy()
+    call self%quadrature%fourier%destroy()
   end subroutine destroy
 end module attrito_balance_harmonic_balance

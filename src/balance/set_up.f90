@@ -10,6 +10,7 @@ module attrito_balance_set_up
   use attrito_core_trigonometric, only: resized
   use attrito_model_contacts, only: contacts_type
   use attrito_model_structure, only: structure_type
+  use attrito_contact_evaluation, only: goes_by_events
   use attrito_contact_fourier, only: new_fourier
   use attrito_contact_trigonometric_roots, only: new_grid
   use attrito_balance_active_rows, only: active_rows_type
@@ -56,7 +57,7 @@ contains
     integer :: given, h
 
     call set_samples(self, harmonics, samples)
-    self%grid = new_grid(harmonics)
+    self%quadrature%grid = new_grid(harmonics)
     if (allocated(self%harmonic_load)) deallocate (self%harmonic_load)
     allocate (self%harmonic_load(size(self%receptance%basis, 2), 0:harmonics), source=(0.0_wp, 0.0_wp))
     given = min(size(structure%harmonic_load, 2), 2*harmonics + 1)
@@ -70,11 +71,12 @@ contains
     integer, intent(in) :: harmonics, samples
     logical :: needed
 
-    needed = .not. (self%by_events .and. allocated(self%law))
-    if (.not. needed) needed = any(self%law%tangents > 1) .or. self%fourier%samples /= samples
+    needed = .not. allocated(self%law)
+    if (.not. needed) needed = .not. all(goes_by_events(self%law, self%quadrature%by_events)) &
+                               .or. self%quadrature%fourier%samples /= samples
     if (.not. needed) return
-    call self%fourier%destroy()
-    self%fourier = new_fourier(harmonics, samples)
+    call self%quadrature%fourier%destroy()
+    self%quadrature%fourier = new_fourier(harmonics, samples)
   end subroutine set_samples
 
   !> Go on with another length of the series and other samples. Sliders stay; response and deviation keep the harmonics that both
@@ -106,7 +108,7 @@ contains
   pure integer function deviation_coefficients(self)
     type(balance_type), intent(in) :: self
 
-    deviation_coefficients = 2*min(3*self%receptance%harmonics, (self%fourier%samples - 1)/2) + 1
+    deviation_coefficients = 2*min(3*self%receptance%harmonics, (self%quadrature%fourier%samples - 1)/2) + 1
   end function deviation_coefficients
 
   !> Let this rank hold these contacts, with sliders at zero.

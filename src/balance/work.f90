@@ -10,6 +10,7 @@
 module attrito_balance_work
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contact_type
+  use attrito_contact_evaluation, only: quadrature_type, goes_by_events
   implicit none
   private
   public :: contact_work, residual_work, step_work
@@ -17,19 +18,20 @@ module attrito_balance_work
 contains
 
   !> Forces and Jacobian of one contact that slips or opens.
-  pure real(wp) function contact_work(law, coefficients, samples, by_events)
+  pure real(wp) function contact_work(law, coefficients, quadrature)
     type(contact_type), intent(in) :: law
-    integer, intent(in) :: coefficients, samples
-    logical, intent(in) :: by_events
+    !> Of a row of the motion
+    integer, intent(in) :: coefficients
+    type(quadrature_type), intent(in) :: quadrature
     real(wp) :: k
 
     k = coefficients
-    if (law%tangents == 2) then
-      contact_work = 12.0_wp*k**2*samples + 28.0_wp*k*samples
-    else if (by_events) then
+    if (goes_by_events(law, quadrature%by_events)) then
       contact_work = 168.0_wp*k**2
+    else if (law%tangents == 2) then
+      contact_work = 12.0_wp*k**2*quadrature%fourier%samples + 28.0_wp*k*quadrature%fourier%samples
     else
-      contact_work = 4.0_wp*k**2*samples
+      contact_work = 4.0_wp*k**2*quadrature%fourier%samples
     end if
   end function contact_work
 

@@ -2,7 +2,7 @@
 module attrito_contact_kept_forces
   use attrito_core_state_store, only: state_store_type
   use attrito_model_contacts, only: contact_type
-  use attrito_contact_quadrature_sampled, only: contact_forces_type, stay_stuck
+  use attrito_contact_forces, only: contact_forces_type, stay_stuck
   use attrito_contact_state, only: state_stuck
   implicit none
   private

@@ -9,9 +9,9 @@ module attrito_contact_quadrature_event
   use attrito_core_kinds, only: wp, two_pi
   use attrito_core_trigonometric, only: basis_at
   use attrito_model_contacts, only: contact_type
+  use attrito_contact_forces, only: contact_forces_type, hold_slider, stay_stuck
   use attrito_contact_moments, only: moments_type, new_moments, ends_type, new_ends
   use attrito_contact_event_march, only: event_motion_type, interval_type, new_event_motion, march_events
-  use attrito_contact_quadrature_sampled, only: contact_forces_type, hold_slider, stay_stuck
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open, state_stuck, state_shaken_down, state_slipping, &
                                    state_open
   use attrito_contact_stuck_bound, only: surely_stuck

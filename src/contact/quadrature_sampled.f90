@@ -9,6 +9,7 @@
 module attrito_contact_quadrature_sampled
   use attrito_core_kinds, only: wp, pi
   use attrito_model_contacts, only: contact_type
+  use attrito_contact_forces, only: contact_forces_type, stay_stuck, hold_slider, released
   use attrito_contact_fourier, only: fourier_type
   use attrito_contact_friction_disc, only: slide_on_disc
   use attrito_contact_friction_line, only: slide_along_line, slider_interval, side_landed
@@ -18,45 +19,7 @@ module attrito_contact_quadrature_sampled
   use attrito_contact_stuck_bound, only: surely_stuck
   implicit none
   private
-  public :: stay_stuck, hold_slider, contact_forces_type, periodic_slider_type, evaluate_contact, contact_samples_type, &
-            sample_contact, released
-
-  !> Two tangents: the start slider w of a period that is to leave it where it was, w = P(w, d). A change of motion moves it by
-  !> holding^-1 P_d delta d, holding = I - dP/dw, and the forces g by g_w times that.
-  type :: periodic_slider_type
-    !> I - dP/dw [2, 2], a little larger where a period keeps the slider (dP/dw = 1)
-    real(wp) :: holding(2, 2) = 0.0_wp
-    !> P_d [2, k rows] and g_w [k rows, 2]
-    real(wp), allocatable :: by_motion(:, :), force(:, :)
-  end type periodic_slider_type
-
-  !> Forces of one contact over one period, with k coefficients of motion and e >= k of force
-  type :: contact_forces_type
-    !> Deviation g [e, rows]
-    real(wp), allocatable :: deviation(:, :)
-    !> d g / d d [k rows, k rows], if any entry is active, a periodic slider following the motion; a row of the contact has its k
-    !> coefficients together
-    real(wp), allocatable :: jacobian(:, :)
-    !> Which rows of the Jacobian are not zero [k rows]
-    logical, allocatable :: active(:)
-    !> By events: are the deviation, state and fractions all that is wanted?
-    logical :: without_jacobian = .false.
-    !> Slider at the start of the period, and what the period moves it by [2]
-    real(wp) :: slider(2) = 0.0_wp, moved(2) = 0.0_wp
-    !> Is the slider at the start of the period to be found with the motion, and how does it depend on it?
-    logical :: periodic = .false.
-    type(periodic_slider_type) :: link
-    !> Two tangents: is there a place where the slider would rest all over the period?
-    logical :: could_rest = .false.
-    !> One of `state_...`
-    integer :: state = state_stuck
-    !> Fractions of the period
-    real(wp) :: stick = 1.0_wp, slip = 0.0_wp, open = 0.0_wp
-    !> Is the steady loop of this motion the same whatever the start slider?
-    logical :: unique = .false.
-  contains
-    procedure :: follows
-  end type contact_forces_type
+  public :: evaluate_contact_by_samples, contact_samples_type, sample_contact
 
   !> What happens at the samples of one period
   type :: contact_samples_type
@@ -81,17 +44,10 @@ module attrito_contact_quadrature_sampled
 
 contains
 
-  !> Does a periodic slider move with the motion? At rest it does not.
-  pure logical function follows(self)
-    class(contact_forces_type), intent(in) :: self
-
-    follows = self%periodic .and. allocated(self%jacobian)
-  end function follows
-
   !> Forces and Jacobian of one contact. Two tangents: a slider that is not periodic goes to the nearest place where it can rest; if
   !> there is none it is marched from where it is, once on its way and once for the record. A periodic one is the unknown start of one
   !> march.
-  subroutine evaluate_contact(law, fourier, motion, slider, periodic, forces)
+  subroutine evaluate_contact_by_samples(law, fourier, motion, slider, periodic, forces)
     type(contact_type), intent(in) :: law
     type(fourier_type), intent(in) :: fourier
     !> Coefficients of relative displacement [k, rows]
@@ -121,41 +77,7 @@ contains
     call classify(samples, forces)
     call differentiate(law, fourier, samples, forces)
     if (forces%state == state_stuck) call hold_slider(law, forces%slider, forces)
-  end subroutine evaluate_contact
-
-  !> A contact that stays stuck: a constant deviation, no Jacobian, its slider where it was.
-  pure subroutine stay_stuck(law, slider, coefficients, forces)
-    type(contact_type), intent(in) :: law
-    real(wp), intent(in) :: slider(2)
-    !> Of motion a row
-    integer, intent(in) :: coefficients
-    type(contact_forces_type), intent(inout) :: forces
-
-    call hold_slider(law, slider, forces)
-    forces%moved = 0.0_wp
-    forces%could_rest = .true.
-    forces%unique = .false.
-    forces%active = spread(.false., 1, coefficients*(law%tangents + 1))
-    if (allocated(forces%jacobian)) deallocate (forces%jacobian)
-  end subroutine stay_stuck
-
-  !> What a stuck contact is, without the rounding of samples or events: one that is not evaluated again is then what it would be.
-  pure subroutine hold_slider(law, slider, forces)
-    type(contact_type), intent(in) :: law
-    real(wp), intent(in) :: slider(2)
-    type(contact_forces_type), intent(inout) :: forces
-
-    associate (n => law%tangents)
-      forces%deviation = 0.0_wp
-      forces%deviation(1, :n) = -law%tangential_stiffness*slider(:n)
-      forces%deviation(1, n + 1) = law%preload - law%normal_stiffness*law%gap
-    end associate
-    forces%slider = slider
-    forces%state = state_stuck
-    forces%stick = 1.0_wp
-    forces%slip = 0.0_wp
-    forces%open = 0.0_wp
-  end subroutine hold_slider
+  end subroutine evaluate_contact_by_samples
 
   !> March the law over the samples of one period until its slider repeats.
   subroutine sample_contact(law, fourier, motion, slider, passes, samples)
@@ -419,16 +341,6 @@ contains
       forces%jacobian(:2*k, :) = forces%jacobian(:2*k, :) + matmul(link%force, released(link%holding, link%by_motion))
     end associate
   end subroutine slider_gradient_disc
-
-  !> holding^-1 columns, of a 2 x 2 matrix.
-  pure function released(holding, columns)
-    real(wp), intent(in) :: holding(2, 2), columns(:, :)
-    real(wp) :: released(2, size(columns, 2))
-    real(wp) :: inverse(2, 2)
-
-    inverse = reshape([holding(2, 2), -holding(2, 1), -holding(1, 2), holding(1, 1)], [2, 2])
-    released = matmul(inverse, columns)/(holding(1, 1)*holding(2, 2) - holding(1, 2)*holding(2, 1))
-  end function released
 
   !> Normal rows of the Jacobian: minus the spring wherever open.
   subroutine add_open_springs(law, fourier, samples, jacobian)

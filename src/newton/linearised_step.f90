@@ -8,7 +8,7 @@
 !> by GMRES; then delta d = rho - R y - b delta omega, all rows of which are recovered from the generalised coordinates at once.
 module attrito_newton_linearised_step
   use attrito_core_kinds, only: wp
-  use attrito_contact_quadrature_sampled, only: released
+  use attrito_contact_forces, only: released
   use attrito_newton_active_jacobian, only: unknowns_of
   use attrito_newton_border, only: constraint_type, border_type, new_border, inner_product
   use attrito_newton_condensed_dense, only: solve_by_elimination

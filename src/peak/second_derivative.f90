@@ -7,7 +7,8 @@ module attrito_peak_second_derivative
   use attrito_core_kinds, only: wp
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_balance_unknowns, only: unknowns_type
-  use attrito_contact_quadrature_sampled, only: contact_forces_type, evaluate_contact
+  use attrito_contact_evaluation, only: evaluate_contact, goes_by_events
+  use attrito_contact_forces, only: contact_forces_type
   use attrito_contact_second_derivative_event, only: differentiate_twice_by_events
   implicit none
   private
@@ -36,8 +37,8 @@ contains
         last = first + law%tangents
         columns = reshape([(ways(n)%motion(:, first:last), n=1, size(ways))], [k*(law%tangents + 1), size(ways)])
         allocate (product, mold=columns)
-        if (balance%by_events .and. law%tangents == 1) then
-          call differentiate_twice_by_events(law, balance%grid, motion(:, first:last), balance%slider(1, i), forces%active, &
+        if (goes_by_events(law, balance%quadrature%by_events)) then
+          call differentiate_twice_by_events(law, balance%quadrature%grid, motion(:, first:last), balance%slider(1, i), forces%active, &
                                              along%motion(:, first:last), columns, product)
         else
           product = difference(balance, motion, i, along, columns)
@@ -74,7 +75,7 @@ contains
         if (balance%forces(contact)%follows()) slider = slider + side*step*along%slider(:, contact)
         forces = contact_forces_type()
         allocate (forces%deviation, mold=balance%forces(contact)%deviation)
-        call evaluate_contact(law, balance%fourier, motion(:, first:last) + side*step*along%motion(:, first:last), slider, &
+        call evaluate_contact(law, balance%quadrature, motion(:, first:last) + side*step*along%motion(:, first:last), slider, &
                               balance%periodic(contact), forces)
         if (allocated(forces%jacobian)) product = product + side/(2.0_wp*step)*matmul(forces%jacobian, columns)
       end do

@@ -4,7 +4,7 @@
 !> when that would relieve the busiest rank. The work is counted from states, so it is the same on every run.
 module attrito_solve_rebalancing
   use attrito_core_kinds, only: wp
-  use attrito_contact_quadrature_sampled, only: contact_forces_type
+  use attrito_contact_forces, only: contact_forces_type
   use attrito_contact_state, only: state_shaken_down
   use attrito_solve_solver, only: solver_type
   implicit none

@@ -101,7 +101,7 @@ contains
     call new_receptance(structure, contacts, self%stuck, options%harmonics, receptance)
     allocate (self%context)
     call new_balance(structure, contacts, receptance, ranks, options%samples, self%context%balance)
-    self%context%balance%by_events = options%by_events
+    self%context%balance%quadrature%by_events = options%by_events
     self%context%tolerance = options%tolerance
     call new_newton(self%context, options%max_iterations, self%newton, error)
     if (allocated(error)) return

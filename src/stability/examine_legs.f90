@@ -176,7 +176,7 @@ contains
     type(orbit_legs_type), intent(out) :: orbit, nudges(2)
     integer :: i
 
-    associate (law => solver%contacts%law, grid => solver%context%balance%grid)
+    associate (law => solver%contacts%law, grid => solver%context%balance%quadrature%grid)
       call legs_of_motion(law, grid, motion, slider, orbit)
       do i = 1, 2
         call legs_of_motion(nudged(law, swings_of(law, motion), 2*i - 3), grid, motion, slider, nudges(i))

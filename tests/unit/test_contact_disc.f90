@@ -5,7 +5,8 @@ program test_contact_disc
   use attrito_model_contacts, only: contact_type
   use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_friction_disc, only: slide_on_disc
-  use attrito_contact_quadrature_sampled, only: contact_forces_type, evaluate_contact
+  use attrito_contact_forces, only: contact_forces_type
+  use attrito_contact_quadrature_sampled, only: evaluate_contact_by_samples
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open, state_slipping
   use scenes, only: noise
   use testing, only: test, run_suite, check, check_close
@@ -128,7 +129,7 @@ contains
     allocate (forces%deviation(k, 3))
     forces%slider = [0.1_wp, 0.2_wp]
     do period = 1, 10
-      call evaluate_contact(contact_type(tangents=2, tangential_stiffness=kt, normal_stiffness=kn, friction_coefficient=mu), &
+      call evaluate_contact_by_samples(contact_type(tangents=2, tangential_stiffness=kt, normal_stiffness=kn, friction_coefficient=mu), &
                             fourier, motion, forces%slider + forces%moved, .true., forces)
     end do
     call fourier%destroy()

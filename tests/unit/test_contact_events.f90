@@ -5,7 +5,8 @@ program test_contact_events
   use attrito_model_contacts, only: contact_type
   use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_quadrature_event, only: evaluate_contact_by_events
-  use attrito_contact_quadrature_sampled, only: contact_forces_type, evaluate_contact
+  use attrito_contact_forces, only: contact_forces_type
+  use attrito_contact_quadrature_sampled, only: evaluate_contact_by_samples
   use attrito_contact_second_derivative_event, only: differentiate_twice_by_events
   use attrito_contact_state, only: state_stuck, state_shaken_down, state_slipping, state_open
   use attrito_contact_trigonometric_roots, only: new_grid, roots_of
@@ -80,7 +81,7 @@ contains
         fourier = new_fourier(harmonics, 1024*16**(i - 1))
         if (allocated(sampled%deviation)) deallocate (sampled%deviation)
         allocate (sampled%deviation(k, 2))
-        call evaluate_contact(law, fourier, motion, [0.0_wp, 0.0_wp], .false., sampled)
+        call evaluate_contact_by_samples(law, fourier, motion, [0.0_wp, 0.0_wp], .false., sampled)
         distance(i) = maxval(abs(sampled%deviation - exact%deviation))
         call fourier%destroy()
       end do
@@ -119,7 +120,7 @@ contains
       if (allocated(exact%deviation)) deallocate (exact%deviation, sampled%deviation)
       allocate (exact%deviation(2*extended + 1, 2), sampled%deviation(2*extended + 1, 2))
       call evaluate_contact_by_events(law, new_grid(many), motion, 0.0_wp, exact)
-      call evaluate_contact(law, fourier, motion, [0.0_wp, 0.0_wp], .false., sampled)
+      call evaluate_contact_by_samples(law, fourier, motion, [0.0_wp, 0.0_wp], .false., sampled)
       call check(error, (exact%open > 0.1_wp) .eqv. (seed > 2), 'it opens, or it should: the test is void')
       ! Kinks of slope 10 leave 10/12 (2 pi/J)^2 each.
       call check_close(error, exact%deviation, sampled%deviation, 1.0e-7_wp, 'deviation')

@@ -4,7 +4,8 @@ program test_contact_invariance
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contact_type
   use attrito_contact_fourier, only: fourier_type, new_fourier
-  use attrito_contact_quadrature_sampled, only: contact_forces_type, contact_samples_type, evaluate_contact, sample_contact
+  use attrito_contact_forces, only: contact_forces_type
+  use attrito_contact_quadrature_sampled, only: contact_samples_type, evaluate_contact_by_samples, sample_contact
   use attrito_contact_state, only: state_slipping
   use scenes, only: noise
   use testing, only: test, run_suite, check, check_close
@@ -55,7 +56,7 @@ contains
 
     fourier = new_fourier(harmonics, samples)
     allocate (forces%deviation(size(motion, 1), size(motion, 2)))
-    call evaluate_contact(lively_law(size(motion, 2) - 1), fourier, motion, slider, .false., forces)
+    call evaluate_contact_by_samples(lively_law(size(motion, 2) - 1), fourier, motion, slider, .false., forces)
     call fourier%destroy()
   end function forces_of
 

@@ -8,8 +8,8 @@ program test_contact_jacobian
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contact_type
   use attrito_contact_fourier, only: fourier_type, new_fourier
-  use attrito_contact_quadrature_sampled, only: contact_forces_type, contact_samples_type, evaluate_contact, sample_contact, &
-                                                released
+  use attrito_contact_forces, only: contact_forces_type, released
+  use attrito_contact_quadrature_sampled, only: contact_samples_type, evaluate_contact_by_samples, sample_contact
   use attrito_contact_state, only: state_stuck, state_shaken_down, state_slipping, state_open
   use scenes, only: noise
   use testing, only: test, run_suite, check, check_close
@@ -52,7 +52,7 @@ contains
     allocate (forces%deviation(size(motion, 1), size(motion, 2)))
     start = slider
     do i = 1, 50
-      call evaluate_contact(law_of(size(motion, 2) - 1), fourier, motion, start, periodic, forces)
+      call evaluate_contact_by_samples(law_of(size(motion, 2) - 1), fourier, motion, start, periodic, forces)
       if (.not. forces%follows()) exit
       if (norm2(forces%moved) <= 1.0e-15_wp) exit
       step = released(forces%link%holding, reshape(forces%moved, [2, 1]))

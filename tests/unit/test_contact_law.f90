@@ -5,7 +5,8 @@ program test_contact_law
   use attrito_model_contacts, only: contact_type
   use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_friction_line, only: slide_along_line, slider_interval
-  use attrito_contact_quadrature_sampled, only: contact_forces_type, contact_samples_type, evaluate_contact, sample_contact
+  use attrito_contact_forces, only: contact_forces_type
+  use attrito_contact_quadrature_sampled, only: contact_samples_type, evaluate_contact_by_samples, sample_contact
   use attrito_contact_state, only: state_stuck, state_shaken_down, state_slipping, state_open, regime_open, &
                                    regime_stick
   use attrito_contact_stuck_bound, only: surely_stuck
@@ -52,7 +53,7 @@ contains
 
     fourier = new_fourier((size(motion, 1) - 1)/2, samples)
     allocate (forces%deviation(size(motion, 1), size(motion, 2)))
-    call evaluate_contact(law, fourier, motion, slider, .false., forces)
+    call evaluate_contact_by_samples(law, fourier, motion, slider, .false., forces)
     call fourier%destroy()
   end function forces_of
 

@@ -125,7 +125,7 @@ contains
       call new_system(solver%structure, solver%contacts, flat, error)
       associate (context => solver%context%balance)
         slider(:, 1) = [context%forces(1)%slider(1), 0.0_wp]
-        call legs_of_motion(flat%law, context%grid, solver%motion, slider(1, :), legs)
+        call legs_of_motion(flat%law, context%quadrature%grid, solver%motion, slider(1, :), legs)
       end associate
       call multipliers_of(flat, legs, two_pi/solver%omega*flat%clock, known, change, info)
       motion = solver%motion

@@ -1,0 +1,100 @@
+!> Forces of one contact over one period, as every quadrature leaves them: the deviation g of lambda = K_c d + g, its Jacobian, and
+!> what the contact does.
+module attrito_contact_forces
+  use attrito_core_kinds, only: wp
+  use attrito_model_contacts, only: contact_type
+  use attrito_contact_state, only: state_stuck
+  implicit none
+  private
+  public :: contact_forces_type, periodic_slider_type, stay_stuck, hold_slider, released
+
+  !> Two tangents: the start slider w of a period that is to leave it where it was, w = P(w, d). A change of motion moves it by
+  !> holding^-1 P_d delta d, holding = I - dP/dw, and the forces g by g_w times that.
+  type :: periodic_slider_type
+    !> I - dP/dw [2, 2], a little larger where a period keeps the slider (dP/dw = 1)
+    real(wp) :: holding(2, 2) = 0.0_wp
+    !> P_d [2, k rows] and g_w [k rows, 2]
+    real(wp), allocatable :: by_motion(:, :), force(:, :)
+  end type periodic_slider_type
+
+  !> Forces of one contact over one period, with k coefficients of motion and e >= k of force
+  type :: contact_forces_type
+    !> Deviation g [e, rows]
+    real(wp), allocatable :: deviation(:, :)
+    !> d g / d d [k rows, k rows], if any entry is active, a periodic slider following the motion; a row of the contact has its k
+    !> coefficients together
+    real(wp), allocatable :: jacobian(:, :)
+    !> Which rows of the Jacobian are not zero [k rows]
+    logical, allocatable :: active(:)
+    !> By events: are the deviation, state and fractions all that is wanted?
+    logical :: without_jacobian = .false.
+    !> Slider at the start of the period, and what the period moves it by [2]
+    real(wp) :: slider(2) = 0.0_wp, moved(2) = 0.0_wp
+    !> Is the slider at the start of the period to be found with the motion, and how does it depend on it?
+    logical :: periodic = .false.
+    type(periodic_slider_type) :: link
+    !> Two tangents: is there a place where the slider would rest all over the period?
+    logical :: could_rest = .false.
+    !> One of `state_...`
+    integer :: state = state_stuck
+    !> Fractions of the period
+    real(wp) :: stick = 1.0_wp, slip = 0.0_wp, open = 0.0_wp
+    !> Is the steady loop of this motion the same whatever the start slider?
+    logical :: unique = .false.
+  contains
+    procedure :: follows
+  end type contact_forces_type
+
+contains
+
+  !> Does a periodic slider move with the motion? At rest it does not.
+  pure logical function follows(self)
+    class(contact_forces_type), intent(in) :: self
+
+    follows = self%periodic .and. allocated(self%jacobian)
+  end function follows
+
+  !> A contact that stays stuck: a constant deviation, no Jacobian, its slider where it was.
+  pure subroutine stay_stuck(law, slider, coefficients, forces)
+    type(contact_type), intent(in) :: law
+    real(wp), intent(in) :: slider(2)
+    !> Of motion a row
+    integer, intent(in) :: coefficients
+    type(contact_forces_type), intent(inout) :: forces
+
+    call hold_slider(law, slider, forces)
+    forces%moved = 0.0_wp
+    forces%could_rest = .true.
+    forces%unique = .false.
+    forces%active = spread(.false., 1, coefficients*(law%tangents + 1))
+    if (allocated(forces%jacobian)) deallocate (forces%jacobian)
+  end subroutine stay_stuck
+
+  !> What a stuck contact is, without the rounding of samples or events: one that is not evaluated again is then what it would be.
+  pure subroutine hold_slider(law, slider, forces)
+    type(contact_type), intent(in) :: law
+    real(wp), intent(in) :: slider(2)
+    type(contact_forces_type), intent(inout) :: forces
+
+    associate (n => law%tangents)
+      forces%deviation = 0.0_wp
+      forces%deviation(1, :n) = -law%tangential_stiffness*slider(:n)
+      forces%deviation(1, n + 1) = law%preload - law%normal_stiffness*law%gap
+    end associate
+    forces%slider = slider
+    forces%state = state_stuck
+    forces%stick = 1.0_wp
+    forces%slip = 0.0_wp
+    forces%open = 0.0_wp
+  end subroutine hold_slider
+
+  !> holding^-1 columns, of a 2 x 2 matrix.
+  pure function released(holding, columns)
+    real(wp), intent(in) :: holding(2, 2), columns(:, :)
+    real(wp) :: released(2, size(columns, 2))
+    real(wp) :: inverse(2, 2)
+
+    inverse = reshape([holding(2, 2), -holding(2, 1), -holding(1, 2), holding(1, 1)], [2, 2])
+    released = matmul(inverse, columns)/(holding(1, 1)*holding(2, 2) - holding(1, 2)*holding(2, 1))
+  end function released
+end module attrito_contact_forces
