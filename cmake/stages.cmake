@@ -1,4 +1,5 @@
-# attrito_stage(name AFTER stages LIBRARIES libraries): one target for src/<name>, so that the compiler keeps the rules of the house.
+# attrito_stage(name FOLDER folder AFTER stages LIBRARIES libraries): one target for src/<folder>, src/<name> unless it is given, so that the
+#   compiler keeps the rules of the house.
 #   A stage finds the modules only of the stages that it comes after.
 #   Only the .F90 files, thin shells, are shown the modules of the libraries; a .f90 file, numerics, that uses one does not compile.
 
@@ -18,7 +19,10 @@ set(attrito_includes_slepc ${SLEPC_INCLUDE_DIRS})
 set_property(GLOBAL PROPERTY attrito_stages "")
 
 function(attrito_stage name)
-  cmake_parse_arguments(stage "" "" "AFTER;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(stage "" "FOLDER" "AFTER;LIBRARIES" ${ARGN})
+  if(NOT stage_FOLDER)
+    set(stage_FOLDER ${name})
+  endif()
   set(seen "")
   foreach(earlier ${stage_AFTER})
     get_property(theirs GLOBAL PROPERTY attrito_seen_${earlier})
@@ -28,8 +32,8 @@ function(attrito_stage name)
   set_property(GLOBAL PROPERTY attrito_seen_${name} ${seen})
   set_property(GLOBAL APPEND PROPERTY attrito_stages ${name})
 
-  file(GLOB numerics CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/src/${name}/*.f90)
-  file(GLOB shells CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/src/${name}/*.F90)
+  file(GLOB numerics CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/src/${stage_FOLDER}/*.f90)
+  file(GLOB shells CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/src/${stage_FOLDER}/*.F90)
   add_library(attrito_${name} STATIC ${numerics} ${shells})
   set(modules ${CMAKE_BINARY_DIR}/modules/${name})
   set_target_properties(attrito_${name} PROPERTIES Fortran_MODULE_DIRECTORY ${modules})

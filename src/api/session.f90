@@ -72,7 +72,7 @@ contains
   end function session_of
 
   !> A contact's law out of C's.
-  pure function law_of(law) result(contact)
+  function law_of(law) result(contact)
     type(contact_law_type), intent(in) :: law
     type(contact_type) :: contact
 

@@ -100,7 +100,7 @@ contains
     do i = 1, size(self%law)
       associate (law => self%law(i))
         deviation(law%first_row:law%first_row + law%tangents) = &
-          [-law%tangential_stiffness*self%slider(:law%tangents, i), law%preload - law%normal_stiffness*law%gap]
+          [-law%tangential_stiffness*self%slider(:law%tangents, i), law%normal_force(0.0_wp)]
       end associate
     end do
     force = -matmul(self%directions, deviation)

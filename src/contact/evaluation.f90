@@ -1,6 +1,6 @@
 !> Forces of one contact, by events or by samples: the one place that decides which.
 !>
-!> By events the quadrature is exact, but slip along two tangents has no closed form.
+!> By events the quadrature is exact, but slip along two tangents has no closed form, nor have laws that are not proportional to N.
 module attrito_contact_evaluation
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contact_type
@@ -31,7 +31,7 @@ contains
     !> Are events preferred to samples?
     logical, intent(in) :: by_events
 
-    goes_by_events = by_events .and. law%tangents == 1
+    goes_by_events = by_events .and. law%tangents == 1 .and. law%has_events()
   end function goes_by_events
 
   !> Forces and Jacobian of one contact.

@@ -52,8 +52,7 @@ contains
     integer :: i, harmonics, segments
 
     harmonics = (size(motion, 1) - 1)/2
-    normal = law%normal_stiffness*motion(:, 2)
-    normal(1) = normal(1) + law%preload - law%normal_stiffness*law%gap
+    normal = law%normal_series(motion(:, 2))
     radius = law%friction_coefficient/law%tangential_stiffness*normal
     self%slope = law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness
     self%lower = motion(:, 1) - radius

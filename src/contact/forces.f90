@@ -79,7 +79,7 @@ contains
     associate (n => law%tangents)
       forces%deviation = 0.0_wp
       forces%deviation(1, :n) = -law%tangential_stiffness*slider(:n)
-      forces%deviation(1, n + 1) = law%preload - law%normal_stiffness*law%gap
+      forces%deviation(1, n + 1) = law%normal_force(0.0_wp)
     end associate
     forces%slider = slider
     forces%state = state_stuck

@@ -34,9 +34,9 @@ contains
   subroutine slide_on_disc(u, r, basis, slope, w, gradient, slider, gradients, regimes)
     !> Relative displacement [J, 2] and slip radius [J], negative by mu / k_t times what is missing to contact where open
     real(wp), intent(in) :: u(:, :), r(:)
-    !> Gradient of any displacement by its own parameters [k, J], and of the radius by the normal one
+    !> Gradient of any displacement by its own parameters [k, J], and of the radius by the normal one [J]
     real(wp), intent(in), contiguous :: basis(:, :)
-    real(wp), intent(in) :: slope
+    real(wp), intent(in) :: slope(:)
     !> Slider at the start, then at the end [2]
     real(wp), intent(inout) :: w(2)
     !> Gradient of the slider [3 k + 2, 2] by (u1, u2, normal, start slider), at the start, then at the end
@@ -55,7 +55,7 @@ contains
     call enter_disc(u(last, :), r(last), w, slip, entered)
     if (entered) then
       gradients(:, :, last) = gradient
-      call carry(slip, basis(:, last), basis(:, last), slope, gradients(:, :, last), gradient)
+      call carry(slip, basis(:, last), basis(:, last), slope([last, last]), gradients(:, :, last), gradient)
     end if
     call advance(last, 1, gradient)
     if (entered .and. regimes(1) == regime_stick) regimes(1) = regime_slip
@@ -80,11 +80,11 @@ contains
       else if (r(a) <= 0.0_wp .and. length(d) <= r(b) - r(a)) then
         regimes(b) = regime_stick
         w = u(b, :) - (r(b)/(r(b) - r(a)))*d
-        call land(d, r(a), r(b), basis(:, a), basis(:, b), slope, gradients(:, :, b))
+        call land(d, r(a), r(b), basis(:, a), basis(:, b), slope([a, b]), gradients(:, :, b))
       else
         call slide(u(a, :), u(b, :), r(a), r(b), w, slip, regimes(b))
         if (regimes(b) == regime_slip) then
-          call carry(slip, basis(:, a), basis(:, b), slope, before, gradients(:, :, b))
+          call carry(slip, basis(:, a), basis(:, b), slope([a, b]), before, gradients(:, :, b))
         else
           gradients(:, :, b) = before
         end if
@@ -259,7 +259,8 @@ contains
     type(slip_type), intent(in) :: slip
     !> Gradients of displacement at both ends of the step [k]
     real(wp), intent(in), contiguous :: from(:), to(:)
-    real(wp), intent(in) :: slope
+    !> Gradient of the radius by the normal displacement at both ends
+    real(wp), intent(in) :: slope(2)
     !> Gradients of the slider [3 k + 2, 2]
     real(wp), intent(in), contiguous :: before(:, :)
     real(wp), intent(out), contiguous :: after(:, :)
@@ -281,7 +282,7 @@ contains
       after(k + i, 2) = c(2)*angle + to(i)
     end do
     s = slope*slip%by_radii
-    e = slope*slip%e
+    e = slope(2)*slip%e
     do i = 1, k
       angle = p(1)*before(2*k + i, 1) + p(2)*before(2*k + i, 2) + s(1)*from(i) + s(2)*to(i)
       after(2*k + i, 1) = c(1)*angle - e(1)*to(i)
@@ -294,9 +295,11 @@ contains
     end do
   end subroutine carry
 
-  !> Gradient where the slider is where the contact landed, t = -r_a/(r_b - r_a): dw = du(t) - d dr(t)/(r_b - r_a).
+  !> Gradient where the slider is where the contact landed, t = -r_a/(r_b - r_a): dw = du(t) - d dr(t)/(r_b - r_a). Where the slope is
+  !> the same at both ends its difference adds zeros.
   pure subroutine land(d, r_a, r_b, from, to, slope, gradient)
-    real(wp), intent(in) :: d(2), r_a, r_b, slope
+    !> The step of the displacement, radii and their gradients by the normal displacement at both ends
+    real(wp), intent(in) :: d(2), r_a, r_b, slope(2)
     real(wp), intent(in), contiguous :: from(:), to(:)
     real(wp), intent(out), contiguous :: gradient(:, :)
     real(wp) :: there(size(from))
@@ -306,7 +309,7 @@ contains
     there = (r_b*from - r_a*to)/(r_b - r_a)
     call follow(there, gradient)
     do i = 1, 2
-      gradient(2*k + 1:3*k, i) = -(slope*d(i)/(r_b - r_a))*there
+      gradient(2*k + 1:3*k, i) = -(slope(2)*d(i)/(r_b - r_a))*there - ((slope(1) - slope(2))*d(i)*r_b/(r_b - r_a)**2)*from
     end do
   end subroutine land
 

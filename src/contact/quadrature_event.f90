@@ -85,7 +85,7 @@ contains
     call moving%complete()
     call along%complete()
     call opened%complete()
-    closed_normal = law%preload - law%normal_stiffness*law%gap
+    closed_normal = law%normal_force(0.0_wp)
     forces%deviation = 0.0_wp
     forces%deviation(1, 2) = closed_normal
     if (allocated(forces%jacobian)) deallocate (forces%jacobian)

@@ -25,6 +25,8 @@ module attrito_contact_quadrature_sampled
   type :: contact_samples_type
     !> Displacement and force [J, rows]; slider [J, 2]
     real(wp), allocatable :: displacement(:, :), force(:, :), slider(:, :)
+    !> Slip radius F/k_t, where open less than zero by what is missing, and its derivative by v [J]
+    real(wp), allocatable :: radius(:), slope(:)
     !> Does it touch? [J]
     logical, allocatable :: closed(:)
     !> One of `regime_...` [J]
@@ -90,7 +92,6 @@ contains
     !> Marches over the period
     integer, intent(in) :: passes
     type(contact_samples_type), intent(inout) :: samples
-    real(wp), allocatable :: radius(:)
     integer :: i, n
 
     n = law%tangents + 1
@@ -99,22 +100,26 @@ contains
     samples%slider = 0.0_wp
     samples%force = samples%displacement
     associate (normal => samples%force(:, n))
-      normal = law%preload + law%normal_stiffness*(samples%displacement(:, n) - law%gap)
+      normal = law%normal_force(samples%displacement(:, n))
       ! A contact that just touches counts as closed: unloaded bodies that only contacts hold have a regular Jacobian.
       samples%closed = normal >= 0.0_wp
       ! Negative where it is open: the marches find landing between samples.
-      radius = law%friction_coefficient*normal/law%tangential_stiffness
+      samples%radius = normal
+      samples%slope = normal
+      call law%slip_force(normal, samples%radius, samples%slope)
+      samples%radius = samples%radius/law%tangential_stiffness
+      samples%slope = samples%slope*law%normal_stiffness/law%tangential_stiffness
       normal = max(normal, 0.0_wp)
     end associate
     if (law%tangents == 1) then
-      call march_line(samples, radius, slider(1))
+      call march_line(samples, slider(1))
     else
-      samples%place = find_resting_place(samples%displacement(:, 1:2), radius, slider)
+      samples%place = find_resting_place(samples%displacement(:, 1:2), samples%radius, slider)
       ! A periodic slider that could rest elsewhere is marched all the same: it rests once it is marched from where it is.
       if (samples%place%exists .and. (passes > 1 .or. samples%place%count == 0)) then
-        call rest(law, fourier, samples, radius, slider)
+        call rest(fourier, samples, slider)
       else
-        call march_disc(law, fourier, samples, radius, slider, passes)
+        call march_disc(fourier, samples, slider, passes)
       end if
     end if
     where (samples%closed .and. samples%regimes == regime_open) samples%regimes = regime_slip
@@ -124,20 +129,18 @@ contains
   end subroutine sample_contact
 
   !> One tangent: the first march reaches the steady loop, the second records it.
-  subroutine march_line(samples, radius, slider)
+  subroutine march_line(samples, slider)
     type(contact_samples_type), intent(inout) :: samples
-    !> Slip radius, negative where open [J]
-    real(wp), intent(in) :: radius(:)
     !> Slider at the start
     real(wp), intent(in) :: slider
     real(wp) :: w, low, high
     integer :: origin, side
 
-    allocate (samples%origins(size(radius)), samples%sides(size(radius)))
+    allocate (samples%origins(size(samples%radius)), samples%sides(size(samples%radius)))
     w = slider
     origin = 0
     side = 0
-    associate (u => samples%displacement(:, 1))
+    associate (u => samples%displacement(:, 1), radius => samples%radius)
       call slide_along_line(u, radius, w, origin, side, samples%slider(:, 1), samples%origins, samples%sides, samples%regimes)
       samples%moved = origin > 0
       samples%start(1) = w
@@ -148,32 +151,26 @@ contains
   end subroutine march_line
 
   !> Two tangents: the slider rests all over the period, at the nearest place where it can.
-  subroutine rest(law, fourier, samples, radius, slider)
-    type(contact_type), intent(in) :: law
+  subroutine rest(fourier, samples, slider)
     type(fourier_type), intent(in) :: fourier
     type(contact_samples_type), intent(inout) :: samples
-    !> Slip radius [J]
-    real(wp), intent(in) :: radius(:)
     !> Where it was
     real(wp), intent(in) :: slider(2)
 
     samples%start = samples%place%slider
-    samples%slider = spread(samples%start, 1, size(radius))
+    samples%slider = spread(samples%start, 1, size(samples%radius))
     samples%regimes = regime_stick
     samples%moved = samples%place%count > 0
     samples%rests = .true.
-    samples%resting_gradient = resting_gradient(samples%place, samples%displacement(:, 1:2), radius, fourier%basis, &
-                                                law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness, slider)
+    samples%resting_gradient = resting_gradient(samples%place, samples%displacement(:, 1:2), samples%radius, fourier%basis, &
+                                                samples%slope, slider)
   end subroutine rest
 
   !> Two tangents, slipping: a fixed number of marches; the last is the answer. A slider that is not periodic starts where it came
   !> closest to rest, so that forces are continuous where places to rest shrink to a point and vanish.
-  subroutine march_disc(law, fourier, samples, radius, slider, passes)
-    type(contact_type), intent(in) :: law
+  subroutine march_disc(fourier, samples, slider, passes)
     type(fourier_type), intent(in) :: fourier
     type(contact_samples_type), intent(inout) :: samples
-    !> Slip radius, negative where open [J]
-    real(wp), intent(in) :: radius(:)
     !> Slider at the start
     real(wp), intent(in) :: slider(2)
     integer, intent(in) :: passes
@@ -187,14 +184,13 @@ contains
     w = slider
     if (passes > 1) then
       w = samples%place%slider
-      gradient(:3*k, :) = transpose(resting_gradient(samples%place, samples%displacement(:, 1:2), radius, fourier%basis, &
-                                    law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness, slider))
+      gradient(:3*k, :) = transpose(resting_gradient(samples%place, samples%displacement(:, 1:2), samples%radius, fourier%basis, &
+                                                     samples%slope, slider))
     end if
     do pass = 1, passes
       samples%start = w
       gradient(3*k + 1:, :) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [2, 2])
-      call slide_on_disc(samples%displacement(:, 1:2), radius, fourier%basis, &
-                         law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness, w, gradient, &
+      call slide_on_disc(samples%displacement(:, 1:2), samples%radius, fourier%basis, samples%slope, w, gradient, &
                          samples%slider, samples%gradients, samples%regimes)
       if (pass < passes) samples%moved = samples%moved .or. any(samples%regimes /= regime_stick)
     end do
@@ -252,7 +248,7 @@ contains
     if (samples%rests) then
       forces%jacobian([1, k + 1], :) = -law%tangential_stiffness*samples%resting_gradient
     else if (law%tangents == 1) then
-      call slider_gradient_line(law, fourier, samples, forces%jacobian(:k, :))
+      call slider_gradient_line(fourier, samples, forces%jacobian(:k, :))
       forces%jacobian(:n, :) = -law%tangential_stiffness*forces%jacobian(:n, :)
     else
       call slider_gradient_disc(law, fourier, samples, forces)
@@ -270,32 +266,32 @@ contains
   end subroutine differentiate
 
   !> Coefficients of the slider per coefficient of (u, v): w_j = u_k + side_k r_k, k the sample of its last clamp; or where it
-  !> landed before k, u(t) at N(t) = 0, t = -N_a/(N_k - N_a): dw = du(t) - (u_k - u_a)/(v_k - v_a) dv(t).
-  subroutine slider_gradient_line(law, fourier, samples, gradient)
-    type(contact_type), intent(in) :: law
+  !> landed before k, u(t) at r(t) = 0, t = -r_a/(r_k - r_a): dw = du(t) - (u_k - u_a)/(r_k - r_a) dr(t).
+  subroutine slider_gradient_line(fourier, samples, gradient)
     type(fourier_type), intent(in) :: fourier
     type(contact_samples_type), intent(in) :: samples
     !> Gradient [k, 2 k]
     real(wp), intent(out) :: gradient(:, :)
     real(wp), allocatable :: gradients(:, :, :), analysed(:, :, :)
-    real(wp) :: slope
+    real(wp) :: time
     integer :: j, k, before
 
     k = fourier%coefficients
     allocate (gradients(k, 2, fourier%samples), analysed(k, k, 2))
-    slope = law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness
     do j = 1, fourier%samples
-      associate (origin => samples%origins(j), u => samples%displacement(:, 1), v => samples%displacement(:, 2), &
+      associate (origin => samples%origins(j), u => samples%displacement(:, 1), r => samples%radius, slope => samples%slope, &
                  of_u => gradients(:, 1, j), of_v => gradients(:, 2, j), basis => fourier%basis)
         if (origin == 0) then
           gradients(:, :, j) = 0.0_wp
         else if (samples%sides(j) == side_landed) then
           before = modulo(origin - 2, fourier%samples) + 1
-          of_u = basis(:, before) + landing_time(law, v(before), v(origin))*(basis(:, origin) - basis(:, before))
-          of_v = -((u(origin) - u(before))/(v(origin) - v(before)))*of_u
+          time = -r(before)/(r(origin) - r(before))
+          of_u = basis(:, before) + time*(basis(:, origin) - basis(:, before))
+          of_v = -((u(origin) - u(before))/(r(origin) - r(before))) &
+                 *((1.0_wp - time)*slope(before)*basis(:, before) + time*slope(origin)*basis(:, origin))
         else
           of_u = basis(:, origin)
-          of_v = merge(samples%sides(j)*slope, 0.0_wp, samples%closed(origin))*of_u
+          of_v = merge(samples%sides(j)*slope(origin), 0.0_wp, samples%closed(origin))*of_u
         end if
       end associate
     end do
@@ -303,14 +299,6 @@ contains
     gradient(:, :k) = analysed(:, :, 1)
     gradient(:, k + 1:) = analysed(:, :, 2)
   end subroutine slider_gradient_line
-
-  !> Part of the step, from 0 to 1, after which a contact that closes linearly from a to b touches.
-  pure real(wp) function landing_time(law, a, b)
-    type(contact_type), intent(in) :: law
-    real(wp), intent(in) :: a, b
-
-    landing_time = (law%gap - law%preload/law%normal_stiffness - a)/(b - a)
-  end function landing_time
 
   !> Tangential rows of the Jacobian from the march's gradient by (u1, u2, v) and start slider; a periodic slider follows the motion.
   subroutine slider_gradient_disc(law, fourier, samples, forces)

@@ -137,8 +137,8 @@ contains
   function resting_gradient(place, u, r, basis, slope, slider) result(gradient)
     type(resting_place_type), intent(in) :: place
     real(wp), intent(in) :: u(:, :), r(:)
-    !> Motion at the samples per unit coefficient [k, J], and dr/dv
-    real(wp), intent(in) :: basis(:, :), slope
+    !> Motion at the samples per unit coefficient [k, J], and dr/dv [J]
+    real(wp), intent(in) :: basis(:, :), slope(:)
     !> Where it was
     real(wp), intent(in) :: slider(2)
     real(wp) :: gradient(2, 3*size(basis, 1))
@@ -159,12 +159,12 @@ contains
       ! Columns of the inverse of the matrix with rows e_1, e_2.
       columns = reshape([e(2, 2), -e(1, 2), -e(2, 1), e(1, 1)], [2, 2])/determinant
       do i = 1, 2
-        call add(columns(:, i), e(:, i), slope, basis(:, place%holds(i)))
+        call add(columns(:, i), e(:, i), slope(place%holds(i)), basis(:, place%holds(i)))
       end do
     else if (place%count > 0) then
       i = place%count
       across = [-e(2, i), e(1, i)]
-      call add(e(:, i), e(:, i), slope, basis(:, place%holds(i)))
+      call add(e(:, i), e(:, i), slope(place%holds(i)), basis(:, place%holds(i)))
       call add((1.0_wp - r(place%holds(i))/norm2(u(place%holds(i), :) - slider))*across, across, 0.0_wp, basis(:, place%holds(i)))
     end if
 

@@ -3,7 +3,8 @@
 !> $$ |T| \le k_t (|u_0 - w| + |\hat u|), \qquad N \ge N_0 - k_n \hat v, \qquad
 !> k_t |\hat u| + \mu k_n \hat v < \mu N_0 - k_t |u_0 - w| $$
 !>
-!> with a swing, the sum of the harmonics' amplitudes, for each hat, and the force of the mean N_0 = N_p + k_n (v_0 - gap).
+!> with a swing, the sum of the harmonics' amplitudes, for each hat, the force of the mean N_0 = N_p + k_n (v_0 - gap), and the least
+!> friction coefficient that the contact's law has at any N for mu.
 module attrito_contact_stuck_bound
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contact_type
@@ -32,7 +33,7 @@ contains
     real(wp), intent(in) :: mean(:), slider(:)
 
     associate (n => law%tangents)
-      margin = law%friction_coefficient*(law%preload + law%normal_stiffness*(mean(n + 1) - law%gap)) &
+      margin = law%least_coefficient()*law%normal_force(mean(n + 1)) &
                - law%tangential_stiffness*norm2(mean(:n) - slider(:n))
     end associate
   end function margin_of_mean
@@ -43,7 +44,7 @@ contains
     !> [tangents + 1]
     real(wp), intent(in) :: swings(:)
 
-    demand = law%friction_coefficient*law%normal_stiffness*swings(law%tangents + 1)
+    demand = law%least_coefficient()*law%normal_stiffness*swings(law%tangents + 1)
     if (law%tangents == 1) then
       demand = demand + law%tangential_stiffness*swings(1)
     else

@@ -79,7 +79,7 @@ contains
         polynomial(n) = 0.0_wp
        case default
         polynomial = -law%normal_stiffness*v
-        polynomial(0) = polynomial(0) - (law%preload - law%normal_stiffness*law%gap)
+        polynomial(0) = polynomial(0) - law%normal_force(0.0_wp)
       end select
     end associate
   end subroutine find_guard

@@ -1,8 +1,9 @@
 !> One step of a contact's law at given displacement: predictor and corrector, with the derivative of the forces.
 !>
-!> Predictor T^P = k_t (u - w) with the slider of the step before; corrector |T| <= mu N by return along T^P (one tangent: a clamp;
-!> two: radial), lift-off T = 0 and w = u. Radial return is of first order where the direction of slip turns; a contact with two
-!> tangents that slipped already is returned along the mean of its old and new direction, e_n and e_{n+1},
+!> Predictor T^P = k_t (u - w) with the slider of the step before; corrector |T| <= F(N), the slip force of the contact's law (mu N
+!> unless another is given), by return along T^P (one tangent: a clamp; two: radial), lift-off T = 0 and w = u. Radial return is of
+!> first order where the direction of slip turns; a contact with two tangents that slipped already is returned along the mean of its
+!> old and new direction, e_n and e_{n+1},
 !>   w_{n+1} = w_n + s (e_n + e_{n+1}), |z_{n+1}| = r:  s = (|z|^2 - r^2)/(2 (r + z.e_n)), z = u_{n+1} - w_n,
 !> which is of second order and still in closed form.
 !> Source: Zucca & Firrone 2014, eqs. (6)-(8), doi:10.1016/j.jsv.2013.09.032.
@@ -43,19 +44,20 @@ contains
 
     subroutine return_one(contact, first, tangents)
       integer, intent(in) :: contact, first, tangents
-      real(wp) :: z(2), e(2), moved(2), by_z(2, 2), by_r(2), distance, normal, r
+      real(wp) :: z(2), e(2), moved(2), by_z(2, 2), by_r(2), distance, r, normal(1), force(1), slope(1)
       integer :: a
 
       associate (law => system%law(contact), u => displacement(first:first + tangents - 1), last => first + tangents)
         stiffness(:, first:last) = 0.0_wp
         z(:tangents) = u - slider(:tangents, contact)
         distance = norm2(z(:tangents))
-        normal = law%preload + law%normal_stiffness*(displacement(last) - law%gap)
-        r = law%friction_coefficient*normal/law%tangential_stiffness
-        g(last) = law%preload - law%normal_stiffness*law%gap
+        normal = law%normal_force(displacement(last:last))
+        call law%slip_force(normal, force, slope)
+        r = force(1)/law%tangential_stiffness
+        g(last) = law%normal_force(0.0_wp)
         new_slider(:tangents, contact) = slider(:tangents, contact)
         ! A contact that just touches counts as closed: unloaded bodies that only contacts hold have a regular Jacobian.
-        if (normal < 0.0_wp) then
+        if (normal(1) < 0.0_wp) then
           regime(contact) = regime_open
           new_slider(:tangents, contact) = u
           g(first:last - 1) = -law%tangential_stiffness*u
@@ -80,7 +82,7 @@ contains
           do a = 1, tangents
             stiffness(:tangents, first + a - 1) = law%tangential_stiffness*by_z(a, :tangents)
             stiffness(a, first + a - 1) = stiffness(a, first + a - 1) - law%tangential_stiffness
-            stiffness(tangents + 1, first + a - 1) = law%friction_coefficient*law%normal_stiffness*by_r(a)
+            stiffness(tangents + 1, first + a - 1) = slope(1)*law%normal_stiffness*by_r(a)
           end do
         end if
       end associate

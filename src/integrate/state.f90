@@ -71,7 +71,7 @@ contains
       v = dot_product(rows(:, law%first_row + 1), self%motion)
       du = dot_product(rows(:, law%first_row), self%rate)
       dv = dot_product(rows(:, law%first_row + 1), self%rate)
-      n = law%preload + law%normal_stiffness*(v - law%gap)
+      n = law%normal_force(v)
       r = law%friction_coefficient*n/law%tangential_stiffness
       if (n <= 0.0_wp) then
         self%regime(i) = regime_open
@@ -100,8 +100,7 @@ contains
     integer, intent(in) :: contact
 
     associate (law => system%law(contact))
-      normal_force = max(0.0_wp, law%preload + law%normal_stiffness* &
-                         (dot_product(system%rows(:, law%first_row + law%tangents), self%motion) - law%gap))
+      normal_force = max(0.0_wp, law%normal_force(dot_product(system%rows(:, law%first_row + law%tangents), self%motion)))
     end associate
   end function normal_force
 end module attrito_integrate_state

@@ -75,12 +75,12 @@ contains
       row = system%law(i)%first_row
       g = segment%force(k, row:row + 1)
       if (state%regime(i) == regime_stick) then
-        g = [-system%law(i)%tangential_stiffness*state%slider(1, i), rest_force(system, i)]
+        g = [-system%law(i)%tangential_stiffness*state%slider(1, i), system%law(i)%normal_force(0.0_wp)]
         if (k > 0) cycle
       else
         g(1) = g(1) - system%springs(row)*segment%displacement(k, row)
         if (state%regime(i) == regime_slip) then
-          g(2) = merge(rest_force(system, i), 0.0_wp, k == 0)
+          g(2) = merge(system%law(i)%normal_force(0.0_wp), 0.0_wp, k == 0)
         else
           g(2) = -system%springs(row + 1)*segment%displacement(k, row + 1)
         end if
@@ -106,7 +106,7 @@ contains
       associate (law => system%law(i), t => segment%force(k, system%law(i)%first_row), u => &
                  segment%displacement(k, system%law(i)%first_row), n => segment%force(k, system%law(i)%first_row + 1), v => &
                  segment%displacement(k, system%law(i)%first_row + 1))
-        n = law%normal_stiffness*v + once*rest_force(system, i)
+        n = law%normal_stiffness*v + once*system%law(i)%normal_force(0.0_wp)
         select case (state%regime(i))
          case (regime_stick)
           t = law%tangential_stiffness*(u - once*state%slider(1, i))
@@ -119,14 +119,6 @@ contains
       end associate
     end do
   end subroutine find_forces
-
-  !> Normal force of a closed contact less its spring's.
-  pure real(wp) function rest_force(system, contact)
-    type(system_type), intent(in) :: system
-    integer, intent(in) :: contact
-
-    rest_force = system%law(contact)%preload - system%law(contact)%normal_stiffness*system%law(contact)%gap
-  end function rest_force
 
   !> How far the polynomials hold to rounding.
   pure real(wp) function step_length(segment)
@@ -168,7 +160,7 @@ contains
         v = dot_product(system%rows(:, law%first_row + 1), state%motion)
         state%slider(1, i) = u
         if (state%regime(i) == regime_slip) state%slider(1, i) = u - state%side(i)*law%friction_coefficient* &
-          (law%preload + law%normal_stiffness*(v - law%gap))/law%tangential_stiffness
+          law%normal_force(v)/law%tangential_stiffness
       end associate
     end do
   end subroutine move_to

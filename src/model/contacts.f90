@@ -2,14 +2,22 @@
 !>
 !> Rows of a contact: t1, [t2,] n. `u` and `v` are tangential and normal relative displacement, closing positive:
 !>
-!> $$ N = \max(N_p + k_n (v - \mathrm{gap}), 0), \qquad |T| \le \mu N, \qquad T = k_t (u - w) \text{ while sticking} $$
+!> $$ N = \max(N_p + k_n (v - \mathrm{gap}), 0), \qquad |T| \le F(N), \qquad T = k_t (u - w) \text{ while sticking} $$
+!>
+!> The slip force F is the contact law's, mu N unless another is given (`attrito_contact_law_contact_law`). Whatever asks for N or for
+!> F asks here.
 module attrito_model_contacts
   use attrito_core_kinds, only: wp
+  use attrito_contact_law_contact_law, only: contact_law_type
+  use attrito_contact_law_coulomb_spring, only: coulomb_spring_type
   implicit none
   private
   public :: contact_type, contacts_type, new_contacts, stuck_stiffness
 
-  !> One contact's law
+  !> The law of contacts that are given none
+  type(coulomb_spring_type), parameter :: coulomb_spring = coulomb_spring_type()
+
+  !> One contact: its springs and its law
   type :: contact_type
     !> 1 or 2
     integer :: tangents = 1
@@ -22,6 +30,15 @@ module attrito_model_contacts
     real(wp) :: preload = 0.0_wp
     !> Its first row in B, from 1
     integer :: first_row = 1
+    !> Its law, which whoever made it keeps; none: a Coulomb spring
+    class(contact_law_type), pointer :: law => null()
+  contains
+    generic :: normal_force => normal_force_at, normal_forces_at
+    procedure, private :: normal_force_at, normal_forces_at
+    procedure :: normal_series
+    procedure :: slip_force
+    procedure :: least_coefficient
+    procedure :: has_events
   end type contact_type
 
   type :: contacts_type
@@ -34,8 +51,75 @@ module attrito_model_contacts
 
 contains
 
+  !> N_p + k_n (v - gap): the normal force, or less than zero by what is missing to contact.
+  pure real(wp) function normal_force_at(self, closing)
+    class(contact_type), intent(in) :: self
+    !> v
+    real(wp), intent(in) :: closing
+
+    normal_force_at = self%preload + self%normal_stiffness*(closing - self%gap)
+  end function normal_force_at
+
+  !> The same at many instants.
+  pure function normal_forces_at(self, closing) result(force)
+    class(contact_type), intent(in) :: self
+    !> v
+    real(wp), intent(in) :: closing(:)
+    real(wp) :: force(size(closing))
+
+    force = self%preload + self%normal_stiffness*(closing - self%gap)
+  end function normal_forces_at
+
+  !> The same as coefficients of a period [k].
+  pure function normal_series(self, closing) result(force)
+    class(contact_type), intent(in) :: self
+    !> Coefficients of v [k]
+    real(wp), intent(in) :: closing(:)
+    real(wp) :: force(size(closing))
+
+    force = self%normal_stiffness*closing
+    force(1) = force(1) + self%preload - self%normal_stiffness*self%gap
+  end function normal_series
+
+  !> The slip force F and its derivative by N.
+  pure subroutine slip_force(self, normal, force, slope)
+    class(contact_type), intent(in) :: self
+    !> N, less than zero where the contact is open [any]
+    real(wp), intent(in) :: normal(:)
+    !> F, less than zero there, and dF/dN [any]
+    real(wp), intent(out) :: force(:), slope(:)
+
+    if (associated(self%law)) then
+      call self%law%slip_force(self%friction_coefficient, normal, force, slope)
+    else
+      call coulomb_spring%slip_force(self%friction_coefficient, normal, force, slope)
+    end if
+  end subroutine slip_force
+
+  !> The least F/N over all N.
+  pure real(wp) function least_coefficient(self)
+    class(contact_type), intent(in) :: self
+
+    if (associated(self%law)) then
+      least_coefficient = self%law%least_coefficient(self%friction_coefficient)
+    else
+      least_coefficient = coulomb_spring%least_coefficient(self%friction_coefficient)
+    end if
+  end function least_coefficient
+
+  !> Is F = mu N with the contact's own coefficient?
+  elemental logical function has_events(self)
+    class(contact_type), intent(in) :: self
+
+    if (associated(self%law)) then
+      has_events = self%law%has_events()
+    else
+      has_events = coulomb_spring%has_events()
+    end if
+  end function has_events
+
   !> Contacts from their laws and rows; numbers the rows.
-  pure function new_contacts(law, directions) result(self)
+  function new_contacts(law, directions) result(self)
     !> Laws [contacts]; `first_row` need not be set
     type(contact_type), intent(in) :: law(:)
     !> Rows of B in columns [m, rows]

@@ -236,7 +236,7 @@ contains
     real(wp) :: range(2)
 
     range = extrema(closing)
-    least_normal_force = max(law%preload + law%normal_stiffness*(range(1) - law%gap), 0.0_wp)
+    least_normal_force = max(law%normal_force(range(1)), 0.0_wp)
   end function least_normal_force
 
   !> Work of a force on a displacement over a period, pi sum_h h (F_c u_s - F_s u_c).

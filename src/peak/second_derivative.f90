@@ -38,8 +38,8 @@ contains
         columns = reshape([(ways(n)%motion(:, first:last), n=1, size(ways))], [k*(law%tangents + 1), size(ways)])
         allocate (product, mold=columns)
         if (goes_by_events(law, balance%quadrature%by_events)) then
-          call differentiate_twice_by_events(law, balance%quadrature%grid, motion(:, first:last), balance%slider(1, i), forces%active, &
-                                             along%motion(:, first:last), columns, product)
+          call differentiate_twice_by_events(law, balance%quadrature%grid, motion(:, first:last), balance%slider(1, i), &
+                                             forces%active, along%motion(:, first:last), columns, product)
         else
           product = difference(balance, motion, i, along, columns)
         end if

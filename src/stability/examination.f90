@@ -58,7 +58,7 @@ module attrito_stability_examination
 contains
 
   !> Laws with a little more friction on contacts that hold: their forces are the same, and they stick beyond doubt.
-  pure function held(law, holds) result(changed)
+  function held(law, holds) result(changed)
     type(contact_type), intent(in) :: law(:)
     !> [contacts]
     logical, intent(in) :: holds(:)

@@ -22,7 +22,7 @@ module attrito_stability_graze
 contains
 
   !> Contacts with a little more or less friction and gap.
-  pure function nudged(law, swing, way) result(changed)
+  function nudged(law, swing, way) result(changed)
     type(contact_type), intent(in) :: law(:)
     !> Size of each contact's normal displacement
     real(wp), intent(in) :: swing(:)

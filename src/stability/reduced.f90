@@ -22,7 +22,7 @@ module attrito_stability_reduced
 contains
 
   !> Keep the l lowest modes.
-  pure function reduce_to(system, l) result(self)
+  function reduce_to(system, l) result(self)
     type(system_type), intent(in) :: system
     integer, intent(in) :: l
     type(reduced_type) :: self

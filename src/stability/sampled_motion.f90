@@ -71,7 +71,7 @@ contains
       rate(:n + 1) = matmul(slopes(:2), d) + matmul(slopes(3:), s)
       here%u(:n) = value(:n)
       here%u_rate(:n) = rate(:n)
-      here%pressed = law%preload/law%tangential_stiffness + stiffness*(value(n + 1) - law%gap)
+      here%pressed = law%normal_force(value(n + 1))/law%tangential_stiffness
       here%pressed_rate = stiffness*rate(n + 1)
     end associate
   end function at_contact

@@ -209,7 +209,7 @@ contains
         if (orbit%regime(i, 1) == regime_open) state%slider(:n, i) = displacement(row:row + n - 1)
         if (orbit%regime(i, 1) /= regime_slip) cycle
         radius = law%friction_coefficient/law%tangential_stiffness &
-                 *max(law%preload + law%normal_stiffness*(displacement(row + n) - law%gap), 0.0_wp)
+                 *max(law%normal_force(displacement(row + n)), 0.0_wp)
         ! A little beyond the rim, from where the scheme puts it back and knows that it slips.
         state%slider(:n, i) = displacement(row:row + n - 1) - (1.0_wp + beyond)*radius*z(:n, i)/max(norm2(z(:, i)), tiny(1.0_wp))
       end associate

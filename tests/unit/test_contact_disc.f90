@@ -41,7 +41,7 @@ contains
     real(wp) :: gradient(5, 2), slider(size(r), 2), gradients(5, 2, size(r))
 
     gradient = 0.0_wp
-    call slide_on_disc(u, r, spread([1.0_wp], 2, size(r)), 0.0_wp, w, gradient, slider, gradients, regimes)
+    call slide_on_disc(u, r, spread([1.0_wp], 2, size(r)), 0.0_wp*r, w, gradient, slider, gradients, regimes)
   end subroutine march
 
   subroutine tractrix(error)
@@ -54,7 +54,7 @@ contains
     do i = 1, size(ways)
       w = -r*[cos(start), sin(start)]
       gradient = 0.0_wp
-      call slide_on_disc(reshape([ways(i), 0.0_wp, 0.0_wp, 0.0_wp], [2, 2]), [r, r], spread([1.0_wp], 2, 2), 0.0_wp, w, &
+      call slide_on_disc(reshape([ways(i), 0.0_wp, 0.0_wp, 0.0_wp], [2, 2]), [r, r], spread([1.0_wp], 2, 2), [0.0_wp, 0.0_wp], w, &
                          gradient, slider, gradients, regimes)
       angle = 2.0_wp*atan(tan(0.5_wp*start)*exp(-ways(i)/r))
       call check(error, regimes(1) == regime_slip, 'it does not slip')
@@ -129,8 +129,9 @@ contains
     allocate (forces%deviation(k, 3))
     forces%slider = [0.1_wp, 0.2_wp]
     do period = 1, 10
-      call evaluate_contact_by_samples(contact_type(tangents=2, tangential_stiffness=kt, normal_stiffness=kn, friction_coefficient=mu), &
-                            fourier, motion, forces%slider + forces%moved, .true., forces)
+      call evaluate_contact_by_samples( &
+        contact_type(tangents=2, tangential_stiffness=kt, normal_stiffness=kn, friction_coefficient=mu), &
+        fourier, motion, forces%slider + forces%moved, .true., forces)
     end do
     call fourier%destroy()
   end function forces_of
@@ -239,7 +240,7 @@ contains
     gradient = 0.0_wp
     gradient(3*k + 1, 1) = 1.0_wp
     gradient(3*k + 2, 2) = 1.0_wp
-    call slide_on_disc(x(:, :2), slope*x(:, 3), basis, slope, w, gradient, slider, gradients, regimes)
+    call slide_on_disc(x(:, :2), slope*x(:, 3), basis, spread(slope, 1, size(x, 1)), w, gradient, slider, gradients, regimes)
   end subroutine end_slider
 
   !> Central differences are exact to the step squared times third derivatives, up to 1e4 just after slip sets in, and to rounding

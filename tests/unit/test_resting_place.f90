@@ -158,7 +158,7 @@ contains
       place = find_resting_place(u, r, start)
       if (.not. place%exists .or. place%count == 0) cycle
       held_by(place%count) = held_by(place%count) + 1
-      gradient = resting_gradient(place, u, r, basis, slope, start)
+      gradient = resting_gradient(place, u, r, basis, spread(slope, 1, size(r)), start)
       do column = 1, 3*k
         i = modulo(column - 1, k) + 1
         do side = 1, 2

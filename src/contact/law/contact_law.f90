@@ -1,0 +1,50 @@
+!> A contact law: what the contact's slider may carry at a normal force N.
+!>
+!> Under every law a contact is a normal spring that does not pull and a tangential spring in series with a slider w
+!> (`attrito_model_contacts`):
+!>
+!> $$ T = k_t (u - w), \qquad |T| \le F(N), \qquad F(0) = 0 $$
+!>
+!> A law is F. It answers for all samples of a period at a time: a choice at run time costs one call a contact, not one a sample.
+!> Laws never change once they are made, so contacts may share one.
+module attrito_contact_law_contact_law
+  use attrito_core_kinds, only: wp
+  implicit none
+  private
+  public :: contact_law_type
+
+  type, abstract :: contact_law_type
+  contains
+    procedure(slip_force_of_law), deferred :: slip_force
+    procedure(coefficient_of_law), deferred :: least_coefficient
+    procedure(property_of_law), deferred :: has_events
+  end type contact_law_type
+
+  abstract interface
+    !> The slip force F and its derivative by N.
+    pure subroutine slip_force_of_law(self, friction_coefficient, normal, force, slope)
+      import :: contact_law_type, wp
+      class(contact_law_type), intent(in) :: self
+      !> The contact's own
+      real(wp), intent(in) :: friction_coefficient
+      !> N, less than zero where the contact is open [any]
+      real(wp), intent(in) :: normal(:)
+      !> F, less than zero there, and dF/dN [any]
+      real(wp), intent(out) :: force(:), slope(:)
+    end subroutine slip_force_of_law
+
+    !> The least F/N over all N: what bounds may count on.
+    pure real(wp) function coefficient_of_law(self, friction_coefficient)
+      import :: contact_law_type, wp
+      class(contact_law_type), intent(in) :: self
+      !> The contact's own
+      real(wp), intent(in) :: friction_coefficient
+    end function coefficient_of_law
+
+    !> Is F = mu N with the contact's own friction coefficient, so that a trigonometric motion has events that can be located?
+    pure logical function property_of_law(self)
+      import :: contact_law_type
+      class(contact_law_type), intent(in) :: self
+    end function property_of_law
+  end interface
+end module attrito_contact_law_contact_law

@@ -1,0 +1,43 @@
+!> Coulomb's law behind an elastic spring, a Jenkins element,
+!>
+!> $$ F(N) = \mu N $$
+!>
+!> Source: Zucca & Firrone 2014, eqs. (4)-(8), doi:10.1016/j.jsv.2013.09.032.
+module attrito_contact_law_coulomb_spring
+  use attrito_core_kinds, only: wp
+  use attrito_contact_law_contact_law, only: contact_law_type
+  implicit none
+  private
+  public :: coulomb_spring_type
+
+  type, extends(contact_law_type) :: coulomb_spring_type
+  contains
+    procedure :: slip_force
+    procedure :: least_coefficient
+    procedure :: has_events
+  end type coulomb_spring_type
+
+contains
+
+  pure subroutine slip_force(self, friction_coefficient, normal, force, slope)
+    class(coulomb_spring_type), intent(in) :: self
+    real(wp), intent(in) :: friction_coefficient, normal(:)
+    real(wp), intent(out) :: force(:), slope(:)
+
+    force = friction_coefficient*normal
+    slope = friction_coefficient
+  end subroutine slip_force
+
+  pure real(wp) function least_coefficient(self, friction_coefficient)
+    class(coulomb_spring_type), intent(in) :: self
+    real(wp), intent(in) :: friction_coefficient
+
+    least_coefficient = friction_coefficient
+  end function least_coefficient
+
+  pure logical function has_events(self)
+    class(coulomb_spring_type), intent(in) :: self
+
+    has_events = .true.
+  end function has_events
+end module attrito_contact_law_coulomb_spring
