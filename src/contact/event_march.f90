@@ -66,8 +66,7 @@ contains
     allocate (self%closed(segments), self%lower_rises(segments), self%upper_falls(segments))
     allocate (self%lower_at(segments + 1), self%upper_at(segments + 1), self%u_at(segments + 1))
     allocate (self%landing_slope(segments + 1), source=0.0_wp)
-    ! A contact that just touches counts as closed, as with samples.
-    least = -1.0e-14_wp*sum(abs(normal))
+    least = law%touching_force(motion(:, 2))
     do i = 1, segments
       basis = basis_at(0.5_wp*(self%cuts(i) + self%cuts(i + 1)), harmonics)
       self%closed(i) = dot_product(normal, basis) >= least

@@ -101,8 +101,7 @@ contains
     samples%force = samples%displacement
     associate (normal => samples%force(:, n))
       normal = law%normal_force(samples%displacement(:, n))
-      ! A contact that just touches counts as closed: unloaded bodies that only contacts hold have a regular Jacobian.
-      samples%closed = normal >= 0.0_wp
+      samples%closed = normal >= law%touching_force(motion(:, n))
       ! Negative where it is open: the marches find landing between samples.
       samples%radius = normal
       samples%slope = normal

@@ -56,8 +56,7 @@ contains
         r = force(1)/law%tangential_stiffness
         g(last) = law%normal_force(0.0_wp)
         new_slider(:tangents, contact) = slider(:tangents, contact)
-        ! A contact that just touches counts as closed: unloaded bodies that only contacts hold have a regular Jacobian.
-        if (normal(1) < 0.0_wp) then
+        if (normal(1) < law%touching_force(displacement(last:last))) then
           regime(contact) = regime_open
           new_slider(:tangents, contact) = u
           g(first:last - 1) = -law%tangential_stiffness*u

@@ -64,7 +64,7 @@ contains
     type(state_type), intent(inout) :: self
     integer, intent(in) :: i
     real(wp), parameter :: rounding = 1.0e-13_wp
-    real(wp) :: u, v, du, dv, n, r, slip_rate, scale
+    real(wp) :: u, v, du, dv, n, r, slip_rate, scale, force(1), slope(1)
 
     associate (law => system%law(i), rows => system%rows, w => self%slider(1, i))
       u = dot_product(rows(:, law%first_row), self%motion)
@@ -72,20 +72,22 @@ contains
       du = dot_product(rows(:, law%first_row), self%rate)
       dv = dot_product(rows(:, law%first_row + 1), self%rate)
       n = law%normal_force(v)
-      r = law%friction_coefficient*n/law%tangential_stiffness
+      ! In time one that just touches begins open: if it closes the guard of open contacts ends that at once.
       if (n <= 0.0_wp) then
         self%regime(i) = regime_open
         w = u
         return
       end if
+      call law%slip_force([n], force, slope)
+      r = force(1)/law%tangential_stiffness
       self%side(i) = merge(1, -1, u >= w)
       self%regime(i) = regime_stick
       scale = rounding*(r + abs(u) + abs(w))
       if (abs(u - w) < r - scale .and. r > 0.0_wp) return
       ! On the rim, or outside: the slider goes onto it, and slips unless it is moving back.
       w = u - self%side(i)*r
-      slip_rate = self%side(i)*du - law%friction_coefficient*law%normal_stiffness*dv/law%tangential_stiffness
-      if (slip_rate > rounding*(abs(du) + abs(dv)) .or. law%friction_coefficient <= 0.0_wp) then
+      slip_rate = self%side(i)*du - slope(1)*law%normal_stiffness*dv/law%tangential_stiffness
+      if (slip_rate > rounding*(abs(du) + abs(dv)) .or. r <= 0.0_wp) then
         self%regime(i) = regime_slip
       else
         self%zeros(merge(1, 2, self%side(i) > 0), i) = merge(1, 2, slip_rate < -rounding*(abs(du) + abs(dv)))

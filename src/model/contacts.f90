@@ -4,8 +4,8 @@
 !>
 !> $$ N = \max(N_p + k_n (v - \mathrm{gap}), 0), \qquad |T| \le F(N), \qquad T = k_t (u - w) \text{ while sticking} $$
 !>
-!> The slip force F is the contact law's, mu N unless another is given (`attrito_contact_law_contact_law`). Whatever asks for N or for
-!> F asks here.
+!> The slip force F is the contact law's, mu N unless another is given (`attrito_contact_law_contact_law`). Whatever asks for N, for
+!> F or whether a contact is closed asks here.
 module attrito_model_contacts
   use attrito_core_kinds, only: wp
   use attrito_contact_law_contact_law, only: contact_law_type
@@ -16,6 +16,9 @@ module attrito_model_contacts
 
   !> The law of contacts that are given none
   type(coulomb_spring_type), parameter :: coulomb_spring = coulomb_spring_type()
+
+  !> Part of the terms of a normal force that counts as rounding
+  real(wp), parameter :: rounding = 1.0e-14_wp
 
   !> One contact: its springs and its law
   type :: contact_type
@@ -36,6 +39,7 @@ module attrito_model_contacts
     generic :: normal_force => normal_force_at, normal_forces_at
     procedure, private :: normal_force_at, normal_forces_at
     procedure :: normal_series
+    procedure :: touching_force
     procedure :: slip_force
     procedure :: least_coefficient
     procedure :: has_events
@@ -80,6 +84,16 @@ contains
     force = self%normal_stiffness*closing
     force(1) = force(1) + self%preload - self%normal_stiffness*self%gap
   end function normal_series
+
+  !> A contact is closed where its normal force is at least this: zero, less the rounding of the terms that the force is the sum of. One
+  !> that just touches counts as closed, so unloaded bodies that only contacts hold have a regular Jacobian.
+  pure real(wp) function touching_force(self, closing)
+    class(contact_type), intent(in) :: self
+    !> v, or its coefficients [any]
+    real(wp), intent(in) :: closing(:)
+
+    touching_force = -rounding*(abs(self%preload) + self%normal_stiffness*(sum(abs(closing)) + abs(self%gap)))
+  end function touching_force
 
   !> The slip force F and its derivative by N.
   pure subroutine slip_force(self, normal, force, slope)

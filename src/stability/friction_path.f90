@@ -80,7 +80,7 @@ contains
     here = motion%at_contact(law, 0.0_wp)
     radius = law%friction_coefficient*here%pressed
     state%slider = slider
-    if (here%pressed <= 0.0_wp) then
+    if (.not. here%closed) then
       state%regime = regime_open
       state%slider = here%u
       return
@@ -179,7 +179,7 @@ contains
     from = motion%at_contact(law, place)
     reached = next_sample(place)
     here = motion%at_contact(law, reached)
-    if (here%pressed <= 0.0_wp) then
+    if (.not. here%closed) then
       reached = lift_off(law, motion, place, reached)
       state%regime = regime_open
       state%slider = here%u
@@ -212,7 +212,7 @@ contains
 
     reached = next_sample(place)
     here = motion%at_contact(law, reached)
-    if (here%pressed > 0.0_wp) then
+    if (here%closed) then
       reached = lift_off(law, motion, reached, place)
       here = motion%at_contact(law, reached)
       state%regime = merge(regime_stick, regime_slip, norm2(here%u_rate) <= law%friction_coefficient*here%pressed_rate)
@@ -234,7 +234,7 @@ contains
     do i = 1, halvings
       place = 0.5_wp*sum(ends)
       here = motion%at_contact(law, place)
-      ends(merge(1, 2, here%pressed > 0.0_wp)) = place
+      ends(merge(1, 2, here%closed)) = place
     end do
     ! The later of both: never where the step began.
     place = maxval(ends)

@@ -21,6 +21,7 @@ module attrito_stability_sampled_motion
   type :: at_contact_type
     real(wp) :: u(2) = 0.0_wp, pressed = 0.0_wp
     real(wp) :: u_rate(2) = 0.0_wp, pressed_rate = 0.0_wp
+    logical :: closed = .true.
   end type at_contact_type
 
 contains
@@ -72,6 +73,7 @@ contains
       here%u(:n) = value(:n)
       here%u_rate(:n) = rate(:n)
       here%pressed = law%normal_force(value(n + 1))/law%tangential_stiffness
+      here%closed = law%normal_force(value(n + 1)) >= law%touching_force(value(n + 1:n + 1))
       here%pressed_rate = stiffness*rate(n + 1)
     end associate
   end function at_contact

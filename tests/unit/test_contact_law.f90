@@ -6,10 +6,12 @@ program test_contact_law
   use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_friction_line, only: slide_along_line, slider_interval
   use attrito_contact_forces, only: contact_forces_type
+  use attrito_contact_quadrature_event, only: evaluate_contact_by_events
   use attrito_contact_quadrature_sampled, only: contact_samples_type, evaluate_contact_by_samples, sample_contact
   use attrito_contact_state, only: state_stuck, state_shaken_down, state_slipping, state_open, regime_open, &
                                    regime_stick
   use attrito_contact_stuck_bound, only: surely_stuck
+  use attrito_contact_trigonometric_roots, only: new_grid
   use scenes, only: noise
   use testing, only: test, run_suite, check, check_close
   implicit none
@@ -28,6 +30,7 @@ program test_contact_law
                 test('friction never gives work back: T . dw is not negative at any sample', dissipation), &
                 test('the normal force is preload plus stiffness times what closes beyond the gap', gap_and_preload), &
                 test('a gap acts as a preload of minus kn gap', gap_is_negative_preload), &
+                test('a contact that just touches, to rounding, counts as closed, by samples as by events', just_touches), &
                 test('a contact that stays open says so and forgets its history', open_contact), &
                 test('a period maps the slider by a clamp, whatever its start', period_is_a_clamp), &
                 test('one period reaches the steady loop, whatever the start', one_period_is_enough)], &
@@ -277,6 +280,29 @@ contains
     b = forces_of(with_preload, motion, 64, [0.0_wp, 0.0_wp])
     call check_close(error, a%deviation, b%deviation, 1.0e-13_wp, 'deviation')
   end subroutine gap_is_negative_preload
+
+  !> N = N_p - kn gap + kn v cancels to a few units of rounding, of either sign; a thousand times that much is lift-off.
+  subroutine just_touches(error)
+    type(error_type), allocatable, intent(out) :: error
+    real(wp), parameter :: gap = 0.3_wp, unit = spacing(kn*gap)
+    type(contact_type) :: law
+    type(contact_forces_type) :: forces
+    real(wp) :: motion(k, 2)
+    integer :: i, missing
+
+    motion = reshape(0.1_wp*noise(2*k, 3), [k, 2])
+    motion(:, 2) = 0.0_wp
+    law = plain_law(1)
+    law%gap = gap
+    do i = -2, 3
+      missing = merge(1000, i, i == 3)
+      law%preload = kn*gap - missing*unit
+      forces = forces_of(law, motion, 64, [0.0_wp, 0.0_wp])
+      call check(error, (forces%state == state_open) .eqv. i == 3, 'by samples')
+      call evaluate_contact_by_events(law, new_grid(harmonics), motion, 0.0_wp, forces)
+      call check(error, (forces%state == state_open) .eqv. i == 3, 'by events')
+    end do
+  end subroutine just_touches
 
   subroutine open_contact(error)
     type(error_type), allocatable, intent(out) :: error
