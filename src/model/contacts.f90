@@ -85,8 +85,8 @@ contains
     force(1) = force(1) + self%preload - self%normal_stiffness*self%gap
   end function normal_series
 
-  !> A contact is closed where its normal force is at least this: zero, less the rounding of the terms that the force is the sum of. One
-  !> that just touches counts as closed, so unloaded bodies that only contacts hold have a regular Jacobian.
+  !> A contact is closed where its normal force is at least this: zero, less the rounding of the terms that the force is the sum of.
+  !> One that just touches counts as closed, so unloaded bodies that only contacts hold have a regular Jacobian.
   pure real(wp) function touching_force(self, closing)
     class(contact_type), intent(in) :: self
     !> v, or its coefficients [any]
