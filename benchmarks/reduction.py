@@ -67,7 +67,6 @@ def main() -> None:
     parser.add_argument("--eigensolver", choices=EIGENSOLVERS, default=EIGENSOLVERS[0])
     parser.add_argument("--ordering", choices=ORDERINGS, default="scotch")
     parser.add_argument("--out-of-core", choices=("auto", "yes", "no"), default="auto")
-    parser.add_argument("--low-rank", type=float, default=0.0, help="threshold of block low-rank factors")
     parser.add_argument("--block-size", type=int, default=0)
     parser.add_argument("--block-vectors", type=int, default=BLOCK_VECTORS)
     parser.add_argument("--boundary-nodes", type=int, help="of the flanks; few leave little to do but the modes")
@@ -88,7 +87,6 @@ def main() -> None:
         eigensolver=arguments.eigensolver,
         ordering=arguments.ordering,
         out_of_core={"auto": None, "yes": True, "no": False}[arguments.out_of_core],
-        low_rank=arguments.low_rank,
         block_size=arguments.block_size,
         block_vectors=arguments.block_vectors,
         listener=clock.hear,

@@ -389,7 +389,6 @@ typedef struct {
     double error_target;
     double top_frequency_hz;
     double tolerance;
-    double low_rank;
     double memory_megabytes;
     char ordering[8];
     char out_of_core[4];

@@ -13,7 +13,7 @@ module attrito_api_reduce
   !> See `reduction_options_type`
   type, bind(c) :: options_type
     integer(c_int) :: modes, block_size, block_vectors, check_inertia
-    real(c_double) :: max_frequency_hz, error_target, top_frequency_hz, tolerance, low_rank, memory_megabytes
+    real(c_double) :: max_frequency_hz, error_target, top_frequency_hz, tolerance, memory_megabytes
     character(kind=c_char) :: ordering(8), out_of_core(4), eigensolver(16)
   end type options_type
 
@@ -60,7 +60,7 @@ contains
                       top_frequency_hz=options%top_frequency_hz, block_size=options%block_size, &
                       block_vectors=options%block_vectors, &
                       tolerance=options%tolerance, check_inertia=options%check_inertia /= 0, &
-                      ordering=joined(options%ordering), out_of_core=joined(options%out_of_core), low_rank=options%low_rank, &
+                      ordering=joined(options%ordering), out_of_core=joined(options%out_of_core), &
                       memory_megabytes=options%memory_megabytes, eigensolver=joined(options%eigensolver)), &
                       new_progress(listener), found, error)
     report = c_report(found)

@@ -28,8 +28,6 @@ module attrito_reduce_interior_factor
     character(8) :: ordering = 'scotch'
     !> Factors on disk: `yes`, `no`, or `auto` where memory is short
     character(4) :: out_of_core = 'auto'
-    !> Threshold of block low-rank factors, 0 for exact ones
-    real(wp) :: low_rank = 0.0_wp
     !> Memory that the ranks of a machine may take together in megabytes; 0: what is free
     real(wp) :: memory_megabytes = 0.0_wp
     !> Memory that this rank will need beside the factors, in megabytes
@@ -65,7 +63,7 @@ module attrito_reduce_interior_factor
   !> MUMPS's numbers (users' guide 5.5): control and information by position
   character(*), parameter :: ordering_option = '-mat_mumps_icntl_7'
   integer, parameter :: icntl_root = 13, icntl_room = 14, icntl_out_of_core = 22, icntl_null_pivots = 24, &
-                        icntl_block = 27, icntl_low_rank = 35, cntl_low_rank = 7
+                        icntl_block = 27
   integer, parameter :: info_in_core = 15, info_out_of_core = 17
   integer, parameter :: infog_status = 1, infog_detail = 2, infog_entries = 3, infog_ordering = 7, infog_negative = 12, &
                         infog_in_core = 17, infog_out_of_core = 27, infog_zero = 28, rinfog_flops = 1
@@ -91,7 +89,7 @@ contains
     PetscErrorCode :: ierr
 
     self%matrix = matrix
-    call create(self, options, ierr)
+    call create(self, ierr)
     if (ierr == 0) call analyse(self, options%ordering, ierr)
     call check(self, ierr, error)
     if (.not. allocated(error)) call choose_place(self, options, progress, error)
@@ -105,9 +103,8 @@ contains
     call MatMumpsGetInfog(self%factor, infog_zero, self%zero, ierr)
   end subroutine new_interior_factor
 
-  subroutine create(self, options, ierr)
+  subroutine create(self, ierr)
     type(interior_factor_type), intent(inout) :: self
-    type(factor_options_type), intent(in) :: options
     PetscErrorCode, intent(out) :: ierr
     type(tPC) :: preconditioner
     PetscMPIInt :: comm
@@ -126,9 +123,6 @@ contains
     ! Counting pivots right needs null pivot detection, and a root front that is not left to ScaLAPACK.
     PetscCall(MatMumpsSetIcntl(self%factor, icntl_null_pivots, 1, ierr))
     PetscCall(MatMumpsSetIcntl(self%factor, icntl_root, 1, ierr))
-    if (options%low_rank <= 0.0_wp) return
-    PetscCall(MatMumpsSetIcntl(self%factor, icntl_low_rank, 2, ierr))
-    PetscCall(MatMumpsSetCntl(self%factor, cntl_low_rank, options%low_rank, ierr))
   end subroutine create
 
   !> Order the rows and foresee operations and memory; the set-up of the solver finds this done.

@@ -37,8 +37,6 @@ module attrito_reduce_report
     character(4) :: out_of_core = 'auto'
     !> Memory that the ranks of a machine may take together in megabytes; 0: what is free
     real(wp) :: memory_megabytes = 0.0_wp
-    !> Threshold of block low-rank factors; 0: none
-    real(wp) :: low_rank = 0.0_wp
   end type reduction_options_type
 
   type :: reduction_report_type

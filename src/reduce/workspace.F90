@@ -219,8 +219,8 @@ contains
 
     ! The space of the eigensolver and, of SLEPc's, a copy of what converged (`attrito_reduce_krylov_schur`).
     vectors = max(blocks_at_once*self%block_size, (5*max(self%options%modes, 100))/2)
-    how = factor_options_type(self%options%ordering, self%options%out_of_core, self%options%low_rank, &
-                              self%options%memory_megabytes, self%split%rows()*real(vectors, wp)/2.0_wp**17)
+    how = factor_options_type(self%options%ordering, self%options%out_of_core, self%options%memory_megabytes, &
+                              self%split%rows()*real(vectors, wp)/2.0_wp**17)
   end function factor_options
 
   !> Runs of boundary dofs.

@@ -234,7 +234,8 @@ def kinds_of_matrices(folder: Path, path: Path, arguments: Arguments, chance: ra
     try:
         scipy.io.savemat(path, {chance.choice(["K", "_k", "k" * 31]): value}, format=chance.choice(["4", "5"]))
     except (TypeError, ValueError, KeyError, AttributeError):
-        scipy.io.savemat(path, {"K": value})
+        # Of what a version of the format has no form for.
+        scipy.io.savemat(path, {"K": "text"})
 
 
 def _bomb(path: Path) -> None:

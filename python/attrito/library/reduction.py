@@ -79,7 +79,6 @@ def reduce_model(
     check_inertia: bool = True,
     ordering: str = ORDERINGS[0],
     out_of_core: bool | None = None,
-    low_rank: float = 0.0,
     memory_gb: float | None = None,
     block_size: int = 0,
     block_vectors: int = BLOCK_VECTORS,
@@ -106,7 +105,6 @@ def reduce_model(
     ordering : of the rows for the factorisation, one of `ORDERINGS`
     out_of_core : factors on disk; None: where memory is short. They go to the folder MUMPS_OOC_TMPDIR, or /tmp.
     memory_gb : that the ranks of a machine may take together for the factors and beside them; None: what is free
-    low_rank : threshold of block low-rank factors, 0 for exact ones
     block_size : columns of the basis treated at a time, 0: by the size of the model
     block_vectors : vectors solved for at once, where the eigensolver has blocks
     fingerprint : of the matrices and all that is asked; empty: an interrupted reduction starts anew
@@ -132,7 +130,6 @@ def reduce_model(
         error_target=error_target or 0.0,
         top_frequency_hz=top_frequency_hz,
         tolerance=TOLERANCE,
-        low_rank=low_rank,
         memory_megabytes=1024.0 * (memory_gb or 0.0),
         ordering=ordering.encode(),
         out_of_core={None: b"auto", True: b"yes", False: b"no"}[out_of_core],

@@ -114,7 +114,7 @@ class RawReduction(ctypes.Structure):
     _fields_ = [
         *_all(c_int, "modes", "block_size", "block_vectors", "check_inertia"),
         *_all(c_double, "max_frequency_hz", "error_target", "top_frequency_hz"),
-        *_all(c_double, "tolerance", "low_rank", "memory_megabytes"),
+        *_all(c_double, "tolerance", "memory_megabytes"),
         ("ordering", c_char * 8),
         ("out_of_core", c_char * 4),
         ("eigensolver", c_char * 16),
