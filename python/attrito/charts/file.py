@@ -9,6 +9,7 @@ import numpy as np
 
 from attrito.support.atomic_files import whole_hdf5
 from attrito.support.csv_text import cell
+from attrito.support.hdf5_writing import described
 from attrito.support.version import __version__
 
 SERIES = {
@@ -117,6 +118,5 @@ def write(chart: Chart, path: str, job: str) -> None:
             texts = np.array([getattr(way, name) for way in chart.ways], dtype=h5py.string_dtype())
             data[name] = texts, {"series": "kind of way", "label": "its setting", "note": "why not solved"}[name], "1"
         for name, (values, description, unit) in data.items():
-            stored = file.create_dataset(name, data=values)
-            stored.attrs["description"], stored.attrs["unit"] = description, unit
+            described(file, name, description, unit, data=values)
         file["label"].attrs["chosen"] = chart.chosen()

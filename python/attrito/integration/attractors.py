@@ -16,6 +16,7 @@ import h5py
 import numpy as np
 
 from attrito.library.integrator import Integrator, Orbit, Run
+from attrito.support.hdf5_writing import described
 
 PUSH = 1e-6
 # Two motions are one if what tells them apart is below this part of their amplitude: that of the integration's end.
@@ -164,5 +165,4 @@ def write_attractors(file: h5py.File, monitors: list[str], met: list[Attractor])
         data[f"{name}/amplitude"] = ([one.amplitude[i] for one in met], "half the range", "user length")
         data[f"{name}/mean"] = ([one.mean[i] for one in met], "mean over the period", "user length")
     for name, (values, description, unit) in data.items():
-        group[name] = values
-        group[name].attrs["description"], group[name].attrs["unit"] = description, unit
+        described(group, name, description, unit, data=values)

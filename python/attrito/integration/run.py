@@ -28,6 +28,7 @@ from attrito.scene.scene import Scene
 from attrito.support.atomic_files import whole_hdf5
 from attrito.support.errors import InputError, UnsolvedError
 from attrito.support.hdf5_reading import UNREADABLE
+from attrito.support.hdf5_writing import described
 from attrito.support.locks import writing_alone
 from attrito.support.parallel import on_root, on_root_only
 from attrito.support.version import __version__
@@ -241,8 +242,7 @@ def write(
         group.attrs["scheme"] = choices.scheme
         group.attrs["warnings"] = "\n".join(warnings)
         for name, (values, description, unit) in _datasets(scene, choices, orbit).items():
-            stored = group.create_dataset(name, data=values)
-            stored.attrs["description"], stored.attrs["unit"] = description, unit
+            described(group, name, description, unit, data=values)
         group["contacts/history/regime"].attrs["names"] = "stick,slip,open"
         write_attractors(file, scene.monitor_names, met)
 

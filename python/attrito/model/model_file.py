@@ -19,6 +19,7 @@ from attrito.model.model import HOLDINGS, Model
 from attrito.support.atomic_files import whole_hdf5
 from attrito.support.errors import NO_ROOM, Fault, InputError, unusable_file
 from attrito.support.hdf5_reading import stored
+from attrito.support.hdf5_writing import described
 
 FORMAT = "attrito model"
 FORMAT_VERSION = 1
@@ -59,9 +60,7 @@ def _fill(file: h5py.File, model: Model, source: Sequence[str | Path]) -> None:
     file.attrs["source"] = json.dumps([_fingerprint(Path(name)) for name in source])
 
     def put(name: str, values: np.ndarray, kind: type, description: str, unit: str = "1") -> None:
-        dataset = file.create_dataset(name, data=np.asarray(values, dtype=kind))
-        dataset.attrs["description"] = description
-        dataset.attrs["unit"] = unit
+        described(file, name, description, unit, data=np.asarray(values, dtype=kind))
 
     for name, (description, unit) in MATRICES.items():
         matrix = getattr(model, name)
@@ -74,8 +73,8 @@ def _fill(file: h5py.File, model: Model, source: Sequence[str | Path]) -> None:
             put(f"{name}/values", matrix.data, np.float64, f"{description}, CSR: value of each entry", unit)
     if model.names_dofs:
         put("dofs/node", model.dof_node, np.int64, "node id of each dof")
-        described = "direction of each dof: 1, 2, 3 for x, y, z; 4, 5, 6 for rotations about x, y, z"
-        put("dofs/direction", model.dof_direction, np.int8, described)
+        words = "direction of each dof: 1, 2, 3 for x, y, z; 4, 5, 6 for rotations about x, y, z"
+        put("dofs/direction", model.dof_direction, np.int8, words)
     if model.has_mesh:
         put("nodes/id", model.node_ids, np.int64, "node ids")
         put("nodes/coordinates", model.coordinates, np.float64, "node coordinates x, y, z", "user length")

@@ -17,6 +17,7 @@ from attrito.peaks.curve import KINDS, Found, elasticity
 from attrito.support.atomic_files import whole_hdf5
 from attrito.support.errors import Fault, InputError
 from attrito.support.hdf5_reading import stored
+from attrito.support.hdf5_writing import described
 from attrito.support.version import __version__
 
 if TYPE_CHECKING:
@@ -111,8 +112,7 @@ def write(
         file.attrs["monitor"] = keys["monitor"] or scene.monitor_names[0]
 
         def put(name: str, values: np.ndarray, description: str, unit: str = "1", names: tuple = ()) -> None:
-            stored = file.create_dataset(f"peaks/{name}", data=values)
-            stored.attrs["description"], stored.attrs["unit"] = description, unit
+            stored = described(file, f"peaks/{name}", description, unit, data=values)
             if names:
                 stored.attrs["names"] = list(names)
 
@@ -135,13 +135,11 @@ def write(
             for name, values in at_peaks(backbone).items():
                 put(name, values, *AT_PEAKS[name])
             for name, values in along(backbone).items():
-                stored = file.create_dataset(f"backbone/{name}", data=values)
-                stored.attrs["description"], stored.attrs["unit"] = ALONG[name]
+                described(file, f"backbone/{name}", *ALONG[name], data=values)
             states = np.array([point.point.states for point in _points(backbone)], dtype=np.int32).reshape(
                 -1, len(STATES)
             )
-            stored = file.create_dataset("backbone/states", data=states)
-            stored.attrs["description"], stored.attrs["unit"] = "contacts in each state", "1"
+            stored = described(file, "backbone/states", "contacts in each state", data=states)
             stored.attrs["names"] = list(STATES)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from attrito.library.series import Series
 from attrito.results.journal import Record, read_journal
 from attrito.support.errors import Fault, InputError
+from attrito.support.hdf5_writing import described
 
 # Bytes of points gathered before they are written.
 BLOCK = 1 << 26
@@ -27,11 +28,13 @@ def fill_result(file: h5py.File, journal: str) -> None:
     first, shapes, series, points = _survey(journal)
     file.attrs.update(first.note["attributes"])
     for name, values in first.arrays.items():
-        _describe(file.create_dataset(name, data=_texts(first, name, values)), first.series[name])
+        what = first.series[name]
+        described(file, name, what.description, what.unit, what.names, data=_texts(first, name, values))
     if points:
         for name, what in series.items():
             kind = np.int32 if what.kind == "int32" else np.float64
-            _describe(file.create_dataset(name, (points, *shapes[name]), kind), what)
+            shape = points, *shapes[name]
+            described(file, name, what.description, what.unit, what.names, shape=shape, dtype=kind)
         _fill(file, series, journal, points)
 
 
@@ -76,12 +79,6 @@ def _fill_block(file: h5py.File, series: Iterable[str], start: int, block: list[
             values = record.arrays[name]
             rows[(i, *(slice(n) for n in values.shape))] = values
         stored[start : start + len(block)] = rows
-
-
-def _describe(stored: h5py.Dataset, what: Series) -> None:
-    stored.attrs["description"], stored.attrs["unit"] = what.description, what.unit
-    if what.names:
-        stored.attrs["names"] = np.array(what.names, dtype=f"S{max(map(len, what.names))}")
 
 
 def _texts(record: Record, name: str, values: np.ndarray) -> np.ndarray:

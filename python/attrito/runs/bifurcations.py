@@ -15,6 +15,7 @@ from attrito.library.names import NO_SOLUTION, ORBITS
 from attrito.library.session import Point, Solver
 from attrito.library.structures import RawBifurcation, pointer
 from attrito.runs.stability import METHODS
+from attrito.support.hdf5_writing import described
 
 if TYPE_CHECKING:
     from attrito.runs.progress import Progress
@@ -144,10 +145,10 @@ def write_bifurcations(file: h5py.File, found: list[Bifurcation], monitors: list
     }
     group = file.create_group("bifurcations")
     for name, (unit, kind, description, values) in columns.items():
-        stored = group.create_dataset(name, data=np.array(values, dtype=kind))
-        stored.attrs["description"], stored.attrs["unit"] = description, unit
-    group["kind"].attrs["names"] = np.array(KINDS, dtype="S16")
+        names = KINDS if name == "kind" else ()
+        described(group, name, description, unit, names, data=np.array(values, dtype=kind))
     for i, name in enumerate(monitors):
-        stored = group.create_dataset(f"amplitude/{name}", data=[float(one.amplitude[i]) for one in found])
-        stored.attrs["description"] = "half the range of the monitor over the period"
-        stored.attrs["unit"] = "user length"
+        values = [float(one.amplitude[i]) for one in found]
+        described(
+            group, f"amplitude/{name}", "half the range of the monitor over the period", "user length", data=values
+        )

@@ -29,6 +29,7 @@ from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Point, Solver
 from attrito.runs.bounds_by_members import Hull, Search
 from attrito.support.errors import NumericsError
+from attrito.support.hdf5_writing import described
 from attrito.support.linear_programs import DualSimplex
 
 if TYPE_CHECKING:
@@ -153,10 +154,8 @@ def write_bounds(file: h5py.File, scene: ReducedScene, sampler: Sampler) -> None
     for point, hull in sampler.hulls.items():
         _write_sampled(file, scene, point, hull)
         kinds[point] = KINDS.index("sampled" if hull.complete else "not_examined")
-    stored = file.create_dataset("/points/bounds", data=kinds.astype(np.int32))
-    stored.attrs["description"] = "where the bounds come from: index into the attribute names"
-    stored.attrs["unit"] = "1"
-    stored.attrs["names"] = np.array(KINDS, dtype="S12")
+    words = "where the bounds come from: index into the attribute names"
+    described(file, "/points/bounds", words, names=KINDS, data=kinds.astype(np.int32))
 
 
 def _write_exact(file: h5py.File, scene: ReducedScene, points: np.ndarray) -> None:
@@ -281,5 +280,5 @@ def _write_mean_bounds(file: h5py.File) -> None:
     unique = file["/points/unique"][:] == 1
     for monitor in file["/monitors"].values():
         for side, what in (("mean_low", "lower"), ("mean_high", "upper")):
-            stored = monitor.create_dataset(side, data=np.where(unique, monitor["mean"][:], np.nan))
-            stored.attrs["description"], stored.attrs["unit"] = f"{what} bound of the mean", "user length"
+            values = np.where(unique, monitor["mean"][:], np.nan)
+            described(monitor, side, f"{what} bound of the mean", "user length", data=values)

@@ -13,6 +13,7 @@ from attrito.library import loading
 from attrito.library.names import ENGINES, MULTIPLIER_KINDS, ORBITS, VERDICTS
 from attrito.library.session import Point, Solver
 from attrito.library.structures import RawExamination, pointer
+from attrito.support.hdf5_writing import described
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -131,10 +132,10 @@ def write_multipliers(file: h5py.File, examiner: Examiner) -> None:
         return
     columns = np.array(examiner.rows).reshape(-1, 5).T
     data = {
-        "point": (np.int32, "number of the point, from 0", None),
+        "point": (np.int32, "number of the point, from 0", ()),
         "method": (np.int32, "engine: index into the attribute names", tuple(ENGINES)),
-        "real": (float, "real part of the Floquet multiplier", None),
-        "imag": (float, "its imaginary part", None),
+        "real": (float, "real part of the Floquet multiplier", ()),
+        "imag": (float, "its imaginary part", ()),
         "kind": (
             np.int32,
             "index into the attribute names: dynamic; zero of a slider that a period forgets; "
@@ -143,10 +144,7 @@ def write_multipliers(file: h5py.File, examiner: Examiner) -> None:
         ),  # fmt: skip
     }
     for column, (name, (kind, description, names)) in zip(columns, data.items(), strict=True):
-        stored = file.create_dataset(f"multipliers/{name}", data=column.astype(kind))
-        stored.attrs["description"], stored.attrs["unit"] = description, "1"
-        if names is not None:
-            stored.attrs["names"] = np.array(names, dtype="S9")
+        described(file, f"multipliers/{name}", description, names=names, data=column.astype(kind))
     points = len(file["points/stable"])
     real, imaginary, kind = columns[2:]
     largest, distance, change, low, high = np.full((5, points), np.nan)
@@ -169,5 +167,4 @@ def write_multipliers(file: h5py.File, examiner: Examiner) -> None:
         ("high", high, float, "and at most that"),
         ("reason", reasons, h5py.string_dtype(), "why the point has no verdict"),
     ):
-        stored = file.create_dataset(f"stability/{name}", data=values, dtype=kind)
-        stored.attrs["description"], stored.attrs["unit"] = description, "1"
+        described(file, f"stability/{name}", description, data=values, dtype=kind)

@@ -29,6 +29,7 @@ import h5py
 import numpy as np
 
 from attrito.library.reduced_scene import ReducedScene
+from attrito.support.hdf5_writing import described
 
 # Contacts with one tangent up to which all combinations are asked, 4^n; beyond, each contact while the others stick,
 # and up to the second number all of them slipping alike.
@@ -135,8 +136,7 @@ def write_margin(file: h5py.File, margin: Margin | None) -> None:
         ),
     }
     for name, (value, description) in data.items():
-        group[name] = value
-        group[name].attrs["description"], group[name].attrs["unit"] = description, "1"
+        described(group, name, description, data=value)
     group.attrs["states"] = "" if margin is None else ",".join(margin.states)
 
 

@@ -25,6 +25,7 @@ from attrito.scene.scene import Scene
 from attrito.support.atomic_files import whole_hdf5
 from attrito.support.errors import Fault, InputError
 from attrito.support.hdf5_reading import UNREADABLE, stored
+from attrito.support.hdf5_writing import described
 from attrito.support.parallel import everywhere, on_root, on_root_in_its_time
 from attrito.support.version import __version__
 
@@ -194,8 +195,7 @@ def _make(
             file.attrs["attrito_version"] = __version__
             file.attrs["job"] = json.dumps(job.tables)
             names = np.array(list(_vectors(scene)), dtype=h5py.string_dtype())
-            named = file.create_dataset("vectors/name", data=names)
-            named.attrs["description"], named.attrs["unit"] = "names of the loads and monitors", "1"
+            described(file, "vectors/name", "names of the loads and monitors", data=names)
 
     on_root(comm, finish)
     return report

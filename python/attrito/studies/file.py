@@ -18,6 +18,7 @@ from attrito.plots.style import BRANCH_COLOURS, STYLE, plain_text, save
 from attrito.studies.design import Study
 from attrito.studies.sample_peaks import METHODS
 from attrito.support.atomic_files import whole_hdf5
+from attrito.support.hdf5_writing import described
 from attrito.support.version import __version__
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
@@ -51,9 +52,7 @@ def write_study(
         file.attrs["warnings"] = "\n".join(warnings)
 
         def put(name: str, data: np.ndarray, description: str, unit: str) -> h5py.Dataset:
-            stored = file.create_dataset(name, data=data)
-            stored.attrs["description"], stored.attrs["unit"] = description, unit
-            return stored
+            return described(file, name, description, unit, data=data)
 
         put("parameter", np.array(stops), "level or preload of the peaks", "1")
         for i, vary in enumerate(study.vary):

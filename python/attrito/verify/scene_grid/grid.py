@@ -10,6 +10,7 @@ import h5py
 import numpy as np
 
 from attrito.support.atomic_files import whole_hdf5
+from attrito.support.hdf5_writing import described
 from attrito.support.version import __version__
 from attrito.verify.scene_grid.methods import METHODS, OUTCOME_CODES, REASONS
 from attrito.verify.scene_grid.scenes import Family, frequencies
@@ -153,11 +154,9 @@ def write_hdf5(path: Path, grid: Grid) -> None:
         for name, description in _parameters().items():
             values = [getattr(family, name) for family in grid.families]
             kind = h5py.string_dtype() if name == "preload" else None
-            stored = file.create_dataset(f"families/{name}", data=values, dtype=kind)
-            stored.attrs["description"], stored.attrs["unit"] = description, "1"
+            described(file, f"families/{name}", description, data=values, dtype=kind)
         for name, values in grid.data.items():
-            stored = file.create_dataset(f"scenes/{name}", data=values, compression="gzip")
-            stored.attrs["description"], stored.attrs["unit"] = describe(name)
+            described(file, f"scenes/{name}", *describe(name), data=values, compression="gzip")
         for name, names in (
             ("verdict", VERDICTS),
             ("explanation", EXPLANATIONS),
