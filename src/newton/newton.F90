@@ -8,7 +8,6 @@
 !> Source: Balay et al., PETSc users manual, chapter SNES.
 module attrito_newton_newton
   use petscsnes
-  use attrito_core_errors, only: error_type, raise
   use attrito_core_kinds, only: wp
   use attrito_newton_border, only: constraint_type, inner_product
   use attrito_newton_convergence, only: has_run_off, is_answer, worse_of
@@ -70,12 +69,12 @@ module attrito_newton_newton
 
 contains
 
-  !> Create the solver for a balance. The balance and the constraint live in `context`, which the caller owns.
-  subroutine new_newton(context, max_iterations, self, error)
+  !> Create the solver for a balance. The balance and the constraint live in `context`, which the caller owns, and which has the
+  !> error where PETSc fails: nothing is solved from then on.
+  subroutine new_newton(context, max_iterations, self)
     type(newton_context_type), target, intent(inout) :: context
     integer, intent(in) :: max_iterations
     type(newton_type), intent(out) :: self
-    type(error_type), allocatable, intent(out) :: error
     PetscErrorCode :: ierr
 
     self%context => context
@@ -84,13 +83,13 @@ contains
     self%max_iterations = max_iterations
     allocate (self%others(0))
     call create(self%handle, self%now, ierr)
-    if (ierr /= 0) call raise(error, 'PETSc could not create the nonlinear solver')
+    if (ierr /= 0) context%petsc_error = int(ierr)
   end subroutine new_newton
 
-  !> The balance's series has another length, its contacts are the same: objects of lengths that come again are kept.
-  subroutine take_length(self, error)
+  !> The balance's series has another length, its contacts are the same: objects of lengths that come again are kept. Where PETSc fails,
+  !> the context has its error.
+  subroutine take_length(self)
     class(newton_type), intent(inout) :: self
-    type(error_type), allocatable, intent(out) :: error
     type(objects_type) :: before
     PetscErrorCode :: ierr
     integer :: i
@@ -112,7 +111,7 @@ contains
     end if
     self%now = objects_type()
     call create(self%handle, self%now, ierr)
-    if (ierr /= 0) call raise(error, 'PETSc could not create the nonlinear solver')
+    if (ierr /= 0) self%context%petsc_error = int(ierr)
   end subroutine take_length
 
   subroutine create(handle, self, ierr)
@@ -147,7 +146,7 @@ contains
   end subroutine create
 
   !> Solve from a start; the start is overwritten by the last iterate, converged or not. Where PETSc itself fails, the context has its
-  !> error: that is no answer on convergence.
+  !> error: that is no answer on convergence. Where it has failed before, its objects may be broken, and are not used again.
   subroutine solve(self, unknowns, constraint, stiffening, report)
     class(newton_type), intent(inout) :: self
     type(unknowns_type), intent(inout) :: unknowns
@@ -158,6 +157,7 @@ contains
     type(newton_report_type), intent(out) :: report
     PetscErrorCode :: ierr
 
+    if (self%context%petsc_error /= 0) return
     self%context%constraint = constraint
     self%context%linear_iterations = 0
     self%context%last_norm = sqrt(huge(1.0_wp))

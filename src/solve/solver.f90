@@ -1,7 +1,7 @@
 !> A model made ready to be solved: stuck system, balance, Newton's method, and where on the branch it stands.
 module attrito_solve_solver
   use attrito_core_communicator, only: communicator_type
-  use attrito_core_errors, only: error_type
+  use attrito_core_errors, only: error_type, raise
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: resized
@@ -103,8 +103,11 @@ contains
     call new_balance(structure, contacts, receptance, ranks, options%samples, self%context%balance)
     self%context%balance%quadrature%by_events = options%by_events
     self%context%tolerance = options%tolerance
-    call new_newton(self%context, options%max_iterations, self%newton, error)
-    if (allocated(error)) return
+    call new_newton(self%context, options%max_iterations, self%newton)
+    if (self%context%petsc_error /= 0) then
+      call raise(error, 'PETSc could not create the nonlinear solver')
+      return
+    end if
     allocate (self%motion(self%context%balance%coefficients(), self%context%balance%rows()), source=0.0_wp)
     self%static_slider = self%context%balance%slider
   end subroutine new_solver
@@ -284,7 +287,6 @@ contains
   subroutine set_resolution_of_solver(self, harmonics, samples)
     class(solver_type), intent(inout) :: self
     integer, intent(in) :: harmonics, samples
-    type(error_type), allocatable :: error
 
     if (harmonics == self%options%harmonics .and. samples == self%options%samples) return
     self%options%harmonics = harmonics
@@ -295,7 +297,7 @@ contains
       if (allocated(constraint%motion)) constraint%motion = resized(constraint%motion, 2*harmonics + 1)
     end associate
     call self%context%forget()
-    call self%newton%take_length(error)
+    call self%newton%take_length()
   end subroutine set_resolution_of_solver
 
   !> Let this rank hold these contacts. Motion and sliders of the solver are to follow.
@@ -303,12 +305,11 @@ contains
     class(solver_type), intent(inout) :: self
     !> The first and the last of this rank, from 1
     integer, intent(in) :: first, last
-    type(error_type), allocatable :: error
 
     call self%newton%destroy()
     call take_contacts(self%context%balance, self%contacts, first, last)
     call self%context%forget()
-    call new_newton(self%context, self%options%max_iterations, self%newton, error)
+    call new_newton(self%context, self%options%max_iterations, self%newton)
   end subroutine hold_contacts
 
   !> Let the contacts have other friction coefficients, gaps and preloads; motion and sliders are to follow.

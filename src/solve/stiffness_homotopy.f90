@@ -107,6 +107,9 @@ contains
       end if
       if (converged) solver%motion = softer%motion
     end if
+    if (associated(softer%context)) then
+      if (softer%context%petsc_error /= 0) solver%context%petsc_error = softer%context%petsc_error
+    end if
     call softer%destroy()
   end subroutine solve_at_part
 

@@ -151,6 +151,44 @@ def test_an_error_of_petsc_itself_ends_a_run_with_a_message(tmp_path):
             next(solver.solve_at([132.0], 1.0, 0))
 
 
+def test_where_petsc_cannot_make_a_solver_the_run_ends_with_that_error(tmp_path):
+    """Contacts that are handed over, as other friction is, get a solver of their own."""
+    (tmp_path / "script.py").write_text(
+        textwrap.dedent("""
+        import ctypes, re
+        from dataclasses import replace
+        import numpy as np
+        from mpi4py import MPI
+        from attrito.library.session import Solver
+        from attrito.support.errors import NumericsError
+        from attrito.verify.paper.wedge import PARAMETER_SETS, Wedge
+
+        wedge = Wedge(PARAMETER_SETS["unrounded"], 45.0, "C", 5)
+        laws = wedge.scene.laws | {"friction_coefficient": np.full(1, 0.4)}
+        with Solver(MPI.COMM_SELF, wedge.scene, wedge._options) as solver:
+            solver.walk_static_path(np.array([[0.0], [1.0]]), 20, 100.0)
+            petsc = ctypes.CDLL(re.search(r"\\S*/libpetsc\\S*", open("/proc/self/maps").read())[0])
+            # No type of vector is known any more.
+            petsc.PetscFunctionListDestroy(ctypes.byref(ctypes.c_void_p.in_dll(petsc, "VecList")))
+            solver.take(replace(wedge.scene, laws=laws))
+            try:
+                next(solver.solve_at([132.0], 10.0, 0))
+            except NumericsError as error:
+                print(error)
+        """)
+    )
+    done = subprocess.run(
+        [sys.executable, "script.py"],
+        cwd=tmp_path,
+        env=os.environ | ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        timeout=600,
+    )
+    # The error of an unknown type, not what follows from it.
+    assert "PETSc failed (error 86) while solving a point" in done.stdout, done.stdout + done.stderr
+
+
 def on_two_ranks(folder, script: str) -> list[str]:
     """Run a script on two ranks; returns the words that it prints."""
     (folder / "script.py").write_text(textwrap.dedent(script))
