@@ -25,7 +25,7 @@ module attrito_accuracy_error_control
   use attrito_contact_state, only: state_slipping
   use attrito_continuation_sweep, only: sweep_type
   use attrito_solve_strategies, only: solve_by_cascade
-  use attrito_solve_snapshot, only: place_type, place_of, return_to
+  use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
   implicit none
   private
@@ -116,7 +116,7 @@ contains
     if (self%are_known() .and. .not. are_within) are_within = self%all() <= tolerance
   end function are_within
 
-  !> What a point leaves for the next: put down after it, or taken up in its place.
+  !> Save or load what the next point depends on.
   subroutine keep(self, store)
     class(error_control_type), intent(inout) :: self
     type(state_store_type), intent(inout) :: store
@@ -257,12 +257,12 @@ contains
     !> Counts on
     integer, intent(inout) :: iterations
     logical, intent(out) :: better
-    type(place_type) :: before
+    type(snapshot_type) :: before
     type(newton_report_type) :: report
     type(constraint_type) :: constraint
     integer :: resolution(2), status
 
-    before = place_of(solver)
+    before = snapshot_of(solver)
     report = solver%report
     resolution = [solver%options%harmonics, solver%options%samples]
     call solver%set_resolution(harmonics, samples)
@@ -273,7 +273,7 @@ contains
     better = solver%report%converged
     if (better) return
     call solver%set_resolution(resolution(1), resolution(2))
-    call return_to(solver, before)
+    call restore(solver, before)
     call solver%context%balance%evaluate(solver%motion, solver%omega, status)
     solver%report = report
   end subroutine solve_finer
@@ -391,7 +391,8 @@ contains
     if (size(to, 2) == 0) return
     difference = resized(to, size(difference, 1)) - resized(from, size(difference, 1))
     after = half_ranges(to)
-    change = max(abs(after - half_ranges(from)), share_of_motion*half_ranges(without_shift(difference, resized(to, size(difference, 1)))))
+    difference = without_shift(difference, resized(to, size(difference, 1)))
+    change = max(abs(after - half_ranges(from)), share_of_motion*half_ranges(difference))
     if (maxval(after) > 0.0_wp) relative_change = maxval(change/max(after, least_share*maxval(after)))
   end function relative_change
 

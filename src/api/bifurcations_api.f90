@@ -3,7 +3,7 @@ module attrito_api_bifurcations
   use, intrinsic :: iso_c_binding
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use attrito_core_kinds, only: wp, two_pi
-  use attrito_solve_snapshot, only: place_type, place_of, return_to
+  use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_continuation_turning_point, only: turning_point_type, locate_turning_point
   use attrito_output_point_report, only: report_point
   use attrito_stability_crossing, only: crossing_type, locate_crossings, crossing_flip, crossing_unit, crossing_pair, crossing_jump
@@ -30,7 +30,7 @@ contains
     type(c_ptr), value :: handle
     integer(c_int), value :: methods, orbit
     type(session_type), pointer :: session
-    type(place_type) :: here
+    type(snapshot_type) :: here
     type(crossing_type), allocatable :: crossings(:)
     integer :: i
 
@@ -42,7 +42,7 @@ contains
       if (.not. step%is_taken()) return
       call step%end_at(solver)
       if (.not. (solver%all_stick .and. step%from%all_stick)) call sweep%look_ahead(solver)
-      here = place_of(solver)
+      here = snapshot_of(solver)
       allocate (crossings(0))
       if (allocated(session%moduli(1)%value) .and. allocated(session%moduli(2)%value)) then
         call locate_crossings(solver, session%in_time, examine_options_type(methods, orbit, decide=.false.), step, &
@@ -52,7 +52,7 @@ contains
         call add_crossing(session, crossings(i))
       end do
       if (sweep%stepper%turned) call add_turning_point(session)
-      call return_to(solver, here)
+      call restore(solver, here)
     end associate
     count = size(session%bifurcations)
   end function attrito_find_bifurcations
@@ -86,7 +86,7 @@ contains
     integer :: i
 
     associate (step => session%sweep%stepper%last)
-      call return_to(session%solver, step%from)
+      call restore(session%solver, step%from)
       call locate_turning_point(session%solver, step, step%across, session%sweep%stepper%tangent, turning)
     end associate
     multiplier = cmplx(ieee_value(1.0_wp, ieee_quiet_nan), ieee_value(1.0_wp, ieee_quiet_nan), wp)
@@ -104,7 +104,7 @@ contains
   function bifurcation_at(session, kind, place, uncertain, multiplier) result(point)
     type(session_type), intent(inout) :: session
     integer, intent(in) :: kind
-    type(place_type), intent(in) :: place
+    type(snapshot_type), intent(in) :: place
     real(wp), intent(in) :: uncertain
     complex(wp), intent(in) :: multiplier
     type(bifurcation_type) :: point
@@ -113,7 +113,7 @@ contains
     point%kind = kind
     point%uncertain_hz = uncertain/two_pi
     point%multiplier = multiplier
-    call return_to(session%solver, place)
+    call restore(session%solver, place)
     call session%solver%context%balance%evaluate(place%motion, place%omega, status)
     call report_point(session%solver, session%sweep%branch, session%accuracy%errors, session%accuracy%tolerance, point%point)
     call session%solver%context%forget()

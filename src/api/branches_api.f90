@@ -45,7 +45,7 @@ contains
     type(session_type), pointer :: session
 
     session => session_of(handle)
-    call session%known%stand_at(session%solver, number + 1)
+    call session%known%restore_point(session%solver, number + 1)
   end subroutine attrito_stand_at_point
 
   !> Does the session stand on a branch of the first so many points that are known?
@@ -55,7 +55,7 @@ contains
     type(session_type), pointer :: session
 
     session => session_of(handle)
-    attrito_is_known = merge(1, 0, session%known%has(session%solver, count))
+    attrito_is_known = merge(1, 0, session%known%contains_solution(session%solver, count))
   end function attrito_is_known
 
   !> Look for a point at an angular frequency: 1 if one was found, on which the session then stands.
@@ -89,7 +89,7 @@ contains
 
     session => session_of(handle)
     towards = frequency_tangent(session%solver, real(way, wp))
-    if (way == 0) towards = session%sweep%stepper%way_back(session%solver)
+    if (way == 0) towards = session%sweep%stepper%tangent_backwards(session%solver)
     session%sweep = new_branch_sweep(session%solver, start, stop, towards, branch, max_points)
     session%moduli = moduli_type()
   end subroutine attrito_begin_branch

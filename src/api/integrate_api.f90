@@ -10,7 +10,7 @@ module attrito_api_integrate
   use attrito_integrate_loading, only: new_profile
   use attrito_integrate_run, only: run_options_type, orbit_type, integrate
   use attrito_integrate_state, only: state_type, new_state, normal_force
-  use attrito_integrate_static_walk, only: walk
+  use attrito_integrate_static_path, only: walk
   use attrito_integrate_system, only: system_type, new_system
   use attrito_api_message, only: tell
   use attrito_api_session, only: contact_law_type, law_of

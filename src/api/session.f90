@@ -7,7 +7,7 @@ module attrito_api_session
   use attrito_model_structure, only: structure_type
   use attrito_accuracy_error_control, only: error_control_type
   use attrito_continuation_sweep, only: sweep_type
-  use attrito_continuation_stored_points, only: known_points_type
+  use attrito_continuation_stored_points, only: stored_points_type
   use attrito_family_members, only: family_type, member_type
   use attrito_solve_solver, only: solver_type
   use attrito_integrate_system, only: system_type
@@ -53,7 +53,7 @@ module attrito_api_session
     type(moduli_type) :: moduli(2)
     type(bifurcation_type), allocatable :: bifurcations(:)
     !> Points of branches while others are sought
-    type(known_points_type) :: known
+    type(stored_points_type) :: known
   end type session_type
 
   type, bind(c) :: contact_law_type

@@ -16,11 +16,11 @@ module attrito_api_solver
   use attrito_linear_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
   use attrito_continuation_sweep, only: new_sweep
   use attrito_solve_strategies, only: solve_by_attempt, attempt_names
-  use attrito_solve_snapshot, only: place_type, place_of, return_to
+  use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_rebalancing, only: field_type, rebalance
   use attrito_solve_solver, only: solver_options_type, new_solver
   use attrito_integrate_averaged_periods, only: new_averaged_periods
-  use attrito_solve_static_path, only: walk_static_path
+  use attrito_solve_static_path, only: follow_static_path
   use attrito_accuracy_error_control, only: no_tolerance
   use attrito_output_point_report, only: point_report_type, report_point
   use attrito_stability_crossing, only: moduli_type
@@ -128,7 +128,7 @@ contains
     session%accuracy%fewest_samples = options%fewest_samples
     session%accuracy%errors%modes = options%mode_error
     if (allocated(error) .or. size(session%contacts%directions, 2) > most_rows_in_time) return
-    allocate (session%solver%in_time, source=new_averaged_periods(session%structure, session%contacts))
+    allocate (session%solver%time_integrator, source=new_averaged_periods(session%structure, session%contacts))
   end function attrito_prepare
 
   !> Give the contacts other laws of the same stiffnesses and directions: modes stay. A static path is to be walked next.
@@ -144,9 +144,9 @@ contains
     session%contacts = session%solver%contacts
     ! It has the laws of before.
     if (allocated(session%in_time)) deallocate (session%in_time)
-    if (.not. allocated(session%solver%in_time)) return
-    deallocate (session%solver%in_time)
-    allocate (session%solver%in_time, source=new_averaged_periods(session%structure, session%contacts))
+    if (.not. allocated(session%solver%time_integrator)) return
+    deallocate (session%solver%time_integrator)
+    allocate (session%solver%time_integrator, source=new_averaged_periods(session%structure, session%contacts))
   end subroutine attrito_change_laws
 
   !> Walk the static load path [corners, static loads], standing at an angular frequency.
@@ -161,7 +161,7 @@ contains
     type(error_type), allocatable :: error
 
     session => session_of(handle)
-    call walk_static_path(session%solver, path, steps, omega, error)
+    call follow_static_path(session%solver, path, steps, omega, error)
     call report_point(session%solver, 0, session%accuracy%errors, no_tolerance, session%point)
     point = point_of(session%point)
     attrito_walk_static_path = tell(error, message)
@@ -213,7 +213,7 @@ contains
     call session%accuracy%solve_at(session%solver, omega)
     session%solver%omega = omega
     call report_point(session%solver, branch, session%accuracy%errors, session%accuracy%tolerance, session%point)
-    if (.not. (session%solver%report%converged .or. session%solver%walks)) session%solver%omega = before
+    if (.not. (session%solver%report%converged .or. session%solver%is_drifting)) session%solver%omega = before
     point = point_of(session%point)
   end subroutine attrito_solve_at
 
@@ -226,22 +226,22 @@ contains
     real(c_double), value :: omega
     type(point_type), intent(out) :: point
     type(session_type), pointer :: session
-    type(place_type) :: before
-    logical :: walks, no_orbit
+    type(snapshot_type) :: before
+    logical :: is_drifting, no_orbit
     integer :: number
 
     session => session_of(handle)
     number = findloc(attempt_names == text_of(attempt), .true., 1)
     attrito_try_at = merge(0, 1, number > 0)
     if (number == 0) return
-    before = place_of(session%solver)
-    walks = session%solver%walks
+    before = snapshot_of(session%solver)
+    is_drifting = session%solver%is_drifting
     no_orbit = session%solver%no_orbit
     call solve_by_attempt(session%solver, number, omega)
     session%solver%omega = omega
     call report_point(session%solver, 0, session%accuracy%errors, no_tolerance, session%point)
-    call return_to(session%solver, before)
-    session%solver%walks = walks
+    call restore(session%solver, before)
+    session%solver%is_drifting = is_drifting
     session%solver%no_orbit = no_orbit
     point = point_of(session%point)
   end function attrito_try_at

@@ -72,7 +72,7 @@ module attrito_balance_harmonic_balance
     !> Uncoupled: mean of the generalised coordinates [n]
     complex(wp), allocatable :: frozen_mean(:)
     !> Where springs beside the structure's own, `receptance%held` of its stiffness, pull its mean to [n]
-    complex(wp), allocatable :: held_mean(:)
+    complex(wp), allocatable :: spring_anchor(:)
     !> Of the last evaluation: contacts' forces and which of them depend on the motion, residual [2 H + 1, rows], response and its
     !> derivative by omega, forces held [n, 0:H]
     type(contact_forces_type), allocatable :: forces(:)
@@ -96,13 +96,13 @@ module attrito_balance_harmonic_balance
     procedure :: respond_to_active
     procedure :: residual_omega
     procedure :: imbalance
-    procedure :: slide_back
+    procedure :: remove_drift
     procedure :: recover
     procedure :: linear_response
     procedure :: highest_load
     procedure :: keep
-    procedure :: hold_mean
-    procedure :: let_go
+    procedure :: apply_mean_springs
+    procedure :: remove_mean_springs
     procedure :: destroy
   end type balance_type
 
@@ -152,9 +152,9 @@ contains
     call self%active%find(self%law, self%forces, self%directions)
     call respond_to_load(self, load_of_forces(self), self%response)
     self%response = self%response + linear_response(self)
-    if (allocated(self%held_mean)) then
+    if (allocated(self%spring_anchor)) then
       associate (held => self%receptance%held)
-        self%response(:, 0) = self%response(:, 0) + held/(1.0_wp + held)*self%held_mean
+        self%response(:, 0) = self%response(:, 0) + held/(1.0_wp + held)*self%spring_anchor
       end associate
     end if
     if (allocated(self%frozen_mean)) self%response(:, 0) = self%frozen_mean
@@ -265,7 +265,7 @@ contains
     integer :: i
 
     imbalance = 0.0_wp
-    if (self%free%count == 0 .or. allocated(self%frozen_mean) .or. allocated(self%held_mean)) return
+    if (self%free%count == 0 .or. allocated(self%frozen_mean) .or. allocated(self%spring_anchor)) return
     do i = 1, size(self%law)
       associate (law => self%law(i), first => self%law(i)%first_row, last => self%law(i)%first_row + self%law(i)%tangents)
         force(first:last) = self%forces(i)%deviation(1, :)
@@ -281,7 +281,7 @@ contains
   end function imbalance
 
   !> Slide a body back to where it was, as far as its structure and all contacts let it: where no contact holds, nothing else changes.
-  subroutine slide_back(self, before, mean, slider)
+  subroutine remove_drift(self, before, mean, slider)
     class(balance_type), intent(in) :: self
     !> Mean relative displacements where it was, and of a motion [rows]
     real(wp), intent(in) :: before(:)
@@ -303,7 +303,7 @@ contains
         slider(:tangents, i) = slider(:tangents, i) + back(first:first + tangents - 1)
       end associate
     end do
-  end subroutine slide_back
+  end subroutine remove_drift
 
   !> Relative displacements of this rank's rows [2 H + 1, rows] from a response [n, 0:H].
   pure function recover(self, response) result(motion)
@@ -335,21 +335,21 @@ contains
   end subroutine keep
 
   !> Springs to where the mean of the last evaluation is: `part` of the stuck system's stiffness, at harmonic 0 alone.
-  subroutine hold_mean(self, part)
+  subroutine apply_mean_springs(self, part)
     class(balance_type), intent(inout) :: self
     real(wp), intent(in) :: part
 
-    self%held_mean = self%response(:, lbound(self%response, 2))
-    call self%receptance%hold_mean(part)
-  end subroutine hold_mean
+    self%spring_anchor = self%response(:, lbound(self%response, 2))
+    call self%receptance%apply_mean_springs(part)
+  end subroutine apply_mean_springs
 
   !> Without such springs again.
-  subroutine let_go(self)
+  subroutine remove_mean_springs(self)
     class(balance_type), intent(inout) :: self
 
-    if (allocated(self%held_mean)) deallocate (self%held_mean)
-    call self%receptance%hold_mean(0.0_wp)
-  end subroutine let_go
+    if (allocated(self%spring_anchor)) deallocate (self%spring_anchor)
+    call self%receptance%apply_mean_springs(0.0_wp)
+  end subroutine remove_mean_springs
 
   !> Give the transforms back.
   subroutine destroy(self)

@@ -8,7 +8,7 @@ module attrito_balance_stuck_response
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: product_with_few
   use attrito_contact_state, only: state_stuck
-  use attrito_contact_stuck_bound, only: demand_of_swings, margin_of_mean
+  use attrito_contact_stuck_bound, only: alternating_demand, mean_capacity
   use attrito_balance_harmonic_balance, only: balance_type, stuck_mean_type
   implicit none
   private
@@ -75,7 +75,7 @@ contains
     allocate (self%kept%margin(size(self%law)))
     do i = 1, size(self%law)
       associate (law => self%law(i))
-        self%kept%margin(i) = margin_of_mean(law, self%kept%motion(law%first_row:law%first_row + law%tangents), self%slider(:, i))
+        self%kept%margin(i) = mean_capacity(law, self%kept%motion(law%first_row:law%first_row + law%tangents), self%slider(:, i))
       end associate
     end do
   end subroutine update_mean
@@ -116,13 +116,13 @@ contains
     type(balance_type), intent(inout) :: self
     !> Their loaded harmonics [rows, 2 loaded]
     real(wp), intent(in) :: moving(:, :)
-    real(wp) :: swings(size(moving, 1)), own(self%coefficients(), 3)
+    real(wp) :: oscillation_bounds(size(moving, 1)), own(self%coefficients(), 3)
     logical :: as_before, changed
     integer :: i, h
 
-    swings = 0.0_wp
+    oscillation_bounds = 0.0_wp
     do h = 1, size(self%loaded)
-      swings = swings + sqrt(moving(:, 2*h - 1)**2 + moving(:, 2*h)**2)
+      oscillation_bounds = oscillation_bounds + sqrt(moving(:, 2*h - 1)**2 + moving(:, 2*h)**2)
     end do
     as_before = self%kept%seen == self%evaluations - 1
     changed = .not. as_before
@@ -130,7 +130,7 @@ contains
     do i = 1, size(self%law)
       associate (law => self%law(i))
         if (as_before .or. was_stuck(self, i)) then
-          if (demand_of_swings(law, swings(law%first_row:law%first_row + law%tangents)) < self%kept%margin(i)) cycle
+          if (alternating_demand(law, oscillation_bounds(law%first_row:law%first_row + law%tangents)) < self%kept%margin(i)) cycle
         end if
         changed = .true.
         associate (first => law%first_row, last => law%first_row + law%tangents)

@@ -34,7 +34,7 @@ module attrito_contact_forces
     logical :: periodic = .false.
     type(periodic_slider_type) :: link
     !> Two tangents: is there a place where the slider would rest all over the period?
-    logical :: could_rest = .false.
+    logical :: may_stick = .false.
     !> One of `state_...`
     integer :: state = state_stuck
     !> Fractions of the period
@@ -64,7 +64,7 @@ contains
 
     call hold_slider(law, slider, forces)
     forces%moved = 0.0_wp
-    forces%could_rest = .true.
+    forces%may_stick = .true.
     forces%unique = .false.
     forces%active = spread(.false., 1, coefficients*(law%tangents + 1))
     if (allocated(forces%jacobian)) deallocate (forces%jacobian)

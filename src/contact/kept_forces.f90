@@ -16,7 +16,7 @@ contains
     integer, intent(in) :: coefficients
     type(contact_forces_type), intent(inout) :: forces
     type(state_store_type), intent(inout) :: store
-    logical :: moves, evaluated, unique, could_rest
+    logical :: moves, evaluated, unique, may_stick
     integer :: i
 
     moves = allocated(forces%jacobian)
@@ -25,16 +25,16 @@ contains
     call store%keep(evaluated)
     call store%keep(forces%state)
     unique = forces%unique
-    could_rest = forces%could_rest
+    may_stick = forces%may_stick
     call store%keep(unique)
-    call store%keep(could_rest)
+    call store%keep(may_stick)
     do i = 1, size(forces%slider)
       call store%keep(forces%slider(i))
     end do
     if (.not. store%reading) return
     if (evaluated .and. forces%state == state_stuck) call stay_stuck(law, forces%slider, coefficients, forces)
     forces%unique = unique
-    forces%could_rest = could_rest
+    forces%may_stick = may_stick
     if (moves .and. .not. allocated(forces%jacobian)) allocate (forces%jacobian(0, 0))
   end subroutine keep_forces
 end module attrito_contact_kept_forces

@@ -14,7 +14,7 @@ module attrito_contact_quadrature_event
   use attrito_contact_event_march, only: event_motion_type, interval_type, new_event_motion, march_events
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open, state_stuck, state_shaken_down, state_slipping, &
                                    state_open
-  use attrito_contact_stuck_bound, only: surely_stuck
+  use attrito_contact_stuck_bound, only: is_stuck_by_bound
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type
   implicit none
   private
@@ -37,7 +37,7 @@ contains
     type(interval_type) :: state, lowest, highest
     integer :: count
 
-    if (surely_stuck(law, motion, [slider])) then
+    if (is_stuck_by_bound(law, motion, [slider])) then
       call stay_stuck(law, [slider, 0.0_wp], size(motion, 1), forces)
       return
     end if

@@ -13,10 +13,10 @@ module attrito_contact_quadrature_sampled
   use attrito_contact_fourier, only: fourier_type
   use attrito_contact_friction_disc, only: slide_on_disc
   use attrito_contact_friction_line, only: slide_along_line, slider_interval, side_landed
-  use attrito_contact_slider_projection, only: resting_place_type, find_resting_place, resting_gradient
+  use attrito_contact_slider_projection, only: slider_projection_type, project_slider, projection_gradient
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open, state_stuck, state_shaken_down, state_slipping, &
                                    state_open
-  use attrito_contact_stuck_bound, only: surely_stuck
+  use attrito_contact_stuck_bound, only: is_stuck_by_bound
   implicit none
   private
   public :: evaluate_contact_by_samples, contact_samples_type, sample_contact
@@ -38,8 +38,8 @@ module attrito_contact_quadrature_sampled
     !> Slider at the start of the last march, and what that march moves it by
     real(wp) :: start(2) = 0.0_wp, moved_by(2) = 0.0_wp
     !> Two tangents: where the slider can rest, if anywhere, and if it does the derivative of that place [2, 3 k]
-    type(resting_place_type) :: place
-    real(wp), allocatable :: resting_gradient(:, :)
+    type(slider_projection_type) :: place
+    real(wp), allocatable :: projection_gradient(:, :)
     !> Did the slider move before the last march, has it come to rest since, and does the loop forget its start?
     logical :: moved = .false., rests = .false., forgets = .false.
   end type contact_samples_type
@@ -64,7 +64,7 @@ contains
     integer :: i
 
     forces%periodic = periodic .and. law%tangents == 2
-    if (surely_stuck(law, motion, slider)) then
+    if (is_stuck_by_bound(law, motion, slider)) then
       call stay_stuck(law, slider, size(motion, 1), forces)
       return
     end if
@@ -113,7 +113,7 @@ contains
     if (law%tangents == 1) then
       call march_line(samples, slider(1))
     else
-      samples%place = find_resting_place(samples%displacement(:, 1:2), samples%radius, slider)
+      samples%place = project_slider(samples%displacement(:, 1:2), samples%radius, slider)
       ! A periodic slider that could rest elsewhere is marched all the same: it rests once it is marched from where it is.
       if (samples%place%exists .and. (passes > 1 .or. samples%place%count == 0)) then
         call rest(fourier, samples, slider)
@@ -161,7 +161,7 @@ contains
     samples%regimes = regime_stick
     samples%moved = samples%place%count > 0
     samples%rests = .true.
-    samples%resting_gradient = resting_gradient(samples%place, samples%displacement(:, 1:2), samples%radius, fourier%basis, &
+    samples%projection_gradient = projection_gradient(samples%place, samples%displacement(:, 1:2), samples%radius, fourier%basis, &
                                                 samples%slope, slider)
   end subroutine rest
 
@@ -183,7 +183,7 @@ contains
     w = slider
     if (passes > 1) then
       w = samples%place%slider
-      gradient(:3*k, :) = transpose(resting_gradient(samples%place, samples%displacement(:, 1:2), samples%radius, fourier%basis, &
+      gradient(:3*k, :) = transpose(projection_gradient(samples%place, samples%displacement(:, 1:2), samples%radius, fourier%basis, &
                                                      samples%slope, slider))
     end if
     do pass = 1, passes
@@ -219,7 +219,7 @@ contains
     forces%open = count(samples%regimes == regime_open)/total
     forces%slider = samples%start
     forces%moved = samples%moved_by
-    forces%could_rest = samples%place%exists
+    forces%may_stick = samples%place%exists
     forces%unique = samples%forgets
     if (.not. any(samples%closed)) then
       forces%state = state_open
@@ -245,7 +245,7 @@ contains
     if (forces%state == state_stuck) return
     allocate (forces%jacobian(n + k, n + k), source=0.0_wp)
     if (samples%rests) then
-      forces%jacobian([1, k + 1], :) = -law%tangential_stiffness*samples%resting_gradient
+      forces%jacobian([1, k + 1], :) = -law%tangential_stiffness*samples%projection_gradient
     else if (law%tangents == 1) then
       call slider_gradient_line(fourier, samples, forces%jacobian(:k, :))
       forces%jacobian(:n, :) = -law%tangential_stiffness*forces%jacobian(:n, :)

@@ -10,24 +10,24 @@ module attrito_contact_slider_projection
   use attrito_core_kinds, only: wp
   implicit none
   private
-  public :: resting_place_type, find_resting_place, resting_gradient
+  public :: slider_projection_type, project_slider, projection_gradient
 
-  type :: resting_place_type
+  type :: slider_projection_type
     !> Is there any?
     logical :: exists = .false.
     !> The place, or if there is none the nearest in those discs that were taken in before one could not be
     real(wp) :: slider(2) = 0.0_wp
     !> Samples whose discs hold it there, and how many there are (0: it stays)
     integer :: holds(2) = 0, count = 0
-  end type resting_place_type
+  end type slider_projection_type
 
 contains
 
   !> The nearest place to a slider in the discs of all samples.
-  function find_resting_place(u, r, slider) result(place)
+  function project_slider(u, r, slider) result(place)
     !> Centres [J, 2] and radii [J]
     real(wp), intent(in) :: u(:, :), r(:), slider(2)
-    type(resting_place_type) :: place
+    type(slider_projection_type) :: place
     real(wp) :: rounding, beyond
     integer :: j, round
     logical :: held
@@ -42,7 +42,7 @@ contains
       call take_in(u, r, slider, j, rounding, place, held)
       if (.not. held) return
     end do
-  end function find_resting_place
+  end function project_slider
 
   !> The disc that a slider is farthest out of, and by how much.
   pure subroutine most_violated(u, r, w, j, beyond)
@@ -60,9 +60,9 @@ contains
   subroutine take_in(u, r, slider, j, rounding, place, held)
     real(wp), intent(in) :: u(:, :), r(:), slider(2), rounding
     integer, intent(in) :: j
-    type(resting_place_type), intent(inout) :: place
+    type(slider_projection_type), intent(inout) :: place
     logical, intent(out) :: held
-    type(resting_place_type) :: best, trial
+    type(slider_projection_type) :: best, trial
     real(wp) :: distance, nearest, corners(2, 2)
     integer :: i, side, known(3)
     logical :: meet
@@ -134,8 +134,8 @@ contains
 
   !> Its derivative by the coefficients of (u1, u2, v) [2, 3 k]:
   !> held by one disc, e from w to its centre, dw = (I - (r/|u - w_0|)(I - e e^T)) du - e dr; by two, e_i . dw = e_i . du_i - dr_i.
-  function resting_gradient(place, u, r, basis, slope, slider) result(gradient)
-    type(resting_place_type), intent(in) :: place
+  function projection_gradient(place, u, r, basis, slope, slider) result(gradient)
+    type(slider_projection_type), intent(in) :: place
     real(wp), intent(in) :: u(:, :), r(:)
     !> Motion at the samples per unit coefficient [k, J], and dr/dv [J]
     real(wp), intent(in) :: basis(:, :), slope(:)
@@ -181,5 +181,5 @@ contains
         gradient(a, 2*k + 1:) = gradient(a, 2*k + 1:) - column(a)*by_normal*at
       end do
     end subroutine add
-  end function resting_gradient
+  end function projection_gradient
 end module attrito_contact_slider_projection

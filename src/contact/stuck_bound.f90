@@ -10,24 +10,24 @@ module attrito_contact_stuck_bound
   use attrito_model_contacts, only: contact_type
   implicit none
   private
-  public :: surely_stuck, margin_of_mean, demand_of_swings, swing
+  public :: is_stuck_by_bound, mean_capacity, alternating_demand, oscillation_bound
 
 contains
 
   !> Do bounds on the motion keep |T| below mu N for good, from a given slider?
-  pure logical function surely_stuck(law, motion, slider)
+  pure logical function is_stuck_by_bound(law, motion, slider)
     type(contact_type), intent(in) :: law
     !> Coefficients of relative displacement [k, tangents + 1], and slider [at least tangents]
     real(wp), intent(in) :: motion(:, :), slider(:)
-    real(wp) :: swings(law%tangents + 1)
+    real(wp) :: oscillation_bounds(law%tangents + 1)
     integer :: i
 
-    swings = [(swing(motion(:, i)), i=1, size(swings))]
-    surely_stuck = demand_of_swings(law, swings) < margin_of_mean(law, motion(1, :size(swings)), slider)
-  end function surely_stuck
+    oscillation_bounds = [(oscillation_bound(motion(:, i)), i=1, size(oscillation_bounds))]
+    is_stuck_by_bound = alternating_demand(law, oscillation_bounds) < mean_capacity(law, motion(1, :size(oscillation_bounds)), slider)
+  end function is_stuck_by_bound
 
   !> Friction that the mean leaves for the harmonics, mu N_0 - k_t |u_0 - w|.
-  pure real(wp) function margin_of_mean(law, mean, slider) result(margin)
+  pure real(wp) function mean_capacity(law, mean, slider) result(margin)
     type(contact_type), intent(in) :: law
     !> Of relative displacement [tangents + 1], and slider [at least tangents]
     real(wp), intent(in) :: mean(:), slider(:)
@@ -36,26 +36,26 @@ contains
       margin = law%least_coefficient()*law%normal_force(mean(n + 1)) &
                - law%tangential_stiffness*norm2(mean(:n) - slider(:n))
     end associate
-  end function margin_of_mean
+  end function mean_capacity
 
   !> The most friction that the harmonics may ask for, k_t |swing of u| + mu k_n swing of v.
-  pure real(wp) function demand_of_swings(law, swings) result(demand)
+  pure real(wp) function alternating_demand(law, oscillation_bounds) result(demand)
     type(contact_type), intent(in) :: law
     !> [tangents + 1]
-    real(wp), intent(in) :: swings(:)
+    real(wp), intent(in) :: oscillation_bounds(:)
 
-    demand = law%least_coefficient()*law%normal_stiffness*swings(law%tangents + 1)
+    demand = law%least_coefficient()*law%normal_stiffness*oscillation_bounds(law%tangents + 1)
     if (law%tangents == 1) then
-      demand = demand + law%tangential_stiffness*swings(1)
+      demand = demand + law%tangential_stiffness*oscillation_bounds(1)
     else
-      demand = demand + law%tangential_stiffness*sqrt(swings(1)**2 + swings(2)**2)
+      demand = demand + law%tangential_stiffness*sqrt(oscillation_bounds(1)**2 + oscillation_bounds(2)**2)
     end if
-  end function demand_of_swings
+  end function alternating_demand
 
   !> Sum of the amplitudes of the harmonics [k].
-  pure real(wp) function swing(coefficients)
+  pure real(wp) function oscillation_bound(coefficients)
     real(wp), intent(in) :: coefficients(:)
 
-    swing = sum(sqrt(coefficients(2::2)**2 + coefficients(3::2)**2))
-  end function swing
+    oscillation_bound = sum(sqrt(coefficients(2::2)**2 + coefficients(3::2)**2))
+  end function oscillation_bound
 end module attrito_contact_stuck_bound

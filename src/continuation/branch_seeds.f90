@@ -1,13 +1,13 @@
-!> Starts for branches that no sweep leads to: cold, out of motion in time from a motion that is not the one sought, and by homotopy
-!> in the preload, from a structure that is pressed more or less than it is,
+!> Seeds of branches that no sweep leads to: from rest, by time integration from another motion, and by homotopy in the preload, from
+!> a structure under other static loads,
 !>
 !> $$ f_0(t) = \gamma^{1 - t} f_0, \qquad t = 0 \dots 1. $$
 module attrito_continuation_branch_seeds
   use attrito_core_kinds, only: wp
   use attrito_solve_strategies, only: solve_by_cascade
   use attrito_solve_solver, only: solver_type
-  use attrito_solve_time_integration_start, only: has_time, solve_in_time
-  use attrito_solve_homotopy, only: march_along, way_type
+  use attrito_solve_time_integration_start, only: has_time_integrator, solve_from_time_integration
+  use attrito_solve_homotopy, only: follow_homotopy, homotopy_type
   implicit none
   private
   public :: start_cold, start_in_motion, start_from_preload
@@ -16,16 +16,16 @@ module attrito_continuation_branch_seeds
   integer, parameter :: most_iterations = 200
 
   !> From other static loads to those that act
-  type, extends(way_type) :: preload_way_type
+  type, extends(homotopy_type) :: preload_homotopy_type
     real(wp), allocatable :: factors(:)
     real(wp) :: gamma = 1.0_wp, level = 1.0_wp, omega = 0.0_wp
   contains
     procedure :: solve => solve_preloaded
-  end type preload_way_type
+  end type preload_homotopy_type
 
 contains
 
-  !> From rest in the present mean position, sliders where the static solution left them.
+  !> From rest in the present mean position, with the sliders of the static solution.
   subroutine start_cold(solver, omega, found)
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: omega
@@ -34,13 +34,13 @@ contains
     solver%motion(2:, :) = 0.0_wp
     solver%all_stick = .false.
     call solver%set_slider(solver%static_slider)
-    solver%walks = .false.
+    solver%is_drifting = .false.
     solver%no_orbit = .false.
     call solve_by_cascade(solver, omega)
     found = solver%report%converged
   end subroutine start_cold
 
-  !> From what motion in time comes to that begins with the harmonics of the present motion times a factor.
+  !> From the averages of motion in time that begins with the harmonics of the present motion times a factor.
   subroutine start_in_motion(solver, omega, factor, found)
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: omega, factor
@@ -48,11 +48,11 @@ contains
     integer :: iterations
 
     found = .false.
-    if (.not. has_time(solver)) return
+    if (.not. has_time_integrator(solver)) return
     iterations = 0
     solver%motion(2:, :) = factor*solver%motion(2:, :)
-    call solve_in_time(solver, omega, .false., .false., iterations, found)
-    solver%walks = .false.
+    call solve_from_time_integration(solver, omega, .false., .false., iterations, found)
+    solver%is_drifting = .false.
     solver%no_orbit = .false.
   end subroutine start_in_motion
 
@@ -61,24 +61,24 @@ contains
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: omega, factor
     logical, intent(out) :: found
-    type(preload_way_type) :: way
+    type(preload_homotopy_type) :: homotopy
     integer :: iterations
 
-    way%factors = solver%context%balance%static_factors
-    way%level = solver%context%balance%level
-    way%gamma = factor
-    way%omega = omega
-    call solver%set_loads(factor*way%factors, way%level)
+    homotopy%factors = solver%context%balance%static_factors
+    homotopy%level = solver%context%balance%level
+    homotopy%gamma = factor
+    homotopy%omega = omega
+    call solver%set_loads(factor*homotopy%factors, homotopy%level)
     call start_cold(solver, omega, found)
     if (found) then
       iterations = 0
-      call march_along(way, solver, iterations, found, most_iterations=most_iterations)
+      call follow_homotopy(homotopy, solver, iterations, found, most_iterations=most_iterations)
     end if
-    call solver%set_loads(way%factors, way%level)
+    call solver%set_loads(homotopy%factors, homotopy%level)
   end subroutine start_from_preload
 
   subroutine solve_preloaded(self, solver, t, converged)
-    class(preload_way_type), intent(in) :: self
+    class(preload_homotopy_type), intent(in) :: self
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: t
     logical, intent(out) :: converged

@@ -3,63 +3,64 @@
 module attrito_continuation_closed_branch
   use attrito_core_kinds, only: wp
   use attrito_newton_border, only: inner_product
-  use attrito_continuation_stored_points, only: known_points_type
-  use attrito_solve_snapshot, only: place_type, place_of, return_to
+  use attrito_continuation_stored_points, only: stored_points_type
+  use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
   use attrito_continuation_step, only: step_type
   implicit none
   private
-  public :: comes_home
+  public :: closes_on_itself
 
-  !> Distance from the step's straight line, part of its length, that is worth a look; distance in scaled motion that is none
+  !> Distance from the step's straight line, part of its length, below which closing is examined; distance in scaled motion that is
+  !> none
   real(wp), parameter :: near = 0.5_wp, met = 1.0e-6_wp
 
 contains
 
-  !> Does a step just made pass the first point of `home`? If so the solver stands there, else where the step ended.
-  logical function comes_home(home, solver, step)
-    type(known_points_type), intent(in) :: home
+  !> Does a step just made pass the first point of `start`? If so the solver is left there, else at the end of the step.
+  logical function closes_on_itself(start, solver, step)
+    type(stored_points_type), intent(in) :: start
     type(solver_type), intent(inout) :: solver
     type(step_type), intent(in) :: step
-    type(place_type) :: here
-    real(wp), allocatable :: length(:, :), way(:, :)
-    real(wp) :: length_omega, way_omega, part, square, off
+    type(snapshot_type) :: here
+    real(wp), allocatable :: length(:, :), offset(:, :)
+    real(wp) :: length_omega, offset_omega, part, square, off
     integer :: status
 
-    associate (context => solver%context, balance => solver%context%balance, point => home%points(1))
+    associate (context => solver%context, balance => solver%context%balance, point => start%points(1))
       ! A step along the linear response passes what lies between its frequencies, and no more.
-      comes_home = .not. (step%from%all_stick .and. step%to%all_stick) &
+      closes_on_itself = .not. (step%from%all_stick .and. step%to%all_stick) &
                    .or. (point%omega - step%from%omega)*(point%omega - step%to%omega) <= 0.0_wp
-      if (.not. comes_home) return
+      if (.not. closes_on_itself) return
       length = scaled(step%to%motion - step%from%motion, context%motion_scale)
       length_omega = (step%to%omega - step%from%omega)/context%frequency_scale
-      way = scaled(home%own_motion(solver, 1) - step%from%motion, &
+      offset = scaled(start%own_motion(solver, 1) - step%from%motion, &
                    context%motion_scale)
-      way_omega = (point%omega - step%from%omega)/context%frequency_scale
+      offset_omega = (point%omega - step%from%omega)/context%frequency_scale
       square = inner_product(balance, length, length) + length_omega**2
-      part = (inner_product(balance, way, length) + way_omega*length_omega)/max(square, tiny(1.0_wp))
-      way = way - part*length
-      way_omega = way_omega - part*length_omega
-      off = inner_product(balance, way, way) + way_omega**2
-      comes_home = part > 0.0_wp .and. part <= 1.0_wp .and. off < near**2*square
-      if (.not. comes_home) return
-      here = place_of(solver)
+      part = (inner_product(balance, offset, length) + offset_omega*length_omega)/max(square, tiny(1.0_wp))
+      offset = offset - part*length
+      offset_omega = offset_omega - part*length_omega
+      off = inner_product(balance, offset, offset) + offset_omega**2
+      closes_on_itself = part > 0.0_wp .and. part <= 1.0_wp .and. off < near**2*square
+      if (.not. closes_on_itself) return
+      here = snapshot_of(solver)
       ! At the frequency of the point it began at.
       solver%motion = step%from%motion + part*(step%to%motion - step%from%motion)
       call solver%solve_at(point%omega)
-      comes_home = solver%report%converged
-      if (comes_home) then
-        way = scaled(home%own_motion(solver, 1) - solver%motion, &
+      closes_on_itself = solver%report%converged
+      if (closes_on_itself) then
+        offset = scaled(start%own_motion(solver, 1) - solver%motion, &
                      context%motion_scale)
-        off = inner_product(balance, way, way)
-        comes_home = sqrt(off) <= met
+        off = inner_product(balance, offset, offset)
+        closes_on_itself = sqrt(off) <= met
       end if
-      if (comes_home) return
-      call return_to(solver, here)
+      if (closes_on_itself) return
+      call restore(solver, here)
       call balance%evaluate(solver%motion, solver%omega, status)
       call context%forget()
     end associate
-  end function comes_home
+  end function closes_on_itself
 
   !> Without means, in which members of one family differ.
   pure function scaled(motion, scale) result(harmonics)

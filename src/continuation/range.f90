@@ -51,7 +51,7 @@ contains
     if (self%is_left(omega)) clipped = merge(self%stop, self%start, self%passes_stop(omega))
   end function clipped
 
-  !> Put down in a store, or taken up from it.
+  !> Save to a store, or load from it.
   subroutine keep(self, store)
     class(range_type), intent(inout) :: self
     type(state_store_type), intent(inout) :: store

@@ -8,7 +8,7 @@ module attrito_continuation_step
   use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: resized
   use attrito_newton_border, only: constraint_type, inner_product
-  use attrito_solve_snapshot, only: place_type
+  use attrito_solve_snapshot, only: snapshot_type
   use attrito_solve_solver, only: solver_type
   use attrito_continuation_tangent, only: tangent_type
   implicit none
@@ -16,7 +16,7 @@ module attrito_continuation_step
   public :: step_type
 
   type :: step_type
-    type(place_type) :: from, to
+    type(snapshot_type) :: from, to
     !> Across which the planes are; without motion: of constant frequency
     type(tangent_type) :: across
   contains
@@ -31,30 +31,30 @@ module attrito_continuation_step
 
 contains
 
-  !> Be the step from a place to where the solver stands.
+  !> Take the step from a snapshot to the solver's present point.
   subroutine take(self, from, solver, across)
     class(step_type), intent(inout) :: self
-    type(place_type), intent(in) :: from
+    type(snapshot_type), intent(in) :: from
     type(solver_type), intent(in) :: solver
     type(tangent_type), intent(in) :: across
 
     self%from = from
-    call self%to%mark(solver)
+    call self%to%take(solver)
     self%across = across
   end subroutine take
 
-  !> Be the step from where this one ended to where the solver stands.
+  !> Take the step from the end of this one to the solver's present point.
   subroutine go_on(self, solver, across)
     class(step_type), intent(inout) :: self
     type(solver_type), intent(in) :: solver
     type(tangent_type), intent(in) :: across
 
     call self%from%exchange(self%to)
-    call self%to%mark(solver)
+    call self%to%take(solver)
     self%across = across
   end subroutine go_on
 
-  !> Does it end where the solver stands, every contact sticking with its slider where it is?
+  !> Does it end at the solver's present point, where every contact sticks, with the same sliders?
   pure logical function ends_at(self, solver)
     class(step_type), intent(in) :: self
     type(solver_type), intent(in) :: solver
@@ -73,19 +73,19 @@ contains
     is_taken = allocated(self%from%motion) .and. allocated(self%to%motion)
   end function is_taken
 
-  !> Let it end where the solver stands, which may be more finely solved than the step was.
+  !> End it at the solver's present point, which may be on a longer series than the step.
   subroutine end_at(self, solver)
     class(step_type), intent(inout) :: self
     type(solver_type), intent(in) :: solver
 
-    call self%to%mark(solver)
+    call self%to%take(solver)
     self%from%motion = resized(self%from%motion, size(solver%motion, 1))
     associate (across => self%across)
       if (allocated(across%motion)) across%motion = resized(across%motion, size(solver%motion, 1))
     end associate
   end subroutine end_at
 
-  !> Put down in a store, or taken up from it.
+  !> Save to a store, or load from it.
   subroutine keep(self, store)
     class(step_type), intent(inout) :: self
     type(state_store_type), intent(inout) :: store
@@ -95,7 +95,7 @@ contains
     call self%across%keep(store)
   end subroutine keep
 
-  !> Solve a part s of the way. Sliders start where they did at the beginning of the step, periodic ones between both ends.
+  !> Solve at a part s of the step. Sliders start as at its beginning, periodic ones between both ends.
   subroutine solve_part(self, solver, s, converged)
     class(step_type), intent(in) :: self
     type(solver_type), intent(inout) :: solver

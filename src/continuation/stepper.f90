@@ -10,12 +10,12 @@ module attrito_continuation_stepper
   use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: resized
   use attrito_newton_border, only: constraint_type, inner_product
-  use attrito_solve_sliders, only: nothing_holds
-  use attrito_solve_snapshot, only: place_type, return_to
+  use attrito_solve_sliders, only: none_holds
+  use attrito_solve_snapshot, only: snapshot_type, restore
   use attrito_solve_rebalancing, only: field_type, rebalance
   use attrito_solve_solver, only: solver_type
   use attrito_continuation_step, only: step_type
-  use attrito_continuation_tangent, only: tangent_type, find_tangent, frequency_tangent, turn_round, share_of_harmonics
+  use attrito_continuation_tangent, only: tangent_type, find_tangent, frequency_tangent, reverse, share_of_harmonics
   implicit none
   private
   public :: stepper_type, first_step, smallest_step, aimed_error, accepted_error
@@ -24,20 +24,20 @@ module attrito_continuation_stepper
   real(wp), parameter :: aimed_error = 0.02_wp, accepted_error = 0.2_wp
   !> Steps as parts of the sweep
   real(wp), parameter :: first_step = 0.01_wp, smallest_step = 1.0e-6_wp, largest_step = 0.04_wp
-  !> Steps in a row of which but this part is anything but a mean position, after which a body is taken to walk away: past the end of
-  !> its branch friction no longer balances over the period, and no solution repeats
-  real(wp), parameter :: walking_share = 1.0e-3_wp
+  !> A body is taken to drift after some steps in a row in which everything but mean positions changes by less than this part: past
+  !> the end of its branch friction no longer balances over the period
+  real(wp), parameter :: mean_share = 1.0e-3_wp
   !> The same where every contact slips: friction then balances at single frequencies, and rounding makes a branch of these
-  real(wp), parameter :: drifting_share = 0.5_wp
-  integer, parameter :: most_walking = 6
+  real(wp), parameter :: free_share = 0.5_wp
+  integer, parameter :: most_drifting = 6
   !> Cosine between successive steps below which the branch is taken to run back on itself
   real(wp), parameter :: turned_back = -0.95_wp
 
   type :: stepper_type
     !> Length of the next step
     real(wp) :: size = first_step
-    !> Which way the last step went in frequency: 1 or -1
-    real(wp) :: way = 1.0_wp
+    !> Sign of the last step's change of frequency: 1 or -1
+    real(wp) :: direction = 1.0_wp
     !> The last step that was accepted
     type(step_type) :: last
     !> Tangent at the present point once `look_ahead` has found it, before that at the point before; does the frequency turn between?
@@ -47,7 +47,7 @@ module attrito_continuation_stepper
     real(wp), allocatable, private :: secant(:, :)
     real(wp), private :: secant_omega = 0.0_wp
     !> Steps in a row in which hardly more than mean positions changed
-    integer, private :: walking = 0
+    integer, private :: drifting = 0
   contains
     procedure :: begin
     procedure :: forget_tangent
@@ -57,8 +57,8 @@ module attrito_continuation_stepper
     procedure :: remember_in_frequency
     procedure :: go_on_in_frequency
     procedure :: adapt
-    procedure :: walks
-    procedure :: way_back
+    procedure :: is_drifting
+    procedure :: tangent_backwards
     procedure :: set_coefficients
     procedure :: share_out
     procedure :: keep
@@ -66,19 +66,19 @@ module attrito_continuation_stepper
 
 contains
 
-  !> Begin anew at a point, where nothing is known but the way to go: 1 or -1 in frequency.
-  subroutine begin(self, way)
+  !> Begin anew at a point, where only the direction is known: 1 or -1 in frequency.
+  subroutine begin(self, direction)
     class(stepper_type), intent(inout) :: self
-    real(wp), intent(in) :: way
+    real(wp), intent(in) :: direction
 
     self%size = first_step
-    self%way = way
+    self%direction = direction
     self%last = step_type()
     self%looked_ahead = .false.
     call self%forget_tangent()
   end subroutine begin
 
-  !> Nothing is known of how the branch runs but the way in frequency.
+  !> Forget everything about the branch but the direction in frequency.
   subroutine forget_tangent(self)
     class(stepper_type), intent(inout) :: self
 
@@ -86,8 +86,8 @@ contains
     if (allocated(self%secant)) deallocate (self%secant)
   end subroutine forget_tangent
 
-  !> Find the tangent at the present point of the branch, and whether the frequency turned on the last step; what the last point's
-  !> evaluation left is lost.
+  !> Find the tangent at the present point of the branch, and whether the frequency turned on the last step. The evaluation of the
+  !> last point is overwritten.
   subroutine look_ahead(self, solver)
     class(stepper_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
@@ -97,7 +97,7 @@ contains
 
     self%turned = .false.
     if (self%looked_ahead) return
-    if (.not. allocated(self%tangent%motion)) self%tangent = frequency_tangent(solver, self%way)
+    if (.not. allocated(self%tangent%motion)) self%tangent = frequency_tangent(solver, self%direction)
     call find_tangent(solver, self%tangent, tangent, status)
     self%looked_ahead = status == 0
     if (.not. self%looked_ahead) return
@@ -105,14 +105,14 @@ contains
     if (.not. self%last%is_taken()) return
     ! Where hardly more than mean positions change, the frequency's sign is rounding.
     share = share_of_harmonics(solver, tangent%motion, tangent%omega)
-    self%turned = self%last%across%omega*tangent%omega < 0.0_wp .and. share > walking_share
+    self%turned = self%last%across%omega*tangent%omega < 0.0_wp .and. share > mean_share
   end subroutine look_ahead
 
-  !> A step from a place along the tangent there, as long as one converges not too far from where it was predicted.
+  !> A step from a point along the tangent there, halved until it converges near its prediction.
   subroutine take_step(self, solver, before, error, iterations, accepted)
     class(stepper_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
-    type(place_type), intent(in) :: before
+    type(snapshot_type), intent(in) :: before
     !> Of the prediction, relative to the response
     real(wp), intent(out) :: error
     !> Of all tries
@@ -131,12 +131,12 @@ contains
       if (accepted) accepted = .not. runs_back(self, solver, before)
       if (accepted) return
       if (solver%report%converged .and. error < accepted_error .and. .not. flipped) then
-        ! It runs back on itself: at a kink sharper than a right angle the tangent was turned the wrong way.
+        ! It runs back on itself: at a kink sharper than a right angle the tangent had the wrong sign.
         flipped = .true.
-        call turn_round(self%tangent)
+        call reverse(self%tangent)
         self%size = 2.0_wp*self%size
       end if
-      call return_to(solver, before)
+      call restore(solver, before)
       self%size = 0.5_wp*self%size
       if (self%size < smallest_step) return
     end do
@@ -161,7 +161,7 @@ contains
       solver%omega = predicted_omega
       balance%slider = balance%slider + self%size*context%motion_scale*self%tangent%slider
       call solver%solve_with(constraint)
-      ! The mean may jump from point to point as sliders shake down, however small the step: it does not steer it.
+      ! The mean may jump from point to point as sliders shake down, however small the step: it does not control the step.
       moved = solver%motion - predicted
       moved(1, :) = 0.0_wp
       error = sqrt((inner_product(balance, moved, moved) + (context%motion_scale*(solver%omega - predicted_omega) &
@@ -182,7 +182,7 @@ contains
   logical function runs_back(self, solver, before)
     type(stepper_type), intent(in) :: self
     type(solver_type), intent(in) :: solver
-    type(place_type), intent(in) :: before
+    type(snapshot_type), intent(in) :: before
     real(wp), allocatable :: moved(:, :)
     real(wp) :: moved_omega, length
 
@@ -200,7 +200,7 @@ contains
   subroutine remember(self, solver, before)
     class(stepper_type), intent(inout) :: self
     type(solver_type), intent(in) :: solver
-    type(place_type), intent(in) :: before
+    type(snapshot_type), intent(in) :: before
     real(wp) :: length
 
     call self%last%take(before, solver, self%tangent)
@@ -211,16 +211,16 @@ contains
       self%secant = self%secant/length
       self%secant_omega = self%secant_omega/length
     end associate
-    self%way = sign(1.0_wp, self%secant_omega)
+    self%direction = sign(1.0_wp, self%secant_omega)
   end subroutine remember
 
   !> Keep a step made in frequency alone.
   subroutine remember_in_frequency(self, solver, before)
     class(stepper_type), intent(inout) :: self
     type(solver_type), intent(in) :: solver
-    type(place_type), intent(in) :: before
+    type(snapshot_type), intent(in) :: before
 
-    call self%last%take(before, solver, tangent_type(omega=self%way))
+    call self%last%take(before, solver, tangent_type(omega=self%direction))
     self%looked_ahead = .false.
   end subroutine remember_in_frequency
 
@@ -229,7 +229,7 @@ contains
     class(stepper_type), intent(inout) :: self
     type(solver_type), intent(in) :: solver
 
-    call self%last%go_on(solver, tangent_type(omega=self%way))
+    call self%last%go_on(solver, tangent_type(omega=self%direction))
     self%looked_ahead = .false.
   end subroutine go_on_in_frequency
 
@@ -242,30 +242,30 @@ contains
   end subroutine adapt
 
   !> Does the branch go on in mean positions alone, which is its end?
-  logical function walks(self, solver)
+  logical function is_drifting(self, solver)
     class(stepper_type), intent(inout) :: self
     type(solver_type), intent(in) :: solver
     real(wp) :: limit
 
-    limit = merge(drifting_share, walking_share, nothing_holds(solver%context%balance))
-    self%walking = merge(self%walking + 1, 0, share_of_harmonics(solver, self%secant, self%secant_omega) < limit)
-    walks = self%walking >= most_walking
-    if (walks) self%walking = 0
-  end function walks
+    limit = merge(free_share, mean_share, none_holds(solver%context%balance))
+    self%drifting = merge(self%drifting + 1, 0, share_of_harmonics(solver, self%secant, self%secant_omega) < limit)
+    is_drifting = self%drifting >= most_drifting
+    if (is_drifting) self%drifting = 0
+  end function is_drifting
 
   !> The direction back from the present point.
-  function way_back(self, solver) result(towards)
+  function tangent_backwards(self, solver) result(towards)
     class(stepper_type), intent(in) :: self
     type(solver_type), intent(in) :: solver
     type(tangent_type) :: towards
 
-    towards = frequency_tangent(solver, -self%way)
+    towards = frequency_tangent(solver, -self%direction)
     if (.not. allocated(self%secant)) return
     towards%motion = -self%secant
     towards%omega = -self%secant_omega
-  end function way_back
+  end function tangent_backwards
 
-  !> Let what is remembered have so many coefficients.
+  !> Resize stored vectors to so many coefficients.
   subroutine set_coefficients(self, coefficients)
     class(stepper_type), intent(inout) :: self
     integer, intent(in) :: coefficients
@@ -274,7 +274,7 @@ contains
     if (allocated(self%secant)) self%secant = resized(self%secant, coefficients)
   end subroutine set_coefficients
 
-  !> Share contacts out over ranks; what is remembered of them follows.
+  !> Share contacts out over ranks, and stored vectors with them.
   subroutine share_out(self, solver)
     class(stepper_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
@@ -287,26 +287,26 @@ contains
     call move_alloc(self%tangent%slider, fields(2)%columns)
     call move_alloc(self%secant, fields(3)%columns)
     call rebalance(solver, fields)
-    ! Where the last step ended is told by contacts that other ranks hold now.
-    if (solver%context%balance%changes /= changes) self%last%to = place_type()
+    ! The end of the last step is stored by contacts, which other ranks have now.
+    if (solver%context%balance%changes /= changes) self%last%to = snapshot_type()
     call move_alloc(fields(1)%columns, self%tangent%motion)
     call move_alloc(fields(2)%columns, self%tangent%slider)
     call move_alloc(fields(3)%columns, self%secant)
   end subroutine share_out
 
-  !> Put down in a store, or taken up from it.
+  !> Save to a store, or load from it.
   subroutine keep(self, store)
     class(stepper_type), intent(inout) :: self
     type(state_store_type), intent(inout) :: store
 
     call store%keep(self%size)
-    call store%keep(self%way)
+    call store%keep(self%direction)
     call self%tangent%keep(store)
     call self%last%keep(store)
     call store%keep(self%turned)
     call store%keep(self%looked_ahead)
     call store%keep(self%secant)
     call store%keep(self%secant_omega)
-    call store%keep(self%walking)
+    call store%keep(self%drifting)
   end subroutine keep
 end module attrito_continuation_stepper

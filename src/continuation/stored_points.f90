@@ -1,52 +1,52 @@
-!> Points of branches that are known already: to come back to, and to tell whether a solution lies on one of those branches.
+!> Points of branches that are stored: to return to, and to decide whether a solution lies on one of those branches.
 !>
-!> A solution x at omega lies on a known branch if Newton's method, from the straight line between two neighbouring points of it on
-!> either side of omega comes to x. So steps may be long, and members of one family count as one.
+!> A solution x at omega lies on a stored branch if Newton's method converges to x from the straight line between two neighbouring
+!> points of it on either side of omega. So steps may be long, and members of one family count as one.
 module attrito_continuation_stored_points
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: resized
-  use attrito_solve_snapshot, only: place_type, place_of, return_to
+  use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
   implicit none
   private
-  public :: known_points_type
+  public :: stored_points_type
 
   !> Distance of two motions, relative to the larger, that is none
   real(wp), parameter :: same = 1.0e-6_wp
   !> Distance from the straight line, in its length and relative to the motion, beyond which a solution is not looked for from there
   real(wp), parameter :: near_line = 1.0_wp, near_motion = 0.2_wp
 
-  type :: known_point_type
+  type :: stored_point_type
     real(wp) :: omega = 0.0_wp
     !> Of all rows [2 H + 1, rows] and contacts [2, contacts]; 1 where a slider is periodic, else 0 [1, contacts]
     real(wp), allocatable :: motion(:, :), slider(:, :), periodic(:, :)
     !> Does the branch go on from the point before?
     logical :: follows = .false.
-  end type known_point_type
+  end type stored_point_type
 
-  type :: known_points_type
-    type(known_point_type), allocatable :: points(:)
+  type :: stored_points_type
+    type(stored_point_type), allocatable :: points(:)
     !> How many there are
     integer :: count = 0
   contains
     procedure :: add
     procedure :: drop_from
-    procedure :: stand_at
-    procedure :: has
+    procedure :: restore_point
+    procedure :: contains_solution
     procedure :: own_motion
     procedure :: keep
-  end type known_points_type
+  end type stored_points_type
 
 contains
 
-  !> Add where the solver stands.
+  !> Add the solver's present point.
   subroutine add(self, solver, follows)
-    class(known_points_type), intent(inout) :: self
+    class(stored_points_type), intent(inout) :: self
     type(solver_type), intent(in) :: solver
     !> Does the branch go on from the point that was added last?
     logical, intent(in) :: follows
-    type(known_point_type), allocatable :: more(:)
+    type(stored_point_type), allocatable :: more(:)
     integer :: i
 
     if (.not. allocated(self%points)) allocate (self%points(64))
@@ -74,9 +74,9 @@ contains
     end associate
   end subroutine add
 
-  !> Put down in a store, or taken up from it.
+  !> Save to a store, or load from it.
   subroutine keep(self, store)
-    class(known_points_type), intent(inout) :: self
+    class(stored_points_type), intent(inout) :: self
     type(state_store_type), intent(inout) :: store
     integer :: i
 
@@ -96,19 +96,19 @@ contains
 
   !> Forget a point and all after it.
   pure subroutine drop_from(self, number)
-    class(known_points_type), intent(inout) :: self
+    class(stored_points_type), intent(inout) :: self
     integer, intent(in) :: number
     integer :: i
 
     do i = number, self%count
-      self%points(i) = known_point_type()
+      self%points(i) = stored_point_type()
     end do
     self%count = min(self%count, number - 1)
   end subroutine drop_from
 
-  !> Let the solver stand at a point.
-  subroutine stand_at(self, solver, number)
-    class(known_points_type), intent(in) :: self
+  !> Set the solver to a stored point.
+  subroutine restore_point(self, solver, number)
+    class(stored_points_type), intent(in) :: self
     type(solver_type), intent(inout) :: solver
     integer, intent(in) :: number
 
@@ -121,21 +121,21 @@ contains
                                point%periodic(1, contact:contact + contacts - 1) > 0.5_wp)
       end associate
     end associate
-  end subroutine stand_at
+  end subroutine restore_point
 
   !> Does the solver stand on a known branch? It stands there still when that is told.
-  logical function has(self, solver, up_to)
-    class(known_points_type), intent(in) :: self
+  logical function contains_solution(self, solver, up_to)
+    class(stored_points_type), intent(in) :: self
     type(solver_type), intent(inout) :: solver
     !> Number of the last point that is looked at
     integer, intent(in) :: up_to
-    type(place_type) :: here
+    type(snapshot_type) :: here
     real(wp), allocatable :: line(:, :), end(:, :)
     real(wp) :: share, width
     integer :: i, attempt
 
-    has = .false.
-    here = place_of(solver)
+    contains_solution = .false.
+    here = snapshot_of(solver)
     do i = 2, min(self%count, up_to)
       associate (a => self%points(i - 1), b => self%points(i))
         if (.not. b%follows) cycle
@@ -150,19 +150,21 @@ contains
       end associate
       ! With the sliders of the solution, and with those of the branch: where all stick both give the same harmonics.
       do attempt = 1, 2
-        if (attempt == 2) call self%stand_at(solver, i - 1)
+        if (attempt == 2) call self%restore_point(solver, i - 1)
         solver%motion = line
         call solver%solve_at(here%omega)
-        if (solver%report%converged) has = distance(solver, solver%motion, here%motion) <= same*size_of(solver, here%motion)
-        call return_to(solver, here)
-        if (has) return
+        if (solver%report%converged) then
+          contains_solution = distance(solver, solver%motion, here%motion) <= same*size_of(solver, here%motion)
+        end if
+        call restore(solver, here)
+        if (contains_solution) return
       end do
     end do
-  end function has
+  end function contains_solution
 
   !> A point's motion of this rank's rows, in as many harmonics as the solver has.
   function own_motion(self, solver, number) result(motion)
-    class(known_points_type), intent(in) :: self
+    class(stored_points_type), intent(in) :: self
     type(solver_type), intent(in) :: solver
     integer, intent(in) :: number
     real(wp), allocatable :: motion(:, :)

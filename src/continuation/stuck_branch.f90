@@ -4,7 +4,7 @@ module attrito_continuation_stuck_branch
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_balance_stuck_response, only: find_loaded_response
-  use attrito_solve_snapshot, only: place_type
+  use attrito_solve_snapshot, only: snapshot_type
   use attrito_continuation_range, only: range_type
   use attrito_solve_solver, only: solver_type
   use attrito_continuation_stepper, only: stepper_type, first_step, smallest_step, aimed_error, accepted_error
@@ -32,14 +32,14 @@ contains
     !> .false.: a contact would slip or open, and nothing has changed
     logical, intent(out) :: accepted
     complex(wp), allocatable :: here(:, :), there(:, :)
-    type(place_type) :: before
+    type(snapshot_type) :: before
     logical :: goes_on
     real(wp) :: omega, target, error, size
 
     accepted = .false.
     if (.not. solver%all_stick) return
     goes_on = stepper%last%ends_at(solver)
-    if (.not. goes_on) call before%mark(solver)
+    if (.not. goes_on) call before%take(solver)
     omega = solver%omega
     size = stepper%size
     here = solver%context%balance%response(:, solver%context%balance%loaded)
@@ -60,7 +60,8 @@ contains
     call stepper%adapt(error)
   end subroutine follow
 
-  !> How far to go: until the response, of the modes alone, lies too far from the straight line. Whether contacts stick is not asked.
+  !> Length of the step: until the response, of the modes alone, is too far from the straight line. Whether contacts stick is not
+  !> checked.
   subroutine choose_step(self, stepper, range, solver, here, there, target, error)
     type(stuck_branch_type), intent(in) :: self
     type(stepper_type), intent(inout) :: stepper
@@ -74,7 +75,7 @@ contains
     error = aimed_error
     if (.not. allocated(self%slope)) stepper%size = min(stepper%size, first_step)
     do
-      target = range%clipped(solver%omega + stepper%way*stepper%size*solver%context%frequency_scale)
+      target = range%clipped(solver%omega + stepper%direction*stepper%size*solver%context%frequency_scale)
       call find_loaded_response(solver%context%balance, target, there)
       if (.not. allocated(there)) return
       if (allocated(self%slope)) error = error_of_line(here, target - solver%omega, self%slope, there)
@@ -105,7 +106,7 @@ contains
     error_of_line = sqrt(off/all)
   end function error_of_line
 
-  !> Put down in a store, or taken up from it.
+  !> Save to a store, or load from it.
   subroutine keep(self, store)
     class(stuck_branch_type), intent(inout) :: self
     type(state_store_type), intent(inout) :: store

@@ -1,15 +1,15 @@
 !> A sweep over frequency along branches of solutions, which may fold: from a start to a stop, point by point.
 !>
-!> Where no step along the branch converges, where it ends, closes upon itself or runs back over the start, it looks for a place
-!> beyond all that it has come to. One that follows a single branch ends there.
+!> Where no step along the branch converges, where it ends, closes upon itself or runs back over the start, the sweep looks for a
+!> point beyond the frequencies that it has reached. A sweep that follows a single branch ends there.
 module attrito_continuation_sweep
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_newton_newton, only: newton_report_type
-  use attrito_continuation_closed_branch, only: comes_home
-  use attrito_continuation_stored_points, only: known_points_type
+  use attrito_continuation_closed_branch, only: closes_on_itself
+  use attrito_continuation_stored_points, only: stored_points_type
   use attrito_solve_strategies, only: solve_by_cascade
-  use attrito_solve_snapshot, only: place_type
+  use attrito_solve_snapshot, only: snapshot_type
   use attrito_continuation_range, only: range_type
   use attrito_solve_solver, only: solver_type
   use attrito_continuation_step, only: step_type
@@ -20,7 +20,7 @@ module attrito_continuation_sweep
   private
   public :: sweep_type, new_sweep, new_branch_sweep
 
-  !> Part of the sweep to move on by where the branch was lost
+  !> Part of the range to go on by where the branch was lost
   real(wp), parameter :: jump = 0.01_wp
   !> Steps after which a branch may have come back to where it was begun
   integer, parameter :: fewest_steps = 4
@@ -31,17 +31,17 @@ module attrito_continuation_sweep
     logical :: finished = .false.
     !> Did it end at its stop? Did the branch close upon itself?
     logical :: reached_stop = .false., closed = .false.
-    !> How it goes along the branch, and what it remembers of where every contact sticks
+    !> Steps along the branch, and along the linear response where every contact sticks
     type(stepper_type) :: stepper
     type(stuck_branch_type), private :: stuck_branch
-    !> Does it follow one branch only, from where the solver stood when it began, and end where that is lost?
+    !> Does it follow one branch only, from the solver's point when it began, and end where that is lost?
     logical, private :: one_branch = .false.
-    !> Does the solver stand on a branch, and where was that begun? Steps since then
+    !> Is the solver on a branch, and what is the first point of that? Steps since then
     logical, private :: on_branch = .false.
-    type(known_points_type), private :: home
+    type(stored_points_type), private :: start
     integer, private :: steps = 0
-    !> The farthest that the branch went, angular frequency
-    real(wp), private :: farthest = 0.0_wp
+    !> The extreme angular frequency that the sweep has reached
+    real(wp), private :: reach = 0.0_wp
   contains
     procedure :: advance
     procedure :: look_ahead
@@ -65,7 +65,7 @@ contains
     call solver%set_scales(start, stop)
   end function new_sweep
 
-  !> A sweep along the one branch that the solver stands on, from there in a direction until it leaves a range, closes, or is lost.
+  !> A sweep along the one branch through the solver's present point, in a direction, until it leaves a range, closes, or is lost.
   function new_branch_sweep(solver, start, stop, towards, branch, max_points) result(self)
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: start, stop
@@ -79,7 +79,7 @@ contains
     self%stepper%tangent = towards
   end function new_branch_sweep
 
-  !> What a point leaves for the next: put down after it, or taken up in its place.
+  !> Save or load what the next point depends on.
   subroutine keep(self, store)
     class(sweep_type), intent(inout) :: self
     type(state_store_type), intent(inout) :: store
@@ -95,9 +95,9 @@ contains
     call self%stuck_branch%keep(store)
     call store%keep(self%one_branch)
     call store%keep(self%on_branch)
-    call self%home%keep(store)
+    call self%start%keep(store)
     call store%keep(self%steps)
-    call store%keep(self%farthest)
+    call store%keep(self%reach)
   end subroutine keep
 
   !> Solve the next point; the solver's report says how it ended.
@@ -114,15 +114,15 @@ contains
       call follow(self, solver)
       call watch_closing(self, solver)
     else
-      call begin_beyond(self, solver)
+      call begin_past(self, solver)
     end if
     self%points = self%points + 1
     if (self%one_branch .and. (is_back_at_start(self, solver) .or. .not. self%on_branch)) self%finished = .true.
-    self%farthest = merge(max(self%farthest, solver%omega), min(self%farthest, solver%omega), self%range%width() > 0.0_wp)
+    self%reach = merge(max(self%reach, solver%omega), min(self%reach, solver%omega), self%range%width() > 0.0_wp)
     if (self%points >= self%max_points) self%finished = .true.
   end subroutine advance
 
-  !> Let what the sweep remembers have so many harmonics.
+  !> Resize stored vectors to so many harmonics.
   subroutine set_harmonics(self, harmonics)
     class(sweep_type), intent(inout) :: self
     integer, intent(in) :: harmonics
@@ -147,20 +147,20 @@ contains
     self%on_branch = solver%report%converged
     self%closed = .false.
     self%steps = 0
-    self%farthest = target
-    call self%home%drop_from(1)
-    call self%home%add(solver, .false.)
+    self%reach = target
+    call self%start%drop_from(1)
+    call self%start%add(solver, .false.)
   end subroutine begin_at
 
-  !> The first point of the branch that the solver stands on.
+  !> The first point of the branch: the solver's present one.
   subroutine begin_here(self, solver)
     type(sweep_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
 
     call solver%solve_at(solver%omega)
     self%on_branch = solver%report%converged
-    self%farthest = solver%omega
-    call self%home%add(solver, .false.)
+    self%reach = solver%omega
+    call self%start%add(solver, .false.)
   end subroutine begin_here
 
   !> A branch that comes back to where it was begun is complete; a sweep goes on beyond it.
@@ -172,7 +172,7 @@ contains
     self%steps = self%steps + 1
     if (.not. self%on_branch .or. self%finished .or. self%steps < fewest_steps) return
     report = solver%report
-    self%closed = comes_home(self%home, solver, self%stepper%last)
+    self%closed = closes_on_itself(self%start, solver, self%stepper%last)
     if (.not. self%closed) then
       solver%report = report
       return
@@ -182,20 +182,20 @@ contains
     self%finished = self%one_branch
   end subroutine watch_closing
 
-  !> Where the branch was lost or left the range: a place beyond all that the sweep has come to, and the branch there.
-  subroutine begin_beyond(self, solver)
+  !> Where the branch was lost or left the range: a point beyond the frequencies that the sweep has reached, and the branch there.
+  subroutine begin_past(self, solver)
     type(sweep_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
 
     self%branch = self%branch + 1
-    call begin_at(self, solver, self%farthest + jump*self%range%width())
-  end subroutine begin_beyond
+    call begin_at(self, solver, self%reach + jump*self%range%width())
+  end subroutine begin_past
 
-  !> One accepted step along the branch, the sweep's last point, or, where no step converges, a place beyond.
+  !> One accepted step along the branch, the sweep's last point, or, where no step converges, a point beyond.
   subroutine follow(self, solver)
     type(sweep_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
-    type(place_type) :: before
+    type(snapshot_type) :: before
     real(wp) :: error
     integer :: iterations
     logical :: accepted
@@ -205,7 +205,7 @@ contains
       call note_end(self, solver%omega)
       return
     end if
-    call before%mark(solver)
+    call before%take(solver)
     call self%stepper%look_ahead(solver)
     if (.not. self%stepper%looked_ahead) then
       call lose_branch(self, solver)
@@ -215,7 +215,7 @@ contains
     if (accepted) then
       call self%stepper%remember(solver, before)
       call self%stepper%adapt(error)
-      self%on_branch = .not. self%stepper%walks(solver)
+      self%on_branch = .not. self%stepper%is_drifting(solver)
       solver%report%iterations = iterations
       call end_at_range(self, solver, before)
     else
@@ -224,13 +224,13 @@ contains
     end if
   end subroutine follow
 
-  !> No step from here converges: the sweep looks for a place beyond; where one branch alone is asked for it has ended.
+  !> No step from here converges: the sweep looks for a point beyond; a sweep along one branch has ended.
   subroutine lose_branch(self, solver)
     type(sweep_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
 
     if (.not. self%one_branch) then
-      call begin_beyond(self, solver)
+      call begin_past(self, solver)
     else
       solver%report%converged = .false.
       solver%no_orbit = .false.
@@ -245,7 +245,7 @@ contains
     type(sweep_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
     !> Before the step
-    type(place_type), intent(in) :: before
+    type(snapshot_type), intent(in) :: before
     real(wp) :: target
     integer :: iterations
 
@@ -279,7 +279,7 @@ contains
     is_back_at_start = self%steps > 0 .and. abs(solver%omega - self%range%start) <= 0.0_wp
   end function is_back_at_start
 
-  !> Whether the frequency turned on the last step, `stepper%turned`; what the last point's evaluation left is lost.
+  !> Whether the frequency turned on the last step, `stepper%turned`. The evaluation of the last point is overwritten.
   subroutine look_ahead(self, solver)
     class(sweep_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver

@@ -14,7 +14,7 @@ module attrito_continuation_tangent
   use attrito_solve_solver, only: solver_type
   implicit none
   private
-  public :: tangent_type, find_tangent, frequency_tangent, turn_round, share_of_harmonics
+  public :: tangent_type, find_tangent, frequency_tangent, reverse, share_of_harmonics
 
   type :: tangent_type
     !> Scaled motion [2 H + 1, rows], what periodic sliders do along it [2, contacts], and scaled frequency
@@ -26,7 +26,7 @@ module attrito_continuation_tangent
 
 contains
 
-  !> Put down in a store, or taken up from it.
+  !> Save to a store, or load from it.
   subroutine keep(self, store)
     class(tangent_type), intent(inout) :: self
     type(state_store_type), intent(inout) :: store
@@ -87,14 +87,14 @@ contains
     tangent%omega = way
   end function frequency_tangent
 
-  !> The other way along the branch.
-  pure subroutine turn_round(tangent)
+  !> The opposite direction along the branch.
+  pure subroutine reverse(tangent)
     type(tangent_type), intent(inout) :: tangent
 
     tangent%motion = -tangent%motion
     tangent%slider = -tangent%slider
     tangent%omega = -tangent%omega
-  end subroutine turn_round
+  end subroutine reverse
 
   !> Part of a unit direction that is anything but a mean position.
   real(wp) function share_of_harmonics(solver, motion, omega) result(share)

@@ -5,7 +5,7 @@
 !> the step, until what the frequency can still gain, |t_omega| times what is left, is nothing.
 module attrito_continuation_turning_point
   use attrito_core_kinds, only: wp
-  use attrito_solve_snapshot, only: place_type, place_of
+  use attrito_solve_snapshot, only: snapshot_type, snapshot_of
   use attrito_solve_solver, only: solver_type
   use attrito_continuation_step, only: step_type
   use attrito_continuation_tangent, only: tangent_type, find_tangent
@@ -21,7 +21,7 @@ module attrito_continuation_turning_point
 
   type :: turning_point_type
     !> Where the frequency is extreme, of what was solved
-    type(place_type) :: place
+    type(snapshot_type) :: place
     !> How much farther the frequency may go, rad/s; at most the step if a solve in between failed
     real(wp) :: uncertain = 0.0_wp
     !> Does the tangent turn without a jump?
@@ -54,7 +54,7 @@ contains
       if (.not. converged) exit
       call find_tangent(solver, start, tangent, status)
       if (status /= 0) exit
-      if ((solver%omega - self%place%omega)*start%omega > 0.0_wp) self%place = place_of(solver)
+      if ((solver%omega - self%place%omega)*start%omega > 0.0_wp) self%place = snapshot_of(solver)
       side = merge(1, 2, tangent%omega*start%omega > 0.0_wp)
       ! The end that stays loses weight, so that the secants close in from both sides.
       weight(3 - side) = 0.5_wp*weight(3 - side)

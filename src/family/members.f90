@@ -17,7 +17,7 @@ module attrito_family_members
   use attrito_balance_unknowns, only: unknowns_type
   use attrito_balance_work, only: residual_work
   use attrito_contact_state, only: state_stuck, state_shaken_down
-  use attrito_solve_snapshot, only: place_type, place_of, return_to
+  use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
   implicit none
   private
@@ -27,13 +27,13 @@ module attrito_family_members
   !> Sliders that still move by more than this part of the motion a period do not make a member
   real(wp), parameter :: accepted_defect = 1.0e-6_wp
 
-  !> Where the solver stands, and what it reported of getting there
+  !> A solved point, and the report of its solve
   type :: member_type
-    type(place_type) :: place
+    type(snapshot_type) :: point
     type(newton_report_type) :: report
   end type member_type
 
-  !> The point shown, to come back to
+  !> The point shown, to be restored
   type :: family_type
     type(member_type) :: shown
     logical :: reset_slider = .false.
@@ -53,7 +53,7 @@ module attrito_family_members
 
 contains
 
-  !> Stand at the point just solved, ready to visit other members.
+  !> Keep the point just solved, before other members are visited.
   subroutine enter_family(solver, self)
     type(solver_type), intent(inout) :: solver
     type(family_type), intent(out) :: self
@@ -89,25 +89,25 @@ contains
     call solver%context%balance%ranks%sum(work)
   end function work_of_visits
 
-  !> Remember where the solver stands.
+  !> Keep the solver's present point.
   subroutine keep_member(solver, self)
     type(solver_type), intent(in) :: solver
     type(member_type), intent(out) :: self
 
-    self = member_type(place_of(solver), solver%report)
+    self = member_type(snapshot_of(solver), solver%report)
   end subroutine keep_member
 
-  !> Stand where it stood.
+  !> Restore a member.
   subroutine return_to_member(solver, self)
     type(solver_type), intent(inout) :: solver
     type(member_type), intent(in) :: self
 
-    call return_to(solver, self%place)
+    call restore(solver, self%point)
     solver%report = self%report
   end subroutine return_to_member
 
-  !> Move the start sliders, solve at the same frequency, and say whether that gave a member; if not, nothing has changed. From
-  !> where the linear model leads, which is the answer where every contact sticks, then from where it stands.
+  !> Move the start sliders, solve at the same frequency, and say whether that gave a member; if not, nothing has changed. First from
+  !> the prediction of the linear model, which is exact where every contact sticks, then from the present motion.
   subroutine solve_member(solver, slider, found)
     type(solver_type), intent(inout) :: solver
     !> Of all contacts [2, contacts]
@@ -124,9 +124,9 @@ contains
     do attempt = 1, 2
       call return_to_member(solver, before)
       status = 0
-      if (attempt == 1) call predict(solver, own - before%place%slider, status)
+      if (attempt == 1) call predict(solver, own - before%point%slider, status)
       if (status /= 0) cycle
-      call solver%set_slider(own, before%place%periodic)
+      call solver%set_slider(own, before%point%periodic)
       call solver%solve_at(solver%omega)
       found = solver%report%converged .and. solver%report%defect <= accepted_defect
       if (found) return
@@ -160,7 +160,7 @@ contains
     if (status == 0) solver%motion = solver%motion + step%motion
   end subroutine predict
 
-  !> Describe the member that the solver stands at.
+  !> Describe the solver's present member.
   subroutine describe_member(solver, self, status)
     type(solver_type), intent(inout) :: solver
     type(description_type), intent(out) :: self

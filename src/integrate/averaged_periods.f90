@@ -1,17 +1,17 @@
-!> A start for Newton's method out of motion in time: the mean of some periods,
+!> A start for Newton's method by time integration: the average over some periods,
 !>
 !> $$ d_h = \frac{2}{P J} \sum_{j=1}^{P J} d(t_j) e^{-i h \omega t_j} \quad (h > 0), \qquad t_j = \frac{2 \pi j}{J \omega}, $$
 !>
-!> half of it for h = 0, and the mean of the sliders at the ends of these P periods. Where motion in time comes to no orbit of the
-!> excitation's period, walks or takes several periods, the balance mostly has a solution, and the mean is near it. It only has to be
-!> near: steps are coarse, and a loss factor acts as the modal damping that dissipates as much at resonance.
+!> half of it for h = 0, and the mean of the sliders at the ends of these P periods. Where motion in time settles to no orbit of
+!> the excitation's period, drifts or takes several periods, the balance mostly has a solution, and the average is near it. It only
+!> has to be near: steps are coarse, and a loss factor acts as the modal damping that dissipates as much at resonance.
 module attrito_integrate_averaged_periods
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp, two_pi
   use attrito_core_trigonometric, only: harmonics_at
   use attrito_model_contacts, only: contacts_type
   use attrito_model_structure, only: structure_type, damping_loss_factor, damping_ratio
-  use attrito_solve_time_integrator, only: motion_in_time_type, excitation_type, periods_type
+  use attrito_solve_time_integrator, only: time_integrator_type, excitation_type, periods_type
   use attrito_integrate_loading, only: loading_type, new_loading, new_profile
   use attrito_integrate_schemes, only: scheme_type, new_scheme, start_scheme, step_scheme, scheme_exponential
   use attrito_integrate_state, only: state_type, new_state
@@ -20,25 +20,26 @@ module attrito_integrate_averaged_periods
   private
   public :: averaged_periods_type, new_averaged_periods
 
-  !> Periods until the start is forgotten
+  !> Periods in which transients fade
   integer, parameter :: periods_before = 5
   !> Steps a period, unless harmonics ask for more
   integer, parameter :: fewest_steps = 64, steps_per_harmonic = 8
 
-  !> What periods of a walk have in common of their steps, and the least step that counts as one, relative to the motion
-  real(wp), parameter :: alike = 0.01_wp, least_walk = 1.0e-5_wp
+  !> How much the steps of periods may differ that all drift alike, relative to them, and the least step of a drift, relative to the
+  !> motion
+  real(wp), parameter :: alike = 0.01_wp, least_drift = 1.0e-5_wp
   !> Relative error of each step's equilibrium: sliders of contacts that come to rest keep it
   real(wp), parameter :: near_enough = 1.0e-13_wp
 
-  type, extends(motion_in_time_type) :: averaged_periods_type
+  type, extends(time_integrator_type) :: averaged_periods_type
     type(structure_type) :: structure
     type(contacts_type) :: contacts
     !> Diagonalised when it is first needed
     type(system_type), allocatable :: system
     type(state_type) :: state
   contains
-    procedure :: stand
-    procedure :: run_on
+    procedure :: set_state
+    procedure :: average_over
   end type averaged_periods_type
 
 contains
@@ -57,12 +58,12 @@ contains
     self%contacts = contacts
   end function new_averaged_periods
 
-  !> Stand at a state, at the start of a period of the excitation.
-  subroutine stand(self, displacement, velocity, slider, stands)
+  !> Set the state, at the start of a period of the excitation.
+  subroutine set_state(self, displacement, velocity, slider, is_set)
     class(averaged_periods_type), intent(inout) :: self
     real(wp), intent(in) :: displacement(:), velocity(:), slider(:, :)
     !> .false.: motions without mass, for instance; see `new_system`
-    logical, intent(out) :: stands
+    logical, intent(out) :: is_set
     type(error_type), allocatable :: error
 
     if (.not. allocated(self%system)) then
@@ -70,14 +71,14 @@ contains
       call new_system(self%structure, self%contacts, self%system, error)
       if (allocated(error)) deallocate (self%system)
     end if
-    stands = allocated(self%system)
-    if (.not. stands) return
+    is_set = allocated(self%system)
+    if (.not. is_set) return
     self%state = new_state(self%system, matmul(displacement, self%system%weighted), &
                            matmul(velocity, self%system%weighted)/self%system%clock, slider)
-  end subroutine stand
+  end subroutine set_state
 
-  !> Move on for some periods until the start is forgotten, and average some more.
-  subroutine run_on(self, excitation, harmonics, count, periods)
+  !> Integrate over some periods in which transients fade, and average over some more.
+  subroutine average_over(self, excitation, harmonics, count, periods)
     class(averaged_periods_type), intent(inout) :: self
     type(excitation_type), intent(in) :: excitation
     integer, intent(in) :: harmonics, count
@@ -105,7 +106,7 @@ contains
       periods%motion = periods%motion*2.0_wp/(count*scheme%steps)
     end associate
     call compare_ends(ends, periods)
-  end subroutine run_on
+  end subroutine average_over
 
   !> One period; coefficients are added up, to be divided by half the number of steps.
   subroutine move_one_period(self, scheme, loading, adds, periods)
@@ -131,7 +132,7 @@ contains
     end do
   end subroutine move_one_period
 
-  !> How the displacements at the ends of periods go on.
+  !> Change of the displacements over the last period, and whether all periods change them alike.
   pure subroutine compare_ends(ends, periods)
     !> [rows, -2:count]
     real(wp), intent(in) :: ends(:, -2:)
@@ -145,9 +146,9 @@ contains
     associate (last => steps(:, ubound(steps, 2)))
       first_harmonic = norm2(periods%motion(2:3, :))
       periods%change = norm2(last)/max(first_harmonic, tiny(1.0_wp))
-      periods%walks = periods%change > least_walk
+      periods%is_drifting = periods%change > least_drift
       do period = 0, ubound(steps, 2)
-        if (norm2(steps(:, period) - steps(:, period - 1)) > alike*norm2(last)) periods%walks = .false.
+        if (norm2(steps(:, period) - steps(:, period - 1)) > alike*norm2(last)) periods%is_drifting = .false.
       end do
     end associate
   end subroutine compare_ends

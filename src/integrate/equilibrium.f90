@@ -20,7 +20,7 @@ module attrito_integrate_equilibrium
     !> S as a diagonal [m], or if modes are coupled in full [m, m]
     real(wp), allocatable :: diagonal(:), matrix(:, :)
     !> c S P [m, rows] and c R [rows, rows]
-    real(wp), allocatable :: pushes(:, :), compliance(:, :)
+    real(wp), allocatable :: input_map(:, :), compliance(:, :)
     !> Residual relative to the displacements that counts as an equilibrium: rounding
     real(wp) :: tolerance = 4.0_wp*epsilon(1.0_wp)
   end type operator_type
@@ -49,11 +49,11 @@ contains
       end do
       call solve_dense(full, self%matrix, info)
     end if
-    allocate (self%pushes, mold=system%pushes)
+    allocate (self%input_map, mold=system%input_map)
     do i = 1, size(system%springs)
-      self%pushes(:, i) = c*apply(self, system%pushes(:, i))
+      self%input_map(:, i) = c*apply(self, system%input_map(:, i))
     end do
-    self%compliance = matmul(transpose(system%rows), self%pushes)
+    self%compliance = matmul(transpose(system%rows), self%input_map)
   end subroutine new_operator
 
   !> S x.
@@ -88,7 +88,7 @@ contains
     real(wp), intent(out) :: motion(:)
     logical, intent(out) :: converged
     !> Displacement relative to that of the stuck contacts that is taken for an equilibrium
-    real(wp), parameter :: farthest = 1.0e8_wp
+    real(wp), parameter :: divergence_limit = 1.0e8_wp
     real(wp) :: target(size(g)), residual(size(g)), trial(size(g)), step(size(g)), stiffness(3, size(g)), norm, length
     integer :: iteration, halving, info
 
@@ -118,8 +118,8 @@ contains
       end if
     end do
     ! A body that its contacts have left comes to rest nowhere, but for rounding of its stiffness.
-    converged = converged .and. norm2(displacement) <= farthest*norm2(target)
-    motion = free - matmul(self%pushes, g)
+    converged = converged .and. norm2(displacement) <= divergence_limit*norm2(target)
+    motion = free - matmul(self%input_map, g)
 
   contains
 

@@ -42,7 +42,7 @@ module attrito_integrate_recorder
     real(wp), allocatable :: time_of(:), monitor(:, :), displacement(:, :), force(:, :)
     integer, allocatable :: regime(:, :)
     !> Modal displacement at the samples [m, room]; not allocated unless wanted
-    real(wp), allocatable :: course(:, :)
+    real(wp), allocatable :: trajectory(:, :)
     !> Event-exact integration: keep a trace of every stretch between events
     logical :: traces = .false.
     type(trace_type), allocatable :: trace(:)
@@ -232,7 +232,7 @@ contains
       self%time_of(self%taken) = (segment%cycle + real(j, wp)/self%per_period)*loading%period/system%clock
       motion = value_of_motion(segment, x)
       self%monitor(:, self%taken) = matmul(transpose(system%monitors), motion)
-      if (allocated(self%course)) self%course(:, self%taken) = motion
+      if (allocated(self%trajectory)) self%trajectory(:, self%taken) = motion
       do row = 1, size(self%force_integral)
         self%displacement(row, self%taken) = value(segment%displacement(:, row), x)
         self%force(row, self%taken) = value(segment%force(:, row), x)

@@ -93,7 +93,7 @@ contains
                          state%regime)
     state%slider = new_slider
     self%load = load_at(loading, state%cycle, state%theta)
-    self%acceleration = self%load - matmul(system%pushes, self%g) - system%eigenvalues*state%motion - drag(system, state%rate)
+    self%acceleration = self%load - matmul(system%input_map, self%g) - system%eigenvalues*state%motion - drag(system, state%rate)
   end subroutine start_scheme
 
   !> D p'.
@@ -145,7 +145,7 @@ contains
     self%displacement = matmul(state%motion, system%rows)
     call return_contacts(system, self%displacement, state%slider, direction, self%g, stiffness, new_slider, state%regime)
     state%slider = new_slider
-    force = load - system%eigenvalues*state%motion - matmul(system%pushes, self%g)
+    force = load - system%eigenvalues*state%motion - matmul(system%input_map, self%g)
     state%rate = apply(self%implicit, half + 0.5_wp*self%h*force)
     self%acceleration = force - drag(system, state%rate)
   end subroutine step_central
@@ -165,7 +165,7 @@ contains
       before = state%motion + h*state%rate + h**2*(0.5_wp - self%beta)*old
       rate_before = state%rate + h*(1.0_wp - self%gamma)*old
       right = (1.0_wp - af)*load + af*(self%load - system%eigenvalues*state%motion - drag(system, state%rate) - &
-                                       matmul(system%pushes, self%g)) - am*old + (1.0_wp - am)*scale*before - &
+                                       matmul(system%input_map, self%g)) - am*old + (1.0_wp - am)*scale*before - &
               (1.0_wp - af)*drag(system, rate_before - self%gamma*h*scale*before)
       call solve_equilibrium(system, self%implicit, apply(self%implicit, right), state%slider, &
                              slip_directions(system, self%displacement, state%slider, state%regime), self%displacement, self%g, &
@@ -190,7 +190,7 @@ contains
     integer :: pass
 
     direction = slip_directions(system, self%displacement, state%slider, state%regime)
-    before = self%load - matmul(system%pushes, self%g)
+    before = self%load - matmul(system%input_map, self%g)
     if (allocated(system%coupling)) before = before - matmul(system%coupling, state%rate)
     rate = state%rate
     associate (w => self%weights)
@@ -200,7 +200,7 @@ contains
         free = w(1, 1, :)*state%motion + w(2, 1, :)*state%rate + w(3, 1, :)*before + w(4, 1, :)*after
         call solve_equilibrium(system, self%implicit, free, state%slider, direction, self%displacement, g, new_slider, &
                                state%regime, motion, converged)
-        rate = w(1, 2, :)*state%motion + w(2, 2, :)*state%rate + w(3, 2, :)*before + w(4, 2, :)*(after - matmul(system%pushes, g))
+        rate = w(1, 2, :)*state%motion + w(2, 2, :)*state%rate + w(3, 2, :)*before + w(4, 2, :)*(after - matmul(system%input_map, g))
       end do
     end associate
     self%g = g

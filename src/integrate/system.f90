@@ -22,7 +22,7 @@ module attrito_integrate_system
     !> What damping couples of the modes, zero on its diagonal [m, m]; not allocated if nothing
     real(wp), allocatable :: coupling(:, :)
     !> Rows of B Phi in columns [m, rows], and the acceleration per unit of each row's force [m, rows]
-    real(wp), allocatable :: rows(:, :), pushes(:, :)
+    real(wp), allocatable :: rows(:, :), input_map(:, :)
     !> Stiffness of each row when stuck [rows]
     real(wp), allocatable :: springs(:)
     type(contact_type), allocatable :: law(:)
@@ -71,7 +71,7 @@ contains
     if (structure%damping_kind == damping_viscous) call set_viscous(self, &
       matmul(transpose(modes), matmul(structure%damping, modes))/self%clock)
     self%rows = matmul(transpose(modes), contacts%directions)
-    self%pushes = self%rows/self%clock**2
+    self%input_map = self%rows/self%clock**2
     self%springs = contacts%row_stiffness
     self%law = contacts%law
     self%static_loads = matmul(transpose(modes), structure%static_loads)/self%clock**2

@@ -85,7 +85,7 @@ contains
           g(2) = -system%springs(row + 1)*segment%displacement(k, row + 1)
         end if
       end if
-      segment%motion(:, k + 2) = segment%motion(:, k + 2) - g(1)*system%pushes(:, row) - g(2)*system%pushes(:, row + 1)
+      segment%motion(:, k + 2) = segment%motion(:, k + 2) - g(1)*system%input_map(:, row) - g(2)*system%input_map(:, row + 1)
     end do
   end subroutine push
 

@@ -22,7 +22,7 @@ module attrito_linear_receptance
     !> Angular frequency it is set to, and the highest harmonic that it is set for
     real(wp) :: omega = -1.0_wp
     integer :: highest = 0
-    !> Part of its stiffness that is added to that of the mean: see `hold_mean`
+    !> Part of its stiffness that is added to that of the mean: see `apply_mean_springs`
     real(wp) :: held = 0.0_wp
     !> Autonomous motion: damping taken away, a part of the mass; a mode that a spring holds at harmonic 1, if any, and this spring in
     !> that mode's coordinate
@@ -41,7 +41,7 @@ module attrito_linear_receptance
     procedure :: respond_inertia
     procedure :: respond_excitation
     procedure :: uncoupled_modes
-    procedure :: hold_mean
+    procedure :: apply_mean_springs
     procedure :: excite
     procedure :: lift_mode
     procedure :: is_set
@@ -222,13 +222,13 @@ contains
   end function is_set
 
   !> Let the mean's stiffness be (1 + part) K~ from the next frequency that is set on: 0 is the structure itself.
-  subroutine hold_mean(self, part)
+  subroutine apply_mean_springs(self, part)
     class(receptance_type), intent(inout) :: self
     real(wp), intent(in) :: part
 
     self%held = part
     self%omega = -1.0_wp
-  end subroutine hold_mean
+  end subroutine apply_mean_springs
 
   !> Real coefficients [2 H + 1, n] as complex columns [n, 0:H].
   pure function to_complex(coefficients) result(columns)

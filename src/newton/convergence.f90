@@ -14,7 +14,7 @@ module attrito_newton_convergence
   private
   public :: is_answer, has_run_off, worse_of
 
-  real(wp), parameter :: rounding = 16.0_wp*epsilon(1.0_wp), farthest = 1.0e8_wp
+  real(wp), parameter :: rounding = 16.0_wp*epsilon(1.0_wp), divergence_limit = 1.0e8_wp
 
 contains
 
@@ -40,6 +40,6 @@ contains
     real(wp), intent(in) :: motion
 
     has_run_off = .true.
-    if (ieee_is_finite(motion)) has_run_off = motion > farthest
+    if (ieee_is_finite(motion)) has_run_off = motion > divergence_limit
   end function has_run_off
 end module attrito_newton_convergence

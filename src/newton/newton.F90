@@ -312,7 +312,7 @@ contains
 
     associate (balance => context%balance)
       do i = 1, size(balance%forces)
-        if (balance%forces(i)%could_rest) balance%periodic(i) = .false.
+        if (balance%forces(i)%may_stick) balance%periodic(i) = .false.
       end do
     end associate
   end subroutine settle_sliders

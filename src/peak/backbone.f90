@@ -19,7 +19,7 @@ module attrito_peak_backbone
   use attrito_core_kinds, only: wp
   use attrito_linear_receptance, only: to_real
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
-  use attrito_solve_snapshot, only: place_type, place_of, return_to
+  use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
   use attrito_peak_amplitude, only: amplitude_type, amplitude_of
   use attrito_peak_condition, only: problem_type, direction_type, solve, respond
@@ -37,9 +37,9 @@ module attrito_peak_backbone
   real(wp), parameter :: farthest_line = 3.0_wp
 
   !> Where the solver stands on a backbone
-  type, extends(place_type) :: standpoint_type
+  type, extends(snapshot_type) :: base_point_type
     real(wp) :: amplitude = 0.0_wp, excitation = 0.0_wp
-  end type standpoint_type
+  end type base_point_type
 
   type :: backbone_type
     !> Of the stuck system, from 1, ascending
@@ -57,7 +57,7 @@ module attrito_peak_backbone
     real(wp), allocatable, private :: reader(:)
     complex(wp), allocatable, private :: force(:)
     !> At rest; the last two points
-    type(standpoint_type), private :: rest, last, before
+    type(base_point_type), private :: rest, last, before
   contains
     procedure :: begin_at
     procedure :: go_to
@@ -94,7 +94,7 @@ contains
     self%problem = problem
     allocate (self%problem%border%motion(size(solver%motion, 1), size(solver%motion, 2)), source=0.0_wp)
     call hold_mode(self, solver)
-    self%rest = standpoint_type(place_type=place_of(solver), amplitude=amplitude, &
+    self%rest = base_point_type(snapshot_type=snapshot_of(solver), amplitude=amplitude, &
                                 excitation=solver%stuck%modal_damping(mode)/solver%stuck%modal_mass(mode))
     self%rest%omega = solver%stuck%omega(mode)
     self%rest%all_stick = .true.
@@ -118,7 +118,7 @@ contains
       if (i < most_amplitudes) self%rest%amplitude = amplitude_ratio*self%rest%amplitude
     end do
     if (.not. self%found) return
-    self%last = standpoint_of(self, solver)
+    self%last = base_point_of(self, solver)
     call self%go_to(solver, amplitude)
   end subroutine begin_at
 
@@ -141,8 +141,8 @@ contains
   function linear(solver, mode, rest) result(place)
     type(solver_type), intent(in) :: solver
     integer, intent(in) :: mode
-    type(standpoint_type), intent(in) :: rest
-    type(standpoint_type) :: place
+    type(base_point_type), intent(in) :: rest
+    type(base_point_type) :: place
     integer :: first
 
     place = rest
@@ -157,7 +157,7 @@ contains
     class(backbone_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: amplitude
-    type(standpoint_type) :: from
+    type(base_point_type) :: from
     real(wp) :: step, left
     integer :: iterations
 
@@ -173,7 +173,7 @@ contains
       iterations = iterations + self%iterations
       if (self%found) then
         self%before = from
-        self%last = standpoint_of(self, solver)
+        self%last = base_point_of(self, solver)
         step = min(2.0_wp*step, longest_step)
       else
         call stand_at(self, solver, from)
@@ -189,7 +189,7 @@ contains
   function predicted(self, amplitude) result(place)
     type(backbone_type), intent(in) :: self
     real(wp), intent(in) :: amplitude
-    type(standpoint_type) :: place
+    type(base_point_type) :: place
     real(wp) :: part
 
     place = self%last
@@ -211,7 +211,7 @@ contains
   subroutine correct(self, solver, from)
     type(backbone_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
-    type(standpoint_type), intent(in) :: from
+    type(base_point_type), intent(in) :: from
     complex(wp) :: missing
     integer :: iteration, status
 
@@ -245,7 +245,7 @@ contains
     type(backbone_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
     complex(wp), intent(in) :: missing
-    type(standpoint_type), intent(in) :: from
+    type(base_point_type), intent(in) :: from
     !> 0, or not: singular, or too far
     integer, intent(out) :: status
     type(direction_type) :: by_omega, by_excitation
@@ -316,23 +316,23 @@ contains
     end associate
   end subroutine measure
 
-  function standpoint_of(self, solver) result(standpoint)
+  function base_point_of(self, solver) result(base_point)
     type(backbone_type), intent(in) :: self
     type(solver_type), intent(in) :: solver
-    type(standpoint_type) :: standpoint
+    type(base_point_type) :: base_point
 
-    standpoint = standpoint_type(place_type=place_of(solver), amplitude=self%amplitude, excitation=self%excitation)
-  end function standpoint_of
+    base_point = base_point_type(snapshot_type=snapshot_of(solver), amplitude=self%amplitude, excitation=self%excitation)
+  end function base_point_of
 
   !> Put the solver there, with residuals relative to the linear mode of that amplitude.
   subroutine stand_at(self, solver, place)
     type(backbone_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
-    type(standpoint_type), intent(in) :: place
+    type(base_point_type), intent(in) :: place
 
     self%amplitude = place%amplitude
     self%excitation = place%excitation
-    call return_to(solver, place%place_type)
+    call restore(solver, place%snapshot_type)
     call solver%set_loads(solver%context%balance%static_factors, place%amplitude)
     call solver%context%balance%receptance%excite(place%excitation)
     call solver%set_scales(place%omega, place%omega)

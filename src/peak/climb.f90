@@ -12,10 +12,10 @@
 module attrito_peak_climb
   use attrito_core_kinds, only: wp
   use attrito_newton_border, only: constraint_type, inner_product
-  use attrito_solve_snapshot, only: place_type, place_of, return_to
+  use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
   use attrito_continuation_step, only: step_type
-  use attrito_continuation_tangent, only: tangent_type, find_tangent, frequency_tangent, turn_round
+  use attrito_continuation_tangent, only: tangent_type, find_tangent, frequency_tangent, reverse
   use attrito_peak_condition, only: problem_type, direction_type, slope_along, scale_of_motion
   implicit none
   private
@@ -31,13 +31,13 @@ module attrito_peak_climb
   integer, parameter :: most_leaps = 4
 
   !> A point of the response, its tangent turned the way that is followed, the slope along it
-  type :: foothold_type
-    type(place_type) :: place
+  type :: branch_seed_type
+    type(snapshot_type) :: place
     type(tangent_type) :: tangent
     real(wp) :: slope = 0.0_wp, amplitude = 0.0_wp
     !> Of the tangent's scaled length per relative change of the motion
     real(wp) :: unit = 1.0_wp
-  end type foothold_type
+  end type branch_seed_type
 
   !> Of an arc between a point where A rises and one where it falls: part of the way, height and slope of log A per way
   type :: arc_end_type
@@ -53,7 +53,7 @@ contains
     !> Newton's iterations of all points
     integer, intent(out) :: iterations
     logical, intent(out) :: found
-    type(foothold_type) :: here, next
+    type(branch_seed_type) :: here, next
     real(wp) :: length
     integer :: i
     logical :: solved
@@ -65,7 +65,7 @@ contains
     call look_around(problem, solver, frequency_tangent(solver, 1.0_wp), here, solved)
     if (.not. solved) return
     if (here%slope < 0.0_wp) then
-      call turn_round(here%tangent)
+      call reverse(here%tangent)
       here%slope = -here%slope
     end if
     length = here%unit*atan(here%slope*here%unit)
@@ -91,13 +91,13 @@ contains
     type(problem_type), intent(in) :: problem
     type(solver_type), intent(inout) :: solver
     type(tangent_type), intent(in) :: towards
-    type(foothold_type), intent(out) :: here
+    type(branch_seed_type), intent(out) :: here
     logical, intent(out) :: looked
     type(direction_type) :: direction
     real(wp), allocatable :: harmonics(:, :)
     integer :: status
 
-    here%place = place_of(solver)
+    here%place = snapshot_of(solver)
     call find_tangent(solver, towards, here%tangent, status)
     looked = status == 0
     if (.not. looked) return
@@ -114,7 +114,7 @@ contains
 
   !> What a mode's circle leaves to be gained of log A, -log cos phi.
   pure real(wp) function gain_of(here)
-    type(foothold_type), intent(in) :: here
+    type(branch_seed_type), intent(in) :: here
 
     gain_of = 0.5_wp*(here%slope*here%unit)**2
   end function gain_of
@@ -123,9 +123,9 @@ contains
   subroutine step_up(problem, solver, here, length, next, iterations, solved)
     type(problem_type), intent(in) :: problem
     type(solver_type), intent(inout) :: solver
-    type(foothold_type), intent(in) :: here
+    type(branch_seed_type), intent(in) :: here
     real(wp), intent(inout) :: length
-    type(foothold_type), intent(out) :: next
+    type(branch_seed_type), intent(out) :: next
     !> Counts on
     integer, intent(inout) :: iterations
     logical, intent(out) :: solved
@@ -137,7 +137,7 @@ contains
       iterations = iterations + solver%report%iterations
       solved = solver%report%converged .and. error <= accepted_error
       if (solved) exit
-      call return_to(solver, here%place)
+      call restore(solver, here%place)
       length = 0.5_wp*length
       if (length < shortest_step*here%unit) exit
     end do
@@ -148,7 +148,7 @@ contains
   !> Where no step along the tangent is solved, however short: to a frequency beyond, with all that Newton's method can do.
   subroutine leap(solver, here, length, iterations, solved)
     type(solver_type), intent(inout) :: solver
-    type(foothold_type), intent(in) :: here
+    type(branch_seed_type), intent(in) :: here
     real(wp), intent(out) :: length
     !> Counts on
     integer, intent(inout) :: iterations
@@ -162,7 +162,7 @@ contains
       iterations = iterations + solver%report%iterations
       solved = solver%report%converged
       if (solved) exit
-      call return_to(solver, here%place)
+      call restore(solver, here%place)
       length = 2.0_wp*length
     end do
     solver%brief = .true.
@@ -171,7 +171,7 @@ contains
   !> Along the tangent and in the plane across it. `error`: from prediction to correction, relative to the motion.
   subroutine take_step(solver, here, length, error)
     type(solver_type), intent(inout) :: solver
-    type(foothold_type), intent(in) :: here
+    type(branch_seed_type), intent(in) :: here
     real(wp), intent(in) :: length
     real(wp), intent(out) :: error
     type(constraint_type) :: constraint
@@ -195,7 +195,7 @@ contains
 
   !> To where the secant through the slopes' angles at the last two points says that the peak is.
   pure real(wp) function next_length(before, here, length)
-    type(foothold_type), intent(in) :: before, here
+    type(branch_seed_type), intent(in) :: before, here
     !> Between them
     real(wp), intent(in) :: length
     real(wp) :: angle, fall
@@ -210,16 +210,16 @@ contains
   subroutine close_in(problem, solver, rising, falling, length, iterations, found)
     type(problem_type), intent(in) :: problem
     type(solver_type), intent(inout) :: solver
-    type(foothold_type), intent(in) :: rising, falling
+    type(branch_seed_type), intent(in) :: rising, falling
     !> From one to the other, along the tangent of the first
     real(wp), intent(in) :: length
     !> Counts on
     integer, intent(inout) :: iterations
     logical, intent(out) :: found
     type(step_type) :: step
-    type(foothold_type) :: at
+    type(branch_seed_type) :: at
     type(arc_end_type) :: ends(2), end, best
-    type(place_type) :: highest
+    type(snapshot_type) :: highest
     real(wp) :: s
     integer :: try
 
@@ -249,7 +249,7 @@ contains
       if (gain_of(at) <= accepted_gain) exit
       ends(merge(1, 2, at%slope > 0.0_wp)) = end
     end do
-    if (found) call return_to(solver, highest)
+    if (found) call restore(solver, highest)
   end subroutine close_in
 
   !> Where the tangents at both ends meet: the corner, if the arc is two smooth ones, and about the middle of a smooth arc.

@@ -7,7 +7,7 @@ module attrito_peak_curve
   use attrito_core_kinds, only: wp
   use attrito_newton_border, only: inner_product
   use attrito_solve_strategies, only: solve_by_cascade
-  use attrito_solve_snapshot, only: place_type, place_of, return_to
+  use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
   use attrito_peak_climb, only: climb
   use attrito_peak_condition, only: problem_type, direction_type, linearisation_type, linearise, value_of, set_value, &
@@ -30,9 +30,9 @@ module attrito_peak_curve
   integer, parameter :: most_levels = 7, most_steps = 400
 
   !> Where the solver stands, with the parameter's value and the scale of motions there
-  type, extends(place_type) :: standpoint_type
+  type, extends(snapshot_type) :: base_point_type
     real(wp) :: parameter = 0.0_wp, motion_scale = 1.0_wp
-  end type standpoint_type
+  end type base_point_type
 
   type :: curve_type
     type(problem_type) :: problem
@@ -91,14 +91,14 @@ contains
     !> Of this rank's rows [2 H + 1, rows]
     real(wp), intent(in) :: motion(:, :), omega
     type(curve_type), intent(out) :: self
-    type(standpoint_type) :: start
+    type(base_point_type) :: start
 
     self%problem = problem
     call set_border(self%problem, solver)
     solver%motion = motion
     solver%omega = omega
     solver%all_stick = .false.
-    start = standpoint_of(self, solver)
+    start = base_point_of(self, solver)
     call self%correct_here(solver)
     if (climbs(solver)) return
     ! Newton's method finds minima as well.
@@ -113,17 +113,17 @@ contains
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: omega
     logical, intent(out) :: sticks
-    type(place_type) :: before
+    type(snapshot_type) :: before
 
     call solver%solve_stuck_at(omega, sticks)
     if (sticks) return
-    before = place_of(solver)
+    before = snapshot_of(solver)
     solver%brief = .true.
     call solver%solve_at(omega)
     solver%brief = .false.
     sticks = solver%report%converged .and. solver%all_stick
     if (sticks) return
-    call return_to(solver, before)
+    call restore(solver, before)
     ! Lower loads may leave them stuck.
     solver%all_stick = .true.
   end subroutine solve_sticking
@@ -189,17 +189,17 @@ contains
     real(wp), intent(in) :: value
 
     if (.not. allocated(self%tangent%step%motion)) call find_tangent(self, solver, 0.0_wp)
-    if (self%tangent%parameter*(value - value_of(self%problem, solver)) < 0.0_wp) call turn_round(self%tangent)
+    if (self%tangent%parameter*(value - value_of(self%problem, solver)) < 0.0_wp) call reverse(self%tangent)
   end subroutine turn_towards
 
-  subroutine turn_round(direction)
+  subroutine reverse(direction)
     type(direction_type), intent(inout) :: direction
 
     direction%step%motion = -direction%step%motion
     direction%step%slider = -direction%step%slider
     direction%step%omega = -direction%step%omega
     direction%parameter = -direction%parameter
-  end subroutine turn_round
+  end subroutine reverse
 
   !> One step along the curve, or just to a value of the parameter; the solver stays where it was if no step succeeds.
   subroutine advance(self, solver, stop, reached)
@@ -207,7 +207,7 @@ contains
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: stop
     logical, intent(out) :: reached
-    type(standpoint_type) :: before
+    type(base_point_type) :: before
     type(linearisation_type) :: point
     type(plane_type) :: plane
     real(wp) :: error, length, aimed, accepted, predicted
@@ -219,7 +219,7 @@ contains
     aimed = merge(aimed_climb, aimed_error, climbs(solver))
     accepted = merge(accepted_climb, accepted_error, climbs(solver))
     if (stuck) accepted = accepted_at_kink
-    before = standpoint_of(self, solver)
+    before = base_point_of(self, solver)
     point = self%point
     iterations = 0
     do
@@ -262,7 +262,7 @@ contains
   subroutine aim(self, solver, before, stop, stuck, length, plane, reached)
     type(curve_type), intent(in) :: self
     type(solver_type), intent(inout) :: solver
-    type(standpoint_type), intent(in) :: before
+    type(base_point_type), intent(in) :: before
     real(wp), intent(in) :: stop
     !> Do all contacts stick where the step begins?
     logical, intent(in) :: stuck
@@ -286,7 +286,7 @@ contains
   subroutine search(self, solver, before, value, iterations)
     type(curve_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
-    type(standpoint_type), intent(in) :: before
+    type(base_point_type), intent(in) :: before
     real(wp), intent(in) :: value
     !> Counts on
     integer, intent(inout) :: iterations
@@ -311,7 +311,7 @@ contains
   subroutine predict(self, solver, before, length, plane)
     type(curve_type), intent(in) :: self
     type(solver_type), intent(inout) :: solver
-    type(standpoint_type), intent(in) :: before
+    type(base_point_type), intent(in) :: before
     real(wp), intent(in) :: length
     type(plane_type), intent(out) :: plane
     real(wp) :: scale, parameter
@@ -395,7 +395,7 @@ contains
       tangent = scaled(tangent, 1.0_wp/size_of_it)
       tangent%step%slider = merge(tangent%step%slider, 0.0_wp, spread(context%balance%periodic, 1, 2))
       if (allocated(self%tangent%step%motion)) then
-        if (along_last(self, solver, tangent) < 0.0_wp) call turn_round(tangent)
+        if (along_last(self, solver, tangent) < 0.0_wp) call reverse(tangent)
       end if
       if (allocated(self%bend%step%motion)) deallocate (self%bend%step%motion)
       if (length > 0.0_wp .and. allocated(self%tangent%step%motion)) then
@@ -426,22 +426,22 @@ contains
     curvature = self%point%slope_along/self%point%along%step%omega**2
   end function curvature
 
-  function standpoint_of(self, solver) result(standpoint)
+  function base_point_of(self, solver) result(base_point)
     type(curve_type), intent(in) :: self
     type(solver_type), intent(in) :: solver
-    type(standpoint_type) :: standpoint
+    type(base_point_type) :: base_point
 
-    standpoint = standpoint_type(place_type=place_of(solver), parameter=value_of(self%problem, solver), &
+    base_point = base_point_type(snapshot_type=snapshot_of(solver), parameter=value_of(self%problem, solver), &
                                  motion_scale=solver%context%motion_scale)
-  end function standpoint_of
+  end function base_point_of
 
-  subroutine go_back(self, solver, standpoint)
+  subroutine go_back(self, solver, base_point)
     type(curve_type), intent(in) :: self
     type(solver_type), intent(inout) :: solver
-    type(standpoint_type), intent(in) :: standpoint
+    type(base_point_type), intent(in) :: base_point
 
-    call set_value(self%problem, solver, standpoint%parameter)
-    solver%context%motion_scale = standpoint%motion_scale
-    call return_to(solver, standpoint%place_type)
+    call set_value(self%problem, solver, base_point%parameter)
+    solver%context%motion_scale = base_point%motion_scale
+    call restore(solver, base_point%snapshot_type)
   end subroutine go_back
 end module attrito_peak_curve

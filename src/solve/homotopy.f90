@@ -1,26 +1,26 @@
-!> Ways from where a parameter is to where it should be, taken in steps: each starts from the solution of the one before.
+!> Homotopy: a parameter is changed from its present value to the one that is asked for, in steps, each from the solution of the last.
 module attrito_solve_homotopy
   use attrito_core_kinds, only: wp
-  use attrito_solve_mean_regularisation, only: solve_held
+  use attrito_solve_mean_regularisation, only: solve_with_springs
   use attrito_solve_solver, only: solver_type
   implicit none
   private
-  public :: march_along, way_type, frequency_way_type, level_way_type
+  public :: follow_homotopy, homotopy_type, frequency_homotopy_type, level_homotopy_type
 
-  !> Smallest part of the way taken in one step
+  !> Smallest step
   real(wp), parameter :: smallest_step = 1.0_wp/128.0_wp
 
-  !> A way from 0 to 1
-  type, abstract :: way_type
+  !> A homotopy with the parameter t from 0 to 1
+  type, abstract :: homotopy_type
   contains
     procedure(solve_part), deferred :: solve
-  end type way_type
+  end type homotopy_type
 
   abstract interface
-    !> Solve at a part t of the way, and say whether it converged.
+    !> Solve at t, and say whether it converged.
     subroutine solve_part(self, solver, t, converged)
-      import :: way_type, solver_type, wp
-      class(way_type), intent(in) :: self
+      import :: homotopy_type, solver_type, wp
+      class(homotopy_type), intent(in) :: self
       type(solver_type), intent(inout) :: solver
       real(wp), intent(in) :: t
       logical, intent(out) :: converged
@@ -28,25 +28,25 @@ module attrito_solve_homotopy
   end interface
 
   !> From one angular frequency to another
-  type, extends(way_type) :: frequency_way_type
+  type, extends(homotopy_type) :: frequency_homotopy_type
     real(wp) :: from = 0.0_wp, to = 0.0_wp
   contains
     procedure :: solve => solve_frequency
-  end type frequency_way_type
+  end type frequency_homotopy_type
 
   !> From no harmonic load to its level, at one angular frequency
-  type, extends(way_type) :: level_way_type
+  type, extends(homotopy_type) :: level_homotopy_type
     real(wp) :: omega = 0.0_wp, level = 1.0_wp
-    !> With springs that hold the mean
-    logical :: held = .false.
+    !> With springs on the mean?
+    logical :: with_springs = .false.
   contains
     procedure :: solve => solve_level
-  end type level_way_type
+  end type level_homotopy_type
 
 contains
 
   subroutine solve_frequency(self, solver, t, converged)
-    class(frequency_way_type), intent(in) :: self
+    class(frequency_homotopy_type), intent(in) :: self
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: t
     logical, intent(out) :: converged
@@ -56,30 +56,30 @@ contains
   end subroutine solve_frequency
 
   subroutine solve_level(self, solver, t, converged)
-    class(level_way_type), intent(in) :: self
+    class(level_homotopy_type), intent(in) :: self
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: t
     logical, intent(out) :: converged
 
     call solver%set_loads(solver%context%balance%static_factors, t*self%level)
-    if (self%held) then
-      call solve_held(solver, self%omega)
+    if (self%with_springs) then
+      call solve_with_springs(solver, self%omega)
     else
       call solver%solve_at(self%omega)
     end if
     converged = solver%report%converged
   end subroutine solve_level
 
-  !> March a way from 0 to 1, halving the step where it fails.
-  subroutine march_along(way, solver, iterations, converged, first_step, most_iterations)
-    class(way_type), intent(in) :: way
+  !> Follow a homotopy from 0 to 1, halving the step where it fails.
+  subroutine follow_homotopy(homotopy, solver, iterations, converged, first_step, most_iterations)
+    class(homotopy_type), intent(in) :: homotopy
     type(solver_type), intent(inout) :: solver
     !> Counts on
     integer, intent(inout) :: iterations
     logical, intent(out) :: converged
     !> A quarter unless given
     real(wp), intent(in), optional :: first_step
-    !> After which it is given up; never unless given
+    !> Iterations after which it is given up; unlimited unless given
     integer, intent(in), optional :: most_iterations
     real(wp) :: reached, step, largest_step
     logical :: done
@@ -93,7 +93,7 @@ contains
     step = largest_step
     do while (reached < 1.0_wp .and. iterations < budget)
       step = min(step, 1.0_wp - reached)
-      call way%solve(solver, reached + step, done)
+      call homotopy%solve(solver, reached + step, done)
       iterations = iterations + solver%report%iterations
       if (done) then
         reached = merge(1.0_wp, reached + step, reached + step > 1.0_wp - 1.0e-9_wp)
@@ -104,5 +104,5 @@ contains
       end if
     end do
     converged = reached >= 1.0_wp
-  end subroutine march_along
+  end subroutine follow_homotopy
 end module attrito_solve_homotopy

@@ -1,29 +1,29 @@
-!> Ways to apply Newton's method from one start: briefly, with springs on the mean first, with contacts that keep some of their
+!> Strategies for Newton's method from one start: few iterations; springs on the mean first; contacts that keep a part of their
 !> springs in the step.
 !>
 !> A body that only friction holds has a nearly singular Jacobian where few contacts hold, and a singular one where all slip. With
 !> springs on its mean (`attrito_solve_mean_springs`) it is regular, and where contacts hold the solution is near one
-!> without springs. Where none does, nothing else is tried: wherever the body is, friction does not balance.
+!> without springs. Where no contact holds, nothing else is tried: friction does not balance at any position of the body.
 module attrito_solve_newton_strategies
   use attrito_core_kinds, only: wp
   use attrito_newton_border, only: constraint_type
   use attrito_newton_newton, only: newton_type, newton_report_type
   use attrito_balance_unknowns, only: unknowns_type
-  use attrito_solve_sliders, only: nothing_holds
-  use attrito_solve_mean_springs, only: fasten, release, retreat_type
+  use attrito_solve_sliders, only: none_holds
+  use attrito_solve_mean_springs, only: apply_springs, remove_springs, mean_increments_type
   implicit none
   private
   public :: solve_briefly, solve_persistently
 
-  !> A brief try goes on from one stretch of iterations to the next while each brings the residual down so far
+  !> A brief try does so many iterations more, as long as the last ones reduced the residual by this factor
   integer, parameter :: brief_iterations = 8
   real(wp), parameter :: brief_progress = 1.0e-2_wp
 
-  !> How often springs on the mean give way until the body is known to walk, and how much alike the last steps of a mean that does
-  !> are: a guess, which only decides whether more is tried
-  integer, parameter :: most_held = 3
+  !> Steps of the mean, with springs relaxed, after which a body is taken to drift, and how much its last steps may differ: a guess,
+  !> which only decides whether other strategies are tried
+  integer, parameter :: most_regularised = 3
   real(wp), parameter :: alike = 0.5_wp
-  !> Iterations without such springs from where they have led
+  !> Iterations without such springs that follow
   integer, parameter :: free_iterations = 3
 
   !> Part of their springs that contacts keep in the step of the last tries
@@ -31,7 +31,7 @@ module attrito_solve_newton_strategies
 
 contains
 
-  !> Newton's method, given up as soon as it makes little progress.
+  !> Newton's method, ended as soon as it makes little progress.
   subroutine solve_briefly(newton, unknowns, constraint, report)
     type(newton_type), intent(inout) :: newton
     type(unknowns_type), intent(inout) :: unknowns
@@ -54,30 +54,30 @@ contains
     newton%max_iterations = before
   end subroutine solve_briefly
 
-  !> One way after another from the same start.
+  !> All strategies in turn, each from the same start.
   subroutine solve_persistently(newton, unknowns, constraint, mean_is_fixed, report)
     type(newton_type), intent(inout) :: newton
     type(unknowns_type), intent(inout) :: unknowns
     type(constraint_type), intent(in) :: constraint
-    !> There is no mean to hold
+    !> The mean is frozen, so that springs on it serve nothing
     logical, intent(in) :: mean_is_fixed
     type(newton_report_type), intent(inout) :: report
     type(unknowns_type) :: start
-    logical :: can_hold, walks
+    logical :: can_regularise, is_drifting
     integer :: iterations, linear_iterations
 
-    can_hold = .not. (mean_is_fixed .or. allocated(newton%context%balance%held_mean))
+    can_regularise = .not. (mean_is_fixed .or. allocated(newton%context%balance%spring_anchor))
     start = unknowns
     iterations = 0
     linear_iterations = 0
-    if (can_hold) then
+    if (can_regularise) then
       call solve_briefly(newton, unknowns, constraint, report)
       call count_on(report, iterations, linear_iterations)
       if (report%converged) return
       unknowns = start
-      call solve_holding(newton, unknowns, constraint, report, walks)
+      call solve_regularised(newton, unknowns, constraint, report, is_drifting)
       call count_on(report, iterations, linear_iterations)
-      if (report%converged .or. walks) return
+      if (report%converged .or. is_drifting) return
       unknowns = start
     end if
     call newton%solve(unknowns, constraint, 0.0_wp, report)
@@ -88,64 +88,64 @@ contains
     call count_on(report, iterations, linear_iterations)
   end subroutine solve_persistently
 
-  !> With springs on the mean, and from there without them. Where the contacts that hold stand near their limit all of them may give
-  !> way in a step without springs, however near the solution: then they keep some of their own in the step.
-  subroutine solve_holding(newton, unknowns, constraint, report, walks)
+  !> With springs on the mean, and from there without them. Where the contacts that hold are near their limit, all of them may slip in
+  !> a step without springs, however near the solution is: then they keep a part of their own springs in the step.
+  subroutine solve_regularised(newton, unknowns, constraint, report, is_drifting)
     type(newton_type), intent(inout) :: newton
     type(unknowns_type), intent(inout) :: unknowns
     type(constraint_type), intent(in) :: constraint
     type(newton_report_type), intent(inout) :: report
-    !> Springs alone hold the body
-    logical, intent(out) :: walks
-    type(unknowns_type) :: held
+    !> Does nothing but the springs hold the body?
+    logical, intent(out) :: is_drifting
+    type(unknowns_type) :: with_springs
     integer :: iterations, linear_iterations
 
-    call hold(newton, unknowns, constraint, report, walks)
-    if (walks .or. .not. report%converged) then
+    call relax_springs(newton, unknowns, constraint, report, is_drifting)
+    if (is_drifting .or. .not. report%converged) then
       report%converged = .false.
       return
     end if
     iterations = report%iterations
     linear_iterations = report%linear_iterations
-    held = unknowns
+    with_springs = unknowns
     call solve_in_few(newton, unknowns, constraint, free_iterations, report)
     call count_on(report, iterations, linear_iterations)
     if (report%converged) return
-    unknowns = held
+    unknowns = with_springs
     call newton%solve(unknowns, constraint, stiffening, report)
     call count_on(report, iterations, linear_iterations)
-  end subroutine solve_holding
+  end subroutine solve_regularised
 
-  !> With springs on the mean, which give way while nothing else holds.
-  subroutine hold(newton, unknowns, constraint, report, walks)
+  !> With springs on the mean, which are relaxed as long as no contact holds.
+  subroutine relax_springs(newton, unknowns, constraint, report, is_drifting)
     type(newton_type), intent(inout) :: newton
     type(unknowns_type), intent(inout) :: unknowns
     type(constraint_type), intent(in) :: constraint
     type(newton_report_type), intent(inout) :: report
-    logical, intent(out) :: walks
-    type(retreat_type) :: retreat
+    logical, intent(out) :: is_drifting
+    type(mean_increments_type) :: increments
     integer :: i, iterations, linear_iterations
-    logical :: fastened
+    logical :: has_springs
 
     iterations = 0
     linear_iterations = 0
-    walks = .false.
+    is_drifting = .false.
     report = newton_report_type()
     associate (context => newton%context)
-      do i = 1, most_held
-        call fasten(context, unknowns%motion, unknowns%omega, fastened)
+      do i = 1, most_regularised
+        call apply_springs(context, unknowns%motion, unknowns%omega, has_springs)
         report%converged = .false.
-        if (.not. fastened) return
+        if (.not. has_springs) return
         call solve_briefly(newton, unknowns, constraint, report)
-        call release(context)
+        call remove_springs(context)
         call count_on(report, iterations, linear_iterations)
-        if (.not. (report%converged .and. nothing_holds(context%balance))) return
-        call retreat%move_to(context%balance%response(:, 0))
-        walks = retreat%repeats(alike)
-        if (walks) return
+        if (.not. (report%converged .and. none_holds(context%balance))) return
+        call increments%add(context%balance%response(:, 0))
+        is_drifting = increments%is_repeated(alike)
+        if (is_drifting) return
       end do
     end associate
-  end subroutine hold
+  end subroutine relax_springs
 
   !> Newton's method, for so many iterations at most.
   subroutine solve_in_few(newton, unknowns, constraint, most, report)
@@ -162,7 +162,7 @@ contains
     newton%max_iterations = before
   end subroutine solve_in_few
 
-  !> Let a report tell of all tries so far.
+  !> Add the iterations of all tries so far to a report.
   pure subroutine count_on(report, iterations, linear_iterations)
     type(newton_report_type), intent(inout) :: report
     integer, intent(inout) :: iterations, linear_iterations

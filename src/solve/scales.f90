@@ -1,4 +1,4 @@
-!> How large motion is between two frequencies: residuals are told relative to that, and steps along branches.
+!> How large motion is between two frequencies: residuals and steps along branches are relative to that.
 !>
 !> $$ \max_\omega \Big( \sum_{h \ge 1} |B X_h(\omega)|^2 \Big)^{1/2}, \qquad \omega = \omega_a, \omega_b, \omega_r, $$
 !>
@@ -32,7 +32,7 @@ contains
     integer :: i, status
 
     looked_at = off_resonance([low, pack(resonances, resonances > low .and. resonances < high), high], resonances)
-    looked_at = [looked_at(1), looked_at(size(looked_at)), place_of_largest(balance, looked_at)]
+    looked_at = [looked_at(1), looked_at(size(looked_at)), frequency_of_largest(balance, looked_at)]
     largest = 0.0_wp
     mean = 0.0_wp
     known = .false.
@@ -65,7 +65,7 @@ contains
   end function off_resonance
 
   !> Which of some frequencies has the largest response of the modes.
-  real(wp) function place_of_largest(balance, omega) result(place)
+  real(wp) function frequency_of_largest(balance, omega) result(largest)
     type(balance_type), intent(inout) :: balance
     real(wp), intent(in) :: omega(:)
     complex(wp), allocatable :: response(:, :)
@@ -73,7 +73,7 @@ contains
     integer :: i, status
 
     highest = 0.0_wp
-    place = omega(1)
+    largest = omega(1)
     do i = 1, size(omega)
       call balance%receptance%set_frequency(omega(i), status, balance%highest_load())
       if (status /= 0) cycle
@@ -81,9 +81,9 @@ contains
       square = sum(real(response(:, 2:), wp)**2 + aimag(response(:, 2:))**2)
       if (square < highest) cycle
       highest = square
-      place = omega(i)
+      largest = omega(i)
     end do
-  end function place_of_largest
+  end function frequency_of_largest
 
   !> Of rows of all ranks.
   real(wp) function norm_over_ranks(balance, rows)

@@ -1,12 +1,12 @@
-!> What becomes of sliders after a solve: those that a further period would move, those that stay, and how far any of them would go;
-!> and whether any contact moves, or any holds.
+!> Sliders after a solve: which of them a further period would move, which stay, and by how much the largest move is; whether any
+!> contact slips or opens, and whether any holds.
 module attrito_solve_sliders
   use attrito_core_kinds, only: wp
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_contact_state, only: state_stuck, state_shaken_down
   implicit none
   private
-  public :: found_moving, keep_sliders, largest_defect, none_moves, nothing_holds
+  public :: found_moving, keep_sliders, largest_defect, none_moves, none_holds
 
 contains
 
@@ -49,7 +49,7 @@ contains
     end do
   end subroutine keep_sliders
 
-  !> The farthest that one more period would move a slider.
+  !> The largest distance by which one more period would move a slider.
   real(wp) function largest_defect(balance)
     type(balance_type), intent(in) :: balance
     integer :: i
@@ -71,11 +71,11 @@ contains
   end function none_moves
 
   !> Does every contact slip or open in the period?
-  logical function nothing_holds(balance)
+  logical function none_holds(balance)
     type(balance_type), intent(in) :: balance
     real(wp) :: holds
 
     holds = merge(1.0_wp, 0.0_wp, any(balance%forces%state <= state_shaken_down))
-    nothing_holds = balance%ranks%largest(holds) <= 0.0_wp
-  end function nothing_holds
+    none_holds = balance%ranks%largest(holds) <= 0.0_wp
+  end function none_holds
 end module attrito_solve_sliders

@@ -1,48 +1,48 @@
-!> A place where a solver stands: to be remembered and come back to, or to be an end of a step.
+!> The point that a solver is at, as a copy: to restore it later, or as an end of a step.
 module attrito_solve_snapshot
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_solve_solver, only: solver_type
   implicit none
   private
-  public :: place_type, place_of, return_to
+  public :: snapshot_type, snapshot_of, restore
 
   !> Motion, sliders and which of them are periodic, angular frequency, and whether every contact stuck there
-  type :: place_type
+  type :: snapshot_type
     real(wp), allocatable :: motion(:, :), slider(:, :)
     logical, allocatable :: periodic(:)
     real(wp) :: omega = 0.0_wp
     logical :: all_stick = .false.
   contains
-    procedure :: mark
+    procedure :: take
     procedure :: exchange
     procedure :: keep
-  end type place_type
+  end type snapshot_type
 
 contains
 
-  !> Where a solver stands.
-  function place_of(solver) result(place)
+  !> Of a solver's present point.
+  function snapshot_of(solver) result(snapshot)
     type(solver_type), intent(in) :: solver
-    type(place_type) :: place
+    type(snapshot_type) :: snapshot
 
-    call place%mark(solver)
-  end function place_of
+    call snapshot%take(solver)
+  end function snapshot_of
 
-  !> Let a solver stand at a place.
-  subroutine return_to(solver, place)
+  !> Set a solver to a snapshot.
+  subroutine restore(solver, snapshot)
     type(solver_type), intent(inout) :: solver
-    type(place_type), intent(in) :: place
+    type(snapshot_type), intent(in) :: snapshot
 
-    solver%motion = place%motion
-    solver%omega = place%omega
-    solver%all_stick = place%all_stick
-    call solver%set_slider(place%slider, place%periodic)
-  end subroutine return_to
+    solver%motion = snapshot%motion
+    solver%omega = snapshot%omega
+    solver%all_stick = snapshot%all_stick
+    call solver%set_slider(snapshot%slider, snapshot%periodic)
+  end subroutine restore
 
-  !> Be where a solver stands: a copy less than by assigning `place_of`.
-  subroutine mark(self, solver)
-    class(place_type), intent(inout) :: self
+  !> Take a solver's present point; one copy fewer than assigning `snapshot_of`.
+  subroutine take(self, solver)
+    class(snapshot_type), intent(inout) :: self
     type(solver_type), intent(in) :: solver
 
     self%motion = solver%motion
@@ -50,13 +50,13 @@ contains
     self%periodic = solver%context%balance%periodic
     self%omega = solver%omega
     self%all_stick = solver%all_stick
-  end subroutine mark
+  end subroutine take
 
-  !> Change places with another.
+  !> Swap with another, without a copy.
   subroutine exchange(self, other)
-    class(place_type), intent(inout) :: self
-    type(place_type), intent(inout) :: other
-    type(place_type) :: third
+    class(snapshot_type), intent(inout) :: self
+    type(snapshot_type), intent(inout) :: other
+    type(snapshot_type) :: third
 
     call move(self, third)
     call move(other, self)
@@ -65,7 +65,7 @@ contains
   contains
 
     subroutine move(a, b)
-      type(place_type), intent(inout) :: a, b
+      type(snapshot_type), intent(inout) :: a, b
 
       call move_alloc(a%motion, b%motion)
       call move_alloc(a%slider, b%slider)
@@ -75,9 +75,9 @@ contains
     end subroutine move
   end subroutine exchange
 
-  !> Put down in a store, or taken up from it.
+  !> Save to a store, or load from it.
   subroutine keep(self, store)
-    class(place_type), intent(inout) :: self
+    class(snapshot_type), intent(inout) :: self
     type(state_store_type), intent(inout) :: store
 
     call store%keep(self%motion)

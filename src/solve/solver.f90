@@ -1,4 +1,4 @@
-!> A model made ready to be solved: stuck system, balance, Newton's method, and where on the branch it stands.
+!> A model made ready to be solved: stuck system, balance, Newton's method, and its present point.
 module attrito_solve_solver
   use attrito_core_communicator, only: communicator_type
   use attrito_core_errors, only: error_type, raise
@@ -17,7 +17,7 @@ module attrito_solve_solver
   use attrito_newton_two_level_factors, only: two_level_factors_type
   use attrito_balance_unknowns, only: unknowns_type
   use attrito_solve_newton_strategies, only: solve_briefly, solve_persistently
-  use attrito_solve_time_integrator, only: motion_in_time_type
+  use attrito_solve_time_integrator, only: time_integrator_type
   use attrito_solve_scales, only: find_scales
   use attrito_solve_sliders, only: found_moving, keep_sliders, largest_defect, none_moves
   implicit none
@@ -36,7 +36,7 @@ module attrito_solve_solver
     integer :: max_iterations = 30
     !> Norm of the residual, relative to the stuck response, that counts as converged
     real(wp) :: tolerance = 1.0e-10_wp
-    !> Start every point's sliders where the static solution left them, rather than where the point before did
+    !> Start the sliders of every point from the static solution, not from the point before
     logical :: reset_slider = .false.
     !> Freeze the mean at the static solution
     logical :: uncoupled = .false.
@@ -54,18 +54,19 @@ module attrito_solve_solver
     !> Relative displacements of this rank's rows [2 H + 1, rows] and angular frequency
     real(wp), allocatable :: motion(:, :)
     real(wp) :: omega = 0.0_wp
-    !> Sliders that the static solution left [2, contacts]
+    !> Sliders of the static solution [2, contacts]
     real(wp), allocatable :: static_slider(:, :)
     !> How the last solve ended, with the iterations of all its tries
     type(newton_report_type) :: report
     !> Did every contact stick at the last point that converged?
     logical :: all_stick = .false.
-    !> Give a start up early, after a few iterations of Newton's method alone: others follow
+    !> Give a start up after a few iterations of Newton's method: others follow
     logical :: brief = .false.
-    !> Where no point was found: there is none near, by the balance with its mean held or by motion in time; a body walks
-    logical :: no_orbit = .false., walks = .false.
-    !> Where starts come from that no point before leads to; may be missing
-    class(motion_in_time_type), allocatable :: in_time
+    !> Where no point was found: no periodic motion is near, by the balance with springs on its mean or by time integration; a body
+    !> drifts without bound
+    logical :: no_orbit = .false., is_drifting = .false.
+    !> Source of starts that no earlier point leads to; not allocated: there is none
+    class(time_integrator_type), allocatable :: time_integrator
   contains
     procedure :: solve_with
     procedure :: solve_at
@@ -114,8 +115,8 @@ contains
 
   !> Solve from the present motion and frequency. Motion, frequency and sliders change only if it converges.
   !>
-  !> A slider with two tangents is marched from where the point before left it; one that then still moves is a periodic one, to be
-  !> found with the motion, and the solve is repeated.
+  !> A slider with two tangents is marched from its value at the point before. One that still moves after a period is an unknown of a
+  !> repeated solve.
   subroutine solve_with(self, constraint)
     class(solver_type), intent(inout) :: self
     !> The equation that picks the point
@@ -166,7 +167,7 @@ contains
     call self%context%forget()
   end subroutine solve_with
 
-  !> Stand at the point that the balance was last evaluated at; sliders go on from it.
+  !> Take the point that the balance was last evaluated at; sliders go on from it.
   subroutine accept(self, motion, omega, slider_before)
     class(solver_type), intent(inout) :: self
     real(wp), intent(in) :: motion(:, :), omega
@@ -181,7 +182,7 @@ contains
     call self%context%forget()
   end subroutine accept
 
-  !> Let the next point start from where the static solution left the sliders.
+  !> Let the next point start from the sliders of the static solution.
   subroutine reset_slider(self)
     class(solver_type), intent(inout) :: self
 
@@ -189,7 +190,7 @@ contains
     self%context%balance%periodic = .false.
   end subroutine reset_slider
 
-  !> Tolerance that tells which sliders move on: with one tangent there are none, and the first solve is the last.
+  !> Tolerance of the solve that finds which sliders move over a period. With one tangent none does, and the first solve is the last.
   real(wp) function loose_tolerance(self, tight)
     class(solver_type), intent(in) :: self
     real(wp), intent(in) :: tight
@@ -212,7 +213,7 @@ contains
 
     allocate (constraint%motion, mold=self%motion)
     constraint%motion = 0.0_wp
-    ! Told in the frequency's scale, as along branches: rounding of omega then is no residual, whatever the unit of time.
+    ! In the frequency's scale, as along branches: rounding of omega then is no residual, whatever the unit of time.
     constraint%frequency = 1.0_wp/self%context%frequency_scale
     constraint%value = constraint%frequency*omega
     before = self%omega
@@ -300,7 +301,7 @@ contains
     call self%newton%take_length()
   end subroutine set_resolution_of_solver
 
-  !> Let this rank hold these contacts. Motion and sliders of the solver are to follow.
+  !> Give this rank these contacts. The caller sets motion and sliders afterwards.
   subroutine hold_contacts(self, first, last)
     class(solver_type), intent(inout) :: self
     !> The first and the last of this rank, from 1
@@ -312,7 +313,7 @@ contains
     call new_newton(self%context, self%options%max_iterations, self%newton)
   end subroutine hold_contacts
 
-  !> Let the contacts have other friction coefficients, gaps and preloads; motion and sliders are to follow.
+  !> Give the contacts other friction coefficients, gaps and preloads. The caller sets motion and sliders afterwards.
   subroutine change_laws(self, law)
     class(solver_type), intent(inout) :: self
     !> Of all contacts
@@ -327,7 +328,7 @@ contains
     self%all_stick = .false.
   end subroutine change_laws
 
-  !> What a point leaves for the next: put down after it, or taken up in its place.
+  !> Save or load what the next point depends on.
   subroutine keep(self, store)
     class(solver_type), intent(inout) :: self
     type(state_store_type), intent(inout) :: store
@@ -349,7 +350,7 @@ contains
       call store%keep(self%omega)
       call store%keep(self%all_stick)
       call store%keep(self%no_orbit)
-      call store%keep(self%walks)
+      call store%keep(self%is_drifting)
       call store%keep(context%motion_scale)
       call store%keep(context%frequency_scale)
       call store%keep(context%tolerance)

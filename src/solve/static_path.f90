@@ -1,36 +1,36 @@
-!> Static equilibrium along a load path, walked quasi-statically: each step starts from the sliders that the step before left.
+!> Static equilibrium along a load path, followed quasi-statically: each step starts from the sliders of the step before.
 !>
 !> $$ K q_0 + B^T \lambda(B q_0, w) = \sum_i s_i f_i $$
 !>
-!> It is the harmonic balance without harmonic loads, so a step is the same solve; the path is walked in equal steps, halved where
-!> one fails.
+!> It is the harmonic balance without harmonic loads, so a step is the same solve; the path is followed in equal steps, halved
+!> where one fails.
 module attrito_solve_static_path
   use attrito_core_errors, only: error_type, raise
   use attrito_core_kinds, only: wp
-  use attrito_solve_homotopy, only: march_along, way_type
+  use attrito_solve_homotopy, only: follow_homotopy, homotopy_type
   use attrito_solve_solver, only: solver_type
   implicit none
   private
-  public :: walk_static_path
+  public :: follow_static_path
 
   !> From one set of factors on the static loads to another, at one angular frequency
-  type, extends(way_type) :: load_way_type
+  type, extends(homotopy_type) :: load_homotopy_type
     real(wp), allocatable :: from(:), to(:)
     real(wp) :: omega = 0.0_wp
   contains
     procedure :: solve => solve_loads
-  end type load_way_type
+  end type load_homotopy_type
 
 contains
 
-  !> Walk the path from the unloaded state; leaves the solver with the last point's loads, motion and sliders.
-  subroutine walk_static_path(solver, path, steps, omega, error)
+  !> Follow the path from the unloaded state; the solver is left with the loads, motion and sliders of the last point.
+  subroutine follow_static_path(solver, path, steps, omega, error)
     type(solver_type), intent(inout) :: solver
     !> Factors on the static loads at the corners [loads, corners]
     real(wp), intent(in) :: path(:, :)
     !> Steps from corner to corner
     integer, intent(in) :: steps
-    !> Angular frequency to stand at
+    !> Angular frequency, which matters to nothing but the scales
     real(wp), intent(in) :: omega
     type(error_type), allocatable, intent(out) :: error
     real(wp) :: from(size(path, 1)), to(size(path, 1))
@@ -40,7 +40,7 @@ contains
 
     solver%motion = 0.0_wp
     solver%omega = omega
-    solver%walks = .false.
+    solver%is_drifting = .false.
     solver%no_orbit = .false.
     call solver%set_slider(0.0_wp*solver%static_slider)
     from = 0.0_wp
@@ -51,7 +51,7 @@ contains
       call solver%set_loads(to, 0.0_wp)
       call solver%set_scales(omega, omega)
       iterations = 0
-      call march_along(load_way_type(from, to, omega), solver, iterations, converged, 1.0_wp/steps)
+      call follow_homotopy(load_homotopy_type(from, to, omega), solver, iterations, converged, 1.0_wp/steps)
       if (solver%context%petsc_error /= 0) then
         write (where_it_failed, '(a,i0,a)') 'PETSc failed (error ', solver%context%petsc_error, ') while solving the static balance'
         call raise(error, trim(where_it_failed))
@@ -68,10 +68,10 @@ contains
     associate (response => solver%context%balance%response)
       if (solver%options%uncoupled) solver%context%balance%frozen_mean = response(:, lbound(response, 2))
     end associate
-  end subroutine walk_static_path
+  end subroutine follow_static_path
 
   subroutine solve_loads(self, solver, t, converged)
-    class(load_way_type), intent(in) :: self
+    class(load_homotopy_type), intent(in) :: self
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: t
     logical, intent(out) :: converged

@@ -1,10 +1,10 @@
-!> Homotopy in the stiffness of the contacts, for points that no start leads to because contacts are stiff: they hit and leave within
-!> so small a part of the period that Newton's method sees nothing of it from afar,
+!> Homotopy in the stiffness of the contacts, for points that no start leads to because contacts are stiff: they touch for so small a
+!> part of the period that Newton's method converges only from very near,
 !>
 !> $$ k_n(t) = \epsilon^{1 - t} k_n, \qquad k_t(t) = \epsilon^{1 - t} k_t, \qquad t = 0 \dots 1. $$
 !>
-!> Every stiffness has a stuck system of its own; what is handed on from one to the next is the motion. Motion in time need not be
-!> that of the softer contacts to lead to a solution of theirs.
+!> Every stiffness has a stuck system of its own; the motion is handed on from one to the next. Motion in time of the contacts as they
+!> are may lead to a solution with softer ones.
 module attrito_solve_stiffness_homotopy
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
@@ -12,8 +12,8 @@ module attrito_solve_stiffness_homotopy
   use attrito_newton_newton, only: newton_report_type
   use attrito_balance_stuck_response, only: linear_motion
   use attrito_solve_solver, only: solver_type, new_solver
-  use attrito_solve_time_integration_start, only: has_time, solve_in_time
-  use attrito_solve_homotopy, only: march_along, way_type
+  use attrito_solve_time_integration_start, only: has_time_integrator, solve_from_time_integration
+  use attrito_solve_homotopy, only: follow_homotopy, homotopy_type
   implicit none
   private
   public :: can_soften, solve_by_stiffness
@@ -23,14 +23,14 @@ module attrito_solve_stiffness_homotopy
   !> Steps over a hundredth, iterations after which it is given up, and coordinates beyond which it is not begun: each step
   !> diagonalises a stuck system
   integer, parameter :: steps = 4, most_iterations = 200, most_coordinates = 300
-  !> Where softest contacts start from: the solver's motion, their stuck response, the motion in time of those that are not soft
-  integer, parameter :: from_here = 1, from_stuck_response = 2, from_motion_in_time = 3
+  !> Starts of the softest contacts: the solver's motion, their stuck response, the motion in time of the contacts as they are
+  integer, parameter :: from_here = 1, from_stuck_response = 2, from_time_integration = 3
 
-  type, extends(way_type) :: stiffness_way_type
+  type, extends(homotopy_type) :: stiffness_homotopy_type
     real(wp) :: omega = 0.0_wp, softest = 1.0_wp
   contains
     procedure :: solve => solve_softened
-  end type stiffness_way_type
+  end type stiffness_homotopy_type
 
 contains
 
@@ -41,7 +41,7 @@ contains
     can_soften = .not. solver%options%uncoupled .and. size(solver%structure%mass, 1) <= most_coordinates
   end function can_soften
 
-  !> From soft contacts to those that there are.
+  !> From soft contacts to the contacts as they are.
   subroutine solve_by_stiffness(solver, omega, iterations, converged)
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: omega
@@ -53,19 +53,20 @@ contains
 
     motion = solver%motion
     do i = 1, size(softest)
-      do start = from_here, merge(from_motion_in_time, from_stuck_response, has_time(solver))
+      do start = from_here, merge(from_time_integration, from_stuck_response, has_time_integrator(solver))
         solver%motion = motion
         call solve_at_part(solver, omega, softest(i), start, converged)
         iterations = iterations + solver%report%iterations
         if (.not. converged) cycle
-        call march_along(stiffness_way_type(omega, softest(i)), solver, iterations, converged, 1.0_wp/(i*steps), most_iterations)
+        call follow_homotopy(stiffness_homotopy_type(omega, softest(i)), solver, iterations, converged, 1.0_wp/(i*steps), &
+                             most_iterations)
         if (converged) return
       end do
     end do
   end subroutine solve_by_stiffness
 
   subroutine solve_softened(self, solver, t, converged)
-    class(stiffness_way_type), intent(in) :: self
+    class(stiffness_homotopy_type), intent(in) :: self
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: t
     logical, intent(out) :: converged
@@ -78,7 +79,7 @@ contains
     end if
   end subroutine solve_softened
 
-  !> Solve with softer contacts; the solver takes the motion over, its sliders stay where they were.
+  !> Solve with softer contacts; the solver takes the motion, its sliders do not change.
   subroutine solve_at_part(solver, omega, factor, start, converged)
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: omega, factor
@@ -95,10 +96,10 @@ contains
     if (converged) then
       call softer%set_scales(omega, omega)
       if (start == from_stuck_response) softer%motion = linear_motion(softer%context%balance)
-      if (start == from_motion_in_time) then
-        allocate (softer%in_time, source=solver%in_time)
+      if (start == from_time_integration) then
+        allocate (softer%time_integrator, source=solver%time_integrator)
         iterations = 0
-        call solve_in_time(softer, omega, .false., .false., iterations, converged)
+        call solve_from_time_integration(softer, omega, .false., .false., iterations, converged)
         solver%report%iterations = iterations
       else
         call softer%solve_at(omega)

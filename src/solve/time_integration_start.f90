@@ -1,92 +1,93 @@
-!> Newton's method from motion in time, for points that no point before leads to: it begins where the solver stands, at the start of a
-!> period,
+!> Newton's method from starts by time integration, for points that no earlier point leads to. Integration begins at the solver's
+!> present motion, at the start of a period,
 !>
 !> $$ q = \mathrm{Re} \sum_h X_h, \qquad \dot q = \mathrm{Re} \sum_h i h \omega X_h, $$
 !>
-!> and runs on under the loads of the point that is looked for until Newton's method converges from what it has come to; then, since
-!> the point before may lead to another motion, once more from rest, q = X_0 and q' = 0.
+!> and goes on under the loads of the point that is looked for until Newton's method converges from its averages; then, since the
+!> point before may lead to another motion, once more from rest, q = X_0 and q' = 0.
 module attrito_solve_time_integration_start
   use attrito_core_kinds, only: wp
-  use attrito_solve_mean_regularisation, only: let_walk
+  use attrito_solve_mean_regularisation, only: find_drift
   use attrito_solve_time_integrator, only: excitation_type, periods_type
-  use attrito_solve_snapshot, only: place_type, place_of, return_to
+  use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
   implicit none
   private
-  public :: has_time, solve_in_time
+  public :: has_time_integrator, solve_from_time_integration
 
-  !> Stretches of motion in time that Newton's method starts from, all but every third briefly; how many where hardly anything is
-  !> hoped for
-  integer, parameter :: attempts_in_time = 12, full_attempt = 3, attempts_lost = 3, attempts_from_rest = 4
-  !> Periods averaged at first, and after how many attempts they double: the longer a motion wanders, the longer its mean takes
+  !> Averaging windows that Newton's method starts from, all but every third briefly; how many where the point before had no periodic
+  !> solution; and how many from rest
+  integer, parameter :: attempts_in_motion = 12, full_attempt = 3, attempts_lost = 3, attempts_from_rest = 4
+  !> Periods averaged at first, and after how many windows they double: the mean of an irregular motion needs longer windows
   integer, parameter :: periods_averaged = 5, attempts_alike = 4
-  !> Stretches one after another that walk, and are then known to; change over a period of a motion that has settled
-  integer, parameter :: attempts_walking = 3
+  !> Successive windows with drift after which the body is taken to drift; change over a period of a motion that has settled
+  integer, parameter :: attempts_drifting = 3
   real(wp), parameter :: settled = 1.0e-3_wp
-  !> Binary digits of the largest number of a state that motion in time starts from
+  !> Binary digits of the largest number of a state that time integration starts from
   integer, parameter :: digits_at_start = 34
 
 contains
 
-  !> Can motion in time give starts? A mean that is frozen has none.
-  pure logical function has_time(solver)
+  !> Can time integration give starts? A frozen mean has no motion in time.
+  pure logical function has_time_integrator(solver)
     type(solver_type), intent(in) :: solver
 
-    has_time = allocated(solver%in_time) .and. .not. solver%options%uncoupled
-  end function has_time
+    has_time_integrator = allocated(solver%time_integrator) .and. .not. solver%options%uncoupled
+  end function has_time_integrator
 
-  !> Newton's method from motion in time, which begins where the solver stands and runs on until that converges, or is seen to walk.
-  subroutine solve_in_time(solver, omega, walked, lost, iterations, converged)
+  !> Newton's method from the averages of motion in time, until it converges or the body is found to drift.
+  subroutine solve_from_time_integration(solver, omega, was_drifting, lost, iterations, converged)
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: omega
-    !> Did the point before walk? Then springs on the mean tell after every stretch whether this one does.
-    logical, intent(in) :: walked
-    !> Is hardly anything hoped for? Then it does not go on for long.
+    !> Did the body drift at the point before? Then springs on the mean show after every window whether it still does.
+    logical, intent(in) :: was_drifting
+    !> Had the point before no periodic solution? Then few windows are tried.
     logical, intent(in) :: lost
     !> Counts on
     integer, intent(inout) :: iterations
     logical, intent(out) :: converged
-    type(place_type) :: before
+    type(snapshot_type) :: before
 
-    before = place_of(solver)
-    call run_and_solve(solver, omega, merge(attempts_lost, attempts_in_time, lost .or. solver%walks), walked, iterations, converged)
-    if (converged .or. lost .or. walked .or. solver%walks) return
-    call return_to(solver, before)
+    before = snapshot_of(solver)
+    call run_and_solve(solver, omega, merge(attempts_lost, attempts_in_motion, lost .or. solver%is_drifting), was_drifting, &
+                       iterations, converged)
+    if (converged .or. lost .or. was_drifting .or. solver%is_drifting) return
+    call restore(solver, before)
     solver%motion(2:, :) = 0.0_wp
-    call run_and_solve(solver, omega, attempts_from_rest, walked, iterations, converged)
-  end subroutine solve_in_time
+    call run_and_solve(solver, omega, attempts_from_rest, was_drifting, iterations, converged)
+  end subroutine solve_from_time_integration
 
-  !> So many stretches from where the solver stands.
-  subroutine run_and_solve(solver, omega, attempts, walked, iterations, converged)
+  !> So many averaging windows from the present point.
+  subroutine run_and_solve(solver, omega, attempts, was_drifting, iterations, converged)
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: omega
     integer, intent(in) :: attempts
-    logical, intent(in) :: walked
+    logical, intent(in) :: was_drifting
     !> Counts on
     integer, intent(inout) :: iterations
     logical, intent(out) :: converged
     type(periods_type) :: periods
-    integer :: attempt, walking
+    integer :: attempt, drifting
 
-    call stand_in_time(solver, converged)
+    call start_integrator(solver, converged)
     if (.not. converged) return
-    walking = 0
+    drifting = 0
     do attempt = 1, attempts
       call move_on(solver, omega, periods_averaged*2**((attempt - 1)/attempts_alike), periods)
       converged = .false.
       if (.not. periods%moved) exit
-      solver%brief = modulo(attempt, full_attempt) /= 0 .or. solver%walks
+      solver%brief = modulo(attempt, full_attempt) /= 0 .or. solver%is_drifting
       call solver%solve_at(omega)
       iterations = iterations + solver%report%iterations
       converged = solver%report%converged
-      if (.not. converged .and. (walked .or. .not. solver%brief)) call let_walk(solver, omega, iterations, converged)
+      if (.not. converged .and. (was_drifting .or. .not. solver%brief)) call find_drift(solver, omega, iterations, converged)
       solver%brief = .false.
-      if (converged .or. (walked .and. solver%walks)) exit
-      walking = merge(walking + 1, 0, periods%walks)
-      if (walking == attempts_walking) solver%walks = .true.
-      if (solver%walks .and. attempt >= attempts_lost) exit
+      if (converged .or. (was_drifting .and. solver%is_drifting)) exit
+      drifting = merge(drifting + 1, 0, periods%is_drifting)
+      if (drifting == attempts_drifting) solver%is_drifting = .true.
+      if (solver%is_drifting .and. attempt >= attempts_lost) exit
     end do
-    solver%no_orbit = solver%walks .or. (.not. converged .and. periods%moved .and. periods%change > settled)
+    solver%no_orbit = solver%is_drifting .or. (.not. converged .and. periods%moved .and. periods%change > settled)
   end subroutine run_and_solve
 
   !> Numbers without the digits that depend on the order of sums over ranks: these would grow in motion that is unstable.
@@ -98,7 +99,7 @@ contains
     rounded = unit*anint(numbers/unit)
   end function rounded
 
-  !> A stretch of motion in time; the solver stands at its mean.
+  !> Integrate over one averaging window, and set the solver to the average.
   subroutine move_on(solver, omega, count, periods)
     type(solver_type), intent(inout) :: solver
     real(wp), intent(in) :: omega
@@ -107,19 +108,19 @@ contains
     type(periods_type), intent(out) :: periods
 
     associate (balance => solver%context%balance)
-      call solver%in_time%run_on(excitation_type(omega, balance%static_factors, balance%level), balance%receptance%harmonics, &
-                                 count, periods)
+      call solver%time_integrator%average_over(excitation_type(omega, balance%static_factors, balance%level), &
+                                               balance%receptance%harmonics, count, periods)
       if (.not. periods%moved) return
       solver%motion = periods%motion(:, balance%first_row:balance%first_row + balance%rows() - 1)
       call solver%set_slider(periods%slider(:, balance%first_contact:balance%first_contact + size(balance%law) - 1))
     end associate
   end subroutine move_on
 
-  !> Let motion in time stand where the solver does, at the start of a period.
-  subroutine stand_in_time(solver, stands)
+  !> Start the time integration at the solver's motion, at the start of a period.
+  subroutine start_integrator(solver, is_started)
     type(solver_type), intent(inout) :: solver
     !> .false.: the balance cannot be evaluated here
-    logical, intent(out) :: stands
+    logical, intent(out) :: is_started
     real(wp), allocatable :: displacement(:), rate(:)
     real(wp) :: slider(2, size(solver%contacts%law)), moving
     integer :: h, status
@@ -127,9 +128,9 @@ contains
     associate (balance => solver%context%balance)
       call balance%evaluate(solver%motion, solver%omega, status)
       call solver%context%forget()
-      stands = status == 0
-      if (.not. stands) return
-      ! After the static solution it stands still, whatever the loads would do.
+      is_started = status == 0
+      if (.not. is_started) return
+      ! After the static solution the structure is at rest, whatever the loads would do.
       moving = balance%ranks%largest(maxval([0.0_wp, abs(solver%motion(2:, :))]))
       if (moving <= 0.0_wp) balance%response(:, 1:) = 0.0_wp
       displacement = real(balance%response(:, 0), wp)
@@ -139,9 +140,9 @@ contains
         rate = rate - h*solver%omega*aimag(balance%response(:, h))
       end do
       call balance%ranks%gather_columns_everywhere(balance%slider, slider)
-      call solver%in_time%stand(rounded(matmul(balance%receptance%basis, displacement)), &
+      call solver%time_integrator%set_state(rounded(matmul(balance%receptance%basis, displacement)), &
                                 rounded(matmul(balance%receptance%basis, rate)), &
-                                reshape(rounded([slider]), shape(slider)), stands)
+                                reshape(rounded([slider]), shape(slider)), is_started)
     end associate
-  end subroutine stand_in_time
+  end subroutine start_integrator
 end module attrito_solve_time_integration_start

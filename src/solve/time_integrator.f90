@@ -1,9 +1,9 @@
-!> Motion in time as a source of starts for Newton's method: what continuation asks of it, whoever integrates.
+!> Time integration as a source of starts for Newton's method: what a solver asks of an integrator.
 module attrito_solve_time_integrator
   use attrito_core_kinds, only: wp
   implicit none
   private
-  public :: motion_in_time_type, excitation_type, periods_type
+  public :: time_integrator_type, excitation_type, periods_type
 
   !> Loads under which it moves
   type :: excitation_type
@@ -14,9 +14,9 @@ module attrito_solve_time_integrator
     real(wp) :: level = 1.0_wp
   end type excitation_type
 
-  !> What some periods of it were like
+  !> Average over some periods
   type :: periods_type
-    !> .false.: a step found no solution, and nothing else holds
+    !> .false.: a step found no solution, and nothing else is set
     logical :: moved = .false.
     !> Mean of the periods: coefficients of the relative displacements of all rows [2 H + 1, rows]
     real(wp), allocatable :: motion(:, :)
@@ -24,39 +24,39 @@ module attrito_solve_time_integrator
     real(wp), allocatable :: slider(:, :)
     !> Change of the displacements over the last period, relative to their first harmonic
     real(wp) :: change = huge(1.0_wp)
-    !> Did every one of the last periods change them the same way?
-    logical :: walks = .false.
+    !> Did each of the last periods change the displacements by the same amount?
+    logical :: is_drifting = .false.
   end type periods_type
 
-  type, abstract :: motion_in_time_type
+  type, abstract :: time_integrator_type
   contains
-    procedure(stand), deferred :: stand
-    procedure(run_on), deferred :: run_on
-  end type motion_in_time_type
+    procedure(set_state), deferred :: set_state
+    procedure(average_over), deferred :: average_over
+  end type time_integrator_type
 
   abstract interface
-    !> Stand at a state, at the start of a period of the excitation.
-    subroutine stand(self, displacement, velocity, slider, stands)
-      import :: motion_in_time_type, wp
-      class(motion_in_time_type), intent(inout) :: self
+    !> Set the state, at the start of a period of the excitation.
+    subroutine set_state(self, displacement, velocity, slider, is_set)
+      import :: time_integrator_type, wp
+      class(time_integrator_type), intent(inout) :: self
       !> Of the model's coordinates [m]
       real(wp), intent(in) :: displacement(:), velocity(:)
       !> Of all contacts [2, contacts]
       real(wp), intent(in) :: slider(:, :)
       !> .false.: this structure has no motion in time
-      logical, intent(out) :: stands
-    end subroutine stand
+      logical, intent(out) :: is_set
+    end subroutine set_state
 
-    !> Move on for some periods until the start is forgotten, and for some more that are told of.
-    subroutine run_on(self, excitation, harmonics, count, periods)
-      import :: motion_in_time_type, excitation_type, periods_type
-      class(motion_in_time_type), intent(inout) :: self
+    !> Integrate over some periods in which transients fade, and average over some more.
+    subroutine average_over(self, excitation, harmonics, count, periods)
+      import :: time_integrator_type, excitation_type, periods_type
+      class(time_integrator_type), intent(inout) :: self
       type(excitation_type), intent(in) :: excitation
       !> Of the coefficients
       integer, intent(in) :: harmonics
-      !> How many more, 3 at least
+      !> Periods to average over, 3 at least
       integer, intent(in) :: count
       type(periods_type), intent(out) :: periods
-    end subroutine run_on
+    end subroutine average_over
   end interface
 end module attrito_solve_time_integrator

@@ -11,7 +11,7 @@
 module attrito_stability_crossing
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
-  use attrito_solve_snapshot, only: place_type, place_of
+  use attrito_solve_snapshot, only: snapshot_type, snapshot_of
   use attrito_solve_solver, only: solver_type
   use attrito_continuation_step, only: step_type
   use attrito_integrate_system, only: system_type
@@ -46,7 +46,7 @@ module attrito_stability_crossing
     integer :: kind = crossing_jump
     !> Of the upper half plane
     complex(wp) :: multiplier = 0.0_wp
-    type(place_type) :: place
+    type(snapshot_type) :: place
     !> What is left of the step there, rad/s
     real(wp) :: uncertain = 0.0_wp
     !> Does the larger number lie outside beyond it?
@@ -56,13 +56,13 @@ module attrito_stability_crossing
   !> One end of what is left of a step
   type :: end_type
     real(wp) :: part = 0.0_wp, weight = 0.0_wp
-    type(place_type) :: place
+    type(snapshot_type) :: place
     type(moduli_type) :: moduli
   end type end_type
 
 contains
 
-  !> Put down in a store, or taken up from it.
+  !> Save to a store, or load from it.
   subroutine keep(self, store)
     class(moduli_type), intent(inout) :: self
     type(state_store_type), intent(inout) :: store
@@ -206,7 +206,7 @@ contains
 
     call step%solve_part(solver, self%part, solved)
     if (.not. solved) return
-    self%place = place_of(solver)
+    self%place = snapshot_of(solver)
     call examine(solver, system, options, examination)
     call moduli_of(solver, examination, self%moduli)
     solved = size(self%moduli%value) > 0
@@ -263,7 +263,7 @@ contains
   !> Of two motions, relative to the first.
   real(wp) function distance(solver, one, other)
     type(solver_type), intent(in) :: solver
-    type(place_type), intent(in) :: one, other
+    type(snapshot_type), intent(in) :: one, other
     real(wp) :: squares(2)
 
     squares = [sum((other%motion(2:, :) - one%motion(2:, :))**2), sum(one%motion(2:, :)**2)]

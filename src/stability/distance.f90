@@ -11,7 +11,7 @@ module attrito_stability_distance
   use attrito_stability_start, only: coordinates_of
   implicit none
   private
-  public :: course_of_balance, distance_between, instants
+  public :: trajectory_of_balance, distance_between, instants
 
   !> At which motions are held against each other
   integer, parameter :: instants = 128
@@ -19,11 +19,11 @@ module attrito_stability_distance
 contains
 
   !> A balance's motion at equal instants of its period [m, 0:count - 1].
-  function course_of_balance(solver, system, count) result(course)
+  function trajectory_of_balance(solver, system, count) result(trajectory)
     type(solver_type), intent(in) :: solver
     type(system_type), intent(in) :: system
     integer, intent(in) :: count
-    real(wp), allocatable :: course(:, :)
+    real(wp), allocatable :: trajectory(:, :)
     real(wp), allocatable :: harmonics(:, :), basis(:, :)
     integer :: i, h
 
@@ -34,9 +34,9 @@ contains
       basis(2::2, i) = [(cos(two_pi*modulo(h*i, count)/count), h=1, size(harmonics, 1)/2)]
       basis(3::2, i) = [(sin(two_pi*modulo(h*i, count)/count), h=1, size(harmonics, 1)/2)]
     end do
-    allocate (course(size(harmonics, 2), 0:count - 1))
-    course = matmul(transpose(harmonics), basis)
-  end function course_of_balance
+    allocate (trajectory(size(harmonics, 2), 0:count - 1))
+    trajectory = matmul(transpose(harmonics), basis)
+  end function trajectory_of_balance
 
   !> Of a motion from a balance's, at the same instants [m, instants], part of the latter's amplitude.
   pure real(wp) function distance_between(motion, balance) result(distance)

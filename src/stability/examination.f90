@@ -6,7 +6,7 @@ module attrito_stability_examination
   use attrito_stability_verdict, only: not_examined
   implicit none
   private
-  public :: examination_type, examine_options_type, balance_motion_type, is_near, held, number, part, farthest
+  public :: examination_type, examine_options_type, balance_motion_type, is_near, held, number, part, distance_limit
   public :: by_monodromy, by_hill, balanced_orbit, exact_orbit, automatic_orbit
 
   !> Engines, to be added
@@ -26,7 +26,7 @@ module attrito_stability_examination
   end type examine_options_type
 
   !> How far the event-exact orbit may lie from the balance's, part of its amplitude, to be taken for the same
-  real(wp), parameter :: farthest = 0.1_wp
+  real(wp), parameter :: distance_limit = 0.1_wp
 
   !> Part by which friction of contacts that hold is raised once the event-exact orbit is known: one that was shaken down touches its
   !> limit there, where rounding decides whether it slips
@@ -72,7 +72,7 @@ contains
   pure logical function is_near(self)
     type(examination_type), intent(in) :: self
 
-    is_near = self%distance >= 0.0_wp .and. self%distance <= farthest
+    is_near = self%distance >= 0.0_wp .and. self%distance <= distance_limit
   end function is_near
 
   !> A part of the amplitude in words.

@@ -7,16 +7,16 @@ module attrito_stability_examine_legs
   use attrito_integrate_loading, only: loading_type
   use attrito_integrate_state, only: state_type
   use attrito_integrate_system, only: system_type
-  use attrito_stability_distance, only: course_of_balance, distance_between, instants
+  use attrito_stability_distance, only: trajectory_of_balance, distance_between, instants
   use attrito_stability_examination, only: examination_type, examine_options_type, balance_motion_type, is_near, held, number, part, &
-                                           farthest, by_monodromy, by_hill, balanced_orbit, exact_orbit
+                                           distance_limit, by_monodromy, by_hill, balanced_orbit, exact_orbit
   use attrito_stability_examine_sampled, only: examine_sampled_in_time
-  use attrito_stability_graze, only: nudged, grazing_contact
+  use attrito_stability_graze, only: perturbed_law, grazing_contact
   use attrito_stability_hill, only: hill_multipliers, too_large
   use attrito_stability_in_time, only: decide_in_time, settle
   use attrito_stability_leg, only: orbit_legs_type, legs_of_motion
   use attrito_stability_multipliers, only: multiplier_type, multipliers_of
-  use attrito_stability_shooting, only: shoot, march_period, march_seen
+  use attrito_stability_shooting, only: shoot, march_period, march_recorded
   use attrito_stability_start, only: loading_of, start_of
   use attrito_stability_verdict, only: judge, largest_multiplier, band, not_examined, indeterminate
   implicit none
@@ -35,27 +35,27 @@ contains
     type(examine_options_type), intent(in) :: options
     type(balance_motion_type), intent(in) :: all_contacts
     type(examination_type), intent(inout) :: self
-    type(orbit_legs_type) :: orbit, nudges(2)
+    type(orbit_legs_type) :: orbit, perturbed_orbits(2)
     type(loading_type) :: loading
     type(state_type) :: start
     logical :: two_tangents
 
     loading = loading_of(solver, system)
     two_tangents = any(system%law%tangents > 1)
-    call balanced_legs(solver, all_contacts%motion, all_contacts%slider(1, :), orbit, nudges)
+    call balanced_legs(solver, all_contacts%motion, all_contacts%slider(1, :), orbit, perturbed_orbits)
     if (options%orbit == balanced_orbit .or. (all(orbit%stuck) .and. (two_tangents .or. options%orbit /= exact_orbit))) then
-      call judge_orbit(system, options, loading%period, orbit, nudges, self)
+      call judge_orbit(system, options, loading%period, orbit, perturbed_orbits, self)
       return
     end if
     if (two_tangents) then
       call examine_sampled_in_time(solver, system, options, all_contacts, self)
-      if (.not. is_near(self)) call judge_without_verdict(system, options, loading%period, orbit, nudges, self)
+      if (.not. is_near(self)) call judge_without_verdict(system, options, loading%period, orbit, perturbed_orbits, self)
       return
     end if
     start = start_of(solver, system, all_contacts%slider(1, :))
     call examine_exact(solver, system, options, all_contacts, start, self)
     if (is_near(self) .or. options%orbit == exact_orbit) return
-    call judge_without_verdict(system, options, loading%period, orbit, nudges, self)
+    call judge_without_verdict(system, options, loading%period, orbit, perturbed_orbits, self)
   end subroutine examine_legs
 
   !> On the event-exact orbit near a state, which is then where its period starts; none there, no verdict.
@@ -66,38 +66,40 @@ contains
     type(balance_motion_type), intent(in) :: all_contacts
     type(state_type), intent(inout) :: start
     type(examination_type), intent(inout) :: self
-    type(orbit_legs_type) :: orbit, nudges(2)
+    type(orbit_legs_type) :: orbit, perturbed_orbits(2)
     type(loading_type) :: loading
     type(system_type) :: holding
 
     loading = loading_of(solver, system)
-    call find_exact(system, loading, course_of_balance(solver, system, instants), start, orbit, self%distance)
+    call find_exact(system, loading, trajectory_of_balance(solver, system, instants), start, orbit, self%distance)
     if (.not. is_near(self)) then
       self%verdict = indeterminate
       self%reason = 'no event-exact orbit near that of the balance'
-      if (self%distance > farthest) self%reason = 'the event-exact orbit lies '//part(self%distance)//' from that of the balance'
+      if (self%distance > distance_limit) then
+        self%reason = 'the event-exact orbit lies '//part(self%distance)//' from that of the balance'
+      end if
       return
     end if
     holding = system
     holding%law = held(system%law, all_contacts%holds)
-    call exact_legs(holding, loading, swings_of(system%law, all_contacts%motion), start, orbit, nudges)
-    call judge_orbit(holding, options, loading%period, orbit, nudges, self)
+    call exact_legs(holding, loading, oscillation_bounds_of(system%law, all_contacts%motion), start, orbit, perturbed_orbits)
+    call judge_orbit(holding, options, loading%period, orbit, perturbed_orbits, self)
     if (self%verdict /= indeterminate .or. .not. options%decide) return
     self%verdict = decide_in_time(holding, loading, start)
     if (self%verdict /= indeterminate) self%reason = self%reason//'; decided by integration in time'
   end subroutine examine_exact
 
   !> Multipliers of the balance's orbit where there is no event-exact one beside it: they decide nothing.
-  subroutine judge_without_verdict(system, options, period, orbit, nudges, self)
+  subroutine judge_without_verdict(system, options, period, orbit, perturbed_orbits, self)
     type(system_type), intent(in) :: system
     type(examine_options_type), intent(in) :: options
     real(wp), intent(in) :: period
-    type(orbit_legs_type), intent(in) :: orbit, nudges(2)
+    type(orbit_legs_type), intent(in) :: orbit, perturbed_orbits(2)
     type(examination_type), intent(inout) :: self
     character(:), allocatable :: reason
 
     reason = self%reason
-    call judge_orbit(system, options, period, orbit, nudges, self)
+    call judge_orbit(system, options, period, orbit, perturbed_orbits, self)
     self%verdict = indeterminate
     self%reason = reason
     self%low = 0.0_wp
@@ -105,12 +107,12 @@ contains
   end subroutine judge_without_verdict
 
   !> Multipliers of an orbit and what they say.
-  subroutine judge_orbit(system, options, period, orbit, nudges, self)
+  subroutine judge_orbit(system, options, period, orbit, perturbed_orbits, self)
     type(system_type), intent(in) :: system
     type(examine_options_type), intent(in) :: options
     real(wp), intent(in) :: period
     !> Its legs, and those with contacts nudged
-    type(orbit_legs_type), intent(in) :: orbit, nudges(2)
+    type(orbit_legs_type), intent(in) :: orbit, perturbed_orbits(2)
     type(examination_type), intent(inout) :: self
     integer :: info, contact
 
@@ -129,19 +131,19 @@ contains
       if (.not. allocated(self%monodromy)) return
     end if
     self%verdict = verdict_of(self, .not. all(orbit%stuck))
-    contact = max(grazing_contact(orbit, nudges(1)), grazing_contact(orbit, nudges(2)))
+    contact = max(grazing_contact(orbit, perturbed_orbits(1)), grazing_contact(orbit, perturbed_orbits(2)))
     if (contact > 0) then
       self%verdict = indeterminate
       self%reason = 'contact '//number(contact - 1)//' grazes'
     end if
-    call find_interval(system, period, orbit, nudges, contact > 0, self)
+    call find_interval(system, period, orbit, perturbed_orbits, contact > 0, self)
   end subroutine judge_orbit
 
   !> Where the largest modulus lies if that does not decide: between those of the engines, and on both sides of a graze.
-  subroutine find_interval(system, period, orbit, nudges, grazes, self)
+  subroutine find_interval(system, period, orbit, perturbed_orbits, grazes, self)
     type(system_type), intent(in) :: system
     real(wp), intent(in) :: period
-    type(orbit_legs_type), intent(in) :: orbit, nudges(2)
+    type(orbit_legs_type), intent(in) :: orbit, perturbed_orbits(2)
     logical, intent(in) :: grazes
     type(examination_type), intent(inout) :: self
     type(multiplier_type), allocatable :: beside(:)
@@ -153,7 +155,7 @@ contains
     if (allocated(self%monodromy)) call take_in(self%monodromy)
     if (allocated(self%hill)) call take_in(self%hill)
     do i = 1, merge(2, 0, grazes)
-      call multipliers_of(system, nudges(i), period, beside, change, info)
+      call multipliers_of(system, perturbed_orbits(i), period, beside, change, info)
       if (info == 0) call take_in(beside)
     end do
     self%low = max(0.0_wp, self%low - max(self%change, band(.not. all(orbit%stuck))))
@@ -170,16 +172,17 @@ contains
   end subroutine find_interval
 
   !> Legs of the balance's orbit, and with contacts nudged.
-  subroutine balanced_legs(solver, motion, slider, orbit, nudges)
+  subroutine balanced_legs(solver, motion, slider, orbit, perturbed_orbits)
     type(solver_type), intent(in) :: solver
     real(wp), intent(in) :: motion(:, :), slider(:)
-    type(orbit_legs_type), intent(out) :: orbit, nudges(2)
+    type(orbit_legs_type), intent(out) :: orbit, perturbed_orbits(2)
     integer :: i
 
     associate (law => solver%contacts%law, grid => solver%context%balance%quadrature%grid)
       call legs_of_motion(law, grid, motion, slider, orbit)
       do i = 1, 2
-        call legs_of_motion(nudged(law, swings_of(law, motion), 2*i - 3), grid, motion, slider, nudges(i))
+        call legs_of_motion(perturbed_law(law, oscillation_bounds_of(law, motion), 2*i - 3), grid, motion, slider, &
+                            perturbed_orbits(i))
       end do
     end associate
   end subroutine balanced_legs
@@ -192,21 +195,21 @@ contains
     !> Its motion [m, instants]
     real(wp), intent(in) :: balance(:, :)
     type(state_type) :: state
-    real(wp) :: course(size(balance, 1), size(balance, 2))
+    real(wp) :: trajectory(size(balance, 1), size(balance, 2))
 
     state = start
-    call march_seen(system, loading, state, course)
-    distance = distance_between(course, balance)
+    call march_recorded(system, loading, state, trajectory)
+    distance = distance_between(trajectory, balance)
   end function one_period_away
 
   !> Legs of the period that begins at the event-exact orbit's start, and with contacts nudged.
-  subroutine exact_legs(system, loading, swings, start, orbit, nudges)
+  subroutine exact_legs(system, loading, oscillation_bounds, start, orbit, perturbed_orbits)
     type(system_type), intent(in) :: system
     type(loading_type), intent(in) :: loading
     !> Size of each contact's normal displacement
-    real(wp), intent(in) :: swings(:)
+    real(wp), intent(in) :: oscillation_bounds(:)
     type(state_type), intent(in) :: start
-    type(orbit_legs_type), intent(out) :: orbit, nudges(2)
+    type(orbit_legs_type), intent(out) :: orbit, perturbed_orbits(2)
     type(system_type) :: other
     type(state_type) :: state
     real(wp) :: range
@@ -216,9 +219,9 @@ contains
     call march_period(system, loading, state, orbit, range)
     other = system
     do i = 1, 2
-      other%law = nudged(system%law, swings, 2*i - 3)
+      other%law = perturbed_law(system%law, oscillation_bounds, 2*i - 3)
       state = start
-      call march_period(other, loading, state, nudges(i), range)
+      call march_period(other, loading, state, perturbed_orbits(i), range)
     end do
   end subroutine exact_legs
 
@@ -240,7 +243,7 @@ contains
 
     other = start
     call shoot_from(start, orbit, distance)
-    if (distance >= 0.0_wp .and. distance <= farthest) return
+    if (distance >= 0.0_wp .and. distance <= distance_limit) return
     call settle(system, loading, other, range, settled)
     if (.not. settled) return
     call shoot_from(other, other_orbit, other_distance)
@@ -265,14 +268,14 @@ contains
   end subroutine find_exact
 
   !> Size of each contact's normal displacement, without its mean.
-  pure function swings_of(law, motion) result(swing)
+  pure function oscillation_bounds_of(law, motion) result(oscillation_bound)
     type(contact_type), intent(in) :: law(:)
     real(wp), intent(in) :: motion(:, :)
-    real(wp) :: swing(size(law))
+    real(wp) :: oscillation_bound(size(law))
     integer :: i
 
-    swing = [(sum(abs(motion(2:, law(i)%first_row + 1))), i=1, size(law))]
-  end function swings_of
+    oscillation_bound = [(sum(abs(motion(2:, law(i)%first_row + 1))), i=1, size(law))]
+  end function oscillation_bounds_of
 
   !> Of the engines that were asked for: they must agree.
   integer function verdict_of(self, switches) result(verdict)

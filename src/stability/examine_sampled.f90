@@ -9,9 +9,9 @@ module attrito_stability_examine_sampled
   use attrito_integrate_state, only: state_type
   use attrito_integrate_system, only: system_type
   use attrito_stability_examination, only: examination_type, examine_options_type, balance_motion_type, is_near, number, part, &
-                                           farthest, by_monodromy, balanced_orbit, exact_orbit
-  use attrito_stability_distance, only: course_of_balance, distance_between
-  use attrito_stability_graze, only: nudged, grazing_contact
+                                           distance_limit, by_monodromy, balanced_orbit, exact_orbit
+  use attrito_stability_distance, only: trajectory_of_balance, distance_between
+  use attrito_stability_graze, only: perturbed_law, grazing_contact
   use attrito_stability_multipliers, only: multiplier_type, largest_change
   use attrito_stability_sampled_motion, only: sampled_motion_type, motion_of_harmonics
   use attrito_stability_sampled_multipliers, only: sampled_multipliers, choose_modes
@@ -114,8 +114,8 @@ contains
     distance = -1.0_wp
     call examine_in_time(system, loading, start, moved, sampled)
     if (len(sampled%failure) > 0) return
-    distance = one_period_away(system, loading, start, course_of_balance(solver, system, fewest))
-    if (distance > farthest) sampled%failure = 'the orbit of motion in time lies '//part(distance)//' from that of the balance'
+    distance = one_period_away(system, loading, start, trajectory_of_balance(solver, system, fewest))
+    if (distance > distance_limit) sampled%failure = 'the orbit of motion in time lies '//part(distance)//' from that of the balance'
   end subroutine examine_near
 
   !> How far the orbit of motion in time lies from the balance's.
@@ -128,13 +128,13 @@ contains
     real(wp), intent(in) :: balance(:, :)
     type(state_type) :: state
     type(sampled_motion_type) :: motion
-    real(wp) :: range, course(size(balance, 1), size(balance, 2))
+    real(wp) :: range, trajectory(size(balance, 1), size(balance, 2))
     logical :: converged
 
     state = start
-    call march_samples(system, loading, size(balance, 2), state, motion, range, converged, course)
+    call march_samples(system, loading, size(balance, 2), state, motion, range, converged, trajectory)
     distance = huge(1.0_wp)
-    if (converged) distance = distance_between(course, balance)
+    if (converged) distance = distance_between(trajectory, balance)
   end function one_period_away
 
   !> What multipliers of a sampled orbit say.
@@ -263,7 +263,7 @@ contains
     if (len(self%failure) > 0) return
     call new_sampled_orbit(system%law, motion, slider, orbit)
     do i = 1, 2
-      call new_sampled_orbit(nudged(system%law, swings(), 2*i - 3), motion, slider, beside(i))
+      call new_sampled_orbit(perturbed_law(system%law, oscillation_bounds(), 2*i - 3), motion, slider, beside(i))
       self%grazes = max(self%grazes, grazing_contact(legs_of_orbit(orbit), legs_of_orbit(beside(i))))
     end do
     self%low = largest_multiplier(self%multipliers)
@@ -280,15 +280,15 @@ contains
   contains
 
     !> Size of each contact's normal displacement.
-    pure function swings() result(swing)
-      real(wp) :: swing(size(system%law))
+    pure function oscillation_bounds() result(oscillation_bound)
+      real(wp) :: oscillation_bound(size(system%law))
       integer :: contact
 
-      do contact = 1, size(swing)
+      do contact = 1, size(oscillation_bound)
         associate (v => motion%displacement(:, system%law(contact)%first_row + system%law(contact)%tangents))
-          swing(contact) = 0.5_wp*(maxval(v) - minval(v))
+          oscillation_bound(contact) = 0.5_wp*(maxval(v) - minval(v))
         end associate
       end do
-    end function swings
+    end function oscillation_bounds
   end subroutine look_for_graze
 end module attrito_stability_examine_sampled

@@ -12,7 +12,7 @@ module attrito_stability_graze
   use attrito_stability_leg, only: orbit_legs_type
   implicit none
   private
-  public :: nudged, grazing_contact
+  public :: perturbed_law, grazing_contact
 
   !> Part by which friction and gap are moved
   real(wp), parameter :: touch = 1.0e-8_wp
@@ -22,18 +22,18 @@ module attrito_stability_graze
 contains
 
   !> Contacts with a little more or less friction and gap.
-  function nudged(law, swing, way) result(changed)
+  function perturbed_law(law, oscillation_bound, way) result(changed)
     type(contact_type), intent(in) :: law(:)
     !> Size of each contact's normal displacement
-    real(wp), intent(in) :: swing(:)
+    real(wp), intent(in) :: oscillation_bound(:)
     !> +1 or -1
     integer, intent(in) :: way
     type(contact_type) :: changed(size(law))
 
     changed = law
     changed%friction_coefficient = (1.0_wp + way*touch)*law%friction_coefficient
-    changed%gap = law%gap + way*touch*swing
-  end function nudged
+    changed%gap = law%gap + way*touch*oscillation_bound
+  end function perturbed_law
 
   !> The first contact that does something else once nudged, 0: none.
   pure integer function grazing_contact(orbit, moved) result(contact)

@@ -224,7 +224,7 @@ contains
     allocate (response(2*self%harmonics + 1, size(self%row), size(self%system%springs)))
     do k = -self%harmonics, self%harmonics
       sigma = self%nu*(s + cmplx(0.0_wp, k, wp))
-      flexible = cmplx(self%system%pushes(:, self%row), 0.0_wp, wp)
+      flexible = cmplx(self%system%input_map(:, self%row), 0.0_wp, wp)
       if (allocated(self%system%coupling)) then
         matrix = sigma*self%system%coupling
         do r = 1, size(matrix, 1)

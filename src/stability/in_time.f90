@@ -4,7 +4,7 @@ module attrito_stability_in_time
   use attrito_integrate_loading, only: loading_type
   use attrito_integrate_state, only: state_type, new_state
   use attrito_integrate_system, only: system_type
-  use attrito_stability_shooting, only: march_unseen
+  use attrito_stability_shooting, only: march_unrecorded
   use attrito_stability_verdict, only: stable, unstable, indeterminate
   implicit none
   private
@@ -35,7 +35,7 @@ contains
 
     m = size(start%motion)
     state = start
-    call march_unseen(system, loading, state, range)
+    call march_unrecorded(system, loading, state, range)
     died = 0
     verdict = unstable
     do i = 1, perturbations
@@ -43,7 +43,7 @@ contains
       state = new_state(system, start%motion + push(:m), start%rate + push(m + 1:), start%slider)
       do cycle = 1, periods
         before = state
-        call march_unseen(system, loading, state, range)
+        call march_unrecorded(system, loading, state, range)
         if (distance(start) > far*perturbation*range) return
         if (distance(start) < forgotten*perturbation*range .or. has_arrived()) exit
       end do
@@ -80,7 +80,7 @@ contains
     settled = .false.
     do cycle = 1, periods_to_settle
       before = state
-      call march_unseen(system, loading, state, range)
+      call march_unrecorded(system, loading, state, range)
       settled = hypot(norm2(state%motion - before%motion), norm2(state%rate - before%rate)) <= perturbation*range
       if (settled) return
     end do

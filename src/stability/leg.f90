@@ -11,7 +11,7 @@ module attrito_stability_leg
   use attrito_model_contacts, only: contact_type
   use attrito_contact_event_march, only: event_motion_type, interval_type, new_event_motion, march_events
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open
-  use attrito_contact_stuck_bound, only: surely_stuck
+  use attrito_contact_stuck_bound, only: is_stuck_by_bound
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type
   use attrito_integrate_recorder, only: trace_type
   implicit none
@@ -76,7 +76,7 @@ contains
       type(interval_type) :: state, lowest, highest
       integer :: number
 
-      self%stuck(contact) = surely_stuck(law(contact), own, [slider(contact)])
+      self%stuck(contact) = is_stuck_by_bound(law(contact), own, [slider(contact)])
       if (self%stuck(contact)) return
       events = new_event_motion(law(contact), grid, own)
       state = interval_type(slider=slider(contact))

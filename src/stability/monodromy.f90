@@ -35,11 +35,11 @@ module attrito_stability_monodromy
     real(wp), allocatable :: motion(:, :), rate(:, :), slider(:, :)
   end type perturbation_type
 
-  !> What contacts add on a leg: acceleration `pushed` (`seen`^T p) + `held` w, and displacements of rows d = B p - `by_motion` p -
-  !> `by_slider` w
+  !> What contacts add on a leg: acceleration `input_map` (`output_map`^T p) + `held` w, and displacements of rows d = B p -
+  !> `by_motion` p - `by_slider` w
   type :: coupling_type
     !> [m, rows that do not just stick] each
-    real(wp), allocatable :: seen(:, :), pushed(:, :)
+    real(wp), allocatable :: output_map(:, :), input_map(:, :)
     !> [m, contacts]
     real(wp), allocatable :: held(:, :)
     !> [rows, m] and [rows, contacts]: high modes' part, zero if all are kept
@@ -183,11 +183,11 @@ contains
       tangents = system%law%first_row
       springs = merge(-system%law%tangential_stiffness, 0.0_wp, leg%regime == regime_stick)
       self%by_slider = reduced%residual(:, tangents)*spread(springs, 1, size(system%springs))
-      self%pushed = -system%pushes(:, active)
-      self%seen = matmul(system%rows, transpose(stiffness))
-      self%held = -system%pushes(:, tangents)*spread(springs, 1, size(system%eigenvalues)) &
-                  - matmul(self%pushed, matmul(stiffness, self%by_slider))
-      self%by_motion = matmul(reduced%residual(:, active), transpose(self%seen))
+      self%input_map = -system%input_map(:, active)
+      self%output_map = matmul(system%rows, transpose(stiffness))
+      self%held = -system%input_map(:, tangents)*spread(springs, 1, size(system%eigenvalues)) &
+                  - matmul(self%input_map, matmul(stiffness, self%by_slider))
+      self%by_motion = matmul(reduced%residual(:, active), transpose(self%output_map))
       self%by_slider = self%by_slider - matmul(reduced%residual(:, active), matmul(stiffness, self%by_slider))
     end associate
   end function couple
@@ -270,7 +270,8 @@ contains
       now%rate = next
       scale = max(maxval(abs(term), 1), maxval(abs(next), 1))
       do k = 0, most_terms
-        after = matmul(coupling%pushed, matmul(transpose(coupling%seen), term)) - spread(system%eigenvalues, 2, size(scale))*term
+        after = matmul(coupling%input_map, matmul(transpose(coupling%output_map), term)) &
+                - spread(system%eigenvalues, 2, size(scale))*term
         if (k == 0) after = after + held
         after = h**2*after - (h*(k + 1))*spread(system%damping, 2, size(scale))*next
         if (allocated(system%coupling)) after = after - (h*(k + 1))*matmul(system%coupling, next)

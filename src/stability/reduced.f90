@@ -36,9 +36,9 @@ contains
     self%system%damping = system%damping(:l)
     if (allocated(system%coupling)) self%system%coupling = system%coupling(:l, :l)
     self%system%rows = system%rows(:l, :)
-    self%system%pushes = system%pushes(:l, :)
+    self%system%input_map = system%input_map(:l, :)
     do row = 1, size(system%springs)
-      weighted(:, row) = system%pushes(l + 1:, row)/system%eigenvalues(l + 1:)
+      weighted(:, row) = system%input_map(l + 1:, row)/system%eigenvalues(l + 1:)
     end do
     self%residual = matmul(transpose(system%rows(l + 1:, :)), weighted)
   end function reduce_to

@@ -39,7 +39,7 @@ module attrito_stability_sampled_monodromy
   !> Contacts that do not stick throughout: their rows, those of B Phi and the accelerations that their forces make [m, rows], the
   !> compliance of high modes R [rows, rows], and where each contact's begin among them, 0 where it sticks [contacts]
   type :: active_type
-    real(wp), allocatable :: seen(:, :), pushed(:, :), residual(:, :)
+    real(wp), allocatable :: output_map(:, :), input_map(:, :), residual(:, :)
     integer, allocatable :: first(:)
   end type active_type
 
@@ -139,8 +139,8 @@ contains
         rows = [rows, (law%first_row + a, a=0, law%tangents)]
       end associate
     end do
-    self%seen = reduced%system%rows(:, rows)
-    self%pushed = reduced%system%pushes(:, rows)
+    self%output_map = reduced%system%rows(:, rows)
+    self%input_map = reduced%system%input_map(:, rows)
     self%residual = reduced%residual(rows, rows)
   end function active_of
 
@@ -194,29 +194,29 @@ contains
     type(perturbation_type), intent(inout) :: now
     type(forces_type) :: forces
     real(wp), dimension(size(now%motion, 1), size(now%motion, 2)) :: before, after, free, rate
-    real(wp), dimension(size(active%seen, 2), size(now%motion, 2)) :: from, to
-    real(wp) :: compliance(size(active%seen, 2), size(active%seen, 2))
+    real(wp), dimension(size(active%output_map, 2), size(now%motion, 2)) :: from, to
+    real(wp) :: compliance(size(active%output_map, 2), size(active%output_map, 2))
     integer :: pass
 
     forces = forces_before(system, orbit, step, active, now)
-    from = displacements(matmul(transpose(active%seen), now%motion), active%residual, forces)
-    before = -matmul(active%pushed, matmul(forces%stiffness, from) + forces%constant)
+    from = displacements(matmul(transpose(active%output_map), now%motion), active%residual, forces)
+    before = -matmul(active%input_map, matmul(forces%stiffness, from) + forces%constant)
     if (allocated(system%coupling)) before = before - matmul(system%coupling, now%rate)
     forces = forces_after(system, orbit, step, active, from, now)
-    compliance = matmul(transpose(active%seen), spread(weights(4, 1, :), 2, size(from, 1))*active%pushed) + active%residual
+    compliance = matmul(transpose(active%output_map), spread(weights(4, 1, :), 2, size(from, 1))*active%input_map) + active%residual
     rate = now%rate
     do pass = 1, merge(3, 1, allocated(system%coupling))
       after = 0.0_wp
       if (allocated(system%coupling)) after = -matmul(system%coupling, rate)
       free = times(weights(1, 1, :), now%motion) + times(weights(2, 1, :), now%rate) + times(weights(3, 1, :), before) &
              + times(weights(4, 1, :), after)
-      to = displacements(matmul(transpose(active%seen), free), compliance, forces)
-      after = after - matmul(active%pushed, matmul(forces%stiffness, to) + forces%constant)
+      to = displacements(matmul(transpose(active%output_map), free), compliance, forces)
+      after = after - matmul(active%input_map, matmul(forces%stiffness, to) + forces%constant)
       rate = times(weights(1, 2, :), now%motion) + times(weights(2, 2, :), now%rate) + times(weights(3, 2, :), before) &
              + times(weights(4, 2, :), after)
     end do
     call turn_directions(system, orbit, step, active, from, to, now)
-    now%motion = free - matmul(spread(weights(4, 1, :), 2, size(from, 1))*active%pushed, &
+    now%motion = free - matmul(spread(weights(4, 1, :), 2, size(from, 1))*active%input_map, &
                                matmul(forces%stiffness, to) + forces%constant)
     now%rate = rate
     now%displacement = to
@@ -321,7 +321,7 @@ contains
     type(perturbation_type), intent(in) :: now
     type(forces_type) :: g
 
-    associate (rows => size(active%seen, 2))
+    associate (rows => size(active%output_map, 2))
       allocate (g%stiffness(rows, rows), g%constant(rows, size(now%motion, 2)), source=0.0_wp)
     end associate
   end function no_forces

@@ -102,7 +102,7 @@ contains
   end subroutine settle_sampled
 
   !> March one period of exponential steps, and sample the contacts' motion at each.
-  subroutine march_samples(system, loading, steps, state, motion, range, converged, course)
+  subroutine march_samples(system, loading, steps, state, motion, range, converged, trajectory)
     type(system_type), intent(in) :: system
     type(loading_type), intent(in) :: loading
     integer, intent(in) :: steps
@@ -112,7 +112,7 @@ contains
     real(wp), intent(out) :: range
     logical, intent(out) :: converged
     !> Modal displacement where steps begin [m, 0:steps - 1]
-    real(wp), intent(out), optional :: course(:, 0:)
+    real(wp), intent(out), optional :: trajectory(:, 0:)
     type(scheme_type) :: scheme
     real(wp) :: low(size(state%motion)), high(size(state%motion))
     integer :: step
@@ -130,7 +130,7 @@ contains
       motion%rate(step, :) = matmul(state%rate, system%rows)*scheme%h
       low = min(low, state%motion)
       high = max(high, state%motion)
-      if (present(course) .and. step < steps) course(:, step) = state%motion
+      if (present(trajectory) .and. step < steps) trajectory(:, step) = state%motion
     end do
     range = 0.5_wp*norm2(high - low)
   end subroutine march_samples

@@ -21,7 +21,7 @@ module attrito_stability_shooting
   use attrito_stability_reduced, only: reduce_to
   implicit none
   private
-  public :: shoot, march_period, march_unseen, march_seen
+  public :: shoot, march_period, march_unrecorded, march_recorded
 
   !> Most Newton steps, and the change that counts as none, relative to the state
   integer, parameter :: most_steps = 20
@@ -128,7 +128,7 @@ contains
   end subroutine march_period
 
   !> March one period from a state.
-  subroutine march_unseen(system, loading, state, range)
+  subroutine march_unrecorded(system, loading, state, range)
     type(system_type), intent(in) :: system
     type(loading_type), intent(in) :: loading
     type(state_type), intent(inout) :: state
@@ -138,23 +138,23 @@ contains
 
     recorder = new_recorder(system, 1, 0)
     call march(system, loading, state, recorder, range)
-  end subroutine march_unseen
+  end subroutine march_unrecorded
 
   !> March one period from a state, and sample the motion of the modes at equal instants [m, instants].
-  subroutine march_seen(system, loading, state, course)
+  subroutine march_recorded(system, loading, state, trajectory)
     type(system_type), intent(in) :: system
     type(loading_type), intent(in) :: loading
     type(state_type), intent(inout) :: state
-    real(wp), intent(out) :: course(:, :)
+    real(wp), intent(out) :: trajectory(:, :)
     type(recorder_type) :: recorder
     real(wp) :: range
 
-    recorder = new_recorder(system, size(course, 2), size(course, 2))
+    recorder = new_recorder(system, size(trajectory, 2), size(trajectory, 2))
     recorder%samples = .true.
-    allocate (recorder%course(size(course, 1), size(course, 2)))
+    allocate (recorder%trajectory(size(trajectory, 1), size(trajectory, 2)))
     call march(system, loading, state, recorder, range)
-    course = recorder%course
-  end subroutine march_seen
+    trajectory = recorder%trajectory
+  end subroutine march_recorded
 
   subroutine march(system, loading, state, recorder, range)
     type(system_type), intent(in) :: system

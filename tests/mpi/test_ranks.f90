@@ -7,7 +7,7 @@ program test_ranks
   use attrito_continuation_sweep, only: sweep_type, new_sweep
   use attrito_solve_strategies, only: solve_by_cascade
   use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
-  use attrito_solve_static_path, only: walk_static_path
+  use attrito_solve_static_path, only: follow_static_path
   use attrito_accuracy_error_control, only: error_control_type, no_tolerance
   use attrito_accuracy_finer_balance, only: finer_point_type
   use attrito_output_point_report, only: point_report_type, report_point
@@ -43,7 +43,7 @@ contains
 
     call new_solver(scene%structure, scene%contacts, ranks, &
                     solver_options_type(harmonics=3, samples=64, tolerance=1.0e-12_wp), solver, fault)
-    if (.not. allocated(fault)) call walk_static_path(solver, reshape([1.0_wp], [1, 1]), 2, omega, fault)
+    if (.not. allocated(fault)) call follow_static_path(solver, reshape([1.0_wp], [1, 1]), 2, omega, fault)
     if (allocated(fault)) call check(error, .false., fault%message)
     call solver%set_loads([1.0_wp], 1.0_wp)
     call solver%set_scales(omega, omega)

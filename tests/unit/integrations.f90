@@ -5,7 +5,7 @@ module integrations
   use attrito_core_lapack, only: solve_dense
   use attrito_integrate_loading, only: new_profile
   use attrito_integrate_run, only: run_options_type, orbit_type, integrate
-  use attrito_integrate_static_walk, only: walk
+  use attrito_integrate_static_path, only: walk
   use attrito_integrate_system, only: system_type, new_system
   use scenes, only: scene_type
   implicit none

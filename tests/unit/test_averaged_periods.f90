@@ -10,7 +10,7 @@ program test_averaged_periods
   use attrito_solve_strategies, only: solve_by_cascade
   use attrito_solve_time_integrator, only: excitation_type, periods_type
   use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
-  use attrito_solve_static_path, only: walk_static_path
+  use attrito_solve_static_path, only: follow_static_path
   use attrito_integrate_averaged_periods, only: averaged_periods_type, new_averaged_periods
   use scenes, only: scene_type, wedge, wedge_preload, rubbing_frame, damp
   use session, only: run_in_session, only_me
@@ -24,7 +24,7 @@ program test_averaged_periods
                       test('a loss factor has a twin in time', lossy), &
                       test('a stiff wedge is solved at every frequency, from the static solution and from the point before', stiff), &
                       test('a block that friction cannot hold is said to walk', walking), &
-                      test('one that walks in space is left with the sliders that follow it', walking_in_space)])
+                      test('one that walks in space is left with the sliders that follow it', drifting_in_space)])
 
 contains
 
@@ -37,7 +37,7 @@ contains
 
     call new_solver(scene%structure, scene%contacts, only_me(), options, solver, fault)
     if (allocated(fault)) error stop 'the scene is refused'
-    call walk_static_path(solver, reshape([1.0_wp], [1, 1]), 20, two_pi, fault)
+    call follow_static_path(solver, reshape([1.0_wp], [1, 1]), 20, two_pi, fault)
     if (allocated(fault)) error stop 'no static equilibrium'
     call solver%set_loads([1.0_wp], level)
   end function solver_of
@@ -61,10 +61,10 @@ contains
         rate = rate + h*solver%omega*q(2*h + 1, :)
       end do
       in_time = new_averaged_periods(scene%structure, scene%contacts)
-      call in_time%stand(q(1, :) + sum(q(2::2, :), 1), rate, balance%slider, moved)
+      call in_time%set_state(q(1, :) + sum(q(2::2, :), 1), rate, balance%slider, moved)
       if (.not. moved) return
-      call in_time%run_on(excitation_type(solver%omega, balance%static_factors, balance%level), size(motion, 1)/2, 5, periods)
-      moved = periods%moved .and. .not. periods%walks
+      call in_time%average_over(excitation_type(solver%omega, balance%static_factors, balance%level), size(motion, 1)/2, 5, periods)
+      moved = periods%moved .and. .not. periods%is_drifting
       motion = periods%motion
     end associate
   end subroutine move_on
@@ -164,7 +164,7 @@ contains
   end subroutine stiff
 
   !> A mass on a contact that is pressed as it goes one way, and nothing else along it: friction does not balance over a period.
-  function walking_mass(tangents) result(scene)
+  function drifting_mass(tangents) result(scene)
     integer, intent(in) :: tangents
     type(scene_type) :: scene
     real(wp) :: eye(tangents + 1, tangents + 1)
@@ -187,24 +187,24 @@ contains
       allocate (structure%monitors(tangents + 1, 0))
     end associate
     call damp(scene, damping_ratio, 0.02_wp)
-  end function walking_mass
+  end function drifting_mass
 
-  subroutine walking_in_space(error)
+  subroutine drifting_in_space(error)
     type(error_type), allocatable, intent(out) :: error
     type(scene_type) :: scene
     type(solver_type) :: solver
 
-    scene = walking_mass(2)
+    scene = drifting_mass(2)
     ! Round and round, and so little that the slider takes several periods to where it goes on from as it does.
     scene%structure%harmonic_load(2, 2) = 0.6_wp
     solver = solver_of(scene, solver_options_type(samples=64), 0.3_wp)
-    allocate (solver%in_time, source=new_averaged_periods(scene%structure, scene%contacts))
+    allocate (solver%time_integrator, source=new_averaged_periods(scene%structure, scene%contacts))
     call solver%set_scales(0.9_wp, 1.1_wp)
     call solve_by_cascade(solver, 1.0_wp)
-    call check(error, solver%walks, 'it is held: the test is void')
+    call check(error, solver%is_drifting, 'it is held: the test is void')
     call check(error, all(solver%context%balance%periodic), 'its slider no longer follows it')
     call solver%destroy()
-  end subroutine walking_in_space
+  end subroutine drifting_in_space
 
   subroutine walking(error)
     type(error_type), allocatable, intent(out) :: error
@@ -213,13 +213,13 @@ contains
     type(sweep_type) :: sweep
     real(wp) :: force
 
-    scene = walking_mass(1)
+    scene = drifting_mass(1)
     solver = solver_of(scene, solver_options_type(by_events=.true.), 1.0_wp)
-    allocate (solver%in_time, source=new_averaged_periods(scene%structure, scene%contacts))
+    allocate (solver%time_integrator, source=new_averaged_periods(scene%structure, scene%contacts))
     call solver%set_scales(0.9_wp, 1.1_wp)
     call solve_by_cascade(solver, 1.0_wp)
     call check(error, .not. solver%report%converged, 'it is held')
-    call check(error, solver%walks .and. solver%no_orbit, 'it is not said to walk')
+    call check(error, solver%is_drifting .and. solver%no_orbit, 'it is not said to walk')
     call check(error, solver%report%iterations < 200, 'what is not there is looked for too long')
     force = mean_friction(solver)
     call check(error, abs(force) > 1.0e-2_wp*scene%contacts%law(1)%friction_coefficient, 'friction balances after all')
@@ -227,14 +227,14 @@ contains
     ! Its march loses digits of the motion's size, ten at most, not of the shift.
     call check_close(error, mean_friction(solver), force, 1.0e-12_wp, 'mean friction somewhere else')
     call solve_by_cascade(solver, 1.02_wp)
-    call check(error, solver%walks, 'a little beyond it is not said to walk')
+    call check(error, solver%is_drifting, 'a little beyond it is not said to walk')
     call check(error, solver%report%iterations <= 20, 'a little beyond it is looked for as long')
-    solver%walks = .false.
+    solver%is_drifting = .false.
     solver%no_orbit = .false.
     sweep = new_sweep(solver, 0.9_wp, 1.1_wp, 0, 300)
     do while (.not. sweep%finished)
       call sweep%advance(solver)
-      call check(error, solver%walks .and. .not. solver%report%converged, 'it does not walk all along a sweep')
+      call check(error, solver%is_drifting .and. .not. solver%report%converged, 'it does not walk all along a sweep')
     end do
     call check(error, sweep%reached_stop, 'the sweep does not reach its stop')
     call solver%destroy()
@@ -271,7 +271,7 @@ contains
     do i = 1, points
       if (alone .or. i == 1) then
         solver = solver_of(scene, options, level)
-        if (in_time) allocate (solver%in_time, source=new_averaged_periods(scene%structure, scene%contacts))
+        if (in_time) allocate (solver%time_integrator, source=new_averaged_periods(scene%structure, scene%contacts))
         call solver%set_scales(two_pi*85.0_wp, two_pi*140.0_wp)
       end if
       if (in_time) then

@@ -1,18 +1,18 @@
 !> Ways to march that fail on purpose.
 module ways
   use attrito_core_kinds, only: wp
-  use attrito_solve_homotopy, only: way_type
+  use attrito_solve_homotopy, only: homotopy_type
   use attrito_solve_solver, only: solver_type
   implicit none
   private
   public :: small_steps_type, walled_type, reached
 
-  type, extends(way_type) :: small_steps_type
+  type, extends(homotopy_type) :: small_steps_type
   contains
     procedure :: solve => by_small_steps
   end type small_steps_type
 
-  type, extends(way_type) :: walled_type
+  type, extends(homotopy_type) :: walled_type
   contains
     procedure :: solve => not_beyond_half
   end type walled_type
@@ -54,9 +54,9 @@ program test_branches
   use attrito_linear_receptance, only: to_real
   use attrito_balance_unknowns, only: unknowns_type
   use attrito_continuation_sweep, only: sweep_type, new_sweep
-  use attrito_solve_homotopy, only: march_along
+  use attrito_solve_homotopy, only: follow_homotopy
   use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
-  use attrito_solve_static_path, only: walk_static_path
+  use attrito_solve_static_path, only: follow_static_path
   use scenes, only: scene_type, wedge, one_sided_oscillator
   use session, only: run_in_session, only_me
   use testing, only: test, check, check_close
@@ -109,7 +109,7 @@ contains
     real(wp) :: scale
 
     solver = solver_of(scene, options)
-    call walk_static_path(solver, reshape([1.0_wp], [1, 1]), 20, start, fault)
+    call follow_static_path(solver, reshape([1.0_wp], [1, 1]), 20, start, fault)
     call check(error, .not. allocated(fault), 'no static equilibrium')
     call solver%set_loads([1.0_wp], level)
     sweep = new_sweep(solver, start, stop, 1, 600)
@@ -225,11 +225,11 @@ contains
 
     reached = 0.0_wp
     iterations = 0
-    call march_along(small_steps_type(), nobody, iterations, converged)
+    call follow_homotopy(small_steps_type(), nobody, iterations, converged)
     call check(error, converged, 'it does not arrive by small steps')
     call check_close(error, reached, 1.0_wp, 1.0e-9_wp, 'the end')
     reached = 0.0_wp
-    call march_along(walled_type(), nobody, iterations, converged)
+    call follow_homotopy(walled_type(), nobody, iterations, converged)
     call check(error, .not. converged .and. reached <= 0.5_wp, 'it claims to have passed a wall')
   end subroutine march
 
@@ -276,7 +276,7 @@ contains
     type(error_type), allocatable :: fault
 
     solver = solver_of(wedge(45.0_wp), solver_options_type(harmonics=5, samples=128))
-    call walk_static_path(solver, reshape([1.0_wp], [1, 1]), 20, two_pi*132.0_wp, fault)
+    call follow_static_path(solver, reshape([1.0_wp], [1, 1]), 20, two_pi*132.0_wp, fault)
     call check(error, .not. allocated(fault), 'no static equilibrium')
     call solver%set_loads([1.0_wp], 5.0_wp)
     call solver%set_scales(two_pi*100.0_wp, two_pi*140.0_wp)

@@ -6,7 +6,7 @@ program test_condensation
   use attrito_linear_receptance, only: to_real
   use attrito_contact_state, only: state_stuck, state_shaken_down
   use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
-  use attrito_solve_static_path, only: walk_static_path
+  use attrito_solve_static_path, only: follow_static_path
   use scenes, only: scene_type, rubbing_frame, damp
   use session, only: run_in_session, only_me
   use testing, only: test, check, check_close
@@ -198,7 +198,7 @@ contains
     scene = rubbing_frame()
     call damp(scene, damping_viscous, 0.05_wp)
     solver = solver_of(scene, uncoupled=.true.)
-    call walk_static_path(solver, reshape([1.0_wp], [1, 1]), 1, omega, fault)
+    call follow_static_path(solver, reshape([1.0_wp], [1, 1]), 1, omega, fault)
     call check(error, .not. allocated(fault), 'no static equilibrium')
     q_static = coordinates(solver)
     call solver%set_loads([1.0_wp], 1.0_wp)

@@ -10,7 +10,7 @@ program test_contact_law
   use attrito_contact_quadrature_sampled, only: contact_samples_type, evaluate_contact_by_samples, sample_contact
   use attrito_contact_state, only: state_stuck, state_shaken_down, state_slipping, state_open, regime_open, &
                                    regime_stick
-  use attrito_contact_stuck_bound, only: surely_stuck
+  use attrito_contact_stuck_bound, only: is_stuck_by_bound
   use attrito_contact_trigonometric_roots, only: new_grid
   use scenes, only: noise
   use testing, only: test, run_suite, check, check_close
@@ -141,7 +141,7 @@ contains
       samples%moved = .false.
       call sample_contact(law, fourier, motion(:, :tangents + 1), slider, 2, samples)
       if (.not. samples%moved) sticking = sticking + 1
-      if (.not. surely_stuck(law, motion(:, :tangents + 1), slider)) cycle
+      if (.not. is_stuck_by_bound(law, motion(:, :tangents + 1), slider)) cycle
       told = told + 1
       call check(error, .not. samples%moved .and. all(samples%regimes == regime_stick), 'it is said to stick, and slips')
     end do

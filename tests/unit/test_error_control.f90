@@ -5,7 +5,7 @@ program test_error_control
   use attrito_accuracy_second_step, only: second_step_type, step_again
   use attrito_solve_strategies, only: solve_by_cascade
   use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
-  use attrito_solve_static_path, only: walk_static_path
+  use attrito_solve_static_path, only: follow_static_path
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp, two_pi
   use scenes, only: scene_type, wedge
@@ -108,7 +108,7 @@ contains
     scene = wedge(45.0_wp)
     call new_solver(scene%structure, scene%contacts, only_me(), solver_options_type(harmonics=harmonics, by_events=.true.), solver, &
                     fault)
-    if (.not. allocated(fault)) call walk_static_path(solver, reshape([1.0_wp], [1, 1]), 20, two_pi*132.0_wp, fault)
+    if (.not. allocated(fault)) call follow_static_path(solver, reshape([1.0_wp], [1, 1]), 20, two_pi*132.0_wp, fault)
     call check(error, .not. allocated(fault), 'no static equilibrium')
     if (allocated(error)) return
     call solver%set_loads([1.0_wp], 14.0_wp)

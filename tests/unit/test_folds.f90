@@ -10,12 +10,12 @@ program test_folds
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp, pi
   use attrito_continuation_sweep, only: sweep_type, new_sweep
-  use attrito_solve_snapshot, only: place_type, place_of, return_to
-  use attrito_continuation_closed_branch, only: comes_home
-  use attrito_continuation_stored_points, only: known_points_type
+  use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
+  use attrito_continuation_closed_branch, only: closes_on_itself
+  use attrito_continuation_stored_points, only: stored_points_type
   use attrito_continuation_branch_seeds, only: start_cold, start_in_motion, start_from_preload
   use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
-  use attrito_solve_static_path, only: walk_static_path
+  use attrito_solve_static_path, only: follow_static_path
   use attrito_continuation_step, only: step_type
   use attrito_continuation_tangent, only: frequency_tangent
   use attrito_continuation_turning_point, only: turning_point_type, locate_turning_point
@@ -40,7 +40,7 @@ program test_folds
   call run_in_session('folds', [ &
                       test('both turning points lie where the closed form has its extrema', turning_points), &
                       test('multipliers cross 1 where the branch turns', crossing_at_fold), &
-                      test('a solution is known on the branch that leads through it and on no other', known_branches), &
+                      test('a solution is known on the branch that leads through it and on no other', stored_branches), &
                       test('a step closes a branch only if it passes its first point', closing), &
                       test('other starts come to solutions and leave loads as they were', starts)])
 
@@ -55,9 +55,9 @@ contains
 
     call new_solver(scene%structure, scene%contacts, only_me(), solver_options_type(harmonics=harmonics, by_events=.true.), solver, &
                     fault)
-    if (.not. allocated(fault)) call walk_static_path(solver, reshape([1.0_wp], [1, 1]), 20, 0.8_wp, fault)
+    if (.not. allocated(fault)) call follow_static_path(solver, reshape([1.0_wp], [1, 1]), 20, 0.8_wp, fault)
     call check(error, .not. allocated(fault), 'no static equilibrium')
-    allocate (solver%in_time, source=new_averaged_periods(scene%structure, scene%contacts))
+    allocate (solver%time_integrator, source=new_averaged_periods(scene%structure, scene%contacts))
     call solver%set_loads([1.0_wp], level)
     call solver%set_scales(0.8_wp, 1.6_wp)
   end function solver_of
@@ -144,7 +144,7 @@ contains
     type(error_type), allocatable, intent(out) :: error
     type(turning_point_type) :: found(2)
     type(step_type) :: steps(2)
-    type(known_points_type) :: known
+    type(stored_points_type) :: known
     real(wp) :: expected(2)
     integer :: i
 
@@ -164,11 +164,11 @@ contains
     integer, intent(in) :: harmonics
     type(turning_point_type), intent(out) :: found(2)
     type(step_type), intent(out) :: steps(2)
-    type(known_points_type), intent(inout) :: known
+    type(stored_points_type), intent(inout) :: known
     type(error_type), allocatable, intent(inout) :: error
     type(solver_type) :: solver
     type(sweep_type) :: sweep
-    type(place_type) :: here
+    type(snapshot_type) :: here
     integer :: count
 
     solver = solver_of(one_sided_oscillator(1.0_wp, 0.5_wp, 0.0_wp, ratio), harmonics, error)
@@ -184,11 +184,11 @@ contains
       call sweep%look_ahead(solver)
       if (.not. sweep%stepper%turned) cycle
       count = count + 1
-      here = place_of(solver)
+      here = snapshot_of(solver)
       steps(count) = sweep%stepper%last
-      call return_to(solver, steps(count)%from)
+      call restore(solver, steps(count)%from)
       call locate_turning_point(solver, steps(count), steps(count)%across, sweep%stepper%tangent, found(count))
-      call return_to(solver, here)
+      call restore(solver, here)
     end do
     call check(error, count == 2, 'the branch does not turn twice')
     call solver%destroy()
@@ -199,7 +199,7 @@ contains
     type(error_type), allocatable, intent(out) :: error
     type(turning_point_type) :: found(2)
     type(step_type) :: steps(2)
-    type(known_points_type) :: known
+    type(stored_points_type) :: known
     type(solver_type) :: solver
     type(system_type), allocatable :: system
     type(examine_options_type) :: options
@@ -277,11 +277,11 @@ contains
     call check_close(error, norm2(solver%motion(2:, 2)), a, 1.0e-8_wp, 'amplitude')
   end subroutine stand_at
 
-  subroutine known_branches(error)
+  subroutine stored_branches(error)
     type(error_type), allocatable, intent(out) :: error
     type(turning_point_type) :: found(2)
     type(step_type) :: steps(2)
-    type(known_points_type) :: known
+    type(stored_points_type) :: known
     type(solver_type) :: solver
     real(wp), allocatable :: motion(:, :)
     integer :: number, first_fold
@@ -296,20 +296,20 @@ contains
       if (allocated(error)) return
       motion = solver%motion
       ! The largest amplitude lies before the first fold, the middle one beyond it, the smallest beyond the second, not swept yet.
-      call check(error, known%has(solver, first_fold) .eqv. number == 3, 'before the first fold')
-      call check(error, known%has(solver, known%count) .eqv. number > 1, 'before the second fold')
+      call check(error, known%contains_solution(solver, first_fold) .eqv. number == 3, 'before the first fold')
+      call check(error, known%contains_solution(solver, known%count) .eqv. number > 1, 'before the second fold')
       call check_close(error, solver%motion, motion, 0.0_wp, 'where it stands afterwards')
     end do
     call solver%destroy()
-  end subroutine known_branches
+  end subroutine stored_branches
 
   subroutine closing(error)
     type(error_type), allocatable, intent(out) :: error
     real(wp), parameter :: aside = 0.002_wp
-    type(known_points_type) :: home
+    type(stored_points_type) :: home
     type(solver_type) :: solver
     type(step_type) :: step
-    type(place_type) :: from, here
+    type(snapshot_type) :: from, here
     integer :: number
 
     solver = solver_of(one_sided_oscillator(1.0_wp, 0.5_wp, 0.0_wp, ratio), 1, error)
@@ -319,16 +319,16 @@ contains
     do number = 3, 1, -2
       call stand_at(solver, number, error)
       call solver%solve_at(between - aside)
-      from = place_of(solver)
+      from = snapshot_of(solver)
       call solver%solve_at(between - 0.5_wp*aside)
-      here = place_of(solver)
+      here = snapshot_of(solver)
       call step%take(from, solver, frequency_tangent(solver, 1.0_wp))
-      call check(error, .not. comes_home(home, solver, step), 'a step that ends before the point closes the branch')
+      call check(error, .not. closes_on_itself(home, solver, step), 'a step that ends before the point closes the branch')
       call check_close(error, solver%omega, here%omega, 0.0_wp, 'where it stands')
       call solver%solve_at(between + aside)
-      here = place_of(solver)
+      here = snapshot_of(solver)
       call step%take(from, solver, frequency_tangent(solver, 1.0_wp))
-      call check(error, comes_home(home, solver, step) .eqv. number == 3, 'a step past the point')
+      call check(error, closes_on_itself(home, solver, step) .eqv. number == 3, 'a step past the point')
       call check_close(error, solver%omega, merge(between, here%omega, number == 3), 0.0_wp, 'where it stands afterwards')
     end do
     call solver%destroy()

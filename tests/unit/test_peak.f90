@@ -5,7 +5,7 @@ program test_peak
   use attrito_core_trigonometric, only: extrema
   use attrito_contact_state, only: state_slipping
   use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
-  use attrito_solve_static_path, only: walk_static_path
+  use attrito_solve_static_path, only: follow_static_path
   use attrito_peak_amplitude, only: amplitude_type, amplitude_of, half_range, first_harmonic
   use attrito_peak_condition, only: problem_type, direction_type, linearisation_type, linearise, value_of, set_value, &
                                     parameter_level, parameter_preload
@@ -57,7 +57,7 @@ contains
     type(error_type), allocatable :: fault
 
     call new_solver(scene%structure, scene%contacts, only_me(), options, solver, fault)
-    call walk_static_path(solver, reshape([1.0_wp], [1, 1]), 4, omega, fault)
+    call follow_static_path(solver, reshape([1.0_wp], [1, 1]), 4, omega, fault)
     call solver%set_loads([1.0_wp], level)
     call solver%set_scales(0.9_wp*omega, 1.1_wp*omega)
     call solver%solve_at(omega)
@@ -170,7 +170,7 @@ contains
     integer :: side, status
 
     call prepare(wedge(45.0_wp), solver_options_type(by_events=.true.), 8.0_wp, two_pi*132.473_wp, solver)
-    call walk_static_path(solver, reshape([1.0_wp], [1, 1]), 4, two_pi*132.0_wp, error)
+    call follow_static_path(solver, reshape([1.0_wp], [1, 1]), 4, two_pi*132.0_wp, error)
     if (allocated(error)) return
     call solver%set_loads([1.0_wp], 8.0_wp)
     call solver%set_scales(two_pi*150.0_wp, two_pi*85.0_wp)

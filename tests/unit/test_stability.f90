@@ -6,18 +6,18 @@ program test_stability
   use attrito_contact_trigonometric_roots, only: new_grid
   use attrito_solve_strategies, only: solve_by_cascade
   use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
-  use attrito_solve_static_path, only: walk_static_path
+  use attrito_solve_static_path, only: follow_static_path
   use attrito_integrate_loading, only: loading_type
   use attrito_integrate_state, only: state_type, new_state
   use attrito_integrate_system, only: system_type, new_system
-  use attrito_stability_distance, only: course_of_balance, distance_between
+  use attrito_stability_distance, only: trajectory_of_balance, distance_between
   use attrito_stability_examine, only: by_monodromy, by_hill
   use attrito_stability_hill, only: hill_multipliers
   use attrito_stability_leg, only: orbit_legs_type, legs_of_motion
   use attrito_stability_monodromy, only: monodromy, free_sliders
   use attrito_stability_multipliers, only: multiplier_type, multipliers_of, in_modes
   use attrito_stability_reduced, only: reduce_to
-  use attrito_stability_shooting, only: shoot, march_period, march_seen
+  use attrito_stability_shooting, only: shoot, march_period, march_recorded
   use attrito_stability_start, only: loading_of, start_of
   use attrito_stability_verdict, only: judge, largest_multiplier, stable, unstable
   use attrito_model_contacts, only: new_contacts
@@ -261,12 +261,12 @@ contains
       call new_system(solver%structure, solver%contacts, system, error)
       loading = loading_of(solver, system)
       start = start_of(solver, system, solver%context%balance%slider(1, :))
-      balance = course_of_balance(solver, system, count)
+      balance = trajectory_of_balance(solver, system, count)
       call check_close(error, balance(:, 1), start%motion, 1.0e-13_wp*norm2(start%motion), 'where the period starts')
       call shoot(system, loading, start, orbit, moved, found)
       call check(error, found, 'no orbit is found')
       if (allocated(error)) return
-      call march_seen(system, loading, start, motion)
+      call march_recorded(system, loading, start, motion)
       apart(i) = distance_between(motion, balance)
       at_start = norm2(motion(:, 1) - balance(:, 1))/norm2(maxval(balance, 2) - minval(balance, 2))
       call check(error, apart(i) > at_start, 'it is nearer than where the period starts')
@@ -353,7 +353,7 @@ contains
 
     call new_solver(scene%structure, scene%contacts, only_me(), solver_options_type(harmonics=harmonics, by_events=.true.), &
                     solver, fault)
-    if (.not. allocated(fault)) call walk_static_path(solver, reshape([1.0_wp], [1, 1]), 20, two_pi*frequency_hz, fault)
+    if (.not. allocated(fault)) call follow_static_path(solver, reshape([1.0_wp], [1, 1]), 20, two_pi*frequency_hz, fault)
     if (allocated(fault)) call check(error, .false., fault%message)
     if (allocated(error)) return
     call solver%set_loads([1.0_wp], level)

@@ -5,7 +5,7 @@ program test_stability_discs
   use attrito_contact_state, only: regime_slip, regime_open
   use attrito_solve_strategies, only: solve_by_cascade
   use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
-  use attrito_solve_static_path, only: walk_static_path
+  use attrito_solve_static_path, only: follow_static_path
   use attrito_integrate_loading, only: loading_type, new_loading, new_profile
   use attrito_integrate_state, only: state_type, new_state
   use attrito_integrate_system, only: system_type, new_system
@@ -223,7 +223,7 @@ contains
 
     call new_solver(scene%structure, scene%contacts, only_me(), &
                     solver_options_type(harmonics=20, samples=512, by_events=.true.), solver, fault)
-    if (.not. allocated(fault)) call walk_static_path(solver, reshape([1.0_wp], [1, 1]), 20, two_pi*frequency_hz, fault)
+    if (.not. allocated(fault)) call follow_static_path(solver, reshape([1.0_wp], [1, 1]), 20, two_pi*frequency_hz, fault)
     if (allocated(fault)) call check(error, .false., fault%message)
     if (allocated(error)) return
     call solver%set_loads([1.0_wp], level)

@@ -8,7 +8,7 @@ program test_wedge
   use attrito_continuation_sweep, only: sweep_type, new_sweep
   use attrito_solve_strategies, only: solve_by_cascade
   use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
-  use attrito_solve_static_path, only: walk_static_path
+  use attrito_solve_static_path, only: follow_static_path
   use scenes, only: scene_type, wedge, wedge_preload
   use session, only: run_in_session, only_me
   use testing, only: test, check, check_close
@@ -37,7 +37,7 @@ contains
     type(error_type), allocatable :: fault
 
     call new_solver(scene%structure, scene%contacts, only_me(), options, solver, fault)
-    if (.not. allocated(fault)) call walk_static_path(solver, reshape(path, [1, size(path)]), 20, omega, fault)
+    if (.not. allocated(fault)) call follow_static_path(solver, reshape(path, [1, size(path)]), 20, omega, fault)
     if (allocated(fault)) call check(error, .false., fault%message)
   end subroutine prepare
 

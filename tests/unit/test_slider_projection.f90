@@ -1,8 +1,8 @@
 !> Where sliders come to rest: against Dykstra's projections, the limit of slowly growing motions, and differences.
-program test_resting_place
+program test_slider_projection
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp, two_pi
-  use attrito_contact_slider_projection, only: resting_place_type, find_resting_place, resting_gradient
+  use attrito_contact_slider_projection, only: slider_projection_type, project_slider, projection_gradient
   use scenes, only: noise
   use testing, only: test, run_suite, check, check_close
   implicit none
@@ -39,22 +39,22 @@ contains
 
   subroutine stays(error)
     type(error_type), allocatable, intent(out) :: error
-    type(resting_place_type) :: place
+    type(slider_projection_type) :: place
     real(wp) :: u(samples, 2), r(samples)
 
     call path(1, 0.3_wp, u, r)
-    place = find_resting_place(u, r, [0.05_wp, -0.02_wp])
+    place = project_slider(u, r, [0.05_wp, -0.02_wp])
     call check(error, place%exists .and. place%count == 0, 'it moves')
     call check_close(error, place%slider, [0.05_wp, -0.02_wp], 0.0_wp, 'slider')
   end subroutine stays
 
   subroutine pulled(error)
     type(error_type), allocatable, intent(out) :: error
-    type(resting_place_type) :: place
+    type(slider_projection_type) :: place
     real(wp) :: u(samples, 2)
 
     u = 0.0_wp
-    place = find_resting_place(u, spread(1.0_wp, 1, samples), [3.0_wp, 4.0_wp])
+    place = project_slider(u, spread(1.0_wp, 1, samples), [3.0_wp, 4.0_wp])
     call check(error, place%exists .and. place%count == 1, 'not held by one')
     call check_close(error, place%slider, [0.6_wp, 0.8_wp], 1.0e-15_wp, 'slider')
   end subroutine pulled
@@ -79,7 +79,7 @@ contains
 
   subroutine nearest(error)
     type(error_type), allocatable, intent(out) :: error
-    type(resting_place_type) :: place
+    type(slider_projection_type) :: place
     real(wp) :: u(samples, 2), r(samples), start(2)
     integer :: seed, held_by(0:2)
 
@@ -87,7 +87,7 @@ contains
     do seed = 1, 40
       call path(seed, 0.45_wp, u, r)
       start = 2.0_wp*noise(2, 100 + seed)
-      place = find_resting_place(u, r, start)
+      place = project_slider(u, r, start)
       if (.not. place%exists) cycle
       held_by(place%count) = held_by(place%count) + 1
       ! Dykstra's method converges but linearly: to some 1e-9 after so many sweeps.
@@ -98,16 +98,16 @@ contains
 
   subroutine none(error)
     type(error_type), allocatable, intent(out) :: error
-    type(resting_place_type) :: place
+    type(slider_projection_type) :: place
     real(wp) :: u(3, 2)
 
     ! Three discs that meet in pairs only.
     u = reshape([0.0_wp, 1.0_wp, 0.5_wp, 0.0_wp, 0.0_wp, 0.8_wp], [3, 2])
-    place = find_resting_place(u, [0.52_wp, 0.52_wp, 0.45_wp], [0.5_wp, 0.1_wp])
+    place = project_slider(u, [0.52_wp, 0.52_wp, 0.45_wp], [0.5_wp, 0.1_wp])
     call check(error, .not. place%exists, 'there is none')
-    place = find_resting_place(u, [0.52_wp, 0.52_wp, 0.7_wp], [0.5_wp, 0.1_wp])
+    place = project_slider(u, [0.52_wp, 0.52_wp, 0.7_wp], [0.5_wp, 0.1_wp])
     call check(error, place%exists, 'there is one')
-    place = find_resting_place(u, [0.52_wp, 0.52_wp, -0.1_wp], [0.5_wp, 0.1_wp])
+    place = project_slider(u, [0.52_wp, 0.52_wp, -0.1_wp], [0.5_wp, 0.1_wp])
     call check(error, .not. place%exists, 'an open contact has none')
   end subroutine none
 
@@ -115,7 +115,7 @@ contains
   !> growth a step, and so is their difference.
   subroutine grows(error)
     type(error_type), allocatable, intent(out) :: error
-    type(resting_place_type) :: place
+    type(slider_projection_type) :: place
     real(wp) :: u(samples, 2), r(samples), marched(2), projected(2), part, apart(2)
     integer :: i, j, fineness, steps
 
@@ -126,7 +126,7 @@ contains
       projected = marched
       do i = 1, steps
         part = real(i, wp)/steps
-        place = find_resting_place(part*u, r, projected)
+        place = project_slider(part*u, r, projected)
         projected = place%slider
         do j = 1, samples
           if (norm2(part*u(j, :) - marched) > r(j)) then
@@ -144,7 +144,7 @@ contains
     type(error_type), allocatable, intent(out) :: error
     integer, parameter :: k = 5
     real(wp), parameter :: step = 1.0e-6_wp, slope = 0.3_wp
-    type(resting_place_type) :: place, moved(2)
+    type(slider_projection_type) :: place, moved(2)
     real(wp) :: u(samples, 2), r(samples), v(samples, 2), s(samples), start(2), gradient(2, 3*k), expected(2), basis(k, samples)
     integer :: seed, column, side, i, j, held_by(2)
 
@@ -155,10 +155,10 @@ contains
     do seed = 1, 30
       call path(seed, 0.45_wp, u, r)
       start = 2.0_wp*noise(2, 100 + seed)
-      place = find_resting_place(u, r, start)
+      place = project_slider(u, r, start)
       if (.not. place%exists .or. place%count == 0) cycle
       held_by(place%count) = held_by(place%count) + 1
-      gradient = resting_gradient(place, u, r, basis, spread(slope, 1, size(r)), start)
+      gradient = projection_gradient(place, u, r, basis, spread(slope, 1, size(r)), start)
       do column = 1, 3*k
         i = modulo(column - 1, k) + 1
         do side = 1, 2
@@ -170,7 +170,7 @@ contains
            case default
             s = s + (3 - 2*side)*step*slope*basis(i, :)
           end select
-          moved(side) = find_resting_place(v, s, start)
+          moved(side) = project_slider(v, s, start)
         end do
         expected = (moved(1)%slider - moved(2)%slider)/(2.0_wp*step)
         ! Second derivatives are of order one over the radius and the sine of the discs' angle, some 1e2; rounding 1e-16/1e-6.
@@ -180,4 +180,4 @@ contains
     call check(error, all(held_by >= 5), 'not both kinds of places: the test is void')
 
   end subroutine differences
-end program test_resting_place
+end program test_slider_projection

@@ -1,7 +1,7 @@
 !> Static equilibrium along a load path with slider memory, walked in steps: where a time integration starts from.
 !>
 !> $$ \Lambda p + \Phi^T B^T g(B \Phi p, w) = f_s \sum_i s_i $$
-module attrito_integrate_static_walk
+module attrito_integrate_static_path
   use attrito_core_errors, only: error_type, raise
   use attrito_core_kinds, only: wp
   use attrito_integrate_equilibrium, only: operator_type, new_operator, solve_equilibrium
@@ -50,4 +50,4 @@ contains
       from = path(:, corner)
     end do
   end subroutine walk
-end module attrito_integrate_static_walk
+end module attrito_integrate_static_path
