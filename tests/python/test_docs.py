@@ -212,3 +212,17 @@ def test_the_first_run_s_own_model_gives_the_numbers_that_it_tells(tmp_path):
     assert "stuck 759.8" in done.stdout and "frictionless 464.7" in done.stdout
     assert (tmp_path / "out" / "strip" / "frf.png").stat().st_size > 10_000
     assert "Every point has a solution" in (tmp_path / "out" / "strip" / "report.html").read_text()
+
+
+def test_names_in_the_glossary_exist_in_the_code_and_its_files():
+    sources = [*(ROOT / "src").rglob("*.?90"), ROOT / "docs/job.md", ROOT / "docs/files.md"]
+    words = set(re.findall(r"\w+", " ".join(source.read_text() for source in sources)))
+    words |= {source.stem for source in sources}
+    rows = [line.split(" | ") for line in (ROOT / "docs/glossary.md").read_text().splitlines() if line.startswith("| ")]
+    named = [name for row in rows if len(row) > 2 for name in re.findall(r"`([^`]+)`", row[-1])]
+    assert len(named) > 40
+    for name in named:
+        if name.startswith("src/"):
+            assert list(ROOT.glob(name.rstrip("/"))), name
+        else:
+            assert set(re.findall(r"\w+", name)) <= words, name
