@@ -22,11 +22,14 @@ typedef void (*attrito_listener)(const char *text, int done, int total);
 
 typedef struct {
     int tangents;
+    int law;
     double tangential_stiffness;
     double normal_stiffness;
     double friction_coefficient;
     double gap;
     double preload;
+    int count;
+    void *numbers;
 } attrito_contact_law;
 
 typedef struct {

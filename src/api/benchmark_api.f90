@@ -13,7 +13,7 @@ module attrito_api_benchmark
   use attrito_balance_stuck_response, only: linear_motion, recover_loaded
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_output_point_report, only: monitored
-  use attrito_api_session, only: session_type, session_of, contact_law_type, law_of
+  use attrito_api_session, only: session_type, session_of, contact_law_type, law_of, release_laws
   implicit none
   private
 
@@ -153,23 +153,24 @@ contains
     integer(c_int), value :: coefficients, samples, by_events, periodic, repeats
     real(c_double), intent(in) :: motion(coefficients, law%tangents + 1)
     real(c_double), intent(out) :: seconds, moving
-    type(contact_type) :: contact
+    type(contact_type) :: contact(1)
     type(quadrature_type) :: quadrature
     type(contact_forces_type) :: forces
     real(wp), parameter :: slider(2) = 0.0_wp
     real(wp) :: started
     integer :: i
 
-    contact = law_of(law)
+    contact(1) = law_of(law)
     quadrature = quadrature_type(by_events /= 0, new_fourier((coefficients - 1)/2, samples), new_grid((coefficients - 1)/2))
     allocate (forces%deviation(coefficients, law%tangents + 1))
     started = clock()
     do i = 1, repeats
-      call evaluate_contact(contact, quadrature, motion, slider, periodic /= 0, forces)
+      call evaluate_contact(contact(1), quadrature, motion, slider, periodic /= 0, forces)
     end do
     seconds = (clock() - started)/repeats
     moving = forces%slip + forces%open
     call quadrature%fourier%destroy()
+    call release_laws(contact)
   end subroutine attrito_time_contact
 
   !> Of this rank's processor: other work on the machine does not count.

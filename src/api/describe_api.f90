@@ -1,6 +1,7 @@
 !> C interface of what both sides must agree on: names that cross as numbers, and sizes of structures.
 module attrito_api_describe
   use, intrinsic :: iso_c_binding
+  use attrito_contact_law_laws, only: law_names
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open
   use attrito_integrate_run, only: reason_none, reason_settling, reason_step, reason_diverged
   use attrito_integrate_schemes, only: scheme_event, scheme_central_difference, scheme_newmark, scheme_hht, &
@@ -52,6 +53,7 @@ contains
     text = counted('outcomes', outcome_names)// &
            counted('attempts', attempt_names)// &
            counted('states', state_names)// &
+           counted('laws', law_names)// &
            counted('multiplier_kinds', kind_names)// &
            counted('reduction_steps', step_names)// &
            numbered('damping_kinds', [character(11) :: 'none', 'viscous', 'ratio', 'mass', 'loss_factor'], &

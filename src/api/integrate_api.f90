@@ -13,7 +13,7 @@ module attrito_api_integrate
   use attrito_integrate_static_path, only: walk
   use attrito_integrate_system, only: system_type, new_system
   use attrito_api_message, only: tell
-  use attrito_api_session, only: contact_law_type, law_of
+  use attrito_api_session, only: contact_law_type, law_of, release_laws
   implicit none
   private
   public :: scene_type, options_type, report_type
@@ -214,6 +214,7 @@ contains
     type(session_type), pointer :: session
 
     call c_f_pointer(handle, session)
+    call release_laws(session%contacts%law)
     deallocate (session)
   end subroutine attrito_integrator_destroy
 

@@ -3,6 +3,7 @@ module attrito_api_session
   use, intrinsic :: iso_c_binding
   use attrito_core_communicator, only: communicator_type
   use attrito_core_kinds, only: wp
+  use attrito_contact_law_laws, only: new_law
   use attrito_model_contacts, only: contact_type, contacts_type
   use attrito_model_structure, only: structure_type
   use attrito_accuracy_error_control, only: error_control_type
@@ -18,7 +19,7 @@ module attrito_api_session
   use attrito_stability_examine, only: examination_type
   implicit none
   private
-  public :: session_type, bifurcation_type, session_of, contact_law_type, law_of
+  public :: session_type, bifurcation_type, session_of, contact_law_type, law_of, release_laws
 
   !> A turning point, or where a multiplier crosses the unit circle
   type :: bifurcation_type
@@ -57,8 +58,10 @@ module attrito_api_session
   end type session_type
 
   type, bind(c) :: contact_law_type
-    integer(c_int) :: tangents
+    integer(c_int) :: tangents, law
     real(c_double) :: tangential_stiffness, normal_stiffness, friction_coefficient, gap, preload
+    integer(c_int) :: count
+    type(c_ptr) :: numbers
   end type contact_law_type
 
 contains
@@ -71,10 +74,11 @@ contains
     call c_f_pointer(handle, session)
   end function session_of
 
-  !> A contact's law out of C's.
+  !> A contact out of C's; `release_laws` gives its law back.
   function law_of(law) result(contact)
     type(contact_law_type), intent(in) :: law
     type(contact_type) :: contact
+    real(c_double), pointer :: numbers(:)
 
     contact%tangents = law%tangents
     contact%tangential_stiffness = law%tangential_stiffness
@@ -82,5 +86,18 @@ contains
     contact%friction_coefficient = law%friction_coefficient
     contact%gap = law%gap
     contact%preload = law%preload
+    if (law%law == 0) return
+    call c_f_pointer(law%numbers, numbers, [law%count])
+    contact%law => new_law(law%law, numbers)
   end function law_of
+
+  !> Give the laws of contacts back; none of them is used any more.
+  subroutine release_laws(contacts)
+    type(contact_type), intent(inout) :: contacts(:)
+    integer :: i
+
+    do i = 1, size(contacts)
+      if (associated(contacts(i)%law)) deallocate (contacts(i)%law)
+    end do
+  end subroutine release_laws
 end module attrito_api_session

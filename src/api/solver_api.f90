@@ -9,7 +9,7 @@ module attrito_api_solver
   use attrito_core_kinds, only: wp, two_pi
   use attrito_core_petsc_session, only: start_petsc, stop_petsc
   use attrito_core_trigonometric, only: extrema
-  use attrito_model_contacts, only: new_contacts
+  use attrito_model_contacts, only: contact_type, contacts_type, new_contacts
   use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_quadrature_sampled, only: contact_samples_type, sample_contact
   use attrito_linear_receptance, only: receptance_type, to_complex, to_real
@@ -25,7 +25,7 @@ module attrito_api_solver
   use attrito_output_point_report, only: point_report_type, report_point
   use attrito_stability_crossing, only: moduli_type
   use attrito_api_message, only: tell, text_of
-  use attrito_api_session, only: session_type, session_of, contact_law_type, law_of
+  use attrito_api_session, only: session_type, session_of, contact_law_type, law_of, release_laws
   implicit none
   private
   public :: options_type, point_type, point_of
@@ -137,16 +137,20 @@ contains
     integer(c_int), value :: count
     type(contact_law_type), intent(in) :: laws(count)
     type(session_type), pointer :: session
+    type(contacts_type) :: before
     integer :: i
 
     session => session_of(handle)
+    before = session%contacts
     call session%solver%change_laws([(law_of(laws(i)), i=1, count)])
     session%contacts = session%solver%contacts
     ! It has the laws of before.
     if (allocated(session%in_time)) deallocate (session%in_time)
-    if (.not. allocated(session%solver%time_integrator)) return
-    deallocate (session%solver%time_integrator)
-    allocate (session%solver%time_integrator, source=new_averaged_periods(session%structure, session%contacts))
+    if (allocated(session%solver%time_integrator)) then
+      deallocate (session%solver%time_integrator)
+      allocate (session%solver%time_integrator, source=new_averaged_periods(session%structure, session%contacts))
+    end if
+    call release_laws(before%law)
   end subroutine attrito_change_laws
 
   !> Walk the static load path [corners, static loads], standing at an angular frequency.
@@ -316,6 +320,7 @@ contains
     session => session_of(handle)
     call session%accuracy%destroy()
     call session%solver%destroy()
+    if (allocated(session%contacts%law)) call release_laws(session%contacts%law)
     deallocate (session)
   end subroutine attrito_destroy
 
@@ -327,9 +332,12 @@ contains
     real(c_double), intent(out) :: displacement(samples, law%tangents + 1), force(samples, law%tangents + 1)
     type(fourier_type) :: fourier
     type(contact_samples_type) :: period
+    type(contact_type) :: contact(1)
 
+    contact(1) = law_of(law)
     fourier = new_fourier((coefficients - 1)/2, samples)
-    call sample_contact(law_of(law), fourier, motion, slider, passes, period)
+    call sample_contact(contact(1), fourier, motion, slider, passes, period)
+    call release_laws(contact)
     displacement = period%displacement
     force = period%force
     call fourier%destroy()

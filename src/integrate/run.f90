@@ -84,6 +84,11 @@ contains
                  fault_of_input)
       return
     end if
+    if (options%scheme == scheme_event .and. .not. all(system%law%has_events())) then
+      call raise(error, 'scheme event: a contact law that is not proportional to the normal force has no closed form in slip:'// &
+                 ' expected another scheme', fault_of_input)
+      return
+    end if
     loading = new_loading(options%omega, system%clock, matmul(system%static_loads, options%static_factors), &
                           options%level*system%harmonic_load, options%static_profile, options%harmonic_profile)
     orbit%state = new_state(system, motion, rate, slider)

@@ -313,15 +313,19 @@ contains
     call new_newton(self%context, self%options%max_iterations, self%newton)
   end subroutine hold_contacts
 
-  !> Give the contacts other friction coefficients, gaps and preloads. The caller sets motion and sliders afterwards.
+  !> Give the contacts other laws, friction coefficients, gaps and preloads. The caller sets motion and sliders afterwards.
   subroutine change_laws(self, law)
     class(solver_type), intent(inout) :: self
     !> Of all contacts
     type(contact_type), intent(in) :: law(:)
+    integer :: i
 
     self%contacts%law%friction_coefficient = law%friction_coefficient
     self%contacts%law%gap = law%gap
     self%contacts%law%preload = law%preload
+    do i = 1, size(law)
+      self%contacts%law(i)%law => law(i)%law
+    end do
     associate (balance => self%context%balance)
       call self%hold_contacts(balance%first_contact, balance%first_contact + size(balance%law) - 1)
     end associate

@@ -1,6 +1,6 @@
 !> Stability of the point at which a solver stands.
 module attrito_stability_examine
-  use attrito_core_errors, only: error_type
+  use attrito_core_errors, only: error_type, raise, fault_of_input
   use attrito_core_kinds, only: wp
   use attrito_contact_state, only: state_shaken_down
   use attrito_model_structure, only: structure_type, damping_loss_factor, damping_viscous
@@ -67,6 +67,11 @@ contains
     type(error_type), allocatable, intent(out) :: error
     type(structure_type) :: structure
 
+    if (.not. all(solver%contacts%law%has_events())) then
+      call raise(error, 'stability: a contact law that is not proportional to the normal force: expected Coulomb''s', &
+                 fault_of_input)
+      return
+    end if
     structure = solver%structure
     if (equivalent_viscous .and. structure%damping_kind == damping_loss_factor) then
       structure%damping_kind = damping_viscous

@@ -25,6 +25,7 @@ from attrito.job.defaults import TOLERANCE
 from attrito.job.job import Job
 from attrito.job.reading import read_job
 from attrito.library.integrator import Integrator, Run
+from attrito.library.laws import are_coulomb
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Point, Solver
 from attrito.scene.build import build_scene
@@ -214,7 +215,7 @@ class Bench:
     def _integrations(self) -> Iterator[Way]:
         """From the static solution to the steady state at the peak, ever shorter steps."""
         for scheme in SCHEMES:
-            if scheme == "event" and self._tangents == 2:
+            if scheme == "event" and (self._tangents == 2 or not are_coulomb(self._scene.laws)):
                 continue
             for steps in STEPS if scheme != "event" else STEPS[:1]:
                 way = self._integrate(scheme, steps)

@@ -24,6 +24,8 @@ ATTEMPTS = (
     "force_steps",
     "stiffness_steps",
 )
+# Contact laws
+LAWS = ("coulomb",)
 # Of a contact over the period
 STATES = ("stuck", "shaken_down", "slipping", "open")
 # Of a contact at an instant
@@ -69,6 +71,7 @@ ENUMERATIONS: dict[str, tuple[str, ...] | dict[str, int]] = {
     "outcomes": OUTCOMES,
     "attempts": ATTEMPTS,
     "states": STATES,
+    "laws": LAWS,
     "regimes": REGIMES,
     "damping_kinds": DAMPING_KINDS,
     "engines": ENGINES,

@@ -354,7 +354,7 @@ class Solver:
 
 
 # Of a contact's law, what its stuck state does not show
-FREE_OF_MODES = ("friction_coefficient", "gap", "preload")
+FREE_OF_MODES = ("friction_coefficient", "gap", "preload", "law", "law_numbers")
 
 
 def _has_the_modes_of(a: ReducedScene, b: ReducedScene) -> bool:
@@ -362,4 +362,5 @@ def _has_the_modes_of(a: ReducedScene, b: ReducedScene) -> bool:
     plain = ("mass", "stiffness", "damping", "directions", "static", "harmonic", "monitors")
     same = (a.damping_kind, a.damping_value, a.monitor_names) == (b.damping_kind, b.damping_value, b.monitor_names)
     same = same and all(np.array_equal(getattr(a, name), getattr(b, name)) for name in plain)
-    return same and all(np.array_equal(a.laws[name], b.laws[name]) for name in a.laws if name not in FREE_OF_MODES)
+    shared = (a.laws.keys() | b.laws.keys()) - set(FREE_OF_MODES)
+    return same and all(np.array_equal(a.laws[name], b.laws[name]) for name in shared)

@@ -23,8 +23,10 @@ class RawLaw(ctypes.Structure):
     """A contact's law."""
 
     _fields_ = [
-        ("tangents", c_int),
+        *_all(c_int, "tangents", "law"),
         *_all(c_double, "tangential_stiffness", "normal_stiffness", "friction_coefficient", "gap", "preload"),
+        ("count", c_int),
+        ("numbers", c_void_p),
     ]
 
 
@@ -173,9 +175,13 @@ _POINTERS = {
 
 
 def make_law(laws: dict[str, np.ndarray], contact: int) -> RawLaw:
-    """The law of one contact out of arrays `[nc]` by key."""
-    numbers = (float(laws[name][contact]) for name, *_ in RawLaw._fields_[1:])
-    return RawLaw(int(laws["tangents"][contact]), *numbers)
+    """The law of one contact out of arrays `[nc]` by key, whose own numbers (`attrito.library.laws`) stay there."""
+    shared = (float(laws[name][contact]) for name, kind in RawLaw._fields_ if kind is c_double)
+    law = RawLaw(int(laws["tangents"][contact]), 0, *shared, 0, None)
+    if "law" in laws and laws["law"][contact]:
+        own = laws["law_numbers"][contact]
+        law.law, law.count, law.numbers = int(laws["law"][contact]), int(np.isfinite(own).sum()), own.ctypes.data
+    return law
 
 
 def make_laws(laws: dict[str, np.ndarray]) -> ctypes.Array[RawLaw]:

@@ -25,6 +25,7 @@ import numpy as np
 
 from attrito.library.family import Family
 from attrito.library.kernels import extrema
+from attrito.library.laws import are_coulomb, cone_coefficients
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Point, Solver
 from attrito.runs.bounds_by_members import Hull, Search
@@ -65,7 +66,7 @@ class Sampler:
     Attributes
     ----------
     programs : whether linear programs give the bounds of points at which every contact sticks
-    gives_up : whether such points have too many contacts for that
+    gives_up : whether such points have too many contacts for that, or contacts without friction cones
     hulls : what was found, by number of the point
     """
 
@@ -80,11 +81,12 @@ class Sampler:
     ):
         tangents = scene.laws["tangents"]
         single = bool(np.all(tangents == 1))
-        self.programs = bounds == "auto" and len(tangents) <= MOST_CONTACTS and single
-        self.gives_up = bounds == "auto" and len(tangents) > MOST_CONTACTS and single
+        cones = are_coulomb(scene.laws)
+        self.programs = bounds == "auto" and len(tangents) <= MOST_CONTACTS and single and cones
+        self.gives_up = bounds == "auto" and ((len(tangents) > MOST_CONTACTS and single) or not cones)
         self.hulls: dict[int, Hull] = {}
         self._solver, self._limited = solver, bounds == "auto"
-        self._samples = not options.uncoupled and bounds != "none"
+        self._samples = not options.uncoupled and bounds != "none" and cones
         self._search = Search(scene.laws)
         self._family = Family(comm, solver, len(tangents), len(scene.monitors), interrupted)
         self._points, self._work = 0, 0.0
@@ -195,7 +197,7 @@ class _Family:
 
     def __init__(self, file: h5py.File, scene: ReducedScene, points: np.ndarray):
         kt, kn = scene.laws["tangential_stiffness"], scene.laws["normal_stiffness"]
-        friction = scene.laws["friction_coefficient"]
+        friction = cone_coefficients(scene.laws)
         tangents, normals = scene.directions[0::2], scene.directions[1::2]
         stuck = scene.stiffness + tangents.T @ (kt[:, None] * tangents) + normals.T @ (kn[:, None] * normals)
         response = np.linalg.solve(stuck, tangents.T)

@@ -26,6 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from attrito.library.family import Family, Member
+from attrito.library.laws import cone_coefficients
 from attrito.runs.linear_family import LinearFamily, basis_at, scale_of, values_of
 
 # Part of the forces that is no width, nor worth a step: residual (1e-10) and cones drawn in (1e-9), with a margin.
@@ -226,7 +227,7 @@ def least_room(member: Member, laws: dict[str, np.ndarray]) -> float:
     basis = basis_at(2.0 * np.pi * np.arange(INSTANTS) / INSTANTS, coefficients)
     for contact in np.flatnonzero(member.free):
         t1, t2, n = member.force[contact] @ basis.T
-        friction = laws["friction_coefficient"][contact]
+        friction = cone_coefficients(laws)[contact]
         angles = np.pi * np.arange(ROOM_DIRECTIONS) / ROOM_DIRECTIONS if laws["tangents"][contact] == 2 else np.zeros(1)
         for angle in angles:
             along = np.cos(angle) * t1 + np.sin(angle) * t2

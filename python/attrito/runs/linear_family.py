@@ -16,6 +16,7 @@ import functools
 import numpy as np
 
 from attrito.library.family import Member
+from attrito.library.laws import cone_coefficients
 from attrito.support.linear_programs import DualSimplex
 
 # Parts of the forces: how far cones may be exceeded, and what they are drawn in by to make up for it; the longest step.
@@ -62,7 +63,7 @@ class LinearFamily:
         self._rows = np.vstack([np.eye(size), -np.eye(size)])
         self._limits = np.full(2 * size, FARTHEST)
         free = np.unique([contact for contact, _ in moves])
-        friction = laws["friction_coefficient"][:, None, None]
+        friction = cone_coefficients(laws)[:, None, None]
         for array in (force, scaled := member.force / self.scale):
             array[..., 2:, :] *= friction
         self._at_rest, self._change = scaled[free], force[:, free]

@@ -13,6 +13,7 @@ import h5py
 import numpy as np
 
 from attrito.library.integrator import Integrator, Run
+from attrito.library.laws import are_coulomb
 from attrito.library.names import NO_SOLUTION, OUTCOMES
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Point
@@ -99,7 +100,8 @@ def _outcome(period: int) -> str:
 def can_integrate(scene: ReducedScene) -> bool:
     """Whether event-exact integration takes a scene, and soon is done."""
     tangents = scene.laws["tangents"]
-    return scene.damping_kind != "loss_factor" and max(tangents) == 1 and len(tangents) <= MOST_CONTACTS
+    soon = len(tangents) <= MOST_CONTACTS
+    return scene.damping_kind != "loss_factor" and max(tangents) == 1 and are_coulomb(scene.laws) and soon
 
 
 def write_periods(file: h5py.File, longer: LongerPeriods) -> None:

@@ -28,6 +28,7 @@ from itertools import product
 import h5py
 import numpy as np
 
+from attrito.library.laws import are_coulomb, cone_coefficients
 from attrito.library.reduced_scene import ReducedScene
 from attrito.support.hdf5_writing import described
 
@@ -63,14 +64,12 @@ class Margin:
 
 
 def friction_margin(scene: ReducedScene) -> Margin | None:
-    """The margin of a scene; None with two tangents, where slip has a direction of its own."""
+    """The margin of a scene; None without friction cones, or with two tangents, where slip has its own direction."""
     tangents = np.asarray(scene.laws["tangents"])
-    if np.any(tangents != 1):
+    if np.any(tangents != 1) or not are_coulomb(scene.laws):
         return None
-    kt, kn, mu = (
-        np.asarray(scene.laws[name], dtype=float)
-        for name in ("tangential_stiffness", "normal_stiffness", "friction_coefficient")
-    )
+    kt, kn = (np.asarray(scene.laws[name], dtype=float) for name in ("tangential_stiffness", "normal_stiffness"))
+    mu = cone_coefficients(scene.laws)
     springs = np.column_stack([kt, kn]).ravel()
     rows = scene.directions
     stuck = scene.stiffness + rows.T @ (springs[:, None] * rows)

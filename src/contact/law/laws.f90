@@ -1,0 +1,24 @@
+!> All contact laws by name, and what makes one out of the numbers of a job. A new law has its file, and a line in each of both here.
+module attrito_contact_law_laws
+  use attrito_core_kinds, only: wp
+  use attrito_contact_law_contact_law, only: contact_law_type
+  implicit none
+  private
+  public :: law_names, new_law
+
+  !> Counted from 0; a contact without a law is a Coulomb spring
+  character(*), parameter :: law_names(1) = [character(8) :: 'coulomb']
+
+contains
+
+  !> A law, which the caller is to deallocate; none for a Coulomb spring.
+  function new_law(law, numbers) result(made)
+    !> Its place in `law_names`, from 0
+    integer, intent(in) :: law
+    !> What it is made of, in the order of its own constructor
+    real(wp), intent(in) :: numbers(:)
+    class(contact_law_type), pointer :: made
+
+    made => null()
+  end function new_law
+end module attrito_contact_law_laws
