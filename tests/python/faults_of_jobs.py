@@ -76,7 +76,7 @@ JOB = [
     Case(
         "a negative friction coefficient",
         put("contact", 0, friction_coefficient=-0.5),
-        ("job.toml: contact[0] friction_coefficient = -0.5: expected a number of at least 0",),
+        ("job.toml: contact[0] friction_coefficient = -0.5: expected a number of at least 0, or pairs [pressure,",),
     ),
     Case(
         "a contact without a friction coefficient",

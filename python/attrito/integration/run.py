@@ -16,6 +16,7 @@ import h5py
 import numpy as np
 
 from attrito.integration.attractors import Attractor, State, find_attractors, told, write_attractors
+from attrito.job.cross_checks import laws_beside_coulomb
 from attrito.job.job import Job
 from attrito.job.reading import read_job
 from attrito.library.integrator import Integrator, Orbit, Run
@@ -97,6 +98,9 @@ def _check(job: Job) -> None:
     if keys["scheme"] == "event" and two:
         expected = 'contacts with one tangent, or scheme = "exponential" (slip in two directions has no closed form)'
         faults.append(job.fault("[integrate] scheme", "event", expected))
+    for key, law in laws_beside_coulomb(job).items() if keys["scheme"] == "event" else ():
+        expected = '"coulomb" (another law has no events), or [integrate] scheme = "exponential" or another with steps'
+        faults.append(job.fault(key, law, expected))
     if job["damping"]["loss_factor"] is not None and not keys["equivalent_viscous"]:
         expected = "ratio, rayleigh or a matrix (it has no time-domain twin), or [integrate] equivalent_viscous = true"
         faults.append(job.fault("[damping] loss_factor", job["damping"]["loss_factor"], expected))

@@ -148,6 +148,18 @@ def takes(check: Check) -> str:
     return f"a list{count}, each {takes(check.item)}"
 
 
+def pressure_table(value: Any) -> list[list[float]]:
+    """Pairs [pressure, friction coefficient], pressures ascending."""
+    words = "pairs [pressure, coefficient], both at least 0, pressures ascending"
+    try:
+        pairs = listing(listing(number(0), 2, 2), 1)(value)
+    except ValueError:
+        raise ValueError(words) from None
+    if any(after[0] <= before[0] for before, after in zip(pairs, pairs[1:], strict=False)):
+        raise ValueError(words)
+    return pairs
+
+
 def dof(value: Any) -> int | tuple[str, int | str, str]:
     """A dof: a number from 0, or ["node", id, "x"] with an id or the name of a set of one node."""
     if isinstance(value, int) and not isinstance(value, bool) and value >= 0:

@@ -21,13 +21,14 @@ from attrito.job.checks import (
     monitor,
     node_reference,
     number,
+    pressure_table,
     start,
     stored_point,
     term,
     terms,
     text,
 )
-from attrito.library.names import EIGENSOLVERS, ORDERINGS
+from attrito.library.names import EIGENSOLVERS, LAWS, ORDERINGS
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,18 @@ LAW = {
         number(0, above=True), None, "kt: force per relative displacement while it sticks", True
     ),
     "normal_stiffness": Key(number(0, above=True), None, "kn: force per approach while it is closed", True),
-    "friction_coefficient": Key(number(0), None, "mu: \\|T\\| <= mu N", True),
+    "friction_coefficient": Key(
+        either(number(0), pressure_table),
+        None,
+        'mu: \\|T\\| <= mu N; with `law = "pressure"` `[[p, mu], ...]`: linear in p between, constant beyond',
+        True,
+    ),
+    "law": Key(
+        choice(*LAWS),
+        LAWS[0],
+        "`\"pressure\"`: mu depends on the pressure N/A, A a pair's tributary area or a contact's `area`; by samples"
+        " ([method.md](method.md#contact-laws))",
+    ),
     "gap": Key(number(), 0.0, "N = max(preload + kn (v - gap), 0), v the approach of the two sides"),
     "preload": Key(number(0), 0.0, "normal force without motion; usually 0, since the static load makes it"),
 }
@@ -278,6 +290,7 @@ ARRAYS: dict[str, dict[str, Key]] = {
             listing(listing(term, 1), 1, 2), None, "the relative displacement u along one or two", required=True
         ),
         **LAW,
+        "area": Key(number(0, above=True), None, 'with `law = "pressure"`: the area A that N presses'),
     },
     "contact_set": {
         "a": Key(text, None, "node set of one side", required=True),

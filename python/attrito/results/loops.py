@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from attrito.library.kernels import sample_contact
+from attrito.library.laws import are_coulomb, cone_coefficients
 from attrito.library.structures import make_law
 from attrito.results.result import Result
 from attrito.support.errors import Fault, InputError
@@ -40,7 +41,7 @@ PASSES = 20
 def contact_loops(result: Result, point: int, contacts: Sequence[int]) -> list[Loop]:
     """Loops T(u) with N over a period for some contacts of a point; two tangents: along the largest motion."""
     result.check_point(point)
-    laws = {name: result.array(f"contacts/parameters/{name}") for name in _laws()}
+    laws = {name: result.array(f"contacts/parameters/{name}") for name in _laws(result)}
     loops = []
     for contact in contacts:
         if not 0 <= contact < result.contacts:
@@ -50,7 +51,7 @@ def contact_loops(result: Result, point: int, contacts: Sequence[int]) -> list[L
         coefficients = result.dataset("contacts/displacement")[point, contact][rows]
         slider = result.dataset("contacts/slider")[point, contact]
         u, force = sample_contact(make_law(laws, contact), coefficients, slider, SAMPLES, PASSES)
-        friction = float(laws["friction_coefficient"][contact])
+        friction = float(cone_coefficients(laws)[contact]) if are_coulomb(laws) else None
         along = _main_direction(u[:tangents])
         loops.append(Loop(f"contact {contact}", along @ u[:tangents], along @ force[:tangents], force[-1], friction))
     return loops
@@ -71,8 +72,10 @@ def most_dissipating(result: Result, point: int, count: int = 4) -> list[int]:
     return [int(contact) for contact in np.argsort(-energy, kind="stable")[:count]]
 
 
-def _laws() -> tuple[str, ...]:
+def _laws(result: Result) -> tuple[str, ...]:
+    others = ("law", "law_numbers") if result.has("contacts/parameters/law") else ()
     return (
+        *others,
         "tangents",
         "tangential_stiffness",
         "normal_stiffness",

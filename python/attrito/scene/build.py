@@ -13,6 +13,7 @@ from scipy.sparse import csr_matrix, vstack
 
 from attrito.importers import check_matrices, read_matrices
 from attrito.job.job import Job
+from attrito.library.names import LAWS
 from attrito.model.model import Model
 from attrito.model.model_file import read_model
 from attrito.model.pairing import contact_rows, pair_sets
@@ -143,12 +144,33 @@ def laws_of(job: Job, contacts: Contacts) -> dict[str, np.ndarray]:
     given = [*job["contact"], *job["contact_set"]]
     laws = {"tangents": contacts.laws["tangents"]}
     for name in LAW_KEYS:
-        values = [np.nan if keys[name] is None else keys[name] for keys in given]
+        values = [np.nan if keys[name] is None else _least_pressed(keys[name]) for keys in given]
         laws[name] = np.array(values, dtype=float)[contacts.tables]
     by_area = np.array([keys.get("stiffness_per") == "area" for keys in given])[contacts.tables]
     for name in ("tangential_stiffness", "normal_stiffness", "preload"):
         laws[name][by_area] *= contacts.places["area"][by_area]
-    return laws
+    kinds = np.array([LAWS.index(keys["law"]) for keys in given], dtype=np.int32)[contacts.tables]
+    if not np.any(kinds):
+        return laws
+    numbers = [
+        _law_numbers(given[table], area) for table, area in zip(contacts.tables, contacts.places["area"], strict=True)
+    ]
+    padded = np.full((len(numbers), max(map(len, numbers))), np.nan)
+    for row, own in zip(padded, numbers, strict=True):
+        row[: len(own)] = own
+    return laws | {"law": kinds, "law_numbers": padded}
+
+
+def _least_pressed(value: Any) -> float:
+    """A number, or of a table by pressure the friction coefficient at the least."""
+    return value[0][1] if isinstance(value, list) else value
+
+
+def _law_numbers(keys: dict[str, Any], area: float) -> list[float]:
+    """What a contact's law is made of in the library, in the order of its constructor there."""
+    if keys["law"] != "pressure":
+        return []
+    return [keys.get("area") or area, *(number for pair in keys["friction_coefficient"] for number in pair)]
 
 
 @dataclass

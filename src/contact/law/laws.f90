@@ -2,12 +2,13 @@
 module attrito_contact_law_laws
   use attrito_core_kinds, only: wp
   use attrito_contact_law_contact_law, only: contact_law_type
+  use attrito_contact_law_pressure_friction, only: new_pressure_friction
   implicit none
   private
   public :: law_names, new_law
 
   !> Counted from 0; a contact without a law is a Coulomb spring
-  character(*), parameter :: law_names(1) = [character(8) :: 'coulomb']
+  character(*), parameter :: law_names(2) = [character(8) :: 'coulomb', 'pressure']
 
 contains
 
@@ -20,5 +21,11 @@ contains
     class(contact_law_type), pointer :: made
 
     made => null()
+    select case (law_names(law + 1))
+     case ('pressure')
+      allocate (made, source=new_pressure_friction(numbers))
+     case default
+      ! A Coulomb spring has none.
+    end select
   end function new_law
 end module attrito_contact_law_laws
