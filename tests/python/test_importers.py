@@ -366,6 +366,10 @@ TETRA_LINES = "*ELEMENT, TYPE=C3D4\n1,1,1,1,1\n"
         ({"inp": "*NODE\n1,0,0,0\n" + TETRA_LINES + "*NSET,NSET=s\n5\n"}, ["job.inp", "line 5", "node 5 in set s"]),
         ({"inp": "*NODE\n1,0,0,0\n" + TETRA_LINES + "*NSET,NSET=s\nt\n"}, ["job.inp", "line 5", "'t'"]),
         ({"inp": "*NODE\n1,0,0,0\n" + TETRA_LINES + "*NSET,NSET=s,GENERATE\n1,1,0\n"}, ["line 5", "first, last, step"]),
+        (
+            {"inp": "*NODE\n1,0,0,0\n" + TETRA_LINES + "*NSET,NSET=s,GENERATE\n1,9999999999\n"},
+            ["line 5", "at most 10000000 ids"],
+        ),
         ({"inp": "*INCLUDE, INPUT=absent.inp\n"}, ["job.inp", "line 1", "absent.inp"]),
         ({"inp": "*INCLUDE, INPUT=job.inp\n"}, ["job.inp", "include itself"]),
     ],

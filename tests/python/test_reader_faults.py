@@ -426,6 +426,12 @@ MESHES = {
         "line 10, CTETRA",
         "4 or 10",
     ),
+    "Nastran: a range far beyond the nodes": (
+        "two_springs_mesh.bdf",
+        replaced("SET1,2,7,THRU,40", "SET1,2,7,THRU,1000000000000"),
+        "node 1000000000000",
+        "nodes that the file defines",
+    ),
     "Nastran: a set of a node that is not there": (
         "two_springs_mesh.bdf",
         replaced("SET1,2,7", "SET1,2,8"),

@@ -14,7 +14,7 @@ import meshio
 import numpy as np
 
 from attrito.importers.deck import Block, read_blocks
-from attrito.importers.mesh_data import Mesh, check_coordinates
+from attrito.importers.mesh_data import LONGEST_RANGE, Mesh, check_coordinates
 from attrito.support.errors import Fault, InputError
 
 # Variants differ in integration, not in nodes; matrices come from the FE code anyway.
@@ -151,6 +151,10 @@ def set_members(block: Block, known: dict[str, np.ndarray]) -> np.ndarray:
         rows = [_integers(_fields(line), block, "first, last, step") for line in block.data]
         if not rows or any(len(row) not in (2, 3) or row[-1] < 1 for row in rows):
             raise InputError(block.fault("GENERATE", "lines of first, last, step"))
+        longest = max(rows, key=lambda row: row[1] - row[0])
+        if longest[1] - longest[0] > LONGEST_RANGE:
+            words = ", ".join(map(str, longest))
+            raise InputError(block.fault(words, f"ranges of at most {LONGEST_RANGE} ids"))
         return np.concatenate([np.arange(row[0], row[1] + 1, row[2] if len(row) == 3 else 1) for row in rows])
     words = [word for line in block.data for word in _fields(line)]
     named = [known[word.upper()] for word in words if word.upper() in known]

@@ -9,6 +9,9 @@ import numpy as np
 
 from attrito.support.errors import Fault, InputError
 
+# Ids from a first to a last: more are a typing error, and more than there is memory for.
+LONGEST_RANGE = 10_000_000
+
 
 @dataclass
 class Mesh:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from attrito.importers.mesh_data import LONGEST_RANGE
 from attrito.support.errors import Fault, InputError
 
 
@@ -63,12 +64,20 @@ def whole_numbers(card: Card, begin: int, known: set[int] | None = None) -> list
         elif not word.isdecimal():
             raise InputError(card.fault("whole numbers, or two with THRU between them"))
         elif through:
-            between = range(numbers[-1] + 1, int(word))
-            numbers += [k for k in between if known is None or k in known] + [int(word)]
+            numbers += [*_between(card, numbers[-1], int(word), known), int(word)]
             through = False
         else:
             numbers.append(int(word))
     return numbers
+
+
+def _between(card: Card, first: int, last: int, known: set[int] | None) -> list[int]:
+    """Ids above one and below another, of those that are known if any are: a range may be far longer."""
+    if known is not None:
+        return sorted(k for k in known if first < k < last)
+    if last - first > LONGEST_RANGE:
+        raise InputError(card.fault(f"ranges of at most {LONGEST_RANGE} ids"))
+    return list(range(first + 1, last))
 
 
 def _fields(text: str, large: bool) -> tuple[str, list[str]]:
