@@ -17,7 +17,7 @@ PURPOSES = {
     "contact": "A contact between dofs. At least one `[[contact]]` or `[[contact_set]]`.",
     "contact_set": "Node-to-node contacts between two node sets, or between one and the ground.",
     "load": "At least one of kind `harmonic`.",
-    "static": "How the static loads come on, and what is told of points that are not unique.",
+    "static": "How the static loads are applied, and which bounds are found for points that are not unique.",
     "balance": "The harmonic balance.",
     "sweep": "Required: `start_hz` and `stop_hz`, or `frequencies_hz`.",
     "continuation": "How a sweep is followed.",

@@ -123,7 +123,7 @@ TABLES: dict[str, dict[str, Key]] = {
         "load_path": Key(
             listing(corner, 1),
             [0.0, 1.0],
-            "corners, walked quasi-statically: one factor on all static loads, or by name",
+            "corners, followed quasi-statically: one factor on all static loads, or by name",
         ),
         "slider": Key(
             choice("keep", "reset"), "keep", "start sliders of each point: of the point before, or the static ones"
@@ -188,7 +188,9 @@ TABLES: dict[str, dict[str, Key]] = {
         "start_file": Key(text, None, "that result; absent: the output file as it was"),
         "both_directions": Key(boolean, False, "sweep back too"),
         "max_points": Key(
-            integer(2), 1000, "of a sweep; one that ends before its stop is told, in `/points` too, and exits with 1"
+            integer(2),
+            1000,
+            "of a sweep; one that ends before its stop is reported, in `/points` too, with exit code 1",
         ),
         "locate": Key(
             boolean,

@@ -271,7 +271,7 @@ def _check(job: Job) -> None:
             expected = 'false: a backbone is followed over levels, with parameter = "level"'
             faults.append(job.fault("[peak] backbone", True, expected))
         if not any(load["kind"] == "harmonic" and load["harmonic"] == 1 for load in job["load"]):
-            expected = "false, or a harmonic load with harmonic = 1: its level is told by the work of such loads"
+            expected = "false, or a harmonic load with harmonic = 1: its level follows from the work of such loads"
             faults.append(job.fault("[peak] backbone", True, expected))
     if faults:
         raise InputError(*faults)

@@ -87,7 +87,7 @@ def glance(view: View) -> list[tuple[str, bool]]:
         lines.append((words, estimate[worst] > LARGE_ERROR))
     if view.approach() == "uncoupled":
         lines.append(
-            ("Uncoupled: the mean is that of the static solution; no estimate tells what this leaves out.", True)
+            ("Uncoupled: the mean is that of the static solution; no estimate includes what this leaves out.", True)
         )
     incomplete = view.result.attributes("/points").get("incomplete", "")
     return lines + ([(incomplete, True)] if incomplete else [])

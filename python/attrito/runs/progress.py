@@ -98,7 +98,7 @@ class Progress:
             f" {report.corrections} corrections"
         )
         if report.worst_error >= 0.0:
-            self.say(f"estimated errors: at most {report.worst_error:.1e} (attrito info tells of which)")
+            self.say(f"estimated errors: at most {report.worst_error:.1e} (`attrito info` lists them)")
         each = ", ".join(f"{step} {time:.1f}" for step, time in report.seconds.items() if time > 0.0)
         self.say(f"in {sum(report.seconds.values()):.1f} s and {max(report.megabytes.values()) / 1024:.1f} GB: {each}")
 
@@ -114,7 +114,7 @@ class Progress:
 
     def static(self, means: np.ndarray) -> None:
         """The static load path was walked."""
-        self.say("static load path walked: monitors " + ", ".join(f"{value:.4g}" for value in means))
+        self.say("static load path followed: monitors " + ", ".join(f"{value:.4g}" for value in means))
 
     def point(self, point: Point, monitor: str, number: int) -> None:
         """The line of a point, the `number`th of the run."""

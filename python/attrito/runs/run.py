@@ -233,7 +233,7 @@ class _Run:
         if missing := self.place.outcomes.get("no_period_one_orbit", 0):
             found.append(
                 f"{missing} point(s) without an orbit of the excitation's period: friction alone does not hold the body"
-                " there, or motion in time walks, bounces or takes several periods; they are in the file with outcome"
+                " there, or motion in time drifts, bounces or takes several periods; they are in the file with outcome"
                 " no_period_one_orbit"
             )
         if above := self.place.outcomes.get("above_tolerance", 0):
