@@ -143,15 +143,14 @@ def test_the_benchmark_blade_has_the_frequencies_that_calculix_finds(tmp_path, m
     assert found == pytest.approx(expected, rel=1e-6)
 
 
-@pytest.mark.parametrize("name", ["held", "free"])
-@pytest.mark.parametrize("modes", [4, 12])
-def test_the_estimated_error_of_a_mode_is_within_a_factor_ten_of_the_truth(name, modes, request):
+@pytest.mark.parametrize(("name", "modes", "count"), [("held", 4, 6), ("held", 12, 9), ("free", 12, 4)])
+def test_the_estimated_error_of_a_mode_is_within_a_factor_ten_of_the_truth(name, modes, count, request):
     case: Case = request.getfixturevalue(name)
     _, rom = case.reduce(vectors=unit(case, 100, 50), modes=modes)
     rigid = 6 if name == "free" else 0
     full = np.sqrt(eigh(case.stiffness, case.mass, eigvals_only=True)[rigid:]) / (2 * np.pi)
     frequency, estimate = (rom[f"quality/frequency_{what}"][:] for what in ("hz", "error"))
-    assert len(frequency) >= 3 or name == "free"
+    assert len(frequency) == count
     truth = frequency / full[: len(frequency)] - 1.0
     assert np.all(estimate < 10.0 * truth)
     assert np.all(truth < 10.0 * estimate)

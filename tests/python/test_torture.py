@@ -152,7 +152,7 @@ def test_an_iterate_that_runs_off_is_no_solution():
         solver.walk_static_path(np.array([[0.0], [1.0]]), 20, at)
         solver.set_excitation(60.0, 280.0, 1.0)
         point = solver.try_at("stiffness_steps", at)
-    assert point.outcome != "converged" or point.amplitude.max() < 1e-3
+    assert point.outcome == "not_converged"
 
 
 @pytest.mark.parametrize(

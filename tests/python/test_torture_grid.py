@@ -46,7 +46,9 @@ def test_every_scene_ends_in_a_verdict_and_every_dataset_says_what_it_is(folder)
     assert len(rows) == 80
     assert all(row["verdict"] in VERDICTS for row in rows)
     # Nothing fails in silence: what is called solved has a verdict on its stability.
-    assert all(row["stable"] in ("0", "1", "2") for row in rows if row["coupled_outcome"] == "converged")
+    solved = [row for row in rows if row["coupled_outcome"] == "converged"]
+    assert len(solved) > len(rows) // 2
+    assert all(row["stable"] in ("0", "1", "2") for row in solved)
     for name in ("report.md", "figures.csv", "verdicts.png", "methods.png"):
         assert (folder / name).stat().st_size > 0
 
