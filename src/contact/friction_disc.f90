@@ -55,7 +55,7 @@ contains
     call enter_disc(u(last, :), r(last), w, slip, entered)
     if (entered) then
       gradients(:, :, last) = gradient
-      call carry(slip, basis(:, last), basis(:, last), slope([last, last]), gradients(:, :, last), gradient)
+      call carry(slip, basis(:, last), basis(:, last), [slope(last), slope(last)], gradients(:, :, last), gradient)
     end if
     call advance(last, 1, gradient)
     if (entered .and. regimes(1) == regime_stick) regimes(1) = regime_slip
@@ -80,11 +80,11 @@ contains
       else if (r(a) <= 0.0_wp .and. length(d) <= r(b) - r(a)) then
         regimes(b) = regime_stick
         w = u(b, :) - (r(b)/(r(b) - r(a)))*d
-        call land(d, r(a), r(b), basis(:, a), basis(:, b), slope([a, b]), gradients(:, :, b))
+        call land(d, r(a), r(b), basis(:, a), basis(:, b), [slope(a), slope(b)], gradients(:, :, b))
       else
         call slide(u(a, :), u(b, :), r(a), r(b), w, slip, regimes(b))
         if (regimes(b) == regime_slip) then
-          call carry(slip, basis(:, a), basis(:, b), slope([a, b]), before, gradients(:, :, b))
+          call carry(slip, basis(:, a), basis(:, b), [slope(a), slope(b)], before, gradients(:, :, b))
         else
           gradients(:, :, b) = before
         end if

@@ -103,8 +103,8 @@ contains
       normal = law%normal_force(samples%displacement(:, n))
       samples%closed = normal >= law%touching_force(motion(:, n))
       ! Negative where it is open: the marches find landing between samples.
-      samples%radius = normal
-      samples%slope = normal
+      if (allocated(samples%radius)) deallocate (samples%radius, samples%slope)
+      allocate (samples%radius(fourier%samples), samples%slope(fourier%samples))
       call law%slip_force(normal, samples%radius, samples%slope)
       samples%radius = samples%radius/law%tangential_stiffness
       samples%slope = samples%slope*law%normal_stiffness/law%tangential_stiffness
