@@ -152,7 +152,7 @@ def pressure_table(value: Any) -> list[list[float]]:
     """Pairs [pressure, friction coefficient], pressures ascending."""
     words = "pairs [pressure, coefficient], both at least 0, pressures ascending"
     try:
-        pairs = listing(listing(number(0), 2, 2), 1)(value)
+        pairs: list[list[float]] = listing(listing(number(0), 2, 2), 1)(value)
     except ValueError:
         raise ValueError(words) from None
     if any(after[0] <= before[0] for before, after in zip(pairs, pairs[1:], strict=False)):

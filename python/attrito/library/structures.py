@@ -176,7 +176,7 @@ _POINTERS = {
 
 def make_law(laws: dict[str, np.ndarray], contact: int) -> RawLaw:
     """The law of one contact out of arrays `[nc]` by key, whose own numbers (`attrito.library.laws`) stay there."""
-    shared = (float(laws[name][contact]) for name, kind in RawLaw._fields_ if kind is c_double)
+    shared = (float(laws[field[0]][contact]) for field in RawLaw._fields_ if field[1] is c_double)
     law = RawLaw(int(laws["tangents"][contact]), 0, *shared, 0, None)
     if "law" in laws and laws["law"][contact]:
         own = laws["law_numbers"][contact]
