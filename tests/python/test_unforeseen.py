@@ -159,6 +159,6 @@ def test_a_result_with_links_that_lead_nowhere_is_told(tmp_path, capfd):
 
 
 def test_input_malformed_in_further_ways_ends_with_one_message_or_a_result():
-    cases = run_cases(range(54), seed=11, further=True)
+    cases = run_cases(range(54), seed=11, ways="further")
     assert [(case.number, case.name, case.breaks, case.message) for case in cases if case.breaks] == []
     assert sum(case.code == 2 for case in cases) > len(cases) / 2
