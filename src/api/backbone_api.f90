@@ -1,7 +1,7 @@
 !> C interface of backbones. All calls are collective and give every rank the same.
 module attrito_api_backbone
   use, intrinsic :: iso_c_binding
-  use attrito_accuracy_error_control, only: point_errors_type, no_tolerance
+  use attrito_accuracy_point_errors, only: point_errors_type, no_tolerance
   use attrito_output_point_report, only: report_point
   use attrito_peak_backbone, only: begin_backbone, leading_mode
   use attrito_peak_condition, only: problem_type
@@ -32,8 +32,8 @@ contains
     call leading_mode(session%solver, mode, amplitude)
   end subroutine attrito_leading_mode
 
-  !> The backbone of a mode (from 1) at an amplitude of its coordinate, told by a monitor (from 0). The static path has been walked;
-  !> the session serves nothing but this backbone from then on.
+  !> The backbone of a mode (from 1) at an amplitude of its coordinate, given by a monitor (from 0). The static path has been
+  !> followed; the session serves nothing but this backbone from then on.
   subroutine attrito_begin_backbone(handle, mode, monitor, measure, amplitude, branch, backbone) bind(c)
     type(c_ptr), value :: handle
     integer(c_int), value :: mode, monitor, measure, branch

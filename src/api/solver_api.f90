@@ -21,7 +21,7 @@ module attrito_api_solver
   use attrito_solve_solver, only: solver_options_type, new_solver
   use attrito_integrate_averaged_periods, only: new_averaged_periods
   use attrito_solve_static_path, only: follow_static_path
-  use attrito_accuracy_error_control, only: no_tolerance
+  use attrito_accuracy_point_errors, only: no_tolerance
   use attrito_output_point_report, only: point_report_type, report_point
   use attrito_stability_crossing, only: moduli_type
   use attrito_api_message, only: tell, text_of
@@ -131,7 +131,7 @@ contains
     allocate (session%solver%time_integrator, source=new_averaged_periods(session%structure, session%contacts))
   end function attrito_prepare
 
-  !> Give the contacts other laws of the same stiffnesses and directions: modes stay. A static path is to be walked next.
+  !> Give the contacts other laws of the same stiffnesses and directions: modes stay. The static path is to be followed next.
   subroutine attrito_change_laws(handle, count, laws) bind(c)
     type(c_ptr), value :: handle
     integer(c_int), value :: count

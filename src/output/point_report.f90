@@ -4,7 +4,7 @@ module attrito_output_point_report
   use attrito_core_kinds, only: wp, two_pi
   use attrito_core_trigonometric, only: extrema
   use attrito_balance_harmonic_balance, only: balance_type
-  use attrito_accuracy_error_control, only: point_errors_type
+  use attrito_accuracy_point_errors, only: point_errors_type
   use attrito_solve_solver, only: solver_type
   use attrito_contact_state, only: state_stuck, state_open
   implicit none

@@ -8,7 +8,8 @@ program test_ranks
   use attrito_solve_strategies, only: solve_by_cascade
   use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
   use attrito_solve_static_path, only: follow_static_path
-  use attrito_accuracy_error_control, only: error_control_type, no_tolerance
+  use attrito_accuracy_error_control, only: error_control_type
+  use attrito_accuracy_point_errors, only: no_tolerance
   use attrito_accuracy_finer_balance, only: finer_point_type
   use attrito_output_point_report, only: point_report_type, report_point
   use scenes, only: scene_type, rubbing_frame, rubbing_frame_with_high_modes, wedge, damp

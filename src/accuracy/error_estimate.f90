@@ -1,0 +1,170 @@
+!> The relative error of the monitors' amplitude at a point, estimated.
+!>
+!> The point is compared with a finer balance to first order (`attrito_accuracy_finer_balance`), with harmonics up to 3 H and with
+!> twice the samples, whose error is a quarter: 4/3 of the change that these make is the error of the samples. The error is split by
+!> the motion that either change of the forces makes by itself.
+!>
+!> The estimate is checked by a second step (`attrito_accuracy_second_step`). It is sure if that agrees with the first and all
+!> harmonics beyond have settled.
+module attrito_accuracy_error_estimate
+  use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
+  use attrito_core_kinds, only: wp
+  use attrito_linear_receptance, only: to_real
+  use attrito_contact_evaluation, only: goes_by_events
+  use attrito_contact_state, only: state_slipping
+  use attrito_solve_solver, only: solver_type
+  use attrito_accuracy_amplitude_change, only: relative_change
+  use attrito_accuracy_finer_balance, only: finer_balance_type, new_finer_balance, finer_point_type
+  use attrito_accuracy_point_errors, only: point_errors_type
+  use attrito_accuracy_resonances, only: resonances_type
+  use attrito_accuracy_second_step, only: second_step_type, step_again
+  implicit none
+  private
+  public :: error_estimate_type, any_sampled, harmonics_share, own_monitors, short_series
+
+  !> Part of the tolerance that harmonics may take
+  real(wp), parameter :: harmonics_share = 0.5_wp
+  !> The two steps of an estimate agree if they differ by no more than this part of it, or of what harmonics may take of the tolerance
+  real(wp), parameter :: agreement = 0.5_wp, negligible = 0.2_wp
+  !> Contacts so many times stiffer than the structure is at them may bounce at any frequency: series shorter than this are not sure
+  real(wp), parameter :: stiff = 1.0e3_wp
+  integer, parameter :: short_series = 5
+  !> Part of the motion, in units of the tolerance, that a harmonic may lack
+  real(wp), parameter :: unsettled_share = 0.1_wp
+  !> The tolerance that estimates are made for where none is given
+  real(wp), parameter :: nominal_tolerance = 0.01_wp
+
+  type :: error_estimate_type
+    !> Do the two steps of the last estimate agree? If not: harmonics that have not settled, up to this one
+    logical :: is_sure = .true.
+    integer :: unsettled = 0
+    type(finer_balance_type), private :: longer, denser
+    type(resonances_type), private :: resonances
+    !> Greatest ratio of a contact's stiffness to that of the structure at it; negative: not computed yet
+    real(wp), private :: stiffness_ratio = -1.0_wp
+  contains
+    procedure :: estimate
+    procedure :: destroy
+  end type error_estimate_type
+
+contains
+
+  !> Errors of the solver's present point. None where every contact sticks: that is linear.
+  subroutine estimate(self, solver, tolerance, errors, finer)
+    class(error_estimate_type), intent(inout) :: self
+    type(solver_type), intent(inout) :: solver
+    !> That is asked for; `no_tolerance` where none is
+    real(wp), intent(in) :: tolerance
+    !> By harmonics and samples; that of the modes stays
+    type(point_errors_type), intent(inout) :: errors
+    !> The point on the longer series, to first order
+    type(finer_point_type), intent(out) :: finer
+    type(second_step_type) :: second
+    real(wp) :: sampled, error, difference, threshold
+    real(wp), allocatable :: own(:, :)
+    integer :: harmonics, samples, status
+
+    errors%harmonics = 0.0_wp
+    errors%samples = 0.0_wp
+    self%is_sure = .true.
+    self%unsettled = 0
+    if (.not. solver%report%converged) return
+    associate (balance => solver%context%balance)
+      if (solver%all_stick .and. size(solver%structure%harmonic_load, 2) <= balance%coefficients()) return
+      sampled = count(balance%forces%state >= state_slipping .and. .not. goes_by_events(balance%law, balance%quadrature%by_events))
+      call balance%ranks%sum(sampled)
+      threshold = unsettled_share*min(tolerance, nominal_tolerance)
+      harmonics = self%resonances%highest(solver, longer_series(balance%receptance%harmonics), threshold)
+      samples = balance%quadrature%fourier%samples
+      if (any_sampled(solver)) samples = max(samples, 8*((2*harmonics + 9)/8))
+      call prepare(self%longer, solver, harmonics, samples)
+      if (sampled > 0.0_wp) then
+        call prepare(self%denser, solver, balance%receptance%harmonics, 2*balance%quadrature%fourier%samples)
+        call self%longer%correct(solver, finer, status, self%denser)
+      else
+        call self%longer%correct(solver, finer, status)
+      end if
+      error = ieee_value(error, ieee_quiet_nan)
+      if (status == 0) then
+        own = own_monitors(solver)
+        error = relative_change(own, finer%monitors)
+        call step_again(self%longer, solver, finer, threshold, second)
+        self%unsettled = second%unsettled
+        self%is_sure = allocated(second%monitors) .and. second%unsettled == 0
+        if (allocated(second%monitors)) then
+          difference = relative_change(finer%monitors, second%monitors)
+          error = max(error, relative_change(own, second%monitors))
+          self%is_sure = self%is_sure .and. &
+                         difference <= max(agreement*error, negligible*harmonics_share*min(tolerance, nominal_tolerance))
+        end if
+      end if
+      if (balance%receptance%harmonics < short_series .and. .not. solver%all_stick) then
+        if (self%stiffness_ratio < 0.0_wp) self%stiffness_ratio = greatest_stiffness_ratio(solver)
+        self%is_sure = self%is_sure .and. self%stiffness_ratio <= stiff
+      end if
+      errors%samples = finer%samples_share*error
+      errors%harmonics = error - errors%samples
+    end associate
+  end subroutine estimate
+
+  !> The stiffness of a contact over that of the structure, all other contacts stuck, the greatest of all rows. With R the stuck
+  !> system's flexibility at a row and k the row's spring, the structure alone has 1/R - k there, so the ratio is k R/(1 - k R).
+  real(wp) function greatest_stiffness_ratio(solver) result(ratio)
+    type(solver_type), intent(in) :: solver
+    real(wp), parameter :: rounding = 1.0e-12_wp
+    real(wp), allocatable :: modes(:, :)
+    real(wp) :: share
+    integer :: row
+
+    ratio = 0.0_wp
+    associate (contacts => solver%contacts, stuck => solver%stuck)
+      modes = matmul(transpose(contacts%directions), stuck%modes)
+      do row = 1, size(modes, 1)
+        share = contacts%row_stiffness(row)*sum(modes(row, :)**2/stuck%modal_stiffness)
+        ratio = max(ratio, share/max(1.0_wp - share, rounding))
+      end do
+    end associate
+  end function greatest_stiffness_ratio
+
+  !> Harmonics of the longer series: three times as many, of long ones at most 20 or half as many more. Where forces fade like h^-2
+  !> and motion like h^-4, what is beyond H falls like H^-3: two thirds of it are seen at least, 26 parts in 27 with a short series.
+  pure integer function longer_series(harmonics)
+    integer, intent(in) :: harmonics
+
+    longer_series = min(3*harmonics, max(harmonics + 20, harmonics + harmonics/2))
+  end function longer_series
+
+  !> Make a finer balance anew where it is not the one that is asked for.
+  subroutine prepare(finer, solver, harmonics, samples)
+    type(finer_balance_type), intent(inout) :: finer
+    type(solver_type), intent(in) :: solver
+    integer, intent(in) :: harmonics, samples
+
+    if (finer%harmonics == harmonics .and. finer%quadrature%fourier%samples == samples) return
+    call finer%destroy()
+    finer = new_finer_balance(solver%structure, solver%stuck, harmonics, samples, solver%context%balance%quadrature%by_events)
+  end subroutine prepare
+
+  !> Coefficients of the monitors at the solver's present point [2 H + 1, monitors].
+  function own_monitors(solver) result(own)
+    type(solver_type), intent(in) :: solver
+    real(wp), allocatable :: own(:, :)
+
+    own = matmul(to_real(solver%context%balance%response), solver%context%balance%monitors)
+  end function own_monitors
+
+  !> Does any contact, of all ranks, go by samples?
+  pure logical function any_sampled(solver)
+    type(solver_type), intent(in) :: solver
+
+    any_sampled = any(.not. goes_by_events(solver%contacts%law, solver%context%balance%quadrature%by_events))
+  end function any_sampled
+
+  !> Give the transforms back.
+  subroutine destroy(self)
+    class(error_estimate_type), intent(inout) :: self
+
+    call self%longer%destroy()
+    call self%denser%destroy()
+  end subroutine destroy
+end module attrito_accuracy_error_estimate
