@@ -59,7 +59,7 @@ LONGEST_STEP = 0.03
 FADED = 1e-3
 # Farthest that the periodic orbit may lie from the balance's where its period starts, part of the amplitude.
 FARTHEST = 0.2
-# Periods after which motion in time has settled, if it does; samples that tell whether a contact moves.
+# Periods after which motion in time has settled, if it does; samples that show whether a contact moves.
 SETTLING, SAMPLES = 500, 256
 
 
@@ -298,7 +298,7 @@ def shoot(period: PeriodMap, x: np.ndarray, amplitude: float) -> np.ndarray | No
 
 
 def in_time(period: PeriodMap, orbit: np.ndarray, amplitude: float, rng: np.random.Generator) -> str:
-    """What becomes of a perturbation: `comes_back`, `leaves`, or `slow` where PERIODS periods do not tell.
+    """What becomes of a perturbation: `comes_back`, `leaves`, or `slow` where PERIODS periods do not decide.
 
     Every period the difference from the orbit is scaled back to the size of the perturbation, so that what grows least
     slowly remains (Benettin et al. 1980, doi:10.1007/BF02128236); its growth adds up after the first TRANSIENT periods.
@@ -431,11 +431,11 @@ def main() -> None:
 
 def summary(rows: list[Row]) -> dict:
     """Counts by tangents."""
-    told = {}
+    found = {}
     for tangents in sorted({row.tangents for row in rows}):
         own = [row for row in rows if row.tangents == tangents]
         decided = [row for row in own if row.verdict in ("stable", "unstable")]
-        told[f"{tangents} tangent(s)"] = {
+        found[f"{tangents} tangent(s)"] = {
             "points": len(own),
             "verdicts": len(decided),
             "borne out wrong": sum(row.wrong for row in decided),
@@ -443,7 +443,7 @@ def summary(rows: list[Row]) -> dict:
             "in time": dict(Counter(f"{row.verdict}: {row.in_time}" for row in own)),
             "near": dict(Counter(row.near for row in own)),
         }
-    return told
+    return found
 
 
 if __name__ == "__main__":

@@ -85,7 +85,7 @@ void attrito_set_contacts(void *handle, int count, const attrito_contact_law *la
 /* Make the session ready to solve. */
 int attrito_prepare(void *handle, const attrito_solver_options *options, char *message, int length);
 
-/* Give the contacts other laws of the same stiffnesses and directions: modes stay. A static path is to be walked next. */
+/* Give the contacts other laws of the same stiffnesses and directions: modes stay. The static path is to be followed next. */
 void attrito_change_laws(void *handle, int count, const attrito_contact_law *laws);
 
 /* Walk the static load path [corners, static loads], standing at an angular frequency. */
@@ -137,8 +137,8 @@ typedef struct {
 /* Mode (from 1) that carries most of the first harmonic of the session's point, and its coordinate. */
 void attrito_leading_mode(void *handle, int *mode, double *amplitude);
 
-/* The backbone of a mode (from 1) at an amplitude of its coordinate, told by a monitor (from 0). The static path has been walked;
- * the session serves nothing but this backbone from then on. */
+/* The backbone of a mode (from 1) at an amplitude of its coordinate, given by a monitor (from 0). The static path has been
+ * followed; the session serves nothing but this backbone from then on. */
 void attrito_begin_backbone(void *handle, int mode, int monitor, int measure, double amplitude, int branch,
     attrito_backbone *backbone);
 
@@ -164,8 +164,8 @@ int attrito_time_step(void *handle, int repeats, double *seconds, int *iteration
  * are loaded. Collective; times of this rank. */
 int attrito_time_linear_response(void *handle, double omega, int repeats, double *seconds);
 
-/* The linear response at a frequency, told as a point of a sweep is: rows of all contacts recovered, coefficients of the monitors
- * [monitors, 2 H + 1] and their amplitudes. 0, or not: it is singular there. */
+/* The linear response at a frequency, reported as a point of a sweep is: rows of all contacts recovered, coefficients of the
+ * monitors [monitors, 2 H + 1] and their amplitudes. 0, or not: it is singular there. */
 int attrito_linear_point(void *handle, double omega, double *harmonics, double *amplitude);
 
 /* Forces and Jacobian of one contact for coefficients [tangents + 1, coefficients]: mean seconds of an evaluation, and the fraction
@@ -277,7 +277,7 @@ typedef struct {
 /* A session on a scene at rest, unloaded. */
 int attrito_integrator_create(const attrito_integrate_scene *scene, void **handle, char *message, int length);
 
-/* Start from the end of a static load path [corners, statics], walked from rest with given sliders [contacts, 2] (or null: 0). */
+/* Start from the end of a static load path [corners, statics], followed from rest with given sliders [contacts, 2] (or null: 0). */
 int attrito_integrator_start_static(void *handle, int statics, int corners, const double *path, int steps,
     void *slider, char *message, int length);
 
@@ -343,7 +343,7 @@ typedef struct {
 } attrito_peak;
 
 /* Find the peak of a monitor (from 0) at a level, near an angular frequency; sweeps go from start to stop. The static path has been
- * walked. `static_factors` [loads] are those at preload 1. */
+ * followed. `static_factors` [loads] are those at preload 1. */
 void attrito_begin_peak(void *handle, int monitor, int measure, int loads, const double *static_factors, double omega,
     double start, double stop, double level, int branch, attrito_peak *peak);
 

@@ -118,8 +118,8 @@ contains
     call session%solver%context%forget()
   end function attrito_time_linear_response
 
-  !> The linear response at a frequency, told as a point of a sweep is: rows of all contacts recovered, coefficients of the monitors
-  !> [monitors, 2 H + 1] and their amplitudes. 0, or not: it is singular there.
+  !> The linear response at a frequency, reported as a point of a sweep is: rows of all contacts recovered, coefficients of the
+  !> monitors [monitors, 2 H + 1] and their amplitudes. 0, or not: it is singular there.
   integer(c_int) function attrito_linear_point(handle, omega, harmonics, amplitude) result(status) bind(c)
     type(c_ptr), value :: handle
     real(c_double), value :: omega

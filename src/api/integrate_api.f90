@@ -10,7 +10,7 @@ module attrito_api_integrate
   use attrito_integrate_loading, only: new_profile
   use attrito_integrate_run, only: run_options_type, orbit_type, integrate
   use attrito_integrate_state, only: state_type, new_state, normal_force
-  use attrito_integrate_static_path, only: walk
+  use attrito_integrate_static_path, only: follow_static_path
   use attrito_integrate_system, only: system_type, new_system
   use attrito_api_message, only: tell
   use attrito_api_session, only: contact_law_type, law_of, release_laws
@@ -83,7 +83,7 @@ contains
     allocate (session%motion(scene%size), session%rate(scene%size), session%slider(2, scene%contacts), source=0.0_wp)
   end function attrito_integrator_create
 
-  !> Start from the end of a static load path [corners, statics], walked from rest with given sliders [contacts, 2] (or null: 0).
+  !> Start from the end of a static load path [corners, statics], followed from rest with given sliders [contacts, 2] (or null: 0).
   integer(c_int) function attrito_integrator_start_static(handle, statics, corners, path, steps, slider, message, length) &
     result(status) bind(c)
     type(c_ptr), value :: handle, slider
@@ -97,7 +97,7 @@ contains
     session%slider = 0.0_wp
     if (c_associated(slider)) session%slider = matrix(slider, 2, size(session%contacts%law))
     session%rate = 0.0_wp
-    call walk(session%system, path, steps, session%motion, session%slider, error)
+    call follow_static_path(session%system, path, steps, session%motion, session%slider, error)
     status = tell(error, message)
   end function attrito_integrator_start_static
 

@@ -25,7 +25,7 @@ module attrito_api_peak
 contains
 
   !> Find the peak of a monitor (from 0) at a level, near an angular frequency; sweeps go from start to stop. The static path has been
-  !> walked. `static_factors` [loads] are those at preload 1.
+  !> followed. `static_factors` [loads] are those at preload 1.
   subroutine attrito_begin_peak(handle, monitor, measure, loads, static_factors, omega, start, stop, level, branch, peak) bind(c)
     type(c_ptr), value :: handle
     integer(c_int), value :: monitor, measure, loads, branch

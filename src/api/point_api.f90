@@ -1,4 +1,4 @@
-!> C interface of what a point is: told series by series, and put down so that a later process goes on from it.
+!> C interface of a point: reported series by series, and saved so that a later process goes on from it.
 module attrito_api_point
   use, intrinsic :: iso_c_binding
   use attrito_core_kinds, only: wp

@@ -1,4 +1,4 @@
-!> Contacts that surely stick, told from the amplitudes of the harmonics alone, before anything is marched.
+!> Contacts that surely stick, recognised by the amplitudes of the harmonics alone, before anything is marched.
 !>
 !> $$ |T| \le k_t (|u_0 - w| + |\hat u|), \qquad N \ge N_0 - k_n \hat v, \qquad
 !> k_t |\hat u| + \mu k_n \hat v < \mu N_0 - k_t |u_0 - w| $$

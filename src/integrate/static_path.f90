@@ -1,4 +1,4 @@
-!> Static equilibrium along a load path with slider memory, walked in steps: where a time integration starts from.
+!> Static equilibrium along a load path with slider memory, followed in steps: the start of a time integration.
 !>
 !> $$ \Lambda p + \Phi^T B^T g(B \Phi p, w) = f_s \sum_i s_i $$
 module attrito_integrate_static_path
@@ -8,18 +8,18 @@ module attrito_integrate_static_path
   use attrito_integrate_system, only: system_type
   implicit none
   private
-  public :: walk
+  public :: follow_static_path
 
 contains
 
   !> Walk from the unloaded state over the corners.
-  subroutine walk(system, path, steps, motion, slider, error)
+  subroutine follow_static_path(system, path, steps, motion, slider, error)
     type(system_type), intent(in) :: system
     !> Factors on the static loads at the corners [loads, corners]
     real(wp), intent(in) :: path(:, :)
     !> Steps from corner to corner
     integer, intent(in) :: steps
-    !> Modal displacement [m] and sliders [2, contacts], at the end; the sliders on entry are where the walk starts
+    !> Modal displacement [m] and sliders [2, contacts], at the end; the sliders on entry are those at the start of the path
     real(wp), intent(out) :: motion(:)
     real(wp), intent(inout) :: slider(:, :)
     type(error_type), allocatable, intent(out) :: error
@@ -49,5 +49,5 @@ contains
       end do
       from = path(:, corner)
     end do
-  end subroutine walk
+  end subroutine follow_static_path
 end module attrito_integrate_static_path

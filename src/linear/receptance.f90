@@ -55,7 +55,7 @@ module attrito_linear_receptance
       integer, intent(in) :: harmonics
     end subroutine set_harmonics
 
-    !> Make ready for an angular frequency, and for all harmonics unless told the highest that will be asked for.
+    !> Make ready for an angular frequency, and for all harmonics unless the highest one that is needed is given.
     subroutine set_frequency(self, omega, status, highest)
       import :: receptance_type, wp
       class(receptance_type), intent(inout) :: self

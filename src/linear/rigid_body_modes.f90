@@ -4,7 +4,7 @@
 !>
 !> The residual r_0 of the condensed balance tells that but for rounding: s = -(K_c B Z)^T r_0, so |s| <= |r_0| at every motion.
 !> Rounding of the stuck modes, though, is a spring (1e-12 of the contacts' with 100 of them), and far enough away it holds a body
-!> that walks. There r_0 vanishes and s does not.
+!> that drifts. There r_0 vanishes and s does not.
 module attrito_linear_rigid_body_modes
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: null_space, solve_dense, symmetric_eigenpairs

@@ -7,7 +7,7 @@
 !> the power series of a mode about rest: S_0 is the static correction, S_1 that of damping (odd ones vanish without it), S_2 the
 !> first dynamic correction. Put into the mode's equation it leaves out s^{P+1} k t_{P+1} - s^{P+2} m t_P of the mode, s = i h omega;
 !> undamped, the fourth power of h omega over the mode's frequency for P = 2, the sixth for P = 4. That grows with h omega, so a
-!> tolerance on it at the highest harmonic tells l for each P, and flops tell which P. The sums do not depend on frequency: they are
+!> tolerance on it at the highest harmonic gives l for each P, and flops decide on P. The sums do not depend on frequency: they are
 !> kept from one linear system to the next, rows that become active are added, modes that do not meet the tolerance any more taken
 !> out.
 !> Source: Dickens, Nakagawa & Wittbrodt 1997 (mode acceleration).

@@ -5,8 +5,8 @@
 !> $$ |r| \le \max(\mathrm{tolerance}, 16 \epsilon |x|), \qquad |x| \le 10^8 $$
 !>
 !> Where contacts are far stiffer than what they hold, motion may exceed the stuck response so far that rounding hides more than the
-!> tolerance. Mean positions do not count in x: a body that walks may be anywhere, and would converge by being far enough away. What
-!> has run off is no answer, whatever residual is told of it.
+!> tolerance. Mean positions do not count in x: a body that drifts may be anywhere, and would converge by being far enough away. A
+!> diverged iterate is rejected, even if its residual is below the tolerance.
 module attrito_newton_convergence
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use attrito_core_kinds, only: wp

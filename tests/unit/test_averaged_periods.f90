@@ -23,8 +23,8 @@ program test_averaged_periods
                       test('on an orbit that slips they near it as the square of the step', slipping), &
                       test('a loss factor has a twin in time', lossy), &
                       test('a stiff wedge is solved at every frequency, from the static solution and from the point before', stiff), &
-                      test('a block that friction cannot hold is said to walk', walking), &
-                      test('one that walks in space is left with the sliders that follow it', drifting_in_space)])
+                      test('a block that friction cannot hold is said to drift', drifting), &
+                      test('one that drifts in space is left with the sliders that follow it', drifting_in_space)])
 
 contains
 
@@ -206,7 +206,7 @@ contains
     call solver%destroy()
   end subroutine drifting_in_space
 
-  subroutine walking(error)
+  subroutine drifting(error)
     type(error_type), allocatable, intent(out) :: error
     type(scene_type) :: scene
     type(solver_type) :: solver
@@ -219,7 +219,7 @@ contains
     call solver%set_scales(0.9_wp, 1.1_wp)
     call solve_by_cascade(solver, 1.0_wp)
     call check(error, .not. solver%report%converged, 'it is held')
-    call check(error, solver%is_drifting .and. solver%no_orbit, 'it is not said to walk')
+    call check(error, solver%is_drifting .and. solver%no_orbit, 'it is not said to drift')
     call check(error, solver%report%iterations < 200, 'what is not there is looked for too long')
     force = mean_friction(solver)
     call check(error, abs(force) > 1.0e-2_wp*scene%contacts%law(1)%friction_coefficient, 'friction balances after all')
@@ -227,18 +227,18 @@ contains
     ! Its march loses digits of the motion's size, ten at most, not of the shift.
     call check_close(error, mean_friction(solver), force, 1.0e-12_wp, 'mean friction somewhere else')
     call solve_by_cascade(solver, 1.02_wp)
-    call check(error, solver%is_drifting, 'a little beyond it is not said to walk')
+    call check(error, solver%is_drifting, 'a little beyond it is not said to drift')
     call check(error, solver%report%iterations <= 20, 'a little beyond it is looked for as long')
     solver%is_drifting = .false.
     solver%no_orbit = .false.
     sweep = new_sweep(solver, 0.9_wp, 1.1_wp, 0, 300)
     do while (.not. sweep%finished)
       call sweep%advance(solver)
-      call check(error, solver%is_drifting .and. .not. solver%report%converged, 'it does not walk all along a sweep')
+      call check(error, solver%is_drifting .and. .not. solver%report%converged, 'it does not drift all along a sweep')
     end do
     call check(error, sweep%reached_stop, 'the sweep does not reach its stop')
     call solver%destroy()
-  end subroutine walking
+  end subroutine drifting
 
   !> Mean tangential force on the first contact, where the solver stands.
   real(wp) function mean_friction(solver)

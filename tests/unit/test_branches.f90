@@ -81,7 +81,7 @@ program test_branches
                       test('without any damping but friction a converged point is a solution', undamped_wedge), &
                       test('a march of a parameter halves its step where it fails and gives up where it must', march), &
                       test('steps that keep springs of the contacts end in the same solution', with_springs), &
-                      test('a solve that PETSc refuses is told from one that does not converge', refused)])
+                      test('a solve that PETSc refuses is distinguished from one that does not converge', refused)])
 
 contains
 
@@ -265,7 +265,7 @@ contains
     unknowns = unknowns_type(solver%motion, solver%context%balance%slider, two_pi*132.0_wp)
     solver%newton%max_iterations = -100
     call solver%newton%solve(unknowns, at_frequency(solver), 0.0_wp, report)
-    call check(error, .not. report%converged .and. solver%context%petsc_error /= 0, 'nothing is told')
+    call check(error, .not. report%converged .and. solver%context%petsc_error /= 0, 'nothing is reported')
     call solver%destroy()
   end subroutine refused
 

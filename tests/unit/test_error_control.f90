@@ -1,4 +1,4 @@
-!> The estimated error of a point, where it can be told and where it cannot.
+!> The estimated error of a point, where it can be estimated and where it cannot.
 program test_error_control
   use attrito_accuracy_error_control, only: error_control_type
   use attrito_accuracy_finer_balance, only: finer_balance_type, finer_point_type, new_finer_balance
@@ -16,7 +16,7 @@ program test_error_control
   call run_in_session('error_control', [ &
                       test('the estimate is what three times the harmonics change', finer), &
                       test('a second step comes nearer to the finer balance than the first', second_step), &
-                      test('where the linearised step is singular no error is told, and the point stays', singular)])
+                      test('where the linearised step is singular no error is given, and the point stays', singular)])
 
 contains
 
@@ -36,7 +36,7 @@ contains
       if (i == 1) call control%estimate(solver, point)
       call solver%destroy()
     end do
-    call check(error, control%errors%are_known(), 'no error is told')
+    call check(error, control%errors%are_known(), 'no error is given')
     if (allocated(error)) return
     call check(error, abs(norm2(point%motion(2:3, 1))/amplitude(1) - 1.0_wp) > 1.0e-5_wp, 'three harmonics do: the test is void')
     ! To first order: what is left is the square of the change.
@@ -90,8 +90,8 @@ contains
     solver%context%constraint%motion = 0.0_wp*solver%motion
     solver%context%constraint%frequency = 0.0_wp
     call control%estimate(solver, point)
-    call check(error, .not. control%errors%are_known(), 'an error is told')
-    call check(error, .not. allocated(point%monitors), 'monitors of a finer balance are told')
+    call check(error, .not. control%errors%are_known(), 'an error is given')
+    call check(error, .not. allocated(point%monitors), 'monitors of a finer balance are given')
     call check(error, all(abs(solver%motion - motion) <= 0.0_wp) .and. solver%report%converged, 'the point does not stay')
     call control%destroy()
     call solver%destroy()

@@ -1,4 +1,4 @@
-"""The job file: read, checked as a whole, every fault told with its place, defaults filled in."""
+"""The job file: read, checked as a whole, every fault reported with its place, defaults filled in."""
 
 from __future__ import annotations
 

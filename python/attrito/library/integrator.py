@@ -148,7 +148,7 @@ class Integrator:
         sliders: np.ndarray | None = None,
         static_factors: np.ndarray | None = None,
     ) -> None:
-        """Stand still at the end of a static load path, `[corners, loads]`, walked from sliders `[nc, 2]` (zero).
+        """Stand still at the end of a static load path, `[corners, loads]`, followed from sliders `[nc, 2]` (zero).
 
         Runs multiply their static profile by `static_factors`, or by the end of the path.
         """

@@ -48,7 +48,7 @@ def _check_interface(loaded: ctypes.CDLL, place: Path) -> None:
 
 
 def check(status: int, message: ctypes.Array) -> None:
-    """Raise what the library told: status 1 the numerics, 2 the input, 3 a file that cannot be written or read."""
+    """Raise the error that the library reported: status 1 numerics, 2 input, 3 a file that cannot be used."""
     text = message.value.decode(errors="replace")
     if status in (2, 3):
         error = InputError()

@@ -67,7 +67,7 @@ class Start:
 
 
 class PeakTracker:
-    """The peak of one monitor of a solver that has walked its static path.
+    """The peak of one monitor of a solver that has followed its static path.
 
     Parameters
     ----------

@@ -108,7 +108,7 @@ def reduce_model(
     block_size : columns of the basis treated at a time, 0: by the size of the model
     block_vectors : vectors solved for at once, where the eigensolver has blocks
     fingerprint : of the matrices and all that is asked; empty: an interrupted reduction starts anew
-    listener : told of progress on rank 0: a step, how much of it is done, of how much; or a sentence, and 0, 0
+    listener : called with progress on rank 0: a step, how much of it is done, of how much; or a sentence, and 0, 0
 
     Raises
     ------

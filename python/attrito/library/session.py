@@ -135,7 +135,7 @@ class Solver:
     def take(self, scene: ReducedScene) -> bool:
         """Go on with a scene that differs in friction, gaps and preloads of contacts alone; False if in more.
 
-        The modes stay. Its static path is to be walked next.
+        The modes stay. Its static path is to be followed next.
         """
         if not _has_the_modes_of(self._scene, scene):
             return False
@@ -312,7 +312,7 @@ class Solver:
         return harmonics.copy(), amplitude.copy()
 
     def _make_room(self, harmonic_count: int) -> None:
-        """For what the library tells of the monitors; kept from point to point."""
+        """For what the library reports of the monitors; kept from point to point."""
         count = len(self._scene.monitors)
         self._told = np.zeros((count, 2 * harmonic_count + 1)), np.zeros(count)
         self._told_at = tuple(pointer(array) for array in self._told)
