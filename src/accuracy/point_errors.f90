@@ -9,7 +9,7 @@ module attrito_accuracy_point_errors
   !> A tolerance that no error exceeds, one that is not known included
   real(wp), parameter :: no_tolerance = huge(1.0_wp)
 
-  !> Relative errors of the amplitude; those by harmonics and samples are NaN where the linearised step that estimates them is singular
+  !> Relative errors of the amplitude; by harmonics and samples NaN where the linearised step that estimates them is singular
   type :: point_errors_type
     real(wp) :: harmonics = 0.0_wp, samples = 0.0_wp, modes = 0.0_wp
   contains
