@@ -15,10 +15,10 @@ from collections.abc import Callable
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import bench_library
 import numpy as np
 from mpi4py import MPI
 
-from attrito.library import loading
 from attrito.library.names import STATES
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Point, Solver
@@ -29,24 +29,23 @@ CACHE = 2**20 // 2
 
 
 class TimedSolver(Solver):
-    """A solver whose kernels can be timed where it stands."""
+    """A solver whose kernels can be timed at its present point."""
 
     def __init__(self, scene: ReducedScene, options: Options):
         super().__init__(MPI.COMM_WORLD, scene, options)
+        self._bench = bench_library.load()
 
-    def stand_at(self, frequency_hz: float, level: float) -> Point:
-        """Walk the static loads, then solve one point from there."""
+    def solve_from_static(self, frequency_hz: float, level: float) -> Point:
+        """Apply the static loads, then solve one point from there."""
         self.walk_static_path(np.array([[0.0], [1.0]]), 10, frequency_hz)
         return next(self.solve_at([frequency_hz], level, 0))
 
-    def stand_at_stuck_response(self, frequency_hz: float, level: float) -> None:
-        """Stand at the stuck system's response, which no solve has to reach."""
-        omega = 2.0 * np.pi * frequency_hz
-        if self._library.attrito_stand_at_stuck_response(self._handle, omega, level) != 0:
-            raise RuntimeError("the stuck system is singular at this frequency")
+    def set_stuck_response(self, frequency_hz: float, level: float) -> None:
+        """Make the stuck system's response the present point, which no solve has to reach."""
+        self._ask("set_stuck_response", 2.0 * np.pi * frequency_hz, level)
 
     def slip_stuck_response(self, frequency_hz: float, share: float, highest: float) -> None:
-        """Stand at the least stuck response at which the stated share of the rows of tangents is active.
+        """Make the least stuck response the present point at which the stated share of the rows of tangents is active.
 
         `highest`: a level at which all are.
         """
@@ -54,62 +53,63 @@ class TimedSolver(Solver):
         low, high = 0.0, 0.0 if share <= 0.0 else highest
         while high - low > 1e-4 * highest:
             middle = 0.5 * (low + high)
-            self.stand_at_stuck_response(frequency_hz, middle)
+            self.set_stuck_response(frequency_hz, middle)
             low, high = (middle, high) if self.active_rows() < share * tangents else (low, middle)
-        self.stand_at_stuck_response(frequency_hz, high)
+        self.set_stuck_response(frequency_hz, high)
 
     def active_rows(self) -> int:
-        """Rows of the Jacobian here that are not zero."""
-        residual, active = ctypes.c_double(), ctypes.c_int()
-        self._timed("attrito_time_evaluation", 1, ctypes.byref(residual), ctypes.byref(active))
+        """Rows of the Jacobian at the present point that are not zero."""
+        seconds, residual, active = ctypes.c_double(), ctypes.c_double(), ctypes.c_int()
+        self._ask("time_residual", 1, ctypes.byref(seconds), ctypes.byref(residual), ctypes.byref(active))
         return active.value
 
     def evaluation(self) -> dict[str, float]:
         """Seconds of one residual and Jacobian, the residual relative to the motion, active rows of the Jacobian."""
-        residual, active = ctypes.c_double(), ctypes.c_int()
+        seconds, residual, active = ctypes.c_double(), ctypes.c_double(), ctypes.c_int()
 
         def mean(repeats: int) -> float:
-            return self._timed("attrito_time_evaluation", repeats, ctypes.byref(residual), ctypes.byref(active))
+            self._ask("time_residual", repeats, ctypes.byref(seconds), ctypes.byref(residual), ctypes.byref(active))
+            return seconds.value
 
-        seconds = least_mean(mean)
-        return {"seconds": seconds, "residual": residual.value, "active_rows": active.value}
+        least = least_mean(mean)
+        return {"seconds": least, "residual": residual.value, "active_rows": active.value}
 
     def linearised_step(self) -> tuple[float, int]:
         """Seconds of one linearised step, and its iterations of GMRES, 0 where it is eliminated."""
-        iterations = ctypes.c_int()
-        seconds = least_mean(lambda repeats: self._timed("attrito_time_step", repeats, ctypes.byref(iterations)))
-        return seconds, iterations.value
+        seconds, iterations = ctypes.c_double(), ctypes.c_int()
 
-    def linear_frf(self, frequencies_hz: np.ndarray) -> list[tuple[float, np.ndarray, np.ndarray]]:
-        """A linear response with every contact row recovered, told point by point as a sweep is.
+        def mean(repeats: int) -> float:
+            self._ask("time_newton_step", repeats, ctypes.byref(seconds), ctypes.byref(iterations))
+            return seconds.value
+
+        return least_mean(mean), iterations.value
+
+    def linear_points(self, frequencies_hz: np.ndarray) -> list[tuple[float, np.ndarray, np.ndarray]]:
+        """A linear response with every contact row recovered, reported point by point as a sweep is.
 
         Frequency, coefficients of the monitors and their amplitudes.
         """
         points = []
-        point, handle = self._library.attrito_linear_point, self._handle
         for frequency in frequencies_hz:
-            if point(handle, 2.0 * np.pi * frequency, *self._told_at) != 0:
-                raise RuntimeError("the stuck system is singular at this frequency")
+            self._ask("linear_response", 2.0 * np.pi * frequency, *self._told_at)
             harmonics, amplitude = self._told
             points.append((frequency, harmonics.copy(), amplitude.copy()))
         return points
 
-    def linear_response(self, frequency_hz: float) -> float:
+    def seconds_of_linear_response(self, frequency_hz: float) -> float:
         """Seconds of a linear response that recovers every contact row, at one frequency."""
+        seconds = ctypes.c_double()
 
         def mean(repeats: int) -> float:
-            seconds, omega = ctypes.c_double(), 2.0 * np.pi * frequency_hz
-            if self._library.attrito_time_linear_response(self._handle, omega, repeats, ctypes.byref(seconds)) != 0:
-                raise RuntimeError("the stuck system is singular at this frequency")
+            self._ask("time_linear_response", 2.0 * np.pi * frequency_hz, repeats, ctypes.byref(seconds))
             return seconds.value
 
         return least_mean(mean)
 
-    def _timed(self, name: str, repeats: int, *more: object) -> float:
-        seconds = ctypes.c_double()
-        if getattr(self._library, name)(self._handle, repeats, ctypes.byref(seconds), *more) != 0:
-            raise RuntimeError(f"{name}: cannot be evaluated at this point")
-        return seconds.value
+    def _ask(self, name: str, *arguments: object) -> None:
+        """Call an entry of the benchmarks' library; `RuntimeError` where its system is singular."""
+        if getattr(self._bench, f"attrito_bench_{name}")(self.handle, *arguments) != 0:
+            raise RuntimeError(f"{name}: the system is singular at this point")
 
 
 def contact_kernel(
@@ -126,7 +126,7 @@ def contact_kernel(
     law = make_law(laws, 0)
 
     def mean(repeats: int) -> float:
-        loading.load().attrito_time_contact(
+        bench_library.load().attrito_bench_time_contact(
             ctypes.byref(law),
             motion.shape[1],
             samples,

@@ -55,8 +55,8 @@ def ours(scene: ReducedScene, frequency: float, level: float) -> tuple[dict, np.
         monitor_names=[f"q{i}" for i in range(len(scene.mass))],
     )
     with common.TimedSolver(whole, Options(harmonics=HARMONICS, samples=SAMPLES)) as solver:
-        nearby = solver.stand_at(0.998 * frequency, level)
-        point = solver.stand_at(frequency, level)
+        nearby = solver.solve_from_static(0.998 * frequency, level)
+        point = solver.solve_from_static(frequency, level)
         found = {
             "outcome": point.outcome,
             **common.states(point),

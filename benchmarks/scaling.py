@@ -65,7 +65,7 @@ def measure(contacts: int, wanted: int, harmonics: int, modes: int, samples: int
 def climb(solver: common.TimedSolver, frequency: float, median: float, wanted: int) -> float:
     """Raise the level, from nothing slipping, until enough contacts slip."""
     level = scenes.LEVELS["stuck"] * median
-    point = solver.stand_at(frequency, level)
+    point = solver.solve_from_static(frequency, level)
     while moving(point) < wanted and level < 20.0 * median:
         level *= 1.1
         point = next(solver.solve_at([frequency], level, 0))

@@ -31,7 +31,7 @@ def measure(name: str, scene: ReducedScene, options: dict, turns: int) -> dict:
     least = min(scenes.slip_thresholds(scene, stuck, frequency).min() for frequency in (start, first, stop))
     with common.TimedSolver(scene, Options(harmonics=5, **options)) as solver:
         solver.walk_static_path(np.array([[0.0], [1.0]]), 10, start)
-        solver.linear_frf(np.array([start]))
+        solver.linear_points(np.array([start]))
         sweeps, linear = [], []
         while len(sweeps) < turns:
             started = time.process_time()
@@ -39,11 +39,11 @@ def measure(name: str, scene: ReducedScene, options: dict, turns: int) -> dict:
             sweeps.append((time.process_time() - started) / len(swept))
             frequencies = [point.frequency_hz for point in swept]
             started = time.process_time()
-            response = solver.linear_frf(frequencies)
+            response = solver.linear_points(frequencies)
             linear.append((time.process_time() - started) / len(response))
             worst = max(abs(a.amplitude[0] / b[2][0] - 1) for a, b in zip(swept, response, strict=True))
             start, stop = stop, start
-        kernel = solver.linear_response(start)
+        kernel = solver.seconds_of_linear_response(start)
     return {
         "scene": name,
         "contacts": len(scene.laws["tangents"]),

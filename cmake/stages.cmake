@@ -70,3 +70,18 @@ function(attrito_shared_library name)
   target_link_libraries(${name} PUBLIC PkgConfig::SLEPC PkgConfig::PETSC PkgConfig::FFTW ${attrito_blas} hdf5::hdf5_fortran
     MPI::MPI_Fortran)
 endfunction()
+
+# attrito_use_stages(target): compiled as the library is, with every stage's modules in sight, and linked to it: suites, benchmarks.
+function(attrito_use_stages target)
+  set(includes ${attrito_includes_mpi})
+  list(TRANSFORM includes PREPEND -I)
+  target_compile_options(${target} PRIVATE ${attrito_flags_all} ${attrito_flags_${CMAKE_BUILD_TYPE}} ${includes})
+  get_property(stages GLOBAL PROPERTY attrito_stages)
+  foreach(stage ${stages})
+    target_include_directories(${target} PRIVATE ${CMAKE_BINARY_DIR}/modules/${stage})
+  endforeach()
+  target_link_libraries(${target} PRIVATE attrito)
+  # Its modules are not those of targets linked here, so the scan for module dependencies does not see them change.
+  get_target_property(sources ${target} SOURCES)
+  set_source_files_properties(${sources} PROPERTIES OBJECT_DEPENDS ${CMAKE_BINARY_DIR}/libattrito.so)
+endfunction()

@@ -148,32 +148,6 @@ void attrito_backbone_anew(void *handle, double amplitude, int branch, attrito_b
 /* Followed to another amplitude. */
 void attrito_backbone_at(void *handle, double amplitude, int branch, attrito_backbone *backbone);
 
-/* Stand at the response of the stuck system to the harmonic loads at a level, where what slips depends on no solve; static loads
- * in full, sliders at zero. */
-int attrito_stand_at_stuck_response(void *handle, double omega, double level);
-
-/* Residual and Jacobian at the present point: mean seconds of an evaluation, norm of the residual relative to that of the motion,
- * and the rows of the Jacobian that are not zero. Collective; times of this rank. */
-int attrito_time_evaluation(void *handle, int repeats, double *seconds, double *residual, int *active);
-
-/* One linearised step at the present point, frequency held: mean seconds of a solve, and iterations of GMRES. Collective; times of
- * this rank. */
-int attrito_time_step(void *handle, int repeats, double *seconds, int *iterations);
-
-/* A linear frequency response that recovers every contact row, every contact stuck: mean seconds a frequency, at the harmonics that
- * are loaded. Collective; times of this rank. */
-int attrito_time_linear_response(void *handle, double omega, int repeats, double *seconds);
-
-/* The linear response at a frequency, reported as a point of a sweep is: rows of all contacts recovered, coefficients of the
- * monitors [monitors, 2 H + 1] and their amplitudes. 0, or not: it is singular there. */
-int attrito_linear_point(void *handle, double omega, double *harmonics, double *amplitude);
-
-/* Forces and Jacobian of one contact for coefficients [tangents + 1, coefficients]: mean seconds of an evaluation, and the fraction
- * of the period that it does not stick. By events (one tangent) or by samples; two tangents marched once as a periodic slider, or
- * twice. */
-void attrito_time_contact(const attrito_contact_law *law, int coefficients, int samples, const double *motion,
-    int by_events, int periodic, int repeats, double *seconds, double *moving);
-
 typedef struct {
     int kind;
     double frequency_hz;
@@ -366,9 +340,6 @@ void attrito_next_peak(void *handle, double stop, int branch, attrito_peak *peak
 
 /* The peak at a value of the parameter, by as many steps as it takes. */
 void attrito_peak_at(void *handle, double value, int branch, attrito_peak *peak);
-
-/* Evaluations of the balance since the session began: what solving costs, whatever the machine. */
-int attrito_evaluations(void *handle);
 
 /* Tell what the last point is; names of monitors, one a line. Collective. */
 void attrito_tell_point(void *handle, const char *monitors, attrito_hearer listener);

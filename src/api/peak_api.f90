@@ -129,15 +129,6 @@ contains
     call describe(session, branch, peak)
   end subroutine attrito_peak_at
 
-  !> Evaluations of the balance since the session began: what solving costs, whatever the machine.
-  integer(c_int) function attrito_evaluations(handle) bind(c)
-    type(c_ptr), value :: handle
-    type(session_type), pointer :: session
-
-    session => session_of(handle)
-    attrito_evaluations = session%solver%context%balance%evaluations
-  end function attrito_evaluations
-
   subroutine describe(session, branch, peak)
     type(session_type), intent(inout) :: session
     integer, intent(in) :: branch

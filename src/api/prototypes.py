@@ -60,9 +60,13 @@ def header(modules: Path) -> str:
         *_in_order(sorted((ROOT / "src" / "api").glob("*_api.f90"))),
     ]
     with ThreadPoolExecutor() as pool:
-        prototypes = list(pool.map(lambda source: _prototypes(source, modules), sources))
-    parts = [_part(source, text) for source, text in zip(sources, prototypes, strict=True)]
+        parts = list(pool.map(lambda source: declarations(source, modules), sources))
     return INTRODUCTION + "".join(f"\n{part}" for part in parts if part) + END
+
+
+def declarations(source: Path, modules: Path) -> str:
+    """The structures and entries that a source declares itself, in its order, each with its comment; see `header`."""
+    return _part(source, _prototypes(source, modules))
 
 
 def _in_order(sources: list[Path]) -> list[Path]:

@@ -8,17 +8,15 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import contact_harmonics
+import evidence
+import kills
 import numpy as np
 import pytest
+import scenes
 from jobs import TIMEOUT
 
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
-sys.path.insert(0, str(BENCHMARKS))
-
-import contact_harmonics  # noqa: E402 (a folder of scripts, not a package)
-import evidence  # noqa: E402
-import kills  # noqa: E402
-import scenes  # noqa: E402
 
 
 def run(script: str, *arguments: str) -> Any:

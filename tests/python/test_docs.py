@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import re
 import shlex
@@ -13,6 +12,8 @@ import tomllib
 from html.parser import HTMLParser
 from pathlib import Path
 
+import build_pages
+import generate
 import pytest
 from jobs import ENVIRONMENT, TIMEOUT, attrito_here
 
@@ -25,8 +26,6 @@ from attrito.studies.design import read_study
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])
-sys.path.insert(0, str(ROOT / "docs"))
-generate, build_pages = map(importlib.import_module, ("generate", "build_pages"))
 
 COMMAND = re.compile(r"\s*(mpirun .*attrito|\.venv/bin/attrito|attrito) ")
 

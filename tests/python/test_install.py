@@ -28,5 +28,6 @@ def test_an_installed_attrito_needs_nothing_set(tmp_path):
     assert len(ended(command, "table", "result.h5", folder=tmp_path).splitlines()) == 2
     where = "import attrito.library.loading as found; print(found.load()._name)"
     library = ended("/usr/bin/python3", "-c", where, folder=tmp_path, PYTHONPATH=str(place / "lib" / "attrito"))
+    assert [path.name for path in place.rglob("*bench*")] == []
     assert (place / "include" / "attrito.h").is_file()
     assert Path(library.strip()) == place / "lib" / "attrito" / "attrito" / "libattrito.so"

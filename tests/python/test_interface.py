@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import ctypes
-import importlib
 import re
 import subprocess
-import sys
 from pathlib import Path
 
+import bench_library
+import prototypes
 import pytest
 
 from attrito.library import loading
@@ -19,11 +19,8 @@ from attrito.library.structures import STRUCTURES, Doubles, Integers, Longs
 from attrito.support.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "src" / "api"))
-prototypes = importlib.import_module("prototypes")
+MODULES = Path(loading.load()._name).resolve().parent / "modules"
 HEADER = (ROOT / "src" / "api" / "attrito.h").read_text()
-# Without comments, a declaration a line
-DECLARATIONS = " ".join(re.sub(r"/\*.*?\*/|^#.*?$", "", HEADER, flags=re.S | re.M).split())
 PLAIN = {"void": None, "int": ctypes.c_int, "double": ctypes.c_double, "char": ctypes.c_char}
 POINTERS = {
     "void *": ctypes.c_void_p,
@@ -38,6 +35,11 @@ POINTERS = {
 POINTERS |= {f"attrito_{name} *": ctypes.POINTER(kind) for name, kind in STRUCTURES.items()}
 
 
+def bare(header: str) -> str:
+    """Declarations of C in one line, without comments."""
+    return " ".join(re.sub(r"/\*.*?\*/|^#.*?$", "", header, flags=re.S | re.M).split())
+
+
 def types_of(words: str) -> tuple[object, str]:
     """Type and name of one declaration of C: `const double *mass`."""
     kind, name = re.fullmatch(r"(?:const )?(\w+ ?\**) ?(\w+)", words.strip()).groups()
@@ -45,10 +47,10 @@ def types_of(words: str) -> tuple[object, str]:
     return (PLAIN | POINTERS)[kind], name
 
 
-def entries() -> dict[str, tuple[object, list[object]]]:
-    """What each entry of the header returns and takes."""
+def entries(header: str = HEADER) -> dict[str, tuple[object, list[object]]]:
+    """What each entry of a header returns and takes."""
     found = {}
-    for returned, name, arguments in re.findall(r"(\w+ \*?)(attrito_\w+)\(([^()]*)\);", DECLARATIONS):
+    for returned, name, arguments in re.findall(r"(\w+ \*?)(attrito_\w+)\(([^()]*)\);", bare(header)):
         taken = [] if arguments == "void" else [types_of(one)[0] for one in arguments.split(",")]
         found[name] = (types_of(f"{returned}{name}")[0], taken)
     return found
@@ -58,13 +60,12 @@ def fields_in_c() -> dict[str, list[tuple[str, str]]]:
     """Type and name of each field of the header's structures."""
     return {
         name: re.findall(r"(\w+ ?\*?) ?(\w+)(?:\[\d+\])?;", body)
-        for body, name in re.findall(r"typedef struct \{(.*?)\} attrito_(\w+);", DECLARATIONS)
+        for body, name in re.findall(r"typedef struct \{(.*?)\} attrito_(\w+);", bare(HEADER))
     }
 
 
 def test_the_header_is_what_the_fortran_sources_say():
-    modules = Path(loading.load()._name).resolve().parent / "modules"
-    assert prototypes.header(modules) == HEADER, "script/header makes it"
+    assert prototypes.header(MODULES) == HEADER, "script/header makes it"
 
 
 def test_every_procedure_with_a_name_in_c_is_in_the_header():
@@ -78,6 +79,18 @@ def test_every_procedure_with_a_name_in_c_is_in_the_header():
 def test_python_s_signatures_are_those_of_the_header():
     ours = {name: (returned, list(taken)) for name, (returned, taken) in SIGNATURES.items()}
     assert ours == entries()
+
+
+def test_signatures_of_the_benchmarks_library_are_those_of_its_source():
+    declared = entries(prototypes.declarations(ROOT / "benchmarks" / "kernels.f90", MODULES))
+    assert len(declared) > 5
+    assert declared == {name: (returned, list(taken)) for name, (returned, taken) in bench_library.SIGNATURES.items()}
+
+
+def test_the_package_s_library_has_no_entries_of_the_benchmarks_alone():
+    library, beside = loading.load(), bench_library.load()
+    assert beside._name != library._name
+    assert [name for name in bench_library.SIGNATURES if hasattr(library, name)] == []
 
 
 def test_a_loaded_library_has_the_signatures():

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import h5py
 import pytest
+from job_arrays import job_arrays
 from jobs import attrito, attrito_here, blocks, table, wedge, write_blocks, write_job
 from mpi4py import MPI
 
@@ -25,9 +26,6 @@ from attrito.scene.rom_claim import claim, steps_of
 from attrito.support.atomic_files import whole_file
 from attrito.support.errors import InputError
 from attrito.support.locks import Lock
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
-from job_arrays import job_arrays
 
 MINE, OTHERS = "a" * 64, "b" * 64
 

@@ -10,6 +10,7 @@ import h5py
 import jobs
 import numpy as np
 import pytest
+from bench_library import evaluations
 from mpi4py import MPI
 from scipy.optimize import brentq, minimize_scalar
 
@@ -97,7 +98,7 @@ def evaluations_of_swept_peaks(wedge: Wedge) -> int:
     count = 0
     for force in FORCES:
         with wedge._solver() as solver:
-            before = solver.call("attrito_evaluations")
+            before = evaluations(solver)
             grid = np.linspace(*BAND)
             response = [point.amplitude[0] for point in solver.solve_at(grid.tolist(), force, 0)]
             largest = int(np.argmax(response))
@@ -107,7 +108,7 @@ def evaluations_of_swept_peaks(wedge: Wedge) -> int:
                 method="bounded",
                 options={"xatol": 1e-6},
             )
-            count += solver.call("attrito_evaluations") - before
+            count += evaluations(solver) - before
     return count
 
 
@@ -124,9 +125,9 @@ def test_the_optimisation_curve_is_that_of_swept_peaks_at_a_twentieth_of_the_eva
     wedge = Wedge(PARAMETER_SETS["unrounded"], degrees, "C", 5)
     with Solver(MPI.COMM_SELF, wedge.scene, wedge._options) as solver:
         solver.walk_static_path(np.array([[0.0], [1.0]]), 20, BAND[1])
-        walked = solver.call("attrito_evaluations")
+        walked = evaluations(solver)
         found = list(follow(solver, curve_job(optimum=False), wedge.scene, np.array([[0.0], [1.0]])))
-        count = solver.call("attrito_evaluations") - 2 * walked
+        count = evaluations(solver) - 2 * walked
     at = {round(one.peak.parameter, 9): one.peak for one in found if one.kind == "value"}
     for force in FORCES:
         swept = wedge.peak(force)

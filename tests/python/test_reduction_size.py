@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
+import blade_solid
 import h5py
 import numpy as np
 import pytest
@@ -28,9 +29,6 @@ from attrito.scene.reduced_model import receptance_errors
 from attrito.support.errors import NumericsError
 
 REPOSITORY = Path(__file__).parents[2]
-sys.path.append(str(REPOSITORY / "benchmarks"))
-
-import blade_solid  # noqa: E402
 
 
 class Blade(NamedTuple):

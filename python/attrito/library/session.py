@@ -287,6 +287,11 @@ class Solver:
         operations: float = self._library.attrito_work_of_visits(self._handle)
         return operations
 
+    @property
+    def handle(self) -> ctypes.c_void_p | None:
+        """The session as entries of libraries take it; None once it is closed."""
+        return self._handle
+
     def call(self, name: str, *arguments: object) -> int:
         """A function of the library that takes this session and returns a number; see `attrito.library.family`."""
         answer: int = getattr(self._library, name)(self._handle, *arguments)

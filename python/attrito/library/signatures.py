@@ -64,7 +64,6 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "attrito_put_down": (c_int, (HANDLE,)),
     "attrito_fetch_state": (None, (HANDLE, Doubles)),
     "attrito_take_up": (c_int, (HANDLE, c_int, Doubles)),
-    "attrito_evaluations": (c_int, (HANDLE,)),
     # Branches
     "attrito_keep_point": (None, (HANDLE, c_int)),
     "attrito_forget_points": (None, (HANDLE, c_int)),
@@ -136,21 +135,11 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "attrito_extrema": (None, (c_int, c_int, Doubles, Doubles, Doubles)),
     "attrito_read_numbers": (c_int, (c_char_p, c_int, Longs, Longs, c_int, Integers, Integers, Doubles)),
     "attrito_read_entries": (c_int, (c_char_p, c_int, Longs, Longs, c_int, Integers, Doubles)),
-    # Of benchmarks alone
-    "attrito_stand_at_stuck_response": (c_int, (HANDLE, c_double, c_double)),
-    "attrito_time_evaluation": (c_int, (HANDLE, c_int, Doubles, Doubles, Integers)),
-    "attrito_time_step": (c_int, (HANDLE, c_int, Doubles, Integers)),
-    "attrito_time_linear_response": (c_int, (HANDLE, c_double, c_int, Doubles)),
-    "attrito_linear_point": (c_int, (HANDLE, c_double, Doubles, Doubles)),
-    "attrito_time_contact": (
-        None,
-        (POINTER(RawLaw), c_int, c_int, Doubles, c_int, c_int, c_int, Doubles, Doubles),
-    ),
 }
 
 
-def declare(library: ctypes.CDLL) -> None:
+def declare(library: ctypes.CDLL, signatures: dict[str, tuple[Any, tuple[Any, ...]]] = SIGNATURES) -> None:
     """Give every entry of a loaded library its types; `AttributeError` where one is missing."""
-    for name, (returned, taken) in SIGNATURES.items():
+    for name, (returned, taken) in signatures.items():
         entry = getattr(library, name)
         entry.restype, entry.argtypes = returned, list(taken)

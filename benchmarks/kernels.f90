@@ -1,5 +1,6 @@
-!> C interface of the benchmarks: processor time of what a Newton iteration is made of, at the point where a session stands.
-module attrito_api_benchmark
+!> Entries for benchmarks and tests, beside those of the C interface: processor time of the parts of a Newton iteration at the present
+!> point of a session, and evaluations so far. In a library of their own, which is not installed.
+module attrito_bench_kernels
   use, intrinsic :: iso_c_binding
   use attrito_core_kinds, only: wp
   use attrito_core_trigonometric, only: extrema
@@ -19,9 +20,9 @@ module attrito_api_benchmark
 
 contains
 
-  !> Stand at the response of the stuck system to the harmonic loads at a level, where what slips depends on no solve; static loads
-  !> in full, sliders at zero.
-  integer(c_int) function attrito_stand_at_stuck_response(handle, omega, level) result(status) bind(c)
+  !> Make the stuck system's response to the harmonic loads at a level the present point: contacts that slip there depend on no solve.
+  !> Static loads are whole, sliders zero. Not 0: the stuck system is singular.
+  integer(c_int) function attrito_bench_set_stuck_response(handle, omega, level) result(status) bind(c)
     type(c_ptr), value :: handle
     real(c_double), value :: omega, level
     type(session_type), pointer :: session
@@ -35,11 +36,11 @@ contains
       solver%motion = linear_motion(balance)
       solver%omega = omega
     end associate
-  end function attrito_stand_at_stuck_response
+  end function attrito_bench_set_stuck_response
 
   !> Residual and Jacobian at the present point: mean seconds of an evaluation, norm of the residual relative to that of the motion,
   !> and the rows of the Jacobian that are not zero. Collective; times of this rank.
-  integer(c_int) function attrito_time_evaluation(handle, repeats, seconds, residual, active) result(status) bind(c)
+  integer(c_int) function attrito_bench_time_residual(handle, repeats, seconds, residual, active) result(status) bind(c)
     type(c_ptr), value :: handle
     integer(c_int), value :: repeats
     real(c_double), intent(out) :: seconds, residual
@@ -60,11 +61,11 @@ contains
       active = sum([(count(balance%forces(i)%active), i=1, size(balance%forces))])
     end associate
     call session%solver%context%forget()
-  end function attrito_time_evaluation
+  end function attrito_bench_time_residual
 
   !> One linearised step at the present point, frequency held: mean seconds of a solve, and iterations of GMRES. Collective; times of
   !> this rank.
-  integer(c_int) function attrito_time_step(handle, repeats, seconds, iterations) result(status) bind(c)
+  integer(c_int) function attrito_bench_time_newton_step(handle, repeats, seconds, iterations) result(status) bind(c)
     type(c_ptr), value :: handle
     integer(c_int), value :: repeats
     real(c_double), intent(out) :: seconds
@@ -91,11 +92,11 @@ contains
       seconds = (clock() - started)/repeats
     end associate
     call session%solver%context%forget()
-  end function attrito_time_step
+  end function attrito_bench_time_newton_step
 
   !> A linear frequency response that recovers every contact row, every contact stuck: mean seconds a frequency, at the harmonics that
   !> are loaded. Collective; times of this rank.
-  integer(c_int) function attrito_time_linear_response(handle, omega, repeats, seconds) result(status) bind(c)
+  integer(c_int) function attrito_bench_time_linear_response(handle, omega, repeats, seconds) result(status) bind(c)
     type(c_ptr), value :: handle
     real(c_double), value :: omega
     integer(c_int), value :: repeats
@@ -116,11 +117,11 @@ contains
       seconds = (clock() - started)/repeats
     end associate
     call session%solver%context%forget()
-  end function attrito_time_linear_response
+  end function attrito_bench_time_linear_response
 
   !> The linear response at a frequency, reported as a point of a sweep is: rows of all contacts recovered, coefficients of the
   !> monitors [monitors, 2 H + 1] and their amplitudes. 0, or not: it is singular there.
-  integer(c_int) function attrito_linear_point(handle, omega, harmonics, amplitude) result(status) bind(c)
+  integer(c_int) function attrito_bench_linear_response(handle, omega, harmonics, amplitude) result(status) bind(c)
     type(c_ptr), value :: handle
     real(c_double), value :: omega
     real(c_double), intent(out) :: harmonics(*), amplitude(*)
@@ -143,12 +144,12 @@ contains
       range = extrema(coefficients(:, m))
       amplitude(m) = 0.5_wp*(range(2) - range(1))
     end do
-  end function attrito_linear_point
+  end function attrito_bench_linear_response
 
   !> Forces and Jacobian of one contact for coefficients [tangents + 1, coefficients]: mean seconds of an evaluation, and the fraction
   !> of the period that it does not stick. By events (one tangent) or by samples; two tangents marched once as a periodic slider, or
   !> twice.
-  subroutine attrito_time_contact(law, coefficients, samples, motion, by_events, periodic, repeats, seconds, moving) bind(c)
+  subroutine attrito_bench_time_contact(law, coefficients, samples, motion, by_events, periodic, repeats, seconds, moving) bind(c)
     type(contact_law_type), intent(in) :: law
     integer(c_int), value :: coefficients, samples, by_events, periodic, repeats
     real(c_double), intent(in) :: motion(coefficients, law%tangents + 1)
@@ -171,11 +172,20 @@ contains
     moving = forces%slip + forces%open
     call quadrature%fourier%destroy()
     call release_laws(contact)
-  end subroutine attrito_time_contact
+  end subroutine attrito_bench_time_contact
+
+  !> Evaluations of the balance since the session began: what solving costs, whatever the machine.
+  integer(c_int) function attrito_bench_evaluations(handle) bind(c)
+    type(c_ptr), value :: handle
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    attrito_bench_evaluations = session%solver%context%balance%evaluations
+  end function attrito_bench_evaluations
 
   !> Of this rank's processor: other work on the machine does not count.
   real(wp) function clock()
 
     call cpu_time(clock)
   end function clock
-end module attrito_api_benchmark
+end module attrito_bench_kernels
