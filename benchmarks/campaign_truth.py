@@ -38,7 +38,7 @@ from attrito.library.integrator import Integrator, Orbit, Run
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver, StoredPoint
 from attrito.support.errors import NumericsError
-from attrito.verify.scene_grid.methods import state_of
+from attrito_verification.scene_grid.methods import state_of
 
 # Newton's method on the period map: most steps, a step, relative to the motion, that counts as none, halvings of a step
 # that does not lower the change, reduction above which the derivative is made anew; steps of the differences

@@ -21,7 +21,7 @@ from attrito.library.session import Options, Solver, StoredPoint
 from attrito.peaks.backbone import BackboneTracker, follow_backbone
 from attrito.peaks.curve import BackbonePoint, Found
 from attrito.peaks.file import read_backbone, read_peaks
-from attrito.verify.paper.wedge import PARAMETER_SETS, Wedge
+from attrito_verification.paper.wedge import PARAMETER_SETS, Wedge
 
 
 @contextmanager

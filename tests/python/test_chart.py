@@ -119,7 +119,7 @@ def test_the_efficient_front_holds_what_nothing_beats():
 
 
 def test_a_scene_without_some_coordinates_is_that_of_the_others():
-    from attrito.verify.paper.wedge import PARAMETER_SETS, wedge_scene
+    from attrito_verification.paper.wedge import PARAMETER_SETS, wedge_scene
 
     whole = wedge_scene(next(iter(PARAMETER_SETS.values())), 45.0)
     part = chart.restricted(whole, np.array([0]))

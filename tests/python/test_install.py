@@ -26,6 +26,7 @@ def test_an_installed_attrito_needs_nothing_set(tmp_path):
     assert ended(command, "--version", folder=tmp_path) == "attrito 0.1.0\n"
     ended(command, "run", write_job(tmp_path, wedge()), folder=tmp_path)
     assert len(ended(command, "table", "result.h5", folder=tmp_path).splitlines()) == 2
+    ended(command, "verify", "torture", "--scenes", "1", "-o", "torture", folder=tmp_path)
     where = "import attrito.library.loading as found; print(found.load()._name)"
     library = ended("/usr/bin/python3", "-c", where, folder=tmp_path, PYTHONPATH=str(place / "lib" / "attrito"))
     assert [path.name for path in place.rglob("*bench*")] == []

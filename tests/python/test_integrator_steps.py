@@ -10,7 +10,7 @@ import pytest
 from jobs import attrito
 
 from attrito.library.integrator import Integrator
-from attrito.verify.scene_grid.integrators import (
+from attrito_verification.scene_grid.integrators import (
     BOUND,
     FEWEST_STEPS,
     FINEST,
@@ -23,7 +23,7 @@ from attrito.verify.scene_grid.integrators import (
     march,
     steps_tried,
 )
-from attrito.verify.scene_grid.scenes import DAMPING, FORCE, STIFFNESS, Family
+from attrito_verification.scene_grid.scenes import DAMPING, FORCE, STIFFNESS, Family
 
 STUCK = Family(1, 100.0, 3.0, "large", 45.0)
 OPEN = Family(1, 100.0, 0.3, "apart", 0.0)

@@ -20,7 +20,7 @@ from attrito.library.session import Options, Solver
 from attrito.peaks import run as peaking
 from attrito.peaks.file import read_peaks
 from attrito.peaks.run import begin, follow
-from attrito.verify.paper.wedge import BAND, FORCES, PARAMETER_SETS, PRELOAD, Wedge
+from attrito_verification.paper.wedge import BAND, FORCES, PARAMETER_SETS, PRELOAD, Wedge
 
 KT, LIMIT, DAMPING = 0.5, 1.0, 0.02
 

@@ -161,7 +161,7 @@ def test_where_petsc_cannot_make_a_solver_the_run_ends_with_that_error(tmp_path)
         from mpi4py import MPI
         from attrito.library.session import Solver
         from attrito.support.errors import NumericsError
-        from attrito.verify.paper.wedge import PARAMETER_SETS, Wedge
+        from attrito_verification.paper.wedge import PARAMETER_SETS, Wedge
 
         wedge = Wedge(PARAMETER_SETS["unrounded"], 45.0, "C", 5)
         laws = wedge.scene.laws | {"friction_coefficient": np.full(1, 0.4)}

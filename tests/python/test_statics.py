@@ -11,7 +11,7 @@ from jobs import attrito, run, wedge
 
 from attrito.library.reduced_scene import ReducedScene
 from attrito.scene.friction_margin import friction_margin
-from attrito.verify.scene_grid.scenes import STIFFNESS, Family
+from attrito_verification.scene_grid.scenes import STIFFNESS, Family
 
 SIDES = {"slip+": 1.0, "slip-": -1.0}
 

@@ -20,7 +20,7 @@ from attrito.job.reading import read_job
 from attrito.library.session import Solver
 from attrito.runs.stability import ENGINES, ORBITS, examine_point, fetch_multipliers
 from attrito.studies.design import batches, places, read_study, set_value
-from attrito.verify.paper.wedge import PARAMETER_SETS, Wedge
+from attrito_verification.paper.wedge import PARAMETER_SETS, Wedge
 
 STUDY = {
     "job": "job.toml",

@@ -13,9 +13,9 @@ from attrito.library.integrator import Integrator, Run
 from attrito.library.names import ATTEMPTS, ENGINES, ORBITS
 from attrito.library.session import Options, Solver
 from attrito.runs.stability import examine_point
-from attrito.verify.scene_grid.grid import NEAR
-from attrito.verify.scene_grid.methods import SAMPLES, distance, state_of
-from attrito.verify.scene_grid.scenes import Family, frequencies
+from attrito_verification.scene_grid.grid import NEAR
+from attrito_verification.scene_grid.methods import SAMPLES, distance, state_of
+from attrito_verification.scene_grid.scenes import Family, frequencies
 
 
 @pytest.mark.parametrize("frequency_hz", [65.641, 71.2821, 88.2051])

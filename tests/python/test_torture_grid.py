@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from jobs import attrito
 
-from attrito.verify.scene_grid.grid import COLUMNS, VERDICTS
-from attrito.verify.scene_grid.methods import METHODS, motion, solve_family
-from attrito.verify.scene_grid.scenes import DAMPING, FORCE, STIFFNESS, Family, families, frequencies
+from attrito_verification.scene_grid.grid import COLUMNS, VERDICTS
+from attrito_verification.scene_grid.methods import METHODS, motion, solve_family
+from attrito_verification.scene_grid.scenes import DAMPING, FORCE, STIFFNESS, Family, families, frequencies
 
 
 @pytest.fixture(scope="module")

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from jobs import attrito
 
-from attrito.verify.paper import schemes
-from attrito.verify.paper.claims import CLAIMS, holds
-from attrito.verify.paper.figures import select
-from attrito.verify.paper.pictures import period_means
-from attrito.verify.paper.statements import STATEMENTS
-from attrito.verify.paper.study import INCLINED_WALL, LEVEL_WALL, Study, load_profile
-from attrito.verify.paper.wedge import FORCES, PARAMETER_SETS
+from attrito_verification.paper import schemes
+from attrito_verification.paper.claims import CLAIMS, holds
+from attrito_verification.paper.figures import select
+from attrito_verification.paper.pictures import period_means
+from attrito_verification.paper.statements import STATEMENTS
+from attrito_verification.paper.study import INCLINED_WALL, LEVEL_WALL, Study, load_profile
+from attrito_verification.paper.wedge import FORCES, PARAMETER_SETS
 
 FIGURES = ("5", "6", "7", "9", "10", "11", "12", "13")
 # Numbers of the text that do not round to their digits, by parameter set.

@@ -210,7 +210,7 @@ def verify(options: argparse.Namespace) -> None:
     if options.what == "torture":
         from mpi4py import MPI
 
-        from attrito.verify.scene_grid import QUICK_SCENES, verify_torture
+        from attrito_verification.scene_grid import QUICK_SCENES, verify_torture
 
         scenes = options.scenes or (QUICK_SCENES if options.quick else None)
         verify_torture(MPI.COMM_WORLD, options.output or "out/torture", scenes)
@@ -218,12 +218,12 @@ def verify(options: argparse.Namespace) -> None:
     if options.what == "integrators":
         from mpi4py import MPI
 
-        from attrito.verify.scene_grid.integrators import QUICK, verify_integrators
+        from attrito_verification.scene_grid.integrators import QUICK, verify_integrators
 
         scenes = options.scenes or (QUICK if options.quick else None)
         verify_integrators(MPI.COMM_WORLD, options.output or "out/integrators", scenes)
         return
-    from attrito.verify.paper import verify_paper
+    from attrito_verification.paper import verify_paper
 
     harmonics = 5 if options.harmonics is None else options.harmonics
     if harmonics < 1:

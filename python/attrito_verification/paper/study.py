@@ -10,7 +10,15 @@ from scipy.optimize import minimize_scalar
 
 from attrito.library.integrator import Integrator, Orbit, Run
 from attrito.support.errors import NumericsError
-from attrito.verify.paper.wedge import BAND, FORCES, FREQUENCY_TOLERANCE, Parameters, Wedge, load_path, wedge_scene
+from attrito_verification.paper.wedge import (
+    BAND,
+    FORCES,
+    FREQUENCY_TOLERANCE,
+    Parameters,
+    Wedge,
+    load_path,
+    wedge_scene,
+)
 
 LEVEL_WALL, INCLINED_WALL = 0.0, 45.0
 WALLS = (LEVEL_WALL, INCLINED_WALL)

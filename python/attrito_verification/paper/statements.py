@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from attrito.verify.paper.figures import PEAK_84_HZ, RATIOS
-from attrito.verify.paper.study import INCLINED_WALL, LEVEL_WALL, Study
-from attrito.verify.paper.wedge import BAND, FORCES, PRELOAD, Mean
+from attrito_verification.paper.figures import PEAK_84_HZ, RATIOS
+from attrito_verification.paper.study import INCLINED_WALL, LEVEL_WALL, Study
+from attrito_verification.paper.wedge import BAND, FORCES, PRELOAD, Mean
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from attrito.plots.style import save
-from attrito.verify.scene_grid import pictures, report
-from attrito.verify.scene_grid.grid import Grid, gather, write_csv, write_hdf5
-from attrito.verify.scene_grid.methods import solve_family
-from attrito.verify.scene_grid.scenes import FREQUENCIES, Family, families
+from attrito_verification.scene_grid import pictures, report
+from attrito_verification.scene_grid.grid import Grid, gather, write_csv, write_hdf5
+from attrito_verification.scene_grid.methods import solve_family
+from attrito_verification.scene_grid.scenes import FREQUENCIES, Family, families
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm

@@ -19,7 +19,7 @@ from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Point, Solver
 from attrito.runs.stability import examine_point, fetch_multipliers
 from attrito.support.errors import NumericsError
-from attrito.verify.scene_grid.scenes import Family, frequencies
+from attrito_verification.scene_grid.scenes import Family, frequencies
 
 HARMONICS = 10
 PATH = np.array([[0.0], [1.0]])

@@ -6,10 +6,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from attrito.verify.scene_grid.grid import EXPLANATIONS, NEAR, VERDICTS, Grid
-from attrito.verify.scene_grid.methods import METHODS, OUTCOME_CODES
-from attrito.verify.scene_grid.pictures import solved
-from attrito.verify.scene_grid.scenes import RATIOS
+from attrito_verification.scene_grid.grid import EXPLANATIONS, NEAR, VERDICTS, Grid
+from attrito_verification.scene_grid.methods import METHODS, OUTCOME_CODES
+from attrito_verification.scene_grid.pictures import solved
+from attrito_verification.scene_grid.scenes import RATIOS
 
 # Difference of the uncoupled amplitude from the coupled one beyond which it counts as another.
 OTHER = 0.05

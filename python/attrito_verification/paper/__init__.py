@@ -9,11 +9,11 @@ from pathlib import Path
 
 from attrito.plots.style import save
 from attrito.support.errors import NumericsError
-from attrito.verify.paper import claims, schemes, statements
-from attrito.verify.paper.figures import paper_figures, write_csv
-from attrito.verify.paper.pictures import picture
-from attrito.verify.paper.study import Study
-from attrito.verify.paper.wedge import PARAMETER_SETS
+from attrito_verification.paper import claims, schemes, statements
+from attrito_verification.paper.figures import paper_figures, write_csv
+from attrito_verification.paper.pictures import picture
+from attrito_verification.paper.study import Study
+from attrito_verification.paper.wedge import PARAMETER_SETS
 
 # The set that figures and claims are made with.
 REFERENCE = "unrounded"

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from attrito.verify.paper.study import INCLINED_WALL, LEVEL_WALL, Study
-from attrito.verify.paper.wedge import FORCES, PRELOAD
+from attrito_verification.paper.study import INCLINED_WALL, LEVEL_WALL, Study
+from attrito_verification.paper.wedge import FORCES, PRELOAD
 
 Columns = dict[str, np.ndarray]
 FREQUENCIES = (160.0, 80.0)

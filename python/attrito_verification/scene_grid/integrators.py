@@ -33,7 +33,7 @@ from attrito.library.integrator import Integrator, Orbit, Run
 from attrito.library.reduced_scene import ReducedScene
 from attrito.plots.style import BRANCH_COLOURS, STYLE, save
 from attrito.support.errors import NumericsError
-from attrito.verify.scene_grid.scenes import FORCE, RATIOS, STIFFNESS, Family, families, frequencies
+from attrito_verification.scene_grid.scenes import FORCE, RATIOS, STIFFNESS, Family, families, frequencies
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm

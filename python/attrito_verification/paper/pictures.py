@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from attrito.plots.style import DASHES, LIMIT_COLOUR, STYLE
-from attrito.verify.paper.figures import Columns, select
-from attrito.verify.paper.wedge import FRICTION, PRELOAD
+from attrito_verification.paper.figures import Columns, select
+from attrito_verification.paper.wedge import FRICTION, PRELOAD
 
 COLOURS = {"C": "#0072B2", "U1": "#D55E00", "U2": "#009E73", "DTI": "#222222"}
 NAMES = {"C": "coupled (C)", "U1": "uncoupled (U1)", "U2": "uncoupled (U2)", "DTI": "time integration"}

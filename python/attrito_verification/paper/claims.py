@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from attrito.verify.paper.figures import PEAK_84_HZ, RATIOS
-from attrito.verify.paper.study import FINE_HARMONICS, INCLINED_WALL, LEVEL_WALL, Study
-from attrito.verify.paper.wedge import BAND, PRELOAD
+from attrito_verification.paper.figures import PEAK_84_HZ, RATIOS
+from attrito_verification.paper.study import FINE_HARMONICS, INCLINED_WALL, LEVEL_WALL, Study
+from attrito_verification.paper.wedge import BAND, PRELOAD
 
 FINEST_HARMONICS = 60
 

@@ -12,8 +12,8 @@ import numpy as np
 from attrito.support.atomic_files import whole_hdf5
 from attrito.support.hdf5_writing import described
 from attrito.support.version import __version__
-from attrito.verify.scene_grid.methods import METHODS, OUTCOME_CODES, REASONS
-from attrito.verify.scene_grid.scenes import Family, frequencies
+from attrito_verification.scene_grid.methods import METHODS, OUTCOME_CODES, REASONS
+from attrito_verification.scene_grid.scenes import Family, frequencies
 
 VERDICTS = (
     "stable",

@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Patch
 
-from attrito.verify.scene_grid.grid import VERDICTS, Grid
-from attrito.verify.scene_grid.methods import METHODS, OUTCOME_CODES
-from attrito.verify.scene_grid.scenes import ANGLES, BAND, FRICTIONS, PRELOADS, RATIOS, frequencies
+from attrito_verification.scene_grid.grid import VERDICTS, Grid
+from attrito_verification.scene_grid.methods import METHODS, OUTCOME_CODES
+from attrito_verification.scene_grid.scenes import ANGLES, BAND, FRICTIONS, PRELOADS, RATIOS, frequencies
 
 COLOURS = ("#d9ead3", "#f6b26b", "#ffe599", "#6fa8dc", "#990000", "#434343")
 WORDS = (

@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 
 from attrito.library.integrator import Integrator, Run
 from attrito.plots.style import BRANCH_COLOURS, STYLE
-from attrito.verify.paper.study import INCLINED_WALL
-from attrito.verify.paper.wedge import Parameters, load_path, wedge_scene
+from attrito_verification.paper.study import INCLINED_WALL
+from attrito_verification.paper.wedge import Parameters, load_path, wedge_scene
 
 SCHEMES = {
     "central_difference": "central difference",
