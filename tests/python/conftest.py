@@ -11,6 +11,9 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from matplotlib.figure import Figure
     from reduced import Case
 
 KEPT = "slow: --all runs it"
@@ -40,6 +43,15 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
         terminalreporter.write_line(f"{len(kept)} slow studies are kept for script/test --all:")
         for name in sorted(report.nodeid for report in kept):
             terminalreporter.write_line(f"    {name}")
+
+
+@pytest.fixture
+def written() -> Iterator[list[Figure]]:
+    """Figures that this process writes during the test, in their order."""
+    from figures import written_figures
+
+    with written_figures() as found:
+        yield found
 
 
 @pytest.fixture

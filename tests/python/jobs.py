@@ -247,3 +247,34 @@ def blocks() -> Job:
         "sweep": {"frequencies_hz": [60.0]},
         "output": {"file": "result.h5", "monitors": [{"name": "tip", "dofs": [[["node", "tip", "x"], 1.0]]}]},
     }
+
+
+def examined(job: Job, method: str = "both", **keys: Any) -> Job:
+    """The job with its stability examined."""
+    job["stability"] = {"method": method, **keys}
+    return job
+
+
+def stiff_wedge(frequencies: list[float], harmonics: int = 10) -> Job:
+    """Stiff contacts, 20 N of preload, 60 N along x: half the orbits over 85 to 140 Hz are unstable."""
+    job = wedge(stiffness=3.0e6)
+    job["load"][0]["dofs"] = [[1, 20.0]]
+    job["load"][1]["cosine"] = [[0, 60.0]]
+    job["balance"]["harmonics"] = harmonics
+    job["sweep"] = {"frequencies_hz": frequencies}
+    return job
+
+
+def swept(job: Job, start: float, stop: float, /, **continuation: object) -> Job:
+    """The job as a sweep."""
+    job["sweep"] = {"start_hz": start, "stop_hz": stop}
+    job["continuation"] = continuation
+    return job
+
+
+def peak_of_wedge(**peak: Any) -> Job:
+    """The wedge's peak followed over levels from 1 to 20."""
+    made = wedge(force=1.0)
+    made["sweep"] = {"start_hz": 150.0, "stop_hz": 85.0}
+    made["peak"] = {"start": 1.0, "stop": 20.0, "values": [6.0, 12.0]} | peak
+    return made

@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 import pytest
 from jobs import attrito, attrito_here, chain, run, table, wedge, write_job
+from matplotlib.collections import LineCollection
 from mpi4py import MPI
 
 from attrito.runs.run import run_job
@@ -137,11 +138,16 @@ def test_a_tolerance_and_two_ranks_give_what_one_gives(tmp_path):
     assert found[0] == pytest.approx(found[1], rel=1e-8)
 
 
-def test_error_bars_are_in_the_plot(tmp_path, capfd):
-    here(tmp_path, rubbing_wedge(tolerance=1e-1))
-    done = attrito_here(tmp_path, capfd, "plot", "result.h5")
+def test_error_bars_of_the_plot_reach_as_far_as_the_estimate(tmp_path, capfd, written):
+    amplitude, estimate, _, _ = solved(tmp_path, rubbing_wedge(tolerance=1e-1), "x")
+    done = attrito_here(tmp_path, capfd, "plot", "result.h5", "--monitor", "x")
     assert done.returncode == 0
-    assert (tmp_path / "frf.png").exists()
+    (figure,) = written
+    (bars,) = [one for one in figure.axes[0].collections if isinstance(one, LineCollection)]
+    ends = np.array(bars.get_segments())
+    assert ends[:, :, 0] == pytest.approx(np.column_stack([FREQUENCIES] * 2), rel=1e-12)
+    assert ends[:, 0, 1] == pytest.approx(amplitude * (1.0 - estimate), rel=1e-12)
+    assert ends[:, 1, 1] == pytest.approx(amplitude * (1.0 + estimate), rel=1e-12)
 
 
 def outcomes(folder) -> list[tuple[str, str, str]]:

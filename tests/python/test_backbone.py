@@ -12,8 +12,9 @@ import h5py
 import jobs
 import numpy as np
 import pytest
+from figures import line
 from mpi4py import MPI
-from test_peak import DAMPING, KT, element, jenkins, job
+from rubbing_mass import DAMPING, KT, element, jenkins
 
 from attrito.library.peak_tracker import PeakTracker
 from attrito.library.reduced_scene import ReducedScene
@@ -157,8 +158,8 @@ def test_a_backbone_tells_the_true_peaks_to_the_square_of_the_damping():
     assert len(found.stretches) == 1 and levels[0] <= 0.01 and levels[-1] >= 3.0
 
 
-def test_the_command_adds_the_backbone_to_the_peaks(tmp_path, capfd):
-    done = jobs.attrito_here(tmp_path, capfd, "peak", jobs.write_job(tmp_path, job(backbone=True)))
+def test_the_command_adds_the_backbone_to_the_peaks(tmp_path, capfd, written):
+    done = jobs.attrito_here(tmp_path, capfd, "peak", jobs.write_job(tmp_path, jobs.peak_of_wedge(backbone=True)))
     assert done.returncode == 0, done.stderr
     rows = list(csv.DictReader(io.StringIO(done.stdout[done.stdout.index("kind,level") :])))
     rows = [row for row in rows if row["outcome"] == "converged"]
@@ -182,7 +183,13 @@ def test_the_command_adds_the_backbone_to_the_peaks(tmp_path, capfd):
     with h5py.File(file) as stored:
         for name in stored["backbone"]:
             assert stored[f"backbone/{name}"].attrs["description"] and stored[f"backbone/{name}"].attrs["unit"]
-    assert (tmp_path / "result.peaks.png").stat().st_size > 10000
+    # Drawn over the levels of the peaks, within a twentieth of them, and below how far it is from the peaks.
+    response, _, differences = written[-1].axes
+    here = (curve["level"] >= 0.95 * data["level"].min()) & (curve["level"] <= 1.05 * data["level"].max())
+    dashed = np.concatenate([one.get_xydata() for one in response.get_lines() if one.get_linestyle() == "--"])
+    assert dashed == pytest.approx(np.column_stack([curve["level"], curve["response"]])[here])
+    away = 100.0 * (data["backbone_response"] / data["response"] - 1.0)
+    assert line(differences, "response").get_ydata() == pytest.approx(away, nan_ok=True)
 
 
 @pytest.mark.parametrize(
@@ -193,7 +200,7 @@ def test_the_command_adds_the_backbone_to_the_peaks(tmp_path, capfd):
     ],
 )
 def test_a_backbone_that_cannot_be_is_a_fault_of_the_job(tmp_path, capfd, change, told):
-    made = job(backbone=True, **change.get("peak", {}))
+    made = jobs.peak_of_wedge(backbone=True, **change.get("peak", {}))
     for load in made["load"]:
         if load["kind"] == "harmonic" and "harmonic" in change:
             load["harmonic"] = change["harmonic"]

@@ -7,17 +7,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from jobs import Job, attrito, run, table, wedge, write_job
-from test_stability import examined, stiff_wedge
+from jobs import Job, attrito, examined, run, stiff_wedge, swept, table, wedge, write_job
 
 COLUMNS = "branch,point,frequency_hz,kind,real,imag,uncertain_hz,x_amplitude,y_amplitude"
-
-
-def swept(job: Job, start: float, stop: float, /, **continuation: object) -> Job:
-    """The job as a sweep."""
-    job["sweep"] = {"start_hz": start, "stop_hz": stop}
-    job["continuation"] = continuation
-    return job
 
 
 def bifurcations(folder: Path) -> list[tuple[str, float]]:

@@ -8,10 +8,12 @@ import io
 import h5py
 import numpy as np
 import pytest
+from figures import line
 from jobs import attrito_here, wedge, write_job
 
 from attrito.charts import run as chart
-from attrito.charts.file import Chart, Way
+from attrito.charts.file import SERIES, Chart, Way
+from attrito.charts.plot import LEAST_ERROR
 from attrito.support.errors import NumericsError
 
 
@@ -34,7 +36,7 @@ def rubbing_wedge(**balance) -> dict:
     return wedge(force=14.0) | {"balance": balance, "sweep": {"start_hz": 140.0, "stop_hz": 110.0}}
 
 
-def test_a_chart_is_a_table_a_picture_and_data_that_describe_themselves(tmp_path, capfd, few_ways):
+def test_a_chart_is_a_table_a_picture_and_data_that_describe_themselves(tmp_path, capfd, few_ways, written):
     write_job(tmp_path, rubbing_wedge(tolerance=1e-3))
     done = attrito_here(tmp_path, capfd, "chart", "job.toml", "-o", "wedge.h5")
     assert done.returncode == 0
@@ -53,7 +55,13 @@ def test_a_chart_is_a_table_a_picture_and_data_that_describe_themselves(tmp_path
             assert float(row["error"]) < float(row["tolerance"])
     chosen = [row for row in rows if row["chosen"] == "true"]
     assert [float(row["tolerance"]) for row in chosen] == [1e-3]
-    assert (tmp_path / "wedge.png").stat().st_size > 10_000
+    # Each way that has an error is a mark in either panel, those by events above and right of none below the reference.
+    (figure,) = written
+    for axes, cost in zip(figure.axes, ("seconds", "work"), strict=True):
+        ways = [(float(row[cost]), float(row["error"])) for row in rows if row["series"] == "event" and row["error"]]
+        x, y = line(axes, SERIES["event"]).get_data()
+        assert y == pytest.approx([max(error, LEAST_ERROR) for _, error in ways], rel=1e-5)
+        assert x == pytest.approx([seconds for seconds, _ in ways], rel=1e-3)
     with h5py.File(tmp_path / "wedge.h5") as file:
         assert file.attrs["format"] == "attrito chart"
         assert len(file["error"]) == len(rows)

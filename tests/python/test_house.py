@@ -108,6 +108,13 @@ def test_no_modules_import_one_another_in_a_circle_not_even_for_types():
     assert circle(imports(modules())) == []
 
 
+def test_no_file_of_tests_imports_another():
+    """What several need is in a file of its own, so that each file of tests can be read, and run, alone."""
+    files = sorted(Path(__file__).parent.glob("*.py"))
+    found = [path.name for path in files if re.search(r"^\s*(from|import) test_", path.read_text(), flags=re.MULTILINE)]
+    assert len(files) > 60 and found == []
+
+
 @pytest.mark.parametrize("head", ["", "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    "])
 def test_a_circle_would_be_found(tmp_path, head):
     (tmp_path / "attrito" / "job").mkdir(parents=True)

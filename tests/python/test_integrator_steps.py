@@ -7,7 +7,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from jobs import attrito
+from figures import marks
+from jobs import attrito_here
 
 from attrito.library.integrator import Integrator
 from attrito_verification.scene_grid.integrators import (
@@ -114,8 +115,8 @@ def test_scenes_are_drawn_once_each_and_are_no_more_than_there_are():
     assert len(draw(10**6)) == 14_400
 
 
-def test_the_study_of_steps_finds_theory_where_contacts_stick(tmp_path):
-    done = attrito(tmp_path, "verify", "integrators", "--scenes", "8", "-o", "steps")
+def test_the_study_of_steps_finds_theory_where_contacts_stick(tmp_path, capfd, written):
+    done = attrito_here(tmp_path, capfd, "verify", "integrators", "--scenes", "8", "-o", "steps")
     assert done.returncode == 0, done.stdout + done.stderr
     with (tmp_path / "steps" / "steps.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -128,4 +129,10 @@ def test_the_study_of_steps_finds_theory_where_contacts_stick(tmp_path):
         # No step within the limit of central difference fails, and none at all of the others.
         assert float(row["fails"]) > (LIMIT if row["scheme"] == "central_difference" else 1e300)
     assert (tmp_path / "steps" / "report.md").read_text().startswith("# Largest stable steps, 8 scenes")
-    assert (tmp_path / "steps" / "steps.png").stat().st_size > 0
+    # A mark for each row in the panel of its scheme, a triangle where no step fails.
+    (figure,) = written
+    for panel, scheme in zip(figure.axes, SCHEMES, strict=True):
+        own = [row for row in rows if row["scheme"] == scheme]
+        for marker, whole in (("o", False), ("^", True)):
+            sizes = [float(row["stable"]) for row in own if np.isinf(float(row["fails"])) == whole]
+            assert sorted(marks(panel, marker)[:, 1]) == pytest.approx(sorted(sizes), rel=1e-5)

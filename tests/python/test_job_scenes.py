@@ -7,12 +7,16 @@ import io
 import re
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import h5py
+import meshio
 import numpy as np
 import pytest
-from jobs import attrito
+from figures import marks
+from jobs import attrito, attrito_here
+from matplotlib.collections import PathCollection
 from scipy.linalg import eigh
 from scipy.sparse import diags
 from scipy.sparse.csgraph import connected_components
@@ -194,12 +198,41 @@ def test_the_clamped_frequencies_at_speed_are_those_of_calculix(prestressed):
     assert ours == pytest.approx(own[: len(ours)], rel=5e-6)
 
 
-def test_pictures_and_an_animated_shape_come_out(damper):
-    for arguments in (("plot",), ("plot", "--loops"), ("plot", "--map"), ("export", "--phases", "3")):
-        done = attrito(damper, arguments[0], "result.h5", *arguments[1:])
+def test_pictures_show_the_levels_loops_and_contacts_of_the_result(damper, capfd, written):
+    for options in ((), ("--loops",), ("--map",)):
+        done = attrito_here(damper, capfd, "plot", "result.h5", *options)
         assert done.returncode == 0, done.stderr
-    for name in ("frf.png", "loops.png", "contacts.png", "shape.pvd", "shape_phase_002.vtu"):
-        assert (damper / name).stat().st_size > 100
+    assert {"frf.png", "loops.png", "contacts.png"} <= {path.name for path in damper.iterdir()}
+    response, loops, contacts = written
+    with h5py.File(damper / "result.h5") as file:
+        frequency, level = file["points/frequency_hz"][:], file["points/level"][:]
+        count = file["contacts/force"].shape[1]
+    drawn = marks(response.axes[0])
+    assert sorted({place for place in drawn[:, 0] if np.isfinite(place)} & set(frequency)) == sorted(set(frequency))
+    assert [label for label in response.axes[0].get_legend_handles_labels()[1] if label.startswith("level")] == [
+        f"level {value:g}" for value in sorted(set(level))
+    ]
+    # Loops are closed; on the maps every contact is a mark.
+    for axes in loops.axes:
+        for one in axes.get_lines():
+            assert np.array_equal(one.get_xydata()[0], one.get_xydata()[-1])
+    assert sum(map(len, (axes.get_lines() for axes in loops.axes))) > 2
+    places = [
+        one.get_offsets() for axes in contacts.axes for one in axes.collections if isinstance(one, PathCollection)
+    ]
+    assert sum(map(len, places)) == count
+
+
+def test_an_animated_shape_has_a_file_a_phase_with_its_own_motion(damper):
+    done = attrito(damper, "export", "result.h5", "--phases", "3")
+    assert done.returncode == 0, done.stderr
+    phases = [f"shape_phase_{number:03d}.vtu" for number in range(3)]
+    assert re.findall(r'file="(.*?)"', (damper / "shape.pvd").read_text()) == phases
+    grids = [meshio.read(damper / name) for name in phases]
+    nodes = len(read_model(damper / "model.h5", matrices=False).coordinates)
+    moved = [grid.point_data["displacement"] for grid in grids]
+    assert all(one.shape == (nodes, 3) and np.isfinite(one).all() for one in moved)
+    assert all(np.abs(one - other).max() > 0.1 * np.abs(one).max() for one, other in pairwise(moved))
 
 
 def test_a_block_that_only_contacts_hold_stands_on_them_with_all_that_presses_it(tmp_path):

@@ -11,7 +11,9 @@ import jobs
 import numpy as np
 import pytest
 from bench_library import evaluations
+from figures import marks
 from mpi4py import MPI
+from rubbing_mass import DAMPING, element, jenkins
 from scipy.optimize import brentq, minimize_scalar
 
 from attrito.library.peak_tracker import PeakTracker
@@ -21,41 +23,6 @@ from attrito.peaks import run as peaking
 from attrito.peaks.file import read_peaks
 from attrito.peaks.run import begin, follow
 from attrito_verification.paper.wedge import BAND, FORCES, PARAMETER_SETS, PRELOAD, Wedge
-
-KT, LIMIT, DAMPING = 0.5, 1.0, 0.02
-
-
-def jenkins() -> ReducedScene:
-    """A mass on a spring (both 1) that rubs, pressed by a constant force, mu N = 1."""
-    laws = {"tangents": np.ones(1, dtype=np.int32), "tangential_stiffness": np.full(1, KT)}
-    laws |= {"normal_stiffness": np.ones(1), "friction_coefficient": np.full(1, LIMIT), "gap": np.zeros(1)}
-    laws |= {"preload": np.ones(1)}
-    harmonic = np.zeros((3, 2))
-    harmonic[1, 0] = 1.0
-    # The second coordinate is what the contact presses on; the static load balances its preload.
-    return ReducedScene(
-        np.eye(2),
-        np.eye(2),
-        "viscous",
-        0.0,
-        DAMPING * np.eye(2),
-        laws,
-        np.eye(2),
-        np.array([[0.0, 1.0]]),
-        harmonic,
-        np.array([[1.0, 0.0]]),
-        ["x"],
-    )
-
-
-def element(amplitude: float) -> tuple[float, float]:
-    """Stiffness and loss of the Jenkins element for one harmonic: its describing function."""
-    limit = LIMIT / KT
-    if amplitude <= limit:
-        return KT, 0.0
-    theta = np.arccos(1.0 - 2.0 * limit / amplitude)
-    loss = 4.0 * LIMIT / (np.pi * amplitude) * (1.0 - limit / amplitude)
-    return KT / np.pi * (theta - 0.5 * np.sin(2.0 * theta)), loss
 
 
 def closed_form(force: float) -> tuple[float, float]:
@@ -199,22 +166,20 @@ def test_a_peak_of_a_contact_with_two_tangents_is_the_swept_one():
     assert peak.amplitude == pytest.approx(-swept.fun, rel=1e-8)
 
 
-def job(**peak) -> jobs.Job:
-    made = jobs.wedge(force=1.0)
-    made["sweep"] = {"start_hz": 150.0, "stop_hz": 85.0}
-    made["peak"] = {"start": 1.0, "stop": 20.0, "values": [6.0, 12.0]} | peak
-    return made
-
-
-def test_the_command_writes_file_table_and_picture(tmp_path, capfd):
-    done = jobs.attrito_here(tmp_path, capfd, "peak", jobs.write_job(tmp_path, job()))
+def test_the_command_writes_file_table_and_picture(tmp_path, capfd, written):
+    done = jobs.attrito_here(tmp_path, capfd, "peak", jobs.write_job(tmp_path, jobs.peak_of_wedge()))
     assert done.returncode == 0, done.stderr
     rows = list(csv.DictReader(io.StringIO(done.stdout[done.stdout.index("kind,level") :])))
     rows = [row for row in rows if row["outcome"] == "converged"]
     assert {"6", "12", "20"} <= {row["level"] for row in rows}
-    assert (tmp_path / "result.peaks.png").stat().st_size > 10000
     data, attributes = read_peaks(str(tmp_path / "result.peaks.h5"))
     assert attributes["parameter"] == "level" and len(data["level"]) == len(rows)
+    (figure,) = written
+    for axes, name in zip(figure.axes, ("response", "frequency_hz"), strict=True):
+        asked = marks(axes, "o")
+        assert {6.0, 12.0, 20.0} <= set(asked[:, 0])
+        heights = dict(zip(data["level"], data[name], strict=True))
+        assert asked[:, 1].tolist() == [heights[level] for level in asked[:, 0]]
     with h5py.File(tmp_path / "result.peaks.h5") as file:
         named: list[str] = []
         file.visititems(lambda name, item: named.append(name) if isinstance(item, h5py.Dataset) else None)
@@ -222,7 +187,7 @@ def test_the_command_writes_file_table_and_picture(tmp_path, capfd):
 
 
 def test_ranks_find_the_same_peaks_and_backbone(tmp_path):
-    made = job(backbone=True)
+    made = jobs.peak_of_wedge(backbone=True)
     made["contact"] = made["contact"] * 2
     for contact in made["contact"]:
         contact["tangential_stiffness"] = contact["normal_stiffness"] = 1.5e5
@@ -246,14 +211,14 @@ def test_ranks_find_the_same_peaks_and_backbone(tmp_path):
     ],
 )
 def test_a_fault_of_the_peaks_keys_is_told(tmp_path, capfd, keys, key):
-    made = job(**keys)
+    made = jobs.peak_of_wedge(**keys)
     made["peak"] = {name: value for name, value in made["peak"].items() if value is not None}
     done = jobs.attrito_here(tmp_path, capfd, "peak", jobs.write_job(tmp_path, made))
     assert done.returncode == 2 and key in done.stderr
 
 
 def test_an_uncoupled_balance_cannot_follow_the_preload(tmp_path, capfd):
-    made = job(parameter="preload")
+    made = jobs.peak_of_wedge(parameter="preload")
     made["balance"] = made.get("balance", {}) | {"approach": "uncoupled"}
     done = jobs.attrito_here(tmp_path, capfd, "peak", jobs.write_job(tmp_path, made))
     assert done.returncode == 2 and "[peak] parameter = 'preload'" in done.stderr

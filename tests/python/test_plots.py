@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import synthetic
+from figures import marks
+from matplotlib import image
 from matplotlib.collections import PathCollection, PolyCollection
 
 from attrito.plots.contacts import contact_map, hysteresis, surfaces
@@ -113,8 +115,14 @@ def test_many_levels_are_read_off_a_colour_bar(tmp_path):
 def test_results_with_nothing_to_show_still_make_a_figure(tmp_path, amplitude):
     outcome = ["not_converged"] * len(amplitude)
     with response(tmp_path, amplitude, outcome=outcome) as result:
-        save(frequency_response(result, "tip"), tmp_path / "frf.png")
-    assert (tmp_path / "frf.png").stat().st_size > 1000
+        figure = frequency_response(result, "tip")
+    save(figure, tmp_path / "frf.png", dpi=100)
+    assert image.imread(tmp_path / "frf.png").shape[:2] == (400, 660)
+    assert figure.axes[0].get_xlabel() == "Frequency (Hz)"
+    # Points without a solution are marked on the axis, and no curve is drawn.
+    assert [np.count_nonzero(marks(figure.axes[0], "x")[:, 1])] == [0]
+    assert len(marks(figure.axes[0], "x")) == len(amplitude)
+    assert np.isfinite(marks(figure.axes[0], "None")[:, 1]).sum() == 0
 
 
 def test_hysteresis_loops_are_closed_and_carry_their_limits():

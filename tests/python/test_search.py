@@ -9,9 +9,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from jobs import run, table
-from test_bifurcations import swept
-from test_stability import stiff_wedge
+from jobs import run, stiff_wedge, swept, table
 
 from attrito.job.reading import read_job
 from attrito.library.integrator import Integrator, Run

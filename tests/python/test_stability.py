@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import h5py
 import numpy as np
 import pytest
-from jobs import Job, attrito, chain, run, table, wedge
+from jobs import Job, attrito, chain, examined, run, stiff_wedge, table, wedge
 from scipy.linalg import eigvals
 
 # Of the wedge at 45 degrees, 132 Hz, 5 N, to four digits, by the direction of the force.
@@ -16,22 +14,6 @@ KNOWN = {
     "tangent": [0.7873, 0.7643, 0.7510, 0.2385, 0.0],
 }
 MULTIPLIER_COLUMNS = "point,frequency_hz,method,real,imag,kind"
-
-
-def examined(job: Job, method: str = "both", **keys: Any) -> Job:
-    """The job with its stability examined."""
-    job["stability"] = {"method": method, **keys}
-    return job
-
-
-def stiff_wedge(frequencies: list[float], harmonics: int = 10) -> Job:
-    """Stiff contacts, 20 N of preload, 60 N along x: half the orbits over 85 to 140 Hz are unstable."""
-    job = wedge(stiffness=3.0e6)
-    job["load"][0]["dofs"] = [[1, 20.0]]
-    job["load"][1]["cosine"] = [[0, 60.0]]
-    job["balance"]["harmonics"] = harmonics
-    job["sweep"] = {"frequencies_hz": frequencies}
-    return job
 
 
 def multipliers(rows: list[dict[str, str]], method: str, kind: str | None = None) -> np.ndarray:

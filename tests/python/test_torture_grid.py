@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 
 import h5py
 import numpy as np
 import pytest
-from jobs import attrito
+from figures import written_figures
 
+from attrito.cli import main
 from attrito_verification.scene_grid.grid import COLUMNS, VERDICTS
 from attrito_verification.scene_grid.methods import METHODS, motion, solve_family
 from attrito_verification.scene_grid.scenes import DAMPING, FORCE, STIFFNESS, Family, families, frequencies
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def few(tmp_path_factory):
+    """The folder of two families of 40 scenes, and the figures that were written into it."""
     folder = tmp_path_factory.mktemp("torture")
-    done = attrito(folder, "verify", "torture", "--scenes", "80", "-o", "few")
-    assert done.returncode == 0, done.stdout + done.stderr
-    return folder / "few"
+    with written_figures() as figures, contextlib.chdir(folder):
+        assert main(["verify", "torture", "--scenes", "80", "-o", "few"]) == 0
+    return folder / "few", figures
+
+
+@pytest.fixture(scope="module")
+def folder(few):
+    return few[0]
 
 
 def test_the_grid_has_ten_thousand_scenes_over_the_whole_range():
@@ -49,8 +57,30 @@ def test_every_scene_ends_in_a_verdict_and_every_dataset_says_what_it_is(folder)
     solved = [row for row in rows if row["coupled_outcome"] == "converged"]
     assert len(solved) > len(rows) // 2
     assert all(row["stable"] in ("0", "1", "2") for row in solved)
-    for name in ("report.md", "figures.csv", "verdicts.png", "methods.png"):
-        assert (folder / name).stat().st_size > 0
+    assert (folder / "report.md").read_text().startswith("# 80 scenes, 2 families\n")
+
+
+def test_pictures_show_the_verdicts_of_the_scenes_and_what_each_method_solves(few):
+    folder, (verdicts, methods) = few
+    assert {path.name for path in folder.glob("*.png")} == {"verdicts.png", "methods.png"}
+    with (folder / "scenes.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    # The map has the wedge alone, the scenes with one mass.
+    expected = sorted(VERDICTS.index(row["verdict"]) for row in rows if row["masses"] == "1")
+    assert len(expected) >= 40
+    shown = np.concatenate(
+        [image.get_array().filled(np.nan).ravel() for axes in verdicts.axes for image in axes.images]
+    )
+    assert sorted(shown[np.isfinite(shown)]) == expected
+    # A number a method, for each stiffness and preload that the families have.
+    tried: dict[tuple[str, str, str], list[bool]] = {}
+    for row in rows:
+        for method in METHODS:
+            if outcome := row[f"{method}_outcome"]:
+                tried.setdefault((row["ratio"], row["preload"], method), []).append(outcome == "converged")
+    percents = [f"{100.0 * np.mean(solved):.0f}" for solved in tried.values()]
+    assert len(percents) >= len(METHODS)
+    assert sorted(text.get_text() for axes in methods.axes for text in axes.texts) == sorted(percents)
 
 
 def test_verdicts_are_borne_out_by_motion_in_time_on_the_few_scenes(folder):
