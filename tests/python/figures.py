@@ -45,6 +45,6 @@ def marks(axes: Axes, marker: str | None = None) -> np.ndarray:
     return np.concatenate([np.empty((0, 2)), *(one.get_xydata() for one in chosen)])
 
 
-def pixels(path: Path, colour: str) -> int:
+def pixels(path: Path, colour: object) -> int:
     """Pixels of a PNG that have a colour."""
     return int(np.all(np.abs(image.imread(path)[..., :3] - to_rgb(colour)) < 0.02, axis=-1).sum())

@@ -63,7 +63,7 @@ def frequency_response(result: Result, monitor: str, log: bool | None = None, lo
             margin = 0.02 * np.ptp(frequency)
             axes.set_xlim(frequency.min() - margin, frequency.max() + margin)
         if len(levels) > LEGEND_LEVELS:
-            scale_of = ScalarMappable(Normalize(levels[0], levels[-1]), _level_map())
+            scale_of = ScalarMappable(Normalize(levels[0], levels[-1]), level_map())
             figure.colorbar(scale_of, ax=axes, label="Level", pad=0.02)
         _place_legend(axes, narrow=look.width is not None)
     return figure
@@ -204,9 +204,9 @@ def _identity(levels: np.ndarray, branches: np.ndarray, level: float, branch: in
         place, label = (level - levels[0]) / np.ptp(levels), ""
     else:
         place, label = np.searchsorted(levels, level) / (len(levels) - 1), f"level {level:.4g}"
-    return _level_map()(place), label
+    return level_map()(place), label
 
 
-def _level_map() -> object:
+def level_map() -> object:
     """Viridis without its pale end, which does not show on white."""
     return matplotlib.colors.ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0, 0.88, 256)))
