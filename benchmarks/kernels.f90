@@ -80,7 +80,7 @@ contains
     associate (balance => session%solver%context%balance, motion => session%solver%motion)
       call balance%evaluate(motion, session%solver%omega, status)
       if (status /= 0) return
-      right = new_unknowns(size(motion, 1), size(motion, 2), size(balance%law))
+      right = new_unknowns(shape(motion), shape(balance%slider))
       step = right
       constraint%motion = right%motion
       right%motion = motion

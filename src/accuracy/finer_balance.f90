@@ -55,7 +55,7 @@ module attrito_accuracy_finer_balance
     real(wp), allocatable :: monitors(:, :)
     !> Part of what forces are changed by that is due to samples
     real(wp) :: samples_share = 0.0_wp
-    !> Response that these belong to [n, 0:K], and what start sliders that are unknowns have moved by [2, contacts]
+    !> Response that these belong to [n, 0:K], and what start sliders that are unknowns have moved by [width, contacts]
     complex(wp), allocatable :: response(:, :)
     real(wp), allocatable :: slider(:, :)
   end type finer_point_type
@@ -187,8 +187,8 @@ contains
     class(finer_balance_type), intent(in) :: self
     type(solver_type), intent(inout) :: solver
     integer, intent(in) :: contact
-    !> Of its rows [2 K + 1, tangents + 1], and slider at the start [2]
-    real(wp), intent(in) :: motion(:, :), slider(2)
+    !> Of its rows [2 K + 1, tangents + 1], and sliders at the start [width]
+    real(wp), intent(in) :: motion(:, :), slider(:)
     type(contact_forces_type), intent(inout) :: forces
 
     associate (balance => solver%context%balance, law => solver%context%balance%law(contact))
@@ -204,14 +204,14 @@ contains
     type(solver_type), intent(inout) :: solver
     !> [2 K + 1, rows]
     real(wp), intent(in) :: motion(:, :)
-    !> [2 H + 1, rows], [2, contacts]
+    !> [2 H + 1, rows], [width, contacts]
     real(wp), allocatable, intent(out) :: change(:, :), released(:, :)
     type(contact_forces_type) :: forces
     integer :: i, k
 
     associate (balance => solver%context%balance)
       k = balance%coefficients()
-      allocate (change(k, balance%rows()), released(2, size(balance%law)), source=0.0_wp)
+      allocate (change(k, balance%rows()), released(size(balance%slider, 1), size(balance%law)), source=0.0_wp)
       do i = 1, size(balance%law)
         if (balance%forces(i)%state < state_slipping) cycle
         associate (law => balance%law(i), before => balance%forces(i), first => balance%law(i)%first_row, &
@@ -302,7 +302,7 @@ contains
     type(linear_options_type) :: options
     integer :: iterations
 
-    step = new_unknowns(size(right%motion, 1), size(right%motion, 2), size(right%slider, 2))
+    step = new_unknowns(shape(right%motion), shape(right%slider))
     options = solver%context%linear
     options%krylov%tolerance = accepted_residual
     call solve_linearised(solver%context%balance, solver%context%constraint, right, options, step, iterations, status, &

@@ -101,8 +101,8 @@ contains
 
     associate (balance => solver%context%balance)
       k = balance%coefficients()
-      allocate (deviation(size(first%motion, 1), balance%rows()), change(k, balance%rows()), released(2, size(balance%law)), &
-                source=0.0_wp)
+      allocate (deviation(size(first%motion, 1), balance%rows()), change(k, balance%rows()), &
+                released(size(balance%slider, 1), size(balance%law)), source=0.0_wp)
       do i = 1, size(balance%law)
         associate (law => balance%law(i), before => balance%forces(i), row => balance%law(i)%first_row, &
                    last => balance%law(i)%first_row + balance%law(i)%tangents)

@@ -119,9 +119,13 @@ void attrito_stop(void);
 /* Give everything back. */
 void attrito_destroy(void *handle);
 
-/* Displacement and force [tangents + 1, samples] of one contact over a period, for its coefficients [tangents + 1, coefficients]. */
+/* Displacement and force [tangents + 1, samples] of one contact over a period, for its coefficients [tangents + 1, coefficients]
+ * and sliders at its start [at least 2 elements]. */
 void attrito_sample_contact(const attrito_contact_law *law, int coefficients, int samples, const double *motion,
     const double *slider, int passes, double *displacement, double *force);
+
+/* How many numbers the sliders of a contact take where contacts have these laws: a pair for each element. */
+int attrito_slider_width(int count, const attrito_contact_law *laws);
 
 /* Smallest and largest value over the period of trigonometric polynomials [count, coefficients]: [count] each. */
 void attrito_extrema(int count, int coefficients, const double *polynomials, double *lowest, double *highest);
@@ -183,8 +187,8 @@ int attrito_seek(void *handle, int way, double omega, double factor);
  * (-1) frequency, or (0) back from where the last sweep stands. */
 void attrito_begin_branch(void *handle, double start, double stop, int way, int branch, int max_points);
 
-/* Stand at a motion of the model's coordinates [m, coefficients] at an angular frequency, with sliders [contacts, 2], and solve
- * there; 1 if that converges. */
+/* Stand at a motion of the model's coordinates [m, coefficients] at an angular frequency, with sliders [contacts, width], and
+ * solve there; 1 if that converges. */
 int attrito_stand_at_motion(void *handle, int coefficients, const double *coordinates, const double *slider,
     double omega, double level);
 
@@ -296,10 +300,10 @@ void attrito_keep_member(void *handle, int place);
 /* Go back to the one remembered there. */
 void attrito_return_to_member(void *handle, int place);
 
-/* Move the sliders [contacts, 2]; 1 if that gave a member, else 0 and nothing has changed. */
+/* Move the sliders [contacts, width]; 1 if that gave a member, else 0 and nothing has changed. */
 int attrito_solve_member(void *handle, const double *slider);
 
-/* The present member: forces [contacts, 3, 2 H + 1], monitors [monitors, 2 H + 1] with amplitudes, sliders [contacts, 2] and
+/* The present member: forces [contacts, 3, 2 H + 1], monitors [monitors, 2 H + 1] with amplitudes, sliders [contacts, width] and
  * whether they are free (1.0 or 0.0). 0, or not: it cannot be evaluated. */
 int attrito_describe_member(void *handle, double *force, double *monitors, double *amplitude, double *slider,
     double *free);

@@ -94,15 +94,15 @@ contains
     session%moduli = moduli_type()
   end subroutine attrito_begin_branch
 
-  !> Stand at a motion of the model's coordinates [m, coefficients] at an angular frequency, with sliders [contacts, 2], and solve
-  !> there; 1 if that converges.
+  !> Stand at a motion of the model's coordinates [m, coefficients] at an angular frequency, with sliders [contacts, width], and
+  !> solve there; 1 if that converges.
   integer(c_int) function attrito_stand_at_motion(handle, coefficients, coordinates, slider, omega, level) bind(c)
     type(c_ptr), value :: handle
     integer(c_int), value :: coefficients
-    real(c_double), intent(in) :: coordinates(coefficients, *), slider(2, *)
+    real(c_double), intent(in) :: coordinates(coefficients, *), slider(*)
     real(c_double), value :: omega, level
     type(session_type), pointer :: session
-    integer :: m
+    integer :: first, last, m, width
 
     session => session_of(handle)
     m = size(session%structure%mass, 1)
@@ -113,7 +113,10 @@ contains
                               size(solver%motion, 1))
       solver%omega = omega
       solver%all_stick = .false.
-      call solver%set_slider(slider(:, balance%first_contact:balance%first_contact + size(balance%law) - 1))
+      width = size(balance%slider, 1)
+      first = width*(balance%first_contact - 1) + 1
+      last = first - 1 + size(balance%slider)
+      call solver%set_slider(reshape(slider(first:last), shape(balance%slider)))
       call solve_by_cascade(solver, omega)
       attrito_stand_at_motion = merge(1, 0, solver%report%converged)
     end associate

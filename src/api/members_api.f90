@@ -58,21 +58,22 @@ contains
     call return_to_member(session%solver, session%members(place))
   end subroutine attrito_return_to_member
 
-  !> Move the sliders [contacts, 2]; 1 if that gave a member, else 0 and nothing has changed.
+  !> Move the sliders [contacts, width]; 1 if that gave a member, else 0 and nothing has changed.
   integer(c_int) function attrito_solve_member(handle, slider) bind(c)
     type(c_ptr), value :: handle
     real(c_double), intent(in) :: slider(*)
     type(session_type), pointer :: session
     logical :: found
-    integer :: contacts
+    integer :: contacts, width
 
     session => session_of(handle)
     contacts = size(session%contacts%law)
-    call solve_member(session%solver, reshape(slider(:2*contacts), [2, contacts]), found)
+    width = size(session%solver%static_slider, 1)
+    call solve_member(session%solver, reshape(slider(:width*contacts), [width, contacts]), found)
     attrito_solve_member = merge(1, 0, found)
   end function attrito_solve_member
 
-  !> The present member: forces [contacts, 3, 2 H + 1], monitors [monitors, 2 H + 1] with amplitudes, sliders [contacts, 2] and
+  !> The present member: forces [contacts, 3, 2 H + 1], monitors [monitors, 2 H + 1] with amplitudes, sliders [contacts, width] and
   !> whether they are free (1.0 or 0.0). 0, or not: it cannot be evaluated.
   integer(c_int) function attrito_describe_member(handle, force, monitors, amplitude, slider, free) bind(c)
     type(c_ptr), value :: handle

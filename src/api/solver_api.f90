@@ -9,9 +9,9 @@ module attrito_api_solver
   use attrito_core_kinds, only: wp, two_pi
   use attrito_core_petsc_session, only: start_petsc, stop_petsc
   use attrito_core_trigonometric, only: extrema
-  use attrito_model_contacts, only: contact_type, contacts_type, new_contacts
+  use attrito_model_contacts, only: contact_type, contacts_type, new_contacts, slider_width
   use attrito_contact_fourier, only: fourier_type, new_fourier
-  use attrito_contact_quadrature_sampled, only: contact_samples_type, sample_contact
+  use attrito_contact_evaluation, only: sample_forces
   use attrito_linear_receptance, only: receptance_type, to_complex, to_real
   use attrito_linear_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
   use attrito_continuation_sweep, only: new_sweep
@@ -324,24 +324,34 @@ contains
     deallocate (session)
   end subroutine attrito_destroy
 
-  !> Displacement and force [tangents + 1, samples] of one contact over a period, for its coefficients [tangents + 1, coefficients].
+  !> Displacement and force [tangents + 1, samples] of one contact over a period, for its coefficients [tangents + 1, coefficients]
+  !> and sliders at its start [at least 2 elements].
   subroutine attrito_sample_contact(law, coefficients, samples, motion, slider, passes, displacement, force) bind(c)
     type(contact_law_type), intent(in) :: law
     integer(c_int), value :: coefficients, samples, passes
-    real(c_double), intent(in) :: motion(coefficients, law%tangents + 1), slider(2)
+    real(c_double), intent(in) :: motion(coefficients, law%tangents + 1), slider(*)
     real(c_double), intent(out) :: displacement(samples, law%tangents + 1), force(samples, law%tangents + 1)
     type(fourier_type) :: fourier
-    type(contact_samples_type) :: period
     type(contact_type) :: contact(1)
 
     contact(1) = law_of(law)
     fourier = new_fourier((coefficients - 1)/2, samples)
-    call sample_contact(contact(1), fourier, motion, slider, passes, period)
+    call sample_forces(contact(1), fourier, motion, slider(:2*contact(1)%elements()), passes, displacement, force)
     call release_laws(contact)
-    displacement = period%displacement
-    force = period%force
     call fourier%destroy()
   end subroutine attrito_sample_contact
+
+  !> How many numbers the sliders of a contact take where contacts have these laws: a pair for each element.
+  integer(c_int) function attrito_slider_width(count, laws) bind(c)
+    integer(c_int), value :: count
+    type(contact_law_type), intent(in) :: laws(count)
+    type(contact_type) :: contacts(count)
+    integer :: i
+
+    contacts = [(law_of(laws(i)), i=1, count)]
+    attrito_slider_width = slider_width(contacts)
+    call release_laws(contacts)
+  end function attrito_slider_width
 
   !> Smallest and largest value over the period of trigonometric polynomials [count, coefficients]: [count] each.
   subroutine attrito_extrema(count, coefficients, polynomials, lowest, highest) bind(c)

@@ -28,8 +28,9 @@ module attrito_balance_harmonic_balance
     real(wp), allocatable :: slider(:, :), static_factors(:)
     logical :: frozen = .false.
     complex(wp), allocatable :: response(:)
-    !> Relative displacements [rows], and what they leave of friction for each contact's harmonics [contacts]
-    real(wp), allocatable :: motion(:), margin(:)
+    !> Relative displacements [rows], and what they leave of friction for the harmonics of each contact's elements [elements,
+    !> contacts]
+    real(wp), allocatable :: motion(:), capacities(:, :)
     !> The evaluation, by its number, after which the forces of all contacts were those of sticking here
     integer :: seen = -1
   end type stuck_mean_type
@@ -66,7 +67,8 @@ module attrito_balance_harmonic_balance
     !> Part of their springs that contacts keep in the Newton step when they slip or open: 0 is Newton's method; more holds a motion
     !> that nothing but friction holds, at the price of a linear rate
     real(wp) :: stiffening = 0.0_wp
-    !> Sliders at the start of the march [2, contacts]; contacts with two tangents whose slider is to be where a period leaves it
+    !> Sliders at the start of the march, in pairs, one an element [width, contacts]; contacts with two tangents whose slider is to be
+    !> where a period leaves it
     real(wp), allocatable :: slider(:, :)
     logical, allocatable :: periodic(:)
     !> Uncoupled: mean of the generalised coordinates [n]
@@ -286,10 +288,10 @@ contains
     !> Mean relative displacements where it was, and of a motion [rows]
     real(wp), intent(in) :: before(:)
     real(wp), intent(inout) :: mean(:)
-    !> Sliders of this rank, which go with it [2, contacts]
+    !> Sliders of this rank, which go with it [width, contacts]
     real(wp), intent(inout) :: slider(:, :)
     real(wp) :: held(self%free%sliding), back(size(mean))
-    integer :: i
+    integer :: e, i
 
     if (self%free%sliding == 0 .or. allocated(self%frozen_mean)) return
     associate (free => self%free, first_row => self%first_row, last_row => self%first_row + size(mean) - 1)
@@ -300,7 +302,9 @@ contains
     do i = 1, size(self%law)
       associate (first => self%law(i)%first_row, tangents => self%law(i)%tangents)
         mean(first:first + tangents - 1) = mean(first:first + tangents - 1) + back(first:first + tangents - 1)
-        slider(:tangents, i) = slider(:tangents, i) + back(first:first + tangents - 1)
+        do e = 1, self%law(i)%elements()
+          slider(2*e - 1:2*e - 2 + tangents, i) = slider(2*e - 1:2*e - 2 + tangents, i) + back(first:first + tangents - 1)
+        end do
       end associate
     end do
   end subroutine remove_drift

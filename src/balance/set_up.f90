@@ -8,7 +8,7 @@ module attrito_balance_set_up
   use attrito_core_communicator, only: communicator_type
   use attrito_core_kinds, only: wp
   use attrito_core_trigonometric, only: resized
-  use attrito_model_contacts, only: contacts_type
+  use attrito_model_contacts, only: contacts_type, slider_width
   use attrito_model_structure, only: structure_type
   use attrito_contact_evaluation, only: goes_by_events
   use attrito_contact_fourier, only: new_fourier
@@ -126,7 +126,7 @@ contains
     last_row = self%first_row - 1 + sum(self%law%tangents + 1)
     self%law%first_row = self%law%first_row - self%first_row + 1
     self%directions = self%receptance%directions(:, self%first_row:last_row)
-    self%slider = reshape([(0.0_wp, i=1, 2*size(self%law))], [2, size(self%law)])
+    self%slider = reshape([(0.0_wp, i=1, slider_width(contacts%law)*size(self%law))], [slider_width(contacts%law), size(self%law)])
     self%periodic = spread(.false., 1, size(self%law))
     self%changes = self%changes + 1
     self%active = active_rows_type()
@@ -136,6 +136,8 @@ contains
     allocate (self%forces(size(self%law)))
     do i = 1, size(self%law)
       allocate (self%forces(i)%deviation(deviation_coefficients(self), self%law(i)%tangents + 1))
+      self%forces(i)%slider = self%slider(:, i)
+      self%forces(i)%moved = self%slider(:, i)
     end do
     self%residual = reshape([(0.0_wp, i=1, self%coefficients()*self%rows())], [self%coefficients(), self%rows()])
   end subroutine take_contacts

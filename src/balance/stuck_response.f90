@@ -8,7 +8,7 @@ module attrito_balance_stuck_response
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: product_with_few
   use attrito_contact_state, only: state_stuck
-  use attrito_contact_stuck_bound, only: alternating_demand, mean_capacity
+  use attrito_contact_stuck_bound, only: mean_capacities, sticks_within
   use attrito_balance_harmonic_balance, only: balance_type, stuck_mean_type
   implicit none
   private
@@ -72,10 +72,11 @@ contains
       self%kept%response = mean_response(self)
     end if
     self%kept%motion = matmul(real(self%kept%response, wp), self%directions)
-    allocate (self%kept%margin(size(self%law)))
+    allocate (self%kept%capacities(size(self%slider, 1)/2, size(self%law)))
     do i = 1, size(self%law)
       associate (law => self%law(i))
-        self%kept%margin(i) = mean_capacity(law, self%kept%motion(law%first_row:law%first_row + law%tangents), self%slider(:, i))
+        self%kept%capacities(:law%elements(), i) = &
+          mean_capacities(law, self%kept%motion(law%first_row:law%first_row + law%tangents), self%slider(:, i))
       end associate
     end do
   end subroutine update_mean
@@ -100,7 +101,7 @@ contains
     do i = 1, size(self%law)
       associate (law => self%law(i))
         deviation(law%first_row:law%first_row + law%tangents) = &
-          [-law%tangential_stiffness*self%slider(:law%tangents, i), law%normal_force(0.0_wp)]
+          [law%slider_force(self%slider(:, i)), law%normal_force(0.0_wp)]
       end associate
     end do
     force = -matmul(self%directions, deviation)
@@ -130,7 +131,7 @@ contains
     do i = 1, size(self%law)
       associate (law => self%law(i))
         if (as_before .or. was_stuck(self, i)) then
-          if (alternating_demand(law, oscillation_bounds(law%first_row:law%first_row + law%tangents)) < self%kept%margin(i)) cycle
+          if (sticks_within(law, oscillation_bounds(law%first_row:law%first_row + law%tangents), self%kept%capacities(:, i))) cycle
         end if
         changed = .true.
         associate (first => law%first_row, last => law%first_row + law%tangents)

@@ -8,7 +8,7 @@ module attrito_balance_unknowns
   type :: unknowns_type
     !> Relative displacements of this rank's rows [2 H + 1, rows]
     real(wp), allocatable :: motion(:, :)
-    !> Start sliders of its contacts [2, contacts]; only periodic ones (two tangents) are unknown, the rest stay
+    !> Start sliders of its contacts [width, contacts]; only periodic ones (two tangents) are unknown, the rest stay
     real(wp), allocatable :: slider(:, :)
     !> Angular frequency
     real(wp) :: omega = 0.0_wp
@@ -16,11 +16,12 @@ module attrito_balance_unknowns
 
 contains
 
-  !> Zeros for so many coefficients, rows and contacts.
-  pure function new_unknowns(coefficients, rows, contacts) result(self)
-    integer, intent(in) :: coefficients, rows, contacts
+  !> Zeros.
+  pure function new_unknowns(motion_shape, slider_shape) result(self)
+    !> Of the motion and of the sliders
+    integer, intent(in) :: motion_shape(2), slider_shape(2)
     type(unknowns_type) :: self
 
-    allocate (self%motion(coefficients, rows), self%slider(2, contacts), source=0.0_wp)
+    allocate (self%motion(motion_shape(1), motion_shape(2)), self%slider(slider_shape(1), slider_shape(2)), source=0.0_wp)
   end function new_unknowns
 end module attrito_balance_unknowns

@@ -6,7 +6,7 @@
 !>     residual                     6 k m n
 !>     linearised step              4 (a/k) a n + 2 a^3 / 3, by iterations 4 a n each
 !>
-!> A contact that sticks all over the period counts nothing.
+!> A contact that sticks all over the period counts nothing; one of several elements in parallel counts that much for each.
 module attrito_balance_work
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contact_type
@@ -33,6 +33,7 @@ contains
     else
       contact_work = 4.0_wp*k**2*quadrature%fourier%samples
     end if
+    contact_work = law%elements()*contact_work
   end function contact_work
 
   !> From rows to generalised coordinates and back, the derivative by omega included.

@@ -1,17 +1,20 @@
 !> Forces of one contact, by events or by samples: the one place that decides which.
 !>
 !> By events the quadrature is exact, but slip along two tangents has no closed form, nor have laws that are not proportional to N.
+!> A law of several elements in parallel is evaluated one element after another.
 module attrito_contact_evaluation
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contact_type
-  use attrito_contact_forces, only: contact_forces_type
+  use attrito_contact_forces, only: contact_forces_type, stay_stuck
   use attrito_contact_fourier, only: fourier_type
+  use attrito_contact_parallel_elements, only: begin_sum, add_element, complete_sum
   use attrito_contact_quadrature_event, only: evaluate_contact_by_events
-  use attrito_contact_quadrature_sampled, only: evaluate_contact_by_samples
+  use attrito_contact_quadrature_sampled, only: evaluate_contact_by_samples, contact_samples_type, sample_contact
+  use attrito_contact_stuck_bound, only: is_stuck_by_bound
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type
   implicit none
   private
-  public :: quadrature_type, evaluate_contact, goes_by_events
+  public :: quadrature_type, evaluate_contact, goes_by_events, sample_forces
 
   !> What evaluations of all contacts share
   type :: quadrature_type
@@ -40,11 +43,56 @@ contains
     type(quadrature_type), intent(in) :: quadrature
     !> Coefficients of relative displacement [k, tangents + 1]
     real(wp), intent(in) :: motion(:, :)
-    !> Slider at the start of the first march [2]
+    !> Sliders at the start of the first march, in pairs, one an element [at least 2 elements]
     real(wp), intent(in) :: slider(:)
     !> Two tangents: is the slider the unknown start of one march?
     logical, intent(in) :: periodic
     !> Forces; `deviation` is allocated by the caller, for as many coefficients as it wants
+    type(contact_forces_type), intent(inout) :: forces
+    integer :: unused
+
+    if (law%elements() == 1) then
+      call evaluate_element(law, quadrature, motion, slider(:2), periodic, forces)
+    else if (is_stuck_by_bound(law, motion, slider)) then
+      call stay_stuck(law, slider, size(motion, 1), forces)
+    else
+      call evaluate_elements(law, quadrature, motion, slider, periodic, forces)
+    end if
+    unused = size(slider) - size(forces%slider)
+    if (unused <= 0) return
+    forces%slider = [forces%slider, spread(0.0_wp, 1, unused)]
+    forces%moved = [forces%moved, spread(0.0_wp, 1, unused)]
+  end subroutine evaluate_contact
+
+  !> The same of several elements in parallel.
+  subroutine evaluate_elements(law, quadrature, motion, slider, periodic, forces)
+    type(contact_type), intent(in) :: law
+    type(quadrature_type), intent(in) :: quadrature
+    !> As above
+    real(wp), intent(in) :: motion(:, :), slider(:)
+    logical, intent(in) :: periodic
+    type(contact_forces_type), intent(inout) :: forces
+    type(contact_forces_type) :: own
+    integer :: i
+
+    own%lists_slip = .true.
+    own%without_jacobian = forces%without_jacobian
+    allocate (own%deviation, mold=forces%deviation)
+    call begin_sum(law, size(motion, 1), forces)
+    do i = 1, law%elements()
+      call evaluate_element(law%element(i), quadrature, motion, slider(2*i - 1:2*i), periodic, own)
+      call add_element(law, i, own, forces)
+    end do
+    call complete_sum(law, forces)
+  end subroutine evaluate_elements
+
+  !> Forces and Jacobian of a contact of one element.
+  subroutine evaluate_element(law, quadrature, motion, slider, periodic, forces)
+    type(contact_type), intent(in) :: law
+    type(quadrature_type), intent(in) :: quadrature
+    !> [k, tangents + 1], and [2]
+    real(wp), intent(in) :: motion(:, :), slider(:)
+    logical, intent(in) :: periodic
     type(contact_forces_type), intent(inout) :: forces
 
     if (goes_by_events(law, quadrature%by_events)) then
@@ -52,5 +100,32 @@ contains
     else
       call evaluate_contact_by_samples(law, quadrature%fourier, motion, slider, periodic, forces)
     end if
-  end subroutine evaluate_contact
+  end subroutine evaluate_element
+
+  !> Displacement and force of a contact at samples of a period, all elements together.
+  subroutine sample_forces(law, fourier, motion, slider, passes, displacement, force)
+    type(contact_type), intent(in) :: law
+    type(fourier_type), intent(in) :: fourier
+    !> Coefficients of relative displacement [k, tangents + 1]
+    real(wp), intent(in) :: motion(:, :)
+    !> Sliders at the start of the first march, in pairs, one an element [at least 2 elements]
+    real(wp), intent(in) :: slider(:)
+    !> Marches over the period
+    integer, intent(in) :: passes
+    !> [J, tangents + 1]
+    real(wp), intent(out) :: displacement(:, :), force(:, :)
+    type(contact_samples_type), allocatable :: samples
+    integer :: i, n
+
+    n = law%tangents
+    force = 0.0_wp
+    do i = 1, law%elements()
+      allocate (samples)
+      call sample_contact(law%element(i), fourier, motion, slider(2*i - 1:2*i), passes, samples)
+      displacement = samples%displacement
+      force(:, :n) = force(:, :n) + samples%force(:, :n)
+      force(:, n + 1) = samples%force(:, n + 1)
+      deallocate (samples)
+    end do
+  end subroutine sample_forces
 end module attrito_contact_evaluation

@@ -28,8 +28,8 @@ module attrito_contact_forces
     logical, allocatable :: active(:)
     !> By events: are the deviation, state and fractions all that is wanted?
     logical :: without_jacobian = .false.
-    !> Slider at the start of the period, and what the period moves it by [2]
-    real(wp) :: slider(2) = 0.0_wp, moved(2) = 0.0_wp
+    !> Sliders at the start of the period, and what the period moves them by, in pairs, one an element [as were given]
+    real(wp), allocatable :: slider(:), moved(:)
     !> Is the slider at the start of the period to be found with the motion, and how does it depend on it?
     logical :: periodic = .false.
     type(periodic_slider_type) :: link
@@ -39,6 +39,9 @@ module attrito_contact_forces
     integer :: state = state_stuck
     !> Fractions of the period
     real(wp) :: stick = 1.0_wp, slip = 0.0_wp, open = 0.0_wp
+    !> Are intervals of slip to be listed, and these, from and to [2, intervals]
+    logical :: lists_slip = .false.
+    real(wp), allocatable :: slips(:, :)
     !> Is the steady loop of this motion the same whatever the start slider?
     logical :: unique = .false.
   contains
@@ -57,13 +60,14 @@ contains
   !> A contact that stays stuck: a constant deviation, no Jacobian, its slider where it was.
   pure subroutine stay_stuck(law, slider, coefficients, forces)
     type(contact_type), intent(in) :: law
-    real(wp), intent(in) :: slider(2)
+    !> [at least 2 elements]
+    real(wp), intent(in) :: slider(:)
     !> Of motion a row
     integer, intent(in) :: coefficients
     type(contact_forces_type), intent(inout) :: forces
 
     call hold_slider(law, slider, forces)
-    forces%moved = 0.0_wp
+    forces%moved = spread(0.0_wp, 1, size(slider))
     forces%may_stick = .true.
     forces%unique = .false.
     forces%active = spread(.false., 1, coefficients*(law%tangents + 1))
@@ -73,12 +77,13 @@ contains
   !> What a stuck contact is, without the rounding of samples or events: one that is not evaluated again is then what it would be.
   pure subroutine hold_slider(law, slider, forces)
     type(contact_type), intent(in) :: law
-    real(wp), intent(in) :: slider(2)
+    !> [at least 2 elements]
+    real(wp), intent(in) :: slider(:)
     type(contact_forces_type), intent(inout) :: forces
 
     associate (n => law%tangents)
       forces%deviation = 0.0_wp
-      forces%deviation(1, :n) = -law%tangential_stiffness*slider(:n)
+      forces%deviation(1, :n) = law%slider_force(slider)
       forces%deviation(1, n + 1) = law%normal_force(0.0_wp)
     end associate
     forces%slider = slider
@@ -86,6 +91,7 @@ contains
     forces%stick = 1.0_wp
     forces%slip = 0.0_wp
     forces%open = 0.0_wp
+    if (forces%lists_slip) forces%slips = reshape([real(wp) ::], [2, 0])
   end subroutine hold_slider
 
   !> holding^-1 columns, of a 2 x 2 matrix.

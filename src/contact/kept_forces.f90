@@ -32,7 +32,7 @@ contains
       call store%keep(forces%slider(i))
     end do
     if (.not. store%reading) return
-    if (evaluated .and. forces%state == state_stuck) call stay_stuck(law, forces%slider, coefficients, forces)
+    if (evaluated .and. forces%state == state_stuck) call stay_stuck(law, (forces%slider), coefficients, forces)
     forces%unique = unique
     forces%may_stick = may_stick
     if (moves .and. .not. allocated(forces%jacobian)) allocate (forces%jacobian(0, 0))

@@ -50,12 +50,13 @@ contains
     call march_events(events, lowest)
     call march_events(events, highest)
     forces%slider = [state%slider, 0.0_wp]
+    forces%moved = [0.0_wp, 0.0_wp]
     forces%unique = lowest%slider >= highest%slider - 1.0e-13_wp*(abs(lowest%slider) + abs(highest%slider))
     call march_events(events, state, intervals, count)
     call integrate(law, events, intervals(:count), motion, forces)
     call classify(events, intervals(:count), abs(forces%slider(1) - slider) > 0.0_wp, forces)
     if (.not. forces%without_jacobian) call differentiate(forces, size(motion, 1))
-    if (forces%state == state_stuck) call hold_slider(law, forces%slider, forces)
+    if (forces%state == state_stuck) call hold_slider(law, (forces%slider), forces)
   end subroutine evaluate_contact_by_events
 
   !> Coefficients of the deviation and its Jacobian, from the moments of where the slider moves and where the contact is open.
@@ -171,6 +172,11 @@ contains
     forces%stick = length(regime_stick)/two_pi
     forces%slip = length(regime_slip)/two_pi
     forces%open = length(regime_open)/two_pi
+    if (forces%lists_slip) then
+      associate (slips => intervals%regime == regime_slip)
+        forces%slips = transpose(reshape([pack(intervals%from, slips), pack(intervals%to, slips)], [count(slips), 2]))
+      end associate
+    end if
     if (all(.not. events%closed)) then
       forces%state = state_open
     else if (length(regime_slip) + length(regime_open) > 0.0_wp) then

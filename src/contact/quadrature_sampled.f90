@@ -7,7 +7,7 @@
 !> so that a stuck contact has a constant g and no Jacobian. Residual and exact Jacobian come from one march.
 !> Source: Cameron & Griffin 1989, doi:10.1115/1.3176036; Zucca & Firrone 2014, eqs. (4)-(8), doi:10.1016/j.jsv.2013.09.032.
 module attrito_contact_quadrature_sampled
-  use attrito_core_kinds, only: wp, pi
+  use attrito_core_kinds, only: wp, pi, two_pi
   use attrito_model_contacts, only: contact_type
   use attrito_contact_forces, only: contact_forces_type, stay_stuck, hold_slider, released
   use attrito_contact_fourier, only: fourier_type
@@ -78,7 +78,7 @@ contains
     call fourier%to_coefficients(deviation, forces%deviation)
     call classify(samples, forces)
     call differentiate(law, fourier, samples, forces)
-    if (forces%state == state_stuck) call hold_slider(law, forces%slider, forces)
+    if (forces%state == state_stuck) call hold_slider(law, (forces%slider), forces)
   end subroutine evaluate_contact_by_samples
 
   !> March the law over the samples of one period until its slider repeats.
@@ -212,11 +212,17 @@ contains
     type(contact_samples_type), intent(in) :: samples
     type(contact_forces_type), intent(inout) :: forces
     real(wp) :: total
+    integer :: j
 
     total = real(size(samples%regimes), wp)
     forces%stick = count(samples%regimes == regime_stick)/total
     forces%slip = count(samples%regimes == regime_slip)/total
     forces%open = count(samples%regimes == regime_open)/total
+    if (forces%lists_slip) then
+      associate (slips => pack([(j, j=1, size(samples%regimes))], samples%regimes == regime_slip))
+        forces%slips = transpose(reshape(two_pi/total*[slips - 1, slips], [size(slips), 2]))
+      end associate
+    end if
     forces%slider = samples%start
     forces%moved = samples%moved_by
     forces%may_stick = samples%place%exists

@@ -110,7 +110,7 @@ contains
       solver%omega = a%omega + s*(b%omega - a%omega)
       periodic = a%periodic .or. b%periodic
       slider = a%slider
-      where (spread(periodic, 1, 2)) slider = a%slider + s*(b%slider - a%slider)
+      where (spread(periodic, 1, size(slider, 1))) slider = a%slider + s*(b%slider - a%slider)
       call solver%set_slider(slider, periodic)
       if (allocated(self%across%motion)) then
         constraint%motion = self%across%motion/context%motion_scale

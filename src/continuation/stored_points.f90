@@ -66,7 +66,7 @@ contains
       point%omega = solver%omega
       point%follows = follows
       allocate (point%motion(size(solver%motion, 1), size(solver%contacts%directions, 2)))
-      allocate (point%slider(2, contacts), point%periodic(1, contacts))
+      allocate (point%slider(size(balance%slider, 1), contacts), point%periodic(1, contacts))
       call balance%ranks%gather_columns_everywhere(solver%motion, point%motion)
       call balance%ranks%gather_columns_everywhere(balance%slider, point%slider)
       call balance%ranks%gather_columns_everywhere(reshape(merge(1.0_wp, 0.0_wp, balance%periodic), [1, size(balance%periodic)]), &

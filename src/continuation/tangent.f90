@@ -50,7 +50,7 @@ contains
     integer :: iterations
 
     associate (context => solver%context)
-      right = new_unknowns(size(solver%motion, 1), size(solver%motion, 2), size(context%balance%law))
+      right = new_unknowns(shape(solver%motion), shape(context%balance%slider))
       step = right
       if (allocated(towards%motion)) then
         constraint%motion = towards%motion/context%motion_scale

@@ -110,16 +110,16 @@ contains
   !> the prediction of the linear model, which is exact where every contact sticks, then from the present motion.
   subroutine solve_member(solver, slider, found)
     type(solver_type), intent(inout) :: solver
-    !> Of all contacts [2, contacts]
+    !> Of all contacts [width, contacts]
     real(wp), intent(in) :: slider(:, :)
     logical, intent(out) :: found
     type(member_type) :: before
-    real(wp) :: own(2, size(solver%context%balance%law))
+    real(wp), allocatable :: own(:, :)
     integer :: attempt, status
 
     call keep_member(solver, before)
     associate (first => solver%context%balance%first_contact)
-      own = slider(:, first:first + size(own, 2) - 1)
+      own = slider(:, first:first + size(solver%context%balance%law) - 1)
     end associate
     do attempt = 1, 2
       call return_to_member(solver, before)
@@ -137,7 +137,7 @@ contains
   !> Move the motion as free sliders that are moved take it to first order.
   subroutine predict(solver, moved, status)
     type(solver_type), intent(inout) :: solver
-    !> Change of this rank's sliders [2, contacts]
+    !> Change of this rank's sliders [width, contacts]
     real(wp), intent(in) :: moved(:, :)
     integer, intent(out) :: status
     type(unknowns_type) :: step
@@ -172,7 +172,7 @@ contains
     call evaluate(solver, status)
     if (status /= 0) return
     associate (balance => solver%context%balance, contacts => size(solver%contacts%law))
-      allocate (self%slider(2, contacts), self%free(contacts), source=0.0_wp)
+      allocate (self%slider(size(balance%slider, 1), contacts), self%free(contacts), source=0.0_wp)
       do i = 1, size(balance%law)
         self%slider(:, balance%first_contact - 1 + i) = balance%slider(:, i)
         self%free(balance%first_contact - 1 + i) = merge(1.0_wp, 0.0_wp, is_free(solver, i))

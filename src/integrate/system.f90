@@ -40,7 +40,7 @@ module attrito_integrate_system
 
 contains
 
-  !> Transform structure and contacts; refuses structural damping, which has no twin in time.
+  !> Transform structure and contacts; refuses structural damping, which has no twin in time, and contacts of several elements.
   subroutine new_system(structure, contacts, self, error)
     type(structure_type), intent(in) :: structure
     type(contacts_type), intent(in) :: contacts
@@ -54,6 +54,11 @@ contains
     if (structure%damping_kind == damping_loss_factor) then
       call raise(error, '[damping] loss_factor: structural damping has no time-domain twin: expected ratio, rayleigh or a'// &
                  ' damping matrix, or [integrate] equivalent_viscous = true', fault_of_input)
+      return
+    end if
+    if (any(contacts%law%elements() > 1)) then
+      call raise(error, 'law: several elements in parallel: expected contacts of one element (integration in time, stability)', &
+                 fault_of_input)
       return
     end if
     call new_stuck_system(structure, contacts, .true., stuck, error)

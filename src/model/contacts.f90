@@ -6,13 +6,16 @@
 !>
 !> The slip force F is the contact law's, mu N unless another is given (`attrito_contact_law_contact_law`). Whatever asks for N, for
 !> F or whether a contact is closed asks here.
+!>
+!> A law may have several elements in parallel, each with a slider w_e: `elements` says how many, `element` gives one as a contact by
+!> itself. Sliders of a contact are kept in pairs, one an element, the second of a pair zero with one tangent.
 module attrito_model_contacts
   use attrito_core_kinds, only: wp
-  use attrito_contact_law_contact_law, only: contact_law_type
+  use attrito_contact_law_contact_law, only: contact_law_type, element_type
   use attrito_contact_law_coulomb_spring, only: coulomb_spring_type
   implicit none
   private
-  public :: contact_type, contacts_type, new_contacts, stuck_stiffness
+  public :: contact_type, contacts_type, new_contacts, stuck_stiffness, slider_width
 
   !> The law of contacts that are given none
   type(coulomb_spring_type), parameter :: coulomb_spring = coulomb_spring_type()
@@ -43,6 +46,10 @@ module attrito_model_contacts
     procedure :: slip_force
     procedure :: least_coefficient
     procedure :: has_events
+    procedure :: elements
+    procedure :: element
+    procedure :: part
+    procedure :: slider_force
   end type contact_type
 
   type :: contacts_type
@@ -131,6 +138,64 @@ contains
       has_events = coulomb_spring%has_events()
     end if
   end function has_events
+
+  !> How many elements its law has in parallel.
+  elemental integer function elements(self)
+    class(contact_type), intent(in) :: self
+
+    elements = 1
+    if (associated(self%law)) elements = self%law%elements()
+  end function elements
+
+  !> One element's parts of the tangential stiffness and the slip force.
+  pure type(element_type) function part(self, number)
+    class(contact_type), intent(in) :: self
+    !> From 1
+    integer, intent(in) :: number
+
+    part = element_type()
+    if (associated(self%law)) part = self%law%element(number)
+  end function part
+
+  !> One of several elements as a contact by itself: a Coulomb spring under the whole normal force.
+  type(contact_type) function element(self, number)
+    class(contact_type), intent(in) :: self
+    !> From 1
+    integer, intent(in) :: number
+
+    element = self
+    if (self%elements() == 1) return
+    element%law => null()
+    associate (part => self%part(number))
+      element%tangential_stiffness = part%stiffness*self%tangential_stiffness
+      element%friction_coefficient = part%slip_force*self%friction_coefficient
+    end associate
+  end function element
+
+  !> What sliders add to the force of the tangential spring, the sum of -k_t w over elements [tangents].
+  pure function slider_force(self, slider) result(force)
+    class(contact_type), intent(in) :: self
+    !> In pairs, one an element [at least 2 elements]
+    real(wp), intent(in) :: slider(:)
+    real(wp) :: force(self%tangents)
+    integer :: i
+
+    force = -self%tangential_stiffness*slider(:self%tangents)
+    if (self%elements() == 1) return
+    force = 0.0_wp
+    do i = 1, self%elements()
+      associate (part => self%part(i))
+        force = force - part%stiffness*self%tangential_stiffness*slider(2*i - 1:2*i - 2 + self%tangents)
+      end associate
+    end do
+  end function slider_force
+
+  !> Numbers that hold the sliders of any of these contacts.
+  pure integer function slider_width(law)
+    type(contact_type), intent(in) :: law(:)
+
+    slider_width = 2*max(1, maxval(law%elements()))
+  end function slider_width
 
   !> Contacts from their laws and rows; numbers the rows.
   function new_contacts(law, directions) result(self)

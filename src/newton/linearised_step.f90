@@ -4,8 +4,9 @@
 !> $$ p^T \delta d + q \, \delta\omega = \sigma, \qquad \delta w = (I - P_w)^{-1} (P_d \, \delta d + \rho_w) $$
 !>
 !> D = dg/dd is block-diagonal over contacts, zero for one that stays stuck, and holds that periodic sliders w = P(w, d) follow the
-!> motion. With y = D delta d a small system on the rows of contacts that slip or open is left, solved by elimination or, when large,
-!> by GMRES; then delta d = rho - R y - b delta omega, all rows of which are recovered from the generalised coordinates at once.
+!> motion; only contacts of one element have such a slider, the first pair of their column. With y = D delta d a small system on the
+!> rows of contacts that slip or open is left, solved by elimination or, when large, by GMRES; then
+!> delta d = rho - R y - b delta omega, all rows of which are recovered from the generalised coordinates at once.
 module attrito_newton_linearised_step
   use attrito_core_kinds, only: wp
   use attrito_contact_forces, only: released
@@ -77,7 +78,7 @@ contains
   !> Response to the change of the forces by what sliders have yet to go [n, 0:H].
   subroutine respond_to_sliders(balance, rho_slider, response)
     type(balance_type), intent(in) :: balance
-    !> [2, contacts]
+    !> [width, contacts]
     real(wp), intent(in) :: rho_slider(:, :)
     complex(wp), intent(out) :: response(:, 0:)
     real(wp) :: deviation(balance%coefficients(), balance%active%count), largest
@@ -92,7 +93,7 @@ contains
   !> Change g_w (I - P_w)^-1 rho_w of the forces by what sliders have yet to go [2 H + 1, active rows].
   pure function release_sliders(balance, rho_slider) result(deviation)
     type(balance_type), intent(in) :: balance
-    !> [2, contacts]
+    !> [width, contacts]
     real(wp), intent(in) :: rho_slider(:, :)
     real(wp) :: deviation(balance%coefficients(), balance%active%count), moved(2, 1)
     integer :: i
@@ -102,7 +103,7 @@ contains
       do i = 1, size(active%contacts)
         associate (forces => balance%forces(active%contacts(i)), first => active%first(i))
           if (.not. forces%follows()) cycle
-          moved = released(forces%link%holding, rho_slider(:, active%contacts(i):active%contacts(i)))
+          moved = released(forces%link%holding, rho_slider(:2, active%contacts(i):active%contacts(i)))
           deviation(:, first:first + 1) = reshape(matmul(forces%link%force, moved), [size(deviation, 1), 2])
         end associate
       end do
@@ -129,8 +130,8 @@ contains
         deviation(:, first:first + rows - 1) = reshape(matmul(forces%jacobian, motion(:k*rows, 1)), [k, rows])
         if (.not. forces%follows()) cycle
         followed = matmul(forces%link%by_motion, motion)
-        product%slider(:, i) = matmul(forces%link%holding, step%slider(:, i)) - followed(:, 1)
-        followed = step%slider(:, i:i) - released(forces%link%holding, followed)
+        product%slider(:2, i) = matmul(forces%link%holding, step%slider(:2, i)) - followed(:, 1)
+        followed = step%slider(:2, i:i) - released(forces%link%holding, followed)
         deviation(:, first:first + 1) = deviation(:, first:first + 1) + reshape(matmul(forces%link%force, followed), [k, 2])
       end associate
     end do
@@ -186,7 +187,7 @@ contains
       associate (forces => balance%forces(i), first => balance%law(i)%first_row)
         if (.not. forces%follows()) cycle
         motion(:, 1) = reshape(step%motion(:, first:first + 2), [size(motion)])
-        step%slider(:, i:i) = released(forces%link%holding, rho_slider(:, i:i) + matmul(forces%link%by_motion, motion))
+        step%slider(:2, i:i) = released(forces%link%holding, rho_slider(:2, i:i) + matmul(forces%link%by_motion, motion))
       end associate
     end do
   end subroutine follow_sliders

@@ -124,7 +124,7 @@ contains
 
     associate (balance => handle%context%balance)
       self%coefficients = balance%coefficients()
-      n = self%coefficients*balance%rows() + 2*size(balance%law)
+      n = self%coefficients*balance%rows() + size(balance%slider)
       if (balance%ranks%is_root()) n = n + 1
       PetscCall(VecCreateMPI(balance%ranks%handle, n, PETSC_DETERMINE, self%unknowns, ierr))
       PetscCall(VecDuplicate(self%unknowns, self%residual, ierr))
@@ -217,7 +217,7 @@ contains
     type(unknowns_type) :: unknowns
 
     associate (balance => context%balance)
-      unknowns = new_unknowns(balance%coefficients(), balance%rows(), size(balance%law))
+      unknowns = new_unknowns([balance%coefficients(), balance%rows()], shape(balance%slider))
     end associate
   end function room
 
@@ -427,16 +427,17 @@ contains
     PetscErrorCode, intent(out) :: ierr
     PetscScalar, pointer :: values(:)
     real(wp) :: last(1)
-    integer :: i, k, n
+    integer :: i, k, n, width
 
     PetscCall(VecGetArrayRead(x, values, ierr))
     k = size(unknowns%motion, 1)
     n = size(unknowns%motion)
+    width = size(unknowns%slider, 1)
     do i = 1, size(unknowns%motion, 2)
       unknowns%motion(:, i) = context%motion_scale*values((i - 1)*k + 1:i*k)
     end do
     do i = 1, size(unknowns%slider, 2)
-      unknowns%slider(:, i) = context%motion_scale*values(n + 2*i - 1:n + 2*i)
+      unknowns%slider(:, i) = context%motion_scale*values(n + width*(i - 1) + 1:n + width*i)
     end do
     last = 0.0_wp
     if (context%balance%ranks%is_root()) last = context%frequency_scale*values(size(values))
@@ -452,16 +453,17 @@ contains
     type(unknowns_type), intent(in) :: unknowns
     PetscErrorCode, intent(out) :: ierr
     PetscScalar, pointer :: values(:)
-    integer :: i, k, n
+    integer :: i, k, n, width
 
     PetscCall(VecGetArray(x, values, ierr))
     k = size(unknowns%motion, 1)
     n = size(unknowns%motion)
+    width = size(unknowns%slider, 1)
     do i = 1, size(unknowns%motion, 2)
       values((i - 1)*k + 1:i*k) = unknowns%motion(:, i)/context%motion_scale
     end do
     do i = 1, size(unknowns%slider, 2)
-      values(n + 2*i - 1:n + 2*i) = unknowns%slider(:, i)/context%motion_scale
+      values(n + width*(i - 1) + 1:n + width*i) = unknowns%slider(:, i)/context%motion_scale
     end do
     if (context%balance%ranks%is_root()) values(size(values)) = unknowns%omega/context%frequency_scale
     PetscCall(VecRestoreArray(x, values, ierr))

@@ -26,8 +26,8 @@ module attrito_output_point_series
   character(12), parameter :: contact_units(contact_columns) = [character(12) :: 'user force', 'user force', 'user force', &
     'user force', 'user force', 'user force', 'user force', 'user force', 'user force', 'user force', '1', '1', '1', 'user energy']
 
-  !> Rows of what a rank tells of a contact before its series: state, unique, slider
-  integer, parameter :: first_rows = 4
+  !> Rows of what a rank tells of a contact before its series: state, unique
+  integer, parameter :: first_rows = 2
 
 contains
 
@@ -139,7 +139,7 @@ contains
     type(point_report_type), intent(in) :: report
     type(listener_type), intent(in) :: listener
     real(wp), allocatable :: rows(:, :)
-    integer :: k, n, i, motion, force
+    integer :: k, n, i, sliders, motion, force
 
     call solver%context%balance%ranks%gather_columns(numbers_of(solver, report), rows)
     if (.not. listener%listens()) return
@@ -155,14 +155,17 @@ contains
     end do
     motion = first_rows + contact_columns
     force = motion + 3*k
+    sliders = force + 3*k
     call listener%tell('/contacts/displacement', 'real64', [n, 3, k], flat(rows(motion + 1:force, :)), &
                        'relative displacement t1, t2, n', 'user length')
-    call listener%tell('/contacts/force', 'real64', [n, 3, k], flat(rows(force + 1:, :)), 'contact force t1, t2, n', 'user force')
-    call listener%tell('/contacts/slider', 'real64', [n, 2], flat(rows(3:4, :)), 'slider at the start of the period', 'user length')
+    call listener%tell('/contacts/force', 'real64', [n, 3, k], flat(rows(force + 1:sliders, :)), &
+                       'contact force t1, t2, n', 'user force')
+    call listener%tell('/contacts/slider', 'real64', [n, size(rows, 1) - sliders], flat(rows(sliders + 1:, :)), &
+                       'slider at the start of the period, along t1 and t2, of each element', 'user length')
   end subroutine tell_contacts
 
-  !> Of each of this rank's contacts: state, unique, slider, numbers, displacement and force [rows, contacts]. The last iterate of a
-  !> point that was not found is no solution: blank.
+  !> Of each of this rank's contacts: state, unique, numbers, displacement, force and sliders [rows, contacts]. The last iterate of
+  !> a point that was not found is no solution: blank.
   function numbers_of(solver, report) result(rows)
     type(solver_type), intent(in) :: solver
     type(point_report_type), intent(in) :: report
@@ -173,13 +176,13 @@ contains
     associate (balance => solver%context%balance)
       k = balance%coefficients()
       call describe_contacts(solver, report, numbers, motion, force)
-      allocate (rows(first_rows + contact_columns + 6*k, size(balance%forces)))
+      allocate (rows(first_rows + contact_columns + 6*k + size(balance%slider, 1), size(balance%forces)))
       do i = 1, size(balance%forces)
         associate (forces => balance%forces(i))
           unique = merge(report%unique - 1, 0, forces%unique)
           if (report%unique /= 0) unique = report%unique
-          rows(:, i) = [real(forces%state, wp), real(unique, wp), forces%slider, numbers(i, :), flat(motion(:, :, i)), &
-                        flat(force(:, :, i))]
+          rows(:, i) = [real(forces%state, wp), real(unique, wp), numbers(i, :), flat(motion(:, :, i)), flat(force(:, :, i)), &
+                        forces%slider]
         end associate
       end do
     end associate

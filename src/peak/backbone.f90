@@ -266,7 +266,7 @@ contains
     self%excitation = self%excitation + change(2)
     associate (balance => solver%context%balance)
       call solver%set_slider(merge(balance%slider + change(1)*by_omega%step%slider + change(2)*by_excitation%step%slider, &
-                                   from%slider, spread(balance%periodic, 1, 2)), balance%periodic)
+                                   from%slider, spread(balance%periodic, 1, size(balance%slider, 1))), balance%periodic)
     end associate
   end subroutine step_towards
 
@@ -280,7 +280,7 @@ contains
     complex(wp), allocatable :: excited(:, :)
 
     associate (balance => solver%context%balance)
-      right = new_unknowns(size(solver%motion, 1), size(solver%motion, 2), size(balance%law))
+      right = new_unknowns(shape(solver%motion), shape(balance%slider))
       right%omega = 1.0_wp
       call solve(self%problem, solver, right, by_omega%step, status)
       if (status /= 0) return

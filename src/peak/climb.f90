@@ -180,8 +180,10 @@ contains
     associate (context => solver%context, tangent => here%tangent)
       solver%motion = solver%motion + length*context%motion_scale*tangent%motion
       solver%omega = solver%omega + length*context%frequency_scale*tangent%omega
-      call solver%set_slider(here%place%slider + length*context%motion_scale*merge(tangent%slider, 0.0_wp, &
-                                                                spread(here%place%periodic, 1, 2)), here%place%periodic)
+      associate (periodic => spread(here%place%periodic, 1, size(tangent%slider, 1)))
+        call solver%set_slider(here%place%slider + length*context%motion_scale*merge(tangent%slider, 0.0_wp, periodic), &
+                               here%place%periodic)
+      end associate
       constraint%motion = tangent%motion/context%motion_scale
       constraint%frequency = tangent%omega/context%frequency_scale
       constraint%value = inner_product(context%balance, constraint%motion, solver%motion) + constraint%frequency*solver%omega

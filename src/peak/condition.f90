@@ -166,7 +166,7 @@ contains
     complex(wp), allocatable :: loaded(:, :)
 
     associate (balance => solver%context%balance)
-      right = new_unknowns(size(solver%motion, 1), size(solver%motion, 2), size(balance%law))
+      right = new_unknowns(shape(solver%motion), shape(balance%slider))
       loaded = response_to_parameter(problem, balance)
       right%motion = -balance%residual
       call solve(problem, solver, right, self%newton%step, status)
@@ -265,7 +265,7 @@ contains
     second = 0.0_wp
     associate (balance => solver%context%balance)
       call bend_forces(balance, solver%motion, self%along%step, ways, curved)
-      right = new_unknowns(size(solver%motion, 1), size(solver%motion, 2), size(balance%law))
+      right = new_unknowns(shape(solver%motion), shape(balance%slider))
       do i = 1, size(ways)
         bent = curved(:, :, i) + second_response(balance, self%along, ways(i))
         right%motion = balance%recover(bent)

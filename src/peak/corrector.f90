@@ -41,7 +41,8 @@ contains
     type(linearisation_type), intent(out) :: point
     integer, intent(out) :: iterations
     logical, intent(out) :: found
-    real(wp) :: slider(2, size(solver%context%balance%law)), along, change, value
+    real(wp), allocatable :: slider(:, :)
+    real(wp) :: along, change, value
     integer :: iteration, status
 
     found = .false.
@@ -114,7 +115,7 @@ contains
       solver%motion = solver%motion + step%step%motion
       solver%omega = solver%omega + step%step%omega
       associate (balance => solver%context%balance)
-        balance%slider = balance%slider + merge(step%step%slider, 0.0_wp, spread(balance%periodic, 1, 2))
+        balance%slider = balance%slider + merge(step%step%slider, 0.0_wp, spread(balance%periodic, 1, size(balance%slider, 1)))
       end associate
       if (abs(change) > 0.0_wp) call set_value(problem, solver, value + change)
     end associate

@@ -393,7 +393,9 @@ contains
       harmonics(1, :) = 0.0_wp
       size_of_it = relative_size(solver, harmonics, tangent%step%omega, tangent%parameter/value_of(problem, solver))
       tangent = scaled(tangent, 1.0_wp/size_of_it)
-      tangent%step%slider = merge(tangent%step%slider, 0.0_wp, spread(context%balance%periodic, 1, 2))
+      associate (periodic => spread(context%balance%periodic, 1, size(tangent%step%slider, 1)))
+        tangent%step%slider = merge(tangent%step%slider, 0.0_wp, periodic)
+      end associate
       if (allocated(self%tangent%step%motion)) then
         if (along_last(self, solver, tangent) < 0.0_wp) call reverse(tangent)
       end if

@@ -38,8 +38,7 @@ contains
         columns = reshape([(ways(n)%motion(:, first:last), n=1, size(ways))], [k*(law%tangents + 1), size(ways)])
         allocate (product, mold=columns)
         if (goes_by_events(law, balance%quadrature%by_events)) then
-          call differentiate_twice_by_events(law, balance%quadrature%grid, motion(:, first:last), balance%slider(1, i), &
-                                             forces%active, along%motion(:, first:last), columns, product)
+          call sum_elements(balance, motion(:, first:last), i, along%motion(:, first:last), columns, product)
         else
           product = difference(balance, motion, i, along, columns)
         end if
@@ -51,6 +50,33 @@ contains
     end do
   end subroutine differentiate_twice
 
+  !> Of one contact by events, all its elements together; what its normal spring adds is the same of each.
+  subroutine sum_elements(balance, motion, contact, along, columns, product)
+    type(balance_type), intent(in) :: balance
+    !> Of its rows [k, 2]
+    real(wp), intent(in) :: motion(:, :)
+    integer, intent(in) :: contact
+    !> t [k, 2] and the x [2 k, ways]
+    real(wp), intent(in) :: along(:, :), columns(:, :)
+    !> [2 k, ways]
+    real(wp), intent(out) :: product(:, :)
+    real(wp) :: own(size(product, 1), size(product, 2))
+    integer :: i, k
+
+    k = size(motion, 1)
+    associate (law => balance%law(contact), active => balance%forces(contact)%active)
+      do i = 1, law%elements()
+        call differentiate_twice_by_events(law%element(i), balance%quadrature%grid, motion, balance%slider(2*i - 1, contact), &
+                                           active, along, columns, own)
+        if (i == 1) then
+          product = own
+        else
+          product(:k, :) = product(:k, :) + own(:k, :)
+        end if
+      end do
+    end associate
+  end subroutine sum_elements
+
   !> (D(d + e t) - D(d - e t)) x/(2 e) of one contact by samples, its slider going with the motion.
   function difference(balance, motion, contact, along, columns) result(product)
     type(balance_type), intent(in) :: balance
@@ -60,7 +86,8 @@ contains
     real(wp), intent(in) :: columns(:, :)
     real(wp) :: product(size(columns, 1), size(columns, 2))
     type(contact_forces_type) :: forces
-    real(wp) :: step, slider(2)
+    real(wp), allocatable :: slider(:)
+    real(wp) :: step
     integer :: side
 
     product = 0.0_wp

@@ -34,7 +34,7 @@ contains
   !> Let the sliders of the last evaluation be the start of the next point; a periodic one that has come to rest was shaken down.
   subroutine keep_sliders(balance, before, least)
     type(balance_type), intent(inout) :: balance
-    !> Sliders at the point before [2, contacts], and the distance that counts as having moved
+    !> Sliders at the point before [width, contacts], and the distance that counts as having moved
     real(wp), intent(in) :: before(:, :), least
     integer :: i
 

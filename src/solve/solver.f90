@@ -54,7 +54,7 @@ module attrito_solve_solver
     !> Relative displacements of this rank's rows [2 H + 1, rows] and angular frequency
     real(wp), allocatable :: motion(:, :)
     real(wp) :: omega = 0.0_wp
-    !> Sliders of the static solution [2, contacts]
+    !> Sliders of the static solution [width, contacts]
     real(wp), allocatable :: static_slider(:, :)
     !> How the last solve ended, with the iterations of all its tries
     type(newton_report_type) :: report
@@ -171,7 +171,7 @@ contains
   subroutine accept(self, motion, omega, slider_before)
     class(solver_type), intent(inout) :: self
     real(wp), intent(in) :: motion(:, :), omega
-    !> Sliders at the point before [2, contacts]
+    !> Sliders at the point before [width, contacts]
     real(wp), intent(in) :: slider_before(:, :)
 
     self%motion = motion
@@ -270,7 +270,7 @@ contains
   !> Start the march of every contact from these sliders.
   subroutine set_slider(self, slider, periodic)
     class(solver_type), intent(inout) :: self
-    !> [2, contacts of this rank]
+    !> [width, contacts of this rank]
     real(wp), intent(in) :: slider(:, :)
     !> Those to be found with the motion rather than marched from here; none unless given
     logical, intent(in), optional :: periodic(:)
@@ -328,6 +328,7 @@ contains
     end do
     associate (balance => self%context%balance)
       call self%hold_contacts(balance%first_contact, balance%first_contact + size(balance%law) - 1)
+      if (size(self%static_slider, 1) /= size(balance%slider, 1)) self%static_slider = balance%slider
     end associate
     self%all_stick = .false.
   end subroutine change_laws

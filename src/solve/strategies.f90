@@ -78,7 +78,7 @@ contains
   subroutine remove_drift(solver, before)
     type(solver_type), intent(inout) :: solver
     type(snapshot_type), intent(in) :: before
-    real(wp) :: slider(2, size(solver%context%balance%law))
+    real(wp), allocatable :: slider(:, :)
 
     slider = solver%context%balance%slider
     call solver%context%balance%remove_drift(before%motion(1, :), solver%motion(1, :), slider)

@@ -28,11 +28,12 @@ module attrito_solve_time_integration_start
 
 contains
 
-  !> Can time integration give starts? A frozen mean has no motion in time.
+  !> Can time integration give starts? A frozen mean has no motion in time, and an integrator has one slider a contact.
   pure logical function has_time_integrator(solver)
     type(solver_type), intent(in) :: solver
 
-    has_time_integrator = allocated(solver%time_integrator) .and. .not. solver%options%uncoupled
+    has_time_integrator = allocated(solver%time_integrator) .and. .not. solver%options%uncoupled &
+                          .and. all(solver%contacts%law%elements() == 1)
   end function has_time_integrator
 
   !> Newton's method from the averages of motion in time, until it converges or the body is found to drift.

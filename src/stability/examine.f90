@@ -32,7 +32,8 @@ contains
     associate (balance => solver%context%balance)
       turning = count(balance%law%tangents > 1 .and. balance%forces%state > state_shaken_down)
       call balance%ranks%sum(turning)
-      allocate (all%motion(balance%coefficients(), size(solver%contacts%row_stiffness)), all%slider(2, size(holds)), source=0.0_wp)
+      allocate (all%motion(balance%coefficients(), size(solver%contacts%row_stiffness)), &
+                all%slider(size(balance%slider, 1), size(holds)), source=0.0_wp)
       holds = 0.0_wp
       all%motion(:, balance%first_row:balance%first_row + balance%rows() - 1) = solver%motion
       do i = 1, size(balance%law)

@@ -128,6 +128,7 @@ contains
     fourier = new_fourier(harmonics, samples)
     allocate (forces%deviation(k, 3))
     forces%slider = [0.1_wp, 0.2_wp]
+    forces%moved = [0.0_wp, 0.0_wp]
     do period = 1, 10
       call evaluate_contact_by_samples( &
         contact_type(tangents=2, tangential_stiffness=kt, normal_stiffness=kn, friction_coefficient=mu), &

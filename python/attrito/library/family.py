@@ -26,7 +26,7 @@ class Member:
     force : coefficients of contact forces, rows t1, t2, n, `[nc, 3, 2 H + 1]`
     monitors : coefficients `[monitors, 2 H + 1]`
     amplitude : half the monitors' ranges over the period, `[monitors]`
-    slider : at the start of the period, `[nc, 2]`
+    slider : at the start of the period, `[nc, width]`
     free : whether the contact holds its slider, whatever that is, `[nc]`
     """
 
@@ -78,7 +78,7 @@ class Family:
         return change
 
     def move(self, slider: np.ndarray) -> bool:
-        """Move the sliders, `[nc, 2]`; False if that gives no member, and nothing has changed."""
+        """Move the sliders, `[nc, width]`; False if that gives no member, and nothing has changed."""
         moved: bool = self._ask("move", slider)
         return moved
 
@@ -121,7 +121,7 @@ class Family:
             np.zeros((contacts, 3, coefficients)),
             np.zeros((monitors, coefficients)),
             np.zeros(monitors),
-            np.zeros((contacts, 2)),
+            np.zeros((contacts, self._solver.slider_width)),
             np.zeros(contacts),
         )
         series = pointer(member.force), pointer(member.monitors)

@@ -7,7 +7,7 @@ import ctypes
 import numpy as np
 
 from attrito.library import loading
-from attrito.library.structures import RawLaw, pointer
+from attrito.library.structures import RawLaw, make_laws, pointer
 
 
 def sample_contact(
@@ -19,7 +19,7 @@ def sample_contact(
     ----------
     law : see `make_law`
     coefficients : of its relative displacement, `[tangents + 1, nk]`, normal last
-    slider : at the start of the period, `[2]`
+    slider : at the start of the period, a pair an element, `[at least 2 elements]`
     """
     coefficients = np.ascontiguousarray(coefficients, dtype=float)
     displacement, force = np.zeros((2, len(coefficients), samples))
@@ -34,6 +34,12 @@ def sample_contact(
         pointer(force),
     )
     return displacement, force
+
+
+def slider_width(laws: dict[str, np.ndarray]) -> int:
+    """How many numbers the sliders of a contact take in results: a pair for each element that any of the laws has."""
+    raw = make_laws(laws)
+    return int(loading.load().attrito_slider_width(len(raw), raw))
 
 
 def extrema(coefficients: np.ndarray) -> np.ndarray:

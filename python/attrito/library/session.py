@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from attrito.library import loading
+from attrito.library.kernels import slider_width
 from attrito.library.names import ATTEMPTS, DAMPING_KINDS, NO_SOLUTION, OUTCOMES, STARTS
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series
@@ -83,7 +84,7 @@ class Point(NamedTuple):
 
 @dataclass(frozen=True)
 class StoredPoint:
-    """A point of a result: `coordinates` `[m, nk]`, `slider` `[nc, 2]` at the start of the period."""
+    """A point of a result: `coordinates` `[m, nk]`, `slider` `[nc, width]` at the start of the period."""
 
     frequency_hz: float
     coordinates: np.ndarray
@@ -185,6 +186,11 @@ class Solver:
         """
         self._library.attrito_begin_branch(self._handle, omega(start_hz), omega(stop_hz), way, branch, max_points)
         yield from self.go_on()
+
+    @property
+    def slider_width(self) -> int:
+        """How many numbers the sliders of a contact take."""
+        return slider_width(self._scene.laws)
 
     def stand_at(self, point: StoredPoint, level: float) -> bool:
         """Solve at a point of a result, from its motion; the solver then stands there."""

@@ -128,6 +128,7 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
         ),
     ),
     # Kernels without a session
+    "attrito_slider_width": (c_int, (c_int, POINTER(RawLaw))),
     "attrito_sample_contact": (
         None,
         (POINTER(RawLaw), c_int, c_int, Doubles, Doubles, c_int, Doubles, Doubles),

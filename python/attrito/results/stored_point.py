@@ -6,6 +6,7 @@ import h5py
 import numpy as np
 
 from attrito.job.job import Job
+from attrito.library.kernels import slider_width
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import StoredPoint
 from attrito.scene.reduced_model import coordinates_fingerprint
@@ -33,7 +34,7 @@ def read_point(job: Job, key: str, start: str, path: str, scene: ReducedScene) -
         raise InputError(job.fault(key, start, f"a result of `attrito run` in {path}")) from None
     contacts = len(scene.laws["tangents"])
     shaped = motion.ndim == 2 and len(motion) == len(scene.mass) and motion.shape[1] % 2 == 1
-    if not shaped or slider.shape != (contacts, 2) or frequency.ndim != 0:
+    if not shaped or slider.shape != (contacts, slider_width(scene.laws)) or frequency.ndim != 0:
         raise InputError(job.fault(key, start, f"a result of this scene in {path}"))
     # Results of earlier versions do not tell.
     if made_of and made_of != coordinates_fingerprint(scene):

@@ -7,14 +7,26 @@
 !>
 !> A law is F. It answers for all samples of a period at a time: a choice at run time costs one call a contact, not one a sample.
 !> Laws never change once they are made, so contacts may share one.
+!>
+!> A law may put several elements in parallel, each a spring in series with a slider of its own, with parts of the contact's
+!> stiffness and slip force that do not depend on N; every element is a Coulomb spring then:
+!>
+!> $$ T = \sum_e T_e, \qquad T_e = s_e k_t (u - w_e), \qquad |T_e| \le f_e \mu N, \qquad \sum_e s_e = \sum_e f_e = 1 $$
 module attrito_contact_law_contact_law
   use attrito_core_kinds, only: wp
   implicit none
   private
-  public :: contact_law_type
+  public :: contact_law_type, element_type
+
+  !> One of the elements in parallel: its parts s_e and f_e of the contact's tangential stiffness and slip force
+  type :: element_type
+    real(wp) :: stiffness = 1.0_wp, slip_force = 1.0_wp
+  end type element_type
 
   type, abstract :: contact_law_type
   contains
+    procedure :: elements => one_element
+    procedure :: element => whole_contact
     procedure(slip_force_of_law), deferred :: slip_force
     procedure(coefficient_of_law), deferred :: least_coefficient
     procedure(property_of_law), deferred :: has_events
@@ -47,4 +59,22 @@ module attrito_contact_law_contact_law
       class(contact_law_type), intent(in) :: self
     end function property_of_law
   end interface
+
+contains
+
+  !> How many elements are in parallel: one, unless a law has more.
+  pure integer function one_element(self)
+    class(contact_law_type), intent(in) :: self
+
+    one_element = 1
+  end function one_element
+
+  !> One of them.
+  pure type(element_type) function whole_contact(self, number)
+    class(contact_law_type), intent(in) :: self
+    !> From 1
+    integer, intent(in) :: number
+
+    whole_contact = element_type()
+  end function whole_contact
 end module attrito_contact_law_contact_law
