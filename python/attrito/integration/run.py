@@ -16,8 +16,8 @@ import h5py
 import numpy as np
 
 from attrito.integration.attractors import Attractor, State, find_attractors, told, write_attractors
-from attrito.job.cross_checks import laws_beside_coulomb
 from attrito.job.job import Job
+from attrito.job.laws import RULES, laws_by_samples, laws_in_parallel
 from attrito.job.reading import read_job
 from attrito.library.integrator import Integrator, Orbit, Run
 from attrito.library.reduced_scene import ReducedScene
@@ -98,7 +98,10 @@ def _check(job: Job) -> None:
     if keys["scheme"] == "event" and two:
         expected = 'contacts with one tangent, or scheme = "exponential" (slip in two directions has no closed form)'
         faults.append(job.fault("[integrate] scheme", "event", expected))
-    for key, law in laws_beside_coulomb(job).items() if keys["scheme"] == "event" else ():
+    one = " or ".join(f'"{name}"' for name, rules in RULES.items() if rules.one_element)
+    for key, law in laws_in_parallel(job).items():
+        faults.append(job.fault(key, law, f"{one} (integration in time takes one slider a contact)"))
+    for key, law in laws_by_samples(job).items() if keys["scheme"] == "event" else ():
         expected = '"coulomb" (another law has no events), or [integrate] scheme = "exponential" or another with steps'
         faults.append(job.fault(key, law, expected))
     if job["damping"]["loss_factor"] is not None and not keys["equivalent_viscous"]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from attrito.job.job import Job, files_by_key, model_path, peak_path, rom_path
+from attrito.job.laws import check_laws, laws_by_samples
 from attrito.job.schema import ARRAYS, LOAD_KEYS
 from attrito.support.errors import Fault
 from attrito.support.overwrite_check import is_no_file, is_same_file
@@ -20,7 +21,7 @@ def cross_check(job: Job, earlier: list[Fault]) -> list[Fault]:
         _check_sweep,
         _check_balance,
         _check_stability,
-        _check_laws,
+        check_laws,
         _check_monitors,
         _check_inputs,
         _check_outputs,
@@ -164,7 +165,7 @@ def _goes_by_samples(job: Job) -> bool:
     by_events = job["balance"]["quadrature"] != "sampled"
     two = [len(contact["tangents"] or []) == 2 for contact in job["contact"]]
     two += [contacts["tangents"] == 2 for contacts in job["contact_set"]]
-    return not by_events or any(two) or bool(laws_beside_coulomb(job))
+    return not by_events or any(two) or bool(laws_by_samples(job))
 
 
 def _check_stability(job: Job) -> list[Fault]:
@@ -178,34 +179,6 @@ def _check_stability(job: Job) -> list[Fault]:
     if job["damping"]["loss_factor"] is not None and not job["integrate"]["equivalent_viscous"]:
         expected = "ratio, rayleigh or a matrix (it has no time-domain twin), or [integrate] equivalent_viscous = true"
         faults.append(job.fault("[damping] loss_factor", job["damping"]["loss_factor"], expected))
-    return faults
-
-
-def laws_beside_coulomb(job: Job) -> dict[str, str]:
-    """Contact laws without events and friction cones, by the keys that ask for them."""
-    tables = [
-        (f"{name}[{i}] law", keys["law"]) for name in ("contact", "contact_set") for i, keys in enumerate(job[name])
-    ]
-    return {key: law for key, law in tables if law not in ("coulomb", None)}
-
-
-def _check_laws(job: Job) -> list[Fault]:
-    faults = []
-    for name in ("contact", "contact_set"):
-        for i, keys in enumerate(job[name]):
-            law, friction, by_pressure = keys["law"], keys["friction_coefficient"], keys["law"] == "pressure"
-            if friction is not None and isinstance(friction, list) != by_pressure:
-                expected = f'{"[[pressure, coefficient], ...]" if by_pressure else "a number"} with law = "{law}"'
-                faults.append(job.fault(f"{name}[{i}] friction_coefficient", friction, expected))
-            if name == "contact" and by_pressure and keys["area"] is None:
-                faults.append(job.fault(f"{name}[{i}] area", "missing", 'the contact area, with law = "pressure"'))
-            if name == "contact" and not by_pressure and keys["area"] is not None:
-                faults.append(job.fault(f"{name}[{i}] area", keys["area"], 'no such key but with law = "pressure"'))
-    for key, law in laws_beside_coulomb(job).items():
-        if job["stability"]["method"] != "none":
-            faults.append(job.fault(key, law, '"coulomb" where stability is examined, or [stability] method = "none"'))
-        if job["static"]["bounds"] == "sampled":
-            faults.append(job.fault(key, law, '"coulomb" where bounds are sampled, or [static] bounds = "none"'))
     return faults
 
 

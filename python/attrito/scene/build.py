@@ -13,6 +13,7 @@ from scipy.sparse import csr_matrix, vstack
 
 from attrito.importers import check_matrices, read_matrices
 from attrito.job.job import Job
+from attrito.job.laws import RULES
 from attrito.library.names import LAWS
 from attrito.model.model import Model
 from attrito.model.model_file import read_model
@@ -153,7 +154,8 @@ def laws_of(job: Job, contacts: Contacts) -> dict[str, np.ndarray]:
     if not np.any(kinds):
         return laws
     numbers = [
-        _law_numbers(given[table], area) for table, area in zip(contacts.tables, contacts.places["area"], strict=True)
+        RULES[given[table]["law"]].numbers(given[table], area)
+        for table, area in zip(contacts.tables, contacts.places["area"], strict=True)
     ]
     padded = np.full((len(numbers), max(map(len, numbers))), np.nan)
     for row, own in zip(padded, numbers, strict=True):
@@ -164,13 +166,6 @@ def laws_of(job: Job, contacts: Contacts) -> dict[str, np.ndarray]:
 def _least_pressed(value: Any) -> float:
     """A number, or of a table by pressure the friction coefficient at the least."""
     return value[0][1] if isinstance(value, list) else value
-
-
-def _law_numbers(keys: dict[str, Any], area: float) -> list[float]:
-    """What a contact's law is made of in the library, in the order of its constructor there."""
-    if keys["law"] != "pressure":
-        return []
-    return [keys.get("area") or area, *(number for pair in keys["friction_coefficient"] for number in pair)]
 
 
 @dataclass

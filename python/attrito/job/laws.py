@@ -1,0 +1,112 @@
+"""What contact laws ask of a job: their own keys, the numbers that the library makes them of, who takes them.
+
+A contact law has one entry in `RULES`, by its name in `attrito.library.names.LAWS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from attrito.job.job import Job
+from attrito.support.errors import Fault
+
+Keys = dict[str, Any]
+TABLES = ("contact", "contact_set")
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What one law asks for.
+
+    Parameters
+    ----------
+    own : keys that only contacts of this law have, by table name or for both ("")
+    needs : of these what is expected where one is missing; others may be
+    numbers : what the library makes the law of, in the order of its constructor there, from the keys and a pair's area
+    has_events : whether one tangent goes by events, not by samples
+    by_pressure : whether the friction coefficient is a table by pressure
+    one_element : whether a contact has one slider, as integration in time needs, or several in parallel
+    two_tangents : whether contacts may have two tangents
+    """
+
+    own: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    needs: dict[str, str] = field(default_factory=dict)
+    numbers: Callable[[Keys, float], list[float]] = lambda keys, area: []
+    has_events: bool = True
+    by_pressure: bool = False
+    one_element: bool = True
+    two_tangents: bool = True
+
+
+def _pressure_numbers(keys: Keys, area: float) -> list[float]:
+    return [keys.get("area") or area, *(number for pair in keys["friction_coefficient"] for number in pair)]
+
+
+RULES = {
+    "coulomb": Rules(),
+    "pressure": Rules(
+        own={"contact": ("area",)},
+        needs={"area": "the contact area"},
+        numbers=_pressure_numbers,
+        has_events=False,
+        by_pressure=True,
+    ),
+}
+
+
+def laws_of(job: Job) -> dict[str, str]:
+    """Laws of a job's contacts by the keys that ask for them."""
+    keys = {f"{name}[{i}] law": keys["law"] for name in TABLES for i, keys in enumerate(job[name])}
+    return {key: law for key, law in keys.items() if law is not None}
+
+
+def laws_beside_coulomb(job: Job) -> dict[str, str]:
+    """Contact laws without friction cones, by the keys that ask for them."""
+    return {key: law for key, law in laws_of(job).items() if law != "coulomb"}
+
+
+def laws_by_samples(job: Job) -> dict[str, str]:
+    """Contact laws without events, by the keys that ask for them."""
+    return {key: law for key, law in laws_of(job).items() if not RULES[law].has_events}
+
+
+def laws_in_parallel(job: Job) -> dict[str, str]:
+    """Contact laws of several elements in parallel, by the keys that ask for them."""
+    return {key: law for key, law in laws_of(job).items() if not RULES[law].one_element}
+
+
+def check_laws(job: Job) -> list[Fault]:
+    """Keys that do not go with a contact's law, and engines that do not take it."""
+    faults = []
+    for name in TABLES:
+        for i, keys in enumerate(job[name]):
+            if keys["law"] is not None:
+                faults += _check_keys(job, name, f"{name}[{i}]", keys)
+    for key, law in laws_beside_coulomb(job).items():
+        if job["stability"]["method"] != "none":
+            faults.append(job.fault(key, law, '"coulomb" where stability is examined, or [stability] method = "none"'))
+        if job["static"]["bounds"] == "sampled":
+            faults.append(job.fault(key, law, '"coulomb" where bounds are sampled, or [static] bounds = "none"'))
+    return faults
+
+
+def _check_keys(job: Job, name: str, place: str, keys: Keys) -> list[Fault]:
+    """One contact's, or one set's."""
+    faults = []
+    law, friction = keys["law"], keys["friction_coefficient"]
+    by_pressure = RULES[law].by_pressure
+    if friction is not None and isinstance(friction, list) != by_pressure:
+        expected = f'{"[[pressure, coefficient], ...]" if by_pressure else "a number"} with law = "{law}"'
+        faults.append(job.fault(f"{place} friction_coefficient", friction, expected))
+    tangents = len(keys["tangents"] or []) if name == "contact" else keys["tangents"]
+    if tangents == 2 and not RULES[law].two_tangents:
+        faults.append(job.fault(f"{place} tangents", 2, f'one tangent with law = "{law}"'))
+    for other, rules in RULES.items():
+        for key in (*rules.own.get(name, ()), *rules.own.get("", ())):
+            if other != law and keys[key] is not None:
+                faults.append(job.fault(f"{place} {key}", keys[key], f'no such key but with law = "{other}"'))
+            if other == law and key in rules.needs and keys[key] is None:
+                faults.append(job.fault(f"{place} {key}", "missing", f'{rules.needs[key]}, with law = "{law}"'))
+    return faults
