@@ -7,7 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from jobs import attrito, run, table, wedge, write_job
+from jobs import attrito, chain, run, table, wedge, write_job
 
 from attrito.library.kernels import sample_contact
 from attrito.library.structures import make_law
@@ -81,6 +81,23 @@ def test_slip_takes_the_friction_of_the_pressure_at_every_sample() -> None:
 def test_engines_without_the_law_refuse_it_by_name(tmp_path: Path, change: dict, words: str) -> None:
     done = run(tmp_path, pressed(TABLE) | change, code=2)
     assert words in done.stderr
+
+
+@pytest.mark.parametrize("force", [12.0, 25.0], ids=["every contact sticks", "one slips, others stick"])
+def test_bounds_by_themselves_leave_out_a_law_without_friction_cones_and_say_so(tmp_path: Path, force: float) -> None:
+    job = chain()
+    job["contact"][1] |= {"law": "pressure", "friction_coefficient": [[10.0, 0.6], [100.0, 0.3]], "area": 1.0}
+    job["load"][1] |= {"cosine": [[0, force]], "sine": [[0, 0.0]]}
+    job["static"]["bounds"] = "auto"
+    job["sweep"] = {"frequencies_hz": [70.0]}
+    run(tmp_path, job)
+    states = {row["state"] for row in table(tmp_path, "--contacts")}
+    assert ("slipping" in states) == (force == 25.0), "the scene is another: the test is void"
+    row = table(tmp_path)[0]
+    assert (row["unique"], row["end_low"], row["end_high"]) == ("false", "", "")
+    with h5py.File(tmp_path / "result.h5") as file:
+        bounds = file["points/bounds"]
+        assert bounds.attrs["names"][int(bounds[0])] == b"not_examined"
 
 
 def test_event_exact_integration_refuses_the_law_by_name_and_names_schemes(tmp_path: Path) -> None:

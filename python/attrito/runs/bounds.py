@@ -83,7 +83,8 @@ class Sampler:
         single = bool(np.all(tangents == 1))
         cones = are_coulomb(scene.laws)
         self.programs = bounds == "auto" and len(tangents) <= MOST_CONTACTS and single and cones
-        self.gives_up = bounds == "auto" and ((len(tangents) > MOST_CONTACTS and single) or not cones)
+        self.gives_up = bounds == "auto" and len(tangents) > MOST_CONTACTS and single
+        self.lacks_cones = bounds == "auto" and not cones
         self.hulls: dict[int, Hull] = {}
         self._solver, self._limited = solver, bounds == "auto"
         self._samples = not options.uncoupled and bounds != "none" and cones
@@ -153,6 +154,8 @@ def write_bounds(file: h5py.File, scene: ReducedScene, sampler: Sampler) -> None
         kinds[points] = KINDS.index("exact")
     if sampler.gives_up:
         kinds[_families(file)] = KINDS.index("not_examined")
+    if sampler.lacks_cones:
+        kinds[file["/points/unique"][:] == 0] = KINDS.index("not_examined")
     for point, hull in sampler.hulls.items():
         _write_sampled(file, scene, point, hull)
         kinds[point] = KINDS.index("sampled" if hull.complete else "not_examined")
