@@ -23,13 +23,13 @@ RESERVED = ("frequency_hz", "natural_hz")
 DIRECTIONS = {"x": 1, "y": 2, "z": 3, "rx": 4, "ry": 5, "rz": 6}
 
 
-def number(low: float = -math.inf, high: float = math.inf, *, above: bool = False) -> Check:
-    """A finite number from `low` (or above it) to `high`."""
+def number(low: float = -math.inf, high: float = math.inf, *, above: bool = False, below: bool = False) -> Check:
+    """A finite number from `low` (or above it) to `high` (or below it)."""
     words = "a number"
     if low > -math.inf:
         words += f" above {low:g}" if above else f" of at least {low:g}"
     if high < math.inf:
-        words += f" {'and ' if low > -math.inf else ''}of at most {high:g}"
+        words += f" {'and ' if low > -math.inf else ''}{'below' if below else 'of at most'} {high:g}"
 
     def check(value: Any) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -38,7 +38,7 @@ def number(low: float = -math.inf, high: float = math.inf, *, above: bool = Fals
             finite = math.isfinite(value)
         except OverflowError:
             finite = False
-        if not finite or value < low or value > high or (above and value == low):
+        if not finite or value < low or value > high or (above and value == low) or (below and value == high):
             raise ValueError(words)
         return float(value)
 

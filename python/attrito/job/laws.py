@@ -44,6 +44,13 @@ def _pressure_numbers(keys: Keys, area: float) -> list[float]:
     return [keys.get("area") or area, *(number for pair in keys["friction_coefficient"] for number in pair)]
 
 
+def _iwan_numbers(keys: Keys, area: float) -> list[float]:
+    return [keys["chi"], keys["beta"], SLIDERS if keys["sliders"] is None else keys["sliders"]]
+
+
+# Of Iwan's model unless given
+SLIDERS = 20
+
 RULES = {
     "coulomb": Rules(),
     "pressure": Rules(
@@ -52,6 +59,13 @@ RULES = {
         numbers=_pressure_numbers,
         has_events=False,
         by_pressure=True,
+    ),
+    "iwan": Rules(
+        own={"": ("chi", "beta", "sliders")},
+        needs={"chi": "a number above -1, below 0", "beta": "a number of at least 0"},
+        numbers=_iwan_numbers,
+        one_element=False,
+        two_tangents=False,
     ),
 }
 

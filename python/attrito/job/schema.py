@@ -55,9 +55,20 @@ LAW = {
     "law": Key(
         choice(*LAWS),
         LAWS[0],
-        "`\"pressure\"`: mu depends on the pressure N/A, A a pair's tributary area or a contact's `area`; by samples"
-        " ([method.md](method.md#contact-laws))",
+        "`\"pressure\"`: mu depends on the pressure N/A, A a pair's tributary area or a contact's `area`; by samples;"
+        ' `"iwan"`: sliders in parallel, F_S = mu N and K_T = kt, on one tangent ([method.md](method.md#contact-laws))',
     ),
+    "chi": Key(
+        number(-1, 0, above=True, below=True),
+        None,
+        'with `law = "iwan"`: dissipation follows amplitude to the power 3 + chi in microslip',
+    ),
+    "beta": Key(
+        number(0),
+        None,
+        'with `law = "iwan"`: of kt the part beta/(1 + beta) gives way at once, at macro-slip',
+    ),
+    "sliders": Key(integer(2, 1000), None, 'with `law = "iwan"`: how many; absent: 20'),
     "gap": Key(number(), 0.0, "N = max(preload + kn (v - gap), 0), v the approach of the two sides"),
     "preload": Key(number(0), 0.0, "normal force without motion; usually 0, since the static load makes it"),
 }

@@ -25,7 +25,7 @@ ATTEMPTS = (
     "stiffness_steps",
 )
 # Contact laws
-LAWS = ("coulomb", "pressure")
+LAWS = ("coulomb", "pressure", "iwan")
 # Of a contact over the period
 STATES = ("stuck", "shaken_down", "slipping", "open")
 # Of a contact at an instant

@@ -2,13 +2,14 @@
 module attrito_contact_law_laws
   use attrito_core_kinds, only: wp
   use attrito_contact_law_contact_law, only: contact_law_type
+  use attrito_contact_law_iwan, only: new_iwan
   use attrito_contact_law_pressure_friction, only: new_pressure_friction
   implicit none
   private
   public :: law_names, new_law
 
   !> Counted from 0; a contact without a law is a Coulomb spring
-  character(*), parameter :: law_names(2) = [character(8) :: 'coulomb', 'pressure']
+  character(*), parameter :: law_names(3) = [character(8) :: 'coulomb', 'pressure', 'iwan']
 
 contains
 
@@ -24,6 +25,8 @@ contains
     select case (law_names(law + 1))
      case ('pressure')
       allocate (made, source=new_pressure_friction(numbers))
+     case ('iwan')
+      allocate (made, source=new_iwan(numbers))
      case default
       ! A Coulomb spring has none.
     end select
