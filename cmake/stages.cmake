@@ -7,8 +7,9 @@ set(attrito_flags_all -std=f2018 -fimplicit-none -ffree-line-length-none -Wall -
     -Wno-unused-dummy-argument -Wno-maybe-uninitialized -Wno-compare-reals -Wno-uninitialized)
 set(attrito_flags_Debug -O1 -g -fcheck=all,no-array-temps -fbacktrace -ffpe-trap=invalid,zero,overflow)
 set(attrito_flags_Release -O3 -g1 -fexternal-blas)
-# The sanitizers themselves are among CMake's own flags, which the linker is given too.
+# Sanitizers and coverage themselves are among CMake's own flags, which the linker is given too.
 set(attrito_flags_Sanitize "")
+set(attrito_flags_Coverage "")
 
 set(attrito_includes_mpi ${MPI_Fortran_INCLUDE_DIRS})
 set(attrito_includes_hdf5 ${HDF5_Fortran_INCLUDE_DIRS})
