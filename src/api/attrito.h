@@ -348,6 +348,12 @@ void attrito_peak_at(void *handle, double value, int branch, attrito_peak *peak)
 /* Tell what the last point is; names of monitors, one a line. Collective. */
 void attrito_tell_point(void *handle, const char *monitors, attrito_hearer listener);
 
+/* Outcome of the last point by all that has been found of it, see `attrito_output_findings`. */
+int attrito_outcome(void *handle);
+
+/* Of motion in time under the loads of the last point, which has no solution: its period in periods of the excitation, 0: none. */
+void attrito_found_in_time(void *handle, int period);
+
 /* Put down what the last point leaves for the next on this rank; returns how many numbers that is. */
 int attrito_put_down(void *handle);
 

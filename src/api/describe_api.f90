@@ -7,7 +7,7 @@ module attrito_api_describe
   use attrito_integrate_schemes, only: scheme_event, scheme_central_difference, scheme_newmark, scheme_hht, &
                                        scheme_generalised_alpha, scheme_exponential
   use attrito_model_structure, only: damping_none, damping_viscous, damping_ratio, damping_mass, damping_loss_factor
-  use attrito_output_point_report, only: outcome_names
+  use attrito_solve_outcomes, only: outcome_names
   use attrito_output_point_series, only: state_names
   use attrito_peak_amplitude, only: half_range, first_harmonic
   use attrito_peak_condition, only: parameter_level, parameter_preload

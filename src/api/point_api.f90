@@ -25,6 +25,25 @@ contains
                     new_listener(listener))
   end subroutine attrito_tell_point
 
+  !> Outcome of the last point by all that has been found of it, see `attrito_output_findings`.
+  integer(c_int) function attrito_outcome(handle) bind(c)
+    type(c_ptr), value :: handle
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    attrito_outcome = session%point%findings%outcome()
+  end function attrito_outcome
+
+  !> Of motion in time under the loads of the last point, which has no solution: its period in periods of the excitation, 0: none.
+  subroutine attrito_found_in_time(handle, period) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: period
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    session%point%findings%followed_period = period
+  end subroutine attrito_found_in_time
+
   !> Put down what the last point leaves for the next on this rank; returns how many numbers that is.
   integer(c_int) function attrito_put_down(handle) bind(c)
     type(c_ptr), value :: handle

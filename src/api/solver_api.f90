@@ -372,7 +372,7 @@ contains
     type(point_report_type), intent(in) :: report
     type(point_type) :: point
 
-    point = point_type(report%branch, report%iterations, report%linear_iterations, report%outcome, report%unique, 0, 0, &
+    point = point_type(report%branch, report%iterations, report%linear_iterations, report%findings%outcome(), report%unique, 0, 0, &
                        report%states, report%series, report%samples, report%petsc_error, report%frequency_hz, report%level, &
                        report%residual, report%errors%all(), report%errors%harmonics, report%errors%samples, &
                        report%errors%modes, report%work)

@@ -2,13 +2,12 @@
 module attrito_api_stability
   use, intrinsic :: iso_c_binding
   use attrito_core_errors, only: error_type
-  use attrito_output_point_report, only: outcome_converged, outcome_unstable, outcome_indeterminate, outcome_above_tolerance
   use attrito_integrate_system, only: system_type
   use attrito_model_structure, only: damping_loss_factor
   use attrito_stability_crossing, only: moduli_of
   use attrito_stability_examine, only: examine, examine_options_type, system_of
   use attrito_stability_multipliers, only: multiplier_type
-  use attrito_stability_verdict, only: not_examined, stable, unstable, indeterminate
+  use attrito_stability_verdict, only: not_examined
   use attrito_api_message, only: tell, say
   use attrito_api_session, only: session_type, session_of
   implicit none
@@ -50,20 +49,7 @@ contains
     if (allocated(session%examination%monodromy)) report%monodromy = size(session%examination%monodromy)
     if (allocated(session%examination%hill)) report%hill = size(session%examination%hill)
     call say(session%examination%reason, message)
-    associate (point => session%point)
-      if (all(point%outcome /= [outcome_converged, outcome_above_tolerance])) return
-      select case (report%verdict)
-       case (stable)
-        point%stable = 1
-       case (unstable)
-        point%stable = 0
-        if (point%outcome == outcome_converged) point%outcome = outcome_unstable
-       case (indeterminate)
-        if (point%outcome == outcome_converged) point%outcome = outcome_indeterminate
-       case default
-        return
-      end select
-    end associate
+    if (session%point%findings%may_be_examined()) session%point%findings%verdict = report%verdict
   end function attrito_examine
 
   !> The system in time: once, but where its damping depends on the frequency.

@@ -12,14 +12,12 @@ module attrito_integrate_run
   use attrito_integrate_steady, only: steady_type, new_steady, compare, is_settling, is_diverging
   use attrito_integrate_system, only: system_type
   use attrito_integrate_taylor, only: degree
+  use attrito_solve_outcomes, only: outcome_converged, outcome_no_period_one_orbit, outcome_not_converged
   implicit none
   private
   public :: run_options_type, orbit_type, integrate
-  public :: outcome_converged, outcome_no_period_one_orbit, outcome_not_converged
   public :: reason_none, reason_settling, reason_step, reason_diverged
 
-  ! As the names of outcomes are counted in result.h5
-  integer, parameter :: outcome_converged = 0, outcome_no_period_one_orbit = 3, outcome_not_converged = 4
   !> Why it has not converged: it was still settling, an implicit step was not solved, the motion grows without bound
   integer, parameter :: reason_none = 0, reason_settling = 1, reason_step = 2, reason_diverged = 3
 

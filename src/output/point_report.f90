@@ -7,24 +7,21 @@ module attrito_output_point_report
   use attrito_accuracy_point_errors, only: point_errors_type
   use attrito_solve_solver, only: solver_type
   use attrito_contact_state, only: state_stuck, state_open
+  use attrito_output_findings, only: findings_type
   implicit none
   private
-  public :: point_report_type, report_point, monitored, outcome_names
-  public :: outcome_converged, outcome_unstable, outcome_indeterminate, outcome_no_period_one_orbit, outcome_not_converged, &
-            outcome_above_tolerance
+  public :: point_report_type, report_point, monitored
 
-  integer, parameter :: outcome_converged = 0, outcome_unstable = 1, outcome_indeterminate = 2, &
-                        outcome_no_period_one_orbit = 3, outcome_not_converged = 4, outcome_above_tolerance = 5
-  character(22), parameter :: outcome_names(0:5) = [character(22) :: 'converged', 'unstable', 'indeterminate', &
-                                                    'no_period_one_orbit', 'not_converged', 'above_tolerance']
   !> Sliders that still move by more than this part of the motion a period leave the point indeterminate
   real(wp), parameter :: accepted_defect = 1.0e-6_wp
 
   type :: point_report_type
     real(wp) :: frequency_hz = 0.0_wp, level = 1.0_wp
-    integer :: branch = 0, iterations = 0, linear_iterations = 0, outcome = outcome_not_converged
+    integer :: branch = 0, iterations = 0, linear_iterations = 0
+    !> What the outcome follows from
+    type(findings_type) :: findings
     !> 1 yes, 0 no, -1 not examined
-    integer :: unique = 0, stable = -1
+    integer :: unique = 0
     !> Norm of the residual relative to the stuck response
     real(wp) :: residual = 0.0_wp
     !> Estimated relative errors of the amplitude
@@ -39,8 +36,6 @@ module attrito_output_point_report
     real(wp), allocatable :: harmonics(:, :), amplitude(:), mean(:)
     !> Contacts in each state, over all ranks
     integer :: states(state_stuck:state_open) = 0
-  contains
-    procedure :: is_solved
   end type point_report_type
 
 contains
@@ -72,11 +67,10 @@ contains
       end do
       report%mean = report%harmonics(1, :)
       call count_states(balance, report)
-      report%outcome = merge(outcome_no_period_one_orbit, outcome_not_converged, solver%no_orbit)
-      if (solver%report%converged .and. is_finite(report)) then
-        report%outcome = merge(outcome_converged, outcome_indeterminate, solver%report%defect <= accepted_defect)
-        if (.not. errors%are_within(tolerance)) report%outcome = outcome_above_tolerance
-      end if
+      report%findings%solved = solver%report%converged .and. is_finite(report)
+      report%findings%settled = solver%report%defect <= accepted_defect
+      report%findings%within_tolerance = errors%are_within(tolerance)
+      report%findings%no_orbit = solver%no_orbit
       report%errors = errors
       report%series = solver%options%harmonics
       report%samples = solver%options%samples
@@ -111,13 +105,6 @@ contains
       end do
     end do
   end function monitored
-
-  !> Is there a solution to tell of?
-  pure logical function is_solved(self)
-    class(point_report_type), intent(in) :: self
-
-    is_solved = self%outcome /= outcome_not_converged .and. self%outcome /= outcome_no_period_one_orbit
-  end function is_solved
 
   !> Contacts in each state, and whether every one of them forgets its history.
   subroutine count_states(balance, report)

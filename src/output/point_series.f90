@@ -8,7 +8,8 @@ module attrito_output_point_series
   use attrito_solve_solver, only: solver_type
   use attrito_linear_receptance, only: to_real
   use attrito_output_listener, only: listener_type
-  use attrito_output_point_report, only: point_report_type, outcome_names
+  use attrito_output_point_report, only: point_report_type
+  use attrito_solve_outcomes, only: outcome_names
   implicit none
   private
   public :: tell_point, state_names
@@ -68,7 +69,7 @@ contains
       character(*), intent(in) :: path, description
       real(wp), intent(in) :: value
 
-      call listener%tell(path, 'real64', [integer ::], [merge(value, blank(), report%is_solved())], description, 'user length')
+      call listener%tell(path, 'real64', [integer ::], [merge(value, blank(), report%findings%solved)], description, 'user length')
     end subroutine tell_length
 
     !> Series [2 H + 1, n]; of one only its coefficients are a dimension.
@@ -79,7 +80,7 @@ contains
       logical :: listed
 
       told = reshape(values, [size(values)])
-      if (.not. report%is_solved()) told = blank()
+      if (.not. report%findings%solved) told = blank()
       listed = path == '/points/coordinates'
       call listener%tell(path, 'real64', pack([size(values, 2), size(values, 1)], [listed, .true.]), told, description, &
                          'user length')
@@ -92,17 +93,17 @@ contains
     type(listener_type), intent(in) :: listener
     logical :: solved
 
-    solved = report%is_solved()
+    solved = report%findings%solved
     call tell_real('frequency_hz', report%frequency_hz, 'frequency of the fundamental harmonic', 'Hz')
     call tell_real('level', report%level, 'factor on the harmonic loads', '1')
     call tell_integer('branch', report%branch, 'number of the connected run of points')
     call tell_integer('iterations', report%iterations, 'iterations of Newton''s method, all tries together')
     call tell_integer('linear_iterations', report%linear_iterations, 'iterations of GMRES, where linear systems are large')
-    call tell_integer('period', merge(1, -1, solved), 'period of the solution in periods of the excitation')
-    call listener%tell('/points/outcome', 'int32', [integer ::], [real(report%outcome, wp)], &
+    call tell_integer('period', report%findings%period(), 'period of the solution in periods of the excitation')
+    call listener%tell('/points/outcome', 'int32', [integer ::], [real(report%findings%outcome(), wp)], &
                        'how the point ended: index into the attribute names', '1', outcome_names)
     call tell_integer('unique', merge(report%unique, -1, solved), '1 unique, 0 one of a family, -1 not examined')
-    call tell_integer('stable', report%stable, '1 stable, 0 unstable, -1 not examined')
+    call tell_integer('stable', report%findings%stability(), '1 stable, 0 unstable, -1 not examined')
     call tell_real('residual', report%residual, 'norm of the residual relative to the stuck response', '1')
     call tell_real('estimate', merge(report%errors%all(), blank(), solved), &
                    'estimated relative error of the amplitude; NaN: not known', '1')
@@ -186,7 +187,7 @@ contains
         end associate
       end do
     end associate
-    if (report%is_solved()) return
+    if (report%findings%solved) return
     rows = blank()
     rows(1:2, :) = -1.0_wp
   end function numbers_of

@@ -236,7 +236,7 @@ contains
     call report_point(together, 1, errors_together%errors, no_tolerance, of_all)
     call report_point(alone, 1, errors_alone%errors, no_tolerance, of_one)
     call check(error, all(of_all%states == of_one%states) .and. of_all%unique == of_one%unique .and. &
-               of_all%outcome == of_one%outcome, 'states, uniqueness or outcome differ')
+               of_all%findings%outcome() == of_one%findings%outcome(), 'states, uniqueness or outcome differ')
     call check_close(error, of_all%amplitude, of_one%amplitude, tolerance, 'amplitudes')
     call check_close(error, of_all%errors%harmonics, of_one%errors%harmonics, tolerance, 'estimate')
     call check(error, of_one%errors%harmonics > 0.0_wp, 'nothing is left out: the test is void')

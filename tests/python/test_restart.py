@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -129,7 +130,8 @@ def test_a_journal_cut_anywhere_keeps_every_whole_point(tmp_path):
 def test_a_journal_that_grows_while_it_is_read_reads_as_what_it_was_at_first(tmp_path, monkeypatch):
     path = str(tmp_path / "result.h5.partial")
     journal = Journal(path)
-    journal.append(Record({"attributes": {"format": "attrito result"}}))
+    job = json.dumps({"output": {"monitors": []}})
+    journal.append(Record({"attributes": {"format": "attrito result", "job": job}}))
 
     def append(*frequencies: float) -> None:
         for i, hz in enumerate(frequencies):

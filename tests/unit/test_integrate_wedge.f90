@@ -3,7 +3,8 @@ program test_integrate_wedge
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp, pi, two_pi
   use attrito_integrate_loading, only: new_profile
-  use attrito_integrate_run, only: run_options_type, orbit_type, outcome_converged, outcome_not_converged
+  use attrito_integrate_run, only: run_options_type, orbit_type
+  use attrito_solve_outcomes, only: outcome_converged, outcome_not_converged
   use attrito_integrate_system, only: system_type
   use integrations, only: choices, run_from, run_from_path
   use scenes, only: scene_type, wedge, wedge_preload

@@ -251,6 +251,14 @@ class Solver:
         )
         return amplitude, lowest
 
+    def outcome(self) -> str:
+        """Outcome of the last point by all that has been found of it: its examination, motion in time."""
+        return OUTCOMES[self.call("attrito_outcome")]
+
+    def found_in_time(self, period: int) -> None:
+        """Note the period of motion in time at the last point, which has no solution; 0: none. On every rank."""
+        self._library.attrito_found_in_time(self._handle, period)
+
     def tell_point(self, hear: Callable[[str, Series, np.ndarray], None] | None) -> None:
         """Hand the last point to `hear`, series by series: path, what it is, and the entry. None but at the root."""
         monitors = "\n".join(self._scene.monitor_names).encode()

@@ -61,6 +61,8 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "attrito_coordinates": (None, (HANDLE, c_int, Doubles)),
     "attrito_linear_response": (c_int, (HANDLE, c_int, c_int, Doubles, Doubles, c_int, Doubles, *MESSAGE)),
     "attrito_tell_point": (None, (HANDLE, c_char_p, HEARER)),
+    "attrito_outcome": (c_int, (HANDLE,)),
+    "attrito_found_in_time": (None, (HANDLE, c_int)),
     "attrito_put_down": (c_int, (HANDLE,)),
     "attrito_fetch_state": (None, (HANDLE, Doubles)),
     "attrito_take_up": (c_int, (HANDLE, c_int, Doubles)),

@@ -16,7 +16,8 @@ import numpy as np
 from attrito.job.job import Job
 from attrito.library.names import NO_SOLUTION, STARTS
 from attrito.library.session import Point, Solver
-from attrito.runs.bifurcations import FOLDS, Finder
+from attrito.results.bifurcations import FOLDS
+from attrito.runs.bifurcations import Finder
 
 if TYPE_CHECKING:
     from attrito.runs.progress import Progress

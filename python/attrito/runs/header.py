@@ -13,6 +13,7 @@ from attrito.library.series import Series
 from attrito.library.session import Solver
 from attrito.results.journal import Record
 from attrito.runs.recorder import digest
+from attrito.scene.friction_margin import Margin, described_margin
 from attrito.scene.reduced_model import Rom, coordinates_fingerprint
 from attrito.scene.scene import Scene
 from attrito.support.version import __version__
@@ -51,8 +52,24 @@ def linear_responses(solver: Solver, job: Job) -> dict[str, tuple[np.ndarray, np
     return responses
 
 
-def first_record(job: Job, scene: Scene, rom: Rom | None, reduced: ReducedScene, ranks: int, linear: dict) -> Record:
-    """The first record of the run's journal; `linear` is what `linear_responses` returns."""
+def first_record(
+    job: Job,
+    scene: Scene,
+    rom: Rom | None,
+    reduced: ReducedScene,
+    ranks: int,
+    linear: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]],
+    margin: Margin | None,
+) -> Record:
+    """The first record of the run's journal.
+
+    Parameters
+    ----------
+    job, scene, rom, reduced : what is run
+    ranks : number of processes
+    linear : what `linear_responses` returns
+    margin : against wedging, None: not examined
+    """
     rom_file = None if rom is None else rom.path
     attributes = {
         "format": "attrito result",
@@ -85,7 +102,10 @@ def first_record(job: Job, scene: Scene, rom: Rom | None, reduced: ReducedScene,
         for key, (values, description, unit) in data.items():
             name = f"linear/{kind}/{key}"
             arrays[name], series[name] = values, Series("", description, unit)
+    for key, (value, description) in described_margin(margin).items():
+        arrays[f"static/{key}"], series[f"static/{key}"] = value, Series("", description, "1")
     note = {"attributes": attributes, "ranks": ranks, "digest": digest(reduced, scene.load_path), "texts": texts}
+    note["group_attributes"] = {"static": {"states": "" if margin is None else ",".join(margin.states)}}
     return Record(note, arrays, series)
 
 

@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import h5py
 import numpy as np
 
 from attrito.library.integrator import Integrator, Run
 from attrito.library.laws import are_coulomb
-from attrito.library.names import NO_SOLUTION, OUTCOMES
+from attrito.library.names import NO_SOLUTION
 from attrito.library.reduced_scene import ReducedScene
-from attrito.library.session import Point
+from attrito.library.session import Point, Solver
 from attrito.support.errors import NumericsError
 
 if TYPE_CHECKING:
@@ -34,34 +33,26 @@ class LongerPeriods:
 
     Parameters
     ----------
-    comm : of the run
+    comm, solver : what solves
     job : says whether stability is examined
     scene : at the root
     path : static load path, `[corners, loads]`, at the root
-
-    Attributes
-    ----------
-    periods : by number of the point: period in periods of the excitation, 0: none recognised
     """
 
-    def __init__(self, comm: Comm, job: Job, scene: ReducedScene | None, path: np.ndarray | None):
-        self._comm, self._scene, self._path = comm, scene, path
+    def __init__(self, comm: Comm, solver: Solver, job: Job, scene: ReducedScene | None, path: np.ndarray | None):
+        self._comm, self._solver, self._scene, self._path = comm, solver, scene, path
         self._steps = job["static"]["steps"]
         self._asks = job["stability"]["method"] != "none" and comm.rank == 0 and can_integrate(scene)
-        self._points = 0
-        self.periods: dict[int, int] = {}
 
     def visit(self, point: Point) -> Point:
-        """The point, its outcome what motion in time says. Collective."""
-        number = self._points
-        self._points += 1
+        """The point with its outcome by what motion in time does; the solver stands at it. Collective."""
         if point.outcome not in NO_SOLUTION:
             return point
         period = self._comm.bcast(self._period(point) if self._asks else None)
         if period is None:
             return point
-        self.periods[number] = period
-        return point._replace(outcome=_outcome(period))
+        self._solver.found_in_time(period)
+        return point._replace(outcome=self._solver.outcome())
 
     def _period(self, point: Point) -> int | None:
         choices = Run(
@@ -81,33 +72,9 @@ class LongerPeriods:
         # What still settles after all has no period yet, and none is claimed.
         return orbit.period if orbit.outcome != "not_converged" else None
 
-    def put_down(self) -> dict[str, np.ndarray]:
-        """What was found of the last point, at the root."""
-        period = self.periods.get(self._points - 1)
-        return {} if period is None else {"longer_periods/period": np.array(period)}
-
-    def take_up(self, found: dict[str, np.ndarray]) -> None:
-        """Go on after a point of which `put_down` told this."""
-        if "longer_periods/period" in found:
-            self.periods[self._points] = int(found["longer_periods/period"])
-        self._points += 1
-
-
-def _outcome(period: int) -> str:
-    return "not_converged" if period == 1 else "no_period_one_orbit"
-
 
 def can_integrate(scene: ReducedScene) -> bool:
     """Whether event-exact integration takes a scene, and soon is done."""
     tangents = scene.laws["tangents"]
     soon = len(tangents) <= MOST_CONTACTS
     return scene.damping_kind != "loss_factor" and max(tangents) == 1 and are_coulomb(scene.laws) and soon
-
-
-def write_periods(file: h5py.File, longer: LongerPeriods) -> None:
-    """Put the periods into a result file that is open."""
-    if not longer.periods:
-        return
-    for number, period in longer.periods.items():
-        file["points/period"][number] = period
-        file["points/outcome"][number] = OUTCOMES.index(_outcome(period))

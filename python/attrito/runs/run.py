@@ -14,19 +14,19 @@ from attrito.library.session import Options, Solver, StoredPoint
 from attrito.results.journal import Record, remove_journal, set_aside
 from attrito.results.result_file import fill_result
 from attrito.results.stored_point import read_point
-from attrito.runs.bifurcations import Finder, write_bifurcations
+from attrito.runs.bifurcations import Finder
 from attrito.runs.bounds import Sampler, write_bounds
 from attrito.runs.branch_search import Search
 from attrito.runs.header import first_record, linear_responses
-from attrito.runs.longer_periods import LongerPeriods, write_periods
+from attrito.runs.longer_periods import LongerPeriods
 from attrito.runs.position import RunPosition
 from attrito.runs.progress import Progress
 from attrito.runs.recorder import Recorder
-from attrito.runs.stability import Examiner, write_multipliers
+from attrito.runs.stability import Examiner
 from attrito.runs.sweeps import Course
 from attrito.scene import cautions
 from attrito.scene.build import build_scene
-from attrito.scene.friction_margin import Margin, friction_margin, warning, write_margin
+from attrito.scene.friction_margin import friction_margin, warning
 from attrito.scene.reduced_model import make_rom, reduced_scene
 from attrito.scene.scene import Scene
 from attrito.scene.solver_options import solver_options
@@ -115,7 +115,7 @@ def _solve(
         progress.warn(warnings)
         linear = linear_responses(solver, job)
         progress.begin(len(reduced.mass), len(reduced.laws["tangents"]), linear)
-        first = on_root_only(comm, lambda: first_record(job, scene, rom, reduced, comm.size, linear))
+        first = on_root_only(comm, lambda: first_record(job, scene, rom, reduced, comm.size, linear, margin))
         stages.end("linear responses")
         run = _Run(comm, job, solver, reduced, options, progress, stages, load_path, stop)
         try:
@@ -123,7 +123,7 @@ def _solve(
                 run.solve(first, load_path, resume, stop)
         finally:
             run.recorder.close()
-    run.finish(margin, warnings)
+    run.finish(warnings)
     return run
 
 
@@ -146,13 +146,11 @@ class _Run:
         self._progress, self._stages = progress, stages
         self._sampler = Sampler(comm, solver, reduced, options, job["static"]["bounds"], stop.interrupted)
         self._examiner = Examiner(comm, solver, job)
-        self._longer = LongerPeriods(comm, job, reduced, load_path)
+        self._longer = LongerPeriods(comm, solver, job, reduced, load_path)
         self._finder = Finder(solver, job, progress)
         self.result = job.file(job["output"]["file"])
         self.journal = f"{self.result}.partial"
-        self.recorder = Recorder(
-            comm, solver, self.journal, (self._examiner, self._longer, self._sampler, self._finder)
-        )
+        self.recorder = Recorder(comm, solver, self.journal, (self._examiner, self._sampler, self._finder))
         self.place = RunPosition()
 
     def solve(self, first: Record | None, load_path: np.ndarray, resume: bool, stop: Stop) -> None:
@@ -206,22 +204,18 @@ class _Run:
             f" go on with attrito run --resume {self._job.path}"
         )
 
-    def finish(self, margin: Margin | None, warnings: list[str]) -> None:
+    def finish(self, warnings: list[str]) -> None:
         """Make the result file; an older one stays until it is complete."""
-        on_root(self._comm, lambda: self._make_result(margin, [*warnings, *self.place.warnings]))
+        on_root(self._comm, lambda: self._make_result([*warnings, *self.place.warnings]))
         self._stages.end("writing")
 
-    def _make_result(self, margin: Margin | None, warnings: list[str]) -> None:
+    def _make_result(self, warnings: list[str]) -> None:
         with whole_hdf5(self.result) as file:
             fill_result(file, self.journal)
             file.attrs["warnings"] = "\n".join(warnings)
             if self.place.incomplete:
                 file["points"].attrs["incomplete"] = "; ".join(self.place.incomplete)
             write_bounds(file, self._reduced, self._sampler)
-            write_multipliers(file, self._examiner)
-            write_periods(file, self._longer)
-            write_margin(file, margin)
-            write_bifurcations(file, self._finder.found, self._reduced.monitor_names)
         Path(self.journal).unlink()
         remove_journal(f"{self.journal}.old")
 

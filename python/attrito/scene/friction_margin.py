@@ -25,12 +25,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 
-import h5py
 import numpy as np
 
 from attrito.library.laws import are_coulomb, cone_coefficients
 from attrito.library.reduced_scene import ReducedScene
-from attrito.support.hdf5_writing import described
 
 # Contacts with one tangent up to which all combinations are asked, 4^n; beyond, each contact while the others stick,
 # and up to the second number all of them slipping alike.
@@ -120,23 +118,19 @@ def _critical(compliance: np.ndarray, kt: np.ndarray, kn: np.ndarray, mu: np.nda
     return float(1.0 / real.max()) if len(real) else np.inf
 
 
-def write_margin(file: h5py.File, margin: Margin | None) -> None:
-    """Add the group /static to a result file that is open."""
-    group = file.create_group("static")
-    data = {
+def described_margin(margin: Margin | None) -> dict[str, tuple[np.ndarray, str]]:
+    """Values and descriptions of the datasets below `/static` of a result; None: it was not examined."""
+    return {
         "friction_margin": (
-            np.nan if margin is None else margin.factor,
+            np.array(np.nan if margin is None else margin.factor),
             "factor on all friction coefficients at which the static problem loses its uniqueness (wedging);"
             " NaN: not examined",
         ),
         "unique": (
-            -1 if margin is None or margin.unique is None else int(margin.unique),
+            np.array(-1 if margin is None or margin.unique is None else int(margin.unique)),
             "1: one static solution for given sliders, 0: not for all loads, -1: not known",
         ),
     }
-    for name, (value, description) in data.items():
-        described(group, name, description, data=value)
-    group.attrs["states"] = "" if margin is None else ",".join(margin.states)
 
 
 def warning(margin: Margin | None) -> str | None:
