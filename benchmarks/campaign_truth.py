@@ -5,8 +5,10 @@ doubled until their extrapolation,
 
     a = a_2n + (a_2n - a_n)/3,
 
-settles. Nothing of the harmonic balance, nor of its estimate, enters but the start: displacement, velocity and sliders
-of the point where its period begins. Three ways to the periodic motion, by integration all but the last:
+settles. Where a contact changes its state a step sooner or later two answers may agree by chance, so what is uncertain
+is the larger of the last change and a quarter of the one before. Nothing of the harmonic balance, nor of its estimate,
+enters but the start: displacement, velocity and sliders of the point where its period begins. There are three ways to the
+periodic motion, by integration all but the last:
 
 - `shooting`: Newton's method on the period map z -> P(z), z = (q, q', w), its derivative by differences. Sliders of
   contacts that stick throughout stay the point's own, so it is the same member of its family; unstable motions are
@@ -48,14 +50,17 @@ DIFFERENCE, DIFFERENCE_BY_STEPS = 1e-7, 1e-4
 # exponential steps the map jumps a little where a contact changes its state a step sooner or later
 NEAR, NEAR_BY_STEPS = 1e-6, 1e-3
 # Exponential steps a period, fewest and most, and the uncertainty at which doubling them ends
-STEPS, MOST_EXPONENTIAL_STEPS, UNCERTAINTY = 512, 32768, 1e-4
+STEPS, MOST_EXPONENTIAL_STEPS, UNCERTAINTY = 512, 32768, 1e-5
 # What a truth may be off by, and how far sliders that are kept may have moved, parts of what they can carry
 WORST_UNCERTAINTY, SAME_MEMBER = 1e-3, 0.05
 # Of the time of a way, what a march by steps may take: where it is slow, Newton's method is not
 MARCH_SHARE = 0.4
 # Of a march: periods between two looks, most periods, change a period that counts as none
 LOOK, MOST_PERIODS = 25, 4000
-PERIODICITY, PERIODICITY_BY_STEPS = 1e-8, 1e-5
+PERIODICITY, PERIODICITY_BY_STEPS = 1e-8, 1e-7
+# By steps the change may not fall so far. After so many periods a larger one counts as none, and what is left of the
+# approach is then taken for so many times the change: transients with a damping ratio of 0.2 % take 80 periods
+PATIENCE, COARSE_PERIODICITY, SLOW_APPROACH = 400, 1e-5, 80.0
 # Harmonics of the balance that stands in, those it is compared with, samples for two tangents
 HARMONICS, FEWER_HARMONICS, SAMPLES = 60, 40, 2048
 PATH = np.array([[0.0], [1.0]])
@@ -194,19 +199,21 @@ class Referee:
         deadline = time.process_time() + seconds
         if self._by_events:
             return way(point, point.state, "event", None, deadline)[0]
-        state, steps, before, found = point.state, STEPS, None, None
-        while steps <= MOST_EXPONENTIAL_STEPS:
+        state, steps = point.state, STEPS
+        found: list[Truth] = []
+        best, ended = None, f"{STEPS} to {MOST_EXPONENTIAL_STEPS} steps do not settle"
+        while steps <= MOST_EXPONENTIAL_STEPS and (best is None or best.uncertainty > UNCERTAINTY):
             try:
-                found, state = way(point, state, "exponential", steps, deadline)
+                last, state = way(point, state, "exponential", steps, deadline)
             except NoTruthError as error:
-                raise NoTruthError(f"{error}, {steps} steps") from None
-            if before is not None:
-                change = found.amplitude - before
-                if abs(change) <= UNCERTAINTY * found.amplitude:
-                    return replace(found, amplitude=found.amplitude + change / 3.0,
-                                   uncertainty=max(abs(change) / found.amplitude, found.uncertainty))  # fmt: skip
-            before, steps = found.amplitude, 2 * steps
-        raise NoTruthError(f"{STEPS} to {MOST_EXPONENTIAL_STEPS} steps do not settle")
+                ended = f"{error}, {steps} steps"
+                break
+            found.append(last)
+            best = _extrapolated(found) or best
+            steps *= 2
+        if best is None or best.uncertainty > WORST_UNCERTAINTY:
+            raise NoTruthError(ended)
+        return best
 
     def _shoot(
         self, point: Solved, start: State, scheme: str, steps: int | None, deadline: float
@@ -257,6 +264,8 @@ class Referee:
         orbit, stretch, cycles = None, LOOK, 0
         periodicity = PERIODICITY if scheme == "event" else PERIODICITY_BY_STEPS
         while time.process_time() < deadline and cycles < MOST_PERIODS:
+            if scheme != "event" and cycles >= PATIENCE:
+                periodicity = COARSE_PERIODICITY
             choices = Run(point.frequency_hz, 1.0, scheme, steps, cycles=stretch, periodicity_tolerance=periodicity,
                           samples=1)  # fmt: skip
             orbit = self._session.run(choices)
@@ -271,6 +280,8 @@ class Referee:
         state = State(*self._session.state())
         # What is left of a geometric approach
         left = orbit.defect / max(1.0 - orbit.contraction, 1e-3) if orbit.contraction < 1.0 else orbit.defect
+        if periodicity == COARSE_PERIODICITY:
+            left = max(left, SLOW_APPROACH * orbit.defect)
         return self._truth("march", point, orbit, state.sliders, left), state
 
     def _truth(
@@ -355,6 +366,16 @@ def agreeing(moved: list[Truth], failures: list[str]) -> list[Truth]:
 def error_of(point: Solved, truth: Truth) -> float:
     """Relative error of the point's amplitude."""
     return abs(point.amplitude / truth.amplitude - 1.0) if truth.amplitude > 0.0 else float("inf")
+
+
+def _extrapolated(found: list[Truth]) -> Truth | None:
+    """The last of the truths by 1, 2, 4 ... times as many steps, and the part of the steps in it removed."""
+    if len(found) < 3:
+        return None
+    *_, first, second, last = found
+    change, before = last.amplitude - second.amplitude, second.amplitude - first.amplitude
+    uncertain = max(abs(change), 0.25 * abs(before)) / last.amplitude
+    return replace(last, amplitude=last.amplitude + change / 3.0, uncertainty=max(uncertain, last.uncertainty))
 
 
 class _PeriodMap:
