@@ -7,8 +7,9 @@ doubled until their extrapolation,
 
 settles. Where a contact changes its state a step sooner or later two answers may agree by chance, so what is uncertain
 is the larger of the last change and a quarter of the one before. Nothing of the harmonic balance, nor of its estimate,
-enters but the start: displacement, velocity and sliders of the point where its period begins. There are three ways to the
-periodic motion, by integration all but the last:
+enters but the start: displacement, velocity and sliders of the point where its period begins.
+
+There are three ways to the periodic motion, by integration all but the last:
 
 - `shooting`: Newton's method on the period map z -> P(z), z = (q, q', w), its derivative by differences. Sliders of
   contacts that stick throughout stay the point's own, so it is the same member of its family; unstable motions are

@@ -1,8 +1,8 @@
 !> The relative error of the monitors' amplitude at a point, estimated.
 !>
 !> The point is compared with a finer balance to first order (`attrito_accuracy_finer_balance`), with harmonics up to 3 H and with
-!> twice the samples, whose error is a quarter: 4/3 of the change that these make is the error of the samples. The error is split by
-!> the motion that either change of the forces makes by itself.
+!> s times the samples, whose error is s^-2 of theirs: the part of the change that is due to them is extrapolated by s^2/(s^2 - 1).
+!> The error is split by the motion that either part of the change makes by itself.
 !>
 !> The estimate is checked by a second step (`attrito_accuracy_second_step`). It is sure if that agrees with the first and all
 !> harmonics beyond have settled.
@@ -14,7 +14,7 @@ module attrito_accuracy_error_estimate
   use attrito_contact_state, only: state_slipping
   use attrito_solve_solver, only: solver_type
   use attrito_accuracy_amplitude_change, only: relative_change
-  use attrito_accuracy_finer_balance, only: finer_balance_type, new_finer_balance, finer_point_type
+  use attrito_accuracy_finer_balance, only: densification, finer_balance_type, new_finer_balance, finer_point_type
   use attrito_accuracy_point_errors, only: point_errors_type
   use attrito_accuracy_resonances, only: resonances_type
   use attrito_accuracy_second_step, only: second_step_type, step_again
@@ -29,6 +29,8 @@ module attrito_accuracy_error_estimate
   !> Contacts so many times stiffer than the structure is at them may bounce at any frequency: series shorter than this are not sure
   real(wp), parameter :: stiff = 1.0e3_wp
   integer, parameter :: short_series = 5
+  !> Fewest harmonics of the longer series, a guess: nine miss a mode at the 10th where blocks hardly slip
+  integer, parameter :: least_longer = 15
   !> Part of the motion, in units of the tolerance, that a harmonic may lack
   real(wp), parameter :: unsettled_share = 0.1_wp
   !> The tolerance that estimates are made for where none is given
@@ -76,10 +78,11 @@ contains
       threshold = unsettled_share*min(tolerance, nominal_tolerance)
       harmonics = self%resonances%highest(solver, longer_series(balance%receptance%harmonics), threshold)
       samples = balance%quadrature%fourier%samples
+      if (sampled > 0.0_wp) samples = densification*samples
       if (any_sampled(solver)) samples = max(samples, 8*((2*harmonics + 9)/8))
       call prepare(self%longer, solver, harmonics, samples)
       if (sampled > 0.0_wp) then
-        call prepare(self%denser, solver, balance%receptance%harmonics, 2*balance%quadrature%fourier%samples)
+        call prepare(self%denser, solver, balance%receptance%harmonics, samples)
         call self%longer%correct(solver, finer, status, self%denser)
       else
         call self%longer%correct(solver, finer, status)
@@ -128,10 +131,11 @@ contains
 
   !> Harmonics of the longer series: three times as many, of long ones at most 20 or half as many more. Where forces fade like h^-2
   !> and motion like h^-4, what is beyond H falls like H^-3: two thirds of it are seen at least, 26 parts in 27 with a short series.
+  !> The first harmonics beyond a very short series do not fade yet, so it has `least_longer` at least.
   pure integer function longer_series(harmonics)
     integer, intent(in) :: harmonics
 
-    longer_series = min(3*harmonics, max(harmonics + 20, harmonics + harmonics/2))
+    longer_series = max(least_longer, min(3*harmonics, max(harmonics + 20, harmonics + harmonics/2)))
   end function longer_series
 
   !> Make a finer balance anew where it is not the one that is asked for.

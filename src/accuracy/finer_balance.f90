@@ -13,9 +13,10 @@ module attrito_accuracy_finer_balance
   use attrito_newton_linearised_step, only: linear_options_type, solve_linearised, change_of_deviation
   use attrito_linear_receptance, only: to_complex, to_real
   use attrito_linear_stuck_system, only: stuck_system_type
+  use attrito_balance_harmonic_balance, only: balance_type
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_balance_work, only: contact_work, residual_work
-  use attrito_contact_evaluation, only: quadrature_type, evaluate_contact
+  use attrito_contact_evaluation, only: quadrature_type, evaluate_contact, goes_by_events
   use attrito_contact_fourier, only: new_fourier
   use attrito_contact_forces, only: contact_forces_type
   use attrito_contact_state, only: state_slipping
@@ -23,10 +24,14 @@ module attrito_accuracy_finer_balance
   use attrito_solve_solver, only: solver_type
   implicit none
   private
-  public :: finer_balance_type, new_finer_balance, finer_point_type, solve_for_estimate
+  public :: densification, finer_balance_type, new_finer_balance, finer_point_type, solve_for_estimate
 
   !> Damping ratio of modes beyond H that have none of their own: it keeps their resonances finite
   real(wp), parameter :: nominal_ratio = 0.01_wp
+
+  !> A balance with so many times the samples shows what samples change. With twice as many, switches of a contact lie alike between
+  !> the samples of both too often, and both are wrong by the same
+  integer, parameter :: densification = 4
 
   !> Relative residual of GMRES, where the step is large: an error needs two digits
   real(wp), parameter :: accepted_residual = 1.0e-2_wp
@@ -43,6 +48,7 @@ module attrito_accuracy_finer_balance
     procedure :: correct
     procedure :: respond_beyond
     procedure :: evaluate
+    procedure :: is_denser_for
     procedure :: destroy
   end type finer_balance_type
 
@@ -99,7 +105,7 @@ contains
     type(finer_point_type), intent(out) :: point
     !> 0, or not: singular
     integer, intent(out) :: status
-    !> As many harmonics as the solver has, and twice the samples: what these change goes into the same step
+    !> As many harmonics as the solver has, and as many samples as this one: says what part samples have in the change
     type(finer_balance_type), intent(in), optional :: denser
     complex(wp), allocatable :: response(:, :)
     real(wp), allocatable :: generalised(:, :), change(:, :), released(:, :)
@@ -116,7 +122,7 @@ contains
         end associate
       end if
       call change_forces(self, solver, point%motion, change, released)
-      if (present(denser)) call add_samples(denser, solver, change, released, point%samples_share)
+      if (present(denser)) call extrapolate_samples(denser, solver, change, released, point%samples_share)
       call step(solver, change, released, response, point, status)
       if (status == 0) point%monitors = matmul(to_real(response), balance%monitors)
       point%response = response
@@ -137,7 +143,7 @@ contains
       do i = 1, size(balance%law)
         if (balance%forces(i)%state < state_slipping) cycle
         associate (first => balance%law(i)%first_row, last => balance%law(i)%first_row + balance%law(i)%tangents)
-          if (size(balance%forces(i)%deviation, 1) >= size(deviation, 1)) then
+          if (size(balance%forces(i)%deviation, 1) >= size(deviation, 1) .and. .not. self%is_denser_for(balance, i)) then
             deviation(:, first:last) = balance%forces(i)%deviation(:size(deviation, 1), :)
           else
             motion = resized(solver%motion(:, first:last), size(deviation, 1))
@@ -198,6 +204,16 @@ contains
     end associate
   end subroutine evaluate
 
+  !> Does a contact go by more samples here than in the balance?
+  pure logical function is_denser_for(self, balance, contact)
+    class(finer_balance_type), intent(in) :: self
+    type(balance_type), intent(in) :: balance
+    integer, intent(in) :: contact
+
+    is_denser_for = self%quadrature%fourier%samples > balance%quadrature%fourier%samples .and. &
+                    .not. goes_by_events(balance%law(contact), balance%quadrature%by_events)
+  end function is_denser_for
+
   !> What the finer balance's forces differ by at the harmonics up to H, and where its periodic sliders would go.
   subroutine change_forces(self, solver, motion, change, released)
     class(finer_balance_type), intent(in) :: self
@@ -226,24 +242,25 @@ contains
     end associate
   end subroutine change_forces
 
-  !> Add what more samples change of the forces, extrapolated: the error falls like the square of their number.
-  subroutine add_samples(denser, solver, change, released, share)
+  !> The part of a change of the forces that is due to samples. It is extrapolated: the error falls like the square of their number.
+  subroutine extrapolate_samples(denser, solver, change, released, share)
     type(finer_balance_type), intent(in) :: denser
     type(solver_type), intent(inout) :: solver
+    !> By harmonics and samples
     real(wp), intent(inout) :: change(:, :), released(:, :)
-    !> Of samples in the motion that both changes by themselves make
+    !> Of samples in the motion that both parts by themselves make
     real(wp), intent(out) :: share
-    real(wp), parameter :: extrapolation = 4.0_wp/3.0_wp
+    real(wp), parameter :: rest = 1.0_wp/(densification**2 - 1.0_wp)
     real(wp), allocatable :: by_samples(:, :), released_by_samples(:, :)
     real(wp) :: harmonics, samples
 
     call change_forces(denser, solver, solver%motion, by_samples, released_by_samples)
-    harmonics = moved_by(solver, change)
-    samples = extrapolation*moved_by(solver, by_samples)
+    harmonics = moved_by(solver, change - by_samples)
+    samples = (1.0_wp + rest)*moved_by(solver, by_samples)
     share = samples/max(samples + harmonics, tiny(1.0_wp))
-    change = change + extrapolation*by_samples
-    released = released + extrapolation*released_by_samples
-  end subroutine add_samples
+    change = change + rest*by_samples
+    released = released + rest*released_by_samples
+  end subroutine extrapolate_samples
 
   !> Norm of the motion that a change of forces makes of the contacts, these being stuck.
   real(wp) function moved_by(solver, change)
