@@ -8,7 +8,7 @@ module attrito_balance_stuck_response
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: product_with_few
   use attrito_contact_state, only: state_stuck
-  use attrito_contact_stuck_bound, only: mean_capacities, sticks_within
+  use attrito_contact_stuck_bound, only: mean_capacity, sticks_within
   use attrito_balance_harmonic_balance, only: balance_type, stuck_mean_type
   implicit none
   private
@@ -62,7 +62,7 @@ contains
   !> it is frozen. Kept: it stays the same along a sweep.
   subroutine update_mean(self)
     type(balance_type), intent(inout) :: self
-    integer :: i
+    integer :: e, i
 
     if (self%ranks%largest(merge(0.0_wp, 1.0_wp, is_kept(self))) <= 0.0_wp) return
     self%kept = stuck_mean_type(slider=self%slider, static_factors=self%static_factors, frozen=allocated(self%frozen_mean))
@@ -75,8 +75,10 @@ contains
     allocate (self%kept%capacities(size(self%slider, 1)/2, size(self%law)))
     do i = 1, size(self%law)
       associate (law => self%law(i))
-        self%kept%capacities(:law%elements(), i) = &
-          mean_capacities(law, self%kept%motion(law%first_row:law%first_row + law%tangents), self%slider(:, i))
+        do e = 1, law%elements()
+          self%kept%capacities(e, i) = &
+            mean_capacity(law, e, self%kept%motion(law%first_row:law%first_row + law%tangents), self%slider(:, i))
+        end do
       end associate
     end do
   end subroutine update_mean
@@ -96,12 +98,12 @@ contains
     complex(wp), allocatable :: mean(:)
     real(wp) :: deviation(self%rows()), force(size(self%directions, 1))
     complex(wp), dimension(size(force), 0:0) :: load, response
-    integer :: i
+    integer :: i, t
 
     do i = 1, size(self%law)
       associate (law => self%law(i))
         deviation(law%first_row:law%first_row + law%tangents) = &
-          [law%slider_force(self%slider(:, i)), law%normal_force(0.0_wp)]
+          [(law%slider_force(t, self%slider(:, i)), t=1, law%tangents), law%normal_force(0.0_wp)]
       end associate
     end do
     force = -matmul(self%directions, deviation)

@@ -67,7 +67,8 @@ contains
     type(contact_forces_type), intent(inout) :: forces
 
     call hold_slider(law, slider, forces)
-    forces%moved = spread(0.0_wp, 1, size(slider))
+    forces%moved = slider
+    forces%moved(:) = 0.0_wp
     forces%may_stick = .true.
     forces%unique = .false.
     forces%active = spread(.false., 1, coefficients*(law%tangents + 1))
@@ -80,10 +81,13 @@ contains
     !> [at least 2 elements]
     real(wp), intent(in) :: slider(:)
     type(contact_forces_type), intent(inout) :: forces
+    integer :: i
 
     associate (n => law%tangents)
       forces%deviation = 0.0_wp
-      forces%deviation(1, :n) = law%slider_force(slider)
+      do i = 1, n
+        forces%deviation(1, i) = law%slider_force(i, slider)
+      end do
       forces%deviation(1, n + 1) = law%normal_force(0.0_wp)
     end associate
     forces%slider = slider

@@ -10,7 +10,7 @@ module attrito_contact_stuck_bound
   use attrito_model_contacts, only: contact_type
   implicit none
   private
-  public :: is_stuck_by_bound, mean_capacities, sticks_within, oscillation_bound
+  public :: is_stuck_by_bound, mean_capacity, sticks_within, oscillation_bound
 
 contains
 
@@ -23,47 +23,57 @@ contains
     integer :: i
 
     oscillation_bounds = [(oscillation_bound(motion(:, i)), i=1, size(oscillation_bounds))]
-    is_stuck_by_bound = sticks_within(law, oscillation_bounds, mean_capacities(law, motion(1, :size(oscillation_bounds)), slider))
+    do i = 1, law%elements()
+      is_stuck_by_bound = alternating_demand(law, i, oscillation_bounds) &
+                          < mean_capacity(law, i, motion(1, :size(oscillation_bounds)), slider)
+      if (.not. is_stuck_by_bound) return
+    end do
   end function is_stuck_by_bound
 
-  !> Friction that the mean leaves of each element for the harmonics, mu N_0 - k_t |u_0 - w| [elements].
-  pure function mean_capacities(law, mean, slider) result(capacities)
-    type(contact_type), intent(in) :: law
-    !> Of relative displacement [tangents + 1], and sliders [at least 2 elements, or tangents]
-    real(wp), intent(in) :: mean(:), slider(:)
-    real(wp) :: capacities(law%elements())
-    integer :: i
-
-    do i = 1, size(capacities)
-      associate (n => law%tangents, part => law%part(i))
-        capacities(i) = part%slip_force*law%least_coefficient()*law%normal_force(mean(n + 1)) &
-                        - part%stiffness*law%tangential_stiffness*norm2(mean(:n) - slider(2*i - 1:2*i - 2 + n))
-      end associate
-    end do
-  end function mean_capacities
-
-  !> Is the most friction that the harmonics may ask for of an element, k_t |swing of u| + mu k_n swing of v, less than what the mean
-  !> leaves of it, for every element?
+  !> The same, with what the mean leaves of each element given.
   pure logical function sticks_within(law, oscillation_bounds, capacities)
     type(contact_type), intent(in) :: law
-    !> [tangents + 1], and of `mean_capacities` [at least elements]
+    !> [tangents + 1], and by `mean_capacity` [at least elements]
     real(wp), intent(in) :: oscillation_bounds(:), capacities(:)
-    real(wp) :: normal, tangential
     integer :: i
 
-    normal = law%least_coefficient()*law%normal_stiffness*oscillation_bounds(law%tangents + 1)
-    if (law%tangents == 1) then
-      tangential = law%tangential_stiffness*oscillation_bounds(1)
-    else
-      tangential = law%tangential_stiffness*sqrt(oscillation_bounds(1)**2 + oscillation_bounds(2)**2)
-    end if
     do i = 1, law%elements()
-      associate (part => law%part(i))
-        sticks_within = part%slip_force*normal + part%stiffness*tangential < capacities(i)
-      end associate
+      sticks_within = alternating_demand(law, i, oscillation_bounds) < capacities(i)
       if (.not. sticks_within) return
     end do
   end function sticks_within
+
+  !> Friction that the mean leaves of an element for the harmonics, mu N_0 - k_t |u_0 - w|.
+  pure real(wp) function mean_capacity(law, element, mean, slider) result(margin)
+    type(contact_type), intent(in) :: law
+    !> From 1
+    integer, intent(in) :: element
+    !> Of relative displacement [tangents + 1], and sliders [at least 2 elements, or tangents]
+    real(wp), intent(in) :: mean(:), slider(:)
+
+    associate (n => law%tangents, part => law%part(element), first => 2*element - 1)
+      margin = part%slip_force*law%least_coefficient()*law%normal_force(mean(n + 1)) &
+               - part%stiffness*law%tangential_stiffness*norm2(mean(:n) - slider(first:first + n - 1))
+    end associate
+  end function mean_capacity
+
+  !> The most friction that the harmonics may ask for of an element, k_t |swing of u| + mu k_n swing of v.
+  pure real(wp) function alternating_demand(law, element, oscillation_bounds) result(demand)
+    type(contact_type), intent(in) :: law
+    !> From 1
+    integer, intent(in) :: element
+    !> [tangents + 1]
+    real(wp), intent(in) :: oscillation_bounds(:)
+
+    associate (part => law%part(element))
+      demand = part%slip_force*law%least_coefficient()*law%normal_stiffness*oscillation_bounds(law%tangents + 1)
+      if (law%tangents == 1) then
+        demand = demand + part%stiffness*law%tangential_stiffness*oscillation_bounds(1)
+      else
+        demand = demand + part%stiffness*law%tangential_stiffness*sqrt(oscillation_bounds(1)**2 + oscillation_bounds(2)**2)
+      end if
+    end associate
+  end function alternating_demand
 
   !> Sum of the amplitudes of the harmonics [k].
   pure real(wp) function oscillation_bound(coefficients)

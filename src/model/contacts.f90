@@ -172,20 +172,21 @@ contains
     end associate
   end function element
 
-  !> What sliders add to the force of the tangential spring, the sum of -k_t w over elements [tangents].
-  pure function slider_force(self, slider) result(force)
+  !> What sliders add to the force of the tangential spring along a tangent, the sum of -k_t w over elements.
+  pure real(wp) function slider_force(self, tangent, slider) result(force)
     class(contact_type), intent(in) :: self
+    !> From 1
+    integer, intent(in) :: tangent
     !> In pairs, one an element [at least 2 elements]
     real(wp), intent(in) :: slider(:)
-    real(wp) :: force(self%tangents)
     integer :: i
 
-    force = -self%tangential_stiffness*slider(:self%tangents)
+    force = -self%tangential_stiffness*slider(tangent)
     if (self%elements() == 1) return
     force = 0.0_wp
     do i = 1, self%elements()
       associate (part => self%part(i))
-        force = force - part%stiffness*self%tangential_stiffness*slider(2*i - 1:2*i - 2 + self%tangents)
+        force = force - part%stiffness*self%tangential_stiffness*slider(2*i - 2 + tangent)
       end associate
     end do
   end function slider_force
