@@ -4,17 +4,18 @@ program test_convergence
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
   use attrito_newton_convergence, only: has_run_off, is_answer, worse_of
-  use session, only: run_in_session
-  use testing, only: test, check
+  use testing, only: test, run_suite, check
   implicit none
 
   real(wp), parameter :: tolerance = 1.0e-10_wp
 
-  call run_in_session('convergence', [ &
-                      test('a residual within the tolerance is one, a greater one is not', within), &
-                      test('what rounding of a great motion hides does not count', hidden), &
-                      test('what has run off is none, with any residual', run_off), &
-                      test('what is not a number is none, whatever stands beside it', not_a_number)])
+  if (run_suite('convergence', [ &
+                test('a residual within the tolerance is one, a greater one is not', within), &
+                test('what rounding of a great motion hides does not count', hidden), &
+                test('what has run off is none, with any residual', run_off), &
+                test('what is not a number is none, whatever stands beside it', not_a_number)], quiet=.false.) > 0) then
+    error stop 1
+  end if
 
 contains
 

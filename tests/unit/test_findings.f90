@@ -5,15 +5,17 @@ program test_findings
   use attrito_solve_outcomes, only: outcome_converged, outcome_unstable, outcome_indeterminate, outcome_no_period_one_orbit, &
     outcome_not_converged, outcome_above_tolerance
   use attrito_stability_verdict, only: not_examined, unstable, stable, indeterminate
-  use session, only: run_in_session
-  use testing, only: test, check
+  use testing, only: test, run_suite, check
   implicit none
 
-  call run_in_session('findings', [ &
-                      test('a point whose error is above the tolerance is that first, whatever its stability', above), &
-                      test('an examined point is what its examination says', examined), &
-                      test('a point whose sliders drift is indeterminate and is not examined', drifting), &
-                      test('without a solution motion in time decides, the one that was followed before the solver''s', unsolved)])
+  if (run_suite('findings', [ &
+                test('a point whose error is above the tolerance is that first, whatever its stability', above), &
+                test('an examined point is what its examination says', examined), &
+                test('a point whose sliders drift is indeterminate and is not examined', drifting), &
+                test('without a solution motion in time decides, the one that was followed before the solver''s', unsolved)], &
+                quiet=.false.) > 0) then
+    error stop 1
+  end if
 
 contains
 

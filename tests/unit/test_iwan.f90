@@ -144,7 +144,8 @@ contains
     real(wp) :: motion(3, 2), amplitude, slider(80)
     integer :: a, b
 
-    quadrature = quadrature_type(.true., grid=new_grid(1))
+    quadrature%by_events = .true.
+    quadrature%grid = new_grid(1)
     do a = 1, size(chis)
       do b = 1, size(betas)
         contact = joint(chis(a), betas(b), 40)
