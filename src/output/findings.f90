@@ -40,8 +40,9 @@ contains
 
     if (.not. self%solved) then
       outcome = merge(outcome_no_period_one_orbit, outcome_not_converged, self%no_orbit)
-      if (self%followed_period /= not_followed) &
+      if (self%followed_period /= not_followed) then
         outcome = merge(outcome_not_converged, outcome_no_period_one_orbit, self%followed_period == 1)
+      end if
     else if (.not. self%within_tolerance) then
       outcome = outcome_above_tolerance
     else
