@@ -217,3 +217,9 @@ def test_names_in_the_glossary_exist_in_the_code_and_its_files():
             assert list(ROOT.glob(name.rstrip("/"))), name
         else:
             assert set(re.findall(r"\w+", name)) <= words, name
+
+
+def test_the_version_has_a_heading_in_the_changelog():
+    version = tomllib.loads((ROOT / "python" / "pyproject.toml").read_text())["project"]["version"]
+    headings = re.findall(r"^## (.*)$", (ROOT / "CHANGELOG.md").read_text(), flags=re.MULTILINE)
+    assert headings[:2] == ["Unreleased", version]

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 import subprocess
+import tomllib
 from pathlib import Path
 
 from jobs import ENVIRONMENT, TIMEOUT, wedge, write_job
 
 ROOT = Path(__file__).resolve().parents[2]
+VERSION = tomllib.loads((ROOT / "python" / "pyproject.toml").read_text())["project"]["version"]
 
 
 def ended(*command: str, folder: Path, **environment: str) -> str:
@@ -23,7 +25,7 @@ def test_an_installed_attrito_needs_nothing_set(tmp_path):
     place = tmp_path / "place"
     ended("cmake", "--install", str(ROOT / "build" / "release"), "--prefix", str(place), folder=tmp_path)
     command = str(place / "bin" / "attrito")
-    assert ended(command, "--version", folder=tmp_path) == "attrito 0.1.0\n"
+    assert ended(command, "--version", folder=tmp_path) == f"attrito {VERSION}\n"
     ended(command, "run", write_job(tmp_path, wedge()), folder=tmp_path)
     assert len(ended(command, "table", "result.h5", folder=tmp_path).splitlines()) == 2
     ended(command, "verify", "torture", "--scenes", "1", "-o", "torture", folder=tmp_path)
