@@ -10,6 +10,10 @@ import pytest
 from jobs import Job, attrito, chain, run, table, wedge, write_job
 from restarts import differences, run_in_pieces, run_to_the_end
 
+from attrito.peaks.file import read_peaks
+from attrito.results.loops import contact_loops
+from attrito.results.result import Result
+
 CHI, BETA = -0.4, 0.25
 
 
@@ -180,9 +184,6 @@ def _bound(cells: np.ndarray, stiffness: np.ndarray, largest: float, amplitude: 
 
 
 def test_a_large_motion_slips_at_mu_times_n_and_a_small_one_has_the_tangential_stiffness(tmp_path):
-    from attrito.results.loops import contact_loops
-    from attrito.results.result import Result
-
     job = joint(20, CHI, BETA)
     job["sweep"]["levels"] = [1e-5, 20.0]
     result = Result(str(in_folder(tmp_path / "joint", job) / "result.h5"))
@@ -250,6 +251,24 @@ def test_a_sweep_that_begins_at_a_stored_point_takes_up_all_sliders(tmp_path):
         assert first["points/frequency_hz"][2] == pytest.approx(second["points/frequency_hz"][0], rel=1e-9)
     assert np.abs(before[-2]) > 0.0, "the largest slider rests where it began: the test is void"
     assert np.allclose(after, before, rtol=0, atol=1e-8 * np.abs(before).max())
+
+
+def test_peaks_and_their_derivatives_are_those_of_plain_contacts_side_by_side(tmp_path):
+    job = rubbing_wedge(harmonics=3, quadrature="event")
+    job["sweep"] = {"start_hz": 150.0, "stop_hz": 110.0}
+    # Every slider slips there, so that points are unique.
+    job["peak"] = {"parameter": "level", "start": 2.0, "stop": 4.0, "values": [2.6, 3.2]}
+    found = []
+    for name, each in (("law", job), ("plain", side_by_side(job))):
+        (tmp_path / name).mkdir()
+        done = attrito(tmp_path / name, "peak", write_job(tmp_path / name, each))
+        assert done.returncode == 0, done.stdout + done.stderr
+        found.append(read_peaks(str(tmp_path / name / "result.peaks.h5"))[0])
+    law, plain = found
+    places = [[list(data["level"]).index(level) for level in (2.0, 2.6, 3.2, 4.0)] for data in found]
+    # Newton's method ends at 1e-10 of the response; the curvature follows from the forces' second derivative there.
+    for name in ("frequency_hz", "amplitude", "curvature"):
+        assert law[name][places[0]] == pytest.approx(plain[name][places[1]], rel=1e-7)
 
 
 def test_tables_plots_and_the_report_take_contacts_of_several_elements(tmp_path):
