@@ -182,7 +182,7 @@ class Run:
 def run(case: Case, options: Options) -> Run:
     """Walk the static loads and solve the frequencies one by one."""
     with Solver(MPI.COMM_SELF, case.scene, options) as solver:
-        solver.walk_static_path(np.array([[0.0], [1.0]]), 10, case.frequencies_hz[0])
+        solver.follow_static_path(np.array([[0.0], [1.0]]), 10, case.frequencies_hz[0])
         started = time.process_time()
         points: list[Point] = list(solver.solve_at(list(case.frequencies_hz), 1.0, 0))
         seconds = time.process_time() - started

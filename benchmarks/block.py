@@ -32,7 +32,7 @@ def measure(contacts: int, harmonics: int, modes: int, load: float, options: dic
     first = stuck.frequencies_hz[0]
     level = load * np.median(slip_thresholds(scene, stuck, first))
     with Solver(MPI.COMM_WORLD, scene, Options(harmonics=harmonics, **options)) as solver:
-        solver.walk_static_path(np.array([[0.0], [1.0]]), 10, first)
+        solver.follow_static_path(np.array([[0.0], [1.0]]), 10, first)
         started = time.perf_counter()
         points = list(solver.sweep(0.8 * first, 1.2 * first, level, 0, 400))
         seconds = time.perf_counter() - started

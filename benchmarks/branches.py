@@ -38,7 +38,7 @@ class Place:
 
 def sweep(solver: common.TimedSolver, start: float, stop: float, arguments: argparse.Namespace) -> list[Place]:
     """From one end to the other, over all branches on the way."""
-    solver.walk_static_path(STATIC_PATH, 10, start)
+    solver.follow_static_path(STATIC_PATH, 10, start)
     started = time.process_time()
     places = []
     for point in solver.sweep(start, stop, arguments.force, 0, arguments.max_points):
@@ -51,7 +51,7 @@ def sweep(solver: common.TimedSolver, start: float, stop: float, arguments: argp
 def open_parts(solver: common.TimedSolver) -> np.ndarray:
     """At the last point, of each contact."""
     told = {}
-    solver.tell_point(lambda path, _, entry: told.update({path: entry}))
+    solver.report_point(lambda path, _, entry: told.update({path: entry}))
     return told["/contacts/open"]
 
 

@@ -62,13 +62,13 @@ def sweep(scene: campaign_scenes.Scene) -> Iterator[tuple[Point, Solved, float]]
         heard[path] = entry
 
     with Solver(MPI.COMM_SELF, scene.reduced, options_of(scene)) as solver:
-        solver.walk_static_path(PATH, 10, scene.frequencies_hz[0])
+        solver.follow_static_path(PATH, 10, scene.frequencies_hz[0])
         points = solver.solve_at(scene.frequencies_hz, 1.0, 0)
         for _ in scene.frequencies_hz:
             started = time.process_time()
             point = next(points)
             seconds = time.process_time() - started
-            solver.tell_point(hear)
+            solver.report_point(hear)
             solved = Solved(
                 point.frequency_hz, float(point.amplitude[0]), solver.coordinates(), heard["/contacts/slider"]
             )

@@ -340,16 +340,16 @@ class Referee:
         stored = StoredPoint(point.frequency_hz, point.coordinates, point.slider)
         with Solver(MPI.COMM_SELF, self._scene, options) as solver:
             try:
-                solver.walk_static_path(PATH, 10, point.frequency_hz)
+                solver.follow_static_path(PATH, 10, point.frequency_hz)
             except NumericsError as error:
                 raise NoTruthError(f"{harmonics} harmonics: {error}") from None
             solver.set_excitation(point.frequency_hz, point.frequency_hz, 1.0)
-            if not solver.stand_at(stored, 1.0):
+            if not solver.start_from(stored, 1.0):
                 raise NoTruthError(f"{harmonics} harmonics: not converged")
             found = next(solver.go_on_at([point.frequency_hz], 0))
             if found.outcome == "not_converged":
                 raise NoTruthError(f"{harmonics} harmonics: not converged")
-            solver.tell_point(hear)
+            solver.report_point(hear)
             mean = float(self._scene.monitors[0] @ solver.coordinates()[:, 0])
         return float(found.amplitude[0]), heard, mean
 

@@ -37,7 +37,7 @@ class TimedSolver(Solver):
 
     def solve_from_static(self, frequency_hz: float, level: float) -> Point:
         """Apply the static loads, then solve one point from there."""
-        self.walk_static_path(np.array([[0.0], [1.0]]), 10, frequency_hz)
+        self.follow_static_path(np.array([[0.0], [1.0]]), 10, frequency_hz)
         return next(self.solve_at([frequency_hz], level, 0))
 
     def set_stuck_response(self, frequency_hz: float, level: float) -> None:

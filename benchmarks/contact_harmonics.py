@@ -50,13 +50,13 @@ def examine(case: accuracy.Case, tolerance: float) -> list[dict]:
     """The points of a case at which a contact slips."""
     found = []
     with Solver(MPI.COMM_SELF, case.scene, accuracy.automatic(tolerance)) as solver:
-        solver.walk_static_path(np.array([[0.0], [1.0]]), 10, case.frequencies_hz[0])
+        solver.follow_static_path(np.array([[0.0], [1.0]]), 10, case.frequencies_hz[0])
         for point in solver.solve_at(list(case.frequencies_hz), 1.0, 0):
             slipping = sum(point.states[2:])
             if point.outcome != "converged" or not slipping:
                 continue
             told: dict[str, np.ndarray] = {}
-            solver.tell_point(lambda path, _, values, told=told: told.__setitem__(path, np.array(values)))
+            solver.report_point(lambda path, _, values, told=told: told.__setitem__(path, np.array(values)))
             force, highest = deviation(case, told), point.harmonics.shape[1] // 2
             left = [float(np.sum(2 * needed(force, power) + 1, where=needed(force, power) > 0)) for power in (2, 0)]
             whole = slipping * (2 * highest + 1)

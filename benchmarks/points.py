@@ -39,7 +39,7 @@ def measure(contacts: int, harmonics: int, level: str, modes: int, points: int) 
     away = [frequency * (1.0 - SHIFT * i) for i in range(1, points // 2 + 1)]
     rows = []
     with common.TimedSolver(scene, Options(harmonics=harmonics)) as solver:
-        solver.walk_static_path(np.array([[0.0], [1.0]]), 10, frequency)
+        solver.follow_static_path(np.array([[0.0], [1.0]]), 10, frequency)
         wall = 0.0
         for target in [frequency, *away, *away[-2::-1], frequency][: points + 1]:
             MPI.COMM_WORLD.Barrier()

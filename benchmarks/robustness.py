@@ -54,12 +54,12 @@ def measure(contacts: int, stiffness: float, arguments: argparse.Namespace) -> l
 
 def level(solver: common.TimedSolver, frequencies: np.ndarray, part: float, median: float, alone: bool) -> list[dict]:
     """The frequencies at one level."""
-    solver.walk_static_path(np.array([[0.0], [1.0]]), 10, frequencies[0])
+    solver.follow_static_path(np.array([[0.0], [1.0]]), 10, frequencies[0])
     rows = []
     points = solver.solve_at(list(frequencies), part * median, 0)
     for frequency in frequencies:
         if alone:
-            solver.walk_static_path(np.array([[0.0], [1.0]]), 10, frequency)
+            solver.follow_static_path(np.array([[0.0], [1.0]]), 10, frequency)
             points = solver.solve_at([frequency], part * median, 0)
         started = time.process_time()
         point = next(points)

@@ -32,7 +32,7 @@ def sweep(
     solver: common.TimedSolver, start: float, stop: float, level: float, limits: tuple[int, float]
 ) -> tuple[dict, list[Point]]:
     """One way, from the static solution, for so many points and seconds."""
-    solver.walk_static_path(np.array([[0.0], [1.0]]), 10, start)
+    solver.follow_static_path(np.array([[0.0], [1.0]]), 10, start)
     started = time.process_time()
     points = []
     for point in solver.sweep(start, stop, level, 0, limits[0]):

@@ -30,7 +30,7 @@ def measure(name: str, scene: ReducedScene, options: dict, turns: int) -> dict:
     start, stop = 0.5 * first, 1.5 * first
     least = min(scenes.slip_thresholds(scene, stuck, frequency).min() for frequency in (start, first, stop))
     with common.TimedSolver(scene, Options(harmonics=5, **options)) as solver:
-        solver.walk_static_path(np.array([[0.0], [1.0]]), 10, start)
+        solver.follow_static_path(np.array([[0.0], [1.0]]), 10, start)
         solver.linear_points(np.array([start]))
         sweeps, linear = [], []
         while len(sweeps) < turns:

@@ -150,7 +150,7 @@ def sweep(scene: ReducedScene, start_hz: float, stop_hz: float, most: int, orbit
     near: dict[int, str] = {}
     contacts = len(scene.laws["tangents"])
     with Solver(MPI.COMM_SELF, scene, options()) as solver:
-        solver.walk_static_path(PATH, STATIC_STEPS, start_hz)
+        solver.follow_static_path(PATH, STATIC_STEPS, start_hz)
         for point in solver.sweep(start_hz, stop_hz, 1.0, 0, most):
             if point.outcome not in ("converged", "above_tolerance"):
                 found.append(Examined(point, "not_solved", "", np.nan, np.empty(0), np.empty(0)))
@@ -335,9 +335,9 @@ def check(scene: ReducedScene, one: Examined, rng: np.random.Generator) -> tuple
                 integrator.run(replace(period.run, cycles=SETTLING, fewest_cycles=SETTLING))
                 orbit = shoot(period, period.take(*integrator.state()), amplitude)
             far = distance(orbit, balance, m2, amplitude)
-            return ("no_orbit" if far > FARTHEST else in_time(period, orbit, amplitude, rng)), far
+            return ("no_periodic_solution" if far > FARTHEST else in_time(period, orbit, amplitude, rng)), far
         except NumericsError:
-            return "no_orbit", np.inf
+            return "no_periodic_solution", np.inf
 
 
 def distance(orbit: np.ndarray | None, balance: np.ndarray, size: int, amplitude: float) -> float:
@@ -368,7 +368,7 @@ def is_wrong(verdict: str, answer: str) -> bool:
     return (verdict, answer) in {
         ("stable", "leaves"),
         ("unstable", "comes_back"),
-        ("stable", "no_orbit"),
+        ("stable", "no_periodic_solution"),
     }
 
 

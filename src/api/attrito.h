@@ -14,7 +14,7 @@ extern "C" {
 
 /* An entry of a series: its path in the file; `real64` or `int32`; its sizes, slowest first; its numbers; what they are, their
  * unit, and, where they count names, these with commas between. */
-typedef void (*attrito_hearer)(const char *path, const char *kind, int dimensions, const int *extent,
+typedef void (*attrito_series_callback)(const char *path, const char *kind, int dimensions, const int *extent,
     const double *values, const char *description, const char *unit, const char *names);
 
 /* A sentence where `total` is 0; else `done` of `total` parts of the step of this name. */
@@ -88,8 +88,8 @@ int attrito_prepare(void *handle, const attrito_solver_options *options, char *m
 /* Give the contacts other laws of the same stiffnesses and directions: modes stay. The static path is to be followed next. */
 void attrito_change_laws(void *handle, int count, const attrito_contact_law *laws);
 
-/* Walk the static load path [corners, static loads], standing at an angular frequency. */
-int attrito_walk_static_path(void *handle, int loads, int corners, const double *path, int steps, double omega,
+/* Follow the static load path [corners, static loads]; receptances are those of an angular frequency. */
+int attrito_follow_static_path(void *handle, int loads, int corners, const double *path, int steps, double omega,
     attrito_point *point, char *message, int length);
 
 /* Begin a sweep of the harmonic loads at a level between two angular frequencies. */
@@ -103,7 +103,7 @@ void attrito_solve_at(void *handle, double omega, int branch, attrito_point *poi
 
 /* A point at an angular frequency by one attempt of the cascade alone; the session then stands where it stood before, whether that
  * found a point or not. 0, or 1: there is no attempt of that name. */
-int attrito_try_at(void *handle, const char *attempt, double omega, attrito_point *point);
+int attrito_solve_by_strategy(void *handle, const char *attempt, double omega, attrito_point *point);
 
 /* Coefficients of the monitors [monitors, 2 H + 1] and their amplitudes at the last point. */
 void attrito_monitors(void *handle, double *harmonics, double *amplitude);
@@ -147,7 +147,7 @@ void attrito_begin_backbone(void *handle, int mode, int monitor, int measure, do
     attrito_backbone *backbone);
 
 /* At another amplitude, by long steps from where contacts stick. */
-void attrito_backbone_anew(void *handle, double amplitude, int branch, attrito_backbone *backbone);
+void attrito_restart_backbone(void *handle, double amplitude, int branch, attrito_backbone *backbone);
 
 /* Followed to another amplitude. */
 void attrito_backbone_at(void *handle, double amplitude, int branch, attrito_backbone *backbone);
@@ -168,17 +168,17 @@ int attrito_find_bifurcations(void *handle, int methods, int orbit);
 /* One of those found, from 0, and the amplitudes of the monitors there. */
 void attrito_bifurcation(void *handle, int i, attrito_bifurcation_report *report, double *amplitude);
 
-/* Remember where the session stands as a point that is known; `follows`: the branch goes on from the one remembered last. */
+/* Add the last point to those that are known; `follows`: the branch goes on from the one added before. */
 void attrito_keep_point(void *handle, int follows);
 
-/* Forget all points but the first so many. */
-void attrito_forget_points(void *handle, int count);
+/* Remove all known points but the first so many. */
+void attrito_remove_points(void *handle, int count);
 
-/* Stand at a point that is known, from 0. */
-void attrito_stand_at_point(void *handle, int number);
+/* Make a known point the last one, from 0. */
+void attrito_start_from_point(void *handle, int number);
 
-/* Does the session stand on a branch of the first so many points that are known? */
-int attrito_is_known(void *handle, int count);
+/* Does the last point lie on a branch of the first so many points that are known? */
+int attrito_lies_on_branch(void *handle, int count);
 
 /* Look for a point at an angular frequency: 1 if one was found, on which the session then stands. */
 int attrito_seek(void *handle, int way, double omega, double factor);
@@ -189,7 +189,7 @@ void attrito_begin_branch(void *handle, double start, double stop, int way, int 
 
 /* Stand at a motion of the model's coordinates [m, coefficients] at an angular frequency, with sliders [contacts, width], and
  * solve there; 1 if that converges. */
-int attrito_stand_at_motion(void *handle, int coefficients, const double *coordinates, const double *slider,
+int attrito_start_from_motion(void *handle, int coefficients, const double *coordinates, const double *slider,
     double omega, double level);
 
 /* Describe the interface in words, a line each: `names OF name=number ...` of an enumeration, `size OF bytes` of a structure.
@@ -292,7 +292,7 @@ void attrito_enter_family(void *handle);
 void attrito_leave_family(void *handle);
 
 /* Floating-point operations since the family was entered. */
-double attrito_work_of_visits(void *handle);
+double attrito_family_work(void *handle);
 
 /* Remember the present member in a place, 0 or 1. */
 void attrito_keep_member(void *handle, int place);
@@ -337,7 +337,7 @@ void attrito_coordinates(void *handle, int coefficients, double *coordinates);
 void attrito_follow_peak_in(void *handle, int parameter, int branch, attrito_peak *peak);
 
 /* The next steps go towards a value of the parameter. */
-void attrito_turn_peak(void *handle, double value);
+void attrito_set_peak_direction(void *handle, double value);
 
 /* One step along the curve of peaks, or just to a value of the parameter, where it has finished. */
 void attrito_next_peak(void *handle, double stop, int branch, attrito_peak *peak);
@@ -345,23 +345,23 @@ void attrito_next_peak(void *handle, double stop, int branch, attrito_peak *peak
 /* The peak at a value of the parameter, by as many steps as it takes. */
 void attrito_peak_at(void *handle, double value, int branch, attrito_peak *peak);
 
-/* Tell what the last point is; names of monitors, one a line. Collective. */
-void attrito_tell_point(void *handle, const char *monitors, attrito_hearer listener);
+/* Report the last point, series by series; names of monitors, one a line. Collective. */
+void attrito_report_point(void *handle, const char *monitors, attrito_series_callback listener);
 
 /* Outcome of the last point by all that has been found of it, see `attrito_output_findings`. */
 int attrito_outcome(void *handle);
 
 /* Of motion in time under the loads of the last point, which has no solution: its period in periods of the excitation, 0: none. */
-void attrito_found_in_time(void *handle, int period);
+void attrito_set_period_in_time(void *handle, int period);
 
-/* Put down what the last point leaves for the next on this rank; returns how many numbers that is. */
-int attrito_put_down(void *handle);
+/* Save what the last point leaves for the next on this rank; returns how many numbers that is. */
+int attrito_save_state(void *handle);
 
-/* The numbers put down last. */
+/* The numbers that were saved last. */
 void attrito_fetch_state(void *handle, double *numbers);
 
-/* Take up, in place of the last point, what was put down on as many ranks; 1 if it is of this session's kind, else 0. Collective. */
-int attrito_take_up(void *handle, int count, const double *numbers);
+/* Load, in place of the last point, what was saved on as many ranks; 1 if it is of this session's kind, else 0. Collective. */
+int attrito_load_state(void *handle, int count, const double *numbers);
 
 /* See `reduction_options_type` */
 typedef struct {

@@ -47,7 +47,7 @@ contains
   end subroutine attrito_begin_backbone
 
   !> At another amplitude, by long steps from where contacts stick.
-  subroutine attrito_backbone_anew(handle, amplitude, branch, backbone) bind(c)
+  subroutine attrito_restart_backbone(handle, amplitude, branch, backbone) bind(c)
     type(c_ptr), value :: handle
     real(c_double), value :: amplitude
     integer(c_int), value :: branch
@@ -57,7 +57,7 @@ contains
     session => session_of(handle)
     call session%backbone%begin_at(session%solver, amplitude)
     call describe(session, branch, backbone)
-  end subroutine attrito_backbone_anew
+  end subroutine attrito_restart_backbone
 
   !> Followed to another amplitude.
   subroutine attrito_backbone_at(handle, amplitude, branch, backbone) bind(c)

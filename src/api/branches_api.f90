@@ -18,7 +18,7 @@ module attrito_api_branches
 
 contains
 
-  !> Remember where the session stands as a point that is known; `follows`: the branch goes on from the one remembered last.
+  !> Add the last point to those that are known; `follows`: the branch goes on from the one added before.
   subroutine attrito_keep_point(handle, follows) bind(c)
     type(c_ptr), value :: handle
     integer(c_int), value :: follows
@@ -28,35 +28,35 @@ contains
     call session%known%add(session%solver, follows /= 0)
   end subroutine attrito_keep_point
 
-  !> Forget all points but the first so many.
-  subroutine attrito_forget_points(handle, count) bind(c)
+  !> Remove all known points but the first so many.
+  subroutine attrito_remove_points(handle, count) bind(c)
     type(c_ptr), value :: handle
     integer(c_int), value :: count
     type(session_type), pointer :: session
 
     session => session_of(handle)
     call session%known%drop_from(count + 1)
-  end subroutine attrito_forget_points
+  end subroutine attrito_remove_points
 
-  !> Stand at a point that is known, from 0.
-  subroutine attrito_stand_at_point(handle, number) bind(c)
+  !> Make a known point the last one, from 0.
+  subroutine attrito_start_from_point(handle, number) bind(c)
     type(c_ptr), value :: handle
     integer(c_int), value :: number
     type(session_type), pointer :: session
 
     session => session_of(handle)
     call session%known%restore_point(session%solver, number + 1)
-  end subroutine attrito_stand_at_point
+  end subroutine attrito_start_from_point
 
-  !> Does the session stand on a branch of the first so many points that are known?
-  integer(c_int) function attrito_is_known(handle, count) bind(c)
+  !> Does the last point lie on a branch of the first so many points that are known?
+  integer(c_int) function attrito_lies_on_branch(handle, count) bind(c)
     type(c_ptr), value :: handle
     integer(c_int), value :: count
     type(session_type), pointer :: session
 
     session => session_of(handle)
-    attrito_is_known = merge(1, 0, session%known%contains_solution(session%solver, count))
-  end function attrito_is_known
+    attrito_lies_on_branch = merge(1, 0, session%known%contains_solution(session%solver, count))
+  end function attrito_lies_on_branch
 
   !> Look for a point at an angular frequency: 1 if one was found, on which the session then stands.
   integer(c_int) function attrito_seek(handle, way, omega, factor) bind(c)
@@ -96,7 +96,7 @@ contains
 
   !> Stand at a motion of the model's coordinates [m, coefficients] at an angular frequency, with sliders [contacts, width], and
   !> solve there; 1 if that converges.
-  integer(c_int) function attrito_stand_at_motion(handle, coefficients, coordinates, slider, omega, level) bind(c)
+  integer(c_int) function attrito_start_from_motion(handle, coefficients, coordinates, slider, omega, level) bind(c)
     type(c_ptr), value :: handle
     integer(c_int), value :: coefficients
     real(c_double), intent(in) :: coordinates(coefficients, *), slider(*)
@@ -118,7 +118,7 @@ contains
       last = first - 1 + size(balance%slider)
       call solver%set_slider(reshape(slider(first:last), shape(balance%slider)))
       call solve_by_cascade(solver, omega)
-      attrito_stand_at_motion = merge(1, 0, solver%report%converged)
+      attrito_start_from_motion = merge(1, 0, solver%report%converged)
     end associate
-  end function attrito_stand_at_motion
+  end function attrito_start_from_motion
 end module attrito_api_branches

@@ -12,7 +12,7 @@ module attrito_api_integrate
   use attrito_integrate_state, only: state_type, new_state, normal_force
   use attrito_integrate_static_path, only: follow_static_path
   use attrito_integrate_system, only: system_type, new_system
-  use attrito_api_message, only: tell
+  use attrito_api_message, only: report_error
   use attrito_api_session, only: contact_law_type, law_of, release_laws
   implicit none
   private
@@ -78,7 +78,7 @@ contains
       session%contacts = new_contacts([(law_of(laws(i)), i=1, scene%contacts)], matrix(scene%directions, m, scene%rows))
     end associate
     call new_system(session%structure, session%contacts, session%system, error)
-    status = tell(error, message)
+    status = report_error(error, message)
     if (allocated(error)) return
     allocate (session%motion(scene%size), session%rate(scene%size), session%slider(2, scene%contacts), source=0.0_wp)
   end function attrito_integrator_create
@@ -98,7 +98,7 @@ contains
     if (c_associated(slider)) session%slider = matrix(slider, 2, size(session%contacts%law))
     session%rate = 0.0_wp
     call follow_static_path(session%system, path, steps, session%motion, session%slider, error)
-    status = tell(error, message)
+    status = report_error(error, message)
   end function attrito_integrator_start_static
 
   !> Start from a state in the scene's coordinates: displacement [m], velocity [m], sliders [contacts, 2].
@@ -155,7 +155,7 @@ contains
     call integrate(session%system, options_of(options, size(session%structure%static_loads, 2)), session%motion, session%rate, &
                    session%slider, session%orbit, error)
     call system_clock(to)
-    status = tell(error, message)
+    status = report_error(error, message)
     if (allocated(error)) return
     associate (orbit => session%orbit)
       session%motion = orbit%state%motion

@@ -30,13 +30,13 @@ contains
   end subroutine attrito_leave_family
 
   !> Floating-point operations since the family was entered.
-  real(c_double) function attrito_work_of_visits(handle) bind(c)
+  real(c_double) function attrito_family_work(handle) bind(c)
     type(c_ptr), value :: handle
     type(session_type), pointer :: session
 
     session => session_of(handle)
-    attrito_work_of_visits = work_of_visits(session%solver, session%family)
-  end function attrito_work_of_visits
+    attrito_family_work = work_of_visits(session%solver, session%family)
+  end function attrito_family_work
 
   !> Remember the present member in a place, 0 or 1.
   subroutine attrito_keep_member(handle, place) bind(c)

@@ -4,12 +4,12 @@ module attrito_api_message
   use attrito_core_errors, only: error_type
   implicit none
   private
-  public :: tell, say, text_of
+  public :: report_error, say, text_of
 
 contains
 
   !> Status of an error, its message copied out: 0 and nothing where there is none.
-  function tell(error, message) result(status)
+  function report_error(error, message) result(status)
     type(error_type), allocatable, intent(in) :: error
     !> Ends with a null character
     character(kind=c_char), intent(out) :: message(:)
@@ -20,7 +20,7 @@ contains
     if (.not. allocated(error)) return
     status = error%status
     call say(error%message, message)
-  end function tell
+  end function report_error
 
   !> Copy a text out.
   pure subroutine say(text, message)

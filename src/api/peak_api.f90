@@ -91,14 +91,14 @@ contains
   end subroutine attrito_follow_peak_in
 
   !> The next steps go towards a value of the parameter.
-  subroutine attrito_turn_peak(handle, value) bind(c)
+  subroutine attrito_set_peak_direction(handle, value) bind(c)
     type(c_ptr), value :: handle
     real(c_double), value :: value
     type(session_type), pointer :: session
 
     session => session_of(handle)
     call session%peak%turn_towards(session%solver, value)
-  end subroutine attrito_turn_peak
+  end subroutine attrito_set_peak_direction
 
   !> One step along the curve of peaks, or just to a value of the parameter, where it has finished.
   subroutine attrito_next_peak(handle, stop, branch, peak) bind(c)

@@ -4,7 +4,7 @@ module attrito_api_point
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type, writing_store, reading_store
   use attrito_output_listener, only: new_listener
-  use attrito_output_point_series, only: tell_point
+  use attrito_output_point_series, only: report_point
   use attrito_api_message, only: text_of
   use attrito_api_session, only: session_type, session_of
   implicit none
@@ -12,8 +12,8 @@ module attrito_api_point
 
 contains
 
-  !> Tell what the last point is; names of monitors, one a line. Collective.
-  subroutine attrito_tell_point(handle, monitors, listener) bind(c)
+  !> Report the last point, series by series; names of monitors, one a line. Collective.
+  subroutine attrito_report_point(handle, monitors, listener) bind(c)
     type(c_ptr), value :: handle
     character(kind=c_char), intent(in) :: monitors(*)
     !> See `listener_type`; null except at the root
@@ -21,9 +21,9 @@ contains
     type(session_type), pointer :: session
 
     session => session_of(handle)
-    call tell_point(session%solver, session%point, lines_of(text_of(monitors), size(session%structure%monitors, 2)), &
+    call report_point(session%solver, session%point, lines_of(text_of(monitors), size(session%structure%monitors, 2)), &
                     new_listener(listener))
-  end subroutine attrito_tell_point
+  end subroutine attrito_report_point
 
   !> Outcome of the last point by all that has been found of it, see `attrito_output_findings`.
   integer(c_int) function attrito_outcome(handle) bind(c)
@@ -35,17 +35,17 @@ contains
   end function attrito_outcome
 
   !> Of motion in time under the loads of the last point, which has no solution: its period in periods of the excitation, 0: none.
-  subroutine attrito_found_in_time(handle, period) bind(c)
+  subroutine attrito_set_period_in_time(handle, period) bind(c)
     type(c_ptr), value :: handle
     integer(c_int), value :: period
     type(session_type), pointer :: session
 
     session => session_of(handle)
     session%point%findings%followed_period = period
-  end subroutine attrito_found_in_time
+  end subroutine attrito_set_period_in_time
 
-  !> Put down what the last point leaves for the next on this rank; returns how many numbers that is.
-  integer(c_int) function attrito_put_down(handle) bind(c)
+  !> Save what the last point leaves for the next on this rank; returns how many numbers that is.
+  integer(c_int) function attrito_save_state(handle) bind(c)
     type(c_ptr), value :: handle
     type(session_type), pointer :: session
     type(state_store_type) :: store
@@ -54,10 +54,10 @@ contains
     store = writing_store()
     call keep(session, store)
     session%state = store%numbers(:store%place)
-    attrito_put_down = store%place
-  end function attrito_put_down
+    attrito_save_state = store%place
+  end function attrito_save_state
 
-  !> The numbers put down last.
+  !> The numbers that were saved last.
   subroutine attrito_fetch_state(handle, numbers) bind(c)
     type(c_ptr), value :: handle
     real(c_double), intent(out) :: numbers(*)
@@ -67,8 +67,8 @@ contains
     numbers(:size(session%state)) = session%state
   end subroutine attrito_fetch_state
 
-  !> Take up, in place of the last point, what was put down on as many ranks; 1 if it is of this session's kind, else 0. Collective.
-  integer(c_int) function attrito_take_up(handle, count, numbers) bind(c)
+  !> Load, in place of the last point, what was saved on as many ranks; 1 if it is of this session's kind, else 0. Collective.
+  integer(c_int) function attrito_load_state(handle, count, numbers) bind(c)
     type(c_ptr), value :: handle
     integer(c_int), value :: count
     real(c_double), intent(in) :: numbers(count)
@@ -80,8 +80,8 @@ contains
     store = reading_store(numbers)
     call keep(session, store)
     unread = merge(0.0_wp, 1.0_wp, store%is_read())
-    attrito_take_up = merge(1, 0, session%ranks%largest(unread) <= 0.0_wp)
-  end function attrito_take_up
+    attrito_load_state = merge(1, 0, session%ranks%largest(unread) <= 0.0_wp)
+  end function attrito_load_state
 
   !> All that a session remembers from point to point.
   subroutine keep(session, store)

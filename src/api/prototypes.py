@@ -18,11 +18,11 @@ HEADER = ROOT / "src" / "api" / "attrito.h"
 PLAIN = ("options", "report", "scene")
 # Interfaces of procedures that are handed over, by where they are declared: their name there, and in the header.
 LISTENERS = {
-    "output/listener.f90": ("hearer", "attrito_hearer"),
+    "output/listener.f90": ("series_callback", "attrito_series_callback"),
     "reduce/progress.f90": ("listener", "attrito_listener"),
 }
 # Arguments that are such procedures.
-HANDED_OVER = {"attrito_tell_point": "attrito_hearer", "attrito_reduce": "attrito_listener"}
+HANDED_OVER = {"attrito_report_point": "attrito_series_callback", "attrito_reduce": "attrito_listener"}
 INTRODUCTION = """\
 /* The C interface of attrito. Made by script/header from the Fortran sources; a test compares both.
  *

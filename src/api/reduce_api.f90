@@ -1,7 +1,7 @@
 !> C interface of the reduction: plain arrays, a status (0 done, 1 the numerics, 2 the input) and a message, alike on every rank.
 module attrito_api_reduce
   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_funptr, c_int
-  use attrito_api_message, only: tell, text_of
+  use attrito_api_message, only: report_error, text_of
   use attrito_core_errors, only: error_type
   use attrito_reduce_progress, only: new_progress
   use attrito_reduce_reduction, only: reduce_model, reduction_options_type, reduction_report_type
@@ -64,7 +64,7 @@ contains
                       memory_megabytes=options%memory_megabytes, eigensolver=joined(options%eigensolver)), &
                       new_progress(listener), found, error)
     report = c_report(found)
-    status = tell(error, message)
+    status = report_error(error, message)
   end function attrito_reduce
 
   pure function c_report(found) result(report)

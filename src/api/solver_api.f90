@@ -24,7 +24,7 @@ module attrito_api_solver
   use attrito_accuracy_point_errors, only: no_tolerance
   use attrito_output_point_report, only: point_report_type, report_point
   use attrito_stability_crossing, only: moduli_type
-  use attrito_api_message, only: tell, text_of
+  use attrito_api_message, only: report_error, text_of
   use attrito_api_session, only: session_type, session_of, contact_law_type, law_of, release_laws
   implicit none
   private
@@ -113,14 +113,14 @@ contains
 
     session => session_of(handle)
     call start_petsc(session%ranks%handle, error)
-    attrito_prepare = tell(error, message)
+    attrito_prepare = report_error(error, message)
     if (allocated(error)) return
     call new_solver(session%structure, session%contacts, session%ranks, solver_options_type( &
                     harmonics=options%harmonics, samples=options%samples, rounds=options%rounds, &
                     max_iterations=options%max_iterations, reset_slider=options%reset_slider /= 0, &
                     uncoupled=options%uncoupled /= 0, by_events=options%by_events /= 0, tolerance=options%tolerance), &
                     session%solver, error)
-    attrito_prepare = tell(error, message)
+    attrito_prepare = report_error(error, message)
     session%accuracy%tolerance = merge(options%accepted_error, no_tolerance, options%accepted_error > 0.0_c_double)
     session%accuracy%choose_harmonics = options%choose_harmonics /= 0
     session%accuracy%choose_samples = options%choose_samples /= 0
@@ -153,8 +153,8 @@ contains
     call release_laws(before%law)
   end subroutine attrito_change_laws
 
-  !> Walk the static load path [corners, static loads], standing at an angular frequency.
-  integer(c_int) function attrito_walk_static_path(handle, loads, corners, path, steps, omega, point, message, length) bind(c)
+  !> Follow the static load path [corners, static loads]; receptances are those of an angular frequency.
+  integer(c_int) function attrito_follow_static_path(handle, loads, corners, path, steps, omega, point, message, length) bind(c)
     type(c_ptr), value :: handle
     integer(c_int), value :: loads, corners, steps, length
     real(c_double), intent(in) :: path(loads, corners)
@@ -168,8 +168,8 @@ contains
     call follow_static_path(session%solver, path, steps, omega, error)
     call report_point(session%solver, 0, session%accuracy%errors, no_tolerance, session%point)
     point = point_of(session%point)
-    attrito_walk_static_path = tell(error, message)
-  end function attrito_walk_static_path
+    attrito_follow_static_path = report_error(error, message)
+  end function attrito_follow_static_path
 
   !> Begin a sweep of the harmonic loads at a level between two angular frequencies.
   subroutine attrito_begin_sweep(handle, start, stop, level, branch, max_points) bind(c)
@@ -223,7 +223,7 @@ contains
 
   !> A point at an angular frequency by one attempt of the cascade alone; the session then stands where it stood before, whether that
   !> found a point or not. 0, or 1: there is no attempt of that name.
-  integer(c_int) function attrito_try_at(handle, attempt, omega, point) bind(c)
+  integer(c_int) function attrito_solve_by_strategy(handle, attempt, omega, point) bind(c)
     type(c_ptr), value :: handle
     !> One of the cascade's names
     character(kind=c_char), intent(in) :: attempt(*)
@@ -231,24 +231,24 @@ contains
     type(point_type), intent(out) :: point
     type(session_type), pointer :: session
     type(snapshot_type) :: before
-    logical :: is_drifting, no_orbit
+    logical :: is_drifting, no_periodic_solution
     integer :: number
 
     session => session_of(handle)
     number = findloc(attempt_names == text_of(attempt), .true., 1)
-    attrito_try_at = merge(0, 1, number > 0)
+    attrito_solve_by_strategy = merge(0, 1, number > 0)
     if (number == 0) return
     before = snapshot_of(session%solver)
     is_drifting = session%solver%is_drifting
-    no_orbit = session%solver%no_orbit
+    no_periodic_solution = session%solver%no_periodic_solution
     call solve_by_attempt(session%solver, number, omega)
     session%solver%omega = omega
     call report_point(session%solver, 0, session%accuracy%errors, no_tolerance, session%point)
     call restore(session%solver, before)
     session%solver%is_drifting = is_drifting
-    session%solver%no_orbit = no_orbit
+    session%solver%no_periodic_solution = no_periodic_solution
     point = point_of(session%point)
-  end function attrito_try_at
+  end function attrito_solve_by_strategy
 
   !> Coefficients of the monitors [monitors, 2 H + 1] and their amplitudes at the last point.
   subroutine attrito_monitors(handle, harmonics, amplitude) bind(c)
@@ -281,7 +281,7 @@ contains
 
     session => session_of(handle)
     call new_stuck_system(session%structure, session%contacts, stuck /= 0, system, error)
-    attrito_linear_response = tell(error, message)
+    attrito_linear_response = report_error(error, message)
     if (allocated(error)) return
     n = min(frequencies, size(system%omega))
     natural_hz = 0.0_wp

@@ -8,7 +8,7 @@ module attrito_api_stability
   use attrito_stability_examine, only: examine, examine_options_type, system_of
   use attrito_stability_multipliers, only: multiplier_type
   use attrito_stability_verdict, only: not_examined
-  use attrito_api_message, only: tell, say
+  use attrito_api_message, only: report_error, say
   use attrito_api_session, only: session_type, session_of
   implicit none
   private
@@ -37,7 +37,7 @@ contains
     session => session_of(handle)
     report = examination_report_type(not_examined, 0, 0, -1.0_c_double, 0.0_c_double, 0.0_c_double, -1.0_c_double)
     call prepare(session, equivalent_viscous /= 0, error)
-    status = tell(error, message)
+    status = report_error(error, message)
     if (allocated(error)) return
     call examine(session%solver, session%in_time, examine_options_type(methods, orbit), session%examination)
     call moduli_of(session%solver, session%examination, session%moduli(2))

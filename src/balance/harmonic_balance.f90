@@ -15,7 +15,7 @@ module attrito_balance_harmonic_balance
   use attrito_contact_forces, only: contact_forces_type
   use attrito_contact_kept_forces, only: keep_forces
   use attrito_balance_active_rows, only: active_rows_type
-  use attrito_linear_rigid_body_modes, only: free_motions_type
+  use attrito_linear_rigid_body_modes, only: rigid_body_modes_type
   use attrito_linear_receptance, only: receptance_type, to_complex, to_real
   use attrito_linear_split_receptance, only: split_receptance_type
   use attrito_balance_work, only: contact_work, residual_work
@@ -53,7 +53,7 @@ module attrito_balance_harmonic_balance
     !> This rank's rows of B in generalised coordinates, in columns [n, rows]
     real(wp), allocatable :: directions(:, :)
     !> What the structure alone does not hold
-    type(free_motions_type) :: free
+    type(rigid_body_modes_type) :: free
     !> Loads in generalised coordinates: static ones [n, loads], harmonic ones at level 1 [n, 0:H]
     real(wp), allocatable :: static_loads(:, :)
     complex(wp), allocatable :: harmonic_load(:, :)

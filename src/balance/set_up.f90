@@ -14,7 +14,7 @@ module attrito_balance_set_up
   use attrito_contact_fourier, only: new_fourier
   use attrito_contact_trigonometric_roots, only: new_grid
   use attrito_balance_active_rows, only: active_rows_type
-  use attrito_linear_rigid_body_modes, only: new_free_motions
+  use attrito_linear_rigid_body_modes, only: new_rigid_body_modes
   use attrito_balance_harmonic_balance, only: balance_type, stuck_mean_type
   use attrito_linear_receptance, only: receptance_type, to_complex
   use attrito_linear_split_receptance, only: split_receptance_type
@@ -41,7 +41,7 @@ contains
     call ranks%share(size(contacts%law), first, last)
     self%static_loads = matmul(transpose(self%receptance%basis), structure%static_loads)
     self%monitors = matmul(transpose(self%receptance%basis), structure%monitors)
-    self%free = new_free_motions(structure, contacts)
+    self%free = new_rigid_body_modes(structure, contacts)
     allocate (self%static_factors(size(structure%static_loads, 2)), source=1.0_wp)
     call set_series(self, structure, self%receptance%harmonics, samples)
     allocate (self%response(size(self%static_loads, 1), 0:self%receptance%harmonics))

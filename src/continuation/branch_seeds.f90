@@ -35,7 +35,7 @@ contains
     solver%all_stick = .false.
     call solver%set_slider(solver%static_slider)
     solver%is_drifting = .false.
-    solver%no_orbit = .false.
+    solver%no_periodic_solution = .false.
     call solve_by_cascade(solver, omega)
     found = solver%report%converged
   end subroutine start_cold
@@ -53,7 +53,7 @@ contains
     solver%motion(2:, :) = factor*solver%motion(2:, :)
     call solve_from_time_integration(solver, omega, .false., .false., iterations, found)
     solver%is_drifting = .false.
-    solver%no_orbit = .false.
+    solver%no_periodic_solution = .false.
   end subroutine start_in_motion
 
   !> From the solution at static loads times a factor.

@@ -12,12 +12,12 @@ module attrito_linear_rigid_body_modes
   use attrito_model_structure, only: structure_type
   implicit none
   private
-  public :: free_motions_type, new_free_motions, free_motions
+  public :: rigid_body_modes_type, new_rigid_body_modes, rigid_body_modes
 
   !> Square of the part of a motion's forces that is normal, up to which it is rounding
   real(wp), parameter :: no_part = 1.0e-12_wp
 
-  type :: free_motions_type
+  type :: rigid_body_modes_type
     !> How many, and how many of these, the first, slide along all contacts
     integer :: count = 0, sliding = 0
     !> B Z of all rows, and the same times the rows' stiffness [rows, count]
@@ -26,19 +26,19 @@ module attrito_linear_rigid_body_modes
     real(wp), allocatable :: static_loads(:, :), mean_load(:)
   contains
     procedure :: slide_of
-  end type free_motions_type
+  end type rigid_body_modes_type
 
 contains
 
   !> Of a structure that contacts hold.
-  function new_free_motions(structure, contacts) result(self)
+  function new_rigid_body_modes(structure, contacts) result(self)
     type(structure_type), intent(in) :: structure
     type(contacts_type), intent(in) :: contacts
-    type(free_motions_type) :: self
+    type(rigid_body_modes_type) :: self
     real(wp), allocatable :: motions(:, :), normal_part(:), turned(:, :), normal(:, :)
     integer :: info
 
-    motions = free_motions(structure%stiffness)
+    motions = rigid_body_modes(structure%stiffness)
     if (size(motions, 2) == 0) return
     self%rows = matmul(transpose(contacts%directions), motions)
     self%held_rows = spread(contacts%row_stiffness, 2, size(motions, 2))*self%rows
@@ -53,11 +53,11 @@ contains
     motions = matmul(motions, turned)
     self%static_loads = matmul(transpose(motions), structure%static_loads)
     self%mean_load = matmul(structure%harmonic_load(:, 1), motions)
-  end function new_free_motions
+  end function new_rigid_body_modes
 
   !> Motions that a stiffness makes nothing of but rounding [m, count]: scaled to a unit diagonal, so that stiff and soft parts count
   !> alike and stiff contacts beside soft parts do not look like free motions.
-  function free_motions(stiffness) result(motions)
+  function rigid_body_modes(stiffness) result(motions)
     real(wp), intent(in) :: stiffness(:, :)
     real(wp), allocatable :: motions(:, :)
     real(wp) :: scale(size(stiffness, 1))
@@ -72,13 +72,13 @@ contains
     call null_space(stiffness*spread(scale, 1, size(scale))*spread(scale, 2, size(scale)), &
                     10.0_wp*epsilon(1.0_wp)*size(scale), motions)
     motions = motions*spread(scale, 2, size(motions, 2))
-  end function free_motions
+  end function rigid_body_modes
 
   !> Of mean displacements d the part that slides along all contacts, (B Z)_i c with the c that leave least of d in their springs,
   !>
   !> $$ (B Z)^T K_c B Z \, c = (B Z)^T K_c d. $$
   function slide_of(self, held) result(slide)
-    class(free_motions_type), intent(in) :: self
+    class(rigid_body_modes_type), intent(in) :: self
     !> (K_c B Z)^T d of the motions that slide, summed over all rows [sliding]
     real(wp), intent(in) :: held(:)
     !> c [sliding]

@@ -11,7 +11,7 @@ module attrito_linear_stuck_system
   use attrito_core_lapack, only: symmetric_eigenpairs
   use attrito_model_contacts, only: contacts_type, stuck_stiffness
   use attrito_model_structure, only: structure_type, damping_none, damping_ratio, damping_mass
-  use attrito_linear_rigid_body_modes, only: free_motions
+  use attrito_linear_rigid_body_modes, only: rigid_body_modes
   use attrito_linear_receptance, only: receptance_type
   use attrito_linear_receptance_direct, only: new_receptance_direct
   use attrito_linear_receptance_modal, only: new_receptance_modal
@@ -115,7 +115,7 @@ contains
     integer :: free
     character(12) :: text
 
-    free = size(free_motions(stiffness), 2)
+    free = size(rigid_body_modes(stiffness), 2)
     if (free == 0) return
     write (text, '(i0)') free
     call raise(error, 'stiffness: with every contact stuck, K + B^T K_c B leaves '//trim(text)//' motion(s) free: expected'// &

@@ -12,20 +12,20 @@ module attrito_newton_convergence
   use attrito_core_kinds, only: wp
   implicit none
   private
-  public :: is_answer, has_run_off, worse_of
+  public :: is_converged, has_diverged, worse_of
 
   real(wp), parameter :: rounding = 16.0_wp*epsilon(1.0_wp), divergence_limit = 1.0e8_wp
 
 contains
 
-  pure logical function is_answer(residual, motion, tolerance)
+  pure logical function is_converged(residual, motion, tolerance)
     !> Norms, and the residual asked for
     real(wp), intent(in) :: residual, motion, tolerance
 
-    is_answer = .false.
-    if (has_run_off(motion) .or. .not. ieee_is_finite(residual)) return
-    is_answer = residual <= max(tolerance, rounding*motion)
-  end function is_answer
+    is_converged = .false.
+    if (has_diverged(motion) .or. .not. ieee_is_finite(residual)) return
+    is_converged = residual <= max(tolerance, rounding*motion)
+  end function is_converged
 
   !> The larger of two residuals. A number that is not finite is worse than any: `max` would pass over a NaN.
   pure real(wp) function worse_of(a, b)
@@ -36,10 +36,10 @@ contains
   end function worse_of
 
   !> Is a motion, by its norm, too far away for any residual to mean something?
-  pure logical function has_run_off(motion)
+  pure logical function has_diverged(motion)
     real(wp), intent(in) :: motion
 
-    has_run_off = .true.
-    if (ieee_is_finite(motion)) has_run_off = motion > divergence_limit
-  end function has_run_off
+    has_diverged = .true.
+    if (ieee_is_finite(motion)) has_diverged = motion > divergence_limit
+  end function has_diverged
 end module attrito_newton_convergence

@@ -10,7 +10,7 @@ module attrito_newton_newton
   use petscsnes
   use attrito_core_kinds, only: wp
   use attrito_newton_border, only: constraint_type, inner_product
-  use attrito_newton_convergence, only: has_run_off, is_answer, worse_of
+  use attrito_newton_convergence, only: has_diverged, is_converged, worse_of
   use attrito_newton_linearised_step, only: solve_linearised, apply_linearised
   use attrito_newton_newton_context, only: context_handle_type, newton_context_type, least_stiffening
 #if PETSC_VERSION_LT(3, 23, 0)
@@ -207,8 +207,8 @@ contains
     imbalance = 0.0_wp
     if (status == 0) imbalance = self%context%balance%imbalance(unknowns%motion(1, :))/self%context%motion_scale
     report%residual = worse_of(real(norm, wp), imbalance)
-    report%converged = status == 0 .and. is_answer(report%residual, motion, self%context%tolerance)
-    if (has_run_off(motion)) report%residual = huge(norm)
+    report%converged = status == 0 .and. is_converged(report%residual, motion, self%context%tolerance)
+    if (has_diverged(motion)) report%residual = huge(norm)
   end subroutine run
 
   !> Unknowns of the balance's size.

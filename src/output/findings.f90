@@ -23,7 +23,7 @@ module attrito_output_findings
     !> Is the estimated error within the tolerance?
     logical :: within_tolerance = .true.
     !> Did motion in time that the solver started from end without a periodic solution?
-    logical :: no_orbit = .false.
+    logical :: no_periodic_solution = .false.
     !> Of the examination, see `attrito_stability_verdict`
     integer :: verdict = not_examined
     !> Of motion in time from a point without a solution, in periods of the excitation; 0: none, or `not_followed`
@@ -39,7 +39,7 @@ contains
     class(findings_type), intent(in) :: self
 
     if (.not. self%solved) then
-      outcome = merge(outcome_no_period_one_orbit, outcome_not_converged, self%no_orbit)
+      outcome = merge(outcome_no_period_one_orbit, outcome_not_converged, self%no_periodic_solution)
       if (self%followed_period /= not_followed) then
         outcome = merge(outcome_not_converged, outcome_no_period_one_orbit, self%followed_period == 1)
       end if

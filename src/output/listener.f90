@@ -1,4 +1,4 @@
-!> Who is told what a point is, one series of the result after another.
+!> The caller's procedure that receives a point, one series of the result after another.
 module attrito_output_listener
   use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_double, c_f_procpointer, c_funptr, c_int, c_null_char
   use attrito_core_kinds, only: wp
@@ -9,20 +9,20 @@ module attrito_output_listener
   abstract interface
     !> An entry of a series: its path in the file; `real64` or `int32`; its sizes, slowest first; its numbers; what they are, their
     !> unit, and, where they count names, these with commas between.
-    subroutine hearer(path, kind, dimensions, extent, values, description, unit, names) bind(c)
+    subroutine series_callback(path, kind, dimensions, extent, values, description, unit, names) bind(c)
       import :: c_char, c_double, c_int
       character(kind=c_char), intent(in) :: path(*), kind(*), description(*), unit(*), names(*)
       integer(c_int), value :: dimensions
       integer(c_int), intent(in) :: extent(*)
       real(c_double), intent(in) :: values(*)
-    end subroutine hearer
+    end subroutine series_callback
   end interface
 
   type :: listener_type
-    procedure(hearer), pointer, nopass :: hear => null()
+    procedure(series_callback), pointer, nopass :: hear => null()
   contains
     procedure :: listens
-    procedure :: tell
+    procedure :: report
   end type listener_type
 
 contains
@@ -41,8 +41,8 @@ contains
     listens = associated(self%hear)
   end function listens
 
-  !> Tell one entry of a series.
-  subroutine tell(self, path, kind, extent, values, description, unit, names)
+  !> Report one entry of a series.
+  subroutine report(self, path, kind, extent, values, description, unit, names)
     class(listener_type), intent(in) :: self
     character(*), intent(in) :: path, kind
     !> Sizes of the entry, slowest first; none for a number
@@ -64,5 +64,5 @@ contains
     end if
     call self%hear(path//c_null_char, kind//c_null_char, size(extent), extent, values, description//c_null_char, &
                    unit//c_null_char, adjustl(list)//c_null_char)
-  end subroutine tell
+  end subroutine report
 end module attrito_output_listener

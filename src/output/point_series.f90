@@ -12,7 +12,7 @@ module attrito_output_point_series
   use attrito_solve_outcomes, only: outcome_names
   implicit none
   private
-  public :: tell_point, state_names
+  public :: report_point, state_names
 
   character(12), parameter :: state_names(0:3) = [character(12) :: 'stuck', 'shaken_down', 'slipping', 'open']
   !> Series of one number a contact, in the order of `numbers_of`
@@ -33,7 +33,7 @@ module attrito_output_point_series
 contains
 
   !> Tell of the solver's present point. Collective; `listener` listens at the root.
-  subroutine tell_point(solver, report, monitors, listener)
+  subroutine report_point(solver, report, monitors, listener)
     type(solver_type), intent(in) :: solver
     type(point_report_type), intent(in) :: report
     !> Names of the monitors
@@ -58,19 +58,19 @@ contains
       real(wp) :: bound
 
       bound = merge(report%amplitude(monitor), blank(), report%unique == 1)
-      call tell_length(path//'amplitude', report%amplitude(monitor), 'half the range over the period')
-      call tell_length(path//'mean', report%mean(monitor), 'mean over the period')
-      call tell_length(path//'low', bound, 'lower bound of the amplitude')
-      call tell_length(path//'high', bound, 'upper bound of the amplitude')
+      call report_length(path//'amplitude', report%amplitude(monitor), 'half the range over the period')
+      call report_length(path//'mean', report%mean(monitor), 'mean over the period')
+      call report_length(path//'low', bound, 'lower bound of the amplitude')
+      call report_length(path//'high', bound, 'upper bound of the amplitude')
       call tell_rows(path//'harmonics', report%harmonics(:, monitor:monitor), 'Fourier coefficients')
     end subroutine tell_monitor
 
-    subroutine tell_length(path, value, description)
+    subroutine report_length(path, value, description)
       character(*), intent(in) :: path, description
       real(wp), intent(in) :: value
 
-      call listener%tell(path, 'real64', [integer ::], [merge(value, blank(), report%findings%solved)], description, 'user length')
-    end subroutine tell_length
+      call listener%report(path, 'real64', [integer ::], [merge(value, blank(), report%findings%solved)], description, 'user length')
+    end subroutine report_length
 
     !> Series [2 H + 1, n]; of one only its coefficients are a dimension.
     subroutine tell_rows(path, values, description)
@@ -82,10 +82,10 @@ contains
       told = reshape(values, [size(values)])
       if (.not. report%findings%solved) told = blank()
       listed = path == '/points/coordinates'
-      call listener%tell(path, 'real64', pack([size(values, 2), size(values, 1)], [listed, .true.]), told, description, &
+      call listener%report(path, 'real64', pack([size(values, 2), size(values, 1)], [listed, .true.]), told, description, &
                          'user length')
     end subroutine tell_rows
-  end subroutine tell_point
+  end subroutine report_point
 
   !> What is one number a point.
   subroutine tell_numbers(report, listener)
@@ -94,44 +94,44 @@ contains
     logical :: solved
 
     solved = report%findings%solved
-    call tell_real('frequency_hz', report%frequency_hz, 'frequency of the fundamental harmonic', 'Hz')
-    call tell_real('level', report%level, 'factor on the harmonic loads', '1')
-    call tell_integer('branch', report%branch, 'number of the connected run of points')
-    call tell_integer('iterations', report%iterations, 'iterations of Newton''s method, all tries together')
-    call tell_integer('linear_iterations', report%linear_iterations, 'iterations of GMRES, where linear systems are large')
-    call tell_integer('period', report%findings%period(), 'period of the solution in periods of the excitation')
-    call listener%tell('/points/outcome', 'int32', [integer ::], [real(report%findings%outcome(), wp)], &
+    call report_real('frequency_hz', report%frequency_hz, 'frequency of the fundamental harmonic', 'Hz')
+    call report_real('level', report%level, 'factor on the harmonic loads', '1')
+    call report_integer('branch', report%branch, 'number of the connected run of points')
+    call report_integer('iterations', report%iterations, 'iterations of Newton''s method, all tries together')
+    call report_integer('linear_iterations', report%linear_iterations, 'iterations of GMRES, where linear systems are large')
+    call report_integer('period', report%findings%period(), 'period of the solution in periods of the excitation')
+    call listener%report('/points/outcome', 'int32', [integer ::], [real(report%findings%outcome(), wp)], &
                        'how the point ended: index into the attribute names', '1', outcome_names)
-    call tell_integer('unique', merge(report%unique, -1, solved), '1 unique, 0 one of a family, -1 not examined')
-    call tell_integer('stable', report%findings%stability(), '1 stable, 0 unstable, -1 not examined')
-    call tell_real('residual', report%residual, 'norm of the residual relative to the stuck response', '1')
-    call tell_real('estimate', merge(report%errors%all(), blank(), solved), &
+    call report_integer('unique', merge(report%unique, -1, solved), '1 unique, 0 one of a family, -1 not examined')
+    call report_integer('stable', report%findings%stability(), '1 stable, 0 unstable, -1 not examined')
+    call report_real('residual', report%residual, 'norm of the residual relative to the stuck response', '1')
+    call report_real('estimate', merge(report%errors%all(), blank(), solved), &
                    'estimated relative error of the amplitude; NaN: not known', '1')
-    call tell_real('error_harmonics', merge(report%errors%harmonics, blank(), solved), 'part of the estimate: harmonics left out', &
+    call report_real('error_harmonics', merge(report%errors%harmonics, blank(), solved), 'part of the estimate: harmonics left out', &
                    '1')
-    call tell_real('error_samples', merge(report%errors%samples, blank(), solved), &
+    call report_real('error_samples', merge(report%errors%samples, blank(), solved), &
                    'part of the estimate: samples of contact forces', '1')
-    call tell_real('error_modes', merge(report%errors%modes, blank(), solved), &
+    call report_real('error_modes', merge(report%errors%modes, blank(), solved), &
                    'part of the estimate: modes that the reduction left out', '1')
-    call tell_integer('harmonics', report%series, 'harmonics of the balance; coefficients beyond are 0')
-    call tell_integer('samples', report%samples, 'samples a period of contacts that go by samples')
-    call tell_real('work', report%work, 'floating-point operations up to here, by formulas', '1')
+    call report_integer('harmonics', report%series, 'harmonics of the balance; coefficients beyond are 0')
+    call report_integer('samples', report%samples, 'samples a period of contacts that go by samples')
+    call report_real('work', report%work, 'floating-point operations up to here, by formulas', '1')
 
   contains
 
-    subroutine tell_real(name, value, description, unit)
+    subroutine report_real(name, value, description, unit)
       character(*), intent(in) :: name, description, unit
       real(wp), intent(in) :: value
 
-      call listener%tell('/points/'//name, 'real64', [integer ::], [value], description, unit)
-    end subroutine tell_real
+      call listener%report('/points/'//name, 'real64', [integer ::], [value], description, unit)
+    end subroutine report_real
 
-    subroutine tell_integer(name, value, description)
+    subroutine report_integer(name, value, description)
       character(*), intent(in) :: name, description
       integer, intent(in) :: value
 
-      call listener%tell('/points/'//name, 'int32', [integer ::], [real(value, wp)], description, '1')
-    end subroutine tell_integer
+      call listener%report('/points/'//name, 'int32', [integer ::], [real(value, wp)], description, '1')
+    end subroutine report_integer
   end subroutine tell_numbers
 
   !> Contacts of all ranks, gathered in one go.
@@ -146,22 +146,22 @@ contains
     if (.not. listener%listens()) return
     k = solver%context%balance%coefficients()
     n = size(rows, 2)
-    call listener%tell('/contacts/state', 'int32', [n], rows(1, :), 'state over the period: index into the attribute names', &
+    call listener%report('/contacts/state', 'int32', [n], rows(1, :), 'state over the period: index into the attribute names', &
                        '1', state_names)
-    call listener%tell('/contacts/unique', 'int32', [n], rows(2, :), &
+    call listener%report('/contacts/unique', 'int32', [n], rows(2, :), &
                        '1: mean T and mean N are single-valued, 0 not, -1 not examined', '1')
     do i = 1, contact_columns
-      call listener%tell('/contacts/'//trim(contact_series(i)), 'real64', [n], rows(first_rows + i, :), &
+      call listener%report('/contacts/'//trim(contact_series(i)), 'real64', [n], rows(first_rows + i, :), &
                          trim(contact_descriptions(i)), trim(contact_units(i)))
     end do
     motion = first_rows + contact_columns
     force = motion + 3*k
     sliders = force + 3*k
-    call listener%tell('/contacts/displacement', 'real64', [n, 3, k], flat(rows(motion + 1:force, :)), &
+    call listener%report('/contacts/displacement', 'real64', [n, 3, k], flat(rows(motion + 1:force, :)), &
                        'relative displacement t1, t2, n', 'user length')
-    call listener%tell('/contacts/force', 'real64', [n, 3, k], flat(rows(force + 1:sliders, :)), &
+    call listener%report('/contacts/force', 'real64', [n, 3, k], flat(rows(force + 1:sliders, :)), &
                        'contact force t1, t2, n', 'user force')
-    call listener%tell('/contacts/slider', 'real64', [n, size(rows, 1) - sliders], flat(rows(sliders + 1:, :)), &
+    call listener%report('/contacts/slider', 'real64', [n, size(rows, 1) - sliders], flat(rows(sliders + 1:, :)), &
                        'slider at the start of the period, along t1 and t2, of each element', 'user length')
   end subroutine tell_contacts
 

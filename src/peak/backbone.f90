@@ -112,7 +112,7 @@ contains
     if (allocated(self%before%motion)) deallocate (self%before%motion)
     self%rest%amplitude = amplitude
     do i = 1, most_amplitudes
-      call stand_at(self, solver, linear(solver, self%mode, self%rest))
+      call start_from(self, solver, linear(solver, self%mode, self%rest))
       call correct(self, solver, self%rest)
       if (self%found .and. solver%all_stick) exit
       if (i < most_amplitudes) self%rest%amplitude = amplitude_ratio*self%rest%amplitude
@@ -168,7 +168,7 @@ contains
       left = log(amplitude/from%amplitude)
       self%found = abs(left) <= 0.0_wp
       if (self%found) exit
-      call stand_at(self, solver, predicted(self, merge(amplitude, from%amplitude*exp(sign(step, left)), abs(left) <= step)))
+      call start_from(self, solver, predicted(self, merge(amplitude, from%amplitude*exp(sign(step, left)), abs(left) <= step)))
       call correct(self, solver, from)
       iterations = iterations + self%iterations
       if (self%found) then
@@ -176,7 +176,7 @@ contains
         self%last = base_point_of(self, solver)
         step = min(2.0_wp*step, longest_step)
       else
-        call stand_at(self, solver, from)
+        call start_from(self, solver, from)
         step = 0.5_wp*min(step, abs(left))
         if (step < shortest_step) exit
       end if
@@ -325,7 +325,7 @@ contains
   end function base_point_of
 
   !> Put the solver there, with residuals relative to the linear mode of that amplitude.
-  subroutine stand_at(self, solver, place)
+  subroutine start_from(self, solver, place)
     type(backbone_type), intent(inout) :: self
     type(solver_type), intent(inout) :: solver
     type(base_point_type), intent(in) :: place
@@ -336,5 +336,5 @@ contains
     call solver%set_loads(solver%context%balance%static_factors, place%amplitude)
     call solver%context%balance%receptance%excite(place%excitation)
     call solver%set_scales(place%omega, place%omega)
-  end subroutine stand_at
+  end subroutine start_from
 end module attrito_peak_backbone

@@ -64,7 +64,7 @@ module attrito_solve_solver
     logical :: brief = .false.
     !> Where no point was found: no periodic motion is near, by the balance with springs on its mean or by time integration; a body
     !> drifts without bound
-    logical :: no_orbit = .false., is_drifting = .false.
+    logical :: no_periodic_solution = .false., is_drifting = .false.
     !> Source of starts that no earlier point leads to; not allocated: there is none
     class(time_integrator_type), allocatable :: time_integrator
   contains
@@ -354,7 +354,7 @@ contains
       call store%keep(self%static_slider)
       call store%keep(self%omega)
       call store%keep(self%all_stick)
-      call store%keep(self%no_orbit)
+      call store%keep(self%no_periodic_solution)
       call store%keep(self%is_drifting)
       call store%keep(context%motion_scale)
       call store%keep(context%frequency_scale)

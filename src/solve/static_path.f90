@@ -41,7 +41,7 @@ contains
     solver%motion = 0.0_wp
     solver%omega = omega
     solver%is_drifting = .false.
-    solver%no_orbit = .false.
+    solver%no_periodic_solution = .false.
     call solver%set_slider(0.0_wp*solver%static_slider)
     from = 0.0_wp
     if (allocated(solver%context%balance%frozen_mean)) deallocate (solver%context%balance%frozen_mean)

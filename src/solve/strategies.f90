@@ -45,8 +45,8 @@ contains
     logical :: converged, was_drifting, lost
 
     was_drifting = solver%is_drifting
-    lost = solver%no_orbit
-    solver%no_orbit = .false.
+    lost = solver%no_periodic_solution
+    solver%no_periodic_solution = .false.
     solver%is_drifting = .false.
     call solver%solve_stuck_at(omega, converged)
     if (converged) return
@@ -63,7 +63,7 @@ contains
       if (is_enough(solver, order(i), was_drifting, lost)) exit
     end do
     solver%is_drifting = solver%is_drifting .and. .not. converged
-    solver%no_orbit = solver%is_drifting .or. (solver%no_orbit .and. .not. converged)
+    solver%no_periodic_solution = solver%is_drifting .or. (solver%no_periodic_solution .and. .not. converged)
     if (solver%is_drifting) then
       call restore(solver, drifted)
       call remove_drift(solver, before)
@@ -130,7 +130,7 @@ contains
     logical, intent(in) :: was_drifting, lost
 
     is_enough = solver%is_drifting .and. (was_drifting .or. attempt >= from_time_integration)
-    if (lost .and. solver%no_orbit) is_enough = is_enough .or. attempt == from_time_integration
+    if (lost .and. solver%no_periodic_solution) is_enough = is_enough .or. attempt == from_time_integration
   end function is_enough
 
   !> Solve at an angular frequency by one strategy alone, to compare strategies; if it fails the solver is left as it was.
@@ -143,14 +143,14 @@ contains
     integer :: iterations
     logical :: converged
 
-    solver%no_orbit = .false.
+    solver%no_periodic_solution = .false.
     solver%is_drifting = .false.
     before = snapshot_of(solver)
     iterations = 0
     converged = .false.
     if (is_possible(solver, attempt)) call try(solver, attempt, omega, before, .false., .false., iterations, converged)
     solver%is_drifting = solver%is_drifting .and. .not. converged
-    solver%no_orbit = solver%is_drifting .or. (solver%no_orbit .and. .not. converged)
+    solver%no_periodic_solution = solver%is_drifting .or. (solver%no_periodic_solution .and. .not. converged)
     if (.not. converged) call restore(solver, before)
     solver%report%converged = converged
     solver%report%iterations = iterations

@@ -88,7 +88,7 @@ contains
       if (drifting == attempts_drifting) solver%is_drifting = .true.
       if (solver%is_drifting .and. attempt >= attempts_lost) exit
     end do
-    solver%no_orbit = solver%is_drifting .or. (.not. converged .and. periods%moved .and. periods%change > settled)
+    solver%no_periodic_solution = solver%is_drifting .or. (.not. converged .and. periods%moved .and. periods%change > settled)
   end subroutine run_and_solve
 
   !> Numbers without the digits that depend on the order of sums over ranks: these would grow in motion that is unstable.

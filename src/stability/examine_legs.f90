@@ -111,7 +111,7 @@ contains
     type(system_type), intent(in) :: system
     type(examine_options_type), intent(in) :: options
     real(wp), intent(in) :: period
-    !> Its legs, and those with contacts nudged
+    !> Its legs, and those with contacts perturbed
     type(orbit_legs_type), intent(in) :: orbit, perturbed_orbits(2)
     type(examination_type), intent(inout) :: self
     integer :: info, contact
@@ -171,7 +171,7 @@ contains
     end subroutine take_in
   end subroutine find_interval
 
-  !> Legs of the balance's orbit, and with contacts nudged.
+  !> Legs of the balance's orbit, and with contacts perturbed.
   subroutine balanced_legs(solver, motion, slider, orbit, perturbed_orbits)
     type(solver_type), intent(in) :: solver
     real(wp), intent(in) :: motion(:, :), slider(:)
@@ -202,7 +202,7 @@ contains
     distance = distance_between(trajectory, balance)
   end function one_period_away
 
-  !> Legs of the period that begins at the event-exact orbit's start, and with contacts nudged.
+  !> Legs of the period that begins at the event-exact orbit's start, and with contacts perturbed.
   subroutine exact_legs(system, loading, oscillation_bounds, start, orbit, perturbed_orbits)
     type(system_type), intent(in) :: system
     type(loading_type), intent(in) :: loading

@@ -43,7 +43,7 @@ module attrito_stability_examine_sampled
     character(:), allocatable :: failure
   end type sampled_examination_type
 
-  character(*), parameter :: no_orbit = 'no orbit of motion in time near that of the balance'
+  character(*), parameter :: no_periodic_solution = 'no orbit of motion in time near that of the balance'
 
 contains
 
@@ -202,7 +202,7 @@ contains
       call shoot_sampled(system, loading, samples, start, sampled, further, found)
       moved = max(moved, further)
       if (.not. found) then
-        self%failure = no_orbit
+        self%failure = no_periodic_solution
         return
       end if
       call add_sampled(system, loading%period, sampled, start%slider, self)

@@ -35,7 +35,7 @@ contains
     changed%gap = law%gap + way*touch*oscillation_bound
   end function perturbed_law
 
-  !> The first contact that does something else once nudged, 0: none.
+  !> The first contact that does something else once perturbed, 0: none.
   pure integer function grazing_contact(orbit, moved) result(contact)
     type(orbit_legs_type), intent(in) :: orbit, moved
 

@@ -31,7 +31,7 @@ def backbone(
 ) -> Iterator[tuple[Solver, BackboneTracker]]:
     """A tracker of a scene's backbone, its static loads walked."""
     with Solver(MPI.COMM_SELF, scene, options) as solver:
-        solver.walk_static_path(np.array([[path]]), 4, 0.2)
+        solver.follow_static_path(np.array([[path]]), 4, 0.2)
         yield solver, BackboneTracker(solver, mode, 0, "first_harmonic")
 
 
@@ -123,9 +123,9 @@ def test_a_backbone_solves_the_forced_balance_that_its_negative_damping_makes(sc
     assert point.converged and sum(point.point.states[2:]) == 1
     forced = forced_by_its_own_damping(reduced, point, coordinates)
     with Solver(MPI.COMM_SELF, forced, options) as solver:
-        solver.walk_static_path(np.array([[1.0]]), 4, point.frequency_hz)
+        solver.follow_static_path(np.array([[1.0]]), 4, point.frequency_hz)
         start = StoredPoint(point.frequency_hz, coordinates, np.zeros((1, 2)))
-        assert solver.stand_at(start, 1.0)
+        assert solver.start_from(start, 1.0)
         # Had it to move, it would go to another solution: this one is unique. Balances end at 1e-12 of their scales.
         assert np.abs(solver.coordinates() - coordinates).max() <= 1e-9 * np.abs(coordinates).max()
     # The work of both loads is the same: level and loads in quadrature.
@@ -141,7 +141,7 @@ def test_a_backbone_tells_the_true_peaks_to_the_square_of_the_damping():
     path = np.array([[1.0]])
     options = Options(harmonics=1, by_events=True, tolerance=1e-12)
     with Solver(MPI.COMM_SELF, jenkins(), options) as solver:
-        solver.walk_static_path(path, 1, 0.2)
+        solver.follow_static_path(path, 1, 0.2)
         tracker = PeakTracker(solver, 0, "first_harmonic", (0.13, 0.25), np.ones(1))
         peaks = [Found(tracker.begin(0.01, tracker.linear_peak_hz()), "value")]
         peaks += [Found(tracker.at(level), "value") for level in (0.5, 3.0)]

@@ -14,7 +14,7 @@ import pytest
 from attrito.library import loading
 from attrito.library.description import describe
 from attrito.library.names import ENUMERATIONS
-from attrito.library.signatures import HEARER, LISTENER, SIGNATURES
+from attrito.library.signatures import LISTENER, SERIES_CALLBACK, SIGNATURES
 from attrito.library.structures import STRUCTURES, Doubles, Integers, Longs
 from attrito.support.errors import InputError
 
@@ -29,7 +29,7 @@ POINTERS = {
     "double *": Doubles,
     "int *": Integers,
     "long *": Longs,
-    "attrito_hearer": HEARER,
+    "attrito_series_callback": SERIES_CALLBACK,
     "attrito_listener": LISTENER,
 }
 POINTERS |= {f"attrito_{name} *": ctypes.POINTER(kind) for name, kind in STRUCTURES.items()}

@@ -47,7 +47,7 @@ def closed_form(force: float) -> tuple[float, float]:
 
 def test_peaks_of_a_mass_that_rubs_are_those_of_the_describing_function():
     with Solver(MPI.COMM_SELF, jenkins(), Options(harmonics=1, by_events=True, tolerance=1e-12)) as solver:
-        solver.walk_static_path(np.array([[1.0]]), 1, 0.2)
+        solver.follow_static_path(np.array([[1.0]]), 1, 0.2)
         tracker = PeakTracker(solver, 0, "first_harmonic", (0.13, 0.25), np.ones(1))
         peak = tracker.begin(0.01, tracker.linear_peak_hz())
         # At 1.4 the peak is hardly above what friction alone holds, 4/pi; it stays a peak.
@@ -91,7 +91,7 @@ def curve_job(**keys) -> dict:
 def test_the_optimisation_curve_is_that_of_swept_peaks_at_a_twentieth_of_the_evaluations(degrees):
     wedge = Wedge(PARAMETER_SETS["unrounded"], degrees, "C", 5)
     with Solver(MPI.COMM_SELF, wedge.scene, wedge._options) as solver:
-        solver.walk_static_path(np.array([[0.0], [1.0]]), 20, BAND[1])
+        solver.follow_static_path(np.array([[0.0], [1.0]]), 20, BAND[1])
         walked = evaluations(solver)
         found = list(follow(solver, curve_job(optimum=False), wedge.scene, np.array([[0.0], [1.0]])))
         count = evaluations(solver) - 2 * walked
@@ -151,7 +151,7 @@ def test_a_peak_of_a_contact_with_two_tangents_is_the_swept_one():
     )
     options = Options(harmonics=3, samples=128, tolerance=1e-12)
     with Solver(MPI.COMM_SELF, scene, options) as solver:
-        solver.walk_static_path(np.array([[1.0]]), 1, 0.2)
+        solver.follow_static_path(np.array([[1.0]]), 1, 0.2)
         tracker = PeakTracker(solver, 0, "half_range", (0.13, 0.25), np.ones(1))
         tracker.begin(0.01, tracker.linear_peak_hz())
         peak = tracker.at(10.0)

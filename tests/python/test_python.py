@@ -146,7 +146,7 @@ def test_an_error_of_petsc_itself_ends_a_run_with_a_message(tmp_path):
     options = dataclasses.replace(solver_options(job), max_iterations=-100)
     with Solver(MPI.COMM_SELF, reduced_scene(job, scene), options) as solver:
         with pytest.raises(attrito.NumericsError, match=r"PETSc failed \(error \d+\) while solving the static balance"):
-            solver.walk_static_path(scene.load_path, 10, 132.0)
+            solver.follow_static_path(scene.load_path, 10, 132.0)
         with pytest.raises(attrito.NumericsError, match=r"PETSc failed \(error \d+\) while solving a point"):
             next(solver.solve_at([132.0], 1.0, 0))
 
@@ -166,7 +166,7 @@ def test_where_petsc_cannot_make_a_solver_the_run_ends_with_that_error(tmp_path)
         wedge = Wedge(PARAMETER_SETS["unrounded"], 45.0, "C", 5)
         laws = wedge.scene.laws | {"friction_coefficient": np.full(1, 0.4)}
         with Solver(MPI.COMM_SELF, wedge.scene, wedge._options) as solver:
-            solver.walk_static_path(np.array([[0.0], [1.0]]), 20, 100.0)
+            solver.follow_static_path(np.array([[0.0], [1.0]]), 20, 100.0)
             petsc = ctypes.CDLL(re.search(r"\\S*/libpetsc\\S*", open("/proc/self/maps").read())[0])
             # No type of vector is known any more.
             petsc.PetscFunctionListDestroy(ctypes.byref(ctypes.c_void_p.in_dll(petsc, "VecList")))

@@ -127,7 +127,7 @@ def test_a_session_takes_other_friction_as_a_new_one_would_and_refuses_other_sti
     stiffer = replace(wedge.scene, laws=wedge.scene.laws | {"normal_stiffness": np.full(1, 1e6)})
 
     def solve(solver: Solver) -> list[float]:
-        solver.walk_static_path(np.array([[0.0], [1.0]]), 20, 100.0)
+        solver.follow_static_path(np.array([[0.0], [1.0]]), 20, 100.0)
         return [point.amplitude[0] for point in solver.solve_at([130.0, 125.0, 120.0], 10.0, 0)]
 
     with Solver(MPI.COMM_SELF, wedge.scene, wedge._options) as solver:
@@ -144,7 +144,7 @@ def test_stability_is_that_of_the_friction_a_session_has_taken():
     changed = replace(wedge.scene, laws=wedge.scene.laws | {"friction_coefficient": np.full(1, 0.4)})
 
     def examine(solver: Solver) -> tuple[float, ...]:
-        solver.walk_static_path(np.array([[0.0], [1.0]]), 20, 100.0)
+        solver.follow_static_path(np.array([[0.0], [1.0]]), 20, 100.0)
         (point,) = solver.solve_at([125.0], 10.0, 0)
         report, reason = examine_point(solver, ENGINES["monodromy"], ORBITS["exact"])
         assert point.outcome == "converged" and point.states[2] == 1 and not reason

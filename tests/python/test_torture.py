@@ -43,7 +43,7 @@ def test_a_verdict_on_coarse_harmonics_is_that_of_the_event_exact_orbit():
     at = 138.974359
     scene = family.scene()
     with Integrator(scene) as session, Solver(MPI.COMM_SELF, scene, Options(harmonics=10, by_events=True)) as solver:
-        solver.walk_static_path(np.array([[0.0], [1.0]]), 20, at)
+        solver.follow_static_path(np.array([[0.0], [1.0]]), 20, at)
         (point,) = solver.solve_at([at], 1.0, 0)
         balance, _ = examine_point(solver, ENGINES["monodromy"], ORBITS["balance"])
         chosen, _ = examine_point(solver, ENGINES["monodromy"], ORBITS["auto"])
@@ -63,7 +63,7 @@ def examined(family, first, number):
     """A point of the grid by way of those from `first` on, its examination, and the motion in time that it comes to."""
     scene, masses, at = family.scene(), family.masses, frequencies()[number]
     with Integrator(scene) as session, Solver(MPI.COMM_SELF, scene, Options(harmonics=10, by_events=True)) as solver:
-        solver.walk_static_path(np.array([[0.0], [1.0]]), 20, at)
+        solver.follow_static_path(np.array([[0.0], [1.0]]), 20, at)
         *_, point = solver.solve_at(list(frequencies()[first : number + 1]), 1.0, 0)
         report, reason = examine_point(solver, ENGINES["monodromy"], ORBITS["auto"])
         slider = Members(MPI.COMM_SELF, solver, masses, 2 * masses).visit(lambda members: members.describe().slider)
@@ -108,10 +108,10 @@ def test_an_attempt_is_asked_for_by_its_name_and_leaves_the_session_where_it_sto
     points = []
     for attempts in ((), ATTEMPTS):
         with Solver(MPI.COMM_SELF, scene, Options(harmonics=10, by_events=True)) as solver:
-            solver.walk_static_path(np.array([[0.0], [1.0]]), 20, frequencies[0])
+            solver.follow_static_path(np.array([[0.0], [1.0]]), 20, frequencies[0])
             solving = solver.solve_at(frequencies, 1.0, 0)
             next(solving)
-            found = {name: solver.try_at(name, frequencies[1]) for name in attempts}
+            found = {name: solver.solve_by_strategy(name, frequencies[1]) for name in attempts}
             points.append(next(solving))
     assert [points[1].outcome, points[1].iterations] == [points[0].outcome, points[0].iterations]
     assert points[1].amplitude[0] == points[0].amplitude[0]
@@ -122,7 +122,7 @@ def test_an_attempt_is_asked_for_by_its_name_and_leaves_the_session_where_it_sto
         Solver(MPI.COMM_SELF, scene, Options()) as solver,
         pytest.raises(ValueError, match="newton_briefly, held_mean"),
     ):
-        solver.try_at("guess", frequencies[0])
+        solver.solve_by_strategy("guess", frequencies[0])
 
 
 def test_contacts_that_are_soft_at_first_lead_to_an_orbit_that_no_other_attempt_finds():
@@ -131,9 +131,9 @@ def test_contacts_that_are_soft_at_first_lead_to_an_orbit_that_no_other_attempt_
         Integrator(family.scene()) as session,
         Solver(MPI.COMM_SELF, family.scene(), Options(harmonics=10, by_events=True)) as solver,
     ):
-        solver.walk_static_path(np.array([[0.0], [1.0]]), 20, at)
+        solver.follow_static_path(np.array([[0.0], [1.0]]), 20, at)
         solver.set_excitation(60.0, 280.0, 1.0)
-        found = {name: solver.try_at(name, at) for name in ATTEMPTS}
+        found = {name: solver.solve_by_strategy(name, at) for name in ATTEMPTS}
         (point,) = solver.solve_at([at], 1.0, 0)
         session.start_static(np.array([[0.0], [1.0]]))
         orbit = session.run(Run(at, cycles=2000, periodicity_tolerance=1e-8))
@@ -149,9 +149,9 @@ def test_an_iterate_that_runs_off_is_no_solution():
     # Pulled off the wall: from motion in time with soft contacts Newton's method ran to 1e202 of the amplitude.
     family, at = Family(1, 1.0e4, 0.0, "apart", 45.0), frequencies()[2]
     with Solver(MPI.COMM_SELF, family.scene(), Options(harmonics=10, by_events=True)) as solver:
-        solver.walk_static_path(np.array([[0.0], [1.0]]), 20, at)
+        solver.follow_static_path(np.array([[0.0], [1.0]]), 20, at)
         solver.set_excitation(60.0, 280.0, 1.0)
-        point = solver.try_at("stiffness_steps", at)
+        point = solver.solve_by_strategy("stiffness_steps", at)
     assert point.outcome == "not_converged"
 
 

@@ -174,7 +174,7 @@ def at_the_point(folder, job, work):
     options = Options(harmonics=checked["balance"]["harmonics"], by_events=True)
     with Solver(MPI.COMM_WORLD, scene, options) as solver:
         frequency = checked["sweep"]["frequencies_hz"]
-        solver.walk_static_path(np.array([[0.0], [1.0]]), 20, frequency[0])
+        solver.follow_static_path(np.array([[0.0], [1.0]]), 20, frequency[0])
         assert [point.outcome for point in solver.solve_at(frequency, 1.0, 0)] == ["converged"]
         sizes = len(scene.laws["tangents"]), len(scene.monitors)
         return Family(MPI.COMM_WORLD, solver, *sizes).visit(lambda family: work(family, scene))

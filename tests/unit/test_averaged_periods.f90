@@ -219,7 +219,7 @@ contains
     call solver%set_scales(0.9_wp, 1.1_wp)
     call solve_by_cascade(solver, 1.0_wp)
     call check(error, .not. solver%report%converged, 'it is held')
-    call check(error, solver%is_drifting .and. solver%no_orbit, 'it is not said to drift')
+    call check(error, solver%is_drifting .and. solver%no_periodic_solution, 'it is not said to drift')
     call check(error, solver%report%iterations < 200, 'what is not there is looked for too long')
     force = mean_friction(solver)
     call check(error, abs(force) > 1.0e-2_wp*scene%contacts%law(1)%friction_coefficient, 'friction balances after all')
@@ -230,7 +230,7 @@ contains
     call check(error, solver%is_drifting, 'a little beyond it is not said to drift')
     call check(error, solver%report%iterations <= 20, 'a little beyond it is looked for as long')
     solver%is_drifting = .false.
-    solver%no_orbit = .false.
+    solver%no_periodic_solution = .false.
     sweep = new_sweep(solver, 0.9_wp, 1.1_wp, 0, 300)
     do while (.not. sweep%finished)
       call sweep%advance(solver)

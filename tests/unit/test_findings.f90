@@ -66,7 +66,7 @@ contains
 
     do i = 1, size(periods)
       associate (findings => findings_type(followed_period=periods(i)), &
-                 adrift => findings_type(no_orbit=.true., followed_period=periods(i)))
+                 adrift => findings_type(no_periodic_solution=.true., followed_period=periods(i)))
         call check(error, findings%outcome() == outcomes(i), 'the outcome')
         call check(error, adrift%outcome() == merge(outcome_no_period_one_orbit, outcomes(i), i == 1), 'where the solver saw none')
         call check(error, findings%period() == periods(i), 'the period')

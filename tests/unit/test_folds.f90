@@ -236,7 +236,7 @@ contains
   end subroutine crossing_at_fold
 
   !> Stand at the three motions of one frequency, by closed form: amplitudes ascending.
-  subroutine stand_at(solver, number, error)
+  subroutine start_from(solver, number, error)
     type(solver_type), intent(inout) :: solver
     integer, intent(in) :: number
     type(error_type), allocatable, intent(inout) :: error
@@ -275,7 +275,7 @@ contains
     call check(error, solver%report%converged, 'the closed form is no solution')
     ! Solved to 1e-10 of the largest stuck response, which is level/(2 zeta) = 5.
     call check_close(error, norm2(solver%motion(2:, 2)), a, 1.0e-8_wp, 'amplitude')
-  end subroutine stand_at
+  end subroutine start_from
 
   subroutine stored_branches(error)
     type(error_type), allocatable, intent(out) :: error
@@ -292,7 +292,7 @@ contains
     first_fold = maxloc(known%points(:known%count)%omega, 1)
     call check(error, known%count > first_fold + 2, 'the branch does not come back: the test is void')
     do number = 1, 3
-      call stand_at(solver, number, error)
+      call start_from(solver, number, error)
       if (allocated(error)) return
       motion = solver%motion
       ! The largest amplitude lies before the first fold, the middle one beyond it, the smallest beyond the second, not swept yet.
@@ -314,10 +314,10 @@ contains
 
     solver = solver_of(one_sided_oscillator(1.0_wp, 0.5_wp, 0.0_wp, ratio), 1, error)
     if (allocated(error)) return
-    call stand_at(solver, 3, error)
+    call start_from(solver, 3, error)
     call home%add(solver, .false.)
     do number = 3, 1, -2
-      call stand_at(solver, number, error)
+      call start_from(solver, number, error)
       call solver%solve_at(between - aside)
       from = snapshot_of(solver)
       call solver%solve_at(between - 0.5_wp*aside)

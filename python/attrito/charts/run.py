@@ -95,7 +95,7 @@ class Bench:
         listed = sweep["frequencies_hz"]
         start, stop = (listed[0], listed[-1]) if listed else (sweep["start_hz"], sweep["stop_hz"])
         with Solver(self._comm, self._scene, self._automatic(1e-3)) as solver:
-            solver.walk_static_path(self._path, self._job["static"]["steps"], start)
+            solver.follow_static_path(self._path, self._job["static"]["steps"], start)
             if listed:
                 points = solver.solve_at(listed, self._level, 0)
             else:
@@ -196,7 +196,7 @@ class Bench:
 
     def _solve(self, scene: ReducedScene, options: Options) -> tuple[float, list[Point]]:
         with Solver(self._comm, scene, options) as solver:
-            solver.walk_static_path(self._path, self._job["static"]["steps"], self._frequencies[0])
+            solver.follow_static_path(self._path, self._job["static"]["steps"], self._frequencies[0])
             started = time.process_time()
             points = list(solver.solve_at(self._frequencies, self._level, 0))
             seconds = time.process_time() - started

@@ -16,7 +16,7 @@ from attrito.library.kernels import slider_width
 from attrito.library.names import ATTEMPTS, DAMPING_KINDS, NO_SOLUTION, OUTCOMES, STARTS
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series
-from attrito.library.signatures import HEARER
+from attrito.library.signatures import SERIES_CALLBACK
 from attrito.library.structures import ERRORS, RawOptions, RawPoint, make_laws, omega, pointer
 from attrito.support.errors import NumericsError
 
@@ -151,11 +151,11 @@ class Solver:
         self._library.attrito_coordinates(self._handle, self.coefficients, pointer(motion))
         return motion
 
-    def walk_static_path(self, path: np.ndarray, steps: int, frequency_hz: float) -> np.ndarray:
+    def follow_static_path(self, path: np.ndarray, steps: int, frequency_hz: float) -> np.ndarray:
         """Walk the static load path, `[corners, loads]`; returns the means of the monitors."""
         raw = RawPoint()
         sizes = path.shape[1], path.shape[0]
-        self._call("attrito_walk_static_path", *sizes, pointer(path), steps, omega(frequency_hz), ctypes.byref(raw))
+        self._call("attrito_follow_static_path", *sizes, pointer(path), steps, omega(frequency_hz), ctypes.byref(raw))
         self.static_work, self.static_states = raw.work, tuple(raw.states)
         return self._monitors(raw.harmonic_count)[0][:, 0]
 
@@ -192,11 +192,11 @@ class Solver:
         """How many numbers the sliders of a contact take."""
         return slider_width(self._scene.laws)
 
-    def stand_at(self, point: StoredPoint, level: float) -> bool:
+    def start_from(self, point: StoredPoint, level: float) -> bool:
         """Solve at a point of a result, from its motion; the solver then stands there."""
         return bool(
             self.call(
-                "attrito_stand_at_motion",
+                "attrito_start_from_motion",
                 point.coordinates.shape[1],
                 pointer(np.ascontiguousarray(point.coordinates, dtype=float)),
                 pointer(np.ascontiguousarray(point.slider, dtype=float)),
@@ -222,13 +222,18 @@ class Solver:
             self._library.attrito_solve_at(self._handle, omega(frequency), branch, ctypes.byref(raw))
             yield self.point_of(raw)
 
-    def try_at(self, attempt: str, frequency_hz: float) -> Point:
+    def solve_by_strategy(self, attempt: str, frequency_hz: float) -> Point:
         """A point by one of `ATTEMPTS` alone; the session stands where it stood before, whatever it found.
 
         After `solve_at` or `sweep` have begun, which set the level of the loads.
         """
         raw = RawPoint()
-        if self._library.attrito_try_at(self._handle, attempt.encode(), omega(frequency_hz), ctypes.byref(raw)) != 0:
+        if (
+            self._library.attrito_solve_by_strategy(
+                self._handle, attempt.encode(), omega(frequency_hz), ctypes.byref(raw)
+            )
+            != 0
+        ):
             raise ValueError(f"{attempt!r} is none of the cascade's attempts: {', '.join(ATTEMPTS)}")
         return self.point_of(raw)
 
@@ -255,15 +260,15 @@ class Solver:
         """Outcome of the last point by all that has been found of it: its examination, motion in time."""
         return OUTCOMES[self.call("attrito_outcome")]
 
-    def found_in_time(self, period: int) -> None:
+    def set_period_in_time(self, period: int) -> None:
         """Note the period of motion in time at the last point, which has no solution; 0: none. On every rank."""
-        self._library.attrito_found_in_time(self._handle, period)
+        self._library.attrito_set_period_in_time(self._handle, period)
 
-    def tell_point(self, hear: Callable[[str, Series, np.ndarray], None] | None) -> None:
+    def report_point(self, hear: Callable[[str, Series, np.ndarray], None] | None) -> None:
         """Hand the last point to `hear`, series by series: path, what it is, and the entry. None but at the root."""
         monitors = "\n".join(self._scene.monitor_names).encode()
         if hear is None:
-            self._library.attrito_tell_point(self._handle, monitors, HEARER())
+            self._library.attrito_report_point(self._handle, monitors, SERIES_CALLBACK())
             return
 
         def told(
@@ -283,22 +288,22 @@ class Solver:
             )
             hear(path.decode(), what, entry.astype(np.int32) if what.kind == "int32" else entry)
 
-        self._library.attrito_tell_point(self._handle, monitors, HEARER(told))
+        self._library.attrito_report_point(self._handle, monitors, SERIES_CALLBACK(told))
 
-    def put_down(self) -> np.ndarray:
-        """What the last point leaves for the next on this rank: numbers that `take_up` understands."""
-        numbers = np.zeros(self._library.attrito_put_down(self._handle))
+    def save_state(self) -> np.ndarray:
+        """What the last point leaves for the next on this rank: numbers that `load_state` understands."""
+        numbers = np.zeros(self._library.attrito_save_state(self._handle))
         self._library.attrito_fetch_state(self._handle, pointer(numbers))
         return numbers
 
-    def take_up(self, numbers: np.ndarray) -> bool:
+    def load_state(self, numbers: np.ndarray) -> bool:
         """Go on from what was put down on as many ranks; False if it is not of this kind."""
         numbers = np.ascontiguousarray(numbers)
-        return bool(self._library.attrito_take_up(self._handle, len(numbers), pointer(numbers)))
+        return bool(self._library.attrito_load_state(self._handle, len(numbers), pointer(numbers)))
 
     def work_of_visits(self) -> float:
         """Floating-point operations since other members were begun to be visited; see `attrito.library.family`."""
-        operations: float = self._library.attrito_work_of_visits(self._handle)
+        operations: float = self._library.attrito_family_work(self._handle)
         return operations
 
     @property

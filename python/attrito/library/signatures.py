@@ -25,7 +25,7 @@ from attrito.library.structures import (
 )
 
 # A series of a point: path, kind, dimensions, extent, values, description, unit, names
-HEARER = ctypes.CFUNCTYPE(
+SERIES_CALLBACK = ctypes.CFUNCTYPE(
     None, c_char_p, c_char_p, c_int, POINTER(c_int), POINTER(c_double), c_char_p, c_char_p, c_char_p
 )
 # Progress of a reduction: a sentence or a step, how much of it is done, of how much
@@ -49,35 +49,35 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "attrito_prepare": (c_int, (HANDLE, POINTER(RawOptions), *MESSAGE)),
     "attrito_destroy": (None, (HANDLE,)),
     # Points
-    "attrito_walk_static_path": (
+    "attrito_follow_static_path": (
         c_int,
         (HANDLE, c_int, c_int, Doubles, c_int, c_double, POINTER(RawPoint), *MESSAGE),
     ),
     "attrito_begin_sweep": (None, (HANDLE, c_double, c_double, c_double, c_int, c_int)),
     "attrito_next_point": (None, (HANDLE, POINTER(RawPoint))),
     "attrito_solve_at": (None, (HANDLE, c_double, c_int, POINTER(RawPoint))),
-    "attrito_try_at": (c_int, (HANDLE, c_char_p, c_double, POINTER(RawPoint))),
+    "attrito_solve_by_strategy": (c_int, (HANDLE, c_char_p, c_double, POINTER(RawPoint))),
     "attrito_monitors": (None, (HANDLE, Doubles, Doubles)),
     "attrito_coordinates": (None, (HANDLE, c_int, Doubles)),
     "attrito_linear_response": (c_int, (HANDLE, c_int, c_int, Doubles, Doubles, c_int, Doubles, *MESSAGE)),
-    "attrito_tell_point": (None, (HANDLE, c_char_p, HEARER)),
+    "attrito_report_point": (None, (HANDLE, c_char_p, SERIES_CALLBACK)),
     "attrito_outcome": (c_int, (HANDLE,)),
-    "attrito_found_in_time": (None, (HANDLE, c_int)),
-    "attrito_put_down": (c_int, (HANDLE,)),
+    "attrito_set_period_in_time": (None, (HANDLE, c_int)),
+    "attrito_save_state": (c_int, (HANDLE,)),
     "attrito_fetch_state": (None, (HANDLE, Doubles)),
-    "attrito_take_up": (c_int, (HANDLE, c_int, Doubles)),
+    "attrito_load_state": (c_int, (HANDLE, c_int, Doubles)),
     # Branches
     "attrito_keep_point": (None, (HANDLE, c_int)),
-    "attrito_forget_points": (None, (HANDLE, c_int)),
-    "attrito_stand_at_point": (None, (HANDLE, c_int)),
-    "attrito_is_known": (c_int, (HANDLE, c_int)),
+    "attrito_remove_points": (None, (HANDLE, c_int)),
+    "attrito_start_from_point": (None, (HANDLE, c_int)),
+    "attrito_lies_on_branch": (c_int, (HANDLE, c_int)),
     "attrito_seek": (c_int, (HANDLE, c_int, c_double, c_double)),
     "attrito_begin_branch": (None, (HANDLE, c_double, c_double, c_int, c_int, c_int)),
-    "attrito_stand_at_motion": (c_int, (HANDLE, c_int, Doubles, Doubles, c_double, c_double)),
+    "attrito_start_from_motion": (c_int, (HANDLE, c_int, Doubles, Doubles, c_double, c_double)),
     # Members of a family
     "attrito_enter_family": (None, (HANDLE,)),
     "attrito_leave_family": (None, (HANDLE,)),
-    "attrito_work_of_visits": (c_double, (HANDLE,)),
+    "attrito_family_work": (c_double, (HANDLE,)),
     "attrito_keep_member": (None, (HANDLE, c_int)),
     "attrito_return_to_member": (None, (HANDLE, c_int)),
     "attrito_solve_member": (c_int, (HANDLE, Doubles)),
@@ -98,13 +98,13 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
         (HANDLE, c_int, c_int, c_int, Doubles, *[c_double] * 5, c_int, Doubles, c_int, POINTER(RawPeak)),
     ),
     "attrito_follow_peak_in": (None, (HANDLE, c_int, c_int, POINTER(RawPeak))),
-    "attrito_turn_peak": (None, (HANDLE, c_double)),
+    "attrito_set_peak_direction": (None, (HANDLE, c_double)),
     "attrito_next_peak": (None, (HANDLE, c_double, c_int, POINTER(RawPeak))),
     "attrito_peak_at": (None, (HANDLE, c_double, c_int, POINTER(RawPeak))),
     "attrito_leading_mode": (None, (HANDLE, Integers, Doubles)),
     "attrito_begin_backbone": (None, (HANDLE, c_int, c_int, c_int, c_double, c_int, POINTER(RawBackbone))),
     "attrito_backbone_at": (None, (HANDLE, c_double, c_int, POINTER(RawBackbone))),
-    "attrito_backbone_anew": (None, (HANDLE, c_double, c_int, POINTER(RawBackbone))),
+    "attrito_restart_backbone": (None, (HANDLE, c_double, c_int, POINTER(RawBackbone))),
     # Integration in time
     "attrito_integrator_create": (c_int, (POINTER(RawScene), POINTER(HANDLE), *MESSAGE)),
     "attrito_integrator_start_static": (c_int, (HANDLE, c_int, c_int, Doubles, c_int, c_void_p, *MESSAGE)),

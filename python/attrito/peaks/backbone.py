@@ -54,7 +54,7 @@ class BackboneTracker:
 
     def anew(self, modal_amplitude: float) -> BackbonePoint:
         """The point of an amplitude, by long steps from one at which contacts stick."""
-        return self._call("attrito_backbone_anew", modal_amplitude, 0)
+        return self._call("attrito_restart_backbone", modal_amplitude, 0)
 
     def _call(self, name: str, *arguments: object) -> BackbonePoint:
         raw = RawBackbone()

@@ -139,7 +139,7 @@ def begin(
     keys = job["peak"]
     by_level = keys["parameter"] == "level"
     band = (min(_band(job)), max(_band(job)))
-    solver.walk_static_path(load_path * (1.0 if by_level else value), job["static"]["steps"], band[0])
+    solver.follow_static_path(load_path * (1.0 if by_level else value), job["static"]["steps"], band[0])
     tracker = PeakTracker(solver, _monitor(job, scene), keys["amplitude"], band, load_path[-1])
     near = keys["near_hz"] if keys["near_hz"] is not None else tracker.linear_peak_hz()
     return tracker, tracker.begin(value if by_level else keys["level"], near)
@@ -156,7 +156,7 @@ def follow_mode(
 ) -> Backbone:
     """The backbone of a mode over the levels of the peaks found; `leading`: that of `leading_mode` at the first."""
     with Solver(comm, scene, options) as solver:
-        solver.walk_static_path(load_path, job["static"]["steps"], min(_band(job)))
+        solver.follow_static_path(load_path, job["static"]["steps"], min(_band(job)))
         mode, amplitude = leading
         tracker = BackboneTracker(solver, mode, _monitor(job, scene), job["peak"]["amplitude"])
         return follow_backbone(tracker, amplitude, found)

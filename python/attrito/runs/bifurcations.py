@@ -66,12 +66,12 @@ class Finder:
             if any(one is new for one in self.found):
                 self._progress.say(f"{new.kind.replace('_', ' ')} at {new.frequency_hz:.7g} Hz")
 
-    def put_down(self) -> dict[str, np.ndarray]:
+    def save_state(self) -> dict[str, np.ndarray]:
         """What was found of the last point."""
         return {"bifurcations": as_rows(self._last)} if self._last else {}
 
-    def take_up(self, found: dict[str, np.ndarray]) -> None:
-        """Go on after a point of which `put_down` told this."""
+    def load_state(self, found: dict[str, np.ndarray]) -> None:
+        """Go on after a point of which `save_state` told this."""
         for one in of_rows(self._points, found.get("bifurcations", ())):
             self.found = added(self.found, one)
         self._points += 1

@@ -118,13 +118,13 @@ class Sampler:
         if hull is not None:
             self.hulls[place] = hull
 
-    def put_down(self) -> dict[str, np.ndarray]:
+    def save_state(self) -> dict[str, np.ndarray]:
         """What was found of the last point, at the root."""
         hull = self.hulls.get(self._points - 1)
         return {} if hull is None else {f"hull/{name}": np.asarray(value) for name, value in vars(hull).items()}
 
-    def take_up(self, found: dict[str, np.ndarray]) -> None:
-        """Go on after a point of which `put_down` told this."""
+    def load_state(self, found: dict[str, np.ndarray]) -> None:
+        """Go on after a point of which `save_state` told this."""
         if "hull/force" in found:
             sides = {name: found[f"hull/{name}"] for name in ("force", "mean", "amplitude")}
             self.hulls[self._points] = Hull(

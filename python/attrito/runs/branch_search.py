@@ -87,7 +87,7 @@ class Search:
         """Forget the branches of another level."""
         self._level = level
         self._points, self._kept, self._first_bifurcation = [], 0, len(self._finder.found)
-        self._solver.call("attrito_forget_points", 0)
+        self._solver.call("attrito_remove_points", 0)
 
     def keep(self, point: Point, first: bool) -> None:
         """Remember a point that is written; `first` of its sweep. Collective."""
@@ -122,13 +122,13 @@ class Search:
     def _seek(self, start: Start, low: float, high: float) -> bool:
         """Whether a start leads to a point on no known branch, at which the solver then stands."""
         if start.point >= 0:
-            self._solver.call("attrito_stand_at_point", start.point)
+            self._solver.call("attrito_start_from_point", start.point)
         else:
-            self._solver.walk_static_path(self._path, self._steps, start.frequency_hz)
+            self._solver.follow_static_path(self._path, self._steps, start.frequency_hz)
             self._solver.set_excitation(low, high, self._level)
         if not self._solver.seek(start.way, start.frequency_hz, start.factor):
             return False
-        return not self._solver.call("attrito_is_known", self._kept)
+        return not self._solver.call("attrito_lies_on_branch", self._kept)
 
     def _starts(self, low: float, high: float) -> Iterator[Start]:
         """All that can be made of what is known, the most promising first."""
@@ -180,8 +180,8 @@ class Search:
                 break
             self._solver.call("attrito_keep_point", int(count > 0))
             last = known + count
-        self._solver.call("attrito_stand_at_point", last)
-        self._solver.call("attrito_forget_points", known)
+        self._solver.call("attrito_start_from_point", last)
+        self._solver.call("attrito_remove_points", known)
         for count, point in enumerate(self._solver.follow(low, high, branch, self._max_points, 0)):
             if point.outcome in NO_SOLUTION or (count % LOOK_EVERY == LOOK_EVERY - 1 and self._meets(known)):
                 self._progress.say(f"branch {branch} ends at {point.frequency_hz:.6g} Hz")
@@ -190,4 +190,4 @@ class Search:
 
     def _meets(self, count: int) -> bool:
         """Whether the solver has come onto one of the first `count` known points' branches."""
-        return bool(self._solver.call("attrito_is_known", count))
+        return bool(self._solver.call("attrito_lies_on_branch", count))

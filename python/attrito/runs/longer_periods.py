@@ -51,7 +51,7 @@ class LongerPeriods:
         period = self._comm.bcast(self._period(point) if self._asks else None)
         if period is None:
             return point
-        self._solver.found_in_time(period)
+        self._solver.set_period_in_time(period)
         return point._replace(outcome=self._solver.outcome())
 
     def _period(self, point: Point) -> int | None:

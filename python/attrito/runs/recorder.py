@@ -36,11 +36,11 @@ if TYPE_CHECKING:
 class Follower(Protocol):
     """What visits points and remembers what it found of each."""
 
-    def put_down(self) -> dict[str, np.ndarray]:
+    def save_state(self) -> dict[str, np.ndarray]:
         """What was found of the last point."""
 
-    def take_up(self, found: dict[str, np.ndarray]) -> None:
-        """Go on after a point of which `put_down` told this."""
+    def load_state(self, found: dict[str, np.ndarray]) -> None:
+        """Go on after a point of which `save_state` told this."""
 
 
 class Recorder:
@@ -93,7 +93,7 @@ class Recorder:
             states = None
             if self._comm.rank == 0:
                 states = [record.arrays[f"state/{rank}"] for rank in range(self._comm.size)]
-            if not self._solver.take_up(self._comm.scatter(states)):
+            if not self._solver.load_state(self._comm.scatter(states)):
                 raise InputError(Fault(self._path, "state", "of another version", f"what attrito {__version__} wrote"))
             if i in known:
                 search.keep(SimpleNamespace(**note["point"]), note["place"]["taken"] == 1)
@@ -118,7 +118,7 @@ class Recorder:
     def hear(self) -> None:
         """Take down the point that the solver stands at, before anything moves it."""
         self._told, self._new = {}, {}
-        self._solver.tell_point(self._hear if self._comm.rank == 0 else None)
+        self._solver.report_point(self._hear if self._comm.rank == 0 else None)
 
     def _hear(self, path: str, what: Series, values: np.ndarray) -> None:
         self._told[path] = values
@@ -127,12 +127,12 @@ class Recorder:
 
     def write(self, point: Point, place: RunPosition) -> None:
         """Put the point on disk, with what followers found of it, and all that the next starts from."""
-        states = self._comm.gather(self._solver.put_down())
+        states = self._comm.gather(self._solver.save_state())
         on_root(self._comm, lambda: self._append(point, place, states))
         self.written = place.points
 
     def _append(self, point: Point, place: RunPosition, states: list[np.ndarray]) -> None:
-        found = {name: values for follower in self._followers for name, values in follower.put_down().items()}
+        found = {name: values for follower in self._followers for name, values in follower.save_state().items()}
         kept = {f"state/{rank}": numbers for rank, numbers in enumerate(states)}
         told = {name: getattr(point, name) for name in ("level", "branch", "frequency_hz", "outcome")}
         sums = [_sum_of(numbers) for numbers in states]
@@ -165,7 +165,7 @@ class Recorder:
                 raise ValueError("the state of the solver is not the one that was put down")
             self._known |= set(record.series)
             for follower in self._followers:
-                follower.take_up(record.arrays)
+                follower.load_state(record.arrays)
         self._open(ends[len(notes) - 1])
         return notes[1:]
 

@@ -63,11 +63,11 @@ class Examiner:
         if report.high >= report.low:
             self._found["low"], self._found["high"] = np.array(report.low), np.array(report.high)
 
-    def put_down(self) -> dict[str, np.ndarray]:
+    def save_state(self) -> dict[str, np.ndarray]:
         """What was found of the last point, at the root."""
         return {f"stability/{name}": values for name, values in self._found.items()}
 
-    def take_up(self, found: dict[str, np.ndarray]) -> None:
+    def load_state(self, found: dict[str, np.ndarray]) -> None:
         """Nothing of a point is needed for the next."""
 
 

@@ -95,7 +95,7 @@ class Course:
         level, start, stop = self._stretches[place.stretch]
         if place.stretch % self._sides == 0:
             self._search.begin_level(level)
-        self._progress.static(self._solver.walk_static_path(self._path, self._job["static"]["steps"], begin))
+        self._progress.static(self._solver.follow_static_path(self._path, self._job["static"]["steps"], begin))
         for warning in of_static_solution(self._solver.static_states):
             if warning not in place.warnings:
                 place.warnings.append(warning)
@@ -105,7 +105,7 @@ class Course:
         most = self._job["continuation"]["max_points"]
         if self._start is None:
             return self._solver.sweep(start, stop, level, place.branch, most)
-        if not self._solver.stand_at(self._start, level):
+        if not self._solver.start_from(self._start, level):
             raise NumericsError(f"the point to start at, {begin:.6g} Hz, is not solved at level {level:g}")
         return self._solver.follow(start, stop, place.branch, most, 1 if stop > start else -1)
 

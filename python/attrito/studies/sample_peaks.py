@@ -130,7 +130,7 @@ class _Search:
 
     def _walk(self) -> None:
         path = self._load_path * self._preload
-        self._solver.walk_static_path(path, self._job["static"]["steps"], self._band[0])
+        self._solver.follow_static_path(path, self._job["static"]["steps"], self._band[0])
 
     def _tracked(self) -> Start | None:
         tracker, peak = begin(self._solver, self._job, self._scene, self._load_path, self._value)

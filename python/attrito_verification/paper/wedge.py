@@ -196,7 +196,7 @@ class _Walked(Solver):
 
     def __init__(self, scene: ReducedScene, options: Options, path: list[float]):
         super().__init__(MPI.COMM_SELF, scene, options)
-        self.static_mean = self.walk_static_path(np.array(path)[:, None], STATIC_STEPS, BAND[0])
+        self.static_mean = self.follow_static_path(np.array(path)[:, None], STATIC_STEPS, BAND[0])
 
 
 def wedge_scene(parameters: Parameters, degrees: float) -> ReducedScene:

@@ -84,7 +84,7 @@ def _coupled(columns: Columns, scene: ReducedScene, session: Integrator, solver:
     for name in ("static_failed", "seconds_verdict", "seconds_check", "seconds_methods"):
         columns.data[name] = np.zeros(len(grid))
     try:
-        solver.walk_static_path(PATH, STATIC_STEPS, grid[0])
+        solver.follow_static_path(PATH, STATIC_STEPS, grid[0])
     except NumericsError:
         columns.data["static_failed"][:] = 1.0
         return
@@ -125,14 +125,14 @@ def _examine(columns: Columns, solver: Solver, index: int) -> bool:
 
 def _try_each(columns: Columns, solver: Solver, index: int, frequency_hz: float) -> None:
     for name in ATTEMPTS:
-        _keep(columns, name, index, solver.try_at(name, frequency_hz))
+        _keep(columns, name, index, solver.solve_by_strategy(name, frequency_hz))
 
 
 def _uncoupled(columns: Columns, scene: ReducedScene, harmonics: int, grid: np.ndarray) -> None:
     options = Options(harmonics=harmonics, samples=max(128, 8 * harmonics), by_events=True, uncoupled=True)
     with Solver(MPI.COMM_SELF, scene, options) as solver:
         try:
-            solver.walk_static_path(PATH, STATIC_STEPS, grid[0])
+            solver.follow_static_path(PATH, STATIC_STEPS, grid[0])
         except NumericsError:
             return
         for i, point in enumerate(solver.solve_at(list(grid), 1.0, 0)):

@@ -1,5 +1,5 @@
 !> Motions that the structure leaves free: which they are, what the condensed residual says of the forces along them, and sliding.
-program test_free_motions
+program test_rigid_body_modes
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: null_space
@@ -16,7 +16,7 @@ program test_free_motions
   !> Rounding of sums of some ten terms of order one, through stuck modes whose stiffness spans less than 1e3
   real(wp), parameter :: rounding = 1.0e-12_wp
 
-  call run_in_session('free motions', [ &
+  call run_in_session('rigid-body modes', [ &
                       test('a structure that stands by itself has none', held), &
                       test('of a structure that buckles they are told from what it does not resist', buckling), &
                       test('they are those that its stiffness makes nothing of, the first of them those that slide', found), &
@@ -104,7 +104,7 @@ contains
     associate (softened => scene%structure%stiffness - 30.0_wp*matmul(along, transpose(along))/norm2(along)**2)
       call check(error, dot_product(along(:, 1), matmul(softened, along(:, 1))) < 0.0_wp, 'it does not buckle: the test is void')
       call null_space(softened, tolerance, motions)
-      call check(error, size(motions, 2) == 2, 'not two free motions')
+      call check(error, size(motions, 2) == 2, 'not two rigid-body modes')
       call check_close(error, matmul(softened, motions), 0.0_wp*motions, rounding, 'forces along them')
     end associate
   end subroutine buckling
@@ -161,4 +161,4 @@ contains
     end associate
     call solver%destroy()
   end subroutine sliding_back
-end program test_free_motions
+end program test_rigid_body_modes
