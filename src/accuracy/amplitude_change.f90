@@ -53,6 +53,7 @@ contains
 
   !> Half the range over the period of series, columnwise.
   pure function half_ranges(series) result(ranges)
+    !> Coefficients, a column each
     real(wp), intent(in) :: series(:, :)
     real(wp) :: ranges(size(series, 2)), range(2)
     integer :: i

@@ -58,7 +58,9 @@ contains
   !> Errors of the solver's present point, and the point on a longer series.
   subroutine estimate(self, solver, finer)
     class(error_control_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Point by the finer balance, to first order
     type(finer_point_type), intent(out) :: finer
 
     call self%estimator%estimate(solver, self%tolerance, self%errors, finer)
@@ -67,6 +69,7 @@ contains
   !> Save or load what the next point depends on.
   subroutine keep(self, store)
     class(error_control_type), intent(inout) :: self
+    !> Numbers that a point leaves for the next, written or read in turn
     type(state_store_type), intent(inout) :: store
 
     call store%keep(self%errors%harmonics)
@@ -78,7 +81,9 @@ contains
   !> The sweep's next point, within the accepted error where harmonics or samples are to be chosen.
   subroutine advance(self, sweep, solver)
     class(error_control_type), intent(inout) :: self
+    !> Sweep that goes on
     type(sweep_type), intent(inout) :: sweep
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
 
     call take_resolution_chosen(self, solver)
@@ -91,7 +96,9 @@ contains
   !> The same at one angular frequency.
   subroutine solve_at(self, solver, omega)
     class(error_control_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
 
     call take_resolution_chosen(self, solver)
@@ -104,7 +111,9 @@ contains
   !> periodic motion at all.
   subroutine solve_on_short_series(self, solver, omega)
     class(error_control_type), intent(in) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
     integer :: harmonics, iterations
 
@@ -119,6 +128,7 @@ contains
   !> What the last point asked for the next one.
   subroutine take_resolution_chosen(self, solver)
     class(error_control_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
 
     if (self%next_harmonics > 0) call solver%set_resolution(self%next_harmonics, self%next_samples)
@@ -128,6 +138,7 @@ contains
   !> gets. A point that the finer balance does not reach stays, with its estimate if that is sure, and without if not.
   subroutine refine(self, solver)
     type(error_control_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     type(finer_point_type) :: finer
     real(wp), allocatable :: shorter(:, :)
@@ -174,6 +185,7 @@ contains
   !> Take what the point differs by from the same on a shorter series for its error; that is sure once it is accepted.
   subroutine compare(self, solver, shorter)
     type(error_control_type), intent(inout) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     !> Coefficients of the monitors [k, monitors]
     real(wp), intent(in) :: shorter(:, :)
@@ -184,6 +196,7 @@ contains
 
   !> Length of the series that an estimate which is not sure is held against.
   pure integer function next_longer(harmonics)
+    !> Highest harmonic, H
     integer, intent(in) :: harmonics
 
     next_longer = (5*harmonics)/4 + 2
@@ -199,11 +212,15 @@ contains
 
   !> Solve the point again, finer, from where it is expected; back to what it was if that fails.
   subroutine solve_finer(solver, finer, harmonics, samples, iterations, better)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Point by the finer balance, to first order
     type(finer_point_type), intent(in) :: finer
+    !> Highest harmonic, H; samples a period, J
     integer, intent(in) :: harmonics, samples
     !> Counts on
     integer, intent(inout) :: iterations
+    !> Is there a finer point?
     logical, intent(out) :: better
     type(snapshot_type) :: before
     type(newton_report_type) :: report
@@ -229,7 +246,9 @@ contains
   !> Harmonics that this point needs: the error shrinks with the part of the motion that is left out.
   integer function needed_harmonics(self, solver, finer) result(needed)
     type(error_control_type), intent(in) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Point by the finer balance, to first order
     type(finer_point_type), intent(in) :: finer
     real(wp), allocatable :: left_out(:)
     real(wp) :: accepted_error
@@ -252,7 +271,9 @@ contains
 
   !> Norm of the contacts' motion beyond each harmonic [K].
   function tails(solver, motion) result(left_out)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Coefficients of relative displacement, by harmonic and row
     real(wp), intent(in) :: motion(:, :)
     real(wp) :: left_out(size(motion, 1)/2)
     integer :: h
@@ -268,7 +289,9 @@ contains
   !> Samples that this point needs: their error falls like the square, and what harmonics are left out is to be seen.
   integer function needed_samples(self, solver, harmonics) result(needed)
     type(error_control_type), intent(in) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Highest harmonic, H
     integer, intent(in) :: harmonics
     real(wp) :: factor
 

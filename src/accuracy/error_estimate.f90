@@ -54,6 +54,7 @@ contains
   !> Errors of the solver's present point. None where every contact sticks: that is linear.
   subroutine estimate(self, solver, tolerance, errors, finer)
     class(error_estimate_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> That is asked for; `no_tolerance` where none is
     real(wp), intent(in) :: tolerance
@@ -113,6 +114,7 @@ contains
   !> The stiffness of a contact over that of the structure, all other contacts stuck, the greatest of all rows. With R the stuck
   !> system's flexibility at a row and k the row's spring, the structure alone has 1/R - k there, so the ratio is k R/(1 - k R).
   real(wp) function greatest_stiffness_ratio(solver) result(ratio)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     real(wp), parameter :: rounding = 1.0e-12_wp
     real(wp), allocatable :: modes(:, :)
@@ -133,6 +135,7 @@ contains
   !> and motion like h^-4, what is beyond H falls like H^-3: two thirds of it are seen at least, 26 parts in 27 with a short series.
   !> The first harmonics beyond a very short series do not fade yet, so it has `least_longer` at least.
   pure integer function longer_series(harmonics)
+    !> Highest harmonic, H
     integer, intent(in) :: harmonics
 
     longer_series = max(least_longer, min(3*harmonics, max(harmonics + 20, harmonics + harmonics/2)))
@@ -140,8 +143,11 @@ contains
 
   !> Make a finer balance anew where it is not the one that is asked for.
   subroutine prepare(finer, solver, harmonics, samples)
+    !> Balance with more harmonics or samples
     type(finer_balance_type), intent(inout) :: finer
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Highest harmonic, H; samples a period, J
     integer, intent(in) :: harmonics, samples
 
     if (finer%harmonics == harmonics .and. finer%quadrature%fourier%samples == samples) return
@@ -151,6 +157,7 @@ contains
 
   !> Coefficients of the monitors at the solver's present point [2 H + 1, monitors].
   function own_monitors(solver) result(own)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     real(wp), allocatable :: own(:, :)
 
@@ -159,6 +166,7 @@ contains
 
   !> Does any contact, of all ranks, go by samples?
   pure logical function any_sampled(solver)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
 
     any_sampled = any(.not. goes_by_events(solver%contacts%law, solver%context%balance%quadrature%by_events))

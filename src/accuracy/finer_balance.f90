@@ -70,8 +70,11 @@ contains
 
   !> For so many harmonics and samples.
   function new_finer_balance(structure, stuck, harmonics, samples, by_events) result(self)
+    !> Mass, stiffness, damping, loads and monitors
     type(structure_type), intent(in) :: structure
+    !> Linear system with every contact stuck
     type(stuck_system_type), intent(in) :: stuck
+    !> Highest harmonic, H; samples a period, J
     integer, intent(in) :: harmonics, samples
     !> Are events preferred to samples?
     logical, intent(in) :: by_events
@@ -91,6 +94,7 @@ contains
 
   !> x^T A x of every mode: what a matrix that couples them is to each by itself.
   pure function projected(matrix, modes) result(diagonal)
+    !> Matrix that couples the modes; modes, a column each
     real(wp), intent(in) :: matrix(:, :), modes(:, :)
     real(wp) :: diagonal(size(modes, 2))
 
@@ -100,6 +104,7 @@ contains
   !> The solver's present point, corrected.
   subroutine correct(self, solver, point, status, denser)
     class(finer_balance_type), intent(in) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Without monitors where the linearised step is singular
     type(finer_point_type), intent(out) :: point
@@ -133,6 +138,7 @@ contains
   !> Deviation of this rank's rows at the balance's own motion [2 K + 1, rows]: mostly the balance has kept as many harmonics of it.
   function kept_deviation(self, solver) result(deviation)
     class(finer_balance_type), intent(in) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     real(wp), allocatable :: deviation(:, :), motion(:, :)
     type(contact_forces_type) :: forces
@@ -159,9 +165,11 @@ contains
   !> Response at the harmonics beyond H to the contact forces and loads there.
   subroutine respond_beyond(self, solver, deviation, response)
     class(finer_balance_type), intent(in) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     !> Of this rank's rows [2 K + 1, rows]
     real(wp), intent(in) :: deviation(:, :)
+    !> Coordinates of the response, by harmonic
     complex(wp), intent(inout) :: response(:, 0:)
     real(wp), allocatable :: forces(:, :)
     complex(wp), allocatable :: columns(:, :)
@@ -191,10 +199,13 @@ contains
   !> Forces of one contact of this rank, as many coefficients as their deviation has room for; no Jacobian.
   subroutine evaluate(self, solver, contact, motion, slider, forces)
     class(finer_balance_type), intent(in) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Number of the contact
     integer, intent(in) :: contact
     !> Of its rows [2 K + 1, tangents + 1], and sliders at the start [width]
     real(wp), intent(in) :: motion(:, :), slider(:)
+    !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(inout) :: forces
 
     associate (balance => solver%context%balance, law => solver%context%balance%law(contact))
@@ -207,7 +218,9 @@ contains
   !> Does a contact go by more samples here than in the balance?
   pure logical function is_denser_for(self, balance, contact)
     class(finer_balance_type), intent(in) :: self
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
+    !> Number of the contact
     integer, intent(in) :: contact
 
     is_denser_for = self%quadrature%fourier%samples > balance%quadrature%fourier%samples .and. &
@@ -217,6 +230,7 @@ contains
   !> What the finer balance's forces differ by at the harmonics up to H, and where its periodic sliders would go.
   subroutine change_forces(self, solver, motion, change, released)
     class(finer_balance_type), intent(in) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> [2 K + 1, rows]
     real(wp), intent(in) :: motion(:, :)
@@ -244,7 +258,9 @@ contains
 
   !> The part of a change of the forces that is due to samples. It is extrapolated: the error falls like the square of their number.
   subroutine extrapolate_samples(denser, solver, change, released, share)
+    !> Balance with more harmonics or samples
     type(finer_balance_type), intent(in) :: denser
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> By harmonics and samples
     real(wp), intent(inout) :: change(:, :), released(:, :)
@@ -264,7 +280,9 @@ contains
 
   !> Norm of the motion that a change of forces makes of the contacts, these being stuck.
   real(wp) function moved_by(solver, change)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Change of the forces or of the frequency
     real(wp), intent(in) :: change(:, :)
     complex(wp), allocatable :: response(:, :)
 
@@ -279,10 +297,13 @@ contains
 
   !> One linearised step at the equation that picked the point, for a change of the forces.
   subroutine step(solver, change, released, response, point, status)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Change of the forces or of the frequency; change of the forces with sliders released
     real(wp), intent(in) :: change(:, :), released(:, :)
     !> [n, 0:K]
     complex(wp), intent(inout) :: response(:, 0:)
+    !> Point by the finer balance, to first order
     type(finer_point_type), intent(inout) :: point
     !> 0, or not: singular
     integer, intent(out) :: status
@@ -310,9 +331,11 @@ contains
 
   !> A linearised step at the solver's point, as exact as an error needs.
   subroutine solve_for_estimate(solver, right, step, status)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Right-hand sides of balance and sliders
     type(unknowns_type), intent(in) :: right
+    !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(out) :: step
     !> 0, or not: singular
     integer, intent(out) :: status

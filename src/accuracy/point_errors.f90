@@ -37,6 +37,7 @@ contains
   !> Is the tolerance kept? Errors that are not known keep none.
   pure logical function are_within(self, tolerance)
     class(point_errors_type), intent(in) :: self
+    !> Relative tolerance
     real(wp), intent(in) :: tolerance
 
     are_within = tolerance >= no_tolerance

@@ -37,6 +37,7 @@ contains
   !> The highest harmonic that may matter, or `known` if none beyond does.
   integer function highest(self, solver, known, threshold)
     class(resonances_type), intent(inout) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     !> The last harmonic that is looked at anyway
     integer, intent(in) :: known
@@ -78,8 +79,11 @@ contains
     !> Harmonics in the interval of a natural frequency.
     pure subroutine span(self, r, stuck_omega, first, last)
       class(resonances_type), intent(in) :: self
+      !> Number of the mode
       integer, intent(in) :: r
+      !> Angular frequency of the stuck mode
       real(wp), intent(in) :: stuck_omega
+      !> First of the harmonics; last of the harmonics
       integer, intent(out) :: first, last
       real(wp) :: low
 
@@ -92,7 +96,9 @@ contains
 
   !> Natural frequencies of the structure without contacts; none where that is large.
   subroutine diagonalise(solver, omega)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Angular frequency, rad/s
     real(wp), allocatable, intent(out) :: omega(:)
     real(wp), allocatable :: squares(:), modes(:, :)
     integer :: info
@@ -105,7 +111,9 @@ contains
 
   !> Contacts' rows [n, rows of this rank] and monitors [n, monitors] in the coordinates of the stuck modes.
   subroutine in_modes(solver, directions, monitors)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Contacts' rows in modal coordinates; monitors in modal coordinates
     real(wp), allocatable, intent(out) :: directions(:, :), monitors(:, :)
 
     associate (balance => solver%context%balance, stuck => solver%stuck)
@@ -119,6 +127,7 @@ contains
 
   !> What h^2 |g_h| is at most for every row of this rank, by the harmonics of the forces that the balance has kept [rows].
   function bounds_of_forces(solver) result(bounds)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     real(wp) :: bounds(solver%context%balance%rows())
     integer :: i
@@ -136,6 +145,7 @@ contains
 
   !> Largest h^2 |g_h| of every row over the upper half of the harmonics [rows].
   pure function fading(deviation) result(bound)
+    !> Deviation of contact forces from those of their springs
     real(wp), intent(in) :: deviation(:, :)
     real(wp) :: bound(size(deviation, 2))
     complex(wp) :: columns(size(deviation, 2), 0:(size(deviation, 1) - 1)/2)

@@ -40,11 +40,15 @@ contains
 
   !> From where the first step has ended; `first` stays.
   subroutine step_again(finer, solver, first, threshold, second)
+    !> Balance with more harmonics or samples
     type(finer_balance_type), intent(in) :: finer
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Point by the finer balance, to first order
     type(finer_point_type), intent(in) :: first
     !> Part of the monitors' motion, and ten times that of the contacts', that may be missing of a harmonic
     real(wp), intent(in) :: threshold
+    !> The second step
     type(second_step_type), intent(out) :: second
     type(unknowns_type) :: right, moved
     complex(wp), allocatable :: response(:, :), added(:, :)
@@ -77,7 +81,9 @@ contains
 
     !> What a change of the frequency adds to the response at the balance's own harmonics, to first order.
     subroutine add_frequency(response, change)
+      !> Coordinates of the response, by harmonic
       complex(wp), intent(inout) :: response(:, 0:)
+      !> Change of the forces or of the frequency
       real(wp), intent(in) :: change
       complex(wp), allocatable :: by_omega(:, :)
 
@@ -91,8 +97,11 @@ contains
 
   !> Forces of all contacts of this rank where the first step has ended, those included that stuck before it.
   subroutine evaluate_all(finer, solver, first, deviation, change, released)
+    !> Balance with more harmonics or samples
     type(finer_balance_type), intent(in) :: finer
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Point by the finer balance, to first order
     type(finer_point_type), intent(in) :: first
     !> Deviation [2 K + 1, rows], what it is changed by up to H [2 H + 1, rows], where periodic sliders have yet to go [2, contacts]
     real(wp), allocatable, intent(out) :: deviation(:, :), change(:, :), released(:, :)
@@ -120,6 +129,7 @@ contains
   !> What two answers are, harmonic by harmonic: squares of the contacts' first motion and of its change, their product, and what
   !> the answers after the second add to every monitor for each unit of lambda / (1 - lambda).
   function answers_of(solver, first, second, first_monitors, second_monitors) result(answers)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     !> Motion of this rank's rows [2 K + 1, rows], and monitors [2 K + 1, monitors]
     real(wp), intent(in) :: first(:, :), second(:, :), first_monitors(:, :), second_monitors(:, :)
@@ -145,8 +155,11 @@ contains
 
   !> The highest harmonic, from one on, at which answers beyond the second would add more than a part of the motion.
   pure integer function highest_unsettled(answers, lowest, threshold) result(highest)
+    !> Norms of the contacts' answers by harmonic
     type(answers_type), intent(in) :: answers
+    !> Harmonic to begin at
     integer, intent(in) :: lowest
+    !> Part of the motion that counts
     real(wp), intent(in) :: threshold
     !> Parts of the contacts' motion count this much less than those of the monitors'
     real(wp), parameter :: weight = 0.1_wp

@@ -23,8 +23,11 @@ contains
 
   !> Mode (from 1) that carries most of the first harmonic of the session's point, and its coordinate.
   subroutine attrito_leading_mode(handle, mode, amplitude) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Mode
     integer(c_int), intent(out) :: mode
+    !> Amplitudes of the monitors
     real(c_double), intent(out) :: amplitude
     type(session_type), pointer :: session
 
@@ -35,9 +38,13 @@ contains
   !> The backbone of a mode (from 1) at an amplitude of its coordinate, given by a monitor (from 0). The static path has been
   !> followed; the session serves nothing but this backbone from then on.
   subroutine attrito_begin_backbone(handle, mode, monitor, measure, amplitude, branch, backbone) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Mode; monitor, from 0; which amplitude, as names are counted; number of the branch
     integer(c_int), value :: mode, monitor, measure, branch
+    !> Amplitude of the monitor or mode
     real(c_double), value :: amplitude
+    !> Point of the backbone, reported
     type(backbone_type), intent(out) :: backbone
     type(session_type), pointer :: session
 
@@ -48,9 +55,13 @@ contains
 
   !> At another amplitude, by long steps from where contacts stick.
   subroutine attrito_restart_backbone(handle, amplitude, branch, backbone) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Amplitude of the monitor or mode
     real(c_double), value :: amplitude
+    !> Number of the branch
     integer(c_int), value :: branch
+    !> Point of the backbone, reported
     type(backbone_type), intent(out) :: backbone
     type(session_type), pointer :: session
 
@@ -61,9 +72,13 @@ contains
 
   !> Followed to another amplitude.
   subroutine attrito_backbone_at(handle, amplitude, branch, backbone) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Amplitude of the monitor or mode
     real(c_double), value :: amplitude
+    !> Number of the branch
     integer(c_int), value :: branch
+    !> Point of the backbone, reported
     type(backbone_type), intent(out) :: backbone
     type(session_type), pointer :: session
 
@@ -73,8 +88,11 @@ contains
   end subroutine attrito_backbone_at
 
   subroutine describe(session, branch, backbone)
+    !> Session behind a handle
     type(session_type), intent(inout) :: session
+    !> Number of the branch
     integer, intent(in) :: branch
+    !> Point of the backbone, reported
     type(backbone_type), intent(out) :: backbone
 
     session%solver%report%converged = session%backbone%found

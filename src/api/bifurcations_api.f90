@@ -27,7 +27,9 @@ contains
   !> been asked. What stands of the last point must have been written. Crossings are those of the engines and the orbit that the
   !> last two points were examined by, if they were.
   integer(c_int) function attrito_find_bifurcations(handle, methods, orbit) result(count) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Sum of the engines, or one of them; whose orbit: see `attrito_describe`
     integer(c_int), value :: methods, orbit
     type(session_type), pointer :: session
     type(snapshot_type) :: here
@@ -59,7 +61,9 @@ contains
 
   !> A crossing by the names that it has here.
   subroutine add_crossing(session, crossing)
+    !> Session behind a handle
     type(session_type), intent(inout) :: session
+    !> Crossing of the unit circle
     type(crossing_type), intent(in) :: crossing
     integer :: kind
 
@@ -79,6 +83,7 @@ contains
 
   !> Locate the step's turning point. A multiplier that passes 1 there, or jumps, is its own.
   subroutine add_turning_point(session)
+    !> Session behind a handle
     type(session_type), intent(inout) :: session
     type(turning_point_type) :: turning
     type(bifurcation_type) :: point
@@ -102,10 +107,15 @@ contains
 
   !> A bifurcation at a place, with the monitors there.
   function bifurcation_at(session, kind, place, uncertain, multiplier) result(point)
+    !> Session behind a handle
     type(session_type), intent(inout) :: session
+    !> Numbers of the kinds
     integer, intent(in) :: kind
+    !> Motion, sliders and frequency to return to
     type(snapshot_type), intent(in) :: place
+    !> What is left open of the frequency, Hz
     real(wp), intent(in) :: uncertain
+    !> Multiplier that crosses
     complex(wp), intent(in) :: multiplier
     type(bifurcation_type) :: point
     integer :: status
@@ -121,9 +131,13 @@ contains
 
   !> One of those found, from 0, and the amplitudes of the monitors there.
   subroutine attrito_bifurcation(handle, i, report, amplitude) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Number of the bifurcation, from 0
     integer(c_int), value :: i
+    !> What is found
     type(bifurcation_report_type), intent(out) :: report
+    !> Amplitudes of the monitors
     real(c_double), intent(out) :: amplitude(*)
     type(session_type), pointer :: session
 

@@ -20,7 +20,9 @@ contains
 
   !> Add the last point to those that are known; `follows`: the branch goes on from the one added before.
   subroutine attrito_keep_point(handle, follows) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Does the branch go on from the one stored last?
     integer(c_int), value :: follows
     type(session_type), pointer :: session
 
@@ -30,7 +32,9 @@ contains
 
   !> Remove all known points but the first so many.
   subroutine attrito_remove_points(handle, count) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Number of items
     integer(c_int), value :: count
     type(session_type), pointer :: session
 
@@ -40,7 +44,9 @@ contains
 
   !> Make a known point the last one, from 0.
   subroutine attrito_start_from_point(handle, number) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Number of the stored point, from 0
     integer(c_int), value :: number
     type(session_type), pointer :: session
 
@@ -50,7 +56,9 @@ contains
 
   !> Does the last point lie on a branch of the first so many points that are known?
   integer(c_int) function attrito_lies_on_branch(handle, count) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Number of items
     integer(c_int), value :: count
     type(session_type), pointer :: session
 
@@ -60,8 +68,11 @@ contains
 
   !> Look for a point at an angular frequency: 1 if one was found, on which the session then stands.
   integer(c_int) function attrito_seek(handle, way, omega, factor) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Way of looking, or direction
     integer(c_int), value :: way
+    !> Angular frequency, rad/s; factor on motion or loads
     real(c_double), value :: omega, factor
     type(session_type), pointer :: session
     logical :: found
@@ -81,8 +92,11 @@ contains
   !> Begin a sweep along the branch on which the session stands, within a range of angular frequency: towards growing (1) or falling
   !> (-1) frequency, or (0) back from where the last sweep stands.
   subroutine attrito_begin_branch(handle, start, stop, way, branch, max_points) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> End of the range, rad/s
     real(c_double), value :: start, stop
+    !> Way of looking, or direction; number of the branch; most points
     integer(c_int), value :: way, branch, max_points
     type(session_type), pointer :: session
     type(tangent_type) :: towards
@@ -97,9 +111,13 @@ contains
   !> Stand at a motion of the model's coordinates [m, coefficients] at an angular frequency, with sliders [contacts, width], and
   !> solve there; 1 if that converges.
   integer(c_int) function attrito_start_from_motion(handle, coefficients, coordinates, slider, omega, level) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Coefficients of each row, 2 H + 1
     integer(c_int), value :: coefficients
+    !> Motion of the model's coordinates; sliders at the start of the period
     real(c_double), intent(in) :: coordinates(coefficients, *), slider(*)
+    !> Angular frequency, rad/s; factor on the loads
     real(c_double), value :: omega, level
     type(session_type), pointer :: session
     integer :: first, last, m, width

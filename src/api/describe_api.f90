@@ -37,7 +37,9 @@ contains
   !> Describe the interface in words, a line each: `names OF name=number ...` of an enumeration, `size OF bytes` of a structure.
   !> Returns the room that the text takes with the null character at its end; what does not fit is left out.
   integer(c_int) function attrito_describe(length, text) bind(c)
+    !> Room for the message, characters
     integer(c_int), value :: length
+    !> Text, as C hands it over
     character(kind=c_char), intent(out) :: text(length)
     character(:), allocatable :: whole
 
@@ -107,7 +109,9 @@ contains
 
   !> The line of an enumeration whose names are counted from 0.
   pure function counted(enumeration, names) result(line)
+    !> Name of the enumeration
     character(*), intent(in) :: enumeration
+    !> Names that numbers stand for
     character(*), intent(in) :: names(:)
     character(:), allocatable :: line
     integer :: i
@@ -117,8 +121,11 @@ contains
 
   !> The line of an enumeration with a number for each name.
   pure function numbered(enumeration, names, numbers) result(line)
+    !> Name of the enumeration
     character(*), intent(in) :: enumeration
+    !> Names that numbers stand for
     character(*), intent(in) :: names(:)
+    !> Numbers of the state
     integer, intent(in) :: numbers(:)
     character(:), allocatable :: line
     character(12) :: number
@@ -134,7 +141,9 @@ contains
 
   !> The line of a structure.
   pure function sized(structure, bytes) result(line)
+    !> Mass, stiffness, damping, loads and monitors
     character(*), intent(in) :: structure
+    !> Size of the structure
     integer(c_size_t), intent(in) :: bytes
     character(:), allocatable :: line
     character(20) :: number

@@ -54,9 +54,13 @@ contains
 
   !> A session on a scene at rest, unloaded.
   integer(c_int) function attrito_integrator_create(scene, handle, message, length) result(status) bind(c)
+    !> Reduced scene, as C hands it over
     type(scene_type), intent(in) :: scene
+    !> Session of the integrator
     type(c_ptr), intent(out) :: handle
+    !> Room for the message, characters
     integer(c_int), value :: length
+    !> Room for what is said
     character(kind=c_char), intent(out) :: message(length)
     type(session_type), pointer :: session
     type(contact_law_type), pointer :: laws(:)
@@ -86,9 +90,13 @@ contains
   !> Start from the end of a static load path [corners, statics], followed from rest with given sliders [contacts, 2] (or null: 0).
   integer(c_int) function attrito_integrator_start_static(handle, statics, corners, path, steps, slider, message, length) &
     result(status) bind(c)
+    !> Session, see `session_of`; sliders at the start of the period
     type(c_ptr), value :: handle, slider
+    !> Number of static loads; how many there are; number of steps; room for the message, characters
     integer(c_int), value :: statics, corners, steps, length
+    !> Factors on the static loads, by load and corner
     real(c_double), intent(in) :: path(statics, corners)
+    !> Room for what is said
     character(kind=c_char), intent(out) :: message(length)
     type(session_type), pointer :: session
     type(error_type), allocatable :: error
@@ -103,8 +111,11 @@ contains
 
   !> Start from a state in the scene's coordinates: displacement [m], velocity [m], sliders [contacts, 2].
   subroutine attrito_integrator_start(handle, size_of_scene, displacement, velocity, slider) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Number of coordinates
     integer(c_int), value :: size_of_scene
+    !> Displacement or velocity of the coordinates; sliders at the start of the period
     real(c_double), intent(in) :: displacement(size_of_scene), velocity(size_of_scene), slider(2, *)
     type(session_type), pointer :: session
 
@@ -116,8 +127,11 @@ contains
 
   !> The state as it stands, after the start or the last run.
   subroutine attrito_integrator_state(handle, size_of_scene, displacement, velocity, slider) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Number of coordinates
     integer(c_int), value :: size_of_scene
+    !> Displacement or velocity of the coordinates; sliders at the start of the period
     real(c_double), intent(out) :: displacement(size_of_scene), velocity(size_of_scene), slider(2, *)
     type(session_type), pointer :: session
 
@@ -129,6 +143,7 @@ contains
 
   !> How many contacts carry a normal force as it stands.
   integer(c_int) function attrito_integrator_touching(handle) result(touching) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
     type(session_type), pointer :: session
     type(state_type) :: state
@@ -141,10 +156,15 @@ contains
 
   !> Integrate until steady; the session then stands at the end of the run.
   integer(c_int) function attrito_integrator_run(handle, options, report, message, length) result(status) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Options, as C hands them over
     type(options_type), intent(in) :: options
+    !> What is found
     type(report_type), intent(out) :: report
+    !> Room for the message, characters
     integer(c_int), value :: length
+    !> Room for what is said
     character(kind=c_char), intent(out) :: message(length)
     type(session_type), pointer :: session
     type(error_type), allocatable :: error
@@ -170,7 +190,9 @@ contains
   !> Measures of the recorded period: monitors [monitors, 3] mean, lowest, highest; mean force of rows [rows]; contacts
   !> [contacts, 5] shares of stick, slip, open, smallest normal force, energy dissipated a period of the excitation.
   subroutine attrito_integrator_measures(handle, monitors, forces, contacts) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Coefficients of monitors, or monitors; results, in the order of the comment
     real(c_double), intent(out) :: monitors(3, *), forces(*), contacts(5, *)
     type(session_type), pointer :: session
     integer :: i
@@ -191,8 +213,10 @@ contains
   !> Samples: seconds [samples], monitors [samples, monitors], displacement and force of rows [samples, rows], regimes
   !> [samples, contacts].
   subroutine attrito_integrator_samples(handle, time, monitors, displacement, force, regime) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
     real(c_double), intent(out) :: time(*), monitors(*), displacement(*), force(*)
+    !> Regime: stick, slip or open
     integer(c_int), intent(out) :: regime(*)
     type(session_type), pointer :: session
     integer :: n
@@ -210,6 +234,7 @@ contains
 
   !> Give everything back.
   subroutine attrito_integrator_destroy(handle) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
     type(session_type), pointer :: session
 
@@ -219,7 +244,9 @@ contains
   end subroutine attrito_integrator_destroy
 
   function options_of(given, statics) result(options)
+    !> Options, as C hands them over
     type(options_type), intent(in) :: given
+    !> Number of static loads
     integer, intent(in) :: statics
     type(run_options_type) :: options
 
@@ -241,7 +268,9 @@ contains
 
   !> A copy of a C array [columns, rows].
   function matrix(address, rows, columns) result(copy)
+    !> Address of the array in C
     type(c_ptr), intent(in) :: address
+    !> How many there are
     integer, intent(in) :: rows, columns
     real(wp) :: copy(rows, columns)
     real(c_double), pointer :: there(:, :)

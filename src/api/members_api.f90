@@ -13,6 +13,7 @@ contains
 
   !> Begin at the last point.
   subroutine attrito_enter_family(handle) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
     type(session_type), pointer :: session
 
@@ -22,6 +23,7 @@ contains
 
   !> Leave the session as it was.
   subroutine attrito_leave_family(handle) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
     type(session_type), pointer :: session
 
@@ -31,6 +33,7 @@ contains
 
   !> Floating-point operations since the family was entered.
   real(c_double) function attrito_family_work(handle) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
     type(session_type), pointer :: session
 
@@ -40,7 +43,9 @@ contains
 
   !> Remember the present member in a place, 0 or 1.
   subroutine attrito_keep_member(handle, place) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Place of the member, 0 or 1
     integer(c_int), value :: place
     type(session_type), pointer :: session
 
@@ -50,7 +55,9 @@ contains
 
   !> Go back to the one remembered there.
   subroutine attrito_return_to_member(handle, place) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Place of the member, 0 or 1
     integer(c_int), value :: place
     type(session_type), pointer :: session
 
@@ -60,7 +67,9 @@ contains
 
   !> Move the sliders [contacts, width]; 1 if that gave a member, else 0 and nothing has changed.
   integer(c_int) function attrito_solve_member(handle, slider) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Sliders at the start of the period
     real(c_double), intent(in) :: slider(*)
     type(session_type), pointer :: session
     logical :: found
@@ -76,6 +85,7 @@ contains
   !> The present member: forces [contacts, 3, 2 H + 1], monitors [monitors, 2 H + 1] with amplitudes, sliders [contacts, width] and
   !> whether they are free (1.0 or 0.0). 0, or not: it cannot be evaluated.
   integer(c_int) function attrito_describe_member(handle, force, monitors, amplitude, slider, free) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
     real(c_double), intent(out) :: force(*), monitors(*), amplitude(*), slider(*), free(*)
     type(session_type), pointer :: session
@@ -94,8 +104,11 @@ contains
 
   !> Change of the member described last with component `tangent` (from 0) of -k_t w of a contact (from 0); 0, or not: singular.
   integer(c_int) function attrito_differentiate_member(handle, contact, tangent, force, monitors) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Number of the contact; number of the tangent, from 0
     integer(c_int), value :: contact, tangent
+    !> Contact forces; coefficients of monitors, or monitors
     real(c_double), intent(out) :: force(*), monitors(*)
     type(session_type), pointer :: session
     type(description_type) :: change
@@ -108,7 +121,9 @@ contains
   end function attrito_differentiate_member
 
   pure subroutine copy(member, force, monitors)
+    !> Member, as it is described
     type(description_type), intent(in) :: member
+    !> Contact forces; coefficients of monitors, or monitors
     real(wp), intent(inout) :: force(*), monitors(*)
 
     force(:size(member%force)) = reshape(member%force, [size(member%force)])

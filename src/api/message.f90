@@ -10,6 +10,7 @@ contains
 
   !> Status of an error, its message copied out: 0 and nothing where there is none.
   function report_error(error, message) result(status)
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(in) :: error
     !> Ends with a null character
     character(kind=c_char), intent(out) :: message(:)
@@ -24,6 +25,7 @@ contains
 
   !> Copy a text out.
   pure subroutine say(text, message)
+    !> Text, as C hands it over
     character(*), intent(in) :: text
     !> Ends with a null character
     character(kind=c_char), intent(out) :: message(:)
@@ -37,6 +39,7 @@ contains
 
   !> Fortran's text of a C string.
   pure function text_of(string) result(text)
+    !> Text of C
     character(kind=c_char), intent(in) :: string(*)
     character(:), allocatable :: text
     integer :: i, length

@@ -27,10 +27,15 @@ contains
   !> Find the peak of a monitor (from 0) at a level, near an angular frequency; sweeps go from start to stop. The static path has been
   !> followed. `static_factors` [loads] are those at preload 1.
   subroutine attrito_begin_peak(handle, monitor, measure, loads, static_factors, omega, start, stop, level, branch, peak) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Monitor, from 0; which amplitude, as names are counted; number of static loads; number of the branch
     integer(c_int), value :: monitor, measure, loads, branch
+    !> Factors on the static loads
     real(c_double), intent(in) :: static_factors(loads)
+    !> Angular frequency, rad/s; end of the range, rad/s; factor on the loads
     real(c_double), value :: omega, start, stop, level
+    !> Peak, reported
     type(peak_type), intent(out) :: peak
     type(session_type), pointer :: session
 
@@ -45,10 +50,14 @@ contains
   !> The same near a motion of the model's coordinates [m, coefficients], at a level and a preload, sliders where they are.
   subroutine attrito_begin_peak_near(handle, monitor, measure, loads, static_factors, omega, start, stop, level, preload, &
                                      coefficients, coordinates, branch, peak) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
     integer(c_int), value :: monitor, measure, loads, coefficients, branch
+    !> Factors on the static loads; motion of the model's coordinates
     real(c_double), intent(in) :: static_factors(loads), coordinates(coefficients, *)
+    !> Angular frequency, rad/s; end of the range, rad/s; factor on the loads
     real(c_double), value :: omega, start, stop, level, preload
+    !> Peak, reported
     type(peak_type), intent(out) :: peak
     type(session_type), pointer :: session
     real(wp), allocatable :: motion(:, :)
@@ -67,8 +76,11 @@ contains
 
   !> Motion of the model's coordinates at the last point [m, coefficients].
   subroutine attrito_coordinates(handle, coefficients, coordinates) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Coefficients of each row, 2 H + 1
     integer(c_int), value :: coefficients
+    !> Motion of the model's coordinates
     real(c_double), intent(out) :: coordinates(coefficients, *)
     type(session_type), pointer :: session
 
@@ -80,8 +92,11 @@ contains
 
   !> Follow it in the level (0) or the preload (1) from here on.
   subroutine attrito_follow_peak_in(handle, parameter, branch, peak) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Parameter that is followed, or its value; number of the branch
     integer(c_int), value :: parameter, branch
+    !> Peak, reported
     type(peak_type), intent(out) :: peak
     type(session_type), pointer :: session
 
@@ -92,7 +107,9 @@ contains
 
   !> The next steps go towards a value of the parameter.
   subroutine attrito_set_peak_direction(handle, value) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Value of the parameter
     real(c_double), value :: value
     type(session_type), pointer :: session
 
@@ -102,9 +119,13 @@ contains
 
   !> One step along the curve of peaks, or just to a value of the parameter, where it has finished.
   subroutine attrito_next_peak(handle, stop, branch, peak) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> End of the range, rad/s
     real(c_double), value :: stop
+    !> Number of the branch
     integer(c_int), value :: branch
+    !> Peak, reported
     type(peak_type), intent(out) :: peak
     type(session_type), pointer :: session
     logical :: reached
@@ -118,9 +139,13 @@ contains
 
   !> The peak at a value of the parameter, by as many steps as it takes.
   subroutine attrito_peak_at(handle, value, branch, peak) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Value of the parameter
     real(c_double), value :: value
+    !> Number of the branch
     integer(c_int), value :: branch
+    !> Peak, reported
     type(peak_type), intent(out) :: peak
     type(session_type), pointer :: session
 
@@ -130,8 +155,11 @@ contains
   end subroutine attrito_peak_at
 
   subroutine describe(session, branch, peak)
+    !> Session behind a handle
     type(session_type), intent(inout) :: session
+    !> Number of the branch
     integer, intent(in) :: branch
+    !> Peak, reported
     type(peak_type), intent(out) :: peak
     type(finer_point_type) :: finer
 

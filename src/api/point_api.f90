@@ -14,7 +14,9 @@ contains
 
   !> Report the last point, series by series; names of monitors, one a line. Collective.
   subroutine attrito_report_point(handle, monitors, listener) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Monitors, or their names, one a line
     character(kind=c_char), intent(in) :: monitors(*)
     !> See `listener_type`; null except at the root
     type(c_funptr), value :: listener
@@ -27,6 +29,7 @@ contains
 
   !> Outcome of the last point by all that has been found of it, see `attrito_output_findings`.
   integer(c_int) function attrito_outcome(handle) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
     type(session_type), pointer :: session
 
@@ -36,7 +39,9 @@ contains
 
   !> Of motion in time under the loads of the last point, which has no solution: its period in periods of the excitation, 0: none.
   subroutine attrito_set_period_in_time(handle, period) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Period in periods of the excitation, 0: none
     integer(c_int), value :: period
     type(session_type), pointer :: session
 
@@ -46,6 +51,7 @@ contains
 
   !> Save what the last point leaves for the next on this rank; returns how many numbers that is.
   integer(c_int) function attrito_save_state(handle) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
     type(session_type), pointer :: session
     type(state_store_type) :: store
@@ -59,7 +65,9 @@ contains
 
   !> The numbers that were saved last.
   subroutine attrito_fetch_state(handle, numbers) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Numbers of the state
     real(c_double), intent(out) :: numbers(*)
     type(session_type), pointer :: session
 
@@ -69,8 +77,11 @@ contains
 
   !> Load, in place of the last point, what was saved on as many ranks; 1 if it is of this session's kind, else 0. Collective.
   integer(c_int) function attrito_load_state(handle, count, numbers) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Number of items
     integer(c_int), value :: count
+    !> Numbers of the state
     real(c_double), intent(in) :: numbers(count)
     type(session_type), pointer :: session
     type(state_store_type) :: store
@@ -85,7 +96,9 @@ contains
 
   !> All that a session remembers from point to point.
   subroutine keep(session, store)
+    !> Session behind a handle
     type(session_type), intent(inout) :: session
+    !> Numbers that a point leaves for the next, written or read in turn
     type(state_store_type), intent(inout) :: store
     integer :: i
 
@@ -98,7 +111,9 @@ contains
   end subroutine keep
 
   pure function lines_of(text, count) result(lines)
+    !> Text, as C hands it over
     character(*), intent(in) :: text
+    !> How many there are
     integer, intent(in) :: count
     character(64) :: lines(count)
     integer :: i, first, next

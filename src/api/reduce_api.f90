@@ -39,9 +39,11 @@ contains
     character(kind=c_char), intent(in) :: folder(*)
     !> Boundary dofs, from 0, ascending, the same on every rank
     integer(c_int), value :: boundary_count
+    !> Boundary dofs, from 0
     integer(c_int), intent(in) :: boundary(boundary_count)
     !> Loads and monitors, C order [vector_count, n]; n is the number of dofs on rank 0 and may be 0 elsewhere
     integer(c_int), value :: n, vector_count
+    !> Vectors to correct for, a column each
     real(c_double), intent(in) :: vectors(n, vector_count)
     !> How many modes, and how
     type(options_type), intent(in) :: options
@@ -51,6 +53,7 @@ contains
     type(report_type), intent(out) :: report
     !> Room for the message
     integer(c_int), value :: length
+    !> Room for what is said
     character(kind=c_char), intent(out) :: message(length)
     type(reduction_report_type) :: found
     type(error_type), allocatable :: error
@@ -68,6 +71,7 @@ contains
   end function attrito_reduce
 
   pure function c_report(found) result(report)
+    !> What the reduction found
     type(reduction_report_type), intent(in) :: found
     type(report_type) :: report
     integer :: i
@@ -85,6 +89,7 @@ contains
 
   !> Characters as one text; null characters end it.
   pure function joined(characters) result(text)
+    !> Characters, ended by a null
     character(kind=c_char), intent(in) :: characters(:)
     character(size(characters)) :: text
     integer :: i

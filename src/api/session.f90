@@ -68,6 +68,7 @@ contains
 
   !> The session behind a handle.
   function session_of(handle) result(session)
+    !> Session of the solver
     type(c_ptr), intent(in) :: handle
     type(session_type), pointer :: session
 
@@ -76,6 +77,7 @@ contains
 
   !> A contact out of C's; `release_laws` gives its law back.
   function law_of(law) result(contact)
+    !> Contact laws
     type(contact_law_type), intent(in) :: law
     type(contact_type) :: contact
     real(c_double), pointer :: numbers(:)
@@ -93,6 +95,7 @@ contains
 
   !> Give the laws of contacts back; none of them is used any more.
   subroutine release_laws(contacts)
+    !> Contact: its springs and its law
     type(contact_type), intent(inout) :: contacts(:)
     integer :: i
 

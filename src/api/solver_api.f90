@@ -51,8 +51,11 @@ contains
 
   !> A session on a structure of m coordinates.
   function attrito_create(comm, m, mass, stiffness, damping_kind, damping_value, damping) result(handle) bind(c)
+    !> MPI communicator; how many there are; kind of damping: see `attrito_describe`
     integer(c_int), value :: comm, m, damping_kind
+    !> Mass matrix; stiffness matrix
     real(c_double), intent(in) :: mass(m, m), stiffness(m, m)
+    !> Value of the damping, by its kind
     real(c_double), value :: damping_value
     !> [m, m], or null unless the damping is viscous
     type(c_ptr), value :: damping
@@ -75,8 +78,11 @@ contains
 
   !> Loads and monitors: static loads [static_count, m], harmonic load [coefficients, m], monitors [monitor_count, m].
   subroutine attrito_set_loads(handle, static_count, static_loads, coefficients, harmonic_load, monitor_count, monitors) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> How many there are; coefficients of each row, 2 H + 1
     integer(c_int), value :: static_count, coefficients, monitor_count
+    !> Loads on the coordinates; coefficients of monitors, or monitors
     real(c_double), intent(in) :: static_loads(*), harmonic_load(*), monitors(*)
     type(session_type), pointer :: session
     integer :: m
@@ -90,9 +96,13 @@ contains
 
   !> Contacts and their rows of B [rows, m], each contact's tangents before its normal.
   subroutine attrito_set_contacts(handle, count, laws, rows, directions) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Number of items; how many there are
     integer(c_int), value :: count, rows
+    !> Contact laws
     type(contact_law_type), intent(in) :: laws(count)
+    !> Directions of contact rows in the coordinates
     real(c_double), intent(in) :: directions(*)
     type(session_type), pointer :: session
     integer :: m, i
@@ -104,9 +114,13 @@ contains
 
   !> Make the session ready to solve.
   integer(c_int) function attrito_prepare(handle, options, message, length) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Options, as C hands them over
     type(options_type), intent(in) :: options
+    !> Room for the message, characters
     integer(c_int), value :: length
+    !> Room for what is said
     character(kind=c_char), intent(out) :: message(length)
     type(session_type), pointer :: session
     type(error_type), allocatable :: error
@@ -133,8 +147,11 @@ contains
 
   !> Give the contacts other laws of the same stiffnesses and directions: modes stay. The static path is to be followed next.
   subroutine attrito_change_laws(handle, count, laws) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Number of items
     integer(c_int), value :: count
+    !> Contact laws
     type(contact_law_type), intent(in) :: laws(count)
     type(session_type), pointer :: session
     type(contacts_type) :: before
@@ -155,11 +172,17 @@ contains
 
   !> Follow the static load path [corners, static loads]; receptances are those of an angular frequency.
   integer(c_int) function attrito_follow_static_path(handle, loads, corners, path, steps, omega, point, message, length) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Number of static loads; how many there are; number of steps; room for the message, characters
     integer(c_int), value :: loads, corners, steps, length
+    !> Factors on the static loads, by load and corner
     real(c_double), intent(in) :: path(loads, corners)
+    !> Angular frequency, rad/s
     real(c_double), value :: omega
+    !> Point, reported
     type(point_type), intent(out) :: point
+    !> Room for what is said
     character(kind=c_char), intent(out) :: message(length)
     type(session_type), pointer :: session
     type(error_type), allocatable :: error
@@ -173,8 +196,11 @@ contains
 
   !> Begin a sweep of the harmonic loads at a level between two angular frequencies.
   subroutine attrito_begin_sweep(handle, start, stop, level, branch, max_points) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> End of the range, rad/s; factor on the loads
     real(c_double), value :: start, stop, level
+    !> Number of the branch; most points
     integer(c_int), value :: branch, max_points
     type(session_type), pointer :: session
 
@@ -186,7 +212,9 @@ contains
 
   !> The next point of the sweep.
   subroutine attrito_next_point(handle, point) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Point, reported
     type(point_type), intent(out) :: point
     type(session_type), pointer :: session
 
@@ -203,9 +231,13 @@ contains
 
   !> A point at an angular frequency.
   subroutine attrito_solve_at(handle, omega, branch, point) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Angular frequency, rad/s
     real(c_double), value :: omega
+    !> Number of the branch
     integer(c_int), value :: branch
+    !> Point, reported
     type(point_type), intent(out) :: point
     type(session_type), pointer :: session
     type(field_type) :: none(0)
@@ -224,10 +256,13 @@ contains
   !> A point at an angular frequency by one attempt of the cascade alone; the session then stands where it stood before, whether that
   !> found a point or not. 0, or 1: there is no attempt of that name.
   integer(c_int) function attrito_solve_by_strategy(handle, attempt, omega, point) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
     !> One of the cascade's names
     character(kind=c_char), intent(in) :: attempt(*)
+    !> Angular frequency, rad/s
     real(c_double), value :: omega
+    !> Point, reported
     type(point_type), intent(out) :: point
     type(session_type), pointer :: session
     type(snapshot_type) :: before
@@ -252,7 +287,9 @@ contains
 
   !> Coefficients of the monitors [monitors, 2 H + 1] and their amplitudes at the last point.
   subroutine attrito_monitors(handle, harmonics, amplitude) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Coefficients of the monitors; amplitudes of the monitors
     real(c_double), intent(out) :: harmonics(*), amplitude(*)
     type(session_type), pointer :: session
 
@@ -265,10 +302,15 @@ contains
   !> the lowest natural frequencies [frequencies] in Hz of that system.
   integer(c_int) function attrito_linear_response(handle, stuck, count, omega, amplitude, frequencies, natural_hz, message, &
                                                   length) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> 1: contacts stick, 0: without friction; number of items; how many there are; room for the message, characters
     integer(c_int), value :: stuck, count, frequencies, length
+    !> Angular frequency, rad/s
     real(c_double), intent(in) :: omega(count)
+    !> Amplitudes of the monitors; lowest natural frequencies, Hz
     real(c_double), intent(out) :: amplitude(count, *), natural_hz(frequencies)
+    !> Room for what is said
     character(kind=c_char), intent(out) :: message(length)
     type(session_type), pointer :: session
     type(stuck_system_type) :: system
@@ -314,6 +356,7 @@ contains
 
   !> Give everything back.
   subroutine attrito_destroy(handle) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
     type(session_type), pointer :: session
 
@@ -327,9 +370,13 @@ contains
   !> Displacement and force [tangents + 1, samples] of one contact over a period, for its coefficients [tangents + 1, coefficients]
   !> and sliders at its start [at least 2 elements].
   subroutine attrito_sample_contact(law, coefficients, samples, motion, slider, passes, displacement, force) bind(c)
+    !> Contact laws
     type(contact_law_type), intent(in) :: law
+    !> Coefficients of each row, 2 H + 1; samples a period, J; how many there are
     integer(c_int), value :: coefficients, samples, passes
+    !> Coefficients of relative displacement, by harmonic and row; sliders at the start of the period
     real(c_double), intent(in) :: motion(coefficients, law%tangents + 1), slider(*)
+    !> Displacement or velocity of the coordinates; contact forces
     real(c_double), intent(out) :: displacement(samples, law%tangents + 1), force(samples, law%tangents + 1)
     type(fourier_type) :: fourier
     type(contact_type) :: contact(1)
@@ -343,7 +390,9 @@ contains
 
   !> How many numbers the sliders of a contact take where contacts have these laws: a pair for each element.
   integer(c_int) function attrito_slider_width(count, laws) bind(c)
+    !> Number of items
     integer(c_int), value :: count
+    !> Contact laws
     type(contact_law_type), intent(in) :: laws(count)
     type(contact_type) :: contacts(count)
     integer :: i
@@ -355,8 +404,11 @@ contains
 
   !> Smallest and largest value over the period of trigonometric polynomials [count, coefficients]: [count] each.
   subroutine attrito_extrema(count, coefficients, polynomials, lowest, highest) bind(c)
+    !> Number of items; coefficients of each row, 2 H + 1
     integer(c_int), value :: count, coefficients
+    !> Coefficients, one polynomial after the other
     real(c_double), intent(in) :: polynomials(coefficients, count)
+    !> Extreme values over the period
     real(c_double), intent(out) :: lowest(count), highest(count)
     real(wp) :: range(2)
     integer :: i
@@ -369,6 +421,7 @@ contains
   end subroutine attrito_extrema
 
   pure function point_of(report) result(point)
+    !> What is reported of a point
     type(point_report_type), intent(in) :: report
     type(point_type) :: point
 

@@ -27,9 +27,12 @@ contains
   !> monodromy, 2 Hill's problem), note the verdict in what is going to be written of it,
   !> and say why where there is none.
   integer(c_int) function attrito_examine(handle, methods, orbit, equivalent_viscous, report, message, length) result(status) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
     integer(c_int), value :: methods, orbit, equivalent_viscous, length
+    !> What is found
     type(examination_report_type), intent(out) :: report
+    !> Room for what is said
     character(kind=c_char), intent(out) :: message(length)
     type(session_type), pointer :: session
     type(error_type), allocatable :: error
@@ -54,8 +57,11 @@ contains
 
   !> The system in time: once, but where its damping depends on the frequency.
   subroutine prepare(session, equivalent_viscous, error)
+    !> Session behind a handle
     type(session_type), intent(inout) :: session
+    !> Replace a loss factor by viscous damping?
     logical, intent(in) :: equivalent_viscous
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
 
     if (allocated(session%in_time)) then
@@ -68,9 +74,13 @@ contains
 
   !> Multipliers of the last examination by one engine, 1 or 2: real and imaginary parts, kinds.
   subroutine attrito_multipliers(handle, method, re, im, kind) bind(c)
+    !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> Sum of the engines, or one of them
     integer(c_int), value :: method
+    !> Real or imaginary parts
     real(c_double), intent(out) :: re(*), im(*)
+    !> Numbers of the kinds
     integer(c_int), intent(out) :: kind(*)
     type(session_type), pointer :: session
 
@@ -83,8 +93,11 @@ contains
   end subroutine attrito_multipliers
 
   pure subroutine copy(multipliers, re, im, kind)
+    !> Floquet multipliers
     type(multiplier_type), intent(in) :: multipliers(:)
+    !> Real or imaginary parts
     real(c_double), intent(inout) :: re(*), im(*)
+    !> Numbers of the kinds
     integer(c_int), intent(inout) :: kind(*)
     integer :: n
 

@@ -28,6 +28,7 @@ contains
     class(active_rows_type), intent(inout) :: self
     !> Of this rank's contacts
     type(contact_type), intent(in) :: law(:)
+    !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(in) :: forces(:)
     !> Of all their rows [n, rows]
     real(wp), intent(in) :: directions(:, :)
@@ -54,6 +55,7 @@ contains
   end subroutine find
 
   pure logical function moves(forces)
+    !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(in) :: forces
 
     moves = allocated(forces%jacobian)
@@ -62,6 +64,7 @@ contains
 
   !> Where each begins, one after another.
   pure function starts(rows)
+    !> Rows of contacts
     integer, intent(in) :: rows(:)
     integer :: starts(size(rows)), i, next
 
@@ -75,6 +78,7 @@ contains
   !> Their part of a field on all rows of this rank.
   pure function gather(self, field) result(part)
     class(active_rows_type), intent(in) :: self
+    !> Vector over the rows of contacts
     real(wp), intent(in) :: field(:, :)
     real(wp) :: part(size(field, 1), self%count)
     integer :: i

@@ -194,6 +194,7 @@ contains
   !> Forces and Jacobian of one contact of this rank.
   subroutine evaluate_forces(self, contact, own)
     class(balance_type), intent(inout) :: self
+    !> Number of the contact
     integer, intent(in) :: contact
     !> Motion of its rows [2 H + 1, tangents + 1]
     real(wp), intent(in) :: own(:, :)
@@ -220,6 +221,7 @@ contains
     class(balance_type), intent(in) :: self
     !> g of this rank's rows [2 H + 1, rows]
     real(wp), intent(in) :: deviation(:, :)
+    !> Coordinates of the response, by harmonic
     complex(wp), intent(out) :: response(:, 0:)
 
     call respond_to_load(self, -matmul(deviation, transpose(self%directions)), response)
@@ -230,6 +232,7 @@ contains
     class(balance_type), intent(in) :: self
     !> g of this rank's active rows [2 H + 1, active%count]
     real(wp), intent(in) :: deviation(:, :)
+    !> Coordinates of the response, by harmonic
     complex(wp), intent(out) :: response(:, 0:)
 
     call respond_to_load(self, -matmul(deviation, transpose(self%active%directions)), response)
@@ -240,6 +243,7 @@ contains
     class(balance_type), intent(in) :: self
     !> Of this rank [2 H + 1, n]
     real(wp), intent(in) :: load(:, :)
+    !> Coordinates of the response, by harmonic
     complex(wp), intent(out) :: response(:, 0:)
     real(wp), allocatable :: together(:, :)
 
@@ -287,6 +291,7 @@ contains
     class(balance_type), intent(in) :: self
     !> Mean relative displacements where it was, and of a motion [rows]
     real(wp), intent(in) :: before(:)
+    !> Mean over the period
     real(wp), intent(inout) :: mean(:)
     !> Sliders of this rank, which go with it [width, contacts]
     real(wp), intent(inout) :: slider(:, :)
@@ -312,6 +317,7 @@ contains
   !> Relative displacements of this rank's rows [2 H + 1, rows] from a response [n, 0:H].
   pure function recover(self, response) result(motion)
     class(balance_type), intent(in) :: self
+    !> Coordinates of the response, by harmonic
     complex(wp), intent(in) :: response(:, 0:)
     real(wp) :: motion(2*ubound(response, 2) + 1, size(self%directions, 2))
 
@@ -322,6 +328,7 @@ contains
   !> their rounding would tell how they grew.
   subroutine keep(self, store)
     class(balance_type), intent(inout) :: self
+    !> Numbers that a point leaves for the next, written or read in turn
     type(state_store_type), intent(inout) :: store
     integer :: i
 
@@ -341,6 +348,7 @@ contains
   !> Springs to where the mean of the last evaluation is: `part` of the stuck system's stiffness, at harmonic 0 alone.
   subroutine apply_mean_springs(self, part)
     class(balance_type), intent(inout) :: self
+    !> Part of the stiffness that is added
     real(wp), intent(in) :: part
 
     self%spring_anchor = self%response(:, lbound(self%response, 2))

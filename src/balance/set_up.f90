@@ -26,10 +26,13 @@ contains
 
   !> Spread the contacts over ranks and make room.
   subroutine new_balance(structure, contacts, receptance, ranks, samples, self)
+    !> Mass, stiffness, damping, loads and monitors
     type(structure_type), intent(in) :: structure
+    !> All contacts: laws and directions
     type(contacts_type), intent(in) :: contacts
     !> Moved into the balance
     class(receptance_type), allocatable, intent(inout) :: receptance
+    !> Ranks that share the work
     type(communicator_type), intent(in) :: ranks
     !> Samples a period
     integer, intent(in) :: samples
@@ -52,7 +55,9 @@ contains
   !> What belongs to a length of the series: transforms, the grid of roots, harmonics of the load.
   subroutine set_series(self, structure, harmonics, samples)
     type(balance_type), intent(inout) :: self
+    !> Mass, stiffness, damping, loads and monitors
     type(structure_type), intent(in) :: structure
+    !> Highest harmonic, H; samples a period, J
     integer, intent(in) :: harmonics, samples
     integer :: given, h
 
@@ -68,6 +73,7 @@ contains
   !> Transforms; where all contacts go by events they serve nothing, and only what is not there yet is made.
   subroutine set_samples(self, harmonics, samples)
     type(balance_type), intent(inout) :: self
+    !> Highest harmonic, H; samples a period, J
     integer, intent(in) :: harmonics, samples
     logical :: needed
 
@@ -83,7 +89,9 @@ contains
   !> lengths have; residual and Jacobian are to be evaluated anew.
   subroutine set_resolution(self, structure, harmonics, samples)
     type(balance_type), intent(inout) :: self
+    !> Mass, stiffness, damping, loads and monitors
     type(structure_type), intent(in) :: structure
+    !> Highest harmonic, H; samples a period, J
     integer, intent(in) :: harmonics, samples
     complex(wp), allocatable :: response(:, :)
     integer :: i, common

@@ -20,9 +20,11 @@ contains
   !> derivative are not evaluated.
   subroutine evaluate_stuck(self, omega, motion, stuck)
     type(balance_type), intent(inout) :: self
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
     !> [2 H + 1, rows], changed only if it does
     real(wp), intent(inout) :: motion(:, :)
+    !> Does every contact stick?
     logical, intent(out) :: stuck
     real(wp), allocatable :: moving(:, :)
     integer :: top, status
@@ -46,6 +48,7 @@ contains
   !> Harmonics of the stuck response that are loaded, at a frequency, whether contacts stick or not.
   subroutine find_loaded_response(self, omega, response)
     type(balance_type), intent(inout) :: self
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
     !> [n, loaded]; not allocated: the system is singular there
     complex(wp), allocatable, intent(out) :: response(:, :)
@@ -150,6 +153,7 @@ contains
   !> Was a contact stuck at its last evaluation, with its slider where it is?
   pure logical function was_stuck(self, contact)
     type(balance_type), intent(in) :: self
+    !> Number of the contact
     integer, intent(in) :: contact
 
     associate (forces => self%forces(contact))
@@ -180,6 +184,7 @@ contains
   !> Loaded harmonics of this rank's rows from a response [rows, 2 loaded], cosine before sine.
   function recover_loaded(self, response) result(moving)
     type(balance_type), intent(in) :: self
+    !> Coordinates of the response, by harmonic
     complex(wp), intent(in) :: response(:, 0:)
     real(wp) :: moving(self%rows(), 2*size(self%loaded))
     real(wp) :: parts(size(response, 1), 2*size(self%loaded))

@@ -19,9 +19,11 @@ contains
 
   !> Forces and Jacobian of one contact that slips or opens.
   pure real(wp) function contact_work(law, coefficients, quadrature)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
     !> Of a row of the motion
     integer, intent(in) :: coefficients
+    !> What evaluations of all contacts share
     type(quadrature_type), intent(in) :: quadrature
     real(wp) :: k
 
@@ -38,6 +40,7 @@ contains
 
   !> From rows to generalised coordinates and back, the derivative by omega included.
   pure real(wp) function residual_work(coefficients, rows, coordinates)
+    !> Number of them, over all ranks
     integer, intent(in) :: coefficients, rows, coordinates
 
     residual_work = 6.0_wp*coefficients*real(rows, wp)*coordinates
@@ -45,6 +48,7 @@ contains
 
   !> One linearised step on so many active unknowns; `iterations`: of GMRES, 0 where the system is eliminated.
   pure real(wp) function step_work(unknowns, coefficients, coordinates, iterations)
+    !> Number of them, over all ranks
     integer, intent(in) :: unknowns, coefficients, coordinates, iterations
     real(wp) :: a
 

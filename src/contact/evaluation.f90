@@ -30,6 +30,7 @@ contains
 
   !> Does a contact go by events?
   elemental logical function goes_by_events(law, by_events)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
     !> Are events preferred to samples?
     logical, intent(in) :: by_events
@@ -39,7 +40,9 @@ contains
 
   !> Forces and Jacobian of one contact.
   subroutine evaluate_contact(law, quadrature, motion, slider, periodic, forces)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> What evaluations of all contacts share
     type(quadrature_type), intent(in) :: quadrature
     !> Coefficients of relative displacement [k, tangents + 1]
     real(wp), intent(in) :: motion(:, :)
@@ -66,11 +69,15 @@ contains
 
   !> The same of several elements in parallel.
   subroutine evaluate_elements(law, quadrature, motion, slider, periodic, forces)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> What evaluations of all contacts share
     type(quadrature_type), intent(in) :: quadrature
     !> As above
     real(wp), intent(in) :: motion(:, :), slider(:)
+    !> Is the slider to return after one period?
     logical, intent(in) :: periodic
+    !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(inout) :: forces
     type(contact_forces_type) :: own
     integer :: i
@@ -88,11 +95,15 @@ contains
 
   !> Forces and Jacobian of a contact of one element.
   subroutine evaluate_element(law, quadrature, motion, slider, periodic, forces)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> What evaluations of all contacts share
     type(quadrature_type), intent(in) :: quadrature
     !> [k, tangents + 1], and [2]
     real(wp), intent(in) :: motion(:, :), slider(:)
+    !> Is the slider to return after one period?
     logical, intent(in) :: periodic
+    !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(inout) :: forces
 
     if (goes_by_events(law, quadrature%by_events)) then
@@ -104,7 +115,9 @@ contains
 
   !> Displacement and force of a contact at samples of a period, all elements together.
   subroutine sample_forces(law, fourier, motion, slider, passes, displacement, force)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> Transforms between coefficients and samples
     type(fourier_type), intent(in) :: fourier
     !> Coefficients of relative displacement [k, tangents + 1]
     real(wp), intent(in) :: motion(:, :)

@@ -44,8 +44,11 @@ contains
 
   !> Cut the period of a motion [k, 2] (u, v) into segments.
   function new_event_motion(law, grid, motion) result(self)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> Grid on which roots are looked for
     type(trigonometric_grid_type), intent(in) :: grid
+    !> Coefficients of relative displacement, by harmonic and row
     real(wp), intent(in) :: motion(:, :)
     type(event_motion_type) :: self
     real(wp) :: radius(size(motion, 1)), normal(size(motion, 1)), slopes(size(motion, 1), 4), basis(size(motion, 1)), least
@@ -87,9 +90,11 @@ contains
   !> March one period; `state` is the slider at the start, then at the end, with its origin.
   subroutine march_events(self, state, intervals, count)
     type(event_motion_type), intent(in) :: self
+    !> Interval in which the contact is
     type(interval_type), intent(inout) :: state
     !> What happens, in order, if asked for; at most two a segment [>= 2 segments]
     type(interval_type), intent(inout), optional :: intervals(:)
+    !> How many intervals there are
     integer, intent(out), optional :: count
     integer :: i
 
@@ -116,8 +121,11 @@ contains
 
     !> Stick until an end of the clamp meets the slider, and then slip with it.
     subroutine slip(segment, side, clamp_end, sticks_first)
+      !> Number of the segment between cuts; which end of the clamp: 1 or -1
       integer, intent(in) :: segment, side
+      !> Coefficients of the clamp's end
       real(wp), intent(in) :: clamp_end(:)
+      !> Does it stick before it slips?
       logical, intent(in) :: sticks_first
       real(wp) :: hit
 
@@ -131,7 +139,9 @@ contains
     end subroutine slip
 
     subroutine add(from, to, regime, side)
+      !> Angle at which the interval begins; angle at which the interval ends
       real(wp), intent(in) :: from, to
+      !> Regime: stick, slip or open; which end of the clamp: 1 or -1
       integer, intent(in) :: regime, side
 
       if (.not. present(intervals) .or. to <= from) return
@@ -147,7 +157,9 @@ contains
   !> The slider stands on an end of the clamp, at a cut.
   pure subroutine follow(self, cut, side, state)
     type(event_motion_type), intent(in) :: self
+    !> Number of the cut; which end of the clamp: 1 or -1
     integer, intent(in) :: cut, side
+    !> Interval in which the contact is
     type(interval_type), intent(inout) :: state
 
     state%slider = merge(self%lower_at(cut), self%upper_at(cut), side > 0)
@@ -159,7 +171,9 @@ contains
   !> The slider stands where the contact lands, at a cut.
   pure subroutine land(self, cut, state)
     type(event_motion_type), intent(in) :: self
+    !> Number of the cut
     integer, intent(in) :: cut
+    !> Interval in which the contact is
     type(interval_type), intent(inout) :: state
 
     state%slider = self%u_at(cut)
@@ -170,6 +184,7 @@ contains
 
   !> Ascending order, by insertion: a handful of numbers.
   pure function sorted(values)
+    !> Numbers to sort
     real(wp), intent(in) :: values(:)
     real(wp) :: sorted(size(values))
     integer :: i, j

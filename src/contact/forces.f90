@@ -59,11 +59,13 @@ contains
 
   !> A contact that stays stuck: a constant deviation, no Jacobian, its slider where it was.
   pure subroutine stay_stuck(law, slider, coefficients, forces)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
     !> [at least 2 elements]
     real(wp), intent(in) :: slider(:)
     !> Of motion a row
     integer, intent(in) :: coefficients
+    !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(inout) :: forces
 
     call hold_slider(law, slider, forces)
@@ -77,9 +79,11 @@ contains
 
   !> What a stuck contact is, without the rounding of samples or events: one that is not evaluated again is then what it would be.
   pure subroutine hold_slider(law, slider, forces)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
     !> [at least 2 elements]
     real(wp), intent(in) :: slider(:)
+    !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(inout) :: forces
     integer :: i
 
@@ -100,6 +104,7 @@ contains
 
   !> holding^-1 columns, of a 2 x 2 matrix.
   pure function released(holding, columns)
+    !> Derivative of the slider's condition by the slider; right-hand sides
     real(wp), intent(in) :: holding(2, 2), columns(:, :)
     real(wp) :: released(2, size(columns, 2))
     real(wp) :: inverse(2, 2)

@@ -34,6 +34,7 @@ contains
 
   !> Transforms for `harmonics` harmonics and `samples` samples (at least 2 harmonics + 1).
   function new_fourier(harmonics, samples) result(self)
+    !> Highest harmonic, H; samples a period, J
     integer, intent(in) :: harmonics, samples
     type(fourier_type) :: self
     real(c_double) :: x(samples)

@@ -36,6 +36,7 @@ contains
     real(wp), intent(in) :: u(:, :), r(:)
     !> Gradient of any displacement by its own parameters [k, J], and of the radius by the normal one [J]
     real(wp), intent(in), contiguous :: basis(:, :)
+    !> Slope of the slip radius by the normal force, or of a function
     real(wp), intent(in) :: slope(:)
     !> Slider at the start, then at the end [2]
     real(wp), intent(inout) :: w(2)
@@ -68,7 +69,9 @@ contains
 
     !> One step from sample a to sample b.
     subroutine advance(a, b, before)
+      !> Number of the sample before, or a vector or end; number of the sample after, or a vector or end
       integer, intent(in) :: a, b
+      !> Gradient at the beginning of the step
       real(wp), intent(in), contiguous :: before(:, :)
       real(wp) :: d(2)
 
@@ -95,6 +98,7 @@ contains
 
   !> How far outside its disc a slider lies by rounding: that is no slip.
   pure real(wp) function rounding(u, r)
+    !> Tangential displacement; slip radius at the beginning
     real(wp), intent(in) :: u(2), r
 
     rounding = 4.0_wp*epsilon(1.0_wp)*(abs(u(1)) + abs(u(2)) + r)
@@ -102,9 +106,13 @@ contains
 
   !> A slider that starts outside its disc is taken to the nearest place in it.
   pure subroutine enter_disc(u, r, w, slip, entered)
+    !> Tangential displacement; slip radius at the beginning
     real(wp), intent(in) :: u(2), r
+    !> Slider
     real(wp), intent(inout) :: w(2)
+    !> Step that ends on the rim of the friction disc
     type(slip_type), intent(out) :: slip
+    !> Was the slider outside its disc?
     logical, intent(out) :: entered
     real(wp) :: distance
 
@@ -121,8 +129,11 @@ contains
   !> Stick, then slip, from u_a to u_b while r goes from r_a to r_b > 0; r_a <= 0 lands, and fast enough to slip at once.
   pure subroutine slide(u_a, u_b, r_a, r_b, w, slip, regime)
     real(wp), intent(in) :: u_a(2), u_b(2), r_a, r_b
+    !> Slider
     real(wp), intent(inout) :: w(2)
+    !> Step that ends on the rim of the friction disc
     type(slip_type), intent(out) :: slip
+    !> Regime: stick, slip or open
     integer, intent(out) :: regime
     real(wp) :: d(2), z(2), onset, distance, r_onset, part
 
@@ -176,6 +187,7 @@ contains
   !> radii at the onset and at the end.
   pure subroutine turn(e, d, part, r_onset, r_end, slip)
     real(wp), intent(in) :: e(2), d(2), part, r_onset, r_end
+    !> Step that ends on the rim of the friction disc
     type(slip_type), intent(inout) :: slip
     complex(wp) :: before, g, b, m, after, by_b, by_g
     real(wp) :: mean, by_radii(2), scale, scale_slope, square, rate
@@ -200,7 +212,9 @@ contains
 
   !> tanh(L/2)/L, and its derivative by L divided by L, from L^2.
   pure subroutine half_turn(square, scale, slope)
+    !> L squared
     real(wp), intent(in) :: square
+    !> tanh(L/2)/L; slope of the slip radius by the normal force, or of a function
     real(wp), intent(out) :: scale, slope
     ! Series of tanh(x)/x in x^2: below x = 1/4 the term after the last is 1e-17.
     real(wp), parameter :: c(0:9) = [1.0_wp, -1.0_wp/3.0_wp, 2.0_wp/15.0_wp, -17.0_wp/315.0_wp, 62.0_wp/2835.0_wp, &
@@ -229,7 +243,9 @@ contains
 
   !> (b - a)/log(b/a), one over the mean of 1/r where r goes linearly from a to b, with its derivatives by both.
   pure subroutine logarithmic_mean(a, b, mean, by)
+    !> Number of the sample before, or a vector or end; number of the sample after, or a vector or end
     real(wp), intent(in) :: a, b
+    !> Logarithmic mean; its derivatives by both
     real(wp), intent(out) :: mean, by(2)
     real(wp) :: x, y, p, p_slope
     integer :: i
@@ -256,6 +272,7 @@ contains
 
   !> Gradient where the slider lies on the rim: dw = du - e dr - r d angle across e.
   pure subroutine carry(slip, from, to, slope, before, after)
+    !> Step that ends on the rim of the friction disc
     type(slip_type), intent(in) :: slip
     !> Gradients of displacement at both ends of the step [k]
     real(wp), intent(in), contiguous :: from(:), to(:)
@@ -263,6 +280,7 @@ contains
     real(wp), intent(in) :: slope(2)
     !> Gradients of the slider [3 k + 2, 2]
     real(wp), intent(in), contiguous :: before(:, :)
+    !> Gradient at the end of the step
     real(wp), intent(out), contiguous :: after(:, :)
     real(wp) :: angle, p(2), s(2), c(2), e(2)
     integer :: i, k
@@ -300,7 +318,9 @@ contains
   pure subroutine land(d, r_a, r_b, from, to, slope, gradient)
     !> The step of the displacement, radii and their gradients by the normal displacement at both ends
     real(wp), intent(in) :: d(2), r_a, r_b, slope(2)
+    !> Gradient of the displacement at the beginning of the step; gradient of the displacement at the end of the step
     real(wp), intent(in), contiguous :: from(:), to(:)
+    !> Gradient of the slider
     real(wp), intent(out), contiguous :: gradient(:, :)
     real(wp) :: there(size(from))
     integer :: i, k
@@ -315,7 +335,9 @@ contains
 
   !> Gradient where the slider goes with the displacement.
   pure subroutine follow(displacement, gradient)
+    !> Gradient of the displacement
     real(wp), intent(in), contiguous :: displacement(:)
+    !> Gradient of the slider
     real(wp), intent(out), contiguous :: gradient(:, :)
     integer :: k
 
@@ -327,6 +349,7 @@ contains
 
   !> Of a plane vector.
   pure real(wp) function length(a)
+    !> Number of the sample before, or a vector or end
     real(wp), intent(in) :: a(2)
 
     length = sqrt(a(1)**2 + a(2)**2)
@@ -334,6 +357,7 @@ contains
 
   !> A direction turned by a right angle.
   pure function across(e)
+    !> Direction of slip at the beginning
     real(wp), intent(in) :: e(2)
     real(wp) :: across(2)
 
@@ -342,6 +366,7 @@ contains
 
   !> Scalar product of plane vectors written as complex numbers.
   pure real(wp) function dot(a, b)
+    !> Number of the sample before, or a vector or end; number of the sample after, or a vector or end
     complex(wp), intent(in) :: a, b
 
     dot = a%re*b%re + a%im*b%im

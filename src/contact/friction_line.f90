@@ -56,7 +56,9 @@ contains
   contains
 
     subroutine clamp_to(place, on_side, regime)
+      !> End of the clamp
       real(wp), intent(in) :: place
+      !> Which end of the clamp it is; regime: stick, slip or open
       integer, intent(in) :: on_side, regime
 
       w = place
@@ -70,6 +72,7 @@ contains
   pure subroutine slider_interval(u, r, low, high)
     !> Relative displacement and slip radius at the samples, where open less than zero by what is missing [J]
     real(wp), intent(in) :: u(:), r(:)
+    !> Lower end; upper end
     real(wp), intent(out) :: low, high
     real(wp) :: place, radius
     integer :: before, j

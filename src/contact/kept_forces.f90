@@ -12,9 +12,13 @@ contains
 
   !> Only what outlives the next evaluation: that it was stuck, and how much work it was.
   subroutine keep_forces(law, coefficients, forces, store)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> Coefficients of each row, 2 H + 1
     integer, intent(in) :: coefficients
+    !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(inout) :: forces
+    !> Numbers that a point leaves for the next, written or read in turn
     type(state_store_type), intent(inout) :: store
     logical :: moves, evaluated, unique, may_stick
     integer :: i

@@ -45,6 +45,7 @@ contains
   pure function new_ends(theta, order) result(self)
     !> Ascending [0:intervals]
     real(wp), intent(in) :: theta(0:)
+    !> Highest order, P
     integer, intent(in) :: order
     type(ends_type) :: self
     real(wp) :: cosines(order), sines(order), reciprocal(order)
@@ -64,8 +65,11 @@ contains
   !> One more interval, of orders 0 to P; `factor` -1 counts it negative.
   pure subroutine add(self, ends, interval, factor)
     class(moments_type), intent(inout) :: self
+    !> Antiderivatives at the ends of intervals
     type(ends_type), intent(in) :: ends
+    !> Number of the interval
     integer, intent(in) :: interval
+    !> Factor on what is added
     real(wp), intent(in) :: factor
     integer :: p
 
@@ -89,6 +93,7 @@ contains
   !> y <- y + factor chi, in coefficients.
   pure subroutine add_column(self, factor, y)
     class(moments_type), intent(in) :: self
+    !> Factor on what is added
     real(wp), intent(in) :: factor
     !> [any odd number up to 2 P + 1]
     real(wp), intent(inout) :: y(:)
@@ -106,6 +111,7 @@ contains
     class(moments_type), intent(in) :: self
     !> [k], and [e]; (k + e)/2 <= P + 1
     real(wp), intent(in) :: x(:), factor
+    !> Coefficients that are added to
     real(wp), intent(inout) :: y(:)
     real(wp) :: cosines(0:(size(y) - 1)/2), sines(0:(size(y) - 1)/2), a, b
     integer :: m, n, last
@@ -133,6 +139,7 @@ contains
   !> factor times the matrix that turns the coefficients of x into those of chi x, of a completed set.
   pure subroutine write_matrix(self, factor, matrix)
     class(moments_type), intent(in) :: self
+    !> Factor on what is added
     real(wp), intent(in) :: factor
     !> [k, k], k <= P + 1
     real(wp), intent(out) :: matrix(:, :)

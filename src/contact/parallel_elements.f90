@@ -22,6 +22,7 @@ contains
     type(contact_type), intent(in) :: law
     !> Of motion a row
     integer, intent(in) :: coefficients
+    !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(inout) :: sum
 
     sum%deviation = 0.0_wp
@@ -44,6 +45,7 @@ contains
     integer, intent(in) :: number
     !> What the element does, its intervals of slip listed
     type(contact_forces_type), intent(in) :: own
+    !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(inout) :: sum
     integer :: tangential
 
@@ -74,6 +76,7 @@ contains
   pure subroutine complete_sum(law, sum)
     !> The contact
     type(contact_type), intent(in) :: law
+    !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(inout) :: sum
 
     if (sum%state == state_stuck) then

@@ -24,7 +24,9 @@ contains
 
   !> Forces and Jacobian of one contact with one tangent.
   subroutine evaluate_contact_by_events(law, grid, motion, slider, forces)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> Grid on which roots are looked for
     type(trigonometric_grid_type), intent(in) :: grid
     !> Coefficients of relative displacement u, v [k, 2]
     real(wp), intent(in) :: motion(:, :)
@@ -61,10 +63,15 @@ contains
 
   !> Coefficients of the deviation and its Jacobian, from the moments of where the slider moves and where the contact is open.
   subroutine integrate(law, events, intervals, motion, forces)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> Intervals and events of the contact's motion
     type(event_motion_type), intent(in) :: events
+    !> Intervals of the period, each in one regime
     type(interval_type), intent(in) :: intervals(:)
+    !> Coefficients of relative displacement, by harmonic and row
     real(wp), intent(in) :: motion(:, :)
+    !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(inout) :: forces
     !> Where the slider goes with u; where with the radius, less where against it; and where open
     type(moments_type) :: moving, along, opened
@@ -110,11 +117,15 @@ contains
 
   !> What sliders at rest add: a constant, which follows the motion at the instant that put it there.
   subroutine integrate_rest(law, intervals, ends, k, forces)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> Intervals of the period, each in one regime
     type(interval_type), intent(in) :: intervals(:)
+    !> Antiderivatives at the ends of intervals
     type(ends_type), intent(in) :: ends
     !> Coefficients a row
     integer, intent(in) :: k
+    !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(inout) :: forces
     type(moments_type) :: resting
     real(wp) :: force(size(forces%deviation, 1)), basis(k)
@@ -142,6 +153,7 @@ contains
 
     !> Does the same rest go on in the next interval?
     pure logical function goes_on(i)
+      !> Number of the interval
       integer, intent(in) :: i
 
       goes_on = .false.
@@ -155,10 +167,13 @@ contains
 
   !> State and fractions.
   pure subroutine classify(events, intervals, moved, forces)
+    !> Intervals and events of the contact's motion
     type(event_motion_type), intent(in) :: events
+    !> Intervals of the period, each in one regime
     type(interval_type), intent(in) :: intervals(:)
     !> Did the first march move the slider?
     logical, intent(in) :: moved
+    !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(inout) :: forces
     real(wp) :: length(regime_stick:regime_open)
     integer :: i
@@ -188,6 +203,7 @@ contains
 
   !> Keep of the Jacobian what the state leaves: nothing when stuck, the mean's row of T when shaken down, no row of N while closed.
   pure subroutine differentiate(forces, k)
+    !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(inout) :: forces
     !> Coefficients a row
     integer, intent(in) :: k

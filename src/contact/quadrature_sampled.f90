@@ -50,12 +50,15 @@ contains
   !> there is none it is marched from where it is, once on its way and once for the record. A periodic one is the unknown start of one
   !> march.
   subroutine evaluate_contact_by_samples(law, fourier, motion, slider, periodic, forces)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> Transforms between coefficients and samples
     type(fourier_type), intent(in) :: fourier
     !> Coefficients of relative displacement [k, rows]
     real(wp), intent(in) :: motion(:, :)
     !> Slider at the start of the first march [2]
     real(wp), intent(in) :: slider(2)
+    !> Is the slider to return after one period?
     logical, intent(in) :: periodic
     !> Forces; `deviation` is allocated by the caller, for as many coefficients as it wants
     type(contact_forces_type), intent(inout) :: forces
@@ -83,7 +86,9 @@ contains
 
   !> March the law over the samples of one period until its slider repeats.
   subroutine sample_contact(law, fourier, motion, slider, passes, samples)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> Transforms between coefficients and samples
     type(fourier_type), intent(in) :: fourier
     !> Coefficients of relative displacement [k, rows]
     real(wp), intent(in) :: motion(:, :)
@@ -91,6 +96,7 @@ contains
     real(wp), intent(in) :: slider(2)
     !> Marches over the period
     integer, intent(in) :: passes
+    !> What the contact does at the samples of one period
     type(contact_samples_type), intent(inout) :: samples
     integer :: i, n
 
@@ -129,6 +135,7 @@ contains
 
   !> One tangent: the first march reaches the steady loop, the second records it.
   subroutine march_line(samples, slider)
+    !> What the contact does at the samples of one period
     type(contact_samples_type), intent(inout) :: samples
     !> Slider at the start
     real(wp), intent(in) :: slider
@@ -151,7 +158,9 @@ contains
 
   !> Two tangents: the slider rests all over the period, at the nearest place where it can.
   subroutine rest(fourier, samples, slider)
+    !> Transforms between coefficients and samples
     type(fourier_type), intent(in) :: fourier
+    !> What the contact does at the samples of one period
     type(contact_samples_type), intent(inout) :: samples
     !> Where it was
     real(wp), intent(in) :: slider(2)
@@ -168,10 +177,13 @@ contains
   !> Two tangents, slipping: a fixed number of marches; the last is the answer. A slider that is not periodic starts where it came
   !> closest to rest, so that forces are continuous where places to rest shrink to a point and vanish.
   subroutine march_disc(fourier, samples, slider, passes)
+    !> Transforms between coefficients and samples
     type(fourier_type), intent(in) :: fourier
+    !> What the contact does at the samples of one period
     type(contact_samples_type), intent(inout) :: samples
     !> Slider at the start
     real(wp), intent(in) :: slider(2)
+    !> How often the period is marched
     integer, intent(in) :: passes
     real(wp), allocatable :: gradient(:, :)
     real(wp) :: w(2)
@@ -199,6 +211,7 @@ contains
 
   !> Largest singular value of a 2 x 2 matrix.
   pure real(wp) function largest_singular_value(a)
+    !> Matrix, 2 x 2
     real(wp), intent(in) :: a(2, 2)
     real(wp) :: square_sum, determinant
 
@@ -209,7 +222,9 @@ contains
 
   !> State and fractions of the period.
   pure subroutine classify(samples, forces)
+    !> What the contact does at the samples of one period
     type(contact_samples_type), intent(in) :: samples
+    !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(inout) :: forces
     real(wp) :: total
     integer :: j
@@ -238,9 +253,13 @@ contains
 
   !> Jacobian d g / d d; none for a contact that stays stuck, the mean only for one that has shaken down.
   subroutine differentiate(law, fourier, samples, forces)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> Transforms between coefficients and samples
     type(fourier_type), intent(in) :: fourier
+    !> What the contact does at the samples of one period
     type(contact_samples_type), intent(in) :: samples
+    !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(inout) :: forces
     integer :: k, n, row
 
@@ -273,7 +292,9 @@ contains
   !> Coefficients of the slider per coefficient of (u, v): w_j = u_k + side_k r_k, k the sample of its last clamp; or where it
   !> landed before k, u(t) at r(t) = 0, t = -r_a/(r_k - r_a): dw = du(t) - (u_k - u_a)/(r_k - r_a) dr(t).
   subroutine slider_gradient_line(fourier, samples, gradient)
+    !> Transforms between coefficients and samples
     type(fourier_type), intent(in) :: fourier
+    !> What the contact does at the samples of one period
     type(contact_samples_type), intent(in) :: samples
     !> Gradient [k, 2 k]
     real(wp), intent(out) :: gradient(:, :)
@@ -307,9 +328,13 @@ contains
 
   !> Tangential rows of the Jacobian from the march's gradient by (u1, u2, v) and start slider; a periodic slider follows the motion.
   subroutine slider_gradient_disc(law, fourier, samples, forces)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> Transforms between coefficients and samples
     type(fourier_type), intent(in) :: fourier
+    !> What the contact does at the samples of one period
     type(contact_samples_type), intent(in) :: samples
+    !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(inout) :: forces
     ! What a period keeps but for rounding stays where it is, rather than moving without limit.
     real(wp), parameter :: kept = 1.0_wp - 1.0e-8_wp
@@ -337,8 +362,11 @@ contains
 
   !> Normal rows of the Jacobian: minus the spring wherever open.
   subroutine add_open_springs(law, fourier, samples, jacobian)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> Transforms between coefficients and samples
     type(fourier_type), intent(in) :: fourier
+    !> What the contact does at the samples of one period
     type(contact_samples_type), intent(in) :: samples
     !> [k, k]
     real(wp), intent(inout) :: jacobian(:, :)

@@ -27,7 +27,9 @@ contains
 
   !> D'[t] x of one contact for several x.
   subroutine differentiate_twice_by_events(law, grid, motion, slider, active, along, columns, product)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> Grid on which roots are looked for
     type(trigonometric_grid_type), intent(in) :: grid
     !> Coefficients of u, v [k, 2], and the slider at the start of the first march
     real(wp), intent(in) :: motion(:, :), slider
@@ -59,10 +61,14 @@ contains
 
   !> What the end between two intervals adds as it moves.
   subroutine cross_event(law, events, before, after, motion, along, columns, product)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> Intervals and events of the contact's motion
     type(event_motion_type), intent(in) :: events
+    !> Intervals of the period, each in one regime
     type(interval_type), intent(in) :: before, after
     real(wp), intent(in) :: motion(:, :), along(:, :), columns(:, :)
+    !> What it makes of them, added up
     real(wp), intent(inout) :: product(:, :)
     real(wp) :: basis(size(motion, 1)), clamp(3), normal(3), speed, jump(2)
     integer :: k, n
@@ -97,8 +103,11 @@ contains
 
   !> Change of the slider with the motion x [k, 2], in an interval.
   real(wp) function slider_derivative(events, interval, theta, x) result(change)
+    !> Intervals and events of the contact's motion
     type(event_motion_type), intent(in) :: events
+    !> Intervals of the period, each in one regime
     type(interval_type), intent(in) :: interval
+    !> Angle of the period, omega t; coefficients of the change of the motion
     real(wp), intent(in) :: theta, x(:, :)
     real(wp) :: basis(size(x, 1))
 
@@ -118,10 +127,14 @@ contains
 
   !> What sliders at rest add, as the event that put them there moves.
   subroutine move_rests(law, events, intervals, motion, along, columns, product)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> Intervals and events of the contact's motion
     type(event_motion_type), intent(in) :: events
+    !> Intervals of the period, each in one regime
     type(interval_type), intent(in) :: intervals(:)
     real(wp), intent(in) :: motion(:, :), along(:, :), columns(:, :)
+    !> What it makes of them, added up
     real(wp), intent(inout) :: product(:, :)
     type(ends_type) :: ends
     type(moments_type) :: resting
@@ -149,9 +162,13 @@ contains
 
   !> How the instant that put a slider where it rests moves along t, and how its `by_normal` does.
   subroutine move_origin(events, interval, motion, along, shift, turn)
+    !> Intervals and events of the contact's motion
     type(event_motion_type), intent(in) :: events
+    !> Intervals of the period, each in one regime
     type(interval_type), intent(in) :: interval
+    !> Coefficients of the motion; coefficients of the direction of the derivative
     real(wp), intent(in) :: motion(:, :), along(:, :)
+    !> Change of the instant; change of `by_normal`
     real(wp), intent(out) :: shift, turn
     real(wp) :: u(3), v(3), t_u(3), t_v(3)
 
@@ -175,6 +192,7 @@ contains
 
   !> Coefficients of a unit impulse, times pi: the mean has half the weight of the others.
   pure function projected(basis)
+    !> Cosines and sines at the impulse
     real(wp), intent(in) :: basis(:)
     real(wp) :: projected(size(basis))
 

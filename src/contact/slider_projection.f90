@@ -46,8 +46,11 @@ contains
 
   !> The disc that a slider is farthest out of, and by how much.
   pure subroutine most_violated(u, r, w, j, beyond)
+    !> Centres of the discs; radii of the discs; slider
     real(wp), intent(in) :: u(:, :), r(:), w(2)
+    !> Number of the sample whose disc it is
     integer, intent(out) :: j
+    !> How far the slider lies out of it
     real(wp), intent(out) :: beyond
     real(wp) :: out_of(size(r))
 
@@ -58,9 +61,13 @@ contains
 
   !> The nearest place in the discs so far and another one, which holds it, if there is any.
   subroutine take_in(u, r, slider, j, rounding, place, held)
+    !> Centres of the discs; radii of the discs; slider that is projected; distance that counts as none
     real(wp), intent(in) :: u(:, :), r(:), slider(2), rounding
+    !> Number of the sample whose disc it is
     integer, intent(in) :: j
+    !> Projection of the slider onto what all discs admit
     type(slider_projection_type), intent(inout) :: place
+    !> Is the structure held?
     logical, intent(out) :: held
     type(slider_projection_type) :: best, trial
     real(wp) :: distance, nearest, corners(2, 2)
@@ -106,6 +113,7 @@ contains
 
   !> The nearest place in one disc.
   pure function pull(centre, radius, slider) result(w)
+    !> Centre of the disc; radius of the disc; slider that is projected
     real(wp), intent(in) :: centre(2), radius, slider(2)
     real(wp) :: w(2), distance
 
@@ -116,8 +124,11 @@ contains
 
   !> Where two circles meet, in columns.
   pure subroutine intersect(a, radius_a, b, radius_b, corners, meet)
+    !> Centre of a circle; radius of the disc
     real(wp), intent(in) :: a(2), radius_a, b(2), radius_b
+    !> Where the circles meet
     real(wp), intent(out) :: corners(2, 2)
+    !> Do they meet?
     logical, intent(out) :: meet
     real(wp) :: along(2), distance, foot, half_chord
 
@@ -135,7 +146,9 @@ contains
   !> Its derivative by the coefficients of (u1, u2, v) [2, 3 k]:
   !> held by one disc, e from w to its centre, dw = (I - (r/|u - w_0|)(I - e e^T)) du - e dr; by two, e_i . dw = e_i . du_i - dr_i.
   function projection_gradient(place, u, r, basis, slope, slider) result(gradient)
+    !> Projection of the slider onto what all discs admit
     type(slider_projection_type), intent(in) :: place
+    !> Centres of the discs; radii of the discs
     real(wp), intent(in) :: u(:, :), r(:)
     !> Motion at the samples per unit coefficient [k, J], and dr/dv [J]
     real(wp), intent(in) :: basis(:, :), slope(:)
@@ -172,6 +185,7 @@ contains
 
     !> dw = column (row . du - slope dv) at one sample
     subroutine add(column, row, by_normal, at)
+      !> Column of the product; row of the product; slope by the normal displacement; basis functions at the sample
       real(wp), intent(in) :: column(2), row(2), by_normal, at(:)
       integer :: a
 

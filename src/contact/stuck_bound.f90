@@ -16,6 +16,7 @@ contains
 
   !> Do bounds on the motion keep |T| below mu N for good, from a given slider?
   pure logical function is_stuck_by_bound(law, motion, slider)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
     !> Coefficients of relative displacement [k, tangents + 1], and sliders [at least 2 elements, or tangents]
     real(wp), intent(in) :: motion(:, :), slider(:)
@@ -32,6 +33,7 @@ contains
 
   !> The same, with what the mean leaves of each element given.
   pure logical function sticks_within(law, oscillation_bounds, capacities)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
     !> [tangents + 1], and by `mean_capacity` [at least elements]
     real(wp), intent(in) :: oscillation_bounds(:), capacities(:)
@@ -45,6 +47,7 @@ contains
 
   !> Friction that the mean leaves of an element for the harmonics, mu N_0 - k_t |u_0 - w|.
   pure real(wp) function mean_capacity(law, element, mean, slider) result(margin)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
     !> From 1
     integer, intent(in) :: element
@@ -59,6 +62,7 @@ contains
 
   !> The most friction that the harmonics may ask for of an element, k_t |swing of u| + mu k_n swing of v.
   pure real(wp) function alternating_demand(law, element, oscillation_bounds) result(demand)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
     !> From 1
     integer, intent(in) :: element
@@ -77,6 +81,7 @@ contains
 
   !> Sum of the amplitudes of the harmonics [k].
   pure real(wp) function oscillation_bound(coefficients)
+    !> Fourier coefficients
     real(wp), intent(in) :: coefficients(:)
 
     oscillation_bound = sum(sqrt(coefficients(2::2)**2 + coefficients(3::2)**2))

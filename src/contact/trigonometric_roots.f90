@@ -21,6 +21,7 @@ contains
 
   !> A grid for polynomials of some degree: eight points a period of the highest harmonic.
   function new_grid(harmonics) result(self)
+    !> Highest harmonic, H
     integer, intent(in) :: harmonics
     type(trigonometric_grid_type) :: self
     integer :: j, points
@@ -35,7 +36,9 @@ contains
 
   !> Coefficients of the derivative by theta.
   pure subroutine differentiate(coefficients, derivative)
+    !> Coefficients of the polynomial
     real(wp), intent(in) :: coefficients(:)
+    !> Coefficients of its derivative
     real(wp), intent(out) :: derivative(:)
     integer :: h
 
@@ -50,6 +53,7 @@ contains
   function roots_of(coefficients, grid) result(roots)
     !> [mean, cos 1, sin 1, ...]
     real(wp), intent(in) :: coefficients(:)
+    !> Grid on which roots are looked for
     type(trigonometric_grid_type), intent(in) :: grid
     real(wp), allocatable :: roots(:)
 
@@ -60,6 +64,7 @@ contains
   function roots_by_column(coefficients, grid) result(roots)
     !> [coefficients, polynomials]
     real(wp), intent(in) :: coefficients(:, :)
+    !> Grid on which roots are looked for
     type(trigonometric_grid_type), intent(in) :: grid
     real(wp), allocatable :: roots(:)
     real(wp) :: found(2*size(grid%theta)*size(coefficients, 2))
@@ -84,7 +89,9 @@ contains
   !> Roots of one polynomial from its values and slopes on the grid, appended to those found.
   pure subroutine collect(coefficients, derivative, theta, f, slope, found, count)
     real(wp), intent(in) :: coefficients(:), derivative(:), theta(:), f(:), slope(:)
+    !> Roots so far
     real(wp), intent(inout) :: found(:)
+    !> How many there are
     integer, intent(inout) :: count
     real(wp) :: step, turn, at_turn(3)
     integer :: j
@@ -108,6 +115,7 @@ contains
 
   !> Near the root in [0, 1] of the cubic with these values, of two signs, and slopes at 0 and 1.
   pure real(wp) function cubic_root(f, slope) result(x)
+    !> Values of the polynomial; slopes of the polynomial
     real(wp), intent(in) :: f(2), slope(2)
     real(wp) :: a, b, rate
     integer :: i
@@ -124,6 +132,7 @@ contains
 
   !> Where the polynomial equals `level` between two points that bracket it.
   pure real(wp) function root_between(coefficients, level, left, right) result(root)
+    !> Coefficients of the polynomial; value that it is to have; angle before the root; angle after the root
     real(wp), intent(in) :: coefficients(:), level, left, right
     real(wp) :: at_left(3), at_right(3)
 

@@ -27,8 +27,11 @@ contains
 
   !> From rest in the present mean position, with the sliders of the static solution.
   subroutine start_cold(solver, omega, found)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
+    !> Is there such a point?
     logical, intent(out) :: found
 
     solver%motion(2:, :) = 0.0_wp
@@ -42,8 +45,11 @@ contains
 
   !> From the averages of motion in time that begins with the harmonics of the present motion times a factor.
   subroutine start_in_motion(solver, omega, factor, found)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Angular frequency, rad/s; factor on the harmonics or the static loads
     real(wp), intent(in) :: omega, factor
+    !> Is there such a point?
     logical, intent(out) :: found
     integer :: iterations
 
@@ -58,8 +64,11 @@ contains
 
   !> From the solution at static loads times a factor.
   subroutine start_from_preload(solver, omega, factor, found)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Angular frequency, rad/s; factor on the harmonics or the static loads
     real(wp), intent(in) :: omega, factor
+    !> Is there such a point?
     logical, intent(out) :: found
     type(preload_homotopy_type) :: homotopy
     integer :: iterations
@@ -79,8 +88,11 @@ contains
 
   subroutine solve_preloaded(self, solver, t, converged)
     class(preload_homotopy_type), intent(in) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Parameter, 0 to 1, or time
     real(wp), intent(in) :: t
+    !> Did the solve converge?
     logical, intent(out) :: converged
 
     call solver%set_loads(self%gamma**(1.0_wp - t)*self%factors, self%level)

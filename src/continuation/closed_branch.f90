@@ -19,8 +19,11 @@ contains
 
   !> Does a step just made pass the first point of `start`? If so the solver is left there, else at the end of the step.
   logical function closes_on_itself(start, solver, step)
+    !> Points of branches that are known
     type(stored_points_type), intent(in) :: start
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Step along the branch
     type(step_type), intent(in) :: step
     type(snapshot_type) :: here
     real(wp), allocatable :: length(:, :), offset(:, :)
@@ -64,6 +67,7 @@ contains
 
   !> Without means, in which members of one family differ.
   pure function scaled(motion, scale) result(harmonics)
+    !> Coefficients of the motion; unit of the motion
     real(wp), intent(in) :: motion(:, :), scale
     real(wp) :: harmonics(size(motion, 1), size(motion, 2))
 

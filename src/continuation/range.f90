@@ -29,6 +29,7 @@ contains
   !> Is an angular frequency at the stop or beyond?
   pure logical function passes_stop(self, omega)
     class(range_type), intent(in) :: self
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
 
     passes_stop = (omega - self%stop)*(self%stop - self%start) >= 0.0_wp
@@ -37,6 +38,7 @@ contains
   !> Is an angular frequency at the stop, or beyond either end?
   pure logical function is_left(self, omega)
     class(range_type), intent(in) :: self
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
 
     is_left = self%passes_stop(omega) .or. (omega - self%start)*(self%stop - self%start) < 0.0_wp
@@ -45,6 +47,7 @@ contains
   !> The angular frequency itself, or the end that it has left the range by.
   pure real(wp) function clipped(self, omega)
     class(range_type), intent(in) :: self
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
 
     clipped = omega
@@ -54,6 +57,7 @@ contains
   !> Save to a store, or load from it.
   subroutine keep(self, store)
     class(range_type), intent(inout) :: self
+    !> Numbers that a point leaves for the next, written or read in turn
     type(state_store_type), intent(inout) :: store
 
     call store%keep(self%start)

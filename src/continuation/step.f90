@@ -34,8 +34,11 @@ contains
   !> Take the step from a snapshot to the solver's present point.
   subroutine take(self, from, solver, across)
     class(step_type), intent(inout) :: self
+    !> Motion, sliders and frequency to return to
     type(snapshot_type), intent(in) :: from
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Tangent of the branch
     type(tangent_type), intent(in) :: across
 
     self%from = from
@@ -46,7 +49,9 @@ contains
   !> Take the step from the end of this one to the solver's present point.
   subroutine go_on(self, solver, across)
     class(step_type), intent(inout) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Tangent of the branch
     type(tangent_type), intent(in) :: across
 
     call self%from%exchange(self%to)
@@ -57,6 +62,7 @@ contains
   !> Does it end at the solver's present point, where every contact sticks, with the same sliders?
   pure logical function ends_at(self, solver)
     class(step_type), intent(in) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
 
     ends_at = allocated(self%to%motion)
@@ -76,6 +82,7 @@ contains
   !> End it at the solver's present point, which may be on a longer series than the step.
   subroutine end_at(self, solver)
     class(step_type), intent(inout) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
 
     call self%to%take(solver)
@@ -88,6 +95,7 @@ contains
   !> Save to a store, or load from it.
   subroutine keep(self, store)
     class(step_type), intent(inout) :: self
+    !> Numbers that a point leaves for the next, written or read in turn
     type(state_store_type), intent(inout) :: store
 
     call self%from%keep(store)
@@ -98,8 +106,11 @@ contains
   !> Solve at a part s of the step. Sliders start as at its beginning, periodic ones between both ends.
   subroutine solve_part(self, solver, s, converged)
     class(step_type), intent(in) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Part of the step, 0 to 1
     real(wp), intent(in) :: s
+    !> Did the solve converge?
     logical, intent(out) :: converged
     type(constraint_type) :: constraint
     real(wp), allocatable :: slider(:, :)

@@ -69,6 +69,7 @@ contains
   !> Begin anew at a point, where only the direction is known: 1 or -1 in frequency.
   subroutine begin(self, direction)
     class(stepper_type), intent(inout) :: self
+    !> 1: towards growing frequency, -1: falling
     real(wp), intent(in) :: direction
 
     self%size = first_step
@@ -90,6 +91,7 @@ contains
   !> last point is overwritten.
   subroutine look_ahead(self, solver)
     class(stepper_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     type(tangent_type) :: tangent
     real(wp) :: share
@@ -111,12 +113,15 @@ contains
   !> A step from a point along the tangent there, halved until it converges near its prediction.
   subroutine take_step(self, solver, before, error, iterations, accepted)
     class(stepper_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Motion, sliders and frequency to return to
     type(snapshot_type), intent(in) :: before
     !> Of the prediction, relative to the response
     real(wp), intent(out) :: error
     !> Of all tries
     integer, intent(out) :: iterations
+    !> Was a step taken?
     logical, intent(out) :: accepted
     logical :: flipped
 
@@ -145,7 +150,9 @@ contains
   !> Predict along the tangent and correct in the plane across it. `error`: how far the corrector moved, relative to the response.
   subroutine predict_and_correct(self, solver, error)
     type(stepper_type), intent(in) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Distance from prediction to correction, relative to the response
     real(wp), intent(out) :: error
     type(constraint_type) :: constraint
     real(wp), allocatable :: predicted(:, :), moved(:, :)
@@ -171,6 +178,7 @@ contains
 
   !> Squared norm of the harmonics of the motion.
   real(wp) function size_of_response(solver)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
 
     size_of_response = sum(solver%motion(2:, :)**2)
@@ -181,7 +189,9 @@ contains
   !> Does the step just made return along the one before?
   logical function runs_back(self, solver, before)
     type(stepper_type), intent(in) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Motion, sliders and frequency to return to
     type(snapshot_type), intent(in) :: before
     real(wp), allocatable :: moved(:, :)
     real(wp) :: moved_omega, length
@@ -199,7 +209,9 @@ contains
   !> Keep the step just accepted, and its direction.
   subroutine remember(self, solver, before)
     class(stepper_type), intent(inout) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Motion, sliders and frequency to return to
     type(snapshot_type), intent(in) :: before
     real(wp) :: length
 
@@ -217,7 +229,9 @@ contains
   !> Keep a step made in frequency alone.
   subroutine remember_in_frequency(self, solver, before)
     class(stepper_type), intent(inout) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Motion, sliders and frequency to return to
     type(snapshot_type), intent(in) :: before
 
     call self%last%take(before, solver, tangent_type(omega=self%direction))
@@ -227,6 +241,7 @@ contains
   !> Keep a step made in frequency alone, from where the last one ended: hardly anything is copied.
   subroutine go_on_in_frequency(self, solver)
     class(stepper_type), intent(inout) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
 
     call self%last%go_on(solver, tangent_type(omega=self%direction))
@@ -236,6 +251,7 @@ contains
   !> The next step aims at the same error.
   pure subroutine adapt(self, error)
     class(stepper_type), intent(inout) :: self
+    !> Distance from prediction to correction, relative to the response
     real(wp), intent(in) :: error
 
     self%size = min(self%size*min(max(sqrt(aimed_error/max(error, 1.0e-12_wp)), 0.4_wp), 1.6_wp), largest_step)
@@ -244,6 +260,7 @@ contains
   !> Does the branch go on in mean positions alone, which is its end?
   logical function is_drifting(self, solver)
     class(stepper_type), intent(inout) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     real(wp) :: limit
 
@@ -256,6 +273,7 @@ contains
   !> The direction back from the present point.
   function tangent_backwards(self, solver) result(towards)
     class(stepper_type), intent(in) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     type(tangent_type) :: towards
 
@@ -268,6 +286,7 @@ contains
   !> Resize stored vectors to so many coefficients.
   subroutine set_coefficients(self, coefficients)
     class(stepper_type), intent(inout) :: self
+    !> Coefficients of each row, 2 H + 1
     integer, intent(in) :: coefficients
 
     if (allocated(self%tangent%motion)) self%tangent%motion = resized(self%tangent%motion, coefficients)
@@ -277,6 +296,7 @@ contains
   !> Share contacts out over ranks, and stored vectors with them.
   subroutine share_out(self, solver)
     class(stepper_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     type(field_type) :: fields(3)
     integer :: changes
@@ -297,6 +317,7 @@ contains
   !> Save to a store, or load from it.
   subroutine keep(self, store)
     class(stepper_type), intent(inout) :: self
+    !> Numbers that a point leaves for the next, written or read in turn
     type(state_store_type), intent(inout) :: store
 
     call store%keep(self%size)

@@ -43,6 +43,7 @@ contains
   !> Add the solver's present point.
   subroutine add(self, solver, follows)
     class(stored_points_type), intent(inout) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     !> Does the branch go on from the point that was added last?
     logical, intent(in) :: follows
@@ -77,6 +78,7 @@ contains
   !> Save to a store, or load from it.
   subroutine keep(self, store)
     class(stored_points_type), intent(inout) :: self
+    !> Numbers that a point leaves for the next, written or read in turn
     type(state_store_type), intent(inout) :: store
     integer :: i
 
@@ -97,6 +99,7 @@ contains
   !> Forget a point and all after it.
   pure subroutine drop_from(self, number)
     class(stored_points_type), intent(inout) :: self
+    !> Number of the stored point
     integer, intent(in) :: number
     integer :: i
 
@@ -109,7 +112,9 @@ contains
   !> Set the solver to a stored point.
   subroutine restore_point(self, solver, number)
     class(stored_points_type), intent(in) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Number of the stored point
     integer, intent(in) :: number
 
     associate (point => self%points(number), balance => solver%context%balance)
@@ -126,6 +131,7 @@ contains
   !> Does the solver stand on a known branch? It stands there still when that is told.
   logical function contains_solution(self, solver, up_to)
     class(stored_points_type), intent(in) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Number of the last point that is looked at
     integer, intent(in) :: up_to
@@ -165,7 +171,9 @@ contains
   !> A point's motion of this rank's rows, in as many harmonics as the solver has.
   function own_motion(self, solver, number) result(motion)
     class(stored_points_type), intent(in) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Number of the stored point
     integer, intent(in) :: number
     real(wp), allocatable :: motion(:, :)
 
@@ -177,14 +185,18 @@ contains
 
   !> Distance of two motions of this rank's rows, without their means: those of one family differ in them.
   real(wp) function distance(solver, a, b)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Coefficients of a motion
     real(wp), intent(in) :: a(:, :), b(:, :)
 
     distance = size_of(solver, b - a)
   end function distance
 
   real(wp) function size_of(solver, motion)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Coefficients of relative displacement, by harmonic and row
     real(wp), intent(in) :: motion(:, :)
 
     size_of = sum(motion(2:, :)**2)

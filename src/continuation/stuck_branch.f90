@@ -26,8 +26,11 @@ contains
   !> last two points.
   subroutine follow(self, stepper, range, solver, accepted)
     class(stuck_branch_type), intent(inout) :: self
+    !> Chooses the steps along the branch
     type(stepper_type), intent(inout) :: stepper
+    !> Frequencies of the sweep
     type(range_type), intent(in) :: range
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> .false.: a contact would slip or open, and nothing has changed
     logical, intent(out) :: accepted
@@ -64,12 +67,17 @@ contains
   !> checked.
   subroutine choose_step(self, stepper, range, solver, here, there, target, error)
     type(stuck_branch_type), intent(in) :: self
+    !> Chooses the steps along the branch
     type(stepper_type), intent(inout) :: stepper
+    !> Frequencies of the sweep
     type(range_type), intent(in) :: range
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Harmonics of the response that are loaded, the only ones [n, loaded]; there is none where `there` is not allocated
     complex(wp), intent(in) :: here(:, :)
+    !> Response at the end of the step
     complex(wp), allocatable, intent(out) :: there(:, :)
+    !> Angular frequency at the end of the step, rad/s; distance from prediction to correction, relative to the response
     real(wp), intent(out) :: target, error
 
     error = aimed_error
@@ -109,6 +117,7 @@ contains
   !> Save to a store, or load from it.
   subroutine keep(self, store)
     class(stuck_branch_type), intent(inout) :: self
+    !> Numbers that a point leaves for the next, written or read in turn
     type(state_store_type), intent(inout) :: store
 
     call store%keep(self%slope)

@@ -53,8 +53,11 @@ contains
 
   !> A sweep of the solver's present loads from one angular frequency to another.
   function new_sweep(solver, start, stop, branch, max_points) result(self)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Angular frequency to begin at, rad/s; angular frequency to end at, rad/s
     real(wp), intent(in) :: start, stop
+    !> Number of the branch; most points
     integer, intent(in) :: branch, max_points
     type(sweep_type) :: self
 
@@ -67,9 +70,13 @@ contains
 
   !> A sweep along the one branch through the solver's present point, in a direction, until it leaves a range, closes, or is lost.
   function new_branch_sweep(solver, start, stop, towards, branch, max_points) result(self)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Angular frequency to begin at, rad/s; angular frequency to end at, rad/s
     real(wp), intent(in) :: start, stop
+    !> Tangent of the branch
     type(tangent_type), intent(in) :: towards
+    !> Number of the branch; most points
     integer, intent(in) :: branch, max_points
     type(sweep_type) :: self
 
@@ -82,6 +89,7 @@ contains
   !> Save or load what the next point depends on.
   subroutine keep(self, store)
     class(sweep_type), intent(inout) :: self
+    !> Numbers that a point leaves for the next, written or read in turn
     type(state_store_type), intent(inout) :: store
 
     call self%range%keep(store)
@@ -103,6 +111,7 @@ contains
   !> Solve the next point; the solver's report says how it ended.
   subroutine advance(self, solver)
     class(sweep_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
 
     if (self%points > 0) call self%stepper%share_out(solver)
@@ -125,6 +134,7 @@ contains
   !> Resize stored vectors to so many harmonics.
   subroutine set_harmonics(self, harmonics)
     class(sweep_type), intent(inout) :: self
+    !> Highest harmonic, H
     integer, intent(in) :: harmonics
 
     call self%stepper%set_coefficients(2*harmonics + 1)
@@ -133,7 +143,9 @@ contains
   !> Find a point at a frequency, and the branch's tangent there; a point that is not found still moves the sweep on.
   subroutine begin_at(self, solver, omega)
     type(sweep_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
     real(wp) :: target
 
@@ -155,6 +167,7 @@ contains
   !> The first point of the branch: the solver's present one.
   subroutine begin_here(self, solver)
     type(sweep_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
 
     call solver%solve_at(solver%omega)
@@ -166,6 +179,7 @@ contains
   !> A branch that comes back to where it was begun is complete; a sweep goes on beyond it.
   subroutine watch_closing(self, solver)
     type(sweep_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     type(newton_report_type) :: report
 
@@ -185,6 +199,7 @@ contains
   !> Where the branch was lost or left the range: a point beyond the frequencies that the sweep has reached, and the branch there.
   subroutine begin_past(self, solver)
     type(sweep_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
 
     self%branch = self%branch + 1
@@ -194,6 +209,7 @@ contains
   !> One accepted step along the branch, the sweep's last point, or, where no step converges, a point beyond.
   subroutine follow(self, solver)
     type(sweep_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     type(snapshot_type) :: before
     real(wp) :: error
@@ -227,6 +243,7 @@ contains
   !> No step from here converges: the sweep looks for a point beyond; a sweep along one branch has ended.
   subroutine lose_branch(self, solver)
     type(sweep_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
 
     if (.not. self%one_branch) then
@@ -243,6 +260,7 @@ contains
   !> A step over an end of the range is taken back to the end itself.
   subroutine end_at_range(self, solver, before)
     type(sweep_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Before the step
     type(snapshot_type), intent(in) :: before
@@ -265,6 +283,7 @@ contains
   !> A sweep that comes to its stop is finished.
   pure subroutine note_end(self, omega)
     type(sweep_type), intent(inout) :: self
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
 
     self%reached_stop = abs(omega - self%range%stop) <= 0.0_wp
@@ -274,6 +293,7 @@ contains
   !> Has the branch run back over where the sweep began?
   pure logical function is_back_at_start(self, solver)
     type(sweep_type), intent(in) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
 
     is_back_at_start = self%steps > 0 .and. abs(solver%omega - self%range%start) <= 0.0_wp
@@ -282,6 +302,7 @@ contains
   !> Whether the frequency turned on the last step, `stepper%turned`. The evaluation of the last point is overwritten.
   subroutine look_ahead(self, solver)
     class(sweep_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
 
     self%stepper%turned = .false.

@@ -29,6 +29,7 @@ contains
   !> Save to a store, or load from it.
   subroutine keep(self, store)
     class(tangent_type), intent(inout) :: self
+    !> Numbers that a point leaves for the next, written or read in turn
     type(state_store_type), intent(inout) :: store
 
     call store%keep(self%motion)
@@ -38,9 +39,11 @@ contains
 
   !> At the solver's present point.
   subroutine find_tangent(solver, towards, tangent, status)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Without motion: growing or falling frequency
     type(tangent_type), intent(in) :: towards
+    !> Tangent of the branch
     type(tangent_type), intent(out) :: tangent
     !> 0, or not: the bordered system is singular
     integer, intent(out) :: status
@@ -76,7 +79,9 @@ contains
 
   !> The direction of growing or falling frequency, 1 or -1, at fixed motion.
   pure function frequency_tangent(solver, way) result(tangent)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> 1: growing frequency, -1: falling
     real(wp), intent(in) :: way
     type(tangent_type) :: tangent
 
@@ -89,6 +94,7 @@ contains
 
   !> The opposite direction along the branch.
   pure subroutine reverse(tangent)
+    !> Tangent of the branch
     type(tangent_type), intent(inout) :: tangent
 
     tangent%motion = -tangent%motion
@@ -98,7 +104,9 @@ contains
 
   !> Part of a unit direction that is anything but a mean position.
   real(wp) function share_of_harmonics(solver, motion, omega) result(share)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Coefficients of relative displacement, by harmonic and row; angular frequency, rad/s
     real(wp), intent(in) :: motion(:, :), omega
 
     share = sum(motion(2:, :)**2)

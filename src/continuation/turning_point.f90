@@ -32,7 +32,9 @@ contains
 
   !> On a step whose ends have t_omega of different signs. The solver is left at the turning point.
   subroutine locate_turning_point(solver, step, start, end, self)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Step along the branch
     type(step_type), intent(in) :: step
     !> Tangents at both ends
     type(tangent_type), intent(in) :: start, end
@@ -87,7 +89,9 @@ contains
 
   !> Where the secant through both weights vanishes, or the middle; never at an end.
   pure real(wp) function next_part(part, weight, middle)
+    !> Parts of the step at both ends; weights at both ends
     real(wp), intent(in) :: part(2), weight(2)
+    !> Take the middle?
     logical, intent(in) :: middle
     real(wp), parameter :: off = 1.0e-3_wp
     real(wp) :: share
@@ -99,7 +103,9 @@ contains
 
   !> Of a step in scaled motion and frequency.
   real(wp) function step_length(solver, step)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Step along the branch
     type(step_type), intent(in) :: step
 
     associate (context => solver%context)

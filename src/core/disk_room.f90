@@ -12,20 +12,26 @@ module attrito_core_disk_room
   interface
     integer(c_int) function c_creat(path, mode) bind(c, name='creat')
       import :: c_char, c_int
+      !> Path of the file or dataset
       character(kind=c_char), intent(in) :: path(*)
+      !> Number of the mode
       integer(c_int), value :: mode
     end function c_creat
     integer(c_int) function c_allocate(file, start, length) bind(c, name='posix_fallocate')
       import :: c_int, c_int64_t
+      !> Descriptor of the file
       integer(c_int), value :: file
+      !> First byte of the room; bytes of the room
       integer(c_int64_t), value :: start, length
     end function c_allocate
     integer(c_int) function c_close(file) bind(c, name='close')
       import :: c_int
+      !> Descriptor of the file
       integer(c_int), value :: file
     end function c_close
     integer(c_int) function c_unlink(path) bind(c, name='unlink')
       import :: c_char, c_int
+      !> Path of the file or dataset
       character(kind=c_char), intent(in) :: path(*)
     end function c_unlink
   end interface

@@ -37,6 +37,7 @@ contains
 
   !> gfortran 12 gives an empty constructor passed to an assumed rank the size -1.
   pure function extent_of(sizes) result(extent)
+    !> Sizes of the array
     integer, intent(in) :: sizes(:)
     integer :: extent(size(sizes))
 

@@ -127,7 +127,9 @@ contains
 
   !> Write an attribute, replacing one of the same name.
   subroutine put_attribute(file, object, name, kind, address, length, error)
+    !> HDF5 file that is open
     type(hdf5_file_type), intent(in) :: file
+    !> Path of what has the attribute; name in the file
     character(*), intent(in) :: object, name
     !> Type in memory and in the file
     integer(hid_t), intent(in) :: kind
@@ -135,6 +137,7 @@ contains
     type(c_ptr), intent(in) :: address
     !> Number of entries; negative: a scalar
     integer, intent(in) :: length
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     integer(hid_t) :: owner, space, attribute
     logical :: exists
@@ -168,6 +171,7 @@ contains
   end function text_type
 
   subroutine release_type(kind)
+    !> HDF5's type
     integer(hid_t), intent(in) :: kind
     integer :: ierr
 

@@ -52,13 +52,17 @@ contains
 
   !> Create the dataset and release what describes it.
   subroutine create_dataset(file, name, kind, space, creation, description, unit, error)
+    !> HDF5 file that is open
     type(hdf5_file_type), intent(in) :: file
+    !> Name in the file; HDF5's type
     character(*), intent(in) :: name, kind
     !> Sizes; released here
     integer(hid_t), intent(in) :: space
     !> Layout; released here
     integer(hid_t), intent(in) :: creation
+    !> What the dataset holds; unit of the dataset
     character(*), intent(in) :: description, unit
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     integer(hid_t) :: links, dataset
     integer :: status, ierr
@@ -191,6 +195,7 @@ contains
   end subroutine put_array
 
   pure function reversed(sizes)
+    !> Sizes of the array
     integer, intent(in) :: sizes(:)
     integer(hsize_t) :: reversed(size(sizes))
 
@@ -198,6 +203,7 @@ contains
   end function reversed
 
   function type_of(kind) result(handle)
+    !> HDF5's type
     character(*), intent(in) :: kind
     integer(hid_t) :: handle
 

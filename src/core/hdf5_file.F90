@@ -100,9 +100,13 @@ contains
 
   !> HDF5 is opened once a process and never closed here: Python's h5py may share it. Its own error print is turned off.
   subroutine prepare_file(file, comm, path, access)
+    !> HDF5 file that is open
     type(hdf5_file_type), intent(inout) :: file
+    !> MPI communicator
     integer, intent(in) :: comm
+    !> Path of the file or dataset
     character(*), intent(in) :: path
+    !> HDF5's property list of the file's access
     integer(hid_t), intent(out) :: access
     integer :: ierr
 

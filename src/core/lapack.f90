@@ -10,115 +10,181 @@ module attrito_core_lapack
   interface
     subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
       import :: wp
+      !> Transposed or not
       character, intent(in) :: transa, transb
+      !> Rows, columns, or inner dimension; leading dimension of a; leading dimension of b; leading dimension of c
       integer, intent(in) :: m, n, k, lda, ldb, ldc
+      !> Factor on the product; factor on what is there before; matrix A of the operation; matrix B, or right-hand sides
       real(wp), intent(in) :: alpha, beta, a(lda, *), b(ldb, *)
+      !> Matrix C of the operation
       real(wp), intent(inout) :: c(ldc, *)
     end subroutine dgemm
     subroutine dgemv(trans, m, n, alpha, a, lda, x, incx, beta, y, incy)
       import :: wp
+      !> Transposed or not
       character, intent(in) :: trans
+      !> Rows, columns, or inner dimension; leading dimension of a; distance of its elements
       integer, intent(in) :: m, n, lda, incx, incy
+      !> Factor on the product; matrix A of the operation; vector that is multiplied; factor on what is there before
       real(wp), intent(in) :: alpha, a(lda, *), x(*), beta
+      !> Vector that takes the product
       real(wp), intent(inout) :: y(*)
     end subroutine dgemv
     subroutine sgemv(trans, m, n, alpha, a, lda, x, incx, beta, y, incy)
       import :: sp
+      !> Transposed or not
       character, intent(in) :: trans
+      !> Rows, columns, or inner dimension; leading dimension of a; distance of its elements
       integer, intent(in) :: m, n, lda, incx, incy
+      !> Factor on the product; matrix A of the operation; vector that is multiplied; factor on what is there before
       real(sp), intent(in) :: alpha, a(lda, *), x(*), beta
+      !> Vector that takes the product
       real(sp), intent(inout) :: y(*)
     end subroutine sgemv
     subroutine dgesv(n, nrhs, a, lda, ipiv, b, ldb, info)
       import :: wp
+      !> Rows, columns, or inner dimension; number of right-hand sides; leading dimension of a; leading dimension of b
       integer, intent(in) :: n, nrhs, lda, ldb
+      !> Matrix A of the operation; matrix B, or right-hand sides
       real(wp), intent(inout) :: a(lda, *), b(ldb, *)
+      !> Row interchanges; 0: done; else LAPACK's code
       integer, intent(out) :: ipiv(*), info
     end subroutine dgesv
     subroutine dgetrf(m, n, a, lda, ipiv, info)
       import :: wp
+      !> Rows, columns, or inner dimension; leading dimension of a
       integer, intent(in) :: m, n, lda
+      !> Matrix A of the operation
       real(wp), intent(inout) :: a(lda, *)
+      !> Row interchanges; 0: done; else LAPACK's code
       integer, intent(out) :: ipiv(*), info
     end subroutine dgetrf
     subroutine dgetri(n, a, lda, ipiv, work, lwork, info)
       import :: wp
+      !> Rows, columns, or inner dimension; leading dimension of a; row interchanges; size of the workspace, -1: ask for it
       integer, intent(in) :: n, lda, ipiv(*), lwork
+      !> Matrix A of the operation
       real(wp), intent(inout) :: a(lda, *)
+      !> Workspace
       real(wp), intent(out) :: work(*)
+      !> 0: done; else LAPACK's code
       integer, intent(out) :: info
     end subroutine dgetri
     subroutine zgetrf(m, n, a, lda, ipiv, info)
       import :: wp
+      !> Rows, columns, or inner dimension; leading dimension of a
       integer, intent(in) :: m, n, lda
+      !> Matrix A of the operation
       complex(wp), intent(inout) :: a(lda, *)
+      !> Row interchanges; 0: done; else LAPACK's code
       integer, intent(out) :: ipiv(*), info
     end subroutine zgetrf
     subroutine zgetrs(trans, n, nrhs, a, lda, ipiv, b, ldb, info)
       import :: wp
+      !> Transposed or not
       character, intent(in) :: trans
       integer, intent(in) :: n, nrhs, lda, ldb, ipiv(*)
+      !> Matrix A of the operation
       complex(wp), intent(in) :: a(lda, *)
+      !> Matrix B, or right-hand sides
       complex(wp), intent(inout) :: b(ldb, *)
+      !> 0: done; else LAPACK's code
       integer, intent(out) :: info
     end subroutine zgetrs
     subroutine dsygvd(itype, jobz, uplo, n, a, lda, b, ldb, w, work, lwork, iwork, liwork, info)
       import :: wp
+      !> What is asked for, see LAPACK; which triangle is given
       character, intent(in) :: jobz, uplo
       integer, intent(in) :: itype, n, lda, ldb, lwork, liwork
+      !> Matrix A of the operation; matrix B, or right-hand sides; workspace
       real(wp), intent(inout) :: a(lda, *), b(ldb, *), work(*)
+      !> Eigenvalues or singular values
       real(wp), intent(out) :: w(*)
+      !> Workspace
       integer, intent(inout) :: iwork(*)
+      !> 0: done; else LAPACK's code
       integer, intent(out) :: info
     end subroutine dsygvd
     subroutine dpstrf(uplo, n, a, lda, piv, rank, tol, work, info)
       import :: wp
+      !> Which triangle is given
       character, intent(in) :: uplo
+      !> Rows, columns, or inner dimension; leading dimension of a
       integer, intent(in) :: n, lda
+      !> Matrix A of the operation; workspace
       real(wp), intent(inout) :: a(lda, *), work(*)
+      !> See LAPACK
       real(wp), intent(in) :: tol
+      !> See LAPACK; 0: done; else LAPACK's code
       integer, intent(out) :: piv(*), rank, info
     end subroutine dpstrf
     subroutine dtrtrs(uplo, trans, diag, n, nrhs, a, lda, b, ldb, info)
       import :: wp
+      !> Which triangle is given; transposed or not; what is asked for, see LAPACK
       character, intent(in) :: uplo, trans, diag
+      !> Rows, columns, or inner dimension; number of right-hand sides; leading dimension of a; leading dimension of b
       integer, intent(in) :: n, nrhs, lda, ldb
+      !> Matrix A of the operation
       real(wp), intent(in) :: a(lda, *)
+      !> Matrix B, or right-hand sides
       real(wp), intent(inout) :: b(ldb, *)
+      !> 0: done; else LAPACK's code
       integer, intent(out) :: info
     end subroutine dtrtrs
     subroutine dgeev(jobvl, jobvr, n, a, lda, wr, wi, vl, ldvl, vr, ldvr, work, lwork, info)
       import :: wp
+      !> What is asked for, see LAPACK
       character, intent(in) :: jobvl, jobvr
+      !> Rows, columns, or inner dimension; leading dimension of a; leading dimension; size of the workspace, -1: ask for it
       integer, intent(in) :: n, lda, ldvl, ldvr, lwork
+      !> Matrix A of the operation; workspace
       real(wp), intent(inout) :: a(lda, *), work(*)
+      !> See LAPACK; vectors
       real(wp), intent(out) :: wr(*), wi(*), vl(ldvl, *), vr(ldvr, *)
+      !> 0: done; else LAPACK's code
       integer, intent(out) :: info
     end subroutine dgeev
     subroutine zgeev(jobvl, jobvr, n, a, lda, w, vl, ldvl, vr, ldvr, work, lwork, rwork, info)
       import :: wp
+      !> What is asked for, see LAPACK
       character, intent(in) :: jobvl, jobvr
+      !> Rows, columns, or inner dimension; leading dimension of a; leading dimension; size of the workspace, -1: ask for it
       integer, intent(in) :: n, lda, ldvl, ldvr, lwork
+      !> Matrix A of the operation; workspace
       complex(wp), intent(inout) :: a(lda, *), work(*)
+      !> Eigenvalues or singular values; vectors
       complex(wp), intent(out) :: w(*), vl(ldvl, *), vr(ldvr, *)
+      !> Workspace
       real(wp), intent(out) :: rwork(*)
+      !> 0: done; else LAPACK's code
       integer, intent(out) :: info
     end subroutine zgeev
     subroutine dgesvd(jobu, jobvt, m, n, a, lda, s, u, ldu, vt, ldvt, work, lwork, info)
       import :: wp
+      !> What is asked for, see LAPACK
       character, intent(in) :: jobu, jobvt
+      !> Rows, columns, or inner dimension; leading dimension of a; leading dimension; size of the workspace, -1: ask for it
       integer, intent(in) :: m, n, lda, ldu, ldvt, lwork
+      !> Matrix A of the operation; workspace
       real(wp), intent(inout) :: a(lda, *), work(*)
+      !> Eigenvalues or singular values; vectors
       real(wp), intent(out) :: s(*), u(ldu, *), vt(ldvt, *)
+      !> 0: done; else LAPACK's code
       integer, intent(out) :: info
     end subroutine dgesvd
     subroutine zgesvd(jobu, jobvt, m, n, a, lda, s, u, ldu, vt, ldvt, work, lwork, rwork, info)
       import :: wp
+      !> What is asked for, see LAPACK
       character, intent(in) :: jobu, jobvt
+      !> Rows, columns, or inner dimension; leading dimension of a; leading dimension; size of the workspace, -1: ask for it
       integer, intent(in) :: m, n, lda, ldu, ldvt, lwork
+      !> Matrix A of the operation; workspace
       complex(wp), intent(inout) :: a(lda, *), work(*)
+      !> Eigenvalues or singular values; workspace
       real(wp), intent(out) :: s(*), rwork(*)
+      !> Vectors
       complex(wp), intent(out) :: u(ldu, *), vt(ldvt, *)
+      !> 0: done; else LAPACK's code
       integer, intent(out) :: info
     end subroutine zgesvd
   end interface
@@ -133,9 +199,11 @@ contains
 
   !> c = a b^T, of arrays whose leading dimensions may be several at once.
   subroutine multiply_by_transpose(m, n, k, a, b, c)
+    !> Rows, columns, or inner dimension
     integer, intent(in) :: m, n, k
     !> [m, k], [n, k] and [m, n]
     real(wp), intent(in) :: a(m, k), b(n, k)
+    !> Matrix C of the operation
     real(wp), intent(out) :: c(m, n)
 
     call dgemm('N', 'T', m, n, k, 1.0_wp, a, m, b, n, 0.0_wp, c, m)
@@ -173,6 +241,7 @@ contains
   subroutine times_vector_single(a, x, y)
     !> [m, n], [n] and [m]
     real(sp), intent(in), contiguous :: a(:, :), x(:)
+    !> Vector that takes the product
     real(sp), intent(out), contiguous :: y(:)
 
     if (size(a) == 0) y = 0.0_sp
@@ -183,6 +252,7 @@ contains
   subroutine times_vector_double(a, x, y)
     !> [m, n], [n] and [m]
     real(wp), intent(in), contiguous :: a(:, :), x(:)
+    !> Vector that takes the product
     real(wp), intent(out), contiguous :: y(:)
 
     if (size(a) == 0) y = 0.0_wp
@@ -378,6 +448,7 @@ contains
   subroutine complex_singular_values(matrix, s, u, v, info)
     !> [m, n]
     complex(wp), intent(in) :: matrix(:, :)
+    !> Eigenvalues or singular values
     real(wp), allocatable, intent(out) :: s(:)
     !> [m, n], [n, n]
     complex(wp), allocatable, intent(out) :: u(:, :), v(:, :)

@@ -9,6 +9,7 @@ module attrito_core_machine_memory
   interface
     integer(c_int) function malloc_trim(pad) bind(c)
       import :: c_int, c_size_t
+      !> Bytes to leave free at the top of the heap
       integer(c_size_t), value :: pad
     end function malloc_trim
   end interface
@@ -52,7 +53,9 @@ contains
 
   !> The number behind a word at the start of a line of a file; `otherwise` (huge if absent) where there is none.
   function value_after(path, word, otherwise) result(value)
+    !> File to read; word that the line begins with
     character(*), intent(in) :: path, word
+    !> What to return without such a line
     real(wp), intent(in), optional :: otherwise
     real(wp) :: value
     character(200) :: line
@@ -74,7 +77,9 @@ contains
   end function value_after
 
   pure subroutine read_number(text, value)
+    !> Line of the file
     character(*), intent(in) :: text
+    !> Number in the line
     real(wp), intent(inout) :: value
     real(wp) :: number
     integer :: status

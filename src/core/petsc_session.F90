@@ -55,6 +55,7 @@ contains
   !> PETSC_OPTIONS of the environment, which PETSc leaves unread where it is told to leave the command line alone; and that signals are
   !> not PETSc's, which the caller may have handlers for.
   subroutine read_environment(ierr)
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     character(:), allocatable :: options
     integer :: length

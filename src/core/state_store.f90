@@ -43,6 +43,7 @@ contains
 
   !> A store to read from.
   pure function reading_store(numbers) result(self)
+    !> Numbers of the store
     real(wp), intent(in) :: numbers(:)
     type(state_store_type) :: self
 
@@ -59,6 +60,7 @@ contains
 
   subroutine keep_real(self, value)
     class(state_store_type), intent(inout) :: self
+    !> Kept when the store is written, else taken from it
     real(wp), intent(inout) :: value
     real(wp) :: values(1)
 
@@ -69,6 +71,7 @@ contains
 
   subroutine keep_integer(self, value)
     class(state_store_type), intent(inout) :: self
+    !> Kept when the store is written, else taken from it
     integer, intent(inout) :: value
     real(wp) :: number
 
@@ -79,6 +82,7 @@ contains
 
   subroutine keep_logical(self, value)
     class(state_store_type), intent(inout) :: self
+    !> Kept when the store is written, else taken from it
     logical, intent(inout) :: value
     real(wp) :: number
 
@@ -89,6 +93,7 @@ contains
 
   subroutine keep_logicals(self, values)
     class(state_store_type), intent(inout) :: self
+    !> Kept when the store is written, else taken from it
     logical, allocatable, intent(inout) :: values(:)
     real(wp), allocatable :: numbers(:)
 
@@ -101,6 +106,7 @@ contains
 
   subroutine keep_vector(self, values)
     class(state_store_type), intent(inout) :: self
+    !> Kept when the store is written, else taken from it
     real(wp), allocatable, intent(inout) :: values(:)
     integer :: extent(1)
 
@@ -116,6 +122,7 @@ contains
 
   subroutine keep_matrix(self, values)
     class(state_store_type), intent(inout) :: self
+    !> Kept when the store is written, else taken from it
     real(wp), allocatable, intent(inout) :: values(:, :)
     real(wp), allocatable :: column(:)
     integer :: extent(2)
@@ -132,6 +139,7 @@ contains
 
   subroutine keep_complex_vector(self, values)
     class(state_store_type), intent(inout) :: self
+    !> Kept when the store is written, else taken from it
     complex(wp), allocatable, intent(inout) :: values(:)
     complex(wp), allocatable :: columns(:, :)
 
@@ -169,6 +177,7 @@ contains
   !> Sizes of an array; -1 where it is not allocated.
   subroutine keep_shape(self, extent)
     class(state_store_type), intent(inout) :: self
+    !> Sizes of the array
     integer, intent(inout) :: extent(:)
     integer :: i
 
@@ -182,6 +191,7 @@ contains
 
   subroutine keep_numbers(self, values)
     class(state_store_type), intent(inout) :: self
+    !> Kept when the store is written, else taken from it
     real(wp), intent(inout) :: values(:)
     integer :: last
 

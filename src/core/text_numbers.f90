@@ -27,6 +27,7 @@ module attrito_core_text_numbers
   interface
     function strtod(text, rest) bind(c, name="strtod") result(number)
       import :: c_char, c_double, c_ptr
+      !> Characters of the file
       character(kind=c_char), intent(in) :: text(*)
       type(c_ptr), value :: rest
       real(c_double) :: number
@@ -37,6 +38,7 @@ contains
 
   !> Fields of lines separated by blanks or single commas; what stands between two commas may be nothing.
   subroutine read_separated(text, first, last, table, bad)
+    !> Characters of the file
     character, intent(in) :: text(*)
     !> [lines], where each line begins and ends in the text, from 1
     integer(int64), intent(in) :: first(:), last(:)
@@ -79,6 +81,7 @@ contains
   !> Lines of whole numbers above zero and then one number, separated by blanks or single commas: what nearly all lines of a matrix
   !> file are, in half the time of `read_separated`. Anything else ends the reading.
   subroutine read_entries(text, first, last, whole, values, bad)
+    !> Characters of the file
     character, intent(in) :: text(*)
     !> [lines], where each line begins and ends in the text, from 1
     integer(int64), intent(in) :: first(:), last(:)
@@ -120,11 +123,15 @@ contains
 
   !> A whole number above zero and the separator after it: blanks, or a comma among them.
   pure subroutine read_whole(text, place, last, whole, found)
+    !> Characters of the file
     character, intent(in) :: text(*)
     !> Where it is looked for; then what follows the separator
     integer(int64), intent(inout) :: place
+    !> Place of the last character
     integer(int64), intent(in) :: last
+    !> Whole number that the characters spell
     integer(int32), intent(out) :: whole
+    !> Is there a number?
     logical, intent(out) :: found
     integer(int64), parameter :: most_digits = 9
     integer(int64) :: start
@@ -152,6 +159,7 @@ contains
 
   !> Fields of lines at fixed places, as Fortran formats and Nastran write them, side by side without separators.
   subroutine read_columns(text, first, last, begin, width, table, bad)
+    !> Characters of the file
     character, intent(in) :: text(*)
     !> [lines], where each line begins and ends in the text, from 1
     integer(int64), intent(in) :: first(:), last(:)
@@ -187,9 +195,13 @@ contains
 
   !> The number that characters `left` to `right` spell; `found` is false if they spell none, or one that is not finite.
   subroutine read_number(text, left, right, number, found)
+    !> Characters of the file
     character, intent(in) :: text(*)
+    !> Place of the first character of the number; place of the last character of the number
     integer(int64), intent(in) :: left, right
+    !> Number that the characters spell
     real(wp), intent(inout) :: number
+    !> Is there a number?
     logical, intent(out) :: found
     integer(int64) :: place, mantissa
     integer :: digits, decimals, exponent, shift, spelled
@@ -250,7 +262,9 @@ contains
     integer(int64), intent(in) :: mantissa
     !> At most 44, either sign
     integer, intent(in) :: shift
+    !> Number that the characters spell
     real(wp), intent(out) :: number
+    !> Is the rounding beyond doubt?
     logical, intent(out) :: sure
     !> More than the two products, or the two quotients, leave out, relative
     real(wp), parameter :: uncertainty = 2.0_wp**(-98)
@@ -277,7 +291,9 @@ contains
 
   !> a b = product + error, exactly.
   pure subroutine multiply(a, b, product, error)
+    !> Factor of the product
     real(wp), intent(in) :: a, b
+    !> Product, rounded; what rounding has taken from it
     real(wp), intent(out) :: product, error
     real(wp), parameter :: splitter = 2.0_wp**27 + 1.0_wp
     real(wp) :: a_high, a_low, b_high, b_low
@@ -292,9 +308,13 @@ contains
 
   !> What follows the digits: nothing, or an exponent up to the last character.
   pure subroutine read_exponent(text, begin, right, exponent, found)
+    !> Characters of the file
     character, intent(in) :: text(*)
+    !> Place at which the exponent begins; place of the last character of the number
     integer(int64), intent(in) :: begin, right
+    !> Power of ten
     integer, intent(out) :: exponent
+    !> Is there a number?
     logical, intent(out) :: found
     integer(int64) :: place
     logical :: negative
@@ -327,10 +347,15 @@ contains
 
   !> The C library's reading of a sign, digits and point, with an exponent of base ten.
   subroutine read_by_library(text, left, spelled, exponent, number, found)
+    !> Characters of the file
     character, intent(in) :: text(*)
+    !> Place of the first character of the number
     integer(int64), intent(in) :: left
+    !> Characters up to the exponent; power of ten
     integer, intent(in) :: spelled, exponent
+    !> Number that the characters spell
     real(wp), intent(inout) :: number
+    !> Is there a number?
     logical, intent(out) :: found
     character(kind=c_char), target :: copy(longest + 12)
     character(12) :: tail
@@ -361,7 +386,9 @@ contains
 
   !> e-12 of -12, without the cost of a formatted write.
   pure subroutine write_exponent(exponent, tail)
+    !> Power of ten
     integer, intent(in) :: exponent
+    !> The exponent as characters
     character(12), intent(out) :: tail
     integer :: rest, k
 
@@ -375,8 +402,11 @@ contains
   end subroutine write_exponent
 
   pure subroutine skip_blanks(text, place, last)
+    !> Characters of the file
     character, intent(in) :: text(*)
+    !> Place of a character
     integer(int64), intent(inout) :: place
+    !> Place of the last character
     integer(int64), intent(in) :: last
 
     do while (place <= last)

@@ -12,7 +12,9 @@ contains
 
   !> Series columnwise, cut off or filled up with zeros to so many coefficients.
   pure function resized(series, coefficients) result(other)
+    !> Series, a column each
     real(wp), intent(in) :: series(:, :)
+    !> Coefficients of each row, 2 H + 1
     integer, intent(in) :: coefficients
     real(wp) :: other(coefficients, size(series, 2))
     integer :: common
@@ -24,6 +26,7 @@ contains
 
   !> cos h theta and sin h theta, h = 1 ... H.
   pure subroutine harmonics_at(theta, cosines, sines)
+    !> Angle of the period, omega t
     real(wp), intent(in) :: theta
     !> [H]
     real(wp), intent(out), contiguous :: cosines(:), sines(:)
@@ -41,7 +44,9 @@ contains
 
   !> The functions 1, cos, sin, cos 2, sin 2, ... at theta.
   pure function basis_at(theta, harmonics) result(basis)
+    !> Angle of the period, omega t
     real(wp), intent(in) :: theta
+    !> Highest harmonic, H
     integer, intent(in) :: harmonics
     real(wp) :: basis(2*harmonics + 1)
     real(wp) :: c(stride), s(stride), turn(2)
@@ -62,6 +67,7 @@ contains
   pure function value_at(coefficients, theta) result(jet)
     !> [a_0, a_c1, a_s1, ...]
     real(wp), intent(in) :: coefficients(:)
+    !> Angle of the period, omega t
     real(wp), intent(in) :: theta
     !> [x, x', x'']
     real(wp) :: jet(3)
@@ -86,7 +92,9 @@ contains
 
   !> cos h theta and sin h theta of the first harmonics, and what carries them on to the next ones.
   pure subroutine first_harmonics(theta, c, s, turn)
+    !> Angle of the period, omega t
     real(wp), intent(in) :: theta
+    !> Cosines; sines; cosine and sine of one angle step
     real(wp), intent(out) :: c(stride), s(stride), turn(2)
     integer :: h
 
@@ -101,7 +109,9 @@ contains
 
   !> From harmonics h to h + `stride`, by the sums of angles.
   pure subroutine next_harmonics(turn, c, s)
+    !> Cosine and sine of one angle step
     real(wp), intent(in) :: turn(2)
+    !> Cosines; sines
     real(wp), intent(inout) :: c(stride), s(stride)
     real(wp) :: before(stride)
 
@@ -155,6 +165,7 @@ contains
   contains
 
     pure real(wp) function theta_of(sample)
+      !> Number of the grid point
       integer, intent(in) :: sample
 
       theta_of = two_pi*(sample - 1)/size(grid)
@@ -162,9 +173,11 @@ contains
 
     !> Take the extremum beside a grid point if it goes farther than what there is.
     pure subroutine keep_better(sample, side, value, place)
+      !> Number of the grid point
       integer, intent(in) :: sample
       !> -1: smallest, 1: largest
       real(wp), intent(in) :: side
+      !> Extreme value so far; angle at which it is
       real(wp), intent(inout) :: value, place
       real(wp) :: theta, local(3), step
       integer :: iteration
@@ -189,6 +202,7 @@ contains
   pure subroutine sample(coefficients, values)
     !> [a_0, a_c1, a_s1, ...]
     real(wp), intent(in) :: coefficients(:)
+    !> Values at the angles
     real(wp), intent(out) :: values(:)
     real(wp) :: cosines(size(coefficients)/2), sines(size(coefficients)/2), parts(0:1)
     integer :: h, j, half

@@ -55,6 +55,7 @@ contains
 
   !> Keep the point just solved, before other members are visited.
   subroutine enter_family(solver, self)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     type(family_type), intent(out) :: self
     integer :: i
@@ -72,6 +73,7 @@ contains
 
   !> Leave the solver as it was before.
   subroutine leave_family(solver, self)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     type(family_type), intent(in) :: self
 
@@ -82,6 +84,7 @@ contains
 
   !> Floating-point operations of the visits so far, by the formulas of `attrito_balance_work`, over all ranks.
   real(wp) function work_of_visits(solver, self) result(work)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     type(family_type), intent(in) :: self
 
@@ -91,6 +94,7 @@ contains
 
   !> Keep the solver's present point.
   subroutine keep_member(solver, self)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     type(member_type), intent(out) :: self
 
@@ -99,6 +103,7 @@ contains
 
   !> Restore a member.
   subroutine return_to_member(solver, self)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     type(member_type), intent(in) :: self
 
@@ -109,9 +114,11 @@ contains
   !> Move the start sliders, solve at the same frequency, and say whether that gave a member; if not, nothing has changed. First from
   !> the prediction of the linear model, which is exact where every contact sticks, then from the present motion.
   subroutine solve_member(solver, slider, found)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Of all contacts [width, contacts]
     real(wp), intent(in) :: slider(:, :)
+    !> Is there such a member?
     logical, intent(out) :: found
     type(member_type) :: before
     real(wp), allocatable :: own(:, :)
@@ -136,9 +143,11 @@ contains
 
   !> Move the motion as free sliders that are moved take it to first order.
   subroutine predict(solver, moved, status)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Change of this rank's sliders [width, contacts]
     real(wp), intent(in) :: moved(:, :)
+    !> 0: done; else it could not be evaluated
     integer, intent(out) :: status
     type(unknowns_type) :: step
     real(wp), allocatable :: deviation(:, :)
@@ -162,6 +171,7 @@ contains
 
   !> Describe the solver's present member.
   subroutine describe_member(solver, self, status)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     type(description_type), intent(out) :: self
     !> 0, or not: it cannot be evaluated
@@ -190,6 +200,7 @@ contains
 
   !> How forces and monitors change with one component of a free slider: by the force -k_t w, the member described before.
   subroutine differentiate_member(solver, contact, tangent, self, status)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     !> Among all, from 1
     integer, intent(in) :: contact, tangent
@@ -225,9 +236,11 @@ contains
 
   !> First-order change of the motion, at a frequency, with forces on the contacts, at the last evaluation.
   subroutine respond(solver, deviation, step, status)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     !> On this rank's rows [2 H + 1, rows]
     real(wp), intent(in) :: deviation(:, :)
+    !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(out) :: step
     !> 0, or not: singular
     integer, intent(out) :: status
@@ -251,7 +264,9 @@ contains
   !> Forces and Jacobian at the present motion and sliders. A free contact at its limit has been taken there: from now on it holds
   !> its slider.
   subroutine evaluate(solver, status)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> 0: done; else it could not be evaluated
     integer, intent(out) :: status
     integer :: i
 
@@ -268,7 +283,9 @@ contains
 
   !> Does this rank's contact hold its slider, whatever that is?
   pure logical function is_free(solver, contact)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Number of the contact
     integer, intent(in) :: contact
 
     associate (forces => solver%context%balance%forces(contact))
@@ -278,6 +295,7 @@ contains
 
   !> Deviations of this rank's rows [2 H + 1, rows].
   pure function own_deviation(solver) result(deviation)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     real(wp), allocatable :: deviation(:, :)
     integer :: i
@@ -294,8 +312,11 @@ contains
 
   !> Forces and monitors of all ranks from motion and deviation of this rank's rows and the structure's response.
   subroutine gather(solver, motion, deviation, response, self)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Coefficients of relative displacement, by harmonic and row; deviation of contact forces from those of their springs
     real(wp), intent(in) :: motion(:, :), deviation(:, :)
+    !> Coordinates of the response, by harmonic
     complex(wp), intent(in) :: response(:, :)
     type(description_type), intent(inout) :: self
     real(wp) :: stiffness

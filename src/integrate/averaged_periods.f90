@@ -46,7 +46,9 @@ contains
 
   !> Motion in time of structure and contacts.
   function new_averaged_periods(structure, contacts) result(self)
+    !> Mass, stiffness, damping, loads and monitors
     type(structure_type), intent(in) :: structure
+    !> All contacts: laws and directions
     type(contacts_type), intent(in) :: contacts
     type(averaged_periods_type) :: self
 
@@ -61,6 +63,7 @@ contains
   !> Set the state, at the start of a period of the excitation.
   subroutine set_state(self, displacement, velocity, slider, is_set)
     class(averaged_periods_type), intent(inout) :: self
+    !> Displacement of the coordinates; velocity of the coordinates; sliders, as the contacts have them
     real(wp), intent(in) :: displacement(:), velocity(:), slider(:, :)
     !> .false.: motions without mass, for instance; see `new_system`
     logical, intent(out) :: is_set
@@ -80,8 +83,11 @@ contains
   !> Integrate over some periods in which transients fade, and average over some more.
   subroutine average_over(self, excitation, harmonics, count, periods)
     class(averaged_periods_type), intent(inout) :: self
+    !> Loads of the motion in time
     type(excitation_type), intent(in) :: excitation
+    !> Highest harmonic, H; number of roots or periods
     integer, intent(in) :: harmonics, count
+    !> Averages over periods of the motion in time
     type(periods_type), intent(out) :: periods
     type(loading_type) :: loading
     type(scheme_type) :: scheme
@@ -111,9 +117,13 @@ contains
   !> One period; coefficients are added up, to be divided by half the number of steps.
   subroutine move_one_period(self, scheme, loading, adds, periods)
     class(averaged_periods_type), intent(inout) :: self
+    !> Scheme of integration, its parameters and matrices
     type(scheme_type), intent(inout) :: scheme
+    !> Static and harmonic loads over time
     type(loading_type), intent(in) :: loading
+    !> Are the coefficients to be added up?
     logical, intent(in) :: adds
+    !> Averages over periods of the motion in time
     type(periods_type), intent(inout) :: periods
     real(wp) :: cosines(size(periods%motion, 1)/2), sines(size(periods%motion, 1)/2)
     integer :: step, h
@@ -136,6 +146,7 @@ contains
   pure subroutine compare_ends(ends, periods)
     !> [rows, -2:count]
     real(wp), intent(in) :: ends(:, -2:)
+    !> Averages over periods of the motion in time
     type(periods_type), intent(inout) :: periods
     real(wp) :: steps(size(ends, 1), -1:ubound(ends, 2)), first_harmonic
     integer :: period

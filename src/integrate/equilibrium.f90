@@ -29,6 +29,7 @@ contains
 
   !> From the diagonal of 1/S and what is beside it.
   subroutine new_operator(system, inverse, coupling_factor, c, self)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
     !> Diagonal of 1/S [m]
     real(wp), intent(in) :: inverse(:)
@@ -59,6 +60,7 @@ contains
   !> S x.
   pure function apply(self, x) result(y)
     type(operator_type), intent(in) :: self
+    !> Fraction of the interval
     real(wp), intent(in) :: x(:)
     real(wp) :: y(size(x))
 
@@ -71,6 +73,7 @@ contains
 
   !> Solve from the contacts' displacements that are given.
   subroutine solve_equilibrium(system, self, free, slider, direction, displacement, g, new_slider, regime, motion, converged)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
     type(operator_type), intent(in) :: self
     !> S r, the motion without g [m]
@@ -83,9 +86,11 @@ contains
     real(wp), intent(inout) :: displacement(:)
     !> Forces less stuck springs [rows], sliders after the step [2, contacts], regimes [contacts]
     real(wp), intent(out) :: g(:), new_slider(:, :)
+    !> Regime: stick, slip or open
     integer, intent(out) :: regime(:)
     !> [m]
     real(wp), intent(out) :: motion(:)
+    !> Did the solve converge?
     logical, intent(out) :: converged
     !> Displacement relative to that of the stuck contacts that is taken for an equilibrium
     real(wp), parameter :: divergence_limit = 1.0e8_wp
@@ -124,6 +129,7 @@ contains
   contains
 
     subroutine evaluate(at)
+      !> Displacements of the contacts
       real(wp), intent(in) :: at(:)
 
       call return_contacts(system, at, slider, direction, g, stiffness, new_slider, regime)
@@ -133,9 +139,11 @@ contains
 
   !> The step of Newton's method, by the forces that change with it.
   subroutine newton_step(system, compliance, stiffness, residual, step, info)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
     !> c R [rows, rows]; G by the displacements of each row's own contact [3, rows]; rho [rows]
     real(wp), intent(in) :: compliance(:, :), stiffness(:, :), residual(:)
+    !> Length of the step
     real(wp), intent(out) :: step(:)
     !> 0, or the matrix is singular
     integer, intent(out) :: info

@@ -22,8 +22,11 @@ contains
 
   !> Shorten the segment to its first event; `contact` is 0 if there is none.
   pure subroutine find_first_event(system, state, segment, contact, guard)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Displacement, velocity and sliders
     type(state_type), intent(in) :: state
+    !> Motion between two events, closed form
     type(segment_type), intent(inout) :: segment
     !> Which contact, and which of its guards
     integer, intent(out) :: contact, guard
@@ -55,10 +58,15 @@ contains
 
   !> Coefficients of one guard by powers of time.
   pure subroutine find_guard(system, state, segment, contact, guard, polynomial)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Displacement, velocity and sliders
     type(state_type), intent(in) :: state
+    !> Motion between two events, closed form
     type(segment_type), intent(in) :: segment
+    !> Number of the contact; number of the guard
     integer, intent(in) :: contact, guard
+    !> Polynomial, coefficients from degree 0
     real(wp), intent(out) :: polynomial(0:)
     integer :: k, n
 
@@ -86,7 +94,9 @@ contains
 
   !> Divide by the power of time that is known to be a factor.
   pure subroutine leave_zeros_out(polynomial, zeros)
+    !> Polynomial, coefficients from degree 0
     real(wp), intent(inout) :: polynomial(0:)
+    !> Power of time that is a factor
     integer, intent(in) :: zeros
     integer :: n
 
@@ -98,8 +108,11 @@ contains
 
   !> What a contact does after its guard has become negative; the state stands at that instant.
   pure subroutine change_regime(system, state, contact, guard)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Displacement, velocity and sliders
     type(state_type), intent(inout) :: state
+    !> Number of the contact; number of the guard
     integer, intent(in) :: contact, guard
 
     associate (regime => state%regime(contact), side => state%side(contact), zeros => state%zeros(:, contact))
@@ -131,8 +144,11 @@ contains
 
   !> Does a contact open at this very instant? So it is where nothing moves along the tangent: stick ends at N = 0, without slip.
   pure logical function is_leaving(system, state, contact)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Displacement, velocity and sliders
     type(state_type), intent(in) :: state
+    !> Number of the contact
     integer, intent(in) :: contact
     real(wp), parameter :: at_once = 1.0e-12_wp
     real(wp) :: dn
@@ -145,8 +161,11 @@ contains
 
   !> From open to stick or slip, by the rates at the instant of contact.
   pure subroutine land(system, state, contact)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Displacement, velocity and sliders
     type(state_type), intent(inout) :: state
+    !> Number of the contact
     integer, intent(in) :: contact
     real(wp) :: du, dn
 

@@ -23,11 +23,15 @@ contains
 
   !> March a whole period; what passes is shown to the recorder.
   subroutine flow_one_period(system, loading, state, segment, recorder, low, high)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
     type(loading_type), intent(in) :: loading
+    !> Displacement, velocity and sliders
     type(state_type), intent(inout) :: state
     !> Of degree `degree`
     type(segment_type), intent(inout) :: segment
+    !> History of motion and forces
     type(recorder_type), intent(inout) :: recorder
     !> Smallest and largest modal displacement at the ends of segments [m]
     real(wp), intent(out) :: low(:), high(:)

@@ -53,6 +53,7 @@ contains
     real(wp), intent(in) :: omega, clock
     !> See `loading_type`
     real(wp), intent(in) :: static(:), harmonic(:, :)
+    !> Factor over time
     type(profile_type), intent(in) :: static_profile, harmonic_profile
     type(loading_type) :: self
 
@@ -70,7 +71,9 @@ contains
     type(loading_type), intent(in) :: self
     !> Whole periods, and units of the clock since
     integer, intent(in) :: cycle
+    !> Angle of the period, omega t
     real(wp), intent(in) :: theta
+    !> Load on the coordinates, or a force
     real(wp), intent(out) :: load(:, 0:)
     real(wp) :: line(2), turning(0:ubound(load, 2)), cosine, sine, x(2), now(2), before(2)
     integer :: h, k
@@ -100,6 +103,7 @@ contains
   contains
 
     pure function turned(order) result(pair)
+      !> Order of the derivative
       integer, intent(in) :: order
       real(wp) :: pair(2)
 
@@ -119,7 +123,9 @@ contains
   !> The modal acceleration itself [m].
   pure function load_at(self, cycle, theta) result(load)
     type(loading_type), intent(in) :: self
+    !> Number of the cycle
     integer, intent(in) :: cycle
+    !> Angle of the period, omega t
     real(wp), intent(in) :: theta
     real(wp) :: load(size(self%static)), line(2)
     integer :: h
@@ -136,7 +142,9 @@ contains
   !> Units of the clock from an instant to the next knot of a profile; huge if there is none.
   pure real(wp) function next_knot(self, cycle, theta)
     type(loading_type), intent(in) :: self
+    !> Number of the cycle
     integer, intent(in) :: cycle
+    !> Angle of the period, omega t
     real(wp), intent(in) :: theta
     real(wp) :: ahead
 
@@ -147,6 +155,7 @@ contains
   contains
 
     pure real(wp) function first_after(time)
+      !> Knots of the profile, s
       real(wp), intent(in) :: time(:)
 
       first_after = minval(time, mask=time > ahead)
@@ -162,9 +171,12 @@ contains
 
   !> Value and slope (by units of the clock) of a profile just after an instant.
   pure function line_at(profile, self, cycle, theta) result(line)
+    !> Factor over time
     type(profile_type), intent(in) :: profile
     type(loading_type), intent(in) :: self
+    !> Number of the cycle
     integer, intent(in) :: cycle
+    !> Angle of the period, omega t
     real(wp), intent(in) :: theta
     real(wp) :: line(2), time
     integer :: i

@@ -16,12 +16,17 @@ contains
 
   !> March a whole period; `events` of the state counts changes of regime.
   subroutine march_one_period(system, loading, scheme, state, segment, recorder, low, high, converged)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
     type(loading_type), intent(in) :: loading
+    !> Scheme of integration, its parameters and matrices
     type(scheme_type), intent(inout) :: scheme
+    !> Displacement, velocity and sliders
     type(state_type), intent(inout) :: state
     !> Of degree 3
     type(segment_type), intent(inout) :: segment
+    !> History of motion and forces
     type(recorder_type), intent(inout) :: recorder
     !> Smallest and largest modal displacement [m]
     real(wp), intent(out) :: low(:), high(:)
@@ -59,9 +64,13 @@ contains
 
   !> What is known of a step before it is made.
   pure subroutine begin(system, scheme, state, segment)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Scheme of integration, its parameters and matrices
     type(scheme_type), intent(in) :: scheme
+    !> Displacement, velocity and sliders
     type(state_type), intent(in) :: state
+    !> Motion between two events, closed form
     type(segment_type), intent(inout) :: segment
 
     segment%length = scheme%h
@@ -74,9 +83,13 @@ contains
 
   !> The rest, once it is made.
   pure subroutine finish(system, scheme, state, segment)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Scheme of integration, its parameters and matrices
     type(scheme_type), intent(in) :: scheme
+    !> Displacement, velocity and sliders
     type(state_type), intent(in) :: state
+    !> Motion between two events, closed form
     type(segment_type), intent(inout) :: segment
     real(wp) :: change(size(state%motion)), h
 

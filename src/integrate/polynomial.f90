@@ -18,6 +18,7 @@ contains
 
   !> From powers to Bernstein coefficients of a degree; transposed: [0:degree power, 0:degree].
   pure function bernstein_matrix(degree) result(matrix)
+    !> Degree of the polynomial
     integer, intent(in) :: degree
     real(wp) :: matrix(0:degree, 0:degree)
     integer :: i, j
@@ -33,6 +34,7 @@ contains
 
   !> Value at s by Horner's rule.
   pure real(wp) function value(a, s)
+    !> Polynomial, coefficients from degree 0; exponent, 1/s, or time
     real(wp), intent(in) :: a(0:), s
     integer :: k
 
@@ -44,6 +46,7 @@ contains
 
   !> First derivative at s.
   pure real(wp) function slope(a, s)
+    !> Polynomial, coefficients from degree 0; exponent, 1/s, or time
     real(wp), intent(in) :: a(0:), s
     integer :: k
 
@@ -55,6 +58,7 @@ contains
 
   !> Integral of the product of two polynomials over [0, s].
   pure real(wp) function product_integral(a, b, s)
+    !> Polynomial, coefficients from degree 0; bernstein coefficients; exponent, 1/s, or time
     real(wp), intent(in) :: a(0:), b(0:), s
     real(wp) :: c(0:ubound(a, 1) + ubound(b, 1) + 1)
     integer :: i
@@ -71,9 +75,11 @@ contains
 
   !> The first s in [0, 1] from which the polynomial is negative; above 1 if there is none. A double root is none.
   pure subroutine first_negative(a, bernstein, s)
+    !> Polynomial, coefficients from degree 0
     real(wp), intent(in) :: a(0:)
     !> Of `bernstein_matrix`
     real(wp), intent(in) :: bernstein(0:, 0:)
+    !> Exponent, 1/s, or time
     real(wp), intent(out) :: s
     real(wp) :: b(0:ubound(a, 1))
     logical :: found
@@ -91,9 +97,11 @@ contains
 
   !> All changes of sign in (0, 1), ascending.
   pure subroutine sign_changes(a, bernstein, roots, count)
+    !> Polynomial, coefficients from degree 0; from powers to Bernstein coefficients
     real(wp), intent(in) :: a(0:), bernstein(0:, 0:)
     !> Room for them [degree]
     real(wp), intent(out) :: roots(:)
+    !> Number of roots or periods
     integer, intent(out) :: count
 
     count = 0
@@ -101,6 +109,7 @@ contains
   end subroutine sign_changes
 
   pure function to_bernstein(a, bernstein) result(b)
+    !> Polynomial, coefficients from degree 0; from powers to Bernstein coefficients
     real(wp), intent(in) :: a(0:), bernstein(0:, 0:)
     real(wp) :: b(0:ubound(a, 1))
     integer :: j
@@ -113,8 +122,11 @@ contains
   pure recursive subroutine search(a, b, low, high, depth, s, found)
     !> The polynomial over [0, 1], and its Bernstein coefficients over [low, high]
     real(wp), intent(in) :: a(0:), b(0:), low, high
+    !> How often the interval has been halved
     integer, intent(in) :: depth
+    !> Exponent, 1/s, or time
     real(wp), intent(inout) :: s
+    !> Is there a root?
     logical, intent(out) :: found
     real(wp) :: left(0:ubound(b, 1)), right(0:ubound(b, 1)), middle
 
@@ -138,9 +150,13 @@ contains
   end subroutine search
 
   pure recursive subroutine collect(a, b, low, high, depth, roots, count)
+    !> Polynomial, coefficients from degree 0; bernstein coefficients; lower end; upper end
     real(wp), intent(in) :: a(0:), b(0:), low, high
+    !> How often the interval has been halved
     integer, intent(in) :: depth
+    !> Roots so far, ascending
     real(wp), intent(inout) :: roots(:)
+    !> Number of roots or periods
     integer, intent(inout) :: count
     real(wp) :: left(0:ubound(b, 1)), right(0:ubound(b, 1)), middle
     integer :: changes
@@ -159,6 +175,7 @@ contains
   end subroutine collect
 
   pure integer function changes_of_sign(b)
+    !> Bernstein coefficients
     real(wp), intent(in) :: b(:)
     real(wp) :: last
     integer :: j
@@ -174,7 +191,9 @@ contains
 
   !> De Casteljau at the middle.
   pure subroutine halve(b, left, right)
+    !> Bernstein coefficients
     real(wp), intent(in) :: b(0:)
+    !> Polynomial, coefficients from degree 0
     real(wp), intent(out) :: left(0:), right(0:)
     integer :: n, k
 
@@ -188,6 +207,7 @@ contains
 
   !> The root between two places of different sign: Newton's method, kept inside the bracket by bisection.
   pure real(wp) function bracketed_root(a, low, high) result(s)
+    !> Polynomial, coefficients from degree 0; lower end; upper end
     real(wp), intent(in) :: a(0:), low, high
     real(wp) :: left, right, f, step, sign_left
     integer :: iteration

@@ -52,6 +52,7 @@ contains
 
   !> A recorder that has seen nothing.
   pure function new_recorder(system, per_period, room) result(self)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
     !> Samples per period, and how many to make room for
     integer, intent(in) :: per_period, room
@@ -76,8 +77,11 @@ contains
   !> Take one segment in.
   pure subroutine record(self, system, loading, segment)
     type(recorder_type), intent(inout) :: self
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
     type(loading_type), intent(in) :: loading
+    !> Motion between two events, closed form
     type(segment_type), intent(in) :: segment
 
     if (self%measures) then
@@ -92,7 +96,9 @@ contains
 
   pure subroutine keep_trace(self, system, segment)
     type(recorder_type), intent(inout) :: self
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Motion between two events, closed form
     type(segment_type), intent(in) :: segment
     type(trace_type) :: trace
     real(wp) :: dv
@@ -118,7 +124,9 @@ contains
 
   pure subroutine measure_monitors(self, system, segment)
     type(recorder_type), intent(inout) :: self
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Motion between two events, closed form
     type(segment_type), intent(in) :: segment
     real(wp) :: polynomial(0:ubound(segment%motion, 2)), range(2)
     integer :: monitor
@@ -134,7 +142,9 @@ contains
 
   pure subroutine measure_contacts(self, system, segment)
     type(recorder_type), intent(inout) :: self
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Motion between two events, closed form
     type(segment_type), intent(in) :: segment
     real(wp) :: range(2), h
     integer :: i, row
@@ -158,7 +168,9 @@ contains
 
   pure subroutine measure_energies(self, system, segment)
     type(recorder_type), intent(inout) :: self
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Motion between two events, closed form
     type(segment_type), intent(in) :: segment
     real(wp) :: rate(size(segment%motion, 1), 0:ubound(segment%motion, 2)), damped(size(segment%motion, 1)), clock2
     real(wp), allocatable :: drag(:, :)
@@ -179,6 +191,7 @@ contains
 
   !> Integral of force times rate of displacement over [0, h].
   pure real(wp) function work_of(force, displacement, h)
+    !> Load on the coordinates, or a force; displacement of the coordinates; length of the interval, s
     real(wp), intent(in) :: force(0:), displacement(0:), h
     real(wp) :: rate(0:ubound(displacement, 1))
     integer :: k
@@ -192,7 +205,9 @@ contains
 
   !> Smallest and largest value of a polynomial on the segment, located.
   pure function range_of(polynomial, segment) result(range)
+    !> Polynomial, coefficients from degree 0
     real(wp), intent(in) :: polynomial(0:)
+    !> Motion between two events, closed form
     type(segment_type), intent(in) :: segment
     real(wp) :: range(2), rate(0:ubound(polynomial, 1)), roots(ubound(polynomial, 1)), power, at
     integer :: k, count
@@ -215,8 +230,11 @@ contains
   !> The samples that fall into the segment; a segment owns its beginning.
   pure subroutine take_samples(self, system, loading, segment)
     type(recorder_type), intent(inout) :: self
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
     type(loading_type), intent(in) :: loading
+    !> Motion between two events, closed form
     type(segment_type), intent(in) :: segment
     real(wp) :: spacing, x, nearly
     real(wp) :: motion(size(segment%motion, 1))
@@ -242,7 +260,9 @@ contains
   end subroutine take_samples
 
   pure function value_of_motion(segment, x) result(motion)
+    !> Motion between two events, closed form
     type(segment_type), intent(in) :: segment
+    !> Fraction of the interval
     real(wp), intent(in) :: x
     real(wp) :: motion(size(segment%motion, 1))
     integer :: k

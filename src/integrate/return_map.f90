@@ -19,6 +19,7 @@ contains
 
   !> Forces of all contacts less their stuck springs, g, and what else is asked for.
   subroutine return_contacts(system, displacement, slider, direction, g, stiffness, new_slider, regime)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
     !> Of every row [rows], and sliders before the step [2, contacts]
     real(wp), intent(in) :: displacement(:), slider(:, :)
@@ -30,6 +31,7 @@ contains
     real(wp), intent(out) :: stiffness(:, :)
     !> Sliders after the step [2, contacts], and regimes [contacts]
     real(wp), intent(out) :: new_slider(:, :)
+    !> Regime: stick, slip or open
     integer, intent(out) :: regime(:)
     integer :: i
 
@@ -43,6 +45,7 @@ contains
   contains
 
     subroutine return_one(contact, first, tangents)
+      !> Number of the contact; first row of the contact; number of tangents
       integer, intent(in) :: contact, first, tangents
       real(wp) :: z(2), e(2), moved(2), by_z(2, 2), by_r(2), distance, r, normal(1), force(1), slope(1)
       integer :: a
@@ -90,7 +93,9 @@ contains
 
   !> z <- r z/|z|, with its derivatives by z and r.
   pure subroutine return_radially(z, r, moved, by_z, by_r)
+    !> Displacement less slider; slip radius, mu N / kt
     real(wp), intent(in) :: z(:), r
+    !> Displacement less slider, returned; its derivatives by z; its derivatives by r
     real(wp), intent(out) :: moved(:), by_z(:, :), by_r(:)
     real(wp) :: distance
     integer :: a
@@ -106,7 +111,9 @@ contains
 
   !> z <- r (z - s e)/(r + s), s = (|z|^2 - r^2)/(2 (r + z.e)): slip along the mean of old and new direction.
   pure subroutine return_along_the_way(z, r, e, moved, by_z, by_r)
+    !> Displacement less slider; slip radius, mu N / kt; direction of slip before
     real(wp), intent(in) :: z(2), r, e(2)
+    !> Displacement less slider, returned; its derivatives by z; its derivatives by r
     real(wp), intent(out) :: moved(2), by_z(2, 2), by_r(2)
     real(wp) :: s, s_by_z(2), s_by_r, d, way(2)
     integer :: a
@@ -126,8 +133,11 @@ contains
 
   !> Directions of slip as contacts stand, zero where they do not slip or have one tangent [2, contacts].
   pure function slip_directions(system, displacement, slider, regime) result(direction)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Displacement of the coordinates; sliders, as the contacts have them
     real(wp), intent(in) :: displacement(:), slider(:, :)
+    !> Regime: stick, slip or open
     integer, intent(in) :: regime(:)
     real(wp) :: direction(2, size(regime))
     integer :: i

@@ -62,11 +62,15 @@ contains
 
   !> Integrate until steady, then once more over the period with everything measured.
   subroutine integrate(system, options, motion, rate, slider, orbit, error)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> How to solve
     type(run_options_type), intent(in) :: options
     !> Start: modal displacement, its rate by the clock [m], sliders [2, contacts]
     real(wp), intent(in) :: motion(:), rate(:), slider(:, :)
+    !> What came of it
     type(orbit_type), intent(out) :: orbit
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     type(loading_type) :: loading
     type(scheme_type) :: scheme
@@ -136,6 +140,7 @@ contains
 
   !> Does a harmonic load act in the end?
   pure logical function is_driven(loading)
+    !> Static and harmonic loads over time
     type(loading_type), intent(in) :: loading
 
     is_driven = any(abs(loading%harmonic) > 0.0_wp) .and. &
@@ -144,6 +149,7 @@ contains
 
   !> Is the state made of numbers that can go on? Those that overflow, or are none, cannot.
   pure logical function is_finite(state)
+    !> Displacement, velocity and sliders
     type(state_type), intent(in) :: state
 
     is_finite = all(abs(state%motion) <= huge(1.0_wp)) .and. all(abs(state%rate) <= huge(1.0_wp)) .and. &
@@ -152,9 +158,11 @@ contains
 
   !> Name what came of it.
   pure subroutine judge(steady, converged, finite, orbit)
+    !> Changes from period to period
     type(steady_type), intent(in) :: steady
     !> Was every step solved; has every number stayed finite?
     logical, intent(in) :: converged, finite
+    !> What came of it
     type(orbit_type), intent(inout) :: orbit
 
     orbit%amplitude = steady%amplitude

@@ -41,9 +41,11 @@ contains
 
   !> Set a scheme up for a step. HHT with alpha = -0.1, generalised alpha with spectral radius 0.8, unless said otherwise.
   subroutine new_scheme(system, kind, steps, period, dissipation, self)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
     !> One of `scheme_...` but the event-exact one; steps per period; length of a period in units of the clock
     integer, intent(in) :: kind, steps
+    !> Length of the period, s
     real(wp), intent(in) :: period
     !> HHT: -alpha (0 to 1/3); generalised alpha: spectral radius at infinity (0 to 1); negative: as above
     real(wp), intent(in) :: dissipation
@@ -82,8 +84,11 @@ contains
   !> Accelerations of the first instant.
   subroutine start_scheme(self, system, loading, state)
     type(scheme_type), intent(inout) :: self
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
     type(loading_type), intent(in) :: loading
+    !> Displacement, velocity and sliders
     type(state_type), intent(inout) :: state
     real(wp) :: stiffness(3, size(system%springs)), new_slider(2, size(system%law))
 
@@ -98,7 +103,9 @@ contains
 
   !> D p'.
   pure function drag(system, rate)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Rates of the coordinates
     real(wp), intent(in) :: rate(:)
     real(wp) :: drag(size(rate))
 
@@ -109,12 +116,17 @@ contains
   !> One step; the state's time is left to the caller.
   subroutine step_scheme(self, system, loading, state, cycle, theta, converged)
     type(scheme_type), intent(inout) :: self
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
     type(loading_type), intent(in) :: loading
+    !> Displacement, velocity and sliders
     type(state_type), intent(inout) :: state
     !> The instant that the step leads to
     integer, intent(in) :: cycle
+    !> Angle of the period, omega t
     real(wp), intent(in) :: theta
+    !> Did the solve converge?
     logical, intent(out) :: converged
     real(wp) :: load(size(state%motion))
 
@@ -133,8 +145,11 @@ contains
 
   subroutine step_central(self, system, load, state)
     type(scheme_type), intent(inout) :: self
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Load on the coordinates, or a force
     real(wp), intent(in) :: load(:)
+    !> Displacement, velocity and sliders
     type(state_type), intent(inout) :: state
     real(wp) :: stiffness(3, size(system%springs)), new_slider(2, size(system%law)), half(size(load)), force(size(load)), &
                 direction(2, size(system%law))
@@ -152,9 +167,13 @@ contains
 
   subroutine step_alpha(self, system, load, state, converged)
     type(scheme_type), intent(inout) :: self
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Load on the coordinates, or a force
     real(wp), intent(in) :: load(:)
+    !> Displacement, velocity and sliders
     type(state_type), intent(inout) :: state
+    !> Did the solve converge?
     logical, intent(out) :: converged
     real(wp) :: before(size(load)), rate_before(size(load)), right(size(load)), motion(size(load)), &
                 new_slider(2, size(system%law)), acceleration(size(load)), scale
@@ -181,9 +200,13 @@ contains
   !> Damping that couples modes counts as a force, found in two passes.
   subroutine step_exponential(self, system, load, state, converged)
     type(scheme_type), intent(inout) :: self
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Load on the coordinates, or a force
     real(wp), intent(in) :: load(:)
+    !> Displacement, velocity and sliders
     type(state_type), intent(inout) :: state
+    !> Did the solve converge?
     logical, intent(out) :: converged
     real(wp), dimension(size(load)) :: before, after, motion, rate, free
     real(wp) :: new_slider(2, size(system%law)), direction(2, size(system%law)), g(size(system%springs))

@@ -26,6 +26,7 @@ contains
 
   !> Room for polynomials of a degree.
   pure function new_segment(m, rows, contacts, degree) result(self)
+    !> Number of coordinates; number of contact rows; number of contacts; degree of the polynomial
     integer, intent(in) :: m, rows, contacts, degree
     type(segment_type) :: self
 

@@ -31,6 +31,7 @@ contains
 
   !> A state from motion and sliders; contacts outside the law are brought onto it.
   pure function new_state(system, motion, rate, slider) result(self)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
     !> Modal displacement and rate by the clock [m]
     real(wp), intent(in) :: motion(:), rate(:)
@@ -49,6 +50,7 @@ contains
 
   !> Bring each contact onto its law: clamp the slider, and say what it does (one tangent; with two only the regime).
   pure subroutine settle(system, self)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
     type(state_type), intent(inout) :: self
     integer :: i
@@ -60,8 +62,10 @@ contains
   end subroutine settle
 
   pure subroutine settle_one(system, self, i)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
     type(state_type), intent(inout) :: self
+    !> Number of the contact
     integer, intent(in) :: i
     real(wp), parameter :: rounding = 1.0e-13_wp
     real(wp) :: u, v, du, dv, n, r, slip_rate, scale, force(1), slope(1)
@@ -97,8 +101,10 @@ contains
 
   !> Normal force of a contact as it stands.
   pure real(wp) function normal_force(system, self, contact)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
     type(state_type), intent(in) :: self
+    !> Number of the contact
     integer, intent(in) :: contact
 
     associate (law => system%law(contact))

@@ -14,6 +14,7 @@ contains
 
   !> Walk from the unloaded state over the corners.
   subroutine follow_static_path(system, path, steps, motion, slider, error)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
     !> Factors on the static loads at the corners [loads, corners]
     real(wp), intent(in) :: path(:, :)
@@ -21,7 +22,9 @@ contains
     integer, intent(in) :: steps
     !> Modal displacement [m] and sliders [2, contacts], at the end; the sliders on entry are those at the start of the path
     real(wp), intent(out) :: motion(:)
+    !> Sliders, as the contacts have them
     real(wp), intent(inout) :: slider(:, :)
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     type(operator_type) :: static
     real(wp) :: from(size(path, 1)), displacement(size(system%springs)), g(size(system%springs)), &

@@ -34,9 +34,11 @@ module attrito_integrate_steady
 contains
 
   pure function new_steady(system, multiples, cycles, tolerance) result(self)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
     !> Longest period looked for; most cycles
     integer, intent(in) :: multiples, cycles
+    !> Relative tolerance
     real(wp), intent(in) :: tolerance
     type(steady_type) :: self
 
@@ -50,7 +52,9 @@ contains
   !> Compare the state at the end of a period with those before it.
   subroutine compare(self, system, state, nu, low, high, driven)
     type(steady_type), intent(inout) :: self
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Displacement, velocity and sliders
     type(state_type), intent(in) :: state
     !> Excitation frequency over the clock's
     real(wp), intent(in) :: nu
@@ -103,6 +107,7 @@ contains
   !> Is the defect still on its way down? A march that was too short, not one without a period.
   pure logical function is_settling(self, cycles)
     type(steady_type), intent(in) :: self
+    !> How many cycles were marched
     integer, intent(in) :: cycles
     integer :: half, window
 
@@ -136,7 +141,9 @@ contains
 
   !> Largest half range of a contact's displacement, bounded from the modes' ranges.
   pure real(wp) function amplitude_of_contacts(system, range)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Half ranges of the modes
     real(wp), intent(in) :: range(:)
     integer :: row
 
@@ -147,6 +154,7 @@ contains
   end function amplitude_of_contacts
 
   pure real(wp) function relative(change, amplitude)
+    !> Change over the period; amplitude that it is relative to
     real(wp), intent(in) :: change, amplitude
 
     relative = 0.0_wp

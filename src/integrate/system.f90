@@ -42,9 +42,12 @@ contains
 
   !> Transform structure and contacts; refuses structural damping, which has no twin in time, and contacts of several elements.
   subroutine new_system(structure, contacts, self, error)
+    !> Mass, stiffness, damping, loads and monitors
     type(structure_type), intent(in) :: structure
+    !> All contacts: laws and directions
     type(contacts_type), intent(in) :: contacts
     type(system_type), intent(out) :: self
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     !> Ratio of squared periods below which the shortest counts as none
     real(wp), parameter :: massless = 1.0e-18_wp

@@ -28,9 +28,13 @@ contains
 
   !> All polynomials of a segment from a state on.
   pure subroutine expand(system, loading, state, segment)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
     type(loading_type), intent(in) :: loading
+    !> Displacement, velocity and sliders
     type(state_type), intent(in) :: state
+    !> Motion between two events, closed form
     type(segment_type), intent(inout) :: segment
     logical :: flies
     integer :: k
@@ -64,9 +68,13 @@ contains
 
   !> Add the acceleration of order k by the contacts' forces to coefficient k + 2.
   pure subroutine push(system, state, segment, k)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Displacement, velocity and sliders
     type(state_type), intent(in) :: state
+    !> Motion between two events, closed form
     type(segment_type), intent(inout) :: segment
+    !> Order of the coefficient
     integer, intent(in) :: k
     real(wp) :: g(2)
     integer :: i, row
@@ -91,9 +99,13 @@ contains
 
   !> Displacements and forces of the contacts of order k.
   pure subroutine find_forces(system, state, segment, k)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Displacement, velocity and sliders
     type(state_type), intent(in) :: state
+    !> Motion between two events, closed form
     type(segment_type), intent(inout) :: segment
+    !> Order of the coefficient
     integer, intent(in) :: k
     real(wp) :: once
     integer :: i, row
@@ -122,6 +134,7 @@ contains
 
   !> How far the polynomials hold to rounding.
   pure real(wp) function step_length(segment)
+    !> Motion between two events, closed form
     type(segment_type), intent(in) :: segment
     real(wp), parameter :: rounding = 0.1_wp*epsilon(1.0_wp)
     real(wp) :: scale, last
@@ -137,8 +150,11 @@ contains
 
   !> Put the state at the end of a segment; sliders follow where they slip or float.
   pure subroutine move_to(system, segment, state)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Motion between two events, closed form
     type(segment_type), intent(in) :: segment
+    !> Displacement, velocity and sliders
     type(state_type), intent(inout) :: state
     integer :: k, i
     real(wp) :: u, v

@@ -52,6 +52,7 @@ module attrito_linear_receptance
     subroutine set_harmonics(self, harmonics)
       import :: receptance_type
       class(receptance_type), intent(inout) :: self
+      !> Highest harmonic, H
       integer, intent(in) :: harmonics
     end subroutine set_harmonics
 
@@ -63,6 +64,7 @@ module attrito_linear_receptance
       real(wp), intent(in) :: omega
       !> 0, or not: the system is singular there
       integer, intent(out) :: status
+      !> Highest harmonic
       integer, intent(in), optional :: highest
     end subroutine set_frequency
 
@@ -100,6 +102,7 @@ module attrito_linear_receptance
     subroutine block_between(self, h, rows_a, rows_b, block)
       import :: receptance_type, wp
       class(receptance_type), intent(in) :: self
+      !> Number of the harmonic
       integer, intent(in) :: h
       !> Rows of B, from 1
       integer, intent(in) :: rows_a(:), rows_b(:)
@@ -111,6 +114,7 @@ module attrito_linear_receptance
     function low_shapes(self, low, directions) result(shapes)
       import :: receptance_type, wp
       class(receptance_type), intent(in) :: self
+      !> Lowest harmonic
       integer, intent(in) :: low
       !> Rows of B in generalised coordinates, in columns [n, rows]
       real(wp), intent(in) :: directions(:, :)
@@ -122,6 +126,7 @@ module attrito_linear_receptance
     function low_stiffness(self, h, low) result(stiffness)
       import :: receptance_type, wp
       class(receptance_type), intent(in) :: self
+      !> Number of the harmonic; lowest harmonic
       integer, intent(in) :: h, low
       complex(wp) :: stiffness(low)
     end function low_stiffness
@@ -130,6 +135,7 @@ module attrito_linear_receptance
     subroutine remainder(self, low, directions, blocks)
       import :: receptance_type, wp
       class(receptance_type), intent(in) :: self
+      !> Lowest harmonic
       integer, intent(in) :: low
       !> Rows of B in generalised coordinates, in columns [n, rows]
       real(wp), intent(in) :: directions(:, :)
@@ -145,6 +151,7 @@ contains
     class(receptance_type), intent(in) :: self
     !> X [n, 0:H]
     complex(wp), intent(in) :: response(:, 0:)
+    !> Derivative by the frequency
     complex(wp), intent(out) :: derivative(:, 0:)
     integer :: h
 
@@ -156,6 +163,7 @@ contains
     class(receptance_type), intent(in) :: self
     !> X [n, 0:H]
     complex(wp), intent(in) :: response(:, 0:)
+    !> Derivative by the frequency
     complex(wp), intent(out) :: derivative(:, 0:)
     integer :: h
 
@@ -169,6 +177,7 @@ contains
     complex(wp), intent(in) :: parts(0:)
     !> X [n, 0:H]
     complex(wp), intent(in) :: response(:, 0:)
+    !> Derivative by the frequency
     complex(wp), intent(out) :: derivative(:, 0:)
     complex(wp) :: force(size(response, 1), 0:self%harmonics)
     integer :: h
@@ -192,6 +201,7 @@ contains
   !> Let the damping be C - excitation M from the next frequency that is set on: 0 is the structure itself.
   subroutine excite(self, excitation)
     class(receptance_type), intent(inout) :: self
+    !> Factor on the mass that is taken from the damping
     real(wp), intent(in) :: excitation
 
     self%excitation = excitation
@@ -215,7 +225,9 @@ contains
   !> Is it ready for an angular frequency and harmonics up to one?
   pure logical function is_set(self, omega, highest)
     class(receptance_type), intent(in) :: self
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
+    !> Highest harmonic
     integer, intent(in) :: highest
 
     is_set = abs(omega - self%omega) <= 0.0_wp .and. highest <= self%highest
@@ -224,6 +236,7 @@ contains
   !> Let the mean's stiffness be (1 + part) K~ from the next frequency that is set on: 0 is the structure itself.
   subroutine apply_mean_springs(self, part)
     class(receptance_type), intent(inout) :: self
+    !> Part of the stiffness that is added at harmonic 0
     real(wp), intent(in) :: part
 
     self%held = part
@@ -232,6 +245,7 @@ contains
 
   !> Real coefficients [2 H + 1, n] as complex columns [n, 0:H].
   pure function to_complex(coefficients) result(columns)
+    !> Fourier coefficients
     real(wp), intent(in) :: coefficients(:, :)
     complex(wp) :: columns(size(coefficients, 2), 0:(size(coefficients, 1) - 1)/2)
     integer :: h
@@ -244,6 +258,7 @@ contains
 
   !> Complex columns [n, 0:H] as real coefficients [2 H + 1, n].
   pure function to_real(columns) result(coefficients)
+    !> Columns by harmonic
     complex(wp), intent(in) :: columns(:, 0:)
     real(wp) :: coefficients(2*ubound(columns, 2) + 1, size(columns, 1))
     integer :: h

@@ -38,8 +38,11 @@ contains
 
   !> From the structure, K~ [m, m], its modes [m, m] and the rows of B in columns [m, rows].
   function new_receptance_direct(structure, stuck_stiffness, modes, directions, harmonics) result(self)
+    !> Mass, stiffness, damping, loads and monitors
     type(structure_type), intent(in) :: structure
+    !> Stiffness with every contact stuck; modes of the stuck system, a column each; rows of B, a column each
     real(wp), intent(in) :: stuck_stiffness(:, :), modes(:, :), directions(:, :)
+    !> Highest harmonic, H
     integer, intent(in) :: harmonics
     type(receptance_direct_type) :: self
     integer :: i, m
@@ -61,6 +64,7 @@ contains
 
   subroutine set_harmonics(self, harmonics)
     class(receptance_direct_type), intent(inout) :: self
+    !> Highest harmonic, H
     integer, intent(in) :: harmonics
     integer :: m
 
@@ -73,8 +77,11 @@ contains
 
   subroutine set_frequency(self, omega, status, highest)
     class(receptance_direct_type), intent(inout) :: self
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
+    !> 0: done; else it could not be evaluated
     integer, intent(out) :: status
+    !> Highest harmonic
     integer, intent(in), optional :: highest
     integer :: h, first, last
 
@@ -99,7 +106,9 @@ contains
 
   subroutine respond(self, force, response)
     class(receptance_direct_type), intent(in) :: self
+    !> Forces on the coordinates, by harmonic
     complex(wp), intent(in) :: force(:, 0:)
+    !> Coordinates of the response, by harmonic
     complex(wp), intent(out) :: response(:, 0:)
     complex(wp) :: column(size(force, 1), 1)
     integer :: h
@@ -115,7 +124,9 @@ contains
 
   subroutine respond_derivative(self, response, derivative)
     class(receptance_direct_type), intent(in) :: self
+    !> Coordinates of the response, by harmonic
     complex(wp), intent(in) :: response(:, 0:)
+    !> Derivative by the frequency
     complex(wp), intent(out) :: derivative(:, 0:)
     complex(wp) :: force(size(response, 1), 0:self%harmonics)
     integer :: h
@@ -129,7 +140,9 @@ contains
 
   subroutine inertia_of(self, response, product)
     class(receptance_direct_type), intent(in) :: self
+    !> Coordinates of the response, by harmonic
     complex(wp), intent(in) :: response(:, 0:)
+    !> Product with the mass, by harmonic
     complex(wp), intent(out) :: product(:, 0:)
 
     product = matmul(self%mass, response)
@@ -158,7 +171,9 @@ contains
 
   subroutine block_between(self, h, rows_a, rows_b, block)
     class(receptance_direct_type), intent(in) :: self
+    !> Number of the harmonic; numbers of contact rows
     integer, intent(in) :: h, rows_a(:), rows_b(:)
+    !> Block of the matrix, by harmonic
     complex(wp), intent(out) :: block(:, :)
     complex(wp) :: columns(size(self%directions, 1), size(rows_b))
 
@@ -169,7 +184,9 @@ contains
 
   function low_shapes(self, low, directions) result(shapes)
     class(receptance_direct_type), intent(in) :: self
+    !> Lowest harmonic
     integer, intent(in) :: low
+    !> Rows of B, a column each
     real(wp), intent(in) :: directions(:, :)
     real(wp) :: shapes(low, size(directions, 2))
 
@@ -178,6 +195,7 @@ contains
 
   function low_stiffness(self, h, low) result(stiffness)
     class(receptance_direct_type), intent(in) :: self
+    !> Number of the harmonic; lowest harmonic
     integer, intent(in) :: h, low
     complex(wp) :: stiffness(low)
     integer :: i
@@ -195,8 +213,11 @@ contains
 
   subroutine remainder(self, low, directions, blocks)
     class(receptance_direct_type), intent(in) :: self
+    !> Lowest harmonic
     integer, intent(in) :: low
+    !> Rows of B, a column each
     real(wp), intent(in) :: directions(:, :)
+    !> Block of the matrix, by harmonic
     complex(wp), intent(out) :: blocks(:, :, 0:)
     complex(wp) :: columns(size(directions, 1), size(directions, 2)), stiffness(low)
     real(wp) :: shapes(low, size(directions, 2))

@@ -32,6 +32,7 @@ contains
   !> From the modes of (K~, M) [m, n], what they carry [n], and the rows of B in columns [m, rows].
   function new_receptance_modal(modal_stiffness, modal_mass, modal_damping, modes, directions, harmonics) result(self)
     real(wp), intent(in) :: modal_stiffness(:), modal_mass(:), modal_damping(:), modes(:, :), directions(:, :)
+    !> Highest harmonic, H
     integer, intent(in) :: harmonics
     type(receptance_modal_type) :: self
 
@@ -45,6 +46,7 @@ contains
 
   subroutine set_harmonics(self, harmonics)
     class(receptance_modal_type), intent(inout) :: self
+    !> Highest harmonic, H
     integer, intent(in) :: harmonics
 
     self%harmonics = harmonics
@@ -55,8 +57,11 @@ contains
 
   subroutine set_frequency(self, omega, status, highest)
     class(receptance_modal_type), intent(inout) :: self
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
+    !> 0: done; else it could not be evaluated
     integer, intent(out) :: status
+    !> Highest harmonic
     integer, intent(in), optional :: highest
     real(wp), dimension(size(self%modal_mass)) :: stiffness, loss, square
     integer :: h, last
@@ -88,7 +93,9 @@ contains
 
   subroutine respond(self, force, response)
     class(receptance_modal_type), intent(in) :: self
+    !> Forces on the coordinates, by harmonic
     complex(wp), intent(in) :: force(:, 0:)
+    !> Coordinates of the response, by harmonic
     complex(wp), intent(out) :: response(:, 0:)
 
     if (ubound(force, 2) > self%highest) error stop 'receptance: asked beyond the harmonics that it is set for'
@@ -100,7 +107,9 @@ contains
 
   subroutine respond_derivative(self, response, derivative)
     class(receptance_modal_type), intent(in) :: self
+    !> Coordinates of the response, by harmonic
     complex(wp), intent(in) :: response(:, 0:)
+    !> Derivative by the frequency
     complex(wp), intent(out) :: derivative(:, 0:)
 
     complex(wp) :: force(size(response, 1), 0:self%harmonics)
@@ -114,7 +123,9 @@ contains
 
   subroutine inertia_of(self, response, product)
     class(receptance_modal_type), intent(in) :: self
+    !> Coordinates of the response, by harmonic
     complex(wp), intent(in) :: response(:, 0:)
+    !> Product with the mass, by harmonic
     complex(wp), intent(out) :: product(:, 0:)
 
     product = spread(self%modal_mass, 2, size(response, 2))*response
@@ -130,7 +141,9 @@ contains
 
   subroutine block_between(self, h, rows_a, rows_b, block)
     class(receptance_modal_type), intent(in) :: self
+    !> Number of the harmonic; numbers of contact rows
     integer, intent(in) :: h, rows_a(:), rows_b(:)
+    !> Block of the matrix, by harmonic
     complex(wp), intent(out) :: block(:, :)
     complex(wp) :: flexibility(size(self%modal_mass))
     real(wp) :: a(size(rows_a), size(self%modal_mass)), b(size(self%modal_mass), size(rows_b))
@@ -150,7 +163,9 @@ contains
 
   function low_shapes(self, low, directions) result(shapes)
     class(receptance_modal_type), intent(in) :: self
+    !> Lowest harmonic
     integer, intent(in) :: low
+    !> Rows of B, a column each
     real(wp), intent(in) :: directions(:, :)
     real(wp) :: shapes(low, size(directions, 2))
 
@@ -159,6 +174,7 @@ contains
 
   function low_stiffness(self, h, low) result(stiffness)
     class(receptance_modal_type), intent(in) :: self
+    !> Number of the harmonic; lowest harmonic
     integer, intent(in) :: h, low
     complex(wp) :: stiffness(low)
 
@@ -167,6 +183,7 @@ contains
 
   subroutine uncoupled_modes(self, stiffness, mass, damping)
     class(receptance_modal_type), intent(in) :: self
+    !> Stiffness, of each mode or as a matrix; mass, of each mode or as a matrix; damping of each mode
     real(wp), allocatable, intent(out) :: stiffness(:), mass(:), damping(:)
 
     if (self%lifted_mode > 0) then
@@ -181,8 +198,11 @@ contains
 
   subroutine remainder(self, low, directions, blocks)
     class(receptance_modal_type), intent(in) :: self
+    !> Lowest harmonic
     integer, intent(in) :: low
+    !> Rows of B, a column each
     real(wp), intent(in) :: directions(:, :)
+    !> Block of the matrix, by harmonic
     complex(wp), intent(out) :: blocks(:, :, 0:)
     real(wp) :: pairs(size(directions, 1) - low, size(directions, 2)*(size(directions, 2) + 1)/2)
     real(wp) :: sums(size(pairs, 2), 2*self%harmonics + 1)

@@ -32,7 +32,9 @@ contains
 
   !> Of a structure that contacts hold.
   function new_rigid_body_modes(structure, contacts) result(self)
+    !> Mass, stiffness, damping, loads and monitors
     type(structure_type), intent(in) :: structure
+    !> All contacts: laws and directions
     type(contacts_type), intent(in) :: contacts
     type(rigid_body_modes_type) :: self
     real(wp), allocatable :: motions(:, :), normal_part(:), turned(:, :), normal(:, :)
@@ -58,6 +60,7 @@ contains
   !> Motions that a stiffness makes nothing of but rounding [m, count]: scaled to a unit diagonal, so that stiff and soft parts count
   !> alike and stiff contacts beside soft parts do not look like free motions.
   function rigid_body_modes(stiffness) result(motions)
+    !> Stiffness, of each mode or as a matrix
     real(wp), intent(in) :: stiffness(:, :)
     real(wp), allocatable :: motions(:, :)
     real(wp) :: scale(size(stiffness, 1))

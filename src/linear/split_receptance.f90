@@ -57,9 +57,11 @@ contains
 
   !> Bound on what the series up to a power leaves out of a mode, relative to it; sharp without damping. It grows with frequency.
   pure elemental real(wp) function left_out(stiffness, mass, damping, frequency, power)
+    !> Stiffness, of each mode or as a matrix; mass, of each mode or as a matrix; damping of each mode
     real(wp), intent(in) :: stiffness, mass, damping
     !> h omega
     real(wp), intent(in) :: frequency
+    !> Power of i omega h
     integer, intent(in) :: power
     ! Sizes of s^j k t_j
     real(wp) :: before, last, next, inertia, friction
@@ -83,6 +85,7 @@ contains
   pure real(wp) function flops(coefficients, rows, low, sums, summing)
     !> 2 H + 1; active rows; modes that stay; sums
     integer, intent(in) :: coefficients, rows, low, sums
+    !> Flops of the sums over modes
     real(wp), intent(in) :: summing
 
     flops = summing + expected_products*real(coefficients, wp)*rows*(4.0_wp*low + 2.0_wp*sums*rows)
@@ -91,7 +94,9 @@ contains
   !> Make ready for these rows at the receptance's frequency, if products are then cheaper. Ranks agree, since all count the same.
   subroutine prepare(self, receptance, ranks, mine, tolerance)
     class(split_receptance_type), intent(inout) :: self
+    !> Receptance of the stuck system between contact rows
     class(receptance_type), intent(in) :: receptance
+    !> Ranks that share the work
     type(communicator_type), intent(in) :: ranks
     !> This rank's active rows of B, by their place among those of all ranks, ascending
     integer, intent(in) :: mine(:)
@@ -125,8 +130,11 @@ contains
   !> The cheapest way to serve these rows: with what is held, afresh to any power, or, power 0, through all modes.
   function new_plan(self, receptance, rows, tolerance) result(best)
     type(split_receptance_type), intent(in) :: self
+    !> Receptance of the stuck system between contact rows
     class(receptance_type), intent(in) :: receptance
+    !> Numbers of contact rows
     integer, intent(in) :: rows(:)
+    !> Relative tolerance
     real(wp), intent(in) :: tolerance
     type(plan_type) :: best, plan
     real(wp), allocatable :: stiffness(:), mass(:), damping(:), missing(:)
@@ -151,8 +159,11 @@ contains
 
     !> Take it if it is cheaper.
     subroutine consider(low, held, afresh)
+      !> Modes that are summed one by one
       integer, intent(in) :: low
+      !> Rows whose sums are held
       real(wp), intent(in) :: held
+      !> Are the sums to be made anew?
       logical, intent(in) :: afresh
 
       plan%low = low
@@ -169,7 +180,9 @@ contains
 
   !> Coefficients t of the modes above `low` [n, 0:power].
   pure function series(stiffness, mass, damping, low, power) result(t)
+    !> Stiffness, of each mode or as a matrix; mass, of each mode or as a matrix; damping of each mode
     real(wp), intent(in) :: stiffness(:), mass(:), damping(:)
+    !> Modes that are summed one by one; power of i omega h
     integer, intent(in) :: low, power
     real(wp) :: t(size(stiffness), 0:power)
     integer :: j
@@ -185,6 +198,7 @@ contains
   !> Hold no rows yet, of the series to a power.
   subroutine start(self, power, stride)
     type(split_receptance_type), intent(inout) :: self
+    !> Power of i omega h; harmonics from one to the next
     integer, intent(in) :: power, stride
 
     self%rows = [integer ::]
@@ -201,6 +215,7 @@ contains
     type(split_receptance_type), intent(inout) :: self
     !> Rows of B in modes, in columns [n, all rows]; weights of modes in each sum [n, sums]
     real(wp), intent(in) :: directions(:, :), weights(:, :)
+    !> Modes that are summed one by one; numbers of contact rows; places of this rank's rows
     integer, intent(in) :: low, rows(:), mine(:)
     integer, allocatable :: held(:), held_mine(:), fresh(:), fresh_mine(:), from(:), from_mine(:)
     real(wp), allocatable :: sums(:, :, :)
@@ -227,6 +242,7 @@ contains
 
     !> Sum of the modes first ... last between some rows.
     function between(a, b, first, last) result(block)
+      !> Places of contact rows; first of the modes; last of the modes
       integer, intent(in) :: a(:), b(:), first, last
       real(wp) :: block(size(a), size(b))
 
@@ -238,6 +254,7 @@ contains
 
   !> Places in one ascending list of the members of another, 0 where it is not there.
   pure function places(members, list)
+    !> Numbers to look for; ascending list of numbers
     integer, intent(in) :: members(:), list(:)
     integer :: places(size(members))
     integer :: i, place
@@ -257,6 +274,7 @@ contains
   !> Flexibility of the low modes, and factors of the sums.
   subroutine set_frequency(self, receptance)
     type(split_receptance_type), intent(inout) :: self
+    !> Receptance of the stuck system between contact rows
     class(receptance_type), intent(in) :: receptance
     integer :: h, i
 
@@ -273,6 +291,7 @@ contains
   !> R_AA y: what this rank's rows receive from forces y on those of all ranks.
   function receive(self, ranks, y) result(motion)
     class(split_receptance_type), intent(in) :: self
+    !> Ranks that share the work
     type(communicator_type), intent(in) :: ranks
     !> [2 H + 1, mine]
     real(wp), intent(in), contiguous :: y(:, :)
@@ -298,6 +317,7 @@ contains
 
   !> i h omega (c - i s) = h omega s + i h omega c of every harmonic.
   pure function times_frequency(frequency, field) result(turned)
+    !> Angular frequency of each harmonic; vector over the rows of contacts
     real(wp), intent(in) :: frequency(:), field(:, :)
     real(wp) :: turned(size(field, 1), size(field, 2))
     integer :: i

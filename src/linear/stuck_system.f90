@@ -39,11 +39,14 @@ contains
 
   !> Assemble and diagonalise; with stuck contacts, says so when structure and contacts together leave a direction free.
   subroutine new_stuck_system(structure, contacts, tangential, self, error)
+    !> Mass, stiffness, damping, loads and monitors
     type(structure_type), intent(in) :: structure
+    !> All contacts: laws and directions
     type(contacts_type), intent(in) :: contacts
     !> .false.: contacts closed without friction, which may leave directions free
     logical, intent(in) :: tangential
     type(stuck_system_type), intent(out) :: self
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     self%stiffness = stuck_stiffness(contacts, structure%stiffness, tangential)
     if (tangential) then
@@ -66,8 +69,10 @@ contains
 
   !> Modes of M x = mu K~ x: K~ must be positive definite, or there is no static equilibrium.
   subroutine modes_by_stiffness(mass, self, error)
+    !> Mass, of each mode or as a matrix
     real(wp), intent(in) :: mass(:, :)
     type(stuck_system_type), intent(inout) :: self
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     real(wp), allocatable :: eigenvalues(:), modes(:, :)
     integer :: info, m
@@ -93,8 +98,10 @@ contains
 
   !> Modes of K~ x = omega^2 M x; K~ may be singular.
   subroutine modes_by_mass(mass, self, error)
+    !> Mass, of each mode or as a matrix
     real(wp), intent(in) :: mass(:, :)
     type(stuck_system_type), intent(inout) :: self
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     integer :: info
 
@@ -110,7 +117,9 @@ contains
 
   !> No motion may be left that neither structure nor stuck contacts hold.
   subroutine check_nothing_is_free(stiffness, error)
+    !> Stiffness, of each mode or as a matrix
     real(wp), intent(in) :: stiffness(:, :)
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     integer :: free
     character(12) :: text
@@ -124,10 +133,15 @@ contains
 
   !> The cheapest receptance that is exact for the structure's damping.
   subroutine new_receptance(structure, contacts, stuck, harmonics, receptance)
+    !> Mass, stiffness, damping, loads and monitors
     type(structure_type), intent(in) :: structure
+    !> All contacts: laws and directions
     type(contacts_type), intent(in) :: contacts
+    !> Linear system with every contact stuck
     type(stuck_system_type), intent(in) :: stuck
+    !> Highest harmonic, H
     integer, intent(in) :: harmonics
+    !> Receptance of the stuck system between contact rows
     class(receptance_type), allocatable, intent(out) :: receptance
 
     if (stuck%uncoupled) then

@@ -193,6 +193,7 @@ contains
 
   !> Numbers that hold the sliders of any of these contacts.
   pure integer function slider_width(law)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law(:)
 
     slider_width = 2*max(1, maxval(law%elements()))
@@ -221,6 +222,7 @@ contains
 
   !> Stiffness with contacts as springs, K + B^T K_c B [m, m].
   pure function stuck_stiffness(contacts, stiffness, tangential) result(stuck)
+    !> All contacts: laws and directions
     type(contacts_type), intent(in) :: contacts
     !> K [m, m]
     real(wp), intent(in) :: stiffness(:, :)

@@ -21,7 +21,9 @@ contains
 
   !> Of an active contact, by its place among these.
   pure function jacobian_of(balance, contact) result(self)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
+    !> Place of the contact among the active ones
     integer, intent(in) :: contact
     type(contact_jacobian_type) :: self
     integer :: i
@@ -34,6 +36,7 @@ contains
 
   !> How many rows of D on this rank are not zero: its part of the condensed system.
   pure integer function unknowns_of(balance) result(unknowns)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     integer :: i
 
@@ -45,6 +48,7 @@ contains
 
   !> Places of the active rows among the rows of all ranks.
   pure function places_of_rows(balance) result(places)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     integer :: places(balance%active%count)
     integer :: i, row
@@ -56,6 +60,7 @@ contains
 
   !> Derivative of the balance's residual by omega on the active rows, b [2 H + 1, active rows].
   pure function change_with_omega(balance) result(change)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     real(wp) :: change(balance%coefficients(), balance%active%count)
 

@@ -34,7 +34,9 @@ contains
 
   !> Of a constraint at the balance's last evaluation.
   function new_border(balance, constraint) result(self)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
+    !> Linear condition on motion and frequency that closes the system
     type(constraint_type), intent(in) :: constraint
     type(border_type) :: self
     real(wp), allocatable :: mirrored(:, :)
@@ -58,6 +60,7 @@ contains
   !> R^T p at some rows of B, given as columns [n, rows].
   function row_at(self, directions) result(row)
     class(border_type), intent(in) :: self
+    !> Directions of contact rows in the coordinates
     real(wp), intent(in) :: directions(:, :)
     real(wp), allocatable :: row(:, :)
 
@@ -67,6 +70,7 @@ contains
   !> p^T d of the motion d = B x that belongs to a response x [n, 0:H].
   pure real(wp) function product_with(self, response)
     class(border_type), intent(in) :: self
+    !> Coordinates of the response, by harmonic
     complex(wp), intent(in) :: response(:, 0:)
 
     product_with = 0.0_wp
@@ -75,7 +79,9 @@ contains
 
   !> Sum over ranks of the products of two fields on contact rows.
   real(wp) function inner_product(balance, a, b)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
+    !> Field over contact rows
     real(wp), intent(in) :: a(:, :), b(:, :)
 
     inner_product = sum(a*b)
@@ -84,6 +90,7 @@ contains
 
   !> Change the sign of sines.
   pure function mirror(field) result(mirrored)
+    !> Vector over the rows of contacts
     real(wp), intent(in) :: field(:, :)
     real(wp) :: mirrored(size(field, 1), size(field, 2))
 

@@ -33,7 +33,9 @@ contains
 
   !> Solve for y and omega; the balance holds the Jacobian of its last evaluation.
   subroutine solve_by_elimination(balance, border, rho, last, y, omega, status)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
+    !> Row and column of the constraint
     type(border_type), intent(in) :: border
     !> Right-hand side of the balance [2 H + 1, active rows], and sigma - p^T rho
     real(wp), intent(in) :: rho(:, :), last
@@ -78,6 +80,7 @@ contains
     real(wp), intent(inout), contiguous :: system(:, :)
     !> Right-hand side, then solution [n + 1, 1]
     real(wp), intent(inout), contiguous :: solution(:, :)
+    !> 0: done; else it could not be evaluated
     integer, intent(out) :: status
     real(wp) :: column, row
     integer :: n
@@ -94,6 +97,7 @@ contains
 
   !> Largest size of any number, or 1 if there is none above zero.
   pure real(wp) function largest_or_one(numbers) result(largest)
+    !> Numbers to compare
     real(wp), intent(in) :: numbers(:)
 
     largest = maxval([0.0_wp, abs(numbers)])
@@ -102,7 +106,9 @@ contains
 
   !> Active entries of this rank and of all, in the order of ranks.
   subroutine list_active(balance, mine, all)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
+    !> Active entries of this rank; active entries of all ranks
     type(entry_type), allocatable, intent(out) :: mine(:), all(:)
     integer, allocatable :: unpacked(:)
     integer :: packed(balance%active%count*balance%coefficients())
@@ -132,9 +138,13 @@ contains
 
   !> This rank's rows of the dense system, as columns: [n + 2, mine], the last two being (D b) and (D rho).
   subroutine assemble_rows(balance, mine, all, rho, transposed_rows)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
+    !> Active entries of this rank; active entries of all ranks
     type(entry_type), intent(in) :: mine(:), all(:)
+    !> Right-hand side over contact rows
     real(wp), intent(in) :: rho(:, :)
+    !> Rows of this rank, as columns
     real(wp), allocatable, intent(out) :: transposed_rows(:, :)
     type(block_type), allocatable :: blocks(:)
     type(contact_jacobian_type) :: jacobian
@@ -166,8 +176,11 @@ contains
 
   !> Receptances from the active entries of each harmonic to all rows of this rank's contacts that have any.
   subroutine receptance_blocks(balance, all, blocks)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
+    !> Active entries of all ranks
     type(entry_type), intent(in) :: all(:)
+    !> Inverse of the Jacobian's block of each contact
     type(block_type), allocatable, intent(out) :: blocks(:)
     integer :: h, i
     integer :: rows(balance%active%count)
@@ -184,6 +197,7 @@ contains
 
   !> Where this rank's active entries begin among all.
   pure integer function offset_of_rank(mine, all)
+    !> Active entries of this rank; active entries of all ranks
     type(entry_type), intent(in) :: mine(:), all(:)
 
     offset_of_rank = 0
@@ -197,10 +211,13 @@ contains
 
   !> Real receptance from the active entries to all coefficients of a contact's rows [k rows, n + 2]; the last two columns are free.
   pure subroutine receptance_to(blocks, all, above, rows, k, receptance)
+    !> Inverse of the Jacobian's block of each contact
     type(block_type), intent(in) :: blocks(0:)
+    !> Active entries of all ranks
     type(entry_type), intent(in) :: all(:)
     !> Rows in the blocks before the contact's, its rows, and coefficients a row
     integer, intent(in) :: above, rows, k
+    !> Receptance from active entries to the contact's rows
     real(wp), allocatable, intent(out) :: receptance(:, :)
     integer :: h, i, row, mean_or_cosine, sine
 
@@ -228,8 +245,11 @@ contains
 
   !> Put the solution of this rank's entries into the field of its active rows.
   pure subroutine scatter(mine, solution, field)
+    !> Active entries of this rank
     type(entry_type), intent(in) :: mine(:)
+    !> Solution of this rank's entries
     real(wp), intent(in) :: solution(:)
+    !> Vector over the rows of contacts
     real(wp), intent(inout) :: field(:, :)
     integer :: i
 

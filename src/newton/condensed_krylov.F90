@@ -35,28 +35,42 @@ module attrito_newton_condensed_krylov
   interface
     subroutine MatCreateShell(comm, local_rows, local_columns, rows, columns, context, matrix, ierr)
       import :: system_type, tMat
+      !> MPI communicator
       integer :: comm
+      !> Size of this rank's share; size over all ranks
       PetscInt :: local_rows, local_columns, rows, columns
+      !> What PETSc's callbacks see
       type(system_type) :: context
+      !> PETSc matrix
       type(tMat) :: matrix
+      !> PETSc's error code
       PetscErrorCode :: ierr
     end subroutine MatCreateShell
     subroutine MatShellGetContext(matrix, context, ierr)
       import :: system_type, tMat
+      !> PETSc matrix
       type(tMat) :: matrix
+      !> What PETSc's callbacks see
       type(system_type), pointer :: context
+      !> PETSc's error code
       PetscErrorCode :: ierr
     end subroutine MatShellGetContext
     subroutine PCShellSetContext(pc, context, ierr)
       import :: system_type, tPC
+      !> Preconditioner
       type(tPC) :: pc
+      !> What PETSc's callbacks see
       type(system_type) :: context
+      !> PETSc's error code
       PetscErrorCode :: ierr
     end subroutine PCShellSetContext
     subroutine PCShellGetContext(pc, context, ierr)
       import :: system_type, tPC
+      !> Preconditioner
       type(tPC) :: pc
+      !> What PETSc's callbacks see
       type(system_type), pointer :: context
+      !> PETSc's error code
       PetscErrorCode :: ierr
     end subroutine PCShellGetContext
   end interface
@@ -66,15 +80,19 @@ contains
 
   !> Solve for y and omega; the balance holds the Jacobian of its last evaluation.
   subroutine solve_by_krylov(balance, border, rho, last, options, factors, y, omega, iterations, status)
+    !> Harmonic balance, whose last evaluation this changes
     type(balance_type), target, intent(inout) :: balance
+    !> Row and column of the constraint
     type(border_type), intent(in) :: border
     !> Right-hand side of the balance [2 H + 1, active rows], and sigma - p^T rho
     real(wp), intent(in) :: rho(:, :), last
+    !> How to solve
     type(krylov_options_type), intent(in) :: options
     !> Of the preconditioner; made anew where they do not serve any more
     type(two_level_factors_type), target, intent(inout) :: factors
     !> D delta d [2 H + 1, active rows] and step of omega
     real(wp), intent(out) :: y(:, :), omega
+    !> Newton iterations
     integer, intent(out) :: iterations
     !> 0, or not: singular
     integer, intent(out) :: status
@@ -108,14 +126,21 @@ contains
 
   !> Create the solver, solve and give everything back; `last` has the weight of the system's constraint.
   subroutine run(context, tolerance, most, right, last, y, omega, iterations, converged, ierr)
+    !> What PETSc's callbacks see
     type(system_type), target, intent(inout) :: context
+    !> Relative tolerance
     real(wp), intent(in) :: tolerance
     !> Iterations
     integer, intent(in) :: most
+    !> Right-hand side over contact rows; scalar that belongs to the constraint
     real(wp), intent(in) :: right(:, :), last
+    !> Vector that takes the product; change of the angular frequency
     real(wp), intent(out) :: y(:, :), omega
+    !> Newton iterations
     integer, intent(out) :: iterations
+    !> Did the solve converge?
     logical, intent(out) :: converged
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     type(tVec) :: x, b
     type(tMat) :: matrix
@@ -163,8 +188,11 @@ contains
 
   !> The system times a vector.
   subroutine multiply(matrix, x, product, ierr)
+    !> PETSc matrix
     type(tMat) :: matrix
+    !> Vector that is multiplied; takes the product
     type(tVec) :: x, product
+    !> PETSc's error code
     PetscErrorCode :: ierr
     type(system_type), pointer :: context
     real(wp), allocatable :: y(:, :), result(:, :)
@@ -179,8 +207,11 @@ contains
 
   !> The preconditioner times a vector.
   subroutine precondition(pc, x, product, ierr)
+    !> Preconditioner
     type(tPC) :: pc
+    !> Vector that is multiplied; takes the product
     type(tVec) :: x, product
+    !> PETSc's error code
     PetscErrorCode :: ierr
     type(system_type), pointer :: context
     real(wp), allocatable :: residual(:, :), y(:, :)
@@ -195,10 +226,15 @@ contains
 
   !> Field and scalar from a vector; the scalar on every rank.
   subroutine load(context, x, field, scalar, ierr)
+    !> What PETSc's callbacks see
     type(system_type), intent(in) :: context
+    !> Vector that is multiplied
     type(tVec) :: x
+    !> Vector over the rows of contacts
     real(wp), intent(out), contiguous, target :: field(:, :)
+    !> Scalar that belongs to the constraint
     real(wp), intent(out) :: scalar
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     PetscScalar, pointer :: values(:)
     real(wp), pointer :: flat(:)
@@ -219,10 +255,15 @@ contains
 
   !> A vector from field and scalar.
   subroutine store(context, x, field, scalar, ierr)
+    !> What PETSc's callbacks see
     type(system_type), intent(in) :: context
+    !> Vector that is multiplied
     type(tVec) :: x
+    !> Vector over the rows of contacts
     real(wp), intent(in), contiguous, target :: field(:, :)
+    !> Scalar that belongs to the constraint
     real(wp), intent(in) :: scalar
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     PetscScalar, pointer :: values(:)
     real(wp), pointer :: flat(:)

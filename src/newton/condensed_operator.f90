@@ -42,7 +42,9 @@ contains
 
   !> Of the balance's last evaluation, which the operator points to.
   function new_condensed_operator(balance, border, tolerance) result(self)
+    !> Harmonic balance, whose last evaluation this changes
     type(balance_type), target, intent(inout) :: balance
+    !> Row and column of the constraint
     type(border_type), intent(in) :: border
     !> What products may leave out of a mode, relative to it
     real(wp), intent(in) :: tolerance
@@ -95,8 +97,11 @@ contains
   !> The system times (y, delta omega); delta omega is the same on every rank.
   subroutine apply(self, y, omega, product, last)
     class(condensed_operator_type), intent(in) :: self
+    !> Vector that takes the product
     real(wp), intent(in), contiguous :: y(:, :)
+    !> Change of the angular frequency
     real(wp), intent(in) :: omega
+    !> Takes the product; scalar that belongs to the constraint
     real(wp), intent(out) :: product(:, :), last
 
     product = y + self%multiply_jacobian(self%receive(y)) + self%column*omega
@@ -106,6 +111,7 @@ contains
   !> R_AA y: what the rows receive from forces y on them, of all ranks; by the split receptance where that is in use.
   function receive(self, y) result(motion)
     class(condensed_operator_type), intent(in) :: self
+    !> Vector that takes the product
     real(wp), intent(in), contiguous :: y(:, :)
     real(wp) :: motion(size(y, 1), size(y, 2))
     complex(wp), allocatable :: response(:, :)
@@ -125,6 +131,7 @@ contains
   !> D d, contact by contact, D being what the balance held when this was made.
   function multiply_jacobian(self, motion) result(product)
     class(condensed_operator_type), intent(in) :: self
+    !> Coefficients of relative displacement, by harmonic and row
     real(wp), intent(in), contiguous, target :: motion(:, :)
     real(wp), target :: product(size(motion, 1), size(motion, 2))
     real(wp), pointer :: flat_motion(:), flat_product(:)
@@ -148,6 +155,7 @@ contains
   !> p^T R_A y, over all ranks.
   real(wp) function product_with_row(self, y)
     class(condensed_operator_type), intent(in) :: self
+    !> Vector that takes the product
     real(wp), intent(in) :: y(:, :)
 
     product_with_row = 0.0_wp

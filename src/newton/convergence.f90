@@ -29,6 +29,7 @@ contains
 
   !> The larger of two residuals. A number that is not finite is worse than any: `max` would pass over a NaN.
   pure real(wp) function worse_of(a, b)
+    !> Residual to compare
     real(wp), intent(in) :: a, b
 
     worse_of = huge(a)
@@ -37,6 +38,7 @@ contains
 
   !> Is a motion, by its norm, too far away for any residual to mean something?
   pure logical function has_diverged(motion)
+    !> Size of the motion
     real(wp), intent(in) :: motion
 
     has_diverged = .true.

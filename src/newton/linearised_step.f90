@@ -33,11 +33,15 @@ contains
 
   !> Solve for the step; the balance holds the Jacobian of its last evaluation.
   subroutine solve_linearised(balance, constraint, right, options, step, iterations, status, kept)
+    !> Harmonic balance, whose last evaluation this changes
     type(balance_type), intent(inout) :: balance
+    !> Linear condition on motion and frequency that closes the system
     type(constraint_type), intent(in) :: constraint
     !> Right-hand sides of balance and sliders; `omega` is the constraint's
     type(unknowns_type), intent(in) :: right
+    !> How to solve
     type(linear_options_type), intent(in) :: options
+    !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(inout) :: step
     !> Of GMRES
     integer, intent(out) :: iterations
@@ -77,9 +81,11 @@ contains
 
   !> Response to the change of the forces by what sliders have yet to go [n, 0:H].
   subroutine respond_to_sliders(balance, rho_slider, response)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     !> [width, contacts]
     real(wp), intent(in) :: rho_slider(:, :)
+    !> Coordinates of the response, by harmonic
     complex(wp), intent(out) :: response(:, 0:)
     real(wp) :: deviation(balance%coefficients(), balance%active%count), largest
 
@@ -92,6 +98,7 @@ contains
 
   !> Change g_w (I - P_w)^-1 rho_w of the forces by what sliders have yet to go [2 H + 1, active rows].
   pure function release_sliders(balance, rho_slider) result(deviation)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     !> [width, contacts]
     real(wp), intent(in) :: rho_slider(:, :)
@@ -112,9 +119,13 @@ contains
 
   !> The linearised equations times a step: what `solve_linearised` inverts.
   subroutine apply_linearised(balance, constraint, step, product)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
+    !> Linear condition on motion and frequency that closes the system
     type(constraint_type), intent(in) :: constraint
+    !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(in) :: step
+    !> Takes the product
     type(unknowns_type), intent(inout) :: product
     real(wp) :: deviation(size(step%motion, 1), size(step%motion, 2)), motion(3*size(step%motion, 1), 1), followed(2, 1)
     complex(wp), allocatable :: response(:, :)
@@ -143,9 +154,11 @@ contains
 
   !> D delta d + g_w delta w: what a step from `solve_linearised` changes of the contacts' deviation [2 H + 1, rows].
   function change_of_deviation(balance, right, step) result(change)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     !> The right-hand sides that the step was solved for
     type(unknowns_type), intent(in) :: right
+    !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(in) :: step
     real(wp) :: change(size(step%motion, 1), size(step%motion, 2))
     integer :: i, k
@@ -166,6 +179,7 @@ contains
 
   !> Rows of D that are not zero, over all ranks.
   integer function active_unknowns(balance)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     real(wp) :: total
 
@@ -176,8 +190,11 @@ contains
 
   !> Step of the sliders; those that are no unknowns take their right-hand side.
   pure subroutine follow_sliders(balance, rho_slider, step)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
+    !> Right-hand side of the sliders
     real(wp), intent(in) :: rho_slider(:, :)
+    !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(inout) :: step
     real(wp) :: motion(3*size(step%motion, 1), 1)
     integer :: i

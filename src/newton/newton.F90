@@ -72,7 +72,9 @@ contains
   !> Create the solver for a balance. The balance and the constraint live in `context`, which the caller owns, and which has the
   !> error where PETSc fails: nothing is solved from then on.
   subroutine new_newton(context, max_iterations, self)
+    !> What a Newton iteration works on: balance, constraint, linear solver
     type(newton_context_type), target, intent(inout) :: context
+    !> Most iterations of Newton's method
     integer, intent(in) :: max_iterations
     type(newton_type), intent(out) :: self
     PetscErrorCode :: ierr
@@ -115,8 +117,10 @@ contains
   end subroutine take_length
 
   subroutine create(handle, self, ierr)
+    !> Handle of the context, as PETSc hands it back
     type(context_handle_type), pointer, intent(in) :: handle
     type(objects_type), intent(inout) :: self
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     type(tKSP) :: ksp
     type(tPC) :: pc
@@ -149,11 +153,13 @@ contains
   !> error: that is no answer on convergence. Where it has failed before, its objects may be broken, and are not used again.
   subroutine solve(self, unknowns, constraint, stiffening, report)
     class(newton_type), intent(inout) :: self
+    !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(inout) :: unknowns
     !> Constraint on physical motion and omega; it is met exactly by a converged solve
     type(constraint_type), intent(in) :: constraint
     !> Part of their springs that contacts keep in the step to begin with: 0 is Newton's method, with backtracking
     real(wp), intent(in) :: stiffening
+    !> How the solve ended
     type(newton_report_type), intent(out) :: report
     PetscErrorCode :: ierr
 
@@ -174,9 +180,13 @@ contains
 
   subroutine run(self, unknowns, backtrack, report, ierr)
     class(newton_type), intent(inout) :: self
+    !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(inout) :: unknowns
+    !> Shorten steps that do not reduce the residual?
     logical, intent(in) :: backtrack
+    !> How the solve ended
     type(newton_report_type), intent(inout) :: report
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     PetscInt :: iterations
     PetscReal :: norm
@@ -213,6 +223,7 @@ contains
 
   !> Unknowns of the balance's size.
   function room(context) result(unknowns)
+    !> What a Newton iteration works on: balance, constraint, linear solver
     type(newton_context_type), intent(in) :: context
     type(unknowns_type) :: unknowns
 
@@ -223,9 +234,13 @@ contains
 
   !> SNES: residual of balance, sliders and constraint.
   subroutine evaluate(snes, x, f, handle, ierr)
+    !> PETSc's nonlinear solver
     type(tSNES) :: snes
+    !> Vector that is multiplied; PETSc vector
     type(tVec) :: x, f
+    !> Handle of the context, as PETSc hands it back
     type(context_handle_type) :: handle
+    !> PETSc's error code
     PetscErrorCode :: ierr
     type(newton_context_type), pointer :: context
     type(unknowns_type) :: at, rest
@@ -253,8 +268,11 @@ contains
 
   !> Evaluate the balance unless its last evaluation was here.
   subroutine ensure_evaluated(context, at, status)
+    !> What a Newton iteration works on: balance, constraint, linear solver
     type(newton_context_type), intent(inout) :: context
+    !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(in) :: at
+    !> 0: done; else it could not be evaluated
     integer, intent(out) :: status
     real(wp) :: difference
     integer :: i
@@ -281,10 +299,15 @@ contains
 
   !> SNES: the Jacobian is that of the last evaluation; make sure that it was here.
   subroutine differentiate(snes, x, jacobian, preconditioner, handle, ierr)
+    !> PETSc's nonlinear solver
     type(tSNES) :: snes
+    !> Vector that is multiplied
     type(tVec) :: x
+    !> Jacobian, applied without being formed; PETSc matrix
     type(tMat) :: jacobian, preconditioner
+    !> Handle of the context, as PETSc hands it back
     type(context_handle_type) :: handle
+    !> PETSc's error code
     PetscErrorCode :: ierr
     type(newton_context_type), pointer :: context
     type(unknowns_type) :: at
@@ -307,6 +330,7 @@ contains
 
   !> A periodic slider that can come to rest does so from where it is.
   pure subroutine settle_sliders(context)
+    !> What a Newton iteration works on: balance, constraint, linear solver
     type(newton_context_type), intent(inout) :: context
     integer :: i
 
@@ -320,6 +344,7 @@ contains
   !> Springs that contacts keep in the step hold what nothing else does. Where the residual stalls they hinder: all contacts give way
   !> together until one of them sticks again, which fewer springs reach sooner. Where it grows that went too far.
   pure subroutine adapt_stiffening(context, norm)
+    !> What a Newton iteration works on: balance, constraint, linear solver
     type(newton_context_type), intent(inout) :: context
     !> Of the residual
     real(wp), intent(in) :: norm
@@ -337,8 +362,11 @@ contains
 
   !> Shell Jacobian times a vector.
   subroutine multiply(jacobian, x, y, ierr)
+    !> Jacobian, applied without being formed
     type(tMat) :: jacobian
+    !> Vector that is multiplied; vector that takes the product
     type(tVec) :: x, y
+    !> PETSc's error code
     PetscErrorCode :: ierr
     type(context_handle_type), pointer :: handle
     type(newton_context_type), pointer :: context
@@ -361,7 +389,9 @@ contains
 
   !> Is a step the one last solved for? To rounding, since it was scaled in between.
   logical function is_last_step(context, step)
+    !> What a Newton iteration works on: balance, constraint, linear solver
     type(newton_context_type), intent(in) :: context
+    !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(in) :: step
     real(wp) :: differs
 
@@ -377,6 +407,7 @@ contains
   end function is_last_step
 
   pure logical function close_to(a, b)
+    !> Numbers to compare
     real(wp), intent(in) :: a(:), b(:)
 
     close_to = size(a) == size(b)
@@ -385,8 +416,11 @@ contains
 
   !> Shell preconditioner: the inverse.
   subroutine apply_inverse(pc, x, y, ierr)
+    !> Preconditioner
     type(tPC) :: pc
+    !> Vector that is multiplied; vector that takes the product
     type(tVec) :: x, y
+    !> PETSc's error code
     PetscErrorCode :: ierr
     type(context_handle_type), pointer :: handle
     type(newton_context_type), pointer :: context
@@ -421,9 +455,13 @@ contains
 
   !> Physical unknowns from a scaled vector; omega on every rank.
   subroutine load(context, x, unknowns, ierr)
+    !> What a Newton iteration works on: balance, constraint, linear solver
     type(newton_context_type), intent(in) :: context
+    !> Vector that is multiplied
     type(tVec) :: x
+    !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(inout) :: unknowns
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     PetscScalar, pointer :: values(:)
     real(wp) :: last(1)
@@ -448,9 +486,13 @@ contains
 
   !> A scaled vector from physical unknowns.
   subroutine store(context, x, unknowns, ierr)
+    !> What a Newton iteration works on: balance, constraint, linear solver
     type(newton_context_type), intent(in) :: context
+    !> Vector that is multiplied
     type(tVec) :: x
+    !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(in) :: unknowns
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     PetscScalar, pointer :: values(:)
     integer :: i, k, n, width

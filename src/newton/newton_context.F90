@@ -54,28 +54,42 @@ module attrito_newton_newton_context
   interface
     subroutine MatCreateShell(comm, local_rows, local_columns, rows, columns, context, matrix, ierr)
       import :: context_handle_type, tMat
+      !> MPI communicator
       integer :: comm
+      !> Size of this rank's share; size over all ranks
       PetscInt :: local_rows, local_columns, rows, columns
+      !> Handle of the context, as PETSc hands it back
       type(context_handle_type) :: context
+      !> PETSc matrix
       type(tMat) :: matrix
+      !> PETSc's error code
       PetscErrorCode :: ierr
     end subroutine MatCreateShell
     subroutine MatShellGetContext(matrix, context, ierr)
       import :: context_handle_type, tMat
+      !> PETSc matrix
       type(tMat) :: matrix
+      !> Handle of the context, as PETSc hands it back
       type(context_handle_type), pointer :: context
+      !> PETSc's error code
       PetscErrorCode :: ierr
     end subroutine MatShellGetContext
     subroutine PCShellSetContext(pc, context, ierr)
       import :: context_handle_type, tPC
+      !> Preconditioner
       type(tPC) :: pc
+      !> Handle of the context, as PETSc hands it back
       type(context_handle_type) :: context
+      !> PETSc's error code
       PetscErrorCode :: ierr
     end subroutine PCShellSetContext
     subroutine PCShellGetContext(pc, context, ierr)
       import :: context_handle_type, tPC
+      !> Preconditioner
       type(tPC) :: pc
+      !> Handle of the context, as PETSc hands it back
       type(context_handle_type), pointer :: context
+      !> PETSc's error code
       PetscErrorCode :: ierr
     end subroutine PCShellGetContext
   end interface

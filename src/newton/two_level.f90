@@ -39,7 +39,9 @@ contains
 
   !> For a system, with factors at hand.
   subroutine new_two_level(system, factors, self)
+    !> Linearised system on the active contacts
     type(condensed_operator_type), target, intent(in) :: system
+    !> Factors of this frequency
     type(two_level_factors_type), target, intent(in) :: factors
     type(two_level_type), intent(out) :: self
 
@@ -59,9 +61,13 @@ contains
   !> Inverse of the approximate system times (residual, last).
   subroutine apply(self, residual, last, y, omega)
     class(two_level_type), intent(in) :: self
+    !> Residual over contact rows
     real(wp), intent(in), contiguous :: residual(:, :)
+    !> Scalar that belongs to the constraint
     real(wp), intent(in) :: last
+    !> Vector that takes the product
     real(wp), intent(out), contiguous :: y(:, :)
+    !> Change of the angular frequency
     real(wp), intent(out) :: omega
 
     call self%apply_inverse(residual, y)
@@ -72,7 +78,9 @@ contains
   !> The same without the border.
   subroutine apply_inverse(self, residual, y)
     class(two_level_type), intent(in) :: self
+    !> Residual over contact rows
     real(wp), intent(in), contiguous :: residual(:, :)
+    !> Vector that takes the product
     real(wp), intent(out), contiguous :: y(:, :)
     real(sp), allocatable, target :: field(:, :), answer(:, :), modal(:, :)
     real(sp), pointer :: flat_field(:), flat_answer(:), flat_modal(:)
@@ -99,6 +107,7 @@ contains
   !> A^-1 times a field, coefficient running faster than row, in its place.
   subroutine apply_blocks(self, field)
     class(two_level_type), intent(in) :: self
+    !> Vector over the rows of contacts
     real(sp), intent(inout), contiguous :: field(:)
     real(sp) :: product(3*self%coefficients)
     integer :: i, start
@@ -118,7 +127,9 @@ contains
   !> y less E times a field.
   subroutine subtract_stiffness(self, field, y)
     class(two_level_type), intent(in) :: self
+    !> Vector over the rows of contacts
     real(sp), intent(in), contiguous :: field(:)
+    !> Vector that takes the product
     real(sp), intent(inout), contiguous :: y(:)
     real(sp) :: product(3*self%coefficients)
     integer :: i, start

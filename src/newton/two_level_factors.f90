@@ -55,6 +55,7 @@ contains
   !> Do they serve the balance's last evaluation?
   pure logical function serve(self, balance)
     class(two_level_factors_type), intent(in) :: self
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
 
     serve = allocated(self%coarse) .and. self%changes == balance%changes .and. self%excess < worth &
@@ -72,6 +73,7 @@ contains
   !> Take note of the iterations of a solve.
   pure subroutine count(self, iterations)
     class(two_level_factors_type), intent(inout) :: self
+    !> Newton iterations
     integer, intent(in) :: iterations
 
     if (self%usual < 0) self%usual = iterations
@@ -88,6 +90,7 @@ contains
   !> Places of contacts among those that are known, 0 for none; both ascend.
   pure function places_of(self, contacts) result(places)
     class(two_level_factors_type), intent(in) :: self
+    !> Number of contacts
     integer, intent(in) :: contacts(:)
     integer :: places(size(contacts))
     integer :: i, next
@@ -107,6 +110,7 @@ contains
   !> Make them for the balance's last evaluation.
   subroutine make(self, balance, low, status)
     class(two_level_factors_type), intent(inout) :: self
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     !> Lowest modes in the coarse system
     integer, intent(in) :: low
@@ -132,7 +136,9 @@ contains
 
   !> A failure of any rank is one of all.
   subroutine agree(balance, status)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
+    !> 0: done; else it could not be evaluated
     integer, intent(inout) :: status
 
     status = nint(min(balance%ranks%largest(real(abs(status), wp)), 1.0_wp))
@@ -141,7 +147,9 @@ contains
   !> A^-1 and E, contact by contact, on the rows where D is not zero.
   subroutine new_blocks(self, balance, status)
     type(two_level_factors_type), intent(inout) :: self
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
+    !> 0: done; else it could not be evaluated
     integer, intent(out) :: status
     complex(wp) :: local(3, 3, 0:balance%receptance%harmonics)
     type(contact_jacobian_type) :: jacobian
@@ -174,6 +182,7 @@ contains
   !> R_local of one active contact: its own receptance without the lowest modes.
   subroutine receive_locally(self, balance, contact, local)
     type(two_level_factors_type), intent(in) :: self
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     !> Its place among the active ones
     integer, intent(in) :: contact
@@ -192,7 +201,9 @@ contains
     real(wp), intent(in) :: jacobian(:, :)
     !> [3, 3, 0:H]
     complex(wp), intent(in) :: local(:, :, 0:)
+    !> Size over all ranks
     integer, intent(in) :: rows
+    !> Takes the product
     real(wp), intent(out) :: product(:, :)
     integer :: from, to, h, k, c_from, c_to
 
@@ -217,9 +228,11 @@ contains
   !> The inverse of Z + U^T E U, coefficient running faster than mode.
   subroutine new_coarse(self, balance, shapes, status)
     type(two_level_factors_type), intent(inout) :: self
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     !> U^T [low, active rows]
     real(wp), intent(in) :: shapes(:, :)
+    !> 0: done; else it could not be evaluated
     integer, intent(out) :: status
     real(wp), allocatable :: coarse(:, :, :, :), inverse(:, :)
     complex(wp), allocatable :: stiffness(:)
@@ -257,6 +270,7 @@ contains
   contains
 
     subroutine sum_over_ranks(values)
+      !> Numbers to sum
       real(wp), intent(inout), contiguous, target :: values(:, :, :, :)
       real(wp), pointer :: flat(:)
 
@@ -268,9 +282,13 @@ contains
   !> Add U^T E U of some contacts to the coarse system [k, low, k, low].
   subroutine add_bunch(self, balance, shapes, from, to, coarse)
     type(two_level_factors_type), intent(in) :: self
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
+    !> Shapes of modes, a column each
     real(wp), intent(in) :: shapes(:, :)
+    !> First of the contacts; last of the contacts
     integer, intent(in) :: from, to
+    !> Coarse system that is added to
     real(wp), intent(inout) :: coarse(:, :, :, :)
     real(sp), allocatable :: stacked(:, :, :, :), sums(:, :)
     integer, allocatable :: carriers(:)
@@ -300,7 +318,9 @@ contains
 
   !> Rows of a contact at which E is not zero, from 0, ascending.
   pure function carrying_rows(block, coefficients) result(carriers)
+    !> Inverse of the Jacobian's block of each contact
     type(block_type), intent(in) :: block
+    !> Coefficients of each row, 2 H + 1
     integer, intent(in) :: coefficients
     integer, allocatable :: carriers(:)
     logical :: carries(0:2)
@@ -313,6 +333,7 @@ contains
 
   !> E U of one contact.
   subroutine stack(block, shapes, carriers, stacked)
+    !> Inverse of the Jacobian's block of each contact
     type(block_type), intent(in) :: block
     !> U^T at its rows [low, rows]
     real(sp), intent(in) :: shapes(:, :)

@@ -11,9 +11,13 @@ module attrito_output_listener
     !> unit, and, where they count names, these with commas between.
     subroutine series_callback(path, kind, dimensions, extent, values, description, unit, names) bind(c)
       import :: c_char, c_double, c_int
+      !> Path of the dataset; type of the numbers; what the dataset holds; unit of the dataset; names that numbers stand for
       character(kind=c_char), intent(in) :: path(*), kind(*), description(*), unit(*), names(*)
+      !> Number of sizes
       integer(c_int), value :: dimensions
+      !> Sizes, the slowest first
       integer(c_int), intent(in) :: extent(*)
+      !> Numbers of the entry
       real(c_double), intent(in) :: values(*)
     end subroutine series_callback
   end interface
@@ -29,6 +33,7 @@ contains
 
   !> Wrap the caller's procedure; null where nobody listens, as on all ranks but one.
   function new_listener(procedure) result(self)
+    !> Procedure of the caller
     type(c_funptr), intent(in) :: procedure
     type(listener_type) :: self
 
@@ -44,11 +49,13 @@ contains
   !> Report one entry of a series.
   subroutine report(self, path, kind, extent, values, description, unit, names)
     class(listener_type), intent(in) :: self
+    !> Path of the dataset; type of the numbers
     character(*), intent(in) :: path, kind
     !> Sizes of the entry, slowest first; none for a number
     integer, intent(in) :: extent(:)
     !> Fastest first, as Fortran stores them
     real(wp), intent(in) :: values(:)
+    !> What the dataset holds; unit of the dataset
     character(*), intent(in) :: description, unit
     !> What whole numbers stand for
     character(*), intent(in), optional :: names(:)

@@ -42,12 +42,15 @@ contains
 
   !> Report the solver's present point.
   subroutine report_point(solver, branch, errors, tolerance, report)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Number of the branch
     integer, intent(in) :: branch
     !> Estimated for this point
     type(point_errors_type), intent(in) :: errors
     !> Relative error of the amplitude that was promised, or `no_tolerance`
     real(wp), intent(in) :: tolerance
+    !> What is reported of a point
     type(point_report_type), intent(out) :: report
     real(wp) :: range(2)
     integer :: i
@@ -82,6 +85,7 @@ contains
 
   !> Is everything that is told of the point a finite number?
   pure logical function is_finite(report)
+    !> What is reported of a point
     type(point_report_type), intent(in) :: report
 
     is_finite = ieee_is_finite(report%residual) .and. all(ieee_is_finite(report%harmonics)) &
@@ -90,7 +94,9 @@ contains
 
   !> Coefficients of monitors [2 H + 1, monitors], those beyond a harmonic being zero.
   pure function monitored(balance, highest) result(harmonics)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
+    !> Highest harmonic
     integer, intent(in) :: highest
     real(wp) :: harmonics(balance%coefficients(), size(balance%monitors, 2))
     complex(wp) :: coefficient
@@ -108,7 +114,9 @@ contains
 
   !> Contacts in each state, and whether every one of them forgets its history.
   subroutine count_states(balance, report)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
+    !> What is reported of a point
     type(point_report_type), intent(inout) :: report
     real(wp) :: counts(state_stuck:state_open + 1)
     integer :: i

@@ -34,10 +34,13 @@ contains
 
   !> Tell of the solver's present point. Collective; `listener` listens at the root.
   subroutine report_point(solver, report, monitors, listener)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> What is reported of a point
     type(point_report_type), intent(in) :: report
     !> Names of the monitors
     character(*), intent(in) :: monitors(:)
+    !> Receives the series
     type(listener_type), intent(in) :: listener
     real(wp), allocatable :: coordinates(:, :)
     integer :: i
@@ -53,7 +56,9 @@ contains
   contains
 
     subroutine tell_monitor(monitor, path)
+      !> Number of the monitor
       integer, intent(in) :: monitor
+      !> Path of the dataset
       character(*), intent(in) :: path
       real(wp) :: bound
 
@@ -66,7 +71,9 @@ contains
     end subroutine tell_monitor
 
     subroutine report_length(path, value, description)
+      !> Path of the dataset; what the dataset holds
       character(*), intent(in) :: path, description
+      !> Numbers of the series
       real(wp), intent(in) :: value
 
       call listener%report(path, 'real64', [integer ::], [merge(value, blank(), report%findings%solved)], description, 'user length')
@@ -74,7 +81,9 @@ contains
 
     !> Series [2 H + 1, n]; of one only its coefficients are a dimension.
     subroutine tell_rows(path, values, description)
+      !> Path of the dataset; what the dataset holds
       character(*), intent(in) :: path, description
+      !> Numbers of the series
       real(wp), intent(in) :: values(:, :)
       real(wp) :: told(size(values))
       logical :: listed
@@ -89,7 +98,9 @@ contains
 
   !> What is one number a point.
   subroutine tell_numbers(report, listener)
+    !> What is reported of a point
     type(point_report_type), intent(in) :: report
+    !> Receives the series
     type(listener_type), intent(in) :: listener
     logical :: solved
 
@@ -120,14 +131,18 @@ contains
   contains
 
     subroutine report_real(name, value, description, unit)
+      !> Name of the dataset; what the dataset holds; unit of the dataset
       character(*), intent(in) :: name, description, unit
+      !> Numbers of the series
       real(wp), intent(in) :: value
 
       call listener%report('/points/'//name, 'real64', [integer ::], [value], description, unit)
     end subroutine report_real
 
     subroutine report_integer(name, value, description)
+      !> Name of the dataset; what the dataset holds
       character(*), intent(in) :: name, description
+      !> Numbers of the series
       integer, intent(in) :: value
 
       call listener%report('/points/'//name, 'int32', [integer ::], [real(value, wp)], description, '1')
@@ -136,8 +151,11 @@ contains
 
   !> Contacts of all ranks, gathered in one go.
   subroutine tell_contacts(solver, report, listener)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> What is reported of a point
     type(point_report_type), intent(in) :: report
+    !> Receives the series
     type(listener_type), intent(in) :: listener
     real(wp), allocatable :: rows(:, :)
     integer :: k, n, i, sliders, motion, force
@@ -168,7 +186,9 @@ contains
   !> Of each of this rank's contacts: state, unique, numbers, displacement, force and sliders [rows, contacts]. The last iterate of
   !> a point that was not found is no solution: blank.
   function numbers_of(solver, report) result(rows)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> What is reported of a point
     type(point_report_type), intent(in) :: report
     real(wp), allocatable :: rows(:, :)
     real(wp), allocatable :: numbers(:, :), motion(:, :, :), force(:, :, :)
@@ -194,7 +214,9 @@ contains
 
   !> Numbers, displacement and force of this rank's contacts.
   subroutine describe_contacts(solver, report, numbers, motion, force)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> What is reported of a point
     type(point_report_type), intent(in) :: report
     !> [contacts, columns]
     real(wp), allocatable, intent(out) :: numbers(:, :)
@@ -234,6 +256,7 @@ contains
 
   !> Least normal force over the period, located.
   pure real(wp) function least_normal_force(law, closing)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
     !> Coefficients of v
     real(wp), intent(in) :: closing(:)
@@ -245,6 +268,7 @@ contains
 
   !> Work of a force on a displacement over a period, pi sum_h h (F_c u_s - F_s u_c).
   pure real(wp) function work_per_period(force, displacement)
+    !> Coefficients of the force; coefficients of the displacement
     real(wp), intent(in) :: force(:), displacement(:)
     integer :: h
 
@@ -255,6 +279,7 @@ contains
   end function work_per_period
 
   pure function flat(values)
+    !> Numbers of the series
     real(wp), intent(in) :: values(:, :)
     real(wp) :: flat(size(values))
 

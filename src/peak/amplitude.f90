@@ -25,6 +25,7 @@ contains
 
   !> Of a monitor [a_0, a_c1, a_s1, ...].
   pure function amplitude_of(coefficients, measure) result(self)
+    !> Fourier coefficients
     real(wp), intent(in) :: coefficients(:)
     !> `half_range` or `first_harmonic`
     integer, intent(in) :: measure
@@ -39,6 +40,7 @@ contains
   end function amplitude_of
 
   pure subroutine measure_range(coefficients, self)
+    !> Fourier coefficients
     real(wp), intent(in) :: coefficients(:)
     type(amplitude_type), intent(inout) :: self
     real(wp) :: places(2), jet(3), slope(size(coefficients)), part
@@ -60,6 +62,7 @@ contains
 
   !> e'(theta).
   pure function slopes_at(theta, count) result(slopes)
+    !> Angle of the period, omega t
     real(wp), intent(in) :: theta
     integer, intent(in) :: count
     real(wp) :: slopes(count)
@@ -75,6 +78,7 @@ contains
   end function slopes_at
 
   pure subroutine measure_harmonic(coefficients, self)
+    !> Fourier coefficients
     real(wp), intent(in) :: coefficients(:)
     type(amplitude_type), intent(inout) :: self
     real(wp) :: direction(2)

@@ -67,8 +67,11 @@ contains
 
   !> Mode of the stuck system that carries most of the first harmonic where the solver stands, and its coordinate there.
   subroutine leading_mode(solver, mode, amplitude)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Number of the mode
     integer, intent(out) :: mode
+    !> Modulus of the mode's coordinate
     real(wp), intent(out) :: amplitude
     complex(wp), allocatable :: coordinates(:)
 
@@ -83,10 +86,13 @@ contains
   !> Turn the solver, whose static path has been walked, to a mode's backbone, and find the point of an amplitude: from where contacts
   !> still stick, or a small one. The solver serves nothing else from then on.
   subroutine begin_backbone(solver, mode, problem, amplitude, self)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Number of the mode
     integer, intent(in) :: mode
     !> Its monitor and measure; the border is made here
     type(problem_type), intent(in) :: problem
+    !> Modulus of the mode's coordinate
     real(wp), intent(in) :: amplitude
     type(backbone_type), intent(out) :: self
 
@@ -105,7 +111,9 @@ contains
   !> not pass, these may.
   subroutine begin_at(self, solver, amplitude)
     class(backbone_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Modulus of the mode's coordinate
     real(wp), intent(in) :: amplitude
     integer :: i
 
@@ -125,6 +133,7 @@ contains
   !> The spring on the mode, and its load in place of all harmonic ones.
   subroutine hold_mode(self, solver)
     type(backbone_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
 
     associate (balance => solver%context%balance, stuck => solver%stuck, mode => self%mode)
@@ -139,8 +148,11 @@ contains
 
   !> The linear mode about where the structure is at rest, at the amplitude given there.
   function linear(solver, mode, rest) result(place)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Number of the mode
     integer, intent(in) :: mode
+    !> Point of the backbone from which the next is sought
     type(base_point_type), intent(in) :: rest
     type(base_point_type) :: place
     integer :: first
@@ -155,7 +167,9 @@ contains
   !> Follow to an amplitude, in as many steps as it takes; the solver stays at the last point found.
   subroutine go_to(self, solver, amplitude)
     class(backbone_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Modulus of the mode's coordinate
     real(wp), intent(in) :: amplitude
     type(base_point_type) :: from
     real(wp) :: step, left
@@ -188,6 +202,7 @@ contains
   !> On the line through the last two points, harmonics taken by amplitude; along the last one where that line would be long.
   function predicted(self, amplitude) result(place)
     type(backbone_type), intent(in) :: self
+    !> Modulus of the mode's coordinate
     real(wp), intent(in) :: amplitude
     type(base_point_type) :: place
     real(wp) :: part
@@ -210,7 +225,9 @@ contains
   !> Newton's method on omega and xi from where the solver stands; sliders that are not found with the motion go on from a point.
   subroutine correct(self, solver, from)
     type(backbone_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Point of the backbone from which the next is sought
     type(base_point_type), intent(in) :: from
     complex(wp) :: missing
     integer :: iteration, status
@@ -235,6 +252,7 @@ contains
   !> c(X_1).
   pure complex(wp) function coordinate(self, response)
     type(backbone_type), intent(in) :: self
+    !> Coordinates of the response, by harmonic
     complex(wp), intent(in) :: response(:, 0:)
 
     coordinate = sum(self%reader*response(:, 1))
@@ -243,8 +261,11 @@ contains
   !> Change omega and xi, and the motion with them, so that c grows by what is missing.
   subroutine step_towards(self, solver, missing, from, status)
     type(backbone_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> What is missing of the coordinate
     complex(wp), intent(in) :: missing
+    !> Point of the backbone from which the next is sought
     type(base_point_type), intent(in) :: from
     !> 0, or not: singular, or too far
     integer, intent(out) :: status
@@ -273,8 +294,11 @@ contains
   !> What a unit of omega, and one of xi, change of the solution, of which the balance holds the Jacobian.
   subroutine find_directions(self, solver, by_omega, by_excitation, status)
     type(backbone_type), intent(in) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Change of the unknowns and of the response
     type(direction_type), intent(out) :: by_omega, by_excitation
+    !> 0: done; else it could not be evaluated
     integer, intent(out) :: status
     type(unknowns_type) :: right
     complex(wp), allocatable :: excited(:, :)
@@ -300,6 +324,7 @@ contains
   !> Level and the monitor's amplitude where the solver stands.
   subroutine measure(self, solver)
     type(backbone_type), intent(inout) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     type(amplitude_type) :: amplitude
     complex(wp), allocatable :: inertia(:, :)
@@ -318,6 +343,7 @@ contains
 
   function base_point_of(self, solver) result(base_point)
     type(backbone_type), intent(in) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     type(base_point_type) :: base_point
 
@@ -327,7 +353,9 @@ contains
   !> Put the solver there, with residuals relative to the linear mode of that amplitude.
   subroutine start_from(self, solver, place)
     type(backbone_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Point of the backbone from which the next is sought
     type(base_point_type), intent(in) :: place
 
     self%amplitude = place%amplitude

@@ -48,10 +48,13 @@ contains
 
   !> From the solver's motion and frequency to the nearest peak uphill; the solver stands there, or where it was left.
   subroutine climb(problem, solver, iterations, found)
+    !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Newton's iterations of all points
     integer, intent(out) :: iterations
+    !> Is there a peak?
     logical, intent(out) :: found
     type(branch_seed_type) :: here, next
     real(wp) :: length
@@ -88,10 +91,15 @@ contains
 
   !> Tangent and slope where the solver stands.
   subroutine look_around(problem, solver, towards, here, looked)
+    !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Tangent of the branch
     type(tangent_type), intent(in) :: towards
+    !> Point of the response with its tangent and slope
     type(branch_seed_type), intent(out) :: here
+    !> Could tangent and slope be found?
     logical, intent(out) :: looked
     type(direction_type) :: direction
     real(wp), allocatable :: harmonics(:, :)
@@ -114,6 +122,7 @@ contains
 
   !> What a mode's circle leaves to be gained of log A, -log cos phi.
   pure real(wp) function gain_of(here)
+    !> Point of the response with its tangent and slope
     type(branch_seed_type), intent(in) :: here
 
     gain_of = 0.5_wp*(here%slope*here%unit)**2
@@ -121,13 +130,19 @@ contains
 
   !> A step uphill, halved until it is solved near where it was predicted.
   subroutine step_up(problem, solver, here, length, next, iterations, solved)
+    !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Point of the response with its tangent and slope
     type(branch_seed_type), intent(in) :: here
+    !> Length of the step
     real(wp), intent(inout) :: length
+    !> Point of the response with its tangent and slope
     type(branch_seed_type), intent(out) :: next
     !> Counts on
     integer, intent(inout) :: iterations
+    !> Is the point solved?
     logical, intent(out) :: solved
     real(wp) :: error
 
@@ -147,11 +162,15 @@ contains
 
   !> Where no step along the tangent is solved, however short: to a frequency beyond, with all that Newton's method can do.
   subroutine leap(solver, here, length, iterations, solved)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Point of the response with its tangent and slope
     type(branch_seed_type), intent(in) :: here
+    !> Length of the step
     real(wp), intent(out) :: length
     !> Counts on
     integer, intent(inout) :: iterations
+    !> Is the point solved?
     logical, intent(out) :: solved
     integer :: i
 
@@ -170,9 +189,13 @@ contains
 
   !> Along the tangent and in the plane across it. `error`: from prediction to correction, relative to the motion.
   subroutine take_step(solver, here, length, error)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Point of the response with its tangent and slope
     type(branch_seed_type), intent(in) :: here
+    !> Length of the step
     real(wp), intent(in) :: length
+    !> Distance from prediction to correction, relative to the motion
     real(wp), intent(out) :: error
     type(constraint_type) :: constraint
     real(wp), allocatable :: moved(:, :)
@@ -197,6 +220,7 @@ contains
 
   !> To where the secant through the slopes' angles at the last two points says that the peak is.
   pure real(wp) function next_length(before, here, length)
+    !> Point of the response with its tangent and slope
     type(branch_seed_type), intent(in) :: before, here
     !> Between them
     real(wp), intent(in) :: length
@@ -210,13 +234,17 @@ contains
 
   !> The peak between a point where A rises and one where it falls.
   subroutine close_in(problem, solver, rising, falling, length, iterations, found)
+    !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Point of the response with its tangent and slope
     type(branch_seed_type), intent(in) :: rising, falling
     !> From one to the other, along the tangent of the first
     real(wp), intent(in) :: length
     !> Counts on
     integer, intent(inout) :: iterations
+    !> Is there a peak?
     logical, intent(out) :: found
     type(step_type) :: step
     type(branch_seed_type) :: at
@@ -256,6 +284,7 @@ contains
 
   !> Where the tangents at both ends meet: the corner, if the arc is two smooth ones, and about the middle of a smooth arc.
   pure real(wp) function corner_of(ends)
+    !> Ends of an arc: part of the way, height and slope
     type(arc_end_type), intent(in) :: ends(2)
     real(wp) :: length
 
@@ -266,6 +295,7 @@ contains
 
   !> What is left to be gained of log A: a concave arc lies below its tangents.
   pure real(wp) function gain_between(ends, best)
+    !> Ends of an arc: part of the way, height and slope
     type(arc_end_type), intent(in) :: ends(2), best
 
     gain_between = ends(1)%height + ends(1)%slope*(corner_of(ends) - ends(1)%part) - best%height
@@ -273,7 +303,9 @@ contains
 
   !> Where the slope vanishes by the secant, or where the tangents meet; off the ends, so that both close in.
   pure real(wp) function next_part(ends, by_tangents)
+    !> Ends of an arc: part of the way, height and slope
     type(arc_end_type), intent(in) :: ends(2)
+    !> Go by the tangents at both ends?
     logical, intent(in) :: by_tangents
     real(wp), parameter :: off = 0.01_wp
     real(wp) :: length

@@ -64,7 +64,9 @@ contains
 
   !> The parameter's present value.
   real(wp) function value_of(problem, solver) result(value)
+    !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     integer :: largest
 
@@ -79,8 +81,11 @@ contains
   end function value_of
 
   subroutine set_value(problem, solver, value)
+    !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Value of the parameter
     real(wp), intent(in) :: value
 
     if (problem%parameter == parameter_level) then
@@ -94,6 +99,7 @@ contains
 
   !> Norm of the harmonics of the motion, over all ranks.
   real(wp) function scale_of_motion(solver) result(scale)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
 
     scale = sum(solver%motion(2:, :)**2)
@@ -103,7 +109,9 @@ contains
 
   !> Evaluate at the solver's motion, frequency and parameter.
   subroutine linearise(problem, solver, self, status)
+    !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     type(linearisation_type), intent(out) :: self
     !> 0, or not: it cannot be evaluated, or the bordered system is singular
@@ -131,6 +139,7 @@ contains
   contains
 
     real(wp) function first(direction)
+      !> Change of the unknowns and of the response
       type(direction_type), intent(in) :: direction
 
       first = dot_product(self%amplitude%gradient, matmul(to_real(direction%response), monitor))
@@ -139,10 +148,13 @@ contains
 
   !> A and A'[c_X] along a change X of motion and frequency, at the balance's last evaluation.
   subroutine slope_along(problem, solver, direction, amplitude, slope)
+    !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Its responses are found here
     type(direction_type), intent(inout) :: direction
+    !> Amplitude of the monitor; its derivative along the change
     real(wp), intent(out) :: amplitude, slope
     type(amplitude_type) :: measured
 
@@ -158,9 +170,12 @@ contains
 
   !> Newton's step, the tangent, and the way of the parameter.
   subroutine find_directions(problem, solver, self, status)
+    !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     type(linearisation_type), intent(inout) :: self
+    !> 0: done; else it could not be evaluated
     integer, intent(out) :: status
     type(unknowns_type) :: right
     complex(wp), allocatable :: loaded(:, :)
@@ -189,7 +204,9 @@ contains
 
   !> Response of the stuck system to a unit of the parameter [n, 0:H].
   function response_to_parameter(problem, balance) result(response)
+    !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     complex(wp), allocatable :: response(:, :)
     complex(wp), allocatable :: load(:, :)
@@ -206,10 +223,15 @@ contains
 
   !> Solve the bordered system; a body that only friction holds keeps a little of its springs where it else were singular.
   subroutine solve(problem, solver, right, step, status)
+    !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(in) :: right
+    !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(inout) :: step
+    !> 0: done; else it could not be evaluated
     integer, intent(out) :: status
     integer :: iterations
 
@@ -225,7 +247,9 @@ contains
 
   !> What a step makes of deviation and response, the loads as they are.
   subroutine respond(balance, direction)
+    !> Harmonic balance, whose last evaluation this changes
     type(balance_type), intent(inout) :: balance
+    !> Change of the unknowns and of the response
     type(direction_type), intent(inout) :: direction
     complex(wp), allocatable :: shifted(:, :)
     real(wp) :: deviation(size(direction%step%motion, 1), size(direction%step%motion, 2))
@@ -249,11 +273,16 @@ contains
 
   !> psi' along Newton's step, the tangent and the way of the parameter.
   subroutine differentiate_slope(problem, solver, monitor, self, second, status)
+    !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Coefficients of the monitor
     real(wp), intent(in) :: monitor(:)
     type(linearisation_type), intent(in) :: self
+    !> Second derivatives along the three directions
     real(wp), intent(out) :: second(3)
+    !> 0: done; else it could not be evaluated
     integer, intent(out) :: status
     type(direction_type) :: ways(3), follow
     complex(wp), allocatable :: bent(:, :), curved(:, :, :)
@@ -282,10 +311,15 @@ contains
 
   !> Responses to D'[t] x [n, 0:H, ways].
   subroutine bend_forces(balance, motion, along, ways, curved)
+    !> Harmonic balance, whose last evaluation this changes
     type(balance_type), intent(inout) :: balance
+    !> Coefficients of relative displacement, by harmonic and row
     real(wp), intent(in) :: motion(:, :)
+    !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(in) :: along
+    !> Change of the unknowns and of the response
     type(direction_type), intent(in) :: ways(:)
+    !> Responses to the second derivative of the forces
     complex(wp), allocatable, intent(out) :: curved(:, :, :)
     real(wp) :: deviation(size(along%motion, 1), size(along%motion, 2), size(ways))
     integer :: i
@@ -299,7 +333,9 @@ contains
 
   !> Second derivative of the response along t and a way, forces' own second derivative left out [n, 0:H].
   function second_response(balance, along, way) result(response)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
+    !> Change of the unknowns and of the response
     type(direction_type), intent(in) :: along, way
     complex(wp), allocatable :: response(:, :)
     complex(wp), allocatable :: shifted(:, :), twice(:, :), inertia(:, :)
@@ -317,6 +353,7 @@ contains
 
   !> dq/domega with forces as they are.
   function derivative_of(balance) result(derivative)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     complex(wp), allocatable :: derivative(:, :)
 

@@ -34,12 +34,17 @@ contains
 
   !> Correct the solver's motion, frequency and parameter.
   subroutine correct(problem, solver, plane, point, iterations, found)
+    !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Linear condition on motion, frequency and parameter
     type(plane_type), intent(in) :: plane
     !> At the peak, or where the last step began
     type(linearisation_type), intent(out) :: point
+    !> Newton iterations
     integer, intent(out) :: iterations
+    !> Is there a peak?
     logical, intent(out) :: found
     real(wp), allocatable :: slider(:, :)
     real(wp) :: along, change, value
@@ -66,10 +71,15 @@ contains
 
   !> sigma and pi of Newton's step.
   subroutine solve_for_two(problem, solver, point, plane, along, change, status)
+    !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Condition of a peak and its derivatives
     type(linearisation_type), intent(in) :: point
+    !> Linear condition on motion, frequency and parameter
     type(plane_type), intent(in) :: plane
+    !> Share of the tangent; change of the parameter
     real(wp), intent(out) :: along, change
     !> 0, or not: singular
     integer, intent(out) :: status
@@ -89,6 +99,7 @@ contains
   contains
 
     real(wp) function across(direction)
+      !> Change of the unknowns and of the response
       type(direction_type), intent(in) :: direction
 
       across = plane%omega*direction%step%omega + plane%parameter*direction%parameter
@@ -98,10 +109,15 @@ contains
 
   !> Take Newton's step, unless it goes too far.
   subroutine take_step(problem, solver, point, along, change, status)
+    !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Condition of a peak and its derivatives
     type(linearisation_type), intent(in) :: point
+    !> Share of the tangent; change of the parameter
     real(wp), intent(in) :: along, change
+    !> 0: done; else it could not be evaluated
     integer, intent(out) :: status
     type(direction_type) :: step
     real(wp) :: harmonics(size(solver%motion, 1), size(solver%motion, 2))
@@ -123,7 +139,9 @@ contains
 
   !> a n + sigma t + pi d_p.
   function combine(point, newton, along, change) result(direction)
+    !> Condition of a peak and its derivatives
     type(linearisation_type), intent(in) :: point
+    !> Share of Newton's step; share of the tangent; change of the parameter
     real(wp), intent(in) :: newton, along, change
     type(direction_type) :: direction
 
@@ -134,7 +152,9 @@ contains
   end function combine
 
   function scaled(direction, factor) result(changed)
+    !> Change of the unknowns and of the response
     type(direction_type), intent(in) :: direction
+    !> Factor on the direction
     real(wp), intent(in) :: factor
     type(direction_type) :: changed
 
@@ -146,8 +166,11 @@ contains
 
   !> weights . (motion, omega, parameter) at the solver's point.
   real(wp) function height(problem, solver, plane)
+    !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Linear condition on motion, frequency and parameter
     type(plane_type), intent(in) :: plane
 
     height = plane%omega*solver%omega + plane%parameter*value_of(problem, solver)
@@ -156,6 +179,7 @@ contains
 
   !> Norm of a change of harmonics, frequency, and (relative) parameter.
   real(wp) function relative_size(solver, motion, omega, parameter)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     real(wp), intent(in) :: motion(:, :), omega, parameter
 

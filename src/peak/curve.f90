@@ -59,9 +59,11 @@ contains
   !> Find the peak of the solver's loads near an angular frequency, the linear peak's: at a level at which contacts still stick, or a
   !> small one, and then followed to the level asked for.
   subroutine begin_curve(solver, problem, omega, self)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Its parameter is set to the level here; its border is made here
     type(problem_type), intent(in) :: problem
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
     type(curve_type), intent(out) :: self
     real(wp) :: target
@@ -85,6 +87,7 @@ contains
 
   !> The peak of the solver's loads near a motion, sliders as they are: by Newton's method, or climbed to.
   subroutine begin_curve_near(solver, problem, motion, omega, self)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Its border is made here
     type(problem_type), intent(in) :: problem
@@ -110,8 +113,11 @@ contains
 
   !> Solve where all contacts stick, if they do once sliders that stood at their limit have moved.
   subroutine solve_sticking(solver, omega, sticks)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
+    !> Do all contacts stick?
     logical, intent(out) :: sticks
     type(snapshot_type) :: before
 
@@ -131,7 +137,9 @@ contains
   !> Go on in another parameter from the peak where the solver stands.
   subroutine follow_parameter(self, solver, parameter)
     type(curve_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Parameter that is followed, or its value
     integer, intent(in) :: parameter
 
     self%problem%parameter = parameter
@@ -143,7 +151,9 @@ contains
 
   !> The border that belongs to a frequency.
   subroutine set_border(problem, solver)
+    !> Whose peak it is, and in what it is followed
     type(problem_type), intent(inout) :: problem
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
 
     if (allocated(problem%border%motion)) deallocate (problem%border%motion)
@@ -155,6 +165,7 @@ contains
   !> The peak near where the solver stands, its parameter held.
   subroutine correct_here(self, solver)
     class(curve_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     real(wp) :: error
 
@@ -165,7 +176,9 @@ contains
   !> Follow to a value of the parameter, in as many steps as it takes; it was not found if the curve is lost on the way.
   subroutine go_to(self, solver, value)
     class(curve_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Value of the parameter
     real(wp), intent(in) :: value
     integer :: i, iterations
     logical :: reached
@@ -185,7 +198,9 @@ contains
   !> Go on towards a value of the parameter: the tangent points to greater or smaller ones.
   subroutine turn_towards(self, solver, value)
     class(curve_type), intent(inout) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Value of the parameter
     real(wp), intent(in) :: value
 
     if (.not. allocated(self%tangent%step%motion)) call find_tangent(self, solver, 0.0_wp)
@@ -193,6 +208,7 @@ contains
   end subroutine turn_towards
 
   subroutine reverse(direction)
+    !> Change of the unknowns and of the response
     type(direction_type), intent(inout) :: direction
 
     direction%step%motion = -direction%step%motion
@@ -204,8 +220,11 @@ contains
   !> One step along the curve, or just to a value of the parameter; the solver stays where it was if no step succeeds.
   subroutine advance(self, solver, stop, reached)
     class(curve_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Value of the parameter to end at
     real(wp), intent(in) :: stop
+    !> Has it come to the end?
     logical, intent(out) :: reached
     type(base_point_type) :: before
     type(linearisation_type) :: point
@@ -261,12 +280,17 @@ contains
   !> Predict a step, just to the end if it leads beyond, and say where to correct it: in a plane, or at the value that it has come to.
   subroutine aim(self, solver, before, stop, stuck, length, plane, reached)
     type(curve_type), intent(in) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Point of the backbone from which the next is sought
     type(base_point_type), intent(in) :: before
+    !> Value of the parameter to end at
     real(wp), intent(in) :: stop
     !> Do all contacts stick where the step begins?
     logical, intent(in) :: stuck
+    !> Length of the step
     real(wp), intent(out) :: length
+    !> Linear condition on motion, frequency and parameter
     type(plane_type), intent(out) :: plane
     !> Does it end at the value asked for?
     logical, intent(out) :: reached
@@ -285,8 +309,11 @@ contains
   !> The peak at a value of the parameter, from the place before with all that there is: the cascade, and climbing.
   subroutine search(self, solver, before, value, iterations)
     type(curve_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Point of the backbone from which the next is sought
     type(base_point_type), intent(in) :: before
+    !> Value of the parameter
     real(wp), intent(in) :: value
     !> Counts on
     integer, intent(inout) :: iterations
@@ -302,6 +329,7 @@ contains
 
   !> Does the way from one value to another pass a third?
   pure logical function passed(from, to, value)
+    !> Value that the way begins at; value that the way ends at; value of the parameter
     real(wp), intent(in) :: from, to, value
 
     passed = (value - from)*(to - value) >= 0.0_wp .and. abs(to - from) > 0.0_wp
@@ -310,9 +338,13 @@ contains
   !> Go along the tangent, and as it turned over the last step; the plane across it stands there.
   subroutine predict(self, solver, before, length, plane)
     type(curve_type), intent(in) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Point of the backbone from which the next is sought
     type(base_point_type), intent(in) :: before
+    !> Length of the step
     real(wp), intent(in) :: length
+    !> Linear condition on motion, frequency and parameter
     type(plane_type), intent(out) :: plane
     real(wp) :: scale, parameter
 
@@ -339,8 +371,11 @@ contains
   !> Correct, and tell how far the corrector went from the prediction, relative.
   subroutine correct_from(self, solver, plane, error)
     type(curve_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Linear condition on motion, frequency and parameter
     type(plane_type), intent(in) :: plane
+    !> Distance from prediction to correction, relative to the motion
     real(wp), intent(out) :: error
     real(wp), allocatable :: moved(:, :)
     real(wp) :: omega, parameter
@@ -360,6 +395,7 @@ contains
 
   !> Is Newton's method on the peak of no use?
   pure logical function climbs(solver)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
 
     climbs = any(solver%contacts%law%tangents == 2)
@@ -368,6 +404,7 @@ contains
   !> The peak uphill from the solver's motion and frequency.
   subroutine climb_here(self, solver)
     type(curve_type), intent(inout) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     integer :: status
 
@@ -380,6 +417,7 @@ contains
   !> Tangent of the curve of peaks, psi'[t] sigma + psi'[d_p] pi = 0, the way the last one went.
   subroutine find_tangent(self, solver, length)
     type(curve_type), intent(inout) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     !> Of the step since the last one; 0 where there was none
     real(wp), intent(in) :: length
@@ -413,7 +451,9 @@ contains
   !> Inner product, as the size of steps is measured, of a tangent with the last one.
   real(wp) function along_last(self, solver, tangent)
     type(curve_type), intent(in) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Change of the unknowns and of the response
     type(direction_type), intent(in) :: tangent
 
     along_last = inner_product(solver%context%balance, self%tangent%step%motion(2:, :), tangent%step%motion(2:, :)) &
@@ -430,6 +470,7 @@ contains
 
   function base_point_of(self, solver) result(base_point)
     type(curve_type), intent(in) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     type(base_point_type) :: base_point
 
@@ -439,7 +480,9 @@ contains
 
   subroutine go_back(self, solver, base_point)
     type(curve_type), intent(in) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Point of the backbone from which the next is sought
     type(base_point_type), intent(in) :: base_point
 
     call set_value(self%problem, solver, base_point%parameter)

@@ -21,10 +21,13 @@ contains
 
   !> D'[t] x at the balance's last evaluation [2 H + 1, rows, ways].
   subroutine differentiate_twice(balance, motion, along, ways, deviation)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     !> Where it was evaluated [2 H + 1, rows]
     real(wp), intent(in) :: motion(:, :)
+    !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(in) :: along, ways(:)
+    !> Deviation of contact forces from those of their springs
     real(wp), intent(out) :: deviation(:, :, :)
     real(wp), allocatable :: columns(:, :), product(:, :)
     integer :: i, k, last, n
@@ -52,9 +55,11 @@ contains
 
   !> Of one contact by events, all its elements together; what its normal spring adds is the same of each.
   subroutine sum_elements(balance, motion, contact, along, columns, product)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     !> Of its rows [k, 2]
     real(wp), intent(in) :: motion(:, :)
+    !> Number of the contact
     integer, intent(in) :: contact
     !> t [k, 2] and the x [2 k, ways]
     real(wp), intent(in) :: along(:, :), columns(:, :)
@@ -79,9 +84,13 @@ contains
 
   !> (D(d + e t) - D(d - e t)) x/(2 e) of one contact by samples, its slider going with the motion.
   function difference(balance, motion, contact, along, columns) result(product)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
+    !> Coefficients of relative displacement, by harmonic and row
     real(wp), intent(in) :: motion(:, :)
+    !> Number of the contact
     integer, intent(in) :: contact
+    !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(in) :: along
     real(wp), intent(in) :: columns(:, :)
     real(wp) :: product(size(columns, 1), size(columns, 2))

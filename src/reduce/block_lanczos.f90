@@ -89,11 +89,13 @@ contains
   !> Take a block into the space, and give what A makes of it beyond the space.
   subroutine expand(self, pencil, block, inertia, next, status)
     class(lanczos_type), intent(inout) :: self
+    !> Stiffness and mass of the eigenvalue problem
     class(pencil_type), intent(in) :: pencil
     !> Orthonormal in M to the space and in itself; and M times it
     real(wp), intent(in), contiguous :: block(:, :), inertia(:, :)
     !> A times the block, less its part in the space
     real(wp), allocatable, intent(out) :: next(:, :)
+    !> 0: done, else the solver's code
     integer, intent(out) :: status
     real(wp), allocatable :: weighted(:, :), part(:, :)
     integer :: first, last, pass
@@ -122,12 +124,15 @@ contains
   !> beside the largest wait for a round of their own, and each round is done twice.
   subroutine orthonormalise(self, pencil, x, inertia, r, status)
     class(lanczos_type), intent(in) :: self
+    !> Stiffness and mass of the eigenvalue problem
     class(pencil_type), intent(in) :: pencil
     !> x, then q
     real(wp), allocatable, intent(inout) :: x(:, :)
     !> M q
     real(wp), allocatable, intent(inout) :: inertia(:, :)
+    !> Coefficients of the block in q
     real(wp), allocatable, intent(out) :: r(:, :)
+    !> 0: done, else the solver's code
     integer, intent(out) :: status
     real(wp), allocatable :: q(:, :), small(:, :), turned(:, :), mix(:, :), rest(:, :), part(:, :), theta(:), y(:, :)
     real(wp) :: least
@@ -170,9 +175,13 @@ contains
   !> Once more out of the space, and among themselves; `mix` follows.
   subroutine polish(self, pencil, q, x, mix, status)
     class(lanczos_type), intent(in) :: self
+    !> Stiffness and mass of the eigenvalue problem
     class(pencil_type), intent(in) :: pencil
+    !> Orthonormal block, a column each
     real(wp), intent(in), contiguous :: q(:, :)
+    !> Block of vectors, a column each; coefficients that follow
     real(wp), intent(inout), contiguous :: x(:, :), mix(:, :)
+    !> 0: done, else the solver's code
     integer, intent(out) :: status
     real(wp), allocatable :: inertia(:, :), part(:, :), theta(:), y(:, :)
     integer :: i
@@ -192,9 +201,13 @@ contains
   !> x less its parts in the space and in q.
   subroutine remove(self, pencil, q, x, status)
     class(lanczos_type), intent(in) :: self
+    !> Stiffness and mass of the eigenvalue problem
     class(pencil_type), intent(in) :: pencil
+    !> Orthonormal block, a column each
     real(wp), intent(in), contiguous :: q(:, :)
+    !> Block of vectors, a column each
     real(wp), intent(inout), contiguous :: x(:, :)
+    !> 0: done, else the solver's code
     integer, intent(out) :: status
     real(wp), allocatable :: inertia(:, :), part(:, :)
 
@@ -210,9 +223,13 @@ contains
 
   !> M x and x^T M x.
   subroutine gram(pencil, x, inertia, product, status)
+    !> Stiffness and mass of the eigenvalue problem
     class(pencil_type), intent(in) :: pencil
+    !> Block of vectors, a column each
     real(wp), intent(in), contiguous :: x(:, :)
+    !> Product with the mass; products in the mass
     real(wp), allocatable, intent(out) :: inertia(:, :), product(:, :)
+    !> 0: done, else the solver's code
     integer, intent(out) :: status
 
     allocate (inertia, mold=x)
@@ -222,6 +239,7 @@ contains
   end subroutine gram
 
   pure function unit_matrix(n) result(unit)
+    !> Number of rows
     integer, intent(in) :: n
     real(wp) :: unit(n, n)
     integer :: i
@@ -235,6 +253,7 @@ contains
   !> Keep the best Ritz vectors; H is theirs, and what ties them to the block that is next comes with its own products.
   subroutine restart(self, theta, y, wanted, width)
     class(lanczos_type), intent(inout) :: self
+    !> Ritz values, descending; ritz vectors in the space, a column each
     real(wp), intent(in) :: theta(:), y(:, :)
     !> Modes wanted, and vectors of a full block
     integer, intent(in) :: wanted, width
@@ -251,7 +270,9 @@ contains
 
   !> Eigenpairs of a symmetric matrix told by its upper triangle, descending.
   subroutine ritz(h, theta, y)
+    !> Projected matrix
     real(wp), intent(in) :: h(:, :)
+    !> Ritz values, descending; ritz vectors in the space, a column each
     real(wp), allocatable, intent(out) :: theta(:), y(:, :)
     real(wp) :: whole(size(h, 1), size(h, 1))
     integer :: i, info
@@ -267,9 +288,11 @@ contains
 
   !> Leading pairs whose residuals are small.
   pure integer function count_converged(theta, y, r, last, tolerance) result(converged)
+    !> Ritz values, descending; ritz vectors in the space, a column each; coefficients of the block in q
     real(wp), intent(in) :: theta(:), y(:, :), r(:, :)
     !> Vectors of the last block, to which r belongs
     integer, intent(in) :: last
+    !> Relative tolerance
     real(wp), intent(in) :: tolerance
     real(wp) :: rest(size(r, 1))
 

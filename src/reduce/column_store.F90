@@ -51,6 +51,7 @@ contains
   pure function new_blocks(name, count, size) result(blocks)
     !> What the columns are
     character(*), intent(in) :: name
+    !> Columns that are kept together; most columns of a run
     integer, intent(in) :: count, size
     type(block_type), allocatable :: blocks(:)
     integer :: i
@@ -202,8 +203,11 @@ contains
 
   !> Give a whole file its name.
   subroutine complete(split, path, error)
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Path of the file
     character(*), intent(in) :: path
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     integer :: status, ierr
 
@@ -216,6 +220,7 @@ contains
 
   pure function path_of(self, block) result(path)
     class(column_store_type), intent(in) :: self
+    !> Columns that are stored together
     type(block_type), intent(in) :: block
     character(:), allocatable :: path
     character(32) :: range

@@ -67,13 +67,19 @@ contains
   end subroutine compute_constraint_modes
 
   subroutine compute_block(split, stiffness, factor, block, columns, residual, ierr)
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Stiffness of the interior and its factor
     type(interior_stiffness_type), intent(in) :: stiffness
+    !> Factor of the interior stiffness
     type(interior_factor_type), intent(in) :: factor
+    !> Columns that are stored together
     type(block_type), intent(in) :: block
     !> This rank's rows of the full model
     real(wp), intent(out) :: columns(:, :)
+    !> Relative residuals
     real(wp), intent(inout) :: residual
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     type(tMat) :: rows
     real(wp), allocatable :: psi(:, :), unit(:, :)
@@ -91,7 +97,9 @@ contains
 
   !> This rank's boundary rows of the block: one where the boundary dof is that of the column.
   pure function unit_columns(split, block) result(unit)
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Columns that are stored together
     type(block_type), intent(in) :: block
     real(wp) :: unit(size(split%boundary_rows), block%columns())
     integer :: i
@@ -105,13 +113,19 @@ contains
   end function unit_columns
 
   subroutine refine(split, stiffness, factor, unit, psi, residual, ierr)
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Stiffness of the interior and its factor
     type(interior_stiffness_type), intent(in) :: stiffness
+    !> Factor of the interior stiffness
     type(interior_factor_type), intent(in) :: factor
+    !> Columns of unit displacements
     real(wp), intent(in), contiguous :: unit(:, :)
+    !> Constraint modes, a column each
     real(wp), intent(inout), contiguous :: psi(:, :)
     !> Grows to the largest relative residual
     real(wp), intent(inout) :: residual
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     real(wp), allocatable :: force(:, :), rest(:, :)
     real(wp) :: largest, here
@@ -131,6 +145,7 @@ contains
   end subroutine refine
 
   pure real(wp) function largest_entry(a)
+    !> Columns, this rank's rows
     real(wp), intent(in) :: a(:, :)
 
     largest_entry = 0.0_wp

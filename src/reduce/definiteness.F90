@@ -53,10 +53,15 @@ contains
 
   !> Smallest eigenvalue of K_ii z = lambda D z, D its diagonal.
   subroutine find_smallest(split, stiffness, factor, smallest, ierr)
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Stiffness matrix of the interior
     type(tMat), intent(in) :: stiffness
+    !> Factor of the interior stiffness
     type(interior_factor_type), intent(in) :: factor
+    !> Smallest eigenvalue
     real(wp), intent(out) :: smallest
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     real(wp), dimension(size(split%interior_rows)) :: diagonal
     real(wp), dimension(size(split%interior_rows), 1) :: y, z
@@ -79,8 +84,11 @@ contains
   end subroutine find_smallest
 
   subroutine get_diagonal(matrix, diagonal, ierr)
+    !> Matrix, spread over the ranks
     type(tMat), intent(in) :: matrix
+    !> Diagonal, this rank's rows
     real(wp), intent(out) :: diagonal(:)
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     type(tVec) :: vector
     PetscScalar, pointer :: values(:)

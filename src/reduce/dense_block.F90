@@ -31,8 +31,11 @@ contains
     type(tMat), intent(in) :: like
     !> Rows on all ranks together
     PetscInt, intent(in) :: n
+    !> Block of the matrix, by harmonic
     real(wp), intent(in), contiguous, target :: block(:, :)
+    !> Matrix, spread over the ranks
     type(tMat), intent(out) :: matrix
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     PetscMPIInt :: comm
     PetscInt :: vectors
@@ -94,6 +97,7 @@ contains
   subroutine put_vector(column, vector, ierr)
     !> This rank's rows
     real(wp), intent(in) :: column(:)
+    !> PETSc vector
     type(tVec), intent(in) :: vector
     !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
@@ -106,6 +110,7 @@ contains
 
   !> Read a PETSc vector.
   subroutine take_vector(vector, column, ierr)
+    !> PETSc vector
     type(tVec), intent(in) :: vector
     !> This rank's rows
     real(wp), intent(out) :: column(:)

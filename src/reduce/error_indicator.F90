@@ -151,10 +151,15 @@ contains
   end subroutine indicate_errors
 
   subroutine examine_modes(split, examined, eigenvalues, shapes, errors, error)
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Matrices of the full model and of the reduced one
     type(examined_type), intent(in) :: examined
+    !> Eigenvalues, ascending, (rad/s)^2; shapes of the modes, a column each
     real(wp), intent(in) :: eigenvalues(:), shapes(:, :)
+    !> Estimated relative errors
     real(wp), allocatable, intent(out) :: errors(:)
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     real(wp), allocatable :: forces(:, :), delta(:, :)
     integer :: first, last, i, width
@@ -175,9 +180,13 @@ contains
 
   !> Receptances half way between natural modes, where nothing is near infinite.
   subroutine examine_responses(split, examined, quality, error)
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Matrices of the full model and of the reduced one
     type(examined_type), intent(in) :: examined
+    !> Errors estimated of the reduced model
     type(quality_type), intent(inout) :: quality
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     real(wp), allocatable :: matrix(:, :), answer(:, :), forces(:, :), delta(:, :)
     real(wp) :: lambda
@@ -205,12 +214,17 @@ contains
 
   !> delta_ab of the forces r = f - (K - lambda M) T y that the columns y leave on the interior.
   subroutine unanswered(split, examined, lambda, y, forces, delta, error)
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Matrices of the full model and of the reduced one
     type(examined_type), intent(in) :: examined
+    !> Eigenvalues, (rad/s)^2; coefficients in the reduced coordinates
     real(wp), intent(in) :: lambda(:), y(:, :)
     !> f, then r
     real(wp), intent(inout), contiguous :: forces(:, :)
+    !> Corrections that are estimated
     real(wp), allocatable, intent(out) :: delta(:, :)
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     real(wp), allocatable :: motion(:, :), x(:, :), inertia(:, :), next(:, :)
     PetscErrorCode :: ierr
@@ -233,7 +247,9 @@ contains
 
   !> r^T x + lambda x^T M x / (1 - rho): the series of the inverse, geometric beyond its second term.
   pure subroutine add_tail(lambda, next, delta)
+    !> Eigenvalues, (rad/s)^2; second term of the series
     real(wp), intent(in) :: lambda(:), next(:, :)
+    !> Corrections that are estimated
     real(wp), intent(inout) :: delta(:, :)
     real(wp) :: ratio(size(lambda))
     integer :: i, j
@@ -251,10 +267,15 @@ contains
 
   !> T y, this rank's rows of the full model.
   subroutine recover(split, examined, y, motion, error)
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Matrices of the full model and of the reduced one
     type(examined_type), intent(in) :: examined
+    !> Coefficients in the reduced coordinates
     real(wp), intent(in) :: y(:, :)
+    !> Displacement of the coordinates
     real(wp), allocatable, intent(out) :: motion(:, :)
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     real(wp), allocatable :: columns(:, :)
     integer :: i, offset
@@ -273,11 +294,17 @@ contains
 
   !> f <- f - (K - lambda M) q on the interior.
   subroutine subtract_balance(split, examined, lambda, motion, forces, ierr)
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Matrices of the full model and of the reduced one
     type(examined_type), intent(in) :: examined
+    !> Eigenvalues, (rad/s)^2
     real(wp), intent(in) :: lambda(:)
+    !> Displacement of the coordinates
     real(wp), intent(in), contiguous :: motion(:, :)
+    !> Forces on the interior
     real(wp), intent(inout), contiguous :: forces(:, :)
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     real(wp), allocatable :: part(:, :), inside(:, :), boundary(:, :)
     integer :: i

@@ -110,12 +110,19 @@ contains
 
   !> Krylov-Schur by SLEPc, and one Rayleigh-Ritz step.
   subroutine find_by_slepc(split, stiffness, pencil, sought, eigensolver, eigenvalues, shapes, solves, status)
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Stiffness matrix of the interior
     type(tMat), intent(in) :: stiffness
+    !> Stiffness and mass of the interior
     type(interior_pencil_type), intent(in) :: pencil
+    !> How many modes are asked for
     integer, intent(in) :: sought
+    !> How to find modes
     type(eigensolver_type), intent(in) :: eigensolver
+    !> Eigenvalues, ascending, (rad/s)^2; shapes of the modes, a column each
     real(wp), allocatable, intent(out) :: eigenvalues(:), shapes(:, :)
+    !> How many systems were solved; 0: done, else the solver's code
     integer, intent(out) :: solves, status
     type(krylov_schur_type) :: search
     real(wp), allocatable :: start(:, :)
@@ -130,11 +137,17 @@ contains
 
   !> Block Lanczos.
   subroutine find_by_lanczos(split, pencil, sought, eigensolver, eigenvalues, shapes, solves, status)
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Stiffness and mass of the interior
     type(interior_pencil_type), intent(in) :: pencil
+    !> How many modes are asked for
     integer, intent(in) :: sought
+    !> How to find modes
     type(eigensolver_type), intent(in) :: eigensolver
+    !> Eigenvalues, ascending, (rad/s)^2; shapes of the modes, a column each
     real(wp), allocatable, intent(out) :: eigenvalues(:), shapes(:, :)
+    !> How many systems were solved; 0: done, else the solver's code
     integer, intent(out) :: solves, status
     type(lanczos_type) :: lanczos
     real(wp), allocatable :: start(:, :)
@@ -152,7 +165,9 @@ contains
 
   !> Vectors to start from that do not depend on the number of ranks.
   pure subroutine make_start(split, width, start)
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Columns of the block
     integer, intent(in) :: width
     !> This rank's rows [interior rows, width]
     real(wp), allocatable, intent(out) :: start(:, :)
@@ -168,11 +183,13 @@ contains
   pure subroutine place_shift(eigenvalues, wanted, kept, shift, below)
     !> Ascending, at least `wanted`
     real(wp), intent(in) :: eigenvalues(:)
+    !> How many modes are to be kept
     integer, intent(in) :: wanted
     !> Number of modes to keep
     integer, intent(out) :: kept
     !> Eigenvalue in the gap, and the number of modes below it
     real(wp), intent(out) :: shift
+    !> How many modes lie below the shift
     integer, intent(out) :: below
 
     kept = wanted
@@ -225,6 +242,7 @@ contains
   !> omega^2 of a mode.
   pure real(wp) function eigenvalue(self, mode)
     class(fixed_interface_modes_type), intent(in) :: self
+    !> Number of the mode
     integer, intent(in) :: mode
 
     eigenvalue = (two_pi*self%frequency_hz(mode))**2
@@ -232,6 +250,7 @@ contains
 
   !> Runs of so many modes.
   pure function mode_blocks(modes, block_size) result(blocks)
+    !> Number of modes; columns of a block
     integer, intent(in) :: modes, block_size
     type(block_type), allocatable :: blocks(:)
 
@@ -242,13 +261,20 @@ contains
   subroutine take_modes(found, mass, factor, split, eigenvalues, block_size, store, self, error)
     !> Shapes, of any scale [interior rows, modes or more]
     real(wp), intent(in) :: found(:, :)
+    !> Mass matrix of the interior
     type(tMat), intent(in) :: mass
+    !> Factor of the interior stiffness
     type(interior_factor_type), intent(in) :: factor
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Eigenvalues, ascending, (rad/s)^2
     real(wp), intent(in) :: eigenvalues(:)
+    !> Columns of a block
     integer, intent(in) :: block_size
+    !> Store of columns, in memory or on disk
     type(column_store_type), intent(in) :: store
     type(fixed_interface_modes_type), intent(inout) :: self
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     type(block_type), allocatable :: blocks(:)
     real(wp), allocatable :: shapes(:, :), columns(:, :)
@@ -274,12 +300,19 @@ contains
 
   !> Unit modal mass, and the residuals.
   subroutine finish_shapes(split, mass, factor, eigenvalues, shapes, residual, ierr)
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Mass matrix of the interior
     type(tMat), intent(in) :: mass
+    !> Factor of the interior stiffness
     type(interior_factor_type), intent(in) :: factor
+    !> Eigenvalues, ascending, (rad/s)^2
     real(wp), intent(in) :: eigenvalues(:)
+    !> Shapes of the modes, a column each
     real(wp), intent(inout), contiguous :: shapes(:, :)
+    !> Relative residuals
     real(wp), intent(out) :: residual(:)
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     real(wp), allocatable :: inertia(:, :), rest(:, :)
     integer :: i
@@ -298,6 +331,7 @@ contains
 
   !> Unit modal mass, and a sign that does not depend on the number of ranks.
   subroutine normalise(split, shapes, inertia)
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
     !> phi and M_ii phi
     real(wp), intent(inout) :: shapes(:, :), inertia(:, :)
@@ -315,7 +349,9 @@ contains
 
   !> Sums of columns over the rows of all ranks.
   function column_sums(split, terms) result(sums)
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Terms of the sums, this rank's rows
     real(wp), intent(in) :: terms(:, :)
     real(wp) :: sums(size(terms, 2))
 
@@ -324,7 +360,9 @@ contains
   end function column_sums
 
   pure subroutine raise_too_few(found, wanted, error)
+    !> How many modes were found; how many modes are to be kept
     integer, intent(in) :: found, wanted
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     character(100) :: text
 

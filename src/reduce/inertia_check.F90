@@ -81,10 +81,15 @@ contains
 
   !> Negative pivots of a matrix, by a factorisation of its own; zero ones say that the number is not to be trusted.
   subroutine count_negative(matrix, options, progress, negative, zero, error)
+    !> Matrix, spread over the ranks
     type(tMat), intent(in) :: matrix
+    !> How to factor
     type(factor_options_type), intent(in) :: options
+    !> Reports progress
     type(progress_type), intent(in) :: progress
+    !> Number of negative pivots; number of pivots that are zero
     integer, intent(out) :: negative, zero
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     type(interior_factor_type) :: factor
 
@@ -96,9 +101,12 @@ contains
 
   !> K <- K - shift M.
   subroutine subtract(stiffness, mass, shift, ierr)
+    !> Stiffness matrix of the interior
     type(tMat), intent(inout) :: stiffness
+    !> Mass matrix of the interior
     type(tMat), intent(in) :: mass
     real(wp), intent(in) :: shift
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
 
     PetscCall(MatAXPY(stiffness, -shift, mass, DIFFERENT_NONZERO_PATTERN, ierr))

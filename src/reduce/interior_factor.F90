@@ -105,6 +105,7 @@ contains
 
   subroutine create(self, ierr)
     type(interior_factor_type), intent(inout) :: self
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     type(tPC) :: preconditioner
     PetscMPIInt :: comm
@@ -130,6 +131,7 @@ contains
     type(interior_factor_type), intent(inout) :: self
     !> Who shall order the rows
     character(*), intent(in) :: wanted
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     FACTOR_INFO(info)
     PetscInt :: ordering, entries
@@ -153,7 +155,9 @@ contains
 
   !> By the options database: PETSc 3.18 forgets an ordering that is set otherwise.
   subroutine ask_for_ordering(wanted, ierr)
+    !> How many modes are to be kept
     character(*), intent(in) :: wanted
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     character(4) :: number
 
@@ -164,8 +168,11 @@ contains
   !> In core, on disk, or not at all, by the memory that each machine has free for its ranks.
   subroutine choose_place(self, options, progress, error)
     type(interior_factor_type), intent(inout) :: self
+    !> How to factor
     type(factor_options_type), intent(in) :: options
+    !> Reports progress
     type(progress_type), intent(in) :: progress
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     real(wp) :: needs(3), short(2), free
     character(240) :: text
@@ -191,8 +198,10 @@ contains
   !> What the ranks of this machine need together: factors in core, factors on disk, and beside them; and what is free.
   subroutine machine_needs(self, options, needs, free, ierr)
     type(interior_factor_type), intent(in) :: self
+    !> How to factor
     type(factor_options_type), intent(in) :: options
     real(wp), intent(out) :: needs(3), free
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     PetscMPIInt :: comm, machine
     PetscInt :: in_core, out_of_core
@@ -210,7 +219,9 @@ contains
 
   subroutine largest_everywhere(self, x, ierr)
     type(interior_factor_type), intent(in) :: self
+    !> Columns, this rank's rows
     real(wp), intent(inout) :: x(:)
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     PetscMPIInt :: comm
 
@@ -221,7 +232,9 @@ contains
   !> What PETSc or MUMPS found wrong.
   subroutine check(self, ierr, error)
     type(interior_factor_type), intent(in) :: self
+    !> PETSc's error code
     PetscErrorCode, intent(in) :: ierr
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     PetscInt :: status, detail
     PetscErrorCode :: asked
@@ -236,6 +249,7 @@ contains
   !> What MUMPS complains of, in words.
   pure subroutine raise_mumps(status, detail, error)
     integer, intent(in) :: status, detail
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     character(40) :: code
 

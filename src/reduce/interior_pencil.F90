@@ -33,6 +33,7 @@ contains
     class(interior_pencil_type), intent(in) :: self
     !> This rank's rows
     real(wp), intent(in), contiguous :: x(:, :)
+    !> Coefficients in the reduced coordinates
     real(wp), intent(out), contiguous :: y(:, :)
     !> PETSc's error code
     integer, intent(out) :: status
@@ -45,6 +46,7 @@ contains
     class(interior_pencil_type), intent(in) :: self
     !> This rank's rows
     real(wp), intent(in), contiguous :: x(:, :)
+    !> Coefficients in the reduced coordinates
     real(wp), intent(out), contiguous :: y(:, :)
     !> PETSc's error code
     integer, intent(out) :: status
@@ -55,6 +57,7 @@ contains
   !> Tell how many modes have converged.
   subroutine tell(self, converged)
     class(interior_pencil_type), intent(in) :: self
+    !> How many have converged
     integer, intent(in) :: converged
 
     call self%progress%step('fixed-interface modes', min(converged, self%wanted), self%wanted)

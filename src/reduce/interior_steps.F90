@@ -32,6 +32,7 @@ contains
 
   !> All columns of the basis, its mass, and its error.
   subroutine take_interior_steps(work, modes, mass, quality, error)
+    !> Store of columns, memory and steps of the reduction
     type(workspace_type), intent(inout) :: work
     !> Frequencies and residuals
     type(fixed_interface_modes_type), intent(out) :: modes
@@ -67,7 +68,9 @@ contains
 
   !> Constraint modes, those of them that are not there yet.
   subroutine take_constraint_step(work, error)
+    !> Store of columns, memory and steps of the reduction
     type(workspace_type), intent(inout) :: work
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
 
     if (work%store%has_all(work%boundary_blocks())) return
@@ -82,7 +85,9 @@ contains
 
   !> Static responses to loads and monitors.
   subroutine take_response_step(work, error)
+    !> Store of columns, memory and steps of the reduction
     type(workspace_type), intent(inout) :: work
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     real(wp), allocatable :: responses(:, :)
     logical :: done
@@ -100,8 +105,11 @@ contains
 
   !> Number of modes asked for: directly, by a frequency, or for an error, what doubling has come to.
   subroutine count_wanted(work, wanted, error)
+    !> Store of columns, memory and steps of the reduction
     type(workspace_type), intent(inout) :: work
+    !> How many modes are to be kept
     integer, intent(out) :: wanted
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     real(wp), allocatable :: numbers(:)
 
@@ -127,10 +135,13 @@ contains
 
   !> Fixed-interface modes.
   subroutine take_modes_step(work, wanted, modes, error)
+    !> Store of columns, memory and steps of the reduction
     type(workspace_type), intent(inout) :: work
     !> Number of modes
     integer, intent(in) :: wanted
+    !> Fixed-interface modes and their frequencies
     type(fixed_interface_modes_type), intent(out) :: modes
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
 
     if (work%store%has_numbers('modes')) then
@@ -156,7 +167,9 @@ contains
 
   !> Static corrections from the static responses.
   subroutine take_correction_step(work, error)
+    !> Store of columns, memory and steps of the reduction
     type(workspace_type), intent(inout) :: work
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     real(wp), allocatable :: responses(:, :)
     type(tMat) :: mass
@@ -187,8 +200,11 @@ contains
 
   !> The mass projected on the basis.
   subroutine take_mass_step(work, mass, error)
+    !> Store of columns, memory and steps of the reduction
     type(workspace_type), intent(inout) :: work
+    !> Mass matrix of the interior
     real(wp), allocatable, intent(out) :: mass(:, :)
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     type(projected_type) :: matrices(1)
     real(wp), allocatable :: numbers(:)
@@ -213,10 +229,15 @@ contains
 
   !> How far the reduced model is from the full one.
   subroutine take_indicator_step(work, modes, mass, quality, error)
+    !> Store of columns, memory and steps of the reduction
     type(workspace_type), intent(inout) :: work
+    !> Fixed-interface modes and their frequencies
     type(fixed_interface_modes_type), intent(in) :: modes
+    !> Mass matrix of the interior
     real(wp), intent(in) :: mass(:, :)
+    !> Errors estimated of the reduced model
     type(quality_type), intent(out) :: quality
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     type(examined_type) :: examined
     real(wp) :: top_hz
@@ -258,9 +279,13 @@ contains
 
   !> The reduced stiffness as theory has it: K_bb + K_bi Psi, eigenvalues, corrections; good enough to find errors by.
   subroutine reduce_stiffness(work, modes, stiffness, error)
+    !> Store of columns, memory and steps of the reduction
     type(workspace_type), intent(in) :: work
+    !> Fixed-interface modes and their frequencies
     type(fixed_interface_modes_type), intent(in) :: modes
+    !> Stiffness matrix of the interior
     real(wp), allocatable, intent(out) :: stiffness(:, :)
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     type(block_type), allocatable :: blocks(:)
     real(wp), allocatable :: columns(:, :), forces(:, :)
@@ -290,8 +315,11 @@ contains
   end subroutine reduce_stiffness
 
   subroutine correction_stiffness(work, stiffness, error)
+    !> Store of columns, memory and steps of the reduction
     type(workspace_type), intent(in) :: work
+    !> Stiffness matrix of the interior
     real(wp), intent(out) :: stiffness(:, :)
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     real(wp), allocatable :: columns(:, :), inside(:, :), forces(:, :), product(:, :)
     PetscErrorCode :: ierr
@@ -311,6 +339,7 @@ contains
 
   !> All columns of the basis, in order.
   pure function basis_blocks(work) result(blocks)
+    !> Store of columns, memory and steps of the reduction
     type(workspace_type), intent(in) :: work
     type(block_type), allocatable :: blocks(:)
 
@@ -320,6 +349,7 @@ contains
 
   !> Columns of which the products of so many matrices fill a third of the free memory.
   integer function panel_columns(work, matrices) result(columns)
+    !> Store of columns, memory and steps of the reduction
     type(workspace_type), intent(in) :: work
     integer, intent(in) :: matrices
     real(wp) :: available
@@ -330,6 +360,7 @@ contains
   end function panel_columns
 
   pure function response_block(work) result(block)
+    !> Store of columns, memory and steps of the reduction
     type(workspace_type), intent(in) :: work
     type(block_type) :: block
 
@@ -337,6 +368,7 @@ contains
   end function response_block
 
   pure function number_text(x) result(text)
+    !> Columns, this rank's rows
     real(wp), intent(in) :: x
     character(:), allocatable :: text
     character(12) :: number

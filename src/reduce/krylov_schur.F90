@@ -69,10 +69,13 @@ contains
   end subroutine find_by_krylov_schur
 
   subroutine make_vector(like, rows, vector, ierr)
+    !> PETSc matrix
     type(tMat), intent(in) :: like
     !> This rank's
     real(wp), intent(in) :: rows(:)
+    !> PETSc vector
     type(tVec), intent(inout) :: vector
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
 
     PetscCall(MatCreateVecs(like, vector, PETSC_NULL_VEC, ierr))
@@ -81,10 +84,15 @@ contains
 
   subroutine solve(self, first, sought, tolerance, solver, ierr)
     type(krylov_schur_type), intent(in), target :: self
+    !> PETSc vector
     type(tVec), intent(in) :: first(1)
+    !> How many modes are asked for
     integer, intent(in) :: sought
+    !> Relative tolerance
     real(wp), intent(in) :: tolerance
+    !> SLEPc's eigensolver
     type(tEPS), intent(inout) :: solver
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     type(tST) :: transform
     PetscMPIInt :: comm
@@ -117,7 +125,9 @@ contains
   subroutine release(like, solver, ierr)
     !> A matrix of the same ranks
     type(tMat), intent(in) :: like
+    !> SLEPc's eigensolver
     type(tEPS), intent(inout) :: solver
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     type(tST) :: transform
     type(tKSP) :: nothing
@@ -133,11 +143,16 @@ contains
 
   !> Called by SLEPc at each restart.
   subroutine tell(solver, iteration, converged, real_parts, imaginary_parts, errors, known, self, ierr)
+    !> SLEPc's eigensolver
     type(tEPS), intent(in) :: solver
+    !> As SLEPc counts them; how many have converged
     PetscInt, intent(in) :: iteration, converged, known
+    !> Parts of the eigenvalues
     PetscScalar, intent(in) :: real_parts(*), imaginary_parts(*)
+    !> Estimated relative errors
     PetscReal, intent(in) :: errors(*)
     type(krylov_schur_type), intent(in) :: self
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
 
     call self%progress%step('fixed-interface modes', min(converged, self%wanted), self%wanted)
@@ -146,11 +161,15 @@ contains
 
   !> All that converged.
   subroutine copy_vectors(solver, vector, rows, shapes, ierr)
+    !> SLEPc's eigensolver
     type(tEPS), intent(in) :: solver
     !> Scratch
     type(tVec), intent(in) :: vector
+    !> Rows of this rank
     integer, intent(in) :: rows
+    !> Shapes of the modes, a column each
     real(wp), allocatable, intent(out) :: shapes(:, :)
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     PetscInt :: converged, i
 

@@ -76,6 +76,7 @@ contains
 
   !> Numbers rounded to `slice_bits` bits below the first of the largest: multiples of one power of two.
   elemental function leading_bits(x, largest) result(leading)
+    !> Columns, this rank's rows; largest number of the column
     real(wp), intent(in) :: x, largest
     real(wp) :: leading
     real(wp) :: quantum
@@ -88,10 +89,15 @@ contains
 
   !> This rank's rows of the CSR arrays.
   subroutine read_rows(file, ranks, name, rows, error)
+    !> HDF5 file that is open
     type(hdf5_file_type), intent(in) :: file
+    !> Ranks that share the work
     type(communicator_type), intent(in) :: ranks
+    !> Name of the dataset
     character(*), intent(in) :: name
+    !> This rank's rows of the matrix
     type(rows_type), intent(out) :: rows
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     integer(int64), allocatable :: offsets(:)
     integer, allocatable :: extent(:)
@@ -117,6 +123,7 @@ contains
 
   !> FE programs store the mass in the pattern of the stiffness, two entries in three zero.
   pure subroutine drop_zeros(rows)
+    !> This rank's rows of the matrix
     type(rows_type), intent(inout) :: rows
     integer :: i, k, kept, first
 
@@ -135,10 +142,15 @@ contains
   end subroutine drop_zeros
 
   subroutine create_matrix(comm, rows, values, matrix, ierr)
+    !> MPI communicator
     integer, intent(in) :: comm
+    !> This rank's rows of the matrix
     type(rows_type), intent(in) :: rows
+    !> Entries of the matrix
     PetscScalar, intent(in) :: values(:)
+    !> Matrix, spread over the ranks
     type(tMat), intent(out) :: matrix
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
 
     PetscCall(MatCreate(comm, matrix, ierr))

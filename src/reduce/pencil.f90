@@ -20,14 +20,18 @@ module attrito_reduce_pencil
     subroutine apply(self, x, y, status)
       import :: pencil_type, wp
       class(pencil_type), intent(in) :: self
+      !> Columns, this rank's rows
       real(wp), intent(in), contiguous :: x(:, :)
+      !> Coefficients in the reduced coordinates
       real(wp), intent(out), contiguous :: y(:, :)
+      !> 0: done, else the solver's code
       integer, intent(out) :: status
     end subroutine apply
     !> So many modes have converged.
     subroutine told(self, converged)
       import :: pencil_type
       class(pencil_type), intent(in) :: self
+      !> How many have converged
       integer, intent(in) :: converged
     end subroutine told
   end interface

@@ -9,7 +9,9 @@ module attrito_reduce_progress
     !> A sentence where `total` is 0; else `done` of `total` parts of the step of this name.
     subroutine listener(text, done, total) bind(c)
       import :: c_char, c_int
+      !> Name of the step, or a sentence
       character(kind=c_char), intent(in) :: text(*)
+      !> How much is done; of how much
       integer(c_int), value :: done, total
     end subroutine listener
   end interface

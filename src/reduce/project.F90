@@ -81,7 +81,9 @@ contains
 
   !> Sums over ranks, and the lower triangle.
   subroutine complete(ranks, reduced)
+    !> Ranks that share the work
     type(communicator_type), intent(in) :: ranks
+    !> Matrix of the reduced model
     real(wp), intent(inout), contiguous :: reduced(:, :)
     integer :: i
 
@@ -93,11 +95,17 @@ contains
 
   !> A T for the columns of a panel.
   subroutine multiply_panel(split, blocks, store, offsets, first, last, matrices, error)
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Columns that are stored together
     type(block_type), intent(in) :: blocks(:)
+    !> Store of columns, in memory or on disk
     type(column_store_type), intent(in) :: store
+    !> Where the columns of each block begin; first of the columns; last of the columns
     integer, intent(in) :: offsets(:), first, last
+    !> Matrices and their projections
     type(projected_type), intent(inout) :: matrices(:)
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     real(wp), allocatable :: columns(:, :)
     integer :: i, k
@@ -123,11 +131,17 @@ contains
 
   !> T^T (A T) for the columns of a panel and all columns up to its end.
   subroutine project_panel(split, blocks, store, offsets, first, last, matrices, error)
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Columns that are stored together
     type(block_type), intent(in) :: blocks(:)
+    !> Store of columns, in memory or on disk
     type(column_store_type), intent(in) :: store
+    !> Where the columns of each block begin; first of the columns; last of the columns
     integer, intent(in) :: offsets(:), first, last
+    !> Matrices and their projections
     type(projected_type), intent(inout) :: matrices(:)
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     real(wp), allocatable :: columns(:, :)
     integer :: i, k, from
@@ -147,10 +161,15 @@ contains
 
   !> A T, the products of smaller slices first.
   subroutine multiply_slices(ranks, slices, block, product, ierr)
+    !> Ranks that share the work
     type(communicator_type), intent(in) :: ranks
+    !> PETSc matrix
     type(tMat), intent(in) :: slices(:)
+    !> Block of the matrix, by harmonic
     real(wp), intent(in), contiguous :: block(:, :)
+    !> Product, this rank's rows
     real(wp), intent(out), contiguous :: product(:, :)
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     real(wp), allocatable :: leading(:, :), part(:, :)
     integer :: i

@@ -73,8 +73,11 @@ contains
 
   !> The proof that no mode was missed; the matrices are gone afterwards.
   subroutine take_inertia_step(work, modes, error)
+    !> Store of columns, memory and steps of the reduction
     type(workspace_type), intent(inout) :: work
+    !> Fixed-interface modes and their frequencies
     type(fixed_interface_modes_type), intent(in) :: modes
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
 
     if (work%report%modes == 0 .or. .not. work%options%check_inertia .or. work%report%modes_below_shift >= 0) return
@@ -92,8 +95,11 @@ contains
 
   !> Stiffness in slices that make its projection independent of rounding, damping, loads and monitors.
   subroutine take_projection_step(work, model, error)
+    !> Store of columns, memory and steps of the reduction
     type(workspace_type), intent(inout) :: work
+    !> Reduced model to write
     type(reduced_model_type), intent(inout) :: model
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     type(projected_type) :: matrices(merge(2, 1, work%has_damping))
     integer :: i, k
@@ -123,8 +129,11 @@ contains
   end subroutine take_projection_step
 
   subroutine read_slices(work, stiffness, error)
+    !> Store of columns, memory and steps of the reduction
     type(workspace_type), intent(in) :: work
+    !> Matrices and their projections
     type(projected_type), intent(inout) :: stiffness
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     type(hdf5_file_type) :: file
 
@@ -136,11 +145,17 @@ contains
   end subroutine read_slices
 
   subroutine take_writing_step(work, path, model, modes, quality, error)
+    !> Store of columns, memory and steps of the reduction
     type(workspace_type), intent(inout) :: work
+    !> Path of the file
     character(*), intent(in) :: path
+    !> Reduced model to write
     type(reduced_model_type), intent(in) :: model
+    !> Fixed-interface modes and their frequencies
     type(fixed_interface_modes_type), intent(in) :: modes
+    !> Errors estimated of the reduced model
     type(quality_type), intent(in) :: quality
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
 
     call work%begin(step_write)
@@ -149,6 +164,7 @@ contains
   end subroutine take_writing_step
 
   pure function frequency_text(frequency_hz) result(text)
+    !> Frequency, Hz
     real(wp), intent(in) :: frequency_hz
     character(:), allocatable :: text
     character(20) :: number

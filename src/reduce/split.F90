@@ -135,7 +135,9 @@ contains
     type(split_type), intent(in) :: self
     !> From 1 for this rank's first row
     integer, intent(in) :: rows(:)
+    !> PETSc's index set
     type(tIS), intent(out) :: set
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
 
     PetscCall(ISCreateGeneral(self%ranks%handle, size(rows), rows + self%first - 2, PETSC_COPY_VALUES, set, ierr))
@@ -178,10 +180,13 @@ contains
 
   subroutine take_on_root(self, matrix, rows, columns, block, ierr)
     type(split_type), intent(in) :: self
+    !> Matrix, spread over the ranks
     type(tMat), intent(in) :: matrix
     !> From 0, the same on every rank
     integer, intent(in) :: rows(:), columns(:)
+    !> PETSc matrix
     type(tMat), intent(out) :: block
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     type(tIS) :: row_set, column_set
     integer :: i

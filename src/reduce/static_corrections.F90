@@ -57,6 +57,7 @@ contains
     type(tMat), intent(in) :: mass
     !> The modes' blocks, and where they are
     type(block_type), intent(in) :: modes(:)
+    !> Store of columns, in memory or on disk
     type(column_store_type), intent(in) :: store
     !> Static responses [rows, vectors]; the first `kept` are corrections afterwards
     real(wp), intent(inout), contiguous :: responses(:, :)
@@ -89,12 +90,19 @@ contains
 
   !> s <- s - Phi Phi^T M s for the modes on disk, so many times.
   subroutine remove_modes(split, mass, modes, store, passes, s, error)
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Mass matrix of the interior
     type(tMat), intent(in) :: mass
+    !> Columns of modes that are stored together
     type(block_type), intent(in) :: modes(:)
+    !> Store of columns, in memory or on disk
     type(column_store_type), intent(in) :: store
+    !> How often
     integer, intent(in) :: passes
+    !> Columns, this rank's rows
     real(wp), intent(inout), contiguous :: s(:, :)
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     real(wp), allocatable :: phi(:, :)
     integer :: i, pass
@@ -115,11 +123,15 @@ contains
 
   !> Those that the ones before do not span, one after another at the front.
   subroutine keep_independent(split, mass, s, kept, error)
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Mass matrix of the interior
     type(tMat), intent(in) :: mass
     !> Of unit norm before the modes were removed
     real(wp), intent(inout), contiguous :: s(:, :)
+    !> How many are kept
     integer, intent(out) :: kept
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     real(wp) :: rest
     integer :: i, pass
@@ -142,10 +154,15 @@ contains
 
   !> s <- s - Phi Phi^T M s.
   subroutine remove(split, mass, phi, s, ierr)
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Mass matrix of the interior
     type(tMat), intent(in) :: mass
+    !> Modes, a column each
     real(wp), intent(in), contiguous :: phi(:, :)
+    !> Columns, this rank's rows
     real(wp), intent(inout), contiguous :: s(:, :)
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     real(wp), allocatable :: inertia(:, :), parts(:, :)
 
@@ -158,9 +175,13 @@ contains
 
   !> Unit norm in mass; a zero vector stays one.
   subroutine scale_to_unit(split, mass, s, ierr)
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Mass matrix of the interior
     type(tMat), intent(in) :: mass
+    !> Columns, this rank's rows
     real(wp), intent(inout), contiguous :: s(:, :)
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     real(wp) :: norm
 
@@ -170,10 +191,15 @@ contains
 
   !> sqrt(s^T M s).
   subroutine norm_of(split, mass, s, norm, ierr)
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Mass matrix of the interior
     type(tMat), intent(in) :: mass
+    !> Columns, this rank's rows
     real(wp), intent(in), contiguous :: s(:, :)
+    !> Norm in the mass
     real(wp), intent(out) :: norm
+    !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
     real(wp), allocatable :: inertia(:, :)
 

@@ -14,6 +14,7 @@ contains
   subroutine turn(v, y)
     !> [rows, m] and [m, k], k <= m
     real(wp), intent(inout) :: v(:, :)
+    !> Coefficients in the reduced coordinates
     real(wp), intent(in) :: y(:, :)
     integer :: first, last
 

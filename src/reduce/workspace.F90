@@ -100,9 +100,13 @@ contains
   !> Number of dofs; matrices and vectors of one size.
   subroutine read_size(self, ranks, vectors, n, error)
     type(workspace_type), intent(inout) :: self
+    !> Ranks that share the work
     type(communicator_type), intent(in) :: ranks
+    !> Vectors of the full model
     real(wp), intent(in) :: vectors(:, :)
+    !> Number of dofs
     integer, intent(out) :: n
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     type(hdf5_file_type) :: file
     integer :: sizes(3), extent(1), length, i
@@ -133,6 +137,7 @@ contains
     class(workspace_type), intent(in) :: self
     !> `stiffness`, `mass` or `damping`
     character(*), intent(in) :: name
+    !> Matrix, spread over the ranks
     type(tMat), intent(out) :: matrix
     !> Not a CSR matrix
     type(error_type), allocatable, intent(out) :: error
@@ -234,6 +239,7 @@ contains
   !> Start a step's clock.
   subroutine begin(self, step)
     class(workspace_type), intent(inout) :: self
+    !> Number of the step of the reduction
     integer, intent(in) :: step
 
     call return_memory()
@@ -244,6 +250,7 @@ contains
   !> Stop it, and note the memory that was held meanwhile.
   subroutine finish(self, step)
     class(workspace_type), intent(inout) :: self
+    !> Number of the step of the reduction
     integer, intent(in) :: step
     real(wp) :: peak
 
@@ -264,6 +271,7 @@ contains
 
   subroutine restore_report(self, error)
     type(workspace_type), intent(inout) :: self
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     real(wp), allocatable :: numbers(:)
 

@@ -38,6 +38,7 @@ contains
     type(reduced_model_type), intent(in) :: model
     !> All columns of the basis, in order, and where they are
     type(block_type), intent(in) :: blocks(:)
+    !> Store of columns, in memory or on disk
     type(column_store_type), intent(in) :: store
     !> Frequencies and residuals
     type(fixed_interface_modes_type), intent(in) :: modes
@@ -80,7 +81,9 @@ contains
   end function numbers_of
 
   subroutine write_root(file, error)
+    !> HDF5 file that is open
     type(hdf5_file_type), intent(in) :: file
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
 
     call write_attribute(file, '/', 'format', 'attrito rom', error)
@@ -90,8 +93,11 @@ contains
   end subroutine write_root
 
   subroutine write_matrices(file, model, error)
+    !> HDF5 file that is open
     type(hdf5_file_type), intent(in) :: file
+    !> Reduced model to write
     type(reduced_model_type), intent(in) :: model
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
 
     call write_array(file, '/mass', model%mass, 'reduced mass matrix', 'user mass', error)
@@ -102,10 +108,15 @@ contains
   end subroutine write_matrices
 
   subroutine write_coordinates(file, split, modes, report, error)
+    !> HDF5 file that is open
     type(hdf5_file_type), intent(in) :: file
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Fixed-interface modes and their frequencies
     type(fixed_interface_modes_type), intent(in) :: modes
+    !> What the reduction found
     type(reduction_report_type), intent(in) :: report
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     integer :: i
 
@@ -121,8 +132,11 @@ contains
   end subroutine write_coordinates
 
   subroutine write_quality(file, quality, error)
+    !> HDF5 file that is open
     type(hdf5_file_type), intent(in) :: file
+    !> Errors estimated of the reduced model
     type(quality_type), intent(in) :: quality
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
 
     call write_array(file, '/quality/frequency_hz', quality%frequency_hz, &
@@ -139,10 +153,15 @@ contains
 
   !> The basis, block by block from where the steps left it.
   subroutine write_basis(file, split, blocks, store, error)
+    !> HDF5 file that is open
     type(hdf5_file_type), intent(in) :: file
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Columns that are stored together
     type(block_type), intent(in) :: blocks(:)
+    !> Store of columns, in memory or on disk
     type(column_store_type), intent(in) :: store
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     real(wp), allocatable :: columns(:, :)
     integer :: i, row
@@ -162,12 +181,17 @@ contains
 
   !> A dataset of vectors whose rows are spread over the ranks, one vector a row.
   subroutine create_spread(file, split, name, count, description, unit, error)
+    !> HDF5 file that is open
     type(hdf5_file_type), intent(in) :: file
+    !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Name of the dataset
     character(*), intent(in) :: name
     !> Number of vectors
     integer, intent(in) :: count
+    !> What the dataset holds; columns of unit displacements
     character(*), intent(in) :: description, unit
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
 
     if (count == 0) then
@@ -179,8 +203,11 @@ contains
   end subroutine create_spread
 
   subroutine write_report(file, report, error)
+    !> HDF5 file that is open
     type(hdf5_file_type), intent(in) :: file
+    !> What the reduction found
     type(reduction_report_type), intent(in) :: report
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     integer :: i
 
@@ -202,12 +229,16 @@ contains
     if (.not. allocated(error)) call write_attribute(file, '/reduction', 'eigensolver', trim(report%eigensolver), error)
   contains
     subroutine whole(name, value)
+      !> Name of the dataset
       character(*), intent(in) :: name
+      !> What the attribute is to hold
       integer, intent(in) :: value
       call write_attribute(file, '/reduction', name, value, error)
     end subroutine whole
     subroutine number(name, value)
+      !> Name of the dataset
       character(*), intent(in) :: name
+      !> What the attribute is to hold
       real(wp), intent(in) :: value
       call write_attribute(file, '/reduction', name, value, error)
     end subroutine number

@@ -21,8 +21,11 @@ module attrito_solve_homotopy
     subroutine solve_part(self, solver, t, converged)
       import :: homotopy_type, solver_type, wp
       class(homotopy_type), intent(in) :: self
+      !> Solver of points, which this moves
       type(solver_type), intent(inout) :: solver
+      !> Parameter, 0 to 1, or time
       real(wp), intent(in) :: t
+      !> Did the solve converge?
       logical, intent(out) :: converged
     end subroutine solve_part
   end interface
@@ -47,8 +50,11 @@ contains
 
   subroutine solve_frequency(self, solver, t, converged)
     class(frequency_homotopy_type), intent(in) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Parameter, 0 to 1, or time
     real(wp), intent(in) :: t
+    !> Did the solve converge?
     logical, intent(out) :: converged
 
     call solver%solve_at(self%from + t*(self%to - self%from))
@@ -57,8 +63,11 @@ contains
 
   subroutine solve_level(self, solver, t, converged)
     class(level_homotopy_type), intent(in) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Parameter, 0 to 1, or time
     real(wp), intent(in) :: t
+    !> Did the solve converge?
     logical, intent(out) :: converged
 
     call solver%set_loads(solver%context%balance%static_factors, t*self%level)
@@ -72,10 +81,13 @@ contains
 
   !> Follow a homotopy from 0 to 1, halving the step where it fails.
   subroutine follow_homotopy(homotopy, solver, iterations, converged, first_step, most_iterations)
+    !> Homotopy to follow
     class(homotopy_type), intent(in) :: homotopy
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Counts on
     integer, intent(inout) :: iterations
+    !> Did the solve converge?
     logical, intent(out) :: converged
     !> A quarter unless given
     real(wp), intent(in), optional :: first_step

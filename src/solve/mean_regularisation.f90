@@ -17,6 +17,7 @@ contains
 
   !> Is the mean an unknown?
   pure logical function can_regularise(solver)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
 
     can_regularise = .not. solver%options%uncoupled
@@ -24,7 +25,9 @@ contains
 
   !> One solve with springs between the body and its present mean position.
   subroutine solve_with_springs(solver, omega)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
     logical :: has_springs
 
@@ -38,7 +41,9 @@ contains
   !> From the present point relax the springs step by step: to a solution without springs; or to one with them where the body drifts
   !> (`solver%is_drifting`), which each step repeats without a contact that holds; or to neither.
   subroutine find_drift(solver, omega, iterations, converged)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
     !> Counts on
     integer, intent(inout) :: iterations
@@ -66,10 +71,13 @@ contains
 
   !> Newton's method without springs, for as long as it makes progress; nothing changes if it fails.
   subroutine solve_free(solver, omega, iterations, converged)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
     !> Counts on
     integer, intent(inout) :: iterations
+    !> Did the solve converge?
     logical, intent(out) :: converged
     logical :: brief
 

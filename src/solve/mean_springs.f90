@@ -33,6 +33,7 @@ contains
 
   !> Attach springs at the mean position of a motion.
   subroutine apply_springs(context, motion, omega, has_springs)
+    !> What a Newton iteration works on: balance, constraint, linear solver
     type(newton_context_type), intent(inout) :: context
     !> Relative displacements [2 H + 1, rows], and angular frequency
     real(wp), intent(in) :: motion(:, :), omega
@@ -48,6 +49,7 @@ contains
 
   !> Without springs again.
   subroutine remove_springs(context)
+    !> What a Newton iteration works on: balance, constraint, linear solver
     type(newton_context_type), intent(inout) :: context
 
     call context%balance%remove_mean_springs()

@@ -33,9 +33,13 @@ contains
 
   !> Newton's method, ended as soon as it makes little progress.
   subroutine solve_briefly(newton, unknowns, constraint, report)
+    !> Newton solver of the balance
     type(newton_type), intent(inout) :: newton
+    !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(inout) :: unknowns
+    !> Linear condition on motion and frequency that closes the system
     type(constraint_type), intent(in) :: constraint
+    !> How the solve ended
     type(newton_report_type), intent(inout) :: report
     integer :: before, iterations, linear_iterations
     real(wp) :: goal
@@ -56,11 +60,15 @@ contains
 
   !> All strategies in turn, each from the same start.
   subroutine solve_persistently(newton, unknowns, constraint, mean_is_fixed, report)
+    !> Newton solver of the balance
     type(newton_type), intent(inout) :: newton
+    !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(inout) :: unknowns
+    !> Linear condition on motion and frequency that closes the system
     type(constraint_type), intent(in) :: constraint
     !> The mean is frozen, so that springs on it serve nothing
     logical, intent(in) :: mean_is_fixed
+    !> How the solve ended
     type(newton_report_type), intent(inout) :: report
     type(unknowns_type) :: start
     logical :: can_regularise, is_drifting
@@ -91,9 +99,13 @@ contains
   !> With springs on the mean, and from there without them. Where the contacts that hold are near their limit, all of them may slip in
   !> a step without springs, however near the solution is: then they keep a part of their own springs in the step.
   subroutine solve_regularised(newton, unknowns, constraint, report, is_drifting)
+    !> Newton solver of the balance
     type(newton_type), intent(inout) :: newton
+    !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(inout) :: unknowns
+    !> Linear condition on motion and frequency that closes the system
     type(constraint_type), intent(in) :: constraint
+    !> How the solve ended
     type(newton_report_type), intent(inout) :: report
     !> Does nothing but the springs hold the body?
     logical, intent(out) :: is_drifting
@@ -118,10 +130,15 @@ contains
 
   !> With springs on the mean, which are relaxed as long as no contact holds.
   subroutine relax_springs(newton, unknowns, constraint, report, is_drifting)
+    !> Newton solver of the balance
     type(newton_type), intent(inout) :: newton
+    !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(inout) :: unknowns
+    !> Linear condition on motion and frequency that closes the system
     type(constraint_type), intent(in) :: constraint
+    !> How the solve ended
     type(newton_report_type), intent(inout) :: report
+    !> Does the body drift?
     logical, intent(out) :: is_drifting
     type(mean_increments_type) :: increments
     integer :: i, iterations, linear_iterations
@@ -149,10 +166,15 @@ contains
 
   !> Newton's method, for so many iterations at most.
   subroutine solve_in_few(newton, unknowns, constraint, most, report)
+    !> Newton solver of the balance
     type(newton_type), intent(inout) :: newton
+    !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(inout) :: unknowns
+    !> Linear condition on motion and frequency that closes the system
     type(constraint_type), intent(in) :: constraint
+    !> Most iterations
     integer, intent(in) :: most
+    !> How the solve ended
     type(newton_report_type), intent(inout) :: report
     integer :: before
 
@@ -164,7 +186,9 @@ contains
 
   !> Add the iterations of all tries so far to a report.
   pure subroutine count_on(report, iterations, linear_iterations)
+    !> How the solve ended
     type(newton_report_type), intent(inout) :: report
+    !> Counts on
     integer, intent(inout) :: iterations, linear_iterations
 
     iterations = iterations + report%iterations

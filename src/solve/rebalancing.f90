@@ -27,7 +27,9 @@ contains
 
   !> Share out anew after the last point if it pays; fields follow.
   subroutine rebalance(solver, fields)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Fields that move with the contacts
     type(field_type), intent(inout) :: fields(:)
     integer, allocatable :: work(:), owner(:)
     integer :: i
@@ -43,6 +45,7 @@ contains
   end subroutine rebalance
 
   pure integer function work_of(forces)
+    !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(in) :: forces
 
     work_of = work_stuck
@@ -52,6 +55,7 @@ contains
 
   !> The rank of each contact, from 0, that evens out the work.
   pure function even_shares(work, ranks) result(owner)
+    !> Work of each contact; number of ranks
     integer, intent(in) :: work(:), ranks
     integer :: owner(size(work))
     integer :: i, before
@@ -65,6 +69,7 @@ contains
 
   !> Work of the busiest rank.
   pure real(wp) function busiest(work, owner, ranks)
+    !> Work of each contact; rank of each contact, from 0; number of ranks
     integer, intent(in) :: work(:), owner(:), ranks
     integer :: rank
 
@@ -73,8 +78,11 @@ contains
 
   !> Take over the contacts that are this rank's now, with all that belongs to them.
   subroutine move(solver, owner, fields)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Rank of each contact, from 0
     integer, intent(in) :: owner(:)
+    !> Fields that move with the contacts
     type(field_type), intent(inout) :: fields(:)
     type(field_type) :: own(4)
     integer :: first, last, i
@@ -102,8 +110,11 @@ contains
 
   !> All columns of a field, and of them those of the contacts first ... last.
   subroutine hand_over(solver, first, last, field)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> First of the contacts; last of the contacts
     integer, intent(in) :: first, last
+    !> Fields that move with the contacts
     type(field_type), intent(inout) :: field
     real(wp), allocatable :: everyone(:, :)
     integer :: from, to

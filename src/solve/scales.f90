@@ -19,12 +19,15 @@ contains
 
   !> Norms of the harmonics and of the mean of the contacts' motion between two angular frequencies.
   subroutine find_scales(balance, resonances, low, high, scale, mean)
+    !> Harmonic balance, whose last evaluation this changes
     type(balance_type), intent(inout) :: balance
     !> Angular frequencies of the stuck system
     real(wp), intent(in) :: resonances(:)
+    !> Lower end; upper end
     real(wp), intent(in) :: low, high
     !> Of the harmonics, or with no excitation of the mean; with no load at all anything does, and it stays as it is
     real(wp), intent(inout) :: scale
+    !> Mean over the period
     real(wp), intent(out) :: mean
     real(wp), allocatable :: looked_at(:), motion(:, :)
     real(wp) :: largest
@@ -52,6 +55,7 @@ contains
 
   !> A stuck structure may be undamped: frequencies kept off its resonances by what a small damping ratio would.
   pure function off_resonance(omega, resonances) result(moved)
+    !> Angular frequency, rad/s; angular frequencies of the stuck modes
     real(wp), intent(in) :: omega(:), resonances(:)
     real(wp) :: moved(size(omega))
     integer :: i
@@ -66,7 +70,9 @@ contains
 
   !> Which of some frequencies has the largest response of the modes.
   real(wp) function frequency_of_largest(balance, omega) result(largest)
+    !> Harmonic balance, whose last evaluation this changes
     type(balance_type), intent(inout) :: balance
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega(:)
     complex(wp), allocatable :: response(:, :)
     real(wp) :: square, highest
@@ -87,7 +93,9 @@ contains
 
   !> Of rows of all ranks.
   real(wp) function norm_over_ranks(balance, rows)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
+    !> Field over contact rows
     real(wp), intent(in) :: rows(:, :)
 
     norm_over_ranks = sum(rows**2)

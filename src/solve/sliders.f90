@@ -12,6 +12,7 @@ contains
 
   !> Sliders that a further period would move become periodic, from where it would move them; says whether there were any.
   logical function found_moving(balance, least)
+    !> Harmonic balance, whose last evaluation this changes
     type(balance_type), intent(inout) :: balance
     !> Distance that counts as moving
     real(wp), intent(in) :: least
@@ -33,6 +34,7 @@ contains
 
   !> Let the sliders of the last evaluation be the start of the next point; a periodic one that has come to rest was shaken down.
   subroutine keep_sliders(balance, before, least)
+    !> Harmonic balance, whose last evaluation this changes
     type(balance_type), intent(inout) :: balance
     !> Sliders at the point before [width, contacts], and the distance that counts as having moved
     real(wp), intent(in) :: before(:, :), least
@@ -51,6 +53,7 @@ contains
 
   !> The largest distance by which one more period would move a slider.
   real(wp) function largest_defect(balance)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     integer :: i
 
@@ -63,6 +66,7 @@ contains
 
   !> Has every contact stuck all over the period?
   logical function none_moves(balance)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     real(wp) :: moving
 
@@ -72,6 +76,7 @@ contains
 
   !> Does every contact slip or open in the period?
   logical function none_holds(balance)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     real(wp) :: holds
 

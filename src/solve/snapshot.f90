@@ -23,6 +23,7 @@ contains
 
   !> Of a solver's present point.
   function snapshot_of(solver) result(snapshot)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     type(snapshot_type) :: snapshot
 
@@ -31,7 +32,9 @@ contains
 
   !> Set a solver to a snapshot.
   subroutine restore(solver, snapshot)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Motion, sliders and frequency to return to
     type(snapshot_type), intent(in) :: snapshot
 
     solver%motion = snapshot%motion
@@ -43,6 +46,7 @@ contains
   !> Take a solver's present point; one copy fewer than assigning `snapshot_of`.
   subroutine take(self, solver)
     class(snapshot_type), intent(inout) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
 
     self%motion = solver%motion
@@ -55,6 +59,7 @@ contains
   !> Swap with another, without a copy.
   subroutine exchange(self, other)
     class(snapshot_type), intent(inout) :: self
+    !> Motion, sliders and frequency to return to
     type(snapshot_type), intent(inout) :: other
     type(snapshot_type) :: third
 
@@ -65,6 +70,7 @@ contains
   contains
 
     subroutine move(a, b)
+      !> Motion, sliders and frequency to return to
       type(snapshot_type), intent(inout) :: a, b
 
       call move_alloc(a%motion, b%motion)
@@ -78,6 +84,7 @@ contains
   !> Save to a store, or load from it.
   subroutine keep(self, store)
     class(snapshot_type), intent(inout) :: self
+    !> Numbers that a point leaves for the next, written or read in turn
     type(state_store_type), intent(inout) :: store
 
     call store%keep(self%motion)

@@ -86,11 +86,16 @@ contains
 
   !> Diagonalise the stuck system and create balance and Newton's method.
   subroutine new_solver(structure, contacts, ranks, options, self, error)
+    !> Mass, stiffness, damping, loads and monitors
     type(structure_type), intent(in) :: structure
+    !> All contacts: laws and directions
     type(contacts_type), intent(in) :: contacts
+    !> Ranks that share the work
     type(communicator_type), intent(in) :: ranks
+    !> How to solve
     type(solver_options_type), intent(in) :: options
     type(solver_type), intent(out) :: self
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     class(receptance_type), allocatable :: receptance
 
@@ -170,6 +175,7 @@ contains
   !> Take the point that the balance was last evaluated at; sliders go on from it.
   subroutine accept(self, motion, omega, slider_before)
     class(solver_type), intent(inout) :: self
+    !> Coefficients of relative displacement, by harmonic and row; angular frequency, rad/s
     real(wp), intent(in) :: motion(:, :), omega
     !> Sliders at the point before [width, contacts]
     real(wp), intent(in) :: slider_before(:, :)
@@ -193,6 +199,7 @@ contains
   !> Tolerance of the solve that finds which sliders move over a period. With one tangent none does, and the first solve is the last.
   real(wp) function loose_tolerance(self, tight)
     class(solver_type), intent(in) :: self
+    !> Tolerance that the last solve keeps
     real(wp), intent(in) :: tight
     real(wp), parameter :: share = 1.0e-3_wp
     real(wp) :: square
@@ -207,6 +214,7 @@ contains
   !> Solve at a given angular frequency.
   subroutine solve_at(self, omega)
     class(solver_type), intent(inout) :: self
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
     type(constraint_type) :: constraint
     real(wp) :: before
@@ -226,7 +234,9 @@ contains
   !> sliders where they are: no iteration is needed. Nothing changes if it does not.
   subroutine solve_stuck_at(self, omega, stuck)
     class(solver_type), intent(inout) :: self
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
+    !> Does every contact stick?
     logical, intent(out) :: stuck
 
     stuck = .false.
@@ -241,6 +251,7 @@ contains
   !> Scales of residuals and steps between two angular frequencies, and the tolerance that rounding leaves.
   subroutine set_scales(self, omega_a, omega_b)
     class(solver_type), intent(inout) :: self
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega_a, omega_b
     real(wp) :: mean, square
 
@@ -260,6 +271,7 @@ contains
   !> Factors on the static loads, and the level of the harmonic ones.
   subroutine set_loads(self, static_factors, level)
     class(solver_type), intent(inout) :: self
+    !> Factors on the static loads; factor on the harmonic loads
     real(wp), intent(in) :: static_factors(:), level
 
     self%context%balance%static_factors = static_factors
@@ -287,6 +299,7 @@ contains
   !> Go on with another length of the series and other samples; the motion keeps the harmonics that both lengths have.
   subroutine set_resolution_of_solver(self, harmonics, samples)
     class(solver_type), intent(inout) :: self
+    !> Highest harmonic, H; samples a period, J
     integer, intent(in) :: harmonics, samples
 
     if (harmonics == self%options%harmonics .and. samples == self%options%samples) return
@@ -336,6 +349,7 @@ contains
   !> Save or load what the next point depends on.
   subroutine keep(self, store)
     class(solver_type), intent(inout) :: self
+    !> Numbers that a point leaves for the next, written or read in turn
     type(state_store_type), intent(inout) :: store
     integer :: first, last, harmonics, samples
 

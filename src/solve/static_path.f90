@@ -25,6 +25,7 @@ contains
 
   !> Follow the path from the unloaded state; the solver is left with the loads, motion and sliders of the last point.
   subroutine follow_static_path(solver, path, steps, omega, error)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Factors on the static loads at the corners [loads, corners]
     real(wp), intent(in) :: path(:, :)
@@ -32,6 +33,7 @@ contains
     integer, intent(in) :: steps
     !> Angular frequency, which matters to nothing but the scales
     real(wp), intent(in) :: omega
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     real(wp) :: from(size(path, 1)), to(size(path, 1))
     integer :: corner, iterations
@@ -72,8 +74,11 @@ contains
 
   subroutine solve_loads(self, solver, t, converged)
     class(load_homotopy_type), intent(in) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Parameter, 0 to 1, or time
     real(wp), intent(in) :: t
+    !> Did the solve converge?
     logical, intent(out) :: converged
 
     call solver%set_loads(self%from + t*(self%to - self%from), 0.0_wp)

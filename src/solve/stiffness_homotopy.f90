@@ -36,6 +36,7 @@ contains
 
   !> Is the structure small enough? A mean that is frozen belongs to one stiffness.
   pure logical function can_soften(solver)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
 
     can_soften = .not. solver%options%uncoupled .and. size(solver%structure%mass, 1) <= most_coordinates
@@ -43,10 +44,13 @@ contains
 
   !> From soft contacts to the contacts as they are.
   subroutine solve_by_stiffness(solver, omega, iterations, converged)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
     !> Counts on
     integer, intent(inout) :: iterations
+    !> Did the solve converge?
     logical, intent(out) :: converged
     real(wp), allocatable :: motion(:, :)
     integer :: i, start
@@ -67,8 +71,11 @@ contains
 
   subroutine solve_softened(self, solver, t, converged)
     class(stiffness_homotopy_type), intent(in) :: self
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Parameter, 0 to 1, or time
     real(wp), intent(in) :: t
+    !> Did the solve converge?
     logical, intent(out) :: converged
 
     if (t < 1.0_wp) then
@@ -81,10 +88,13 @@ contains
 
   !> Solve with softer contacts; the solver takes the motion, its sliders do not change.
   subroutine solve_at_part(solver, omega, factor, start, converged)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Angular frequency, rad/s; part of the contact stiffness
     real(wp), intent(in) :: omega, factor
     !> One of `from_...`
     integer, intent(in) :: start
+    !> Did the solve converge?
     logical, intent(out) :: converged
     type(solver_type) :: softer
     integer :: status, iterations
@@ -116,9 +126,13 @@ contains
 
   !> The same solver with softer contacts, at the same motion, sliders and loads.
   subroutine soften(solver, factor, softer, done)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Part of the contact stiffness
     real(wp), intent(in) :: factor
+    !> Solver of points, which this moves
     type(solver_type), intent(out) :: softer
+    !> Was it set up?
     logical, intent(out) :: done
     type(contacts_type) :: contacts
     type(error_type), allocatable :: error

@@ -37,6 +37,7 @@ contains
   !> Solve at an angular frequency, with the present loads. Newton's method from the point before is given up early where other starts
   !> follow, and run to its end when these have failed.
   subroutine solve_by_cascade(solver, omega)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Target
     real(wp), intent(in) :: omega
@@ -76,7 +77,9 @@ contains
 
   !> Put a body that drifts back to its position before: drift is the same at any position, and rounding grows with the distance.
   subroutine remove_drift(solver, before)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Motion, sliders and frequency to return to
     type(snapshot_type), intent(in) :: before
     real(wp), allocatable :: slider(:, :)
 
@@ -89,7 +92,9 @@ contains
 
   !> Is everything there that a strategy needs?
   pure logical function is_possible(solver, attempt)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Strategy, see `attempt_names`
     integer, intent(in) :: attempt
 
     select case (attempt)
@@ -106,7 +111,9 @@ contains
 
   !> Is a strategy worth its cost at its place in the order?
   pure logical function is_worth_while(solver, attempt, was_drifting)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Strategy, see `attempt_names`
     integer, intent(in) :: attempt
     !> Did the body drift at the point before? Then that is no solution.
     logical, intent(in) :: was_drifting
@@ -124,7 +131,9 @@ contains
 
   !> Has a strategy that failed shown that there is nothing to find? Fewer are needed where the point before had no orbit either.
   pure logical function is_enough(solver, attempt, was_drifting, lost)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Strategy, see `attempt_names`
     integer, intent(in) :: attempt
     !> Did the body drift at the point before; had that no orbit?
     logical, intent(in) :: was_drifting, lost
@@ -135,9 +144,11 @@ contains
 
   !> Solve at an angular frequency by one strategy alone, to compare strategies; if it fails the solver is left as it was.
   subroutine solve_by_attempt(solver, attempt, omega)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Place among `attempt_names`, from 1
     integer, intent(in) :: attempt
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
     type(snapshot_type) :: before
     integer :: iterations
@@ -158,14 +169,19 @@ contains
 
   !> One strategy from the solver's present point. Where the body drifts the solver is left at the drifting motion.
   subroutine try(solver, attempt, omega, before, was_drifting, lost, iterations, converged)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Strategy, see `attempt_names`
     integer, intent(in) :: attempt
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
+    !> Motion, sliders and frequency to return to
     type(snapshot_type), intent(in) :: before
     !> Did the body drift at the point before; had that no orbit?
     logical, intent(in) :: was_drifting, lost
     !> Counts on
     integer, intent(inout) :: iterations
+    !> Did the solve converge?
     logical, intent(out) :: converged
 
     select case (attempt)
@@ -196,10 +212,13 @@ contains
 
   !> From the present motion.
   subroutine solve_here(solver, omega, iterations, converged)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
     !> Counts on
     integer, intent(inout) :: iterations
+    !> Did the solve converge?
     logical, intent(out) :: converged
 
     call solver%solve_at(omega)
@@ -209,13 +228,17 @@ contains
 
   !> From the static solution by steps in force.
   subroutine march_level(solver, omega, with_springs, most_iterations, iterations, converged)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
     !> With springs on the mean?
     logical, intent(in) :: with_springs
+    !> Most iterations
     integer, intent(in) :: most_iterations
     !> Counts on
     integer, intent(inout) :: iterations
+    !> Did the solve converge?
     logical, intent(out) :: converged
     real(wp) :: level
 
@@ -228,10 +251,13 @@ contains
 
   !> From the response with every contact stuck.
   subroutine solve_from_stuck(solver, omega, iterations, converged)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
     !> Counts on
     integer, intent(inout) :: iterations
+    !> Did the solve converge?
     logical, intent(out) :: converged
     integer :: status
 

@@ -30,6 +30,7 @@ contains
 
   !> Can time integration give starts? A frozen mean has no motion in time, and an integrator has one slider a contact.
   pure logical function has_time_integrator(solver)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
 
     has_time_integrator = allocated(solver%time_integrator) .and. .not. solver%options%uncoupled &
@@ -38,7 +39,9 @@ contains
 
   !> Newton's method from the averages of motion in time, until it converges or the body is found to drift.
   subroutine solve_from_time_integration(solver, omega, was_drifting, lost, iterations, converged)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
     !> Did the body drift at the point before? Then springs on the mean show after every window whether it still does.
     logical, intent(in) :: was_drifting
@@ -46,6 +49,7 @@ contains
     logical, intent(in) :: lost
     !> Counts on
     integer, intent(inout) :: iterations
+    !> Did the solve converge?
     logical, intent(out) :: converged
     type(snapshot_type) :: before
 
@@ -60,12 +64,17 @@ contains
 
   !> So many averaging windows from the present point.
   subroutine run_and_solve(solver, omega, attempts, was_drifting, iterations, converged)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
+    !> How many averaging windows
     integer, intent(in) :: attempts
+    !> Did the body drift at the point before?
     logical, intent(in) :: was_drifting
     !> Counts on
     integer, intent(inout) :: iterations
+    !> Did the solve converge?
     logical, intent(out) :: converged
     type(periods_type) :: periods
     integer :: attempt, drifting
@@ -93,6 +102,7 @@ contains
 
   !> Numbers without the digits that depend on the order of sums over ranks: these would grow in motion that is unstable.
   pure function rounded(numbers)
+    !> Numbers to round
     real(wp), intent(in) :: numbers(:)
     real(wp) :: rounded(size(numbers)), unit
 
@@ -102,10 +112,13 @@ contains
 
   !> Integrate over one averaging window, and set the solver to the average.
   subroutine move_on(solver, omega, count, periods)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
     !> Periods averaged
     integer, intent(in) :: count
+    !> Averages over periods of the motion in time
     type(periods_type), intent(out) :: periods
 
     associate (balance => solver%context%balance)
@@ -119,6 +132,7 @@ contains
 
   !> Start the time integration at the solver's motion, at the start of a period.
   subroutine start_integrator(solver, is_started)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> .false.: the balance cannot be evaluated here
     logical, intent(out) :: is_started

@@ -51,11 +51,13 @@ module attrito_solve_time_integrator
     subroutine average_over(self, excitation, harmonics, count, periods)
       import :: time_integrator_type, excitation_type, periods_type
       class(time_integrator_type), intent(inout) :: self
+      !> Loads of the motion in time
       type(excitation_type), intent(in) :: excitation
       !> Of the coefficients
       integer, intent(in) :: harmonics
       !> Periods to average over, 3 at least
       integer, intent(in) :: count
+      !> Averages over periods of the motion in time
       type(periods_type), intent(out) :: periods
     end subroutine average_over
   end interface

@@ -24,6 +24,7 @@ module attrito_stability_contour
     function matrix_at(self, s) result(matrix)
       import :: nonlinear_problem_type, wp
       class(nonlinear_problem_type), intent(in) :: self
+      !> Exponent, 1/s, or time
       complex(wp), intent(in) :: s
       complex(wp), allocatable :: matrix(:, :)
     end function matrix_at
@@ -53,7 +54,9 @@ contains
 
   !> Every eigenvalue within (some just outside may be among them), as often as its multiplicity.
   subroutine eigenvalues_within(problem, ellipse, most, eigenvalues, vectors, info)
+    !> Nonlinear eigenvalue problem
     class(nonlinear_problem_type), intent(in) :: problem
+    !> Contour within which eigenvalues are sought
     type(ellipse_type), intent(in) :: ellipse
     !> More than there are, at most the unknowns
     integer, intent(in) :: most
@@ -89,7 +92,9 @@ contains
   end subroutine eigenvalues_within
 
   pure integer function size_limit(problem, most)
+    !> Nonlinear eigenvalue problem
     class(nonlinear_problem_type), intent(in) :: problem
+    !> Largest number allowed
     integer, intent(in) :: most
 
     size_limit = min(most, problem%unknowns())
@@ -97,10 +102,15 @@ contains
 
   !> Both moments about the centre [n, columns, 0:1].
   subroutine integrate(problem, ellipse, columns, moments, info)
+    !> Nonlinear eigenvalue problem
     class(nonlinear_problem_type), intent(in) :: problem
+    !> Contour within which eigenvalues are sought
     type(ellipse_type), intent(in) :: ellipse
+    !> Number of columns
     integer, intent(in) :: columns
+    !> Moments about the centre
     complex(wp), allocatable, intent(out) :: moments(:, :, :)
+    !> 0: done, else LAPACK's code
     integer, intent(out) :: info
     complex(wp), allocatable :: matrix(:, :), probe(:, :), solution(:, :)
     integer, allocatable :: pivots(:)
@@ -128,6 +138,7 @@ contains
 
   !> Columns without pattern, the same everywhere (Lehmer's generator).
   pure function probe_of(n, columns) result(probe)
+    !> Number of coordinates; number of columns
     integer, intent(in) :: n, columns
     complex(wp) :: probe(n, columns)
     integer(8), parameter :: modulus = 2147483647_8
@@ -149,11 +160,15 @@ contains
 
   !> Newton's method in the form of inverse iteration, F(s) y = F' x, s <- s - 1/(x^H y), F' by a central difference at the start.
   subroutine polish(problem, guess, start, s, good)
+    !> Nonlinear eigenvalue problem
     class(nonlinear_problem_type), intent(in) :: problem
+    !> Exponent to start from
     complex(wp), intent(in) :: guess
     !> Vector, on leaving that of the eigenvalue
     complex(wp), intent(inout) :: start(:)
+    !> Exponent, 1/s, or time
     complex(wp), intent(out) :: s
+    !> Has it converged?
     logical, intent(out) :: good
     real(wp), parameter :: difference = 1.0e-5_wp
     complex(wp), allocatable :: matrix(:, :), slope(:, :), y(:, :)

@@ -65,6 +65,7 @@ contains
   !> Save to a store, or load from it.
   subroutine keep(self, store)
     class(moduli_type), intent(inout) :: self
+    !> Numbers that a point leaves for the next, written or read in turn
     type(state_store_type), intent(inout) :: store
 
     call store%keep(self%value)
@@ -73,7 +74,9 @@ contains
 
   !> What an examination found, told to every rank; none if it found nothing.
   subroutine moduli_of(solver, examination, self)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> What is found of stability
     type(examination_type), intent(in) :: examination
     type(moduli_type), intent(out) :: self
     type(multiplier_type), allocatable :: found(:)
@@ -98,6 +101,7 @@ contains
   end subroutine moduli_of
 
   pure integer function outside(moduli)
+    !> Dynamic multipliers of a point, the largest first
     type(moduli_type), intent(in) :: moduli
 
     outside = count(abs(moduli%value) > 1.0_wp)
@@ -105,12 +109,17 @@ contains
 
   !> All crossings on a step, in their order. The solver is left where the search ends.
   subroutine locate_crossings(solver, system, options, step, moduli, found)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), allocatable, intent(in) :: system
+    !> Engines, and the orbit that they examine
     type(examine_options_type), intent(in) :: options
+    !> Step along the branch
     type(step_type), intent(in) :: step
     !> At both ends of the step
     type(moduli_type), intent(in) :: moduli(2)
+    !> Crossings of the unit circle
     type(crossing_type), allocatable, intent(out) :: found(:)
     type(examine_options_type) :: one_orbit
     type(end_type) :: a, b, end
@@ -136,10 +145,15 @@ contains
 
   !> Multipliers at both ends of one kind of orbit: where either may be meant, of the event-exact one if it is there at both.
   subroutine settle_on_orbit(solver, system, step, options, a, b)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), allocatable, intent(in) :: system
+    !> Step along the branch
     type(step_type), intent(in) :: step
+    !> Engines, and the orbit that they examine
     type(examine_options_type), intent(inout) :: options
+    !> End of what is left of the step
     type(end_type), intent(inout) :: a, b
     type(end_type) :: ends(2)
     integer :: orbit, i
@@ -163,10 +177,15 @@ contains
 
   !> Bring two ends together on a crossing.
   subroutine close_in(solver, system, options, step, a, b)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), allocatable, intent(in) :: system
+    !> Engines, and the orbit that they examine
     type(examine_options_type), intent(in) :: options
+    !> Step along the branch
     type(step_type), intent(in) :: step
+    !> End of what is left of the step
     type(end_type), intent(inout) :: a, b
     type(end_type) :: new
     logical :: solved
@@ -196,11 +215,16 @@ contains
 
   !> Multipliers at a part of the step.
   subroutine examine_part(solver, system, options, step, self, solved)
+    !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), allocatable, intent(in) :: system
+    !> Engines, and the orbit that they examine
     type(examine_options_type), intent(in) :: options
+    !> Step along the branch
     type(step_type), intent(in) :: step
     type(end_type), intent(inout) :: self
+    !> Is the point solved?
     logical, intent(out) :: solved
     type(examination_type) :: examination
 
@@ -214,7 +238,9 @@ contains
 
   !> ln|mu| of the multiplier that is watched; far below the circle if there is none.
   pure real(wp) function logarithm(moduli, watched)
+    !> Dynamic multipliers of a point, the largest first
     type(moduli_type), intent(in) :: moduli
+    !> Number of the multiplier
     integer, intent(in) :: watched
 
     logarithm = -1.0_wp
@@ -223,7 +249,9 @@ contains
 
   !> Where the secant through both weights vanishes, or the middle; never at an end.
   pure real(wp) function next_part(a, b, middle)
+    !> End of what is left of the step
     type(end_type), intent(in) :: a, b
+    !> Take the middle?
     logical, intent(in) :: middle
     real(wp), parameter :: off = 1.0e-3_wp
     real(wp) :: share
@@ -235,6 +263,7 @@ contains
 
   !> The crossing between two ends that are near each other.
   function crossing_between(a, b) result(self)
+    !> End of what is left of the step
     type(end_type), intent(in) :: a, b
     type(crossing_type) :: self
     integer :: watched
@@ -262,7 +291,9 @@ contains
 
   !> Of two motions, relative to the first.
   real(wp) function distance(solver, one, other)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Motion, sliders and frequency to return to
     type(snapshot_type), intent(in) :: one, other
     real(wp) :: squares(2)
 

@@ -20,8 +20,11 @@ contains
 
   !> A balance's motion at equal instants of its period [m, 0:count - 1].
   function trajectory_of_balance(solver, system, count) result(trajectory)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Number of instants
     integer, intent(in) :: count
     real(wp), allocatable :: trajectory(:, :)
     real(wp), allocatable :: harmonics(:, :), basis(:, :)
@@ -40,6 +43,7 @@ contains
 
   !> Of a motion from a balance's, at the same instants [m, instants], part of the latter's amplitude.
   pure real(wp) function distance_between(motion, balance) result(distance)
+    !> Motion at the instants; motion of the balance at the instants
     real(wp), intent(in) :: motion(:, :), balance(:, :)
     real(wp) :: mean(size(balance, 1)), amplitude
     integer :: i

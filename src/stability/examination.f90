@@ -59,6 +59,7 @@ contains
 
   !> Laws with a little more friction on contacts that hold: their forces are the same, and they stick beyond doubt.
   function held(law, holds) result(changed)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law(:)
     !> [contacts]
     logical, intent(in) :: holds(:)
@@ -77,6 +78,7 @@ contains
 
   !> A part of the amplitude in words.
   pure function part(x) result(text)
+    !> Part of the amplitude
     real(wp), intent(in) :: x
     character(:), allocatable :: text
     character(12) :: digits
@@ -86,6 +88,7 @@ contains
   end function part
 
   pure function number(i) result(text)
+    !> Number of the mode or contact
     integer, intent(in) :: i
     character(:), allocatable :: text
     character(12) :: digits

@@ -19,9 +19,11 @@ contains
 
   !> Examine the solver's present point, at the root; the verdict is known to all.
   subroutine examine(solver, system, options, self)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     !> Of `system_of`, allocated where the root is
     type(system_type), allocatable, intent(in) :: system
+    !> Engines, and the orbit that they examine
     type(examine_options_type), intent(in) :: options
     type(examination_type), intent(out) :: self
     type(balance_motion_type) :: all
@@ -61,10 +63,15 @@ contains
   !> The linear system of a structure in time, at an angular frequency: where a loss factor is to be taken for the viscous damping
   !> that is equal to it there, C = eta K / omega.
   subroutine system_of(solver, equivalent_viscous, omega, system, error)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Replace a loss factor by viscous damping?
     logical, intent(in) :: equivalent_viscous
+    !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(out) :: system
+    !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     type(structure_type) :: structure
 

@@ -30,9 +30,13 @@ contains
 
   !> Examine a motion of all contacts; those with two tangents stick.
   subroutine examine_legs(solver, system, options, all_contacts, self)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Engines, and the orbit that they examine
     type(examine_options_type), intent(in) :: options
+    !> Motion and forces of all contacts by the balance
     type(balance_motion_type), intent(in) :: all_contacts
     type(examination_type), intent(inout) :: self
     type(orbit_legs_type) :: orbit, perturbed_orbits(2)
@@ -60,10 +64,15 @@ contains
 
   !> On the event-exact orbit near a state, which is then where its period starts; none there, no verdict.
   subroutine examine_exact(solver, system, options, all_contacts, start, self)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Engines, and the orbit that they examine
     type(examine_options_type), intent(in) :: options
+    !> Motion and forces of all contacts by the balance
     type(balance_motion_type), intent(in) :: all_contacts
+    !> Displacement, velocity and sliders at the start
     type(state_type), intent(inout) :: start
     type(examination_type), intent(inout) :: self
     type(orbit_legs_type) :: orbit, perturbed_orbits(2)
@@ -91,9 +100,13 @@ contains
 
   !> Multipliers of the balance's orbit where there is no event-exact one beside it: they decide nothing.
   subroutine judge_without_verdict(system, options, period, orbit, perturbed_orbits, self)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Engines, and the orbit that they examine
     type(examine_options_type), intent(in) :: options
+    !> Length of the period, s
     real(wp), intent(in) :: period
+    !> Orbit as segments between its events
     type(orbit_legs_type), intent(in) :: orbit, perturbed_orbits(2)
     type(examination_type), intent(inout) :: self
     character(:), allocatable :: reason
@@ -108,8 +121,11 @@ contains
 
   !> Multipliers of an orbit and what they say.
   subroutine judge_orbit(system, options, period, orbit, perturbed_orbits, self)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Engines, and the orbit that they examine
     type(examine_options_type), intent(in) :: options
+    !> Length of the period, s
     real(wp), intent(in) :: period
     !> Its legs, and those with contacts perturbed
     type(orbit_legs_type), intent(in) :: orbit, perturbed_orbits(2)
@@ -141,9 +157,13 @@ contains
 
   !> Where the largest modulus lies if that does not decide: between those of the engines, and on both sides of a graze.
   subroutine find_interval(system, period, orbit, perturbed_orbits, grazes, self)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Length of the period, s
     real(wp), intent(in) :: period
+    !> Orbit as segments between its events
     type(orbit_legs_type), intent(in) :: orbit, perturbed_orbits(2)
+    !> Does a contact graze?
     logical, intent(in) :: grazes
     type(examination_type), intent(inout) :: self
     type(multiplier_type), allocatable :: beside(:)
@@ -164,6 +184,7 @@ contains
   contains
 
     subroutine take_in(multipliers)
+      !> Floquet multipliers
       type(multiplier_type), intent(in) :: multipliers(:)
 
       self%low = min(self%low, largest_multiplier(multipliers))
@@ -173,8 +194,11 @@ contains
 
   !> Legs of the balance's orbit, and with contacts perturbed.
   subroutine balanced_legs(solver, motion, slider, orbit, perturbed_orbits)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Displacement of the coordinates; sliders, as the contacts have them
     real(wp), intent(in) :: motion(:, :), slider(:)
+    !> Orbit as segments between its events
     type(orbit_legs_type), intent(out) :: orbit, perturbed_orbits(2)
     integer :: i
 
@@ -189,8 +213,11 @@ contains
 
   !> How far motion in time goes from the balance's in the period that begins on it.
   real(wp) function one_period_away(system, loading, start, balance) result(distance)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
     type(loading_type), intent(in) :: loading
+    !> Displacement, velocity and sliders at the start
     type(state_type), intent(in) :: start
     !> Its motion [m, instants]
     real(wp), intent(in) :: balance(:, :)
@@ -204,11 +231,15 @@ contains
 
   !> Legs of the period that begins at the event-exact orbit's start, and with contacts perturbed.
   subroutine exact_legs(system, loading, oscillation_bounds, start, orbit, perturbed_orbits)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
     type(loading_type), intent(in) :: loading
     !> Size of each contact's normal displacement
     real(wp), intent(in) :: oscillation_bounds(:)
+    !> Displacement, velocity and sliders at the start
     type(state_type), intent(in) :: start
+    !> Orbit as segments between its events
     type(orbit_legs_type), intent(out) :: orbit, perturbed_orbits(2)
     type(system_type) :: other
     type(state_type) :: state
@@ -227,12 +258,15 @@ contains
 
   !> The event-exact orbit nearest to the balance's, by Newton's method from there, or from what motion in time settles to.
   subroutine find_exact(system, loading, balance, start, orbit, distance)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
     type(loading_type), intent(in) :: loading
     !> The balance's motion [m, instants]
     real(wp), intent(in) :: balance(:, :)
     !> Of the balance's period, then of the orbit's
     type(state_type), intent(inout) :: start
+    !> Orbit as segments between its events
     type(orbit_legs_type), intent(out) :: orbit
     !> Negative: none was found
     real(wp), intent(out) :: distance
@@ -255,8 +289,11 @@ contains
   contains
 
     subroutine shoot_from(state, legs, away)
+      !> Displacement, velocity and sliders
       type(state_type), intent(inout) :: state
+      !> Orbit as segments between its events
       type(orbit_legs_type), intent(out) :: legs
+      !> How far it lies from the balance's orbit
       real(wp), intent(out) :: away
       real(wp) :: moved
       logical :: found
@@ -269,7 +306,9 @@ contains
 
   !> Size of each contact's normal displacement, without its mean.
   pure function oscillation_bounds_of(law, motion) result(oscillation_bound)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law(:)
+    !> Displacement of the coordinates
     real(wp), intent(in) :: motion(:, :)
     real(wp) :: oscillation_bound(size(law))
     integer :: i
@@ -280,6 +319,7 @@ contains
   !> Of the engines that were asked for: they must agree.
   integer function verdict_of(self, switches) result(verdict)
     type(examination_type), intent(inout) :: self
+    !> Does any contact slip or open?
     logical, intent(in) :: switches
 
     verdict = not_examined

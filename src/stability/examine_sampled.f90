@@ -50,9 +50,13 @@ contains
   !> Examine a motion of all contacts: on the orbit of motion in time near the balance's, or, where that is asked for, on the
   !> balance's own. Without the former the multipliers of the latter are told, and there is no verdict.
   subroutine examine_sampled(solver, system, options, all_contacts, self)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Engines, and the orbit that they examine
     type(examine_options_type), intent(in) :: options
+    !> Motion and forces of all contacts by the balance
     type(balance_motion_type), intent(in) :: all_contacts
     type(examination_type), intent(inout) :: self
     type(loading_type) :: loading
@@ -78,9 +82,13 @@ contains
 
   !> On the orbit of motion in time near the balance's, from there or from what motion in time settles to.
   subroutine examine_sampled_in_time(solver, system, options, all_contacts, self)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Engines, and the orbit that they examine
     type(examine_options_type), intent(in) :: options
+    !> Motion and forces of all contacts by the balance
     type(balance_motion_type), intent(in) :: all_contacts
     type(examination_type), intent(inout) :: self
     type(state_type) :: start
@@ -102,12 +110,17 @@ contains
 
   !> On the orbit next to a state, and how far that lies from the balance's; negative: there is none.
   subroutine examine_near(solver, system, loading, start, sampled, distance)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
     type(loading_type), intent(in) :: loading
     !> Where the search starts, then where the orbit's period starts
     type(state_type), intent(inout) :: start
+    !> What is found of the sampled orbit
     type(sampled_examination_type), intent(out) :: sampled
+    !> From the balance's orbit, part of its amplitude; negative: there is none
     real(wp), intent(out) :: distance
     real(wp) :: moved
 
@@ -120,7 +133,9 @@ contains
 
   !> How far the orbit of motion in time lies from the balance's.
   real(wp) function one_period_away(system, loading, start, balance) result(distance)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
     type(loading_type), intent(in) :: loading
     !> Where its period starts
     type(state_type), intent(in) :: start
@@ -139,6 +154,7 @@ contains
 
   !> What multipliers of a sampled orbit say.
   subroutine judge_sampled(sampled, self)
+    !> What is found of the sampled orbit
     type(sampled_examination_type), intent(in) :: sampled
     type(examination_type), intent(inout) :: self
 
@@ -162,9 +178,11 @@ contains
 
   !> Of a balance's motion of all rows [2 H + 1, rows], with sliders at its start [2, contacts].
   subroutine examine_harmonics(system, period, motion, slider, self)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
     !> In units of the clock
     real(wp), intent(in) :: period
+    !> Displacement of the coordinates; sliders, as the contacts have them
     real(wp), intent(in) :: motion(:, :), slider(:, :)
     type(sampled_examination_type), intent(out) :: self
     type(sampled_motion_type) :: sampled
@@ -183,7 +201,9 @@ contains
 
   !> Of the orbit of motion in time that lies near a state.
   subroutine examine_in_time(system, loading, start, moved, self)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
     type(loading_type), intent(in) :: loading
     !> Where the search starts, then where the orbit's period starts
     type(state_type), intent(inout) :: start
@@ -214,9 +234,13 @@ contains
 
   !> Multipliers of a sampled motion, and what they changed of those before.
   subroutine add_sampled(system, period, motion, slider, self)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Length of the period, s
     real(wp), intent(in) :: period
+    !> Motion of the contacts at the samples of a period
     type(sampled_motion_type), intent(in) :: motion
+    !> Sliders, as the contacts have them
     real(wp), intent(in) :: slider(:, :)
     type(sampled_examination_type), intent(inout) :: self
     type(sampled_orbit_type) :: orbit
@@ -242,6 +266,7 @@ contains
 
   pure logical function is_enough(self, samples)
     type(sampled_examination_type), intent(in) :: self
+    !> Samples a period, J
     integer, intent(in) :: samples
 
     is_enough = len(self%failure) > 0 .or. samples >= most
@@ -251,9 +276,13 @@ contains
 
   !> A contact whose deeds change with friction and gap by hardly anything, and the interval of the largest modulus.
   subroutine look_for_graze(system, period, motion, slider, self)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Length of the period, s
     real(wp), intent(in) :: period
+    !> Motion of the contacts at the samples of a period
     type(sampled_motion_type), intent(in) :: motion
+    !> Sliders, as the contacts have them
     real(wp), intent(in) :: slider(:, :)
     type(sampled_examination_type), intent(inout) :: self
     type(sampled_orbit_type) :: orbit, beside(2)

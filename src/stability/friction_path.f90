@@ -47,8 +47,11 @@ contains
 
   !> March periods from a slider until it comes back.
   pure function follow_path(law, motion, slider) result(self)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> Motion of the contacts at the samples of a period
     type(sampled_motion_type), intent(in) :: motion
+    !> Sliders, as the contacts have them
     real(wp), intent(in) :: slider(2)
     type(path_type) :: self
     type(friction_type) :: state
@@ -70,8 +73,11 @@ contains
 
   !> A contact with a slider that need not be within its law.
   pure function first_state(law, motion, slider) result(state)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> Motion of the contacts at the samples of a period
     type(sampled_motion_type), intent(in) :: motion
+    !> Sliders, as the contacts have them
     real(wp), intent(in) :: slider(2)
     type(friction_type) :: state
     type(at_contact_type) :: here
@@ -94,8 +100,11 @@ contains
 
   !> One period; `periodic` tells whether it does not chatter.
   pure subroutine march(law, motion, state, self)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> Motion of the contacts at the samples of a period
     type(sampled_motion_type), intent(in) :: motion
+    !> State of a contact at an instant
     type(friction_type), intent(inout) :: state
     type(path_type), intent(inout) :: self
     real(wp) :: place, reached
@@ -126,6 +135,7 @@ contains
 
   !> The sample after a place.
   pure real(wp) function next_sample(place)
+    !> Number of the sample, with parts
     real(wp), intent(in) :: place
 
     next_sample = floor(place) + 1.0_wp
@@ -133,10 +143,15 @@ contains
 
   !> Stick to the next sample, or until the displacement leaves the disc.
   pure subroutine stick(law, motion, place, state, reached)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> Motion of the contacts at the samples of a period
     type(sampled_motion_type), intent(in) :: motion
+    !> Number of the sample, with parts
     real(wp), intent(in) :: place
+    !> State of a contact at an instant
     type(friction_type), intent(inout) :: state
+    !> Defect that is left
     real(wp), intent(out) :: reached
     type(at_contact_type) :: here
     real(wp) :: ends(2), middle
@@ -158,6 +173,7 @@ contains
   contains
 
     pure real(wp) function outside(at)
+      !> Displacement, normal force and rates of a contact at an instant
       type(at_contact_type), intent(in) :: at
 
       outside = norm2(at%u - state%slider) - law%friction_coefficient*at%pressed
@@ -166,10 +182,15 @@ contains
 
   !> Slip to the next sample, or until the contact opens or the slider comes to rest.
   pure subroutine slip(law, motion, place, state, reached)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> Motion of the contacts at the samples of a period
     type(sampled_motion_type), intent(in) :: motion
+    !> Number of the sample, with parts
     real(wp), intent(in) :: place
+    !> State of a contact at an instant
     type(friction_type), intent(inout) :: state
+    !> Defect that is left
     real(wp), intent(out) :: reached
     type(at_contact_type) :: from, here
     type(slip_type) :: turned
@@ -203,10 +224,15 @@ contains
 
   !> Open to the next sample, or until the contact lands.
   pure subroutine fly(law, motion, place, state, reached)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> Motion of the contacts at the samples of a period
     type(sampled_motion_type), intent(in) :: motion
+    !> Number of the sample, with parts
     real(wp), intent(in) :: place
+    !> State of a contact at an instant
     type(friction_type), intent(inout) :: state
+    !> Defect that is left
     real(wp), intent(out) :: reached
     type(at_contact_type) :: here
 
@@ -223,8 +249,11 @@ contains
 
   !> Where N vanishes, from a closed place towards an open one.
   pure real(wp) function lift_off(law, motion, closed, open) result(place)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> Motion of the contacts at the samples of a period
     type(sampled_motion_type), intent(in) :: motion
+    !> Place at which the contact is closed; place at which it is open
     real(wp), intent(in) :: closed, open
     type(at_contact_type) :: here
     real(wp) :: ends(2)
@@ -242,8 +271,11 @@ contains
 
   !> e . u' - r', the rate of a slider that slips.
   pure real(wp) function slip_rate(law, here, direction)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> Displacement, normal force and rates of a contact at an instant
     type(at_contact_type), intent(in) :: here
+    !> Direction of slip
     real(wp), intent(in) :: direction(2)
 
     slip_rate = dot_product(direction, here%u_rate) - law%friction_coefficient*here%pressed_rate
@@ -251,8 +283,11 @@ contains
 
   !> How the direction of slip turns between two places, with its derivatives; `by_slider` is by the angle at the first.
   pure function turn_over(law, from, to, direction) result(turned)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> Displacement, normal force and rates of a contact at an instant
     type(at_contact_type), intent(in) :: from, to
+    !> Direction of slip
     real(wp), intent(in) :: direction(2)
     type(slip_type) :: turned
     real(wp) :: moved(2), radius(2)
@@ -277,6 +312,7 @@ contains
 
   !> The direction of a vector, or if it has none another.
   pure function unit(vector, otherwise) result(direction)
+    !> Vector to start from; direction where it has none
     real(wp), intent(in) :: vector(2), otherwise(2)
     real(wp) :: direction(2), length
 

@@ -23,6 +23,7 @@ contains
 
   !> Contacts with a little more or less friction and gap.
   function perturbed_law(law, oscillation_bound, way) result(changed)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law(:)
     !> Size of each contact's normal displacement
     real(wp), intent(in) :: oscillation_bound(:)
@@ -37,6 +38,7 @@ contains
 
   !> The first contact that does something else once perturbed, 0: none.
   pure integer function grazing_contact(orbit, moved) result(contact)
+    !> Orbit as segments between its events
     type(orbit_legs_type), intent(in) :: orbit, moved
 
     do contact = 1, size(orbit%stuck)
@@ -48,7 +50,9 @@ contains
 
   !> Does a contact do the same things in the same order in two orbits, wherever the period is cut?
   pure logical function same_deeds(one, other, contact)
+    !> Orbit as segments between its events
     type(orbit_legs_type), intent(in) :: one, other
+    !> Number of the contact
     integer, intent(in) :: contact
     integer, allocatable :: a(:), b(:)
     integer :: turn
@@ -65,7 +69,9 @@ contains
 
   !> What a contact does in a period, in order, repetitions left out: 0 stick, +-1 slip, 2 open.
   pure function deeds(orbit, contact) result(list)
+    !> Orbit as segments between its events
     type(orbit_legs_type), intent(in) :: orbit
+    !> Number of the contact
     integer, intent(in) :: contact
     integer, allocatable :: list(:)
     integer :: now, before, i
@@ -82,7 +88,9 @@ contains
   end function deeds
 
   pure integer function deed(orbit, contact, leg)
+    !> Orbit as segments between its events
     type(orbit_legs_type), intent(in) :: orbit
+    !> Number of the contact; number of the segment
     integer, intent(in) :: contact, leg
 
     associate (this => orbit%legs(leg))

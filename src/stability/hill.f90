@@ -27,10 +27,13 @@ contains
 
   !> Multipliers of an orbit that are at least 0.01 in modulus, and those of sliders.
   subroutine hill_multipliers(system, orbit, period, multipliers, info)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Orbit as segments between its events
     type(orbit_legs_type), intent(in) :: orbit
     !> In units of the clock
     real(wp), intent(in) :: period
+    !> Floquet multipliers
     type(multiplier_type), allocatable, intent(out) :: multipliers(:)
     !> 0, `too_large`, or another: not found
     integer, intent(out) :: info
@@ -67,11 +70,15 @@ contains
 
   !> Polish exponents with more harmonics, where those are not too many; one that does not follow stays as it was.
   subroutine refine(system, orbit, nu, vectors, exponents)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Orbit as segments between its events
     type(orbit_legs_type), intent(in) :: orbit
+    !> Harmonic in which exponents lie
     real(wp), intent(in) :: nu
     !> Of fewer harmonics, in columns
     complex(wp), intent(in) :: vectors(:, :)
+    !> Floquet exponents, 1/s
     complex(wp), intent(inout) :: exponents(:)
     type(hill_problem_type) :: problem
     complex(wp), allocatable :: start(:, :)
@@ -95,6 +102,7 @@ contains
   contains
 
     subroutine polish_from(vector)
+      !> Vector to start from
       complex(wp), intent(in) :: vector(:)
       complex(wp) :: x(size(vector))
 
@@ -109,7 +117,9 @@ contains
   !> A negative multiplier lies on the strip's upper edge, by itself but for truncation, which knows no symmetry there; a pair
   !> close to it has its partner mirrored beyond.
   pure function multipliers_from(exponents, i) result(values)
+    !> Floquet exponents, 1/s
     complex(wp), intent(in) :: exponents(:)
+    !> Number of the mode or contact
     integer, intent(in) :: i
     complex(wp), allocatable :: values(:)
     real(wp), parameter :: rounding = 1.0e-7_wp
@@ -137,6 +147,7 @@ contains
   !> they are, e^{sigma T}, sigma^2 + D sigma + Lambda = 0. Of modes with one frequency, as many as the rank of what they carry
   !> from force to displacement lacks.
   function unseen_multipliers(problem) result(values)
+    !> Hill's problem with the delays of sticking sliders
     type(hill_problem_type), intent(in) :: problem
     complex(wp), allocatable :: values(:)
     complex(wp) :: root
@@ -164,7 +175,9 @@ contains
 
   !> The last mode that has the frequency and damping of one, but for rounding.
   pure integer function last_alike(system, first) result(last)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> First of the modes or legs
     integer, intent(in) :: first
     real(wp), parameter :: rounding = 1.0e-10_wp
     integer :: next
@@ -179,7 +192,9 @@ contains
 
   !> Rank of what some modes carry from forces to displacements.
   integer function carried(problem, first, last)
+    !> Hill's problem with the delays of sticking sliders
     type(hill_problem_type), intent(in) :: problem
+    !> First of the modes or legs; last of the modes
     integer, intent(in) :: first, last
     !> Part of the largest carrier that is none
     real(wp), parameter :: nothing = 1.0e-9_wp
@@ -198,7 +213,9 @@ contains
 
   !> Multipliers of the stuck system with damping that couples its modes, by its eigenvalues in first order.
   function free_multipliers(system, period) result(values)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Length of the period, s
     real(wp), intent(in) :: period
     complex(wp), allocatable :: values(:)
     real(wp) :: companion(2*size(system%eigenvalues), 2*size(system%eigenvalues))

@@ -55,8 +55,11 @@ contains
 
   !> Gather what contacts that slip or open do.
   subroutine new_hill_problem(system, orbit, nu, self, times)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Orbit as segments between its events
     type(orbit_legs_type), intent(in) :: orbit
+    !> Harmonic in which exponents lie
     real(wp), intent(in) :: nu
     type(hill_problem_type), intent(out) :: self
     !> So many times as many harmonics as usual
@@ -85,8 +88,11 @@ contains
   contains
 
     subroutine add_force(law, row, stiffness)
+      !> Contact: its springs and its law
       type(contact_type), intent(in) :: law
+      !> Row of the force
       integer, intent(in) :: row
+      !> Stiffness of the force
       real(wp), intent(in) :: stiffness
 
       self%row = [self%row, row]
@@ -97,7 +103,9 @@ contains
   end subroutine new_hill_problem
 
   pure logical function any_open(orbit, contact)
+    !> Orbit as segments between its events
     type(orbit_legs_type), intent(in) :: orbit
+    !> Number of the contact
     integer, intent(in) :: contact
     integer :: i
 
@@ -106,8 +114,11 @@ contains
 
   !> The rests of a contact's slider; one that begins the period began at the end of the one before.
   pure subroutine add_rests(orbit, contact, force, rests)
+    !> Orbit as segments between its events
     type(orbit_legs_type), intent(in) :: orbit
+    !> Number of the contact; number of the force
     integer, intent(in) :: contact, force
+    !> Rests of the slider
     type(rest_type), allocatable, intent(inout) :: rests(:)
     type(rest_type) :: rest
     integer :: i, j, n
@@ -134,7 +145,9 @@ contains
   !> Fourier coefficients of what multiplies u and v in a force while its contact slips or is open.
   pure subroutine integrate_legs(self, orbit, force)
     type(hill_problem_type), intent(inout) :: self
+    !> Orbit as segments between its events
     type(orbit_legs_type), intent(in) :: orbit
+    !> Number of the force
     integer, intent(in) :: force
     complex(wp) :: part
     real(wp) :: by_u, by_v
@@ -165,7 +178,9 @@ contains
 
   !> Integral of e^{z theta} over [from, to].
   pure complex(wp) function exponential_integral(z, from, to) result(integral)
+    !> Exponent per angle
     complex(wp), intent(in) :: z
+    !> Angle at which it begins; angle at which it ends
     real(wp), intent(in) :: from, to
     complex(wp) :: x
 
@@ -187,6 +202,7 @@ contains
   !> F(s), s over the angular frequency of the excitation.
   function hill_matrix(self, s) result(matrix)
     class(hill_problem_type), intent(in) :: self
+    !> Exponent, 1/s, or time
     complex(wp), intent(in) :: s
     complex(wp), allocatable :: matrix(:, :)
     complex(wp) :: by_u(-self%harmonics:self%harmonics, -self%harmonics:self%harmonics), by_v(size(by_u, 1), size(by_u, 1))
@@ -214,6 +230,7 @@ contains
   !> What every row moves by a unit of each force, R(s) [2 K + 1, forces, rows].
   function responses(self, s) result(response)
     type(hill_problem_type), intent(in) :: self
+    !> Exponent, 1/s, or time
     complex(wp), intent(in) :: s
     complex(wp), allocatable :: response(:, :, :)
     complex(wp) :: sigma
@@ -246,8 +263,11 @@ contains
   !> One force's harmonics by those of its contact's u and v, G(s) [2 K + 1, 2 K + 1] each.
   pure subroutine force_by_motion(self, s, force, by_u, by_v)
     type(hill_problem_type), intent(in) :: self
+    !> Exponent, 1/s, or time
     complex(wp), intent(in) :: s
+    !> Number of the force
     integer, intent(in) :: force
+    !> By the harmonics of u or v
     complex(wp), intent(out) :: by_u(-self%harmonics:, -self%harmonics:), by_v(-self%harmonics:, -self%harmonics:)
     complex(wp) :: held(-self%harmonics:self%harmonics), turn
     integer :: i, k, j

@@ -25,7 +25,9 @@ contains
 
   !> One of `stable` (all perturbations die out), `unstable` (one leaves), `indeterminate`.
   integer function decide_in_time(system, loading, start) result(verdict)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
     type(loading_type), intent(in) :: loading
     !> Where the orbit's period starts
     type(state_type), intent(in) :: start
@@ -54,6 +56,7 @@ contains
   contains
 
     real(wp) function distance(other)
+      !> State to compare with
       type(state_type), intent(in) :: other
 
       distance = hypot(norm2(state%motion - other%motion), norm2(state%rate - other%rate))
@@ -68,11 +71,15 @@ contains
 
   !> March until a period changes the motion by no more than a perturbation would.
   subroutine settle(system, loading, state, range, settled)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
     type(loading_type), intent(in) :: loading
+    !> Displacement, velocity and sliders
     type(state_type), intent(inout) :: state
     !> Half range of the motion over the last period
     real(wp), intent(out) :: range
+    !> Has it settled?
     logical, intent(out) :: settled
     type(state_type) :: before
     integer :: cycle
@@ -88,6 +95,7 @@ contains
 
   !> A direction of unit length, without pattern: turns by the golden angle.
   pure function direction(n, which) result(unit)
+    !> Number of coordinates; number of the direction
     integer, intent(in) :: n, which
     real(wp) :: unit(n)
     real(wp), parameter :: golden = 2.399963229728653_wp

@@ -40,6 +40,7 @@ contains
   !> Legs of contacts with one tangent along a trigonometric motion, switches located.
   !> Those with two tangents must stick throughout.
   subroutine legs_of_motion(law, grid, motion, slider, self)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law(:)
     !> For the motion's harmonics
     type(trigonometric_grid_type), intent(in) :: grid
@@ -69,7 +70,9 @@ contains
 
     !> The intervals of one contact, in its steady loop.
     subroutine append(contact, own)
+      !> Number of the contact
       integer, intent(in) :: contact
+      !> Intervals of the contact
       real(wp), intent(in) :: own(:, :)
       type(event_motion_type) :: events
       type(interval_type), allocatable :: found(:)
@@ -97,7 +100,9 @@ contains
 
   !> Legs of an event-exact period.
   pure subroutine legs_of_trace(law, trace, period, self)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law(:)
+    !> Stretches of the period
     type(trace_type), intent(in) :: trace(:)
     !> Units of the clock
     real(wp), intent(in) :: period
@@ -128,9 +133,11 @@ contains
 
   !> One leg between neighbouring ends of any contact's intervals.
   subroutine cut(ends, owner, intervals, self)
+    !> Ends of the contacts' intervals
     real(wp), intent(in) :: ends(:)
     !> Contact of each interval, ascending, each contact's in their order
     integer, intent(in) :: owner(:)
+    !> Intervals of the period, each in one regime
     type(interval_type), intent(in) :: intervals(:)
     type(orbit_legs_type), intent(inout) :: self
     real(wp), allocatable :: times(:)
@@ -159,8 +166,11 @@ contains
 
     !> What a contact does in a leg; its intervals follow each other.
     subroutine take(contact, leg, first)
+      !> Number of the contact
       integer, intent(in) :: contact
+      !> Segment of the orbit
       type(leg_type), intent(inout) :: leg
+      !> First of the modes or legs
       logical, intent(in) :: first
       integer :: before
 
@@ -182,6 +192,7 @@ contains
 
   !> Ascending, without repetitions.
   pure function distinct(values) result(times)
+    !> Angles
     real(wp), intent(in) :: values(:)
     real(wp), allocatable :: times(:)
     real(wp) :: sorted(size(values)), next

@@ -50,6 +50,7 @@ contains
 
   !> Contacts whose sliders are part of the state where the period begins: those that stick there, and not throughout.
   pure function free_sliders(orbit) result(contacts)
+    !> Orbit as segments between its events
     type(orbit_legs_type), intent(in) :: orbit
     integer, allocatable :: contacts(:)
     integer :: i
@@ -59,7 +60,9 @@ contains
 
   !> What a unit change of each of (motion [m], rate by the clock [m], free sliders [nf]) becomes in a period [2 m + nf, 2 m + nf].
   function monodromy(reduced, orbit, period) result(matrix)
+    !> Modes on which stability is examined
     type(reduced_type), intent(in) :: reduced
+    !> Orbit as segments between its events
     type(orbit_legs_type), intent(in) :: orbit
     !> In units of the clock
     real(wp), intent(in) :: period
@@ -94,10 +97,13 @@ contains
 
   !> Sliders that come to rest at the beginning of a leg keep what they have there.
   subroutine reset_sliders(reduced, leg, before, now)
+    !> Modes on which stability is examined
     type(reduced_type), intent(in) :: reduced
+    !> Segment of the orbit
     type(leg_type), intent(in) :: leg
     !> Of the leg before
     type(coupling_type), intent(in) :: before
+    !> Perturbations at the present instant
     type(perturbation_type), intent(inout) :: now
     real(wp) :: kept(size(now%slider, 1), size(now%slider, 2))
     integer :: i
@@ -111,9 +117,13 @@ contains
 
   !> Sliders that move at the end of a leg, with slip or with an open contact.
   subroutine follow_sliders(reduced, leg, coupling, now)
+    !> Modes on which stability is examined
     type(reduced_type), intent(in) :: reduced
+    !> Segment of the orbit
     type(leg_type), intent(in) :: leg
+    !> Accelerations and displacements that contacts add on a segment
     type(coupling_type), intent(in) :: coupling
+    !> Perturbations at the present instant
     type(perturbation_type), intent(inout) :: now
     real(wp) :: kept(size(now%slider, 1), size(now%slider, 2))
     integer :: i
@@ -131,10 +141,15 @@ contains
 
   !> du + by_normal dv of a contact [columns].
   function combined(reduced, contact, by_normal, coupling, now) result(change)
+    !> Modes on which stability is examined
     type(reduced_type), intent(in) :: reduced
+    !> Number of the contact
     integer, intent(in) :: contact
+    !> Slope by the normal displacement
     real(wp), intent(in) :: by_normal
+    !> Accelerations and displacements that contacts add on a segment
     type(coupling_type), intent(in) :: coupling
+    !> Perturbations at the present instant
     type(perturbation_type), intent(in) :: now
     real(wp) :: change(size(now%motion, 2))
 
@@ -147,7 +162,9 @@ contains
 
   !> What contacts add on a leg.
   function couple(reduced, leg) result(self)
+    !> Modes on which stability is examined
     type(reduced_type), intent(in) :: reduced
+    !> Segment of the orbit
     type(leg_type), intent(in) :: leg
     type(coupling_type) :: self
     !> G [rows that slip or open, rows], then S
@@ -194,10 +211,13 @@ contains
 
   !> The flow over a leg, in equal steps or by squares of one.
   subroutine pass(reduced, coupling, length, now)
+    !> Modes on which stability is examined
     type(reduced_type), intent(in) :: reduced
+    !> Accelerations and displacements that contacts add on a segment
     type(coupling_type), intent(in) :: coupling
     !> In units of the clock
     real(wp), intent(in) :: length
+    !> Perturbations at the present instant
     type(perturbation_type), intent(inout) :: now
     real(wp), allocatable :: held(:, :)
     integer :: step, steps, doublings
@@ -218,10 +238,15 @@ contains
 
   !> The flow of one step, as a matrix, squared so many times.
   subroutine pass_by_squares(reduced, coupling, length, doublings, now)
+    !> Modes on which stability is examined
     type(reduced_type), intent(in) :: reduced
+    !> Accelerations and displacements that contacts add on a segment
     type(coupling_type), intent(in) :: coupling
+    !> Length of the step
     real(wp), intent(in) :: length
+    !> How often it is squared
     integer, intent(in) :: doublings
+    !> Perturbations at the present instant
     type(perturbation_type), intent(inout) :: now
     type(perturbation_type) :: unit
     real(wp), allocatable :: flow(:, :), state(:, :)
@@ -254,9 +279,13 @@ contains
   !> One step of the series, p_{k+2} = (held_k - Lambda p_k - (k + 1) D p_{k+1} + pushed seen^T p_k)/((k + 1)(k + 2)), until its
   !> terms are below rounding.
   subroutine step_on(reduced, coupling, held, h, now)
+    !> Modes on which stability is examined
     type(reduced_type), intent(in) :: reduced
+    !> Accelerations and displacements that contacts add on a segment
     type(coupling_type), intent(in) :: coupling
+    !> Accelerations by sliders that stick; length of the step, s
     real(wp), intent(in) :: held(:, :), h
+    !> Perturbations at the present instant
     type(perturbation_type), intent(inout) :: now
     real(wp), dimension(size(held, 1), size(held, 2)) :: term, next, after
     real(wp) :: scale(size(held, 2)), last(size(held, 2))

@@ -36,7 +36,9 @@ contains
   !> Multipliers of an orbit in as many modes as it takes: all of few; of many the lowest, twice as many again and again until
   !> those that matter no longer change.
   subroutine multipliers_of(system, orbit, period, multipliers, change, info)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Orbit as segments between its events
     type(orbit_legs_type), intent(in) :: orbit
     !> In units of the clock
     real(wp), intent(in) :: period
@@ -66,6 +68,7 @@ contains
 
   !> Modes that are taken at first: all of few, or the lowest.
   pure integer function first_modes(system, period)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
     !> In units of the clock
     real(wp), intent(in) :: period
@@ -75,6 +78,7 @@ contains
 
   !> The farthest that a dynamic multiplier of at least half the largest modulus lies from all that were found before.
   pure real(wp) function largest_change(before, now)
+    !> Floquet multipliers; perturbations at the present instant
     type(multiplier_type), intent(in) :: before(:), now(:)
     real(wp) :: largest
     integer :: i
@@ -90,11 +94,17 @@ contains
 
   !> Multipliers in some of the modes, the largest first within each kind.
   subroutine in_modes(system, modes, orbit, period, multipliers, info)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Number of modes
     integer, intent(in) :: modes
+    !> Orbit as segments between its events
     type(orbit_legs_type), intent(in) :: orbit
+    !> Length of the period, s
     real(wp), intent(in) :: period
+    !> Floquet multipliers
     type(multiplier_type), allocatable, intent(out) :: multipliers(:)
+    !> 0: done, else LAPACK's code
     integer, intent(out) :: info
     complex(wp), allocatable :: values(:)
     real(wp), allocatable :: regular(:, :), scale(:)
@@ -115,6 +125,7 @@ contains
 
   !> Multipliers of all kinds: the largest of some values, then zeros for the contacts that forget, then ones for those that stick.
   pure function sorted_multipliers(values, dynamic, forgetting, stuck) result(multipliers)
+    !> Multipliers
     complex(wp), intent(in) :: values(:)
     !> How many of each kind: `floquet` (values that are missing are zero), `slip`, `stuck`
     integer, intent(in) :: dynamic, forgetting, stuck
@@ -155,7 +166,9 @@ contains
 
   !> Leave zero eigenvalues out: A <- Q^T A Q with Q a basis of the range, until the range is everything.
   subroutine restrict_to_range(a, info)
+    !> Matrix that is restricted
     real(wp), allocatable, intent(inout) :: a(:, :)
+    !> 0: done, else LAPACK's code
     integer, intent(out) :: info
     real(wp), allocatable :: s(:), u(:, :)
     integer :: rank

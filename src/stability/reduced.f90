@@ -23,7 +23,9 @@ contains
 
   !> Keep the l lowest modes.
   function reduce_to(system, l) result(self)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> How many modes
     integer, intent(in) :: l
     type(reduced_type) :: self
     real(wp) :: weighted(size(system%eigenvalues) - l, size(system%springs))

@@ -52,7 +52,9 @@ contains
 
   !> What contacts that slip or open in the period remember where it begins.
   pure function memory_of(system, orbit) result(memory)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Orbit whose contacts go by samples
     type(sampled_orbit_type), intent(in) :: orbit
     type(memory_type), allocatable :: memory(:)
     integer :: i, a
@@ -67,7 +69,9 @@ contains
 
   !> What a unit change of each of (motion [m], rate by the clock [m], memory) becomes in a period.
   function sampled_monodromy(reduced, orbit, period) result(matrix)
+    !> Modes on which stability is examined
     type(reduced_type), intent(in) :: reduced
+    !> Orbit whose contacts go by samples
     type(sampled_orbit_type), intent(in) :: orbit
     !> In units of the clock
     real(wp), intent(in) :: period
@@ -106,7 +110,9 @@ contains
   end function sampled_monodromy
 
   pure function unit_perturbations(m, contacts, memory) result(now)
+    !> Number of coordinates; number of contacts
     integer, intent(in) :: m, contacts
+    !> Numbers that contacts remember from period to period
     type(memory_type), intent(in) :: memory(:)
     type(perturbation_type) :: now
     integer :: n, i
@@ -124,7 +130,9 @@ contains
   end function unit_perturbations
 
   pure function active_of(reduced, orbit) result(self)
+    !> Modes on which stability is examined
     type(reduced_type), intent(in) :: reduced
+    !> Orbit whose contacts go by samples
     type(sampled_orbit_type), intent(in) :: orbit
     type(active_type) :: self
     integer, allocatable :: rows(:)
@@ -146,11 +154,15 @@ contains
 
   !> What contacts remember where they begin to do something else.
   subroutine change_regimes(system, orbit, before, after, active, now)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Orbit whose contacts go by samples
     type(sampled_orbit_type), intent(in) :: orbit
     !> Steps
     integer, intent(in) :: before, after
+    !> Contacts that do not stick throughout
     type(active_type), intent(in) :: active
+    !> Perturbations at the present instant
     type(perturbation_type), intent(inout) :: now
     real(wp) :: du(2, size(now%motion, 2)), dv(size(now%motion, 2)), direction(2), across(2)
     integer :: i, a, n
@@ -186,11 +198,17 @@ contains
 
   !> One step: forces at its beginning, the motion without those at its end, these, the motion.
   subroutine step_on(system, orbit, step, active, weights, now)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Orbit whose contacts go by samples
     type(sampled_orbit_type), intent(in) :: orbit
+    !> Number of the step
     integer, intent(in) :: step
+    !> Contacts that do not stick throughout
     type(active_type), intent(in) :: active
+    !> Weights
     real(wp), intent(in) :: weights(:, :, :)
+    !> Perturbations at the present instant
     type(perturbation_type), intent(inout) :: now
     type(forces_type) :: forces
     real(wp), dimension(size(now%motion, 1), size(now%motion, 2)) :: before, after, free, rate
@@ -224,7 +242,9 @@ contains
 
   !> Of active rows, d = free - compliance g(d) [rows, columns].
   function displacements(free, compliance, forces) result(d)
+    !> Displacements without forces; displacements by unit forces
     real(wp), intent(in) :: free(:, :), compliance(:, :)
+    !> Forces of the active rows
     type(forces_type), intent(in) :: forces
     real(wp) :: d(size(free, 1), size(free, 2)), matrix(size(free, 1), size(free, 1))
     integer :: i, info
@@ -239,6 +259,7 @@ contains
 
   !> Each row times its weight.
   pure function times(weight, matrix) result(product)
+    !> Weight of each row; matrix that is weighted
     real(wp), intent(in) :: weight(:), matrix(:, :)
     real(wp) :: product(size(matrix, 1), size(matrix, 2))
 
@@ -247,10 +268,15 @@ contains
 
   !> Where a step begins.
   pure function forces_before(system, orbit, step, active, now) result(g)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Orbit whose contacts go by samples
     type(sampled_orbit_type), intent(in) :: orbit
+    !> Number of the step
     integer, intent(in) :: step
+    !> Contacts that do not stick throughout
     type(active_type), intent(in) :: active
+    !> Perturbations at the present instant
     type(perturbation_type), intent(in) :: now
     type(forces_type) :: g
     real(wp) :: across(2)
@@ -280,12 +306,17 @@ contains
 
   !> Where a step ends.
   pure function forces_after(system, orbit, step, active, from, now) result(g)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Orbit whose contacts go by samples
     type(sampled_orbit_type), intent(in) :: orbit
+    !> Number of the step
     integer, intent(in) :: step
+    !> Contacts that do not stick throughout
     type(active_type), intent(in) :: active
     !> Displacements of the active rows where it begins [rows, columns]
     real(wp), intent(in) :: from(:, :)
+    !> Perturbations at the present instant
     type(perturbation_type), intent(in) :: now
     type(forces_type) :: g
     real(wp) :: across(2), slope
@@ -317,7 +348,9 @@ contains
   end function forces_after
 
   pure function no_forces(active, now) result(g)
+    !> Contacts that do not stick throughout
     type(active_type), intent(in) :: active
+    !> Perturbations at the present instant
     type(perturbation_type), intent(in) :: now
     type(forces_type) :: g
 
@@ -328,11 +361,15 @@ contains
 
   !> What the direction at a step's end has of what was at its beginning: of the direction, displacements and radius [columns].
   pure function kept_angle(system, orbit, step, contact, from, now) result(angle)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Orbit whose contacts go by samples
     type(sampled_orbit_type), intent(in) :: orbit
+    !> Number of the step; number of the contact
     integer, intent(in) :: step, contact
     !> Of the contact's rows [rows, columns]
     real(wp), intent(in) :: from(:, :)
+    !> Perturbations at the present instant
     type(perturbation_type), intent(in) :: now
     real(wp) :: angle(size(from, 2)), kept
     integer :: n
@@ -350,12 +387,17 @@ contains
 
   !> Directions of slip, as angles times radius, at the end of a step.
   pure subroutine turn_directions(system, orbit, step, active, from, to, now)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Orbit whose contacts go by samples
     type(sampled_orbit_type), intent(in) :: orbit
+    !> Number of the step
     integer, intent(in) :: step
+    !> Contacts that do not stick throughout
     type(active_type), intent(in) :: active
     !> Displacements of the active rows at both ends [rows, columns]
     real(wp), intent(in) :: from(:, :), to(:, :)
+    !> Perturbations at the present instant
     type(perturbation_type), intent(inout) :: now
     real(wp) :: angle(size(from, 2))
     integer :: i, n

@@ -36,6 +36,7 @@ contains
   pure function motion_of_harmonics(motion, samples) result(self)
     !> [2 H + 1, rows]
     real(wp), intent(in) :: motion(:, :)
+    !> Samples a period, J
     integer, intent(in) :: samples
     type(sampled_motion_type) :: self
     real(wp) :: jet(3)
@@ -54,7 +55,9 @@ contains
   !> What a contact feels at a place.
   pure function at_contact(self, law, place) result(here)
     class(sampled_motion_type), intent(in) :: self
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> Number of the sample, with parts
     real(wp), intent(in) :: place
     type(at_contact_type) :: here
     real(wp) :: value(3), rate(3), x, weights(4), slopes(4)

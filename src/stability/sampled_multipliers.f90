@@ -19,10 +19,13 @@ contains
 
   !> How many modes multipliers take: the lowest, twice as many again and again until those that matter no longer change.
   subroutine choose_modes(system, orbit, period, modes, change, info)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Orbit whose contacts go by samples
     type(sampled_orbit_type), intent(in) :: orbit
     !> In units of the clock
     real(wp), intent(in) :: period
+    !> Number of modes
     integer, intent(out) :: modes
     !> By the last doubling; zero if all are in
     real(wp), intent(out) :: change
@@ -48,11 +51,15 @@ contains
 
   !> Multipliers of one sampled orbit in the lowest modes, the largest first within each kind.
   subroutine sampled_multipliers(system, modes, orbit, period, multipliers, info)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Number of modes
     integer, intent(in) :: modes
+    !> Orbit whose contacts go by samples
     type(sampled_orbit_type), intent(in) :: orbit
     !> In units of the clock
     real(wp), intent(in) :: period
+    !> Floquet multipliers
     type(multiplier_type), allocatable, intent(out) :: multipliers(:)
     !> 0, or not: eigenvalues were not found
     integer, intent(out) :: info

@@ -36,8 +36,11 @@ contains
 
   !> From the contacts' motion and sliders at its start [2, contacts], which are marched until they come back.
   pure subroutine new_sampled_orbit(law, motion, slider, self)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law(:)
+    !> Motion of the contacts at the samples of a period
     type(sampled_motion_type), intent(in) :: motion
+    !> Sliders, as the contacts have them
     real(wp), intent(in) :: slider(:, :)
     type(sampled_orbit_type), intent(out) :: self
     type(path_type) :: paths(size(law))
@@ -64,10 +67,15 @@ contains
 
   !> What one contact does on every step.
   pure subroutine walk(law, motion, path, places, contact, self)
+    !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> Motion of the contacts at the samples of a period
     type(sampled_motion_type), intent(in) :: motion
+    !> What the contact does over the period
     type(path_type), intent(in) :: path
+    !> Places of samples and switches
     real(wp), intent(in) :: places(0:)
+    !> Number of the contact
     integer, intent(in) :: contact
     type(sampled_orbit_type), intent(inout) :: self
     type(at_contact_type) :: from, to
@@ -108,7 +116,9 @@ contains
 
   !> All samples and switches, ascending, without repetitions.
   pure function merged(switches, samples) result(places)
+    !> Does any contact slip or open?
     real(wp), intent(in) :: switches(:)
+    !> Samples a period, J
     integer, intent(in) :: samples
     real(wp), allocatable :: places(:)
     real(wp) :: sorted(size(switches) + 1), all_places(size(switches) + samples + 1)
@@ -137,6 +147,7 @@ contains
 
   !> What contacts do, as legs, to be compared.
   pure function legs_of_orbit(orbit) result(self)
+    !> Orbit whose contacts go by samples
     type(sampled_orbit_type), intent(in) :: orbit
     type(orbit_legs_type) :: self
     integer :: step

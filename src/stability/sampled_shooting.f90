@@ -37,8 +37,11 @@ contains
 
   !> Find the orbit from a state near it, in so many steps a period.
   subroutine shoot_sampled(system, loading, steps, start, motion, moved, found)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
     type(loading_type), intent(in) :: loading
+    !> Number of steps
     integer, intent(in) :: steps
     !> Where the search starts, then where the orbit's period starts
     type(state_type), intent(inout) :: start
@@ -46,6 +49,7 @@ contains
     type(sampled_motion_type), intent(out) :: motion
     !> How far from where it started, relative to the motion's half range over the period
     real(wp), intent(out) :: moved
+    !> Is there an orbit?
     logical, intent(out) :: found
     type(state_type) :: first, end
     type(sampled_orbit_type) :: orbit
@@ -83,9 +87,13 @@ contains
 
   !> March until motion in time has settled, if it does.
   subroutine settle_sampled(system, loading, steps, state)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
     type(loading_type), intent(in) :: loading
+    !> Number of steps
     integer, intent(in) :: steps
+    !> Displacement, velocity and sliders
     type(state_type), intent(inout) :: state
     type(state_type) :: before
     type(sampled_motion_type) :: motion
@@ -103,13 +111,19 @@ contains
 
   !> March one period of exponential steps, and sample the contacts' motion at each.
   subroutine march_samples(system, loading, steps, state, motion, range, converged, trajectory)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
     type(loading_type), intent(in) :: loading
+    !> Number of steps
     integer, intent(in) :: steps
+    !> Displacement, velocity and sliders
     type(state_type), intent(inout) :: state
+    !> Motion of the contacts at the samples of a period
     type(sampled_motion_type), intent(out) :: motion
     !> Half range of the motion over the period, in the norm of the mass matrix
     real(wp), intent(out) :: range
+    !> Did the solve converge?
     logical, intent(out) :: converged
     !> Modal displacement where steps begin [m, 0:steps - 1]
     real(wp), intent(out), optional :: trajectory(:, 0:)
@@ -137,8 +151,11 @@ contains
 
   !> What a period changes of motion, rate and memory.
   pure function residual(system, memory, start, end) result(change)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Numbers that contacts remember from period to period
     type(memory_type), intent(in) :: memory(:)
+    !> Displacement, velocity and sliders at the start; displacement, velocity and sliders at the end
     type(state_type), intent(in) :: start, end
     real(wp) :: change(2*size(start%motion) + size(memory)), from(2), to(2)
     integer :: i, m
@@ -161,8 +178,11 @@ contains
 
   !> u - w of a contact [tangents].
   pure function reach(system, state, contact) result(z)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Displacement, velocity and sliders
     type(state_type), intent(in) :: state
+    !> Number of the contact
     integer, intent(in) :: contact
     real(wp), allocatable :: z(:)
 
@@ -173,13 +193,17 @@ contains
 
   !> The state moved by a step, contacts on their law: those that slip keep slipping, turned by what the step says.
   pure subroutine move(system, orbit, memory, step, end, state)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Orbit whose contacts go by samples
     type(sampled_orbit_type), intent(in) :: orbit
+    !> Numbers that contacts remember from period to period
     type(memory_type), intent(in) :: memory(:)
     !> Of motion, rate and memory
     real(wp), intent(in) :: step(:)
     !> Where the period from the state ends
     type(state_type), intent(in) :: end
+    !> Displacement, velocity and sliders
     type(state_type), intent(inout) :: state
     real(wp) :: z(2, size(system%law)), displacement(size(system%springs)), radius
     integer :: i, m, n

@@ -35,13 +35,17 @@ contains
 
   !> Find the orbit from a state near it.
   subroutine shoot(system, loading, start, orbit, moved, found)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
     type(loading_type), intent(in) :: loading
     !> Where the search starts, then where the orbit's period starts
     type(state_type), intent(inout) :: start
+    !> Orbit as segments between its events
     type(orbit_legs_type), intent(out) :: orbit
     !> How far from where it started, relative to the motion's half range over the period
     real(wp), intent(out) :: moved
+    !> Is there an orbit?
     logical, intent(out) :: found
     type(state_type) :: first, end
     real(wp), allocatable :: inverse(:, :), step(:), full(:)
@@ -89,11 +93,17 @@ contains
 
   !> (M - 1)^{-1} of a period in the lowest modes, and the components of the state that it takes.
   subroutine invert(system, orbit, period, modes, rows, inverse, info)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Orbit as segments between its events
     type(orbit_legs_type), intent(in) :: orbit
+    !> Length of the period, s
     real(wp), intent(in) :: period
+    !> Number of modes
     integer, intent(in) :: modes
+    !> Components of the state that it takes
     integer, allocatable, intent(out) :: rows(:)
+    !> Inverse in the lowest modes
     real(wp), allocatable, intent(out) :: inverse(:, :)
     !> 0, or not: singular
     integer, intent(out) :: info
@@ -113,9 +123,13 @@ contains
 
   !> March one period from a state, and say what happened as legs.
   subroutine march_period(system, loading, state, orbit, range)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
     type(loading_type), intent(in) :: loading
+    !> Displacement, velocity and sliders
     type(state_type), intent(inout) :: state
+    !> Orbit as segments between its events
     type(orbit_legs_type), intent(out) :: orbit
     !> Half range of the motion over the period, in the norm of the mass matrix
     real(wp), intent(out) :: range
@@ -129,8 +143,11 @@ contains
 
   !> March one period from a state.
   subroutine march_unrecorded(system, loading, state, range)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
     type(loading_type), intent(in) :: loading
+    !> Displacement, velocity and sliders
     type(state_type), intent(inout) :: state
     !> As above
     real(wp), intent(out) :: range
@@ -142,9 +159,13 @@ contains
 
   !> March one period from a state, and sample the motion of the modes at equal instants [m, instants].
   subroutine march_recorded(system, loading, state, trajectory)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
     type(loading_type), intent(in) :: loading
+    !> Displacement, velocity and sliders
     type(state_type), intent(inout) :: state
+    !> Motion of the modes at equal instants
     real(wp), intent(out) :: trajectory(:, :)
     type(recorder_type) :: recorder
     real(wp) :: range
@@ -157,10 +178,15 @@ contains
   end subroutine march_recorded
 
   subroutine march(system, loading, state, recorder, range)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
     type(loading_type), intent(in) :: loading
+    !> Displacement, velocity and sliders
     type(state_type), intent(inout) :: state
+    !> History of motion and forces
     type(recorder_type), intent(inout) :: recorder
+    !> Half range of the motion
     real(wp), intent(out) :: range
     type(segment_type) :: segment
     real(wp) :: low(size(state%motion)), high(size(state%motion))
@@ -172,9 +198,11 @@ contains
 
   !> The state moved by a step, brought onto the law: contacts that slip go on slipping.
   subroutine move(system, full, state)
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
     !> Of (motion, rate, sliders)
     real(wp), intent(in) :: full(:)
+    !> Displacement, velocity and sliders
     type(state_type), intent(inout) :: state
     real(wp) :: slider(2, size(state%regime)), u
     integer :: i, m

@@ -14,7 +14,9 @@ contains
 
   !> The loads of a point.
   function loading_of(solver, system) result(loading)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
     type(loading_type) :: loading
     real(wp) :: constant(2, 0)
@@ -27,8 +29,11 @@ contains
 
   !> Motion, rate and sliders [contacts] at the start of the period; contacts are brought onto their law.
   function start_of(solver, system, slider) result(state)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
+    !> Sliders, as the contacts have them
     real(wp), intent(in) :: slider(:)
     type(state_type) :: state
     real(wp), allocatable :: q(:, :)
@@ -48,6 +53,7 @@ contains
 
   !> Coefficients of the model's coordinates [2 H + 1, m].
   function coordinates_of(solver) result(q)
+    !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     real(wp), allocatable :: q(:, :)
 

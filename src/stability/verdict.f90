@@ -18,6 +18,7 @@ contains
 
   !> One of `unstable`, `stable`, `indeterminate`.
   pure integer function judge(multipliers, switches, uncertain)
+    !> Floquet multipliers
     type(multiplier_type), intent(in) :: multipliers(:)
     !> Does any contact slip or open?
     logical, intent(in) :: switches
@@ -42,6 +43,7 @@ contains
 
   !> Largest modulus of those that decide.
   pure real(wp) function largest_multiplier(multipliers)
+    !> Floquet multipliers
     type(multiplier_type), intent(in) :: multipliers(:)
 
     largest_multiplier = maxval(abs(multipliers%value), mask=multipliers%kind == kind_floquet)

@@ -10,6 +10,7 @@ from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
+from fortran_arguments import arguments
 
 SOURCE = Path(__file__).resolve().parents[2] / "python"
 # Its evidence, a package of its own beside it
@@ -121,3 +122,28 @@ def test_a_circle_would_be_found(tmp_path, head):
     for name, other in (("one", "two"), ("two", "one")):
         (tmp_path / "attrito" / "job" / f"{name}.py").write_text(f"{head}from attrito.job.{other} import Thing\n")
     assert set(circle(imports(modules(tmp_path)))) == {"attrito.job.one", "attrito.job.two"}
+
+
+def test_dummy_arguments_of_fortran_have_a_line_each():
+    files = sorted((SOURCE.parent / "src").rglob("*.[fF]90"))
+    bare = {}
+    count = 0
+    for path in files:
+        found = arguments(path)
+        count += len(found)
+        if missing := [f"{one.procedure}({one.name})" for one in found if not one.described]:
+            bare[path.name] = missing
+    assert count > 3500
+    assert sum(map(len, bare.values())) < 0.05 * count, bare
+
+
+def test_an_argument_without_a_line_is_found(tmp_path):
+    (tmp_path / "some.f90").write_text(
+        "subroutine some(self, a, b, &\n                c)\n  class(x_type), intent(in) :: self\n  !> One\n"
+        "  real(wp), intent(in) :: a(2, 2), b\n  integer, intent(out) :: c\n  integer :: local\nend subroutine some\n"
+    )
+    assert [(one.name, one.described) for one in arguments(tmp_path / "some.f90")] == [
+        ("a", True),
+        ("b", True),
+        ("c", False),
+    ]

@@ -21,7 +21,9 @@ contains
 
   pure subroutine slip_force(self, friction_coefficient, normal, force, slope)
     class(coulomb_spring_type), intent(in) :: self
+    !> Friction coefficient, mu; normal force
     real(wp), intent(in) :: friction_coefficient, normal(:)
+    !> Largest friction force; its derivative by the normal force
     real(wp), intent(out) :: force(:), slope(:)
 
     force = friction_coefficient*normal
@@ -30,6 +32,7 @@ contains
 
   pure real(wp) function least_coefficient(self, friction_coefficient)
     class(coulomb_spring_type), intent(in) :: self
+    !> Friction coefficient, mu
     real(wp), intent(in) :: friction_coefficient
 
     least_coefficient = friction_coefficient

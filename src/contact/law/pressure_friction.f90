@@ -42,7 +42,9 @@ contains
     class(pressure_friction_type), intent(in) :: self
     !> Not asked for: the law has its own
     real(wp), intent(in) :: friction_coefficient
+    !> Normal force
     real(wp), intent(in) :: normal(:)
+    !> Largest friction force; its derivative by the normal force
     real(wp), intent(out) :: force(:), slope(:)
     real(wp) :: coefficient, rate
     integer :: i, j, last
