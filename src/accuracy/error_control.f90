@@ -15,7 +15,7 @@ module attrito_accuracy_error_control
   use attrito_accuracy_finer_balance, only: finer_point_type
   use attrito_accuracy_point_errors, only: point_errors_type, no_tolerance
   use attrito_continuation_sweep, only: sweep_type
-  use attrito_solve_strategies, only: solve_by_cascade
+  use attrito_solve_strategies, only: solve_by_strategies
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
   implicit none
@@ -102,7 +102,7 @@ contains
     real(wp), intent(in) :: omega
 
     call take_resolution_chosen(self, solver)
-    call solve_by_cascade(solver, omega)
+    call solve_by_strategies(solver, omega)
     if (.not. solver%report%converged) call solve_on_short_series(self, solver, omega)
     call refine(self, solver)
   end subroutine solve_at
@@ -121,7 +121,7 @@ contains
     if (.not. self%choose_harmonics .or. solver%options%harmonics <= harmonics .or. solver%no_periodic_solution) return
     iterations = solver%report%iterations
     call solver%set_resolution(harmonics, max(self%fewest_samples, 6*harmonics + 2))
-    call solve_by_cascade(solver, omega)
+    call solve_by_strategies(solver, omega)
     solver%report%iterations = solver%report%iterations + iterations
   end subroutine solve_on_short_series
 

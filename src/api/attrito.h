@@ -101,9 +101,9 @@ void attrito_next_point(void *handle, attrito_point *point);
 /* A point at an angular frequency. */
 void attrito_solve_at(void *handle, double omega, int branch, attrito_point *point);
 
-/* A point at an angular frequency by one attempt of the cascade alone; the session then stands where it stood before, whether that
- * found a point or not. 0, or 1: there is no attempt of that name. */
-int attrito_solve_by_strategy(void *handle, const char *attempt, double omega, attrito_point *point);
+/* A point at an angular frequency by one fallback strategy alone; the session's last point stays the one before, whether that
+ * found a point or not. 0, or 1: there is no strategy of that name. */
+int attrito_solve_by_strategy(void *handle, const char *strategy, double omega, attrito_point *point);
 
 /* Coefficients of the monitors [monitors, 2 H + 1] and their amplitudes at the last point. */
 void attrito_monitors(void *handle, double *harmonics, double *amplitude);

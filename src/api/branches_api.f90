@@ -4,7 +4,7 @@ module attrito_api_branches
   use attrito_core_kinds, only: wp
   use attrito_core_trigonometric, only: resized
   use attrito_continuation_sweep, only: new_branch_sweep
-  use attrito_solve_strategies, only: solve_by_cascade
+  use attrito_solve_strategies, only: solve_by_strategies
   use attrito_continuation_branch_seeds, only: start_cold, start_in_motion, start_from_preload
   use attrito_continuation_tangent, only: tangent_type, frequency_tangent
   use attrito_stability_crossing, only: moduli_type
@@ -135,7 +135,7 @@ contains
       first = width*(balance%first_contact - 1) + 1
       last = first - 1 + size(balance%slider)
       call solver%set_slider(reshape(slider(first:last), shape(balance%slider)))
-      call solve_by_cascade(solver, omega)
+      call solve_by_strategies(solver, omega)
       attrito_start_from_motion = merge(1, 0, solver%report%converged)
     end associate
   end function attrito_start_from_motion

@@ -12,7 +12,7 @@ module attrito_api_describe
   use attrito_peak_amplitude, only: half_range, first_harmonic
   use attrito_peak_condition, only: parameter_level, parameter_preload
   use attrito_reduce_report, only: step_names
-  use attrito_solve_strategies, only: attempt_names
+  use attrito_solve_strategies, only: strategy_names
   use attrito_stability_examination, only: by_monodromy, by_hill, balanced_orbit, exact_orbit, automatic_orbit
   use attrito_stability_multipliers, only: kind_names
   use attrito_stability_verdict, only: unstable, stable, indeterminate
@@ -53,7 +53,7 @@ contains
     character(:), allocatable :: text
 
     text = counted('outcomes', outcome_names)// &
-           counted('attempts', attempt_names)// &
+           counted('strategies', strategy_names)// &
            counted('states', state_names)// &
            counted('laws', law_names)// &
            counted('multiplier_kinds', kind_names)// &

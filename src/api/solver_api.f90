@@ -15,7 +15,7 @@ module attrito_api_solver
   use attrito_linear_receptance, only: receptance_type, to_complex, to_real
   use attrito_linear_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
   use attrito_continuation_sweep, only: new_sweep
-  use attrito_solve_strategies, only: solve_by_attempt, attempt_names
+  use attrito_solve_strategies, only: solve_by_strategy, strategy_names
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_rebalancing, only: field_type, rebalance
   use attrito_solve_solver, only: solver_options_type, new_solver
@@ -253,13 +253,13 @@ contains
     point = point_of(session%point)
   end subroutine attrito_solve_at
 
-  !> A point at an angular frequency by one attempt of the cascade alone; the session then stands where it stood before, whether that
-  !> found a point or not. 0, or 1: there is no attempt of that name.
-  integer(c_int) function attrito_solve_by_strategy(handle, attempt, omega, point) bind(c)
+  !> A point at an angular frequency by one fallback strategy alone; the session's last point stays the one before, whether that
+  !> found a point or not. 0, or 1: there is no strategy of that name.
+  integer(c_int) function attrito_solve_by_strategy(handle, strategy, omega, point) bind(c)
     !> Session, see `session_of`
     type(c_ptr), value :: handle
-    !> One of the cascade's names
-    character(kind=c_char), intent(in) :: attempt(*)
+    !> One of the strategies' names
+    character(kind=c_char), intent(in) :: strategy(*)
     !> Angular frequency, rad/s
     real(c_double), value :: omega
     !> Point, reported
@@ -270,13 +270,13 @@ contains
     integer :: number
 
     session => session_of(handle)
-    number = findloc(attempt_names == text_of(attempt), .true., 1)
+    number = findloc(strategy_names == text_of(strategy), .true., 1)
     attrito_solve_by_strategy = merge(0, 1, number > 0)
     if (number == 0) return
     before = snapshot_of(session%solver)
     is_drifting = session%solver%is_drifting
     no_periodic_solution = session%solver%no_periodic_solution
-    call solve_by_attempt(session%solver, number, omega)
+    call solve_by_strategy(session%solver, number, omega)
     session%solver%omega = omega
     call report_point(session%solver, 0, session%accuracy%errors, no_tolerance, session%point)
     call restore(session%solver, before)

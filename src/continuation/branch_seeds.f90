@@ -4,7 +4,7 @@
 !> $$ f_0(t) = \gamma^{1 - t} f_0, \qquad t = 0 \dots 1. $$
 module attrito_continuation_branch_seeds
   use attrito_core_kinds, only: wp
-  use attrito_solve_strategies, only: solve_by_cascade
+  use attrito_solve_strategies, only: solve_by_strategies
   use attrito_solve_solver, only: solver_type
   use attrito_solve_time_integration_start, only: has_time_integrator, solve_from_time_integration
   use attrito_solve_homotopy, only: follow_homotopy, homotopy_type
@@ -39,7 +39,7 @@ contains
     call solver%set_slider(solver%static_slider)
     solver%is_drifting = .false.
     solver%no_periodic_solution = .false.
-    call solve_by_cascade(solver, omega)
+    call solve_by_strategies(solver, omega)
     found = solver%report%converged
   end subroutine start_cold
 

@@ -8,7 +8,7 @@ module attrito_continuation_sweep
   use attrito_newton_newton, only: newton_report_type
   use attrito_continuation_closed_branch, only: closes_on_itself
   use attrito_continuation_stored_points, only: stored_points_type
-  use attrito_solve_strategies, only: solve_by_cascade
+  use attrito_solve_strategies, only: solve_by_strategies
   use attrito_solve_snapshot, only: snapshot_type
   use attrito_continuation_range, only: range_type
   use attrito_solve_solver, only: solver_type
@@ -151,7 +151,7 @@ contains
 
     target = omega
     if (self%range%passes_stop(omega + smallest_step*self%range%width())) target = self%range%stop
-    call solve_by_cascade(solver, target)
+    call solve_by_strategies(solver, target)
     solver%omega = target
     call self%stepper%begin(sign(1.0_wp, self%range%width()))
     self%reached_stop = abs(target - self%range%stop) <= 0.0_wp
@@ -274,7 +274,7 @@ contains
     solver%motion = before%motion + (target - before%omega)/(solver%omega - before%omega)*(solver%motion - before%motion)
     solver%omega = before%omega
     call solver%set_slider(before%slider, before%periodic)
-    call solve_by_cascade(solver, target)
+    call solve_by_strategies(solver, target)
     solver%omega = target
     if (solver%report%converged) call self%stepper%remember_in_frequency(solver, before)
     solver%report%iterations = iterations + solver%report%iterations

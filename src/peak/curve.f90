@@ -6,7 +6,7 @@
 module attrito_peak_curve
   use attrito_core_kinds, only: wp
   use attrito_newton_border, only: inner_product
-  use attrito_solve_strategies, only: solve_by_cascade
+  use attrito_solve_strategies, only: solve_by_strategies
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
   use attrito_peak_climb, only: climb
@@ -79,7 +79,7 @@ contains
       if (sticks .or. i == most_levels) exit
       call set_value(self%problem, solver, level_ratio*solver%context%balance%level)
     end do
-    if (.not. sticks) call solve_by_cascade(solver, omega)
+    if (.not. sticks) call solve_by_strategies(solver, omega)
     if (.not. solver%report%converged) return
     call self%correct_here(solver)
     if (self%found) call self%go_to(solver, target)
@@ -247,7 +247,7 @@ contains
       call correct_from(self, solver, plane, error)
       iterations = iterations + self%iterations
       searched = .not. self%found
-      ! The cascade is slow to give up: once a step.
+      ! All strategies take long to fail: once a step.
       if (searched .and. .not. tried) then
         tried = .true.
         call search(self, solver, before, predicted, iterations)
@@ -306,7 +306,7 @@ contains
     if (stuck .or. reached .or. climbs(solver)) plane = plane_type(value=value_of(self%problem, solver))
   end subroutine aim
 
-  !> The peak at a value of the parameter, from the place before with all that there is: the cascade, and climbing.
+  !> The peak at a value of the parameter, from the place before with all that there is: the strategies, and climbing.
   subroutine search(self, solver, before, value, iterations)
     type(curve_type), intent(inout) :: self
     !> Solver of points, which this moves
@@ -320,7 +320,7 @@ contains
 
     call go_back(self, solver, before)
     call set_value(self%problem, solver, value)
-    call solve_by_cascade(solver, solver%omega)
+    call solve_by_strategies(solver, solver%omega)
     iterations = iterations + solver%report%iterations
     self%iterations = 0
     if (solver%report%converged) call climb_here(self, solver)

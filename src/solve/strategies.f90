@@ -1,12 +1,20 @@
-!> Fallback strategies for a point, in order: Newton's method from the point before, briefly; the same with springs on the mean that
-!> are relaxed, after a body that drifted or where there is no time integration; starts by time integration; force steps with such
-!> springs; the point before once more, to the end; the stuck response; smaller frequency steps; force steps; a homotopy in the
-!> stiffness of the contacts.
+!> Fallback strategies for a point, tried in this order until one converges; each starts where the point before was left.
 !>
-!> Newton's method is hardest at the onset of gross slip. Where the balance with springs on its mean shows that friction cannot hold a
-!> body, and a few starts by time integration find nothing else, no orbit is looked for; motion that has not settled after all such
-!> starts has found none. The next point then begins with what was found here. A point that fails leaves the solver as it was, with a
-!> report that says so.
+!> | strategy | start and path of Newton's method |
+!> |---|---|
+!> | `newton_early_stop` | the point before, given up early where others follow |
+!> | `mean_regularisation` | the same with springs on the mean, relaxed; after a drift, or without time integration |
+!> | `time_integration` | means of periods integrated in time |
+!> | `regularised_level_homotopy` | the static solution, the level of the loads in steps, with springs on the mean |
+!> | `newton` | the point before, to the end |
+!> | `stuck_response` | the linear response with every contact stuck |
+!> | `frequency_homotopy` | the point before, the frequency in steps |
+!> | `level_homotopy` | the static solution, the level of the loads in steps |
+!> | `stiffness_homotopy` | contacts that are soft at first, their stiffness in steps |
+!>
+!> Newton's method is hardest at the onset of gross slip. Two findings end the search: mean friction forces cannot balance (rigid-body
+!> drift) and a few starts by time integration find nothing else; or motion in time has not settled after all starts. The next point
+!> then begins with what was found here. A point that fails leaves the solver as it was, with a report that says so.
 module attrito_solve_strategies
   use attrito_core_kinds, only: wp
   use attrito_balance_stuck_response, only: linear_motion
@@ -18,16 +26,14 @@ module attrito_solve_strategies
   use attrito_solve_homotopy, only: follow_homotopy, frequency_homotopy_type, level_homotopy_type
   implicit none
   private
-  public :: solve_by_cascade, solve_by_attempt, attempt_names
+  public :: solve_by_strategies, solve_by_strategy, strategy_names
 
   ! The strategies, in their order
-  integer, parameter :: from_here_briefly = 1, regularised_from_here = 2, from_time_integration = 3, regularised_by_level = 4, &
-                        from_here = 5, from_stuck_response = 6, by_frequency = 7, by_level = 8, by_stiffness = 9
-  integer, parameter :: order(9) = [from_here_briefly, regularised_from_here, from_time_integration, regularised_by_level, &
-                                    from_here, from_stuck_response, by_frequency, by_level, by_stiffness]
-  character(*), parameter :: attempt_names(9) = [character(18) :: 'newton_briefly', 'held_mean', 'motion_in_time', &
-                                                 'held_force_steps', 'newton', 'stuck_response', 'frequency_steps', 'force_steps', &
-                                                 'stiffness_steps']
+  integer, parameter :: newton_early_stop = 1, mean_regularisation = 2, time_integration = 3, regularised_level_homotopy = 4, &
+                        newton = 5, stuck_response = 6, frequency_homotopy = 7, level_homotopy = 8, stiffness_homotopy = 9
+  character(*), parameter :: strategy_names(9) = [character(26) :: 'newton_early_stop', 'mean_regularisation', 'time_integration', &
+                                                  'regularised_level_homotopy', 'newton', 'stuck_response', 'frequency_homotopy', &
+                                                  'level_homotopy', 'stiffness_homotopy']
 
   !> Iterations after which a homotopy is given up, and one with springs on the mean
   integer, parameter :: homotopy_iterations = 200, regularised_iterations = 60
@@ -36,32 +42,32 @@ contains
 
   !> Solve at an angular frequency, with the present loads. Newton's method from the point before is given up early where other starts
   !> follow, and run to its end when these have failed.
-  subroutine solve_by_cascade(solver, omega)
+  subroutine solve_by_strategies(solver, omega)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Target
     real(wp), intent(in) :: omega
     type(snapshot_type) :: before, drifted
-    integer :: iterations, i
-    logical :: converged, was_drifting, lost
+    integer :: iterations, strategy
+    logical :: converged, was_drifting, previous_unsolved
 
     was_drifting = solver%is_drifting
-    lost = solver%no_periodic_solution
+    previous_unsolved = solver%no_periodic_solution
     solver%no_periodic_solution = .false.
     solver%is_drifting = .false.
     call solver%solve_stuck_at(omega, converged)
     if (converged) return
     before = snapshot_of(solver)
     iterations = 0
-    do i = 1, size(order)
-      if (.not. (is_possible(solver, order(i)) .and. is_worth_while(solver, order(i), was_drifting))) cycle
-      call try(solver, order(i), omega, before, was_drifting, lost, iterations, converged)
+    do strategy = 1, size(strategy_names)
+      if (.not. (is_possible(solver, strategy) .and. is_worth_while(solver, strategy, was_drifting))) cycle
+      call try(solver, strategy, omega, before, was_drifting, previous_unsolved, iterations, converged)
       if (converged) exit
       ! The drift that was followed has ended: solutions beyond are looked for as at a first point.
-      if (order(i) == regularised_from_here .and. .not. solver%is_drifting) lost = .false.
+      if (strategy == mean_regularisation .and. .not. solver%is_drifting) previous_unsolved = .false.
       if (solver%is_drifting .and. .not. allocated(drifted%motion)) drifted = snapshot_of(solver)
       call restore(solver, before)
-      if (is_enough(solver, order(i), was_drifting, lost)) exit
+      if (is_enough(solver, strategy, was_drifting, previous_unsolved)) exit
     end do
     solver%is_drifting = solver%is_drifting .and. .not. converged
     solver%no_periodic_solution = solver%is_drifting .or. (solver%no_periodic_solution .and. .not. converged)
@@ -73,7 +79,7 @@ contains
     ! The last step of a homotopy that was given up may have converged, at another parameter.
     solver%report%converged = converged
     solver%report%iterations = iterations
-  end subroutine solve_by_cascade
+  end subroutine solve_by_strategies
 
   !> Put a body that drifts back to its position before: drift is the same at any position, and rounding grows with the distance.
   subroutine remove_drift(solver, before)
@@ -91,18 +97,18 @@ contains
   end subroutine remove_drift
 
   !> Is everything there that a strategy needs?
-  pure logical function is_possible(solver, attempt)
+  pure logical function is_possible(solver, strategy)
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
-    !> Strategy, see `attempt_names`
-    integer, intent(in) :: attempt
+    !> Strategy, see `strategy_names`
+    integer, intent(in) :: strategy
 
-    select case (attempt)
-     case (regularised_from_here, regularised_by_level)
+    select case (strategy)
+     case (mean_regularisation, regularised_level_homotopy)
       is_possible = can_regularise(solver)
-     case (from_time_integration)
+     case (time_integration)
       is_possible = has_time_integrator(solver)
-     case (by_stiffness)
+     case (stiffness_homotopy)
       is_possible = can_soften(solver)
      case default
       is_possible = .true.
@@ -110,18 +116,18 @@ contains
   end function is_possible
 
   !> Is a strategy worth its cost at its place in the order?
-  pure logical function is_worth_while(solver, attempt, was_drifting)
+  pure logical function is_worth_while(solver, strategy, was_drifting)
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
-    !> Strategy, see `attempt_names`
-    integer, intent(in) :: attempt
+    !> Strategy, see `strategy_names`
+    integer, intent(in) :: strategy
     !> Did the body drift at the point before? Then that is no solution.
     logical, intent(in) :: was_drifting
 
-    select case (attempt)
-     case (from_here_briefly)
+    select case (strategy)
+     case (newton_early_stop)
       is_worth_while = .not. was_drifting .and. (has_time_integrator(solver) .or. can_regularise(solver))
-     case (regularised_from_here)
+     case (mean_regularisation)
       ! Time integration finds drift by itself, and where a body is held it is faster.
       is_worth_while = was_drifting .or. .not. has_time_integrator(solver)
      case default
@@ -130,24 +136,24 @@ contains
   end function is_worth_while
 
   !> Has a strategy that failed shown that there is nothing to find? Fewer are needed where the point before had no orbit either.
-  pure logical function is_enough(solver, attempt, was_drifting, lost)
+  pure logical function is_enough(solver, strategy, was_drifting, previous_unsolved)
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
-    !> Strategy, see `attempt_names`
-    integer, intent(in) :: attempt
+    !> Strategy, see `strategy_names`
+    integer, intent(in) :: strategy
     !> Did the body drift at the point before; had that no orbit?
-    logical, intent(in) :: was_drifting, lost
+    logical, intent(in) :: was_drifting, previous_unsolved
 
-    is_enough = solver%is_drifting .and. (was_drifting .or. attempt >= from_time_integration)
-    if (lost .and. solver%no_periodic_solution) is_enough = is_enough .or. attempt == from_time_integration
+    is_enough = solver%is_drifting .and. (was_drifting .or. strategy >= time_integration)
+    if (previous_unsolved .and. solver%no_periodic_solution) is_enough = is_enough .or. strategy == time_integration
   end function is_enough
 
   !> Solve at an angular frequency by one strategy alone, to compare strategies; if it fails the solver is left as it was.
-  subroutine solve_by_attempt(solver, attempt, omega)
+  subroutine solve_by_strategy(solver, strategy, omega)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
-    !> Place among `attempt_names`, from 1
-    integer, intent(in) :: attempt
+    !> Place among `strategy_names`, from 1
+    integer, intent(in) :: strategy
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
     type(snapshot_type) :: before
@@ -159,53 +165,53 @@ contains
     before = snapshot_of(solver)
     iterations = 0
     converged = .false.
-    if (is_possible(solver, attempt)) call try(solver, attempt, omega, before, .false., .false., iterations, converged)
+    if (is_possible(solver, strategy)) call try(solver, strategy, omega, before, .false., .false., iterations, converged)
     solver%is_drifting = solver%is_drifting .and. .not. converged
     solver%no_periodic_solution = solver%is_drifting .or. (solver%no_periodic_solution .and. .not. converged)
     if (.not. converged) call restore(solver, before)
     solver%report%converged = converged
     solver%report%iterations = iterations
-  end subroutine solve_by_attempt
+  end subroutine solve_by_strategy
 
   !> One strategy from the solver's present point. Where the body drifts the solver is left at the drifting motion.
-  subroutine try(solver, attempt, omega, before, was_drifting, lost, iterations, converged)
+  subroutine try(solver, strategy, omega, before, was_drifting, previous_unsolved, iterations, converged)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
-    !> Strategy, see `attempt_names`
-    integer, intent(in) :: attempt
+    !> Strategy, see `strategy_names`
+    integer, intent(in) :: strategy
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
     !> Motion, sliders and frequency to return to
     type(snapshot_type), intent(in) :: before
-    !> Did the body drift at the point before; had that no orbit?
-    logical, intent(in) :: was_drifting, lost
+    !> Did the body drift at the point before; had that no periodic solution?
+    logical, intent(in) :: was_drifting, previous_unsolved
     !> Counts on
     integer, intent(inout) :: iterations
     !> Did the solve converge?
     logical, intent(out) :: converged
 
-    select case (attempt)
-     case (from_here_briefly)
+    select case (strategy)
+     case (newton_early_stop)
       solver%brief = .true.
       call solve_here(solver, omega, iterations, converged)
       solver%brief = .false.
-     case (regularised_from_here)
+     case (mean_regularisation)
       call find_drift(solver, omega, iterations, converged)
-     case (regularised_by_level)
+     case (regularised_level_homotopy)
       call march_level(solver, omega, .true., regularised_iterations, iterations, converged)
       if (converged) call find_drift(solver, omega, iterations, converged)
-     case (from_time_integration)
-      call solve_from_time_integration(solver, omega, was_drifting, lost, iterations, converged)
-     case (from_here)
+     case (time_integration)
+      call solve_from_time_integration(solver, omega, was_drifting, previous_unsolved, iterations, converged)
+     case (newton)
       call solve_here(solver, omega, iterations, converged)
-     case (from_stuck_response)
+     case (stuck_response)
       call solve_from_stuck(solver, omega, iterations, converged)
-     case (by_frequency)
+     case (frequency_homotopy)
       call follow_homotopy(frequency_homotopy_type(before%omega, omega), solver, iterations, converged, &
                            most_iterations=homotopy_iterations)
-     case (by_stiffness)
+     case (stiffness_homotopy)
       call solve_by_stiffness(solver, omega, iterations, converged)
-     case default  ! by_level
+     case default  ! level_homotopy
       call march_level(solver, omega, .false., homotopy_iterations, iterations, converged)
     end select
   end subroutine try

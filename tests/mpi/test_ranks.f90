@@ -5,7 +5,7 @@ program test_ranks
   use attrito_core_kinds, only: wp
   use attrito_model_structure, only: damping_viscous, damping_ratio
   use attrito_continuation_sweep, only: sweep_type, new_sweep
-  use attrito_solve_strategies, only: solve_by_cascade
+  use attrito_solve_strategies, only: solve_by_strategies
   use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
   use attrito_solve_static_path, only: follow_static_path
   use attrito_accuracy_error_control, only: error_control_type
@@ -75,9 +75,9 @@ contains
     call prepare(scene, everyone(), together, error)
     call prepare(scene, only_me(), alone, error)
     if (iterate) together%context%linear%dense_limit = 0
-    call solve_by_cascade(together, omega)
+    call solve_by_strategies(together, omega)
     call check(error, together%context%balance%split%in_use .eqv. iterate, 'high modes are summed, or not: the test is void')
-    call solve_by_cascade(alone, omega)
+    call solve_by_strategies(alone, omega)
     call check(error, any(alone%context%balance%forces%slip > 0.1_wp), 'nothing slips: the test is void')
     call compare(error, together, alone)
     call together%destroy()
@@ -229,8 +229,8 @@ contains
     scene%structure%monitors = scene%contacts%directions(:, :3)
     call prepare(scene, everyone(), together, error)
     call prepare(scene, only_me(), alone, error)
-    call solve_by_cascade(together, omega)
-    call solve_by_cascade(alone, omega)
+    call solve_by_strategies(together, omega)
+    call solve_by_strategies(alone, omega)
     call errors_together%estimate(together, finer)
     call errors_alone%estimate(alone, finer)
     call report_point(together, 1, errors_together%errors, no_tolerance, of_all)

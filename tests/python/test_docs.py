@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import re
@@ -24,6 +25,7 @@ from attrito.job.checks import integer, listing, number, takes, term
 from attrito.job.reading import read_job
 from attrito.job.reference import as_job, as_text, tables
 from attrito.job.schema import ARRAYS, TABLES
+from attrito.library.names import STRATEGIES
 from attrito.plots.response import level_map
 from attrito.studies.design import read_study
 
@@ -217,6 +219,14 @@ def test_names_in_the_glossary_exist_in_the_code_and_its_files():
             assert list(ROOT.glob(name.rstrip("/"))), name
         else:
             assert set(re.findall(r"\w+", name)) <= words, name
+
+
+def test_the_table_of_fallback_strategies_is_that_of_the_code():
+    for path in ("docs/method.md", "src/solve/strategies.f90"):
+        lines = [line.removeprefix("!> ") for line in (ROOT / path).read_text().splitlines()]
+        first = next(i for i, line in enumerate(lines) if line.startswith("| strategy |")) + 2
+        rows = itertools.takewhile(lambda line: line.startswith("| "), lines[first:])
+        assert tuple(row.split("`")[1] for row in rows) == STRATEGIES, path
 
 
 def test_the_version_has_a_heading_in_the_changelog():

@@ -10,7 +10,7 @@ from mpi4py import MPI
 from attrito.integration.attractors import pushed
 from attrito.library.family import Family as Members
 from attrito.library.integrator import Integrator, Run
-from attrito.library.names import ATTEMPTS, ENGINES, ORBITS
+from attrito.library.names import ENGINES, ORBITS, STRATEGIES
 from attrito.library.session import Options, Solver
 from attrito.runs.stability import examine_point
 from attrito_verification.scene_grid.grid import NEAR
@@ -106,7 +106,7 @@ def test_an_attempt_is_asked_for_by_its_name_and_leaves_the_session_where_it_sto
     scene = Family(1, 10.0, 0.3, "small", 45.0).scene()
     frequencies = [80.0, 85.0]
     points = []
-    for attempts in ((), ATTEMPTS):
+    for attempts in ((), STRATEGIES):
         with Solver(MPI.COMM_SELF, scene, Options(harmonics=10, by_events=True)) as solver:
             solver.follow_static_path(np.array([[0.0], [1.0]]), 20, frequencies[0])
             solving = solver.solve_at(frequencies, 1.0, 0)
@@ -116,11 +116,11 @@ def test_an_attempt_is_asked_for_by_its_name_and_leaves_the_session_where_it_sto
     assert [points[1].outcome, points[1].iterations] == [points[0].outcome, points[0].iterations]
     assert points[1].amplitude[0] == points[0].amplitude[0]
     # Newton's method alone gives up after 30 iterations, and briefly after 8 that gain little, or when it is done.
-    assert 0 < found["newton_briefly"].iterations <= found["newton"].iterations
-    assert found["force_steps"].iterations > found["newton"].iterations
+    assert 0 < found["newton_early_stop"].iterations <= found["newton"].iterations
+    assert found["level_homotopy"].iterations > found["newton"].iterations
     with (
         Solver(MPI.COMM_SELF, scene, Options()) as solver,
-        pytest.raises(ValueError, match="newton_briefly, held_mean"),
+        pytest.raises(ValueError, match="newton_early_stop, mean_regularisation"),
     ):
         solver.solve_by_strategy("guess", frequencies[0])
 
@@ -133,13 +133,13 @@ def test_contacts_that_are_soft_at_first_lead_to_an_orbit_that_no_other_attempt_
     ):
         solver.follow_static_path(np.array([[0.0], [1.0]]), 20, at)
         solver.set_excitation(60.0, 280.0, 1.0)
-        found = {name: solver.solve_by_strategy(name, at) for name in ATTEMPTS}
+        found = {name: solver.solve_by_strategy(name, at) for name in STRATEGIES}
         (point,) = solver.solve_at([at], 1.0, 0)
         session.start_static(np.array([[0.0], [1.0]]))
         orbit = session.run(Run(at, cycles=2000, periodicity_tolerance=1e-8))
-    assert [name for name, one in found.items() if one.outcome == "converged"] == ["stiffness_steps"]
+    assert [name for name, one in found.items() if one.outcome == "converged"] == ["stiffness_homotopy"]
     assert point.outcome == "converged"
-    assert point.amplitude == pytest.approx(found["stiffness_steps"].amplitude, rel=1e-6)
+    assert point.amplitude == pytest.approx(found["stiffness_homotopy"].amplitude, rel=1e-6)
     # Motion in time has an orbit of period one there; ten harmonics of its impacts leave out some percents.
     assert orbit.period == 1
     assert point.amplitude[0] == pytest.approx(orbit.amplitude[0], rel=0.1)
@@ -151,7 +151,7 @@ def test_an_iterate_that_runs_off_is_no_solution():
     with Solver(MPI.COMM_SELF, family.scene(), Options(harmonics=10, by_events=True)) as solver:
         solver.follow_static_path(np.array([[0.0], [1.0]]), 20, at)
         solver.set_excitation(60.0, 280.0, 1.0)
-        point = solver.solve_by_strategy("stiffness_steps", at)
+        point = solver.solve_by_strategy("stiffness_homotopy", at)
     assert point.outcome == "not_converged"
 
 

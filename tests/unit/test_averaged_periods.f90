@@ -7,7 +7,7 @@ program test_averaged_periods
   use attrito_model_structure, only: damping_loss_factor, damping_ratio
   use attrito_linear_receptance, only: to_real
   use attrito_continuation_sweep, only: sweep_type, new_sweep
-  use attrito_solve_strategies, only: solve_by_cascade
+  use attrito_solve_strategies, only: solve_by_strategies
   use attrito_solve_time_integrator, only: excitation_type, periods_type
   use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
   use attrito_solve_static_path, only: follow_static_path
@@ -108,7 +108,7 @@ contains
     do i = 1, 3
       solver = solver_of(scene, solver_options_type(harmonics=harmonics(i), samples=1024, by_events=.true.), 5.0_wp)
       call solver%set_scales(two_pi*100.0_wp, two_pi*140.0_wp)
-      call solve_by_cascade(solver, two_pi*132.0_wp)
+      call solve_by_strategies(solver, two_pi*132.0_wp)
       call check(error, solver%report%converged .and. .not. solver%all_stick, 'it does not slip')
       if (allocated(motion)) deallocate (motion)
       allocate (motion, mold=solver%motion)
@@ -133,7 +133,7 @@ contains
     call damp(scene, damping_loss_factor, 0.05_wp)
     solver = solver_of(scene, solver_options_type(), 0.3_wp)
     call solver%set_scales(1.0_wp, 1.2_wp)
-    call solve_by_cascade(solver, 1.1_wp)
+    call solve_by_strategies(solver, 1.1_wp)
     call check(error, solver%report%converged, 'it is not solved')
     call move_on(solver, scene, motion, moved)
     call check(error, moved, 'it does not move')
@@ -200,7 +200,7 @@ contains
     solver = solver_of(scene, solver_options_type(samples=64), 0.3_wp)
     allocate (solver%time_integrator, source=new_averaged_periods(scene%structure, scene%contacts))
     call solver%set_scales(0.9_wp, 1.1_wp)
-    call solve_by_cascade(solver, 1.0_wp)
+    call solve_by_strategies(solver, 1.0_wp)
     call check(error, solver%is_drifting, 'it is held: the test is void')
     call check(error, all(solver%context%balance%periodic), 'its slider no longer follows it')
     call solver%destroy()
@@ -217,7 +217,7 @@ contains
     solver = solver_of(scene, solver_options_type(by_events=.true.), 1.0_wp)
     allocate (solver%time_integrator, source=new_averaged_periods(scene%structure, scene%contacts))
     call solver%set_scales(0.9_wp, 1.1_wp)
-    call solve_by_cascade(solver, 1.0_wp)
+    call solve_by_strategies(solver, 1.0_wp)
     call check(error, .not. solver%report%converged, 'it is held')
     call check(error, solver%is_drifting .and. solver%no_periodic_solution, 'it is not said to drift')
     call check(error, solver%report%iterations < 200, 'what is not there is looked for too long')
@@ -226,7 +226,7 @@ contains
     solver%motion(1, 1) = solver%motion(1, 1) + 0.1_wp
     ! Its march loses digits of the motion's size, ten at most, not of the shift.
     call check_close(error, mean_friction(solver), force, 1.0e-12_wp, 'mean friction somewhere else')
-    call solve_by_cascade(solver, 1.02_wp)
+    call solve_by_strategies(solver, 1.02_wp)
     call check(error, solver%is_drifting, 'a little beyond it is not said to drift')
     call check(error, solver%report%iterations <= 20, 'a little beyond it is looked for as long')
     solver%is_drifting = .false.
@@ -275,7 +275,7 @@ contains
         call solver%set_scales(two_pi*85.0_wp, two_pi*140.0_wp)
       end if
       if (in_time) then
-        call solve_by_cascade(solver, two_pi*(85.0_wp + 2.5_wp*(i - 1)))
+        call solve_by_strategies(solver, two_pi*(85.0_wp + 2.5_wp*(i - 1)))
       else
         call solver%solve_at(two_pi*(85.0_wp + 2.5_wp*(i - 1)))
       end if

@@ -3,7 +3,7 @@ program test_error_control
   use attrito_accuracy_error_control, only: error_control_type
   use attrito_accuracy_finer_balance, only: finer_balance_type, finer_point_type, new_finer_balance
   use attrito_accuracy_second_step, only: second_step_type, step_again
-  use attrito_solve_strategies, only: solve_by_cascade
+  use attrito_solve_strategies, only: solve_by_strategies
   use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
   use attrito_solve_static_path, only: follow_static_path
   use attrito_core_errors, only: error_type
@@ -113,7 +113,7 @@ contains
     if (allocated(error)) return
     call solver%set_loads([1.0_wp], 14.0_wp)
     call solver%set_scales(two_pi*85.0_wp, two_pi*140.0_wp)
-    call solve_by_cascade(solver, two_pi*132.0_wp)
+    call solve_by_strategies(solver, two_pi*132.0_wp)
     call check(error, solver%report%converged, 'the balance does not converge')
   end subroutine solve_wedge
 end program test_error_control

@@ -4,7 +4,7 @@ program test_stability
   use attrito_core_kinds, only: wp, two_pi
   use attrito_contact_state, only: regime_slip
   use attrito_contact_trigonometric_roots, only: new_grid
-  use attrito_solve_strategies, only: solve_by_cascade
+  use attrito_solve_strategies, only: solve_by_strategies
   use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
   use attrito_solve_static_path, only: follow_static_path
   use attrito_integrate_loading, only: loading_type
@@ -358,7 +358,7 @@ contains
     if (allocated(error)) return
     call solver%set_loads([1.0_wp], level)
     call solver%set_scales(two_pi*85.0_wp, two_pi*140.0_wp)
-    call solve_by_cascade(solver, two_pi*frequency_hz)
+    call solve_by_strategies(solver, two_pi*frequency_hz)
     call check(error, solver%report%converged, 'the balance does not converge')
   end subroutine balance_scene
 

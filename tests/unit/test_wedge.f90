@@ -6,7 +6,7 @@ program test_wedge
   use attrito_linear_receptance, only: to_real
   use attrito_contact_state, only: state_stuck, state_slipping
   use attrito_continuation_sweep, only: sweep_type, new_sweep
-  use attrito_solve_strategies, only: solve_by_cascade
+  use attrito_solve_strategies, only: solve_by_strategies
   use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
   use attrito_solve_static_path, only: follow_static_path
   use scenes, only: scene_type, wedge, wedge_preload
@@ -116,7 +116,7 @@ contains
     call prepare(wedge(45.0_wp), [1.0_wp], solver_options_type(samples=1024), two_pi*132.0_wp, solver, error)
     call solver%set_loads([1.0_wp], 5.0_wp)
     call solver%set_scales(two_pi*100.0_wp, two_pi*140.0_wp)
-    call solve_by_cascade(solver, two_pi*132.0_wp)
+    call solve_by_strategies(solver, two_pi*132.0_wp)
     call check(error, solver%report%converged, 'it does not converge')
     associate (balance => solver%context%balance, expected => [-6.045_wp, 23.724_wp])
       q = matmul(to_real(balance%response), transpose(balance%receptance%basis))
@@ -225,7 +225,7 @@ contains
     static = solver%motion(1, :)
     call solver%set_loads([1.0_wp], 5.0_wp)
     call solver%set_scales(two_pi*100.0_wp, two_pi*140.0_wp)
-    call solve_by_cascade(solver, two_pi*132.0_wp)
+    call solve_by_strategies(solver, two_pi*132.0_wp)
     call check(error, solver%report%converged, 'it does not converge')
     ! Newton ends within 1e-10 of the largest stuck response, some 1e-3.
     call check_close(error, solver%motion(1, :), static, 1.0e-13_wp, 'mean of u and v')

@@ -12,17 +12,17 @@ OUTCOMES = (
 )
 # Of points without a solution
 NO_SOLUTION = ("no_period_one_orbit", "not_converged")
-# What the cascade tries, in its order
-ATTEMPTS = (
-    "newton_briefly",
-    "held_mean",
-    "motion_in_time",
-    "held_force_steps",
+# Fallback strategies where Newton's method fails, in their order
+STRATEGIES = (
+    "newton_early_stop",
+    "mean_regularisation",
+    "time_integration",
+    "regularised_level_homotopy",
     "newton",
     "stuck_response",
-    "frequency_steps",
-    "force_steps",
-    "stiffness_steps",
+    "frequency_homotopy",
+    "level_homotopy",
+    "stiffness_homotopy",
 )
 # Contact laws
 LAWS = ("coulomb", "pressure", "iwan")
@@ -69,7 +69,7 @@ EIGENSOLVERS = ("slepc", "block_lanczos")
 # Each that crosses as a number, by the name that the library gives it.
 ENUMERATIONS: dict[str, tuple[str, ...] | dict[str, int]] = {
     "outcomes": OUTCOMES,
-    "attempts": ATTEMPTS,
+    "strategies": STRATEGIES,
     "states": STATES,
     "laws": LAWS,
     "regimes": REGIMES,

@@ -13,7 +13,7 @@ import numpy as np
 
 from attrito.library import loading
 from attrito.library.kernels import slider_width
-from attrito.library.names import ATTEMPTS, DAMPING_KINDS, NO_SOLUTION, OUTCOMES, STARTS
+from attrito.library.names import DAMPING_KINDS, NO_SOLUTION, OUTCOMES, STARTS, STRATEGIES
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series
 from attrito.library.signatures import SERIES_CALLBACK
@@ -222,19 +222,19 @@ class Solver:
             self._library.attrito_solve_at(self._handle, omega(frequency), branch, ctypes.byref(raw))
             yield self.point_of(raw)
 
-    def solve_by_strategy(self, attempt: str, frequency_hz: float) -> Point:
-        """A point by one of `ATTEMPTS` alone; the session stands where it stood before, whatever it found.
+    def solve_by_strategy(self, strategy: str, frequency_hz: float) -> Point:
+        """A point by one of `STRATEGIES` alone; the session's last point stays the one before, whatever it finds.
 
         After `solve_at` or `sweep` have begun, which set the level of the loads.
         """
         raw = RawPoint()
         if (
             self._library.attrito_solve_by_strategy(
-                self._handle, attempt.encode(), omega(frequency_hz), ctypes.byref(raw)
+                self._handle, strategy.encode(), omega(frequency_hz), ctypes.byref(raw)
             )
             != 0
         ):
-            raise ValueError(f"{attempt!r} is none of the cascade's attempts: {', '.join(ATTEMPTS)}")
+            raise ValueError(f"{strategy!r} is none of the strategies: {', '.join(STRATEGIES)}")
         return self.point_of(raw)
 
     def linear_response(self, stuck: bool, frequencies_hz: np.ndarray, natural: int) -> tuple[np.ndarray, np.ndarray]:

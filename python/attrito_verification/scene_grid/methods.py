@@ -14,7 +14,7 @@ from mpi4py import MPI
 from attrito.integration.attractors import State, pushed
 from attrito.library.family import Family as Members
 from attrito.library.integrator import Integrator, Orbit, Run
-from attrito.library.names import ATTEMPTS, ENGINES, MULTIPLIER_KINDS, ORBITS, OUTCOMES
+from attrito.library.names import ENGINES, MULTIPLIER_KINDS, ORBITS, OUTCOMES, STRATEGIES
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Point, Solver
 from attrito.runs.stability import examine_point, fetch_multipliers
@@ -30,9 +30,9 @@ LONGEST_PERIOD = 32
 CYCLES, SECONDS, SAMPLES, PERIODICITY = 2 * LONGEST_PERIOD, 0.8, 128, 1e-8
 # At most so many where a verdict of stable says that perturbations fade more slowly.
 MOST_CYCLES = 10_000
-# Every so many frequencies each attempt of the cascade is made by itself.
+# Every so many frequencies each fallback strategy is tried by itself.
 METHODS_EVERY = 8
-METHODS = ("coupled", "uncoupled", *ATTEMPTS)
+METHODS = ("coupled", "uncoupled", *STRATEGIES)
 # Why a verdict is missing, or what decided it, by a part of the library's sentence.
 REASONS = {
     0: "",
@@ -124,7 +124,7 @@ def _examine(columns: Columns, solver: Solver, index: int) -> bool:
 
 
 def _try_each(columns: Columns, solver: Solver, index: int, frequency_hz: float) -> None:
-    for name in ATTEMPTS:
+    for name in STRATEGIES:
         _keep(columns, name, index, solver.solve_by_strategy(name, frequency_hz))
 
 
