@@ -1,4 +1,5 @@
-!> C interface of the reduction: plain arrays, a status (0 done, 1 the numerics, 2 the input) and a message, alike on every rank.
+!> C interface of the reduction: plain arrays, a status (0 done, 1 the numerics, 2 the input, 3 a file) and a message, alike on every
+!> rank.
 module attrito_api_reduce
   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_funptr, c_int
   use attrito_api_message, only: report_error, text_of

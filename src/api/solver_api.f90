@@ -1,4 +1,4 @@
-!> C interface of the solver: an opaque handle, a status (0 done, 1 the numerics, 2 the input) and a message.
+!> C interface of the solver: an opaque handle, a status (0 done, 1 the numerics, 2 the input, 3 a file) and a message.
 !>
 !> Arrays are C's: the last index runs fastest, so a Fortran array here has its dimensions the other way round.
 module attrito_api_solver
@@ -198,7 +198,7 @@ contains
   subroutine attrito_begin_sweep(handle, start, stop, level, branch, max_points) bind(c)
     !> Session, see `session_of`
     type(c_ptr), value :: handle
-    !> End of the range, rad/s; factor on the loads
+    !> Angular frequencies of both ends of the range, rad/s; factor on the harmonic loads
     real(c_double), value :: start, stop, level
     !> Number of the branch; most points
     integer(c_int), value :: branch, max_points

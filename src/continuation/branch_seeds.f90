@@ -90,7 +90,7 @@ contains
     class(preload_homotopy_type), intent(in) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
-    !> Parameter, 0 to 1, or time
+    !> Parameter of the homotopy, 0 to 1
     real(wp), intent(in) :: t
     !> Did the solve converge?
     logical, intent(out) :: converged

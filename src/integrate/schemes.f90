@@ -43,9 +43,9 @@ contains
   subroutine new_scheme(system, kind, steps, period, dissipation, self)
     !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
-    !> One of `scheme_...` but the event-exact one; steps per period; length of a period in units of the clock
+    !> One of `scheme_...` but the event-exact one; steps per period
     integer, intent(in) :: kind, steps
-    !> Length of the period, s
+    !> Length of a period in units of the clock
     real(wp), intent(in) :: period
     !> HHT: -alpha (0 to 1/3); generalised alpha: spectral radius at infinity (0 to 1); negative: as above
     real(wp), intent(in) :: dissipation

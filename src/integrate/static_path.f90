@@ -45,7 +45,8 @@ contains
                                converged)
         if (.not. converged) then
           write (text, '(a,i0,a,i0)') 'static load path, corner ', corner, ', step ', step
-          call raise(error, trim(text)//': no equilibrium found (do the loads open all contacts that hold a body?)')
+          call raise(error, trim(text)//': no equilibrium found '// &
+                     '(do the loads open all contacts that hold a body, or exceed their friction?)')
           return
         end if
         slider = new_slider

@@ -114,7 +114,7 @@ module attrito_linear_receptance
     function low_shapes(self, low, directions) result(shapes)
       import :: receptance_type, wp
       class(receptance_type), intent(in) :: self
-      !> Lowest harmonic
+      !> Number of lowest modes
       integer, intent(in) :: low
       !> Rows of B in generalised coordinates, in columns [n, rows]
       real(wp), intent(in) :: directions(:, :)
@@ -126,7 +126,7 @@ module attrito_linear_receptance
     function low_stiffness(self, h, low) result(stiffness)
       import :: receptance_type, wp
       class(receptance_type), intent(in) :: self
-      !> Number of the harmonic; lowest harmonic
+      !> Number of the harmonic; number of lowest modes
       integer, intent(in) :: h, low
       complex(wp) :: stiffness(low)
     end function low_stiffness
@@ -135,7 +135,7 @@ module attrito_linear_receptance
     subroutine remainder(self, low, directions, blocks)
       import :: receptance_type, wp
       class(receptance_type), intent(in) :: self
-      !> Lowest harmonic
+      !> Number of lowest modes
       integer, intent(in) :: low
       !> Rows of B in generalised coordinates, in columns [n, rows]
       real(wp), intent(in) :: directions(:, :)

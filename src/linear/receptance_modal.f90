@@ -163,7 +163,7 @@ contains
 
   function low_shapes(self, low, directions) result(shapes)
     class(receptance_modal_type), intent(in) :: self
-    !> Lowest harmonic
+    !> Number of lowest modes
     integer, intent(in) :: low
     !> Rows of B, a column each
     real(wp), intent(in) :: directions(:, :)
@@ -174,7 +174,7 @@ contains
 
   function low_stiffness(self, h, low) result(stiffness)
     class(receptance_modal_type), intent(in) :: self
-    !> Number of the harmonic; lowest harmonic
+    !> Number of the harmonic; number of lowest modes
     integer, intent(in) :: h, low
     complex(wp) :: stiffness(low)
 
@@ -198,7 +198,7 @@ contains
 
   subroutine remainder(self, low, directions, blocks)
     class(receptance_modal_type), intent(in) :: self
-    !> Lowest harmonic
+    !> Number of lowest modes
     integer, intent(in) :: low
     !> Rows of B, a column each
     real(wp), intent(in) :: directions(:, :)

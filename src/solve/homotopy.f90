@@ -23,7 +23,7 @@ module attrito_solve_homotopy
       class(homotopy_type), intent(in) :: self
       !> Solver of points, which this moves
       type(solver_type), intent(inout) :: solver
-      !> Parameter, 0 to 1, or time
+      !> Parameter of the homotopy, 0 to 1
       real(wp), intent(in) :: t
       !> Did the solve converge?
       logical, intent(out) :: converged
@@ -52,7 +52,7 @@ contains
     class(frequency_homotopy_type), intent(in) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
-    !> Parameter, 0 to 1, or time
+    !> Parameter of the homotopy, 0 to 1
     real(wp), intent(in) :: t
     !> Did the solve converge?
     logical, intent(out) :: converged
@@ -65,7 +65,7 @@ contains
     class(level_homotopy_type), intent(in) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
-    !> Parameter, 0 to 1, or time
+    !> Parameter of the homotopy, 0 to 1
     real(wp), intent(in) :: t
     !> Did the solve converge?
     logical, intent(out) :: converged

@@ -61,7 +61,7 @@ contains
       end if
       if (.not. converged) then
         write (where_it_failed, '(a,i0,a)') 'static load path, corner ', corner, ': no equilibrium found'
-        call raise(error, trim(where_it_failed)//' (do the loads open all contacts that hold a body?)')
+        call raise(error, trim(where_it_failed)//' (do the loads open all contacts that hold a body, or exceed their friction?)')
         return
       end if
       from = to
@@ -76,7 +76,7 @@ contains
     class(load_homotopy_type), intent(in) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
-    !> Parameter, 0 to 1, or time
+    !> Parameter of the homotopy, 0 to 1
     real(wp), intent(in) :: t
     !> Did the solve converge?
     logical, intent(out) :: converged

@@ -9,7 +9,7 @@ module attrito_stability_examination
   public :: examination_type, examine_options_type, balance_motion_type, is_near, held, number, part, distance_limit
   public :: by_monodromy, by_hill, balanced_orbit, exact_orbit, automatic_orbit
 
-  !> Engines, to be added
+  !> Methods; their sum asks for both
   integer, parameter :: by_monodromy = 1, by_hill = 2
 
   !> The balance's orbit; the event-exact one near it; or the latter wherever a contact slips or opens: the orbit of the balance then

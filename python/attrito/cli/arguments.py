@@ -157,7 +157,9 @@ def _keys(parsers: Parsers) -> None:
 
 
 def _verify(parsers: Parsers) -> None:
-    one = parsers.add_parser("verify", help="reproduce Zucca & Firrone 2014: figures, data, and a table of numbers")
+    one = parsers.add_parser(
+        "verify", help="reproduce Zucca & Firrone 2014; try methods on thousands of scenes; step limits of integrators"
+    )
     one.add_argument(
         "what",
         choices=["paper", "torture", "integrators"],

@@ -248,8 +248,8 @@ TABLES: dict[str, dict[str, Key]] = {
         "orbit": Key(
             choice("auto", "balance", "exact"),
             "auto",
-            "multipliers of the balance's orbit, of the exact one near it, or of the latter only where the former is"
-            " within 0.05 of a change",
+            "whose multipliers: `balance` the balance's orbit, `exact` the event-exact one near it, `auto` the latter"
+            " wherever a contact slips or opens",
         ),
     },
     "integrate": {

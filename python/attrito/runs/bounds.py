@@ -11,7 +11,7 @@ where * is the member that the load path chose. The members are the s for which 
 
 a polytope, and the bounds of mean T and N of every contact, and of the monitors' means, are linear programs. Amplitudes
 are the same in all members. Elsewhere, where some contacts slip or have two tangents, members are visited one by one
-(`attrito.members`). See docs/method.md, "Points that are not unique".
+(`attrito.runs.bounds_by_members`). See docs/method.md, "Points that are not unique".
 """
 
 from __future__ import annotations

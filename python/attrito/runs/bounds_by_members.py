@@ -1,7 +1,7 @@
 """Bounds of a point that is not unique by visiting other members of its family: bounds marked `sampled`.
 
-The linear model of the family at a member (`attrito.linear_family`) says which sliders take a quantity farthest, and
-the solver goes there. Where every contact sticks the model is exact and that is the bound; elsewhere the next step
+The linear model of the family at a member (`attrito.runs.linear_family`) says which sliders take a quantity farthest,
+and the solver goes there. Where every contact sticks the model is exact and that is the bound; elsewhere the next step
 starts from the member found, half as long where the solver does not follow or nothing is gained, until there is nothing
 to gain. The contact law takes sliders back that were moved too far, so whatever the solver returns is a member: bounds
 are never too wide. They are too narrow where the family bends so much that the way uphill ends before its top.
