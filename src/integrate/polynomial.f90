@@ -73,7 +73,8 @@ contains
     product_integral = value(c, s)
   end function product_integral
 
-  !> The first s in [0, 1] from which the polynomial is negative; above 1 if there is none. A double root is none.
+  !> The first s in [0, 1] from which the polynomial is negative; above 1 if there is none. A double root is none, and a polynomial
+  !> that is not finite has none: nothing would end the search.
   pure subroutine first_negative(a, bernstein, s)
     !> Polynomial, coefficients from degree 0
     real(wp), intent(in) :: a(0:)
@@ -90,6 +91,7 @@ contains
       return
     end if
     if (a(0) + sum(min(a(1:), 0.0_wp)) > 0.0_wp) return
+    if (.not. is_finite(a)) return
     b = to_bernstein(a, bernstein)
     call search(a, b, 0.0_wp, 1.0_wp, 0, s, found)
     if (.not. found) s = 2.0_wp
@@ -105,8 +107,16 @@ contains
     integer, intent(out) :: count
 
     count = 0
+    if (.not. is_finite(a)) return
     call collect(a, to_bernstein(a, bernstein), 0.0_wp, 1.0_wp, 0, roots, count)
   end subroutine sign_changes
+
+  pure logical function is_finite(a)
+    !> Polynomial, coefficients from degree 0
+    real(wp), intent(in) :: a(:)
+
+    is_finite = all(abs(a) <= huge(1.0_wp))
+  end function is_finite
 
   pure function to_bernstein(a, bernstein) result(b)
     !> Polynomial, coefficients from degree 0; from powers to Bernstein coefficients

@@ -1,5 +1,6 @@
 !> Roots of polynomials on [0, 1], none skipped.
 program test_integrate_polynomial
+  use, intrinsic :: ieee_arithmetic, only: ieee_negative_inf, ieee_positive_inf, ieee_value
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
   use attrito_integrate_polynomial, only: bernstein_matrix, first_negative, sign_changes, product_integral
@@ -13,6 +14,7 @@ program test_integrate_polynomial
                 test('a pair of roots 1e-6 apart is not skipped', close_pair), &
                 test('a double root is no crossing', double_root), &
                 test('a polynomial that starts at zero and falls is negative at once', falls_at_once), &
+                test('a polynomial that is not finite has no root, and the search for one ends', not_finite), &
                 test('all roots of a Chebyshev polynomial are found', chebyshev), &
                 test('products are integrated exactly', products)], quiet=.false.) > 0) error stop 1
 
@@ -65,6 +67,22 @@ contains
     call first_negative(from_roots([0.0_wp], -1.0_wp), bernstein_matrix(n), s)
     call check_close(error, s, 0.0_wp, 0.0_wp, 'root')
   end subroutine falls_at_once
+
+  !> Its Bernstein coefficients are no numbers, so that no half of [0, 1] can ever be left out: 2^48 of them.
+  subroutine not_finite(error)
+    type(error_type), allocatable, intent(out) :: error
+    real(wp) :: a(0:n), roots(n), s
+    integer :: count
+
+    a = from_roots([0.5_wp], 1.0_wp)
+    a(0) = 1.0_wp
+    a(n - 1) = ieee_value(1.0_wp, ieee_negative_inf)
+    a(n) = ieee_value(1.0_wp, ieee_positive_inf)
+    call first_negative(a, bernstein_matrix(n), s)
+    call check(error, s > 1.0_wp, 'a first root is found')
+    call sign_changes(a, bernstein_matrix(n), roots, count)
+    call check(error, count == 0, 'changes of sign are found')
+  end subroutine not_finite
 
   subroutine chebyshev(error)
     type(error_type), allocatable, intent(out) :: error
