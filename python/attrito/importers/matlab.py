@@ -14,7 +14,7 @@ from scipy.sparse import csr_matrix
 from attrito.importers.mat_records import fault_of_version_4, is_version_4
 from attrito.importers.npz import check_parts, real_matrix
 from attrito.importers.source import Source, no_such_matrix, refuse
-from attrito.support.hdf5_reading import UNREADABLE, check_sizes
+from attrito.support.hdf5_reading import UNREADABLE, check_datasets
 
 # Version 4 has no such header, and is known by its ending.
 HEADER = b"MATLAB "
@@ -45,7 +45,7 @@ def _from_mat(path: str, key: str, name: str | None) -> csr_matrix:
 def _from_hdf5(path: str, key: str, name: str | None) -> csr_matrix:
     try:
         with h5py.File(path, "r") as file:
-            check_sizes(file, path)
+            check_datasets(file, path)
             shapes = {found: _shape(thing) for found, thing in file.items() if not found.startswith("#")}
             name = _choose(path, key, name, shapes)
             thing = file[name]

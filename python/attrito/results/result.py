@@ -14,7 +14,7 @@ from attrito.library.names import NO_SOLUTION
 from attrito.results.journal import is_journal
 from attrito.results.result_file import fill_result
 from attrito.support.errors import Fault, InputError
-from attrito.support.hdf5_reading import UNREADABLE, as_text, check_sizes, spoilt
+from attrito.support.hdf5_reading import UNREADABLE, as_text, check_datasets, spoilt
 
 # Shapes of what is known of each contact, where it is more than a number.
 OF_A_CONTACT = {"position": (3,), "frame": (3, 3)}
@@ -54,7 +54,7 @@ class Result:
         form = self.attribute("format") or "absent"
         if "result" not in form:
             raise InputError(Fault(self.path, "format", form, "a result of `attrito run`"))
-        check_sizes(self._file, self.path)
+        check_datasets(self._file, self.path)
         points = self._file.get("points/frequency_hz")
         if not isinstance(points, h5py.Dataset):
             return

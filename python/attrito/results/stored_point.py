@@ -11,7 +11,7 @@ from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import StoredPoint
 from attrito.scene.reduced_model import coordinates_fingerprint
 from attrito.support.errors import InputError
-from attrito.support.hdf5_reading import UNREADABLE, check_sizes
+from attrito.support.hdf5_reading import UNREADABLE, check_datasets
 
 NAMES = ("points/coordinates", "contacts/slider", "points/frequency_hz")
 
@@ -24,7 +24,7 @@ def read_point(job: Job, key: str, start: str, path: str, scene: ReducedScene) -
     number = int(start.split(":")[1])
     try:
         with h5py.File(path) as file:
-            check_sizes(file, path)
+            check_datasets(file, path)
             points = len(file["points/frequency_hz"])
             if number >= points:
                 raise InputError(job.fault(key, start, f"a point of {path}: 0 to {points - 1}"))

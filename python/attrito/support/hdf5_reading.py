@@ -38,7 +38,7 @@ def stored(path: str | Path, expected: str) -> Iterator[h5py.File]:
     """
     try:
         with h5py.File(path, "r") as file:
-            check_sizes(file, str(path))
+            check_datasets(file, str(path))
             yield file
     except UNREADABLE as error:
         raise spoilt(path, error, expected) from error
@@ -57,12 +57,19 @@ def spoilt(path: str | Path, error: BaseException, expected: str) -> InputError:
     return InputError(Fault(str(path), key, said, f"{expected}, intact"))
 
 
-def check_sizes(file: h5py.File, path: str) -> None:
-    """No dataset claims more than the file holds of it."""
+def check_datasets(file: h5py.File, path: str) -> None:
+    """Every dataset lies in the file itself, and none claims more than the file holds of it.
+
+    A virtual dataset may be made of itself, which HDF5 follows until the stack ends.
+    """
     faults: list[Fault] = []
 
     def look(name: str, thing: h5py.Group | h5py.Dataset) -> None:
-        if isinstance(thing, h5py.Dataset) and thing.nbytes > max(SMALL, MOST_TIMES * thing.id.get_storage_size()):
+        if not isinstance(thing, h5py.Dataset):
+            return
+        if thing.is_virtual or thing.external:
+            faults.append(Fault(path, name, "data in other places", "a dataset whose data the file itself holds"))
+        elif thing.nbytes > max(SMALL, MOST_TIMES * thing.id.get_storage_size()):
             held = thing.id.get_storage_size()
             faults.append(
                 Fault(path, name, f"shape {thing.shape}", f"no more than the {held} bytes that the file holds of it")
