@@ -50,9 +50,9 @@ def sweep(solver: common.TimedSolver, start: float, stop: float, arguments: argp
 
 def open_parts(solver: common.TimedSolver) -> np.ndarray:
     """At the last point, of each contact."""
-    told = {}
-    solver.report_point(lambda path, _, entry: told.update({path: entry}))
-    return told["/contacts/open"]
+    found = {}
+    solver.report_point(lambda path, _, entry: found.update({path: entry}))
+    return found["/contacts/open"]
 
 
 def solved(places: list[Place], beyond: bool) -> list[Place]:

@@ -30,11 +30,11 @@ TOLERANCES = (1e-2, 1e-3)
 LEVELS, PLACES = (1.0, 1.5, 3.0), (0.9, 0.91, 0.92)
 
 
-def deviation(case: accuracy.Case, told: dict[str, np.ndarray]) -> np.ndarray:
+def deviation(case: accuracy.Case, series: dict[str, np.ndarray]) -> np.ndarray:
     """Coefficients of the contacts' forces less their springs', [contacts, 3, 2 H + 1]."""
     laws = case.scene.laws
     springs = np.stack([laws["tangential_stiffness"], laws["tangential_stiffness"], laws["normal_stiffness"]], axis=1)
-    return np.nan_to_num(told["/contacts/force"] - springs[:, :, None] * told["/contacts/displacement"])
+    return np.nan_to_num(series["/contacts/force"] - springs[:, :, None] * series["/contacts/displacement"])
 
 
 def needed(force: np.ndarray, power: int) -> np.ndarray:
@@ -55,9 +55,9 @@ def examine(case: accuracy.Case, tolerance: float) -> list[dict]:
             slipping = sum(point.states[2:])
             if point.outcome != "converged" or not slipping:
                 continue
-            told: dict[str, np.ndarray] = {}
-            solver.report_point(lambda path, _, values, told=told: told.__setitem__(path, np.array(values)))
-            force, highest = deviation(case, told), point.harmonics.shape[1] // 2
+            series: dict[str, np.ndarray] = {}
+            solver.report_point(lambda path, _, values, series=series: series.__setitem__(path, np.array(values)))
+            force, highest = deviation(case, series), point.harmonics.shape[1] // 2
             left = [float(np.sum(2 * needed(force, power) + 1, where=needed(force, power) > 0)) for power in (2, 0)]
             whole = slipping * (2 * highest + 1)
             found.append({"kind": case.kind, "tolerance": tolerance, "harmonics": highest, "contacts": len(force),

@@ -1,4 +1,4 @@
-!> What `result.h5` tells of a point, series by series; the layout is in docs/files.md. Each rank has its own contacts, and the
+!> What `result.h5` holds of a point, series by series; the layout is in docs/files.md. Each rank has its own contacts, and the
 !> root, to whom they are gathered, tells its listener.
 module attrito_output_point_series
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
@@ -27,7 +27,7 @@ module attrito_output_point_series
   character(12), parameter :: contact_units(contact_columns) = [character(12) :: 'user force', 'user force', 'user force', &
     'user force', 'user force', 'user force', 'user force', 'user force', 'user force', 'user force', '1', '1', '1', 'user energy']
 
-  !> Rows of what a rank tells of a contact before its series: state, unique
+  !> Rows of what a rank reports of a contact before its series: state, unique
   integer, parameter :: first_rows = 2
 
 contains
@@ -85,13 +85,13 @@ contains
       character(*), intent(in) :: path, description
       !> Numbers of the series
       real(wp), intent(in) :: values(:, :)
-      real(wp) :: told(size(values))
+      real(wp) :: shown(size(values))
       logical :: listed
 
-      told = reshape(values, [size(values)])
-      if (.not. report%findings%solved) told = blank()
+      shown = reshape(values, [size(values)])
+      if (.not. report%findings%solved) shown = blank()
       listed = path == '/points/coordinates'
-      call listener%report(path, 'real64', pack([size(values, 2), size(values, 1)], [listed, .true.]), told, description, &
+      call listener%report(path, 'real64', pack([size(values, 2), size(values, 1)], [listed, .true.]), shown, description, &
                          'user length')
     end subroutine tell_rows
   end subroutine report_point

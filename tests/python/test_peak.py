@@ -92,9 +92,9 @@ def test_the_optimisation_curve_is_that_of_swept_peaks_at_a_twentieth_of_the_eva
     wedge = Wedge(PARAMETER_SETS["unrounded"], degrees, "C", 5)
     with Solver(MPI.COMM_SELF, wedge.scene, wedge._options) as solver:
         solver.follow_static_path(np.array([[0.0], [1.0]]), 20, BAND[1])
-        walked = evaluations(solver)
+        on_the_static_path = evaluations(solver)
         found = list(follow(solver, curve_job(optimum=False), wedge.scene, np.array([[0.0], [1.0]])))
-        count = evaluations(solver) - 2 * walked
+        count = evaluations(solver) - 2 * on_the_static_path
     at = {round(one.peak.parameter, 9): one.peak for one in found if one.kind == "value"}
     for force in FORCES:
         swept = wedge.peak(force)

@@ -271,7 +271,7 @@ class Solver:
             self._library.attrito_report_point(self._handle, monitors, SERIES_CALLBACK())
             return
 
-        def told(
+        def series(
             path: bytes,
             kind: bytes,
             dimensions: int,
@@ -288,7 +288,7 @@ class Solver:
             )
             hear(path.decode(), what, entry.astype(np.int32) if what.kind == "int32" else entry)
 
-        self._library.attrito_report_point(self._handle, monitors, SERIES_CALLBACK(told))
+        self._library.attrito_report_point(self._handle, monitors, SERIES_CALLBACK(series))
 
     def save_state(self) -> np.ndarray:
         """What the last point leaves for the next on this rank: numbers that `load_state` understands."""

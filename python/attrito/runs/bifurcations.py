@@ -71,7 +71,7 @@ class Finder:
         return {"bifurcations": as_rows(self._last)} if self._last else {}
 
     def load_state(self, found: dict[str, np.ndarray]) -> None:
-        """Go on after a point of which `save_state` told this."""
+        """Go on after a point of which `save_state` returned this."""
         for one in of_rows(self._points, found.get("bifurcations", ())):
             self.found = added(self.found, one)
         self._points += 1

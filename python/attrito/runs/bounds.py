@@ -124,7 +124,7 @@ class Sampler:
         return {} if hull is None else {f"hull/{name}": np.asarray(value) for name, value in vars(hull).items()}
 
     def load_state(self, found: dict[str, np.ndarray]) -> None:
-        """Go on after a point of which `save_state` told this."""
+        """Go on after a point of which `save_state` returned this."""
         if "hull/force" in found:
             sides = {name: found[f"hull/{name}"] for name in ("force", "mean", "amplitude")}
             self.hulls[self._points] = Hull(

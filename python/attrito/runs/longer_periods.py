@@ -45,7 +45,7 @@ class LongerPeriods:
         self._asks = job["stability"]["method"] != "none" and comm.rank == 0 and can_integrate(scene)
 
     def visit(self, point: Point) -> Point:
-        """The point with its outcome by what motion in time does; the solver stands at it. Collective."""
+        """The point with its outcome by what motion in time does; it is the solver's last. Collective."""
         if point.outcome not in NO_SOLUTION:
             return point
         period = self._comm.bcast(self._period(point) if self._asks else None)

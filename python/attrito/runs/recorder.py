@@ -40,7 +40,7 @@ class Follower(Protocol):
         """What was found of the last point."""
 
     def load_state(self, found: dict[str, np.ndarray]) -> None:
-        """Go on after a point of which `save_state` told this."""
+        """Go on after a point of which `save_state` returned this."""
 
 
 class Recorder:

@@ -36,7 +36,7 @@ class Examiner:
         self._found: dict[str, np.ndarray] = {}
 
     def examine(self, point: Point) -> Point:
-        """The point with its verdict: the solver stands at it, and it is not written yet. Collective."""
+        """The point with its verdict: it is the solver's last, and it is not written yet. Collective."""
         self._found = {}
         if not self._methods or point.outcome not in ("converged", "above_tolerance"):
             return point
