@@ -32,6 +32,8 @@ module attrito_accuracy_error_control
   !> Harmonics and samples between which they are chosen
   integer, parameter :: most_harmonics = 100, most_samples = 8192
   integer, parameter :: most_refinements = 8
+  !> Longest series that an estimate which is not sure is held against, in units of the present one: nothing is known of what is beyond
+  integer, parameter :: most_growth = 2
 
   type :: error_control_type
     !> Relative error accepted in the amplitude
@@ -163,8 +165,9 @@ contains
       samples = max(samples, solver%options%samples)
       if (self%choose_harmonics .and. .not. self%estimator%is_sure) then
         was_sure = .false.
+        harmonics = min(harmonics, most_growth*solver%options%harmonics)
         harmonics = min(max(harmonics, next_longer(solver%options%harmonics), self%estimator%unsettled), most_harmonics)
-        samples = max(samples, 6*harmonics + 2)
+        samples = max(needed_samples(self, solver, harmonics), solver%options%samples, 6*harmonics + 2)
       end if
       if (harmonics == solver%options%harmonics .and. samples == solver%options%samples) exit
       shorter = own_monitors(solver)
