@@ -32,7 +32,7 @@ module attrito_accuracy_error_control
   !> Harmonics and samples between which they are chosen
   integer, parameter :: most_harmonics = 100, most_samples = 8192
   integer, parameter :: most_refinements = 8
-  !> Longest series that an estimate which is not sure is held against, in units of the present one: nothing is known of what is beyond
+  !> Longest series that an estimate which is not sure is held against, in units of the present one: more is not known to be needed
   integer, parameter :: most_growth = 2
 
   type :: error_control_type

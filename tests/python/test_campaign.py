@@ -123,7 +123,7 @@ def test_one_harmonic_is_not_believed_where_contacts_are_ten_thousand_times_stif
 
 
 def test_five_harmonics_are_not_believed_where_linearised_steps_do_not_see_how_stiff_contacts_slip():
-    # Found by the campaign: five harmonics are wrong by 3.9e-3 at an estimate of 1.2e-3; twenty by 1.4e-4, integration says.
+    # Found by the campaign: five harmonics are wrong by 3.9e-3 at an estimate of 1.2e-3, twenty by 1.4e-4.
     scene = campaign_scenes.make(236251681, 268)
     assert scene.ratio > 1e4
     *_, (point, solved, _) = campaign.sweep(scene)
