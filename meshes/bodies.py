@@ -118,6 +118,7 @@ def make_model(
     node_sets: Callable[[Scene], dict[str, np.ndarray]],
     steps: dict[str, str],
     products: dict[str, str],
+    loads: dict[str, Callable[[Scene], str]] | None = None,
 ) -> None:
     """Mesh, matrices and whatever else CalculiX is asked for, unless they are there already.
 
@@ -129,14 +130,16 @@ def make_model(
     node_sets : finds the node sets of a scene
     steps : CalculiX jobs by name, from their boundary conditions on
     products : what to keep: CalculiX's file (`matrices.sti`) -> its name in `out`
+    loads : files of forces: name in `out` -> what writes its text for a scene
     """
+    loads = loads or {}
     sections = "".join(f"*SOLID SECTION, ELSET={body}, MATERIAL=steel\n" for body in bodies)
     decks = {job: f"*INCLUDE, INPUT={name}.inp\n{STEEL}{sections}{text}" for job, text in steps.items()}
     caller = Path(sys.argv[0]).read_text() if Path(sys.argv[0]).is_file() else ""
     sources = [script, *decks.values(), repr(sorted(products.items())), caller, Path(__file__).read_text()]
     stamp = hashlib.sha256("\0".join(sources).encode()).hexdigest()
     stamp_file = out / f"{name}.stamp"
-    kept = [out / f"{name}.inp", *(out / product for product in products.values())]
+    kept = [out / product for product in (f"{name}.inp", *products.values(), *loads)]
     if stamp_file.exists() and stamp_file.read_text() == stamp and all(path.exists() for path in kept):
         return
 
@@ -150,7 +153,9 @@ def make_model(
         for job, deck in decks.items():
             (folder / f"{job}.inp").write_text(deck)
             run(["ccx", "-i", job], folder)
-        for product, final in {**products, f"{name}.inp": f"{name}.inp"}.items():
+        for file, text_of in loads.items():
+            (folder / file).write_text(text_of(scene))
+        for product, final in {**products, **{file: file for file in (f"{name}.inp", *loads)}}.items():
             os.replace(folder / product, out / final)
     stamp_file.write_text(stamp)
 

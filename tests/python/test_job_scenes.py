@@ -1,4 +1,4 @@
-"""The underplatform damper and the blade at speed, coarse: from geometry to response, checked by what must balance."""
+"""The jobs of other scenes than the demo blade, coarse: from geometry to response, checked by what must balance."""
 
 from __future__ import annotations
 
@@ -257,3 +257,65 @@ def test_a_block_that_only_contacts_hold_stands_on_them_with_all_that_presses_it
             assert file[f"contacts/{name}"][0].sum() == pytest.approx(force, abs=1e-3), name
         slipping = list(file["contacts/state"].attrs["names"]).index(b"slipping")
         assert 0 < (file["contacts/state"][0] == slipping).sum() < 20
+
+
+def stepped_cantilever(pieces, elements=20):
+    """First bending frequency of a clamped-free beam, Hz; pieces: (length, bending stiffness, mass per length)."""
+    count = elements * len(pieces)
+    stiffness, mass = np.zeros((2, 2 * count + 2, 2 * count + 2))
+    for k in range(count):
+        length, bending, density = pieces[k // elements]
+        a = length / elements
+        own = slice(2 * k, 2 * k + 4)
+        stiffness[own, own] += bending / a**3 * np.array(
+            [[12, 6 * a, -12, 6 * a], [6 * a, 4 * a * a, -6 * a, 2 * a * a],
+             [-12, -6 * a, 12, -6 * a], [6 * a, 2 * a * a, -6 * a, 4 * a * a]]
+        )  # fmt: skip
+        mass[own, own] += density * a / 420 * np.array(
+            [[156, 22 * a, 54, -13 * a], [22 * a, 4 * a * a, 13 * a, -3 * a * a],
+             [54, 13 * a, 156, -22 * a], [-13 * a, -3 * a * a, -22 * a, 4 * a * a]]
+        )  # fmt: skip
+    return np.sqrt(eigh(stiffness[2:, 2:], mass[2:, 2:], eigvals_only=True)[0]) / (2 * np.pi)
+
+
+def test_a_bolt_closes_a_lap_joint_about_its_hole_and_opens_the_overlap_s_ends(tmp_path):
+    script = REPOSITORY / "meshes" / "lap_joint.py"
+    subprocess.run([sys.executable, script, "--size", "coarse", "--out", tmp_path], check=True)
+    done = attrito(tmp_path, "import", "model.h5", "--calculix", "lap_joint", "--mesh", "lap_joint.inp")
+    assert done.returncode == 0, done.stderr
+    text = re.sub(r"\.\./out/\w+/", "", (REPOSITORY / "input" / "lap_joint.toml").read_text())
+    text, count = re.subn(r"start_hz = .*\nstop_hz = .*\n", "frequencies_hz = [50.0, 138.0]\n", text)
+    assert count == 1
+    (tmp_path / "job.toml").write_text(text)
+    done = attrito(tmp_path, "run", "job.toml")
+    assert done.returncode == 0, done.stderr
+
+    model = read_model(tmp_path / "model.h5")
+    # The bolt pulls neither plate away: 1 kN up on the lower one, 1 kN down on the upper one.
+    force = build_scene(read_job(tmp_path / "job.toml")).static["bolt"]
+    along = model.dof_direction == 3
+    label = connected_components(model.stiffness)[1]
+    assert [force[along & (label == k)].sum() for k in range(2)] == pytest.approx([1000.0, -1000.0], rel=1e-9)
+
+    with result_file(tmp_path) as file:
+        position = file["contacts/parameters/position"][:]
+        names = [name.decode().strip() for name in file["contacts/state"].attrs["names"]]
+        state = [np.array(names)[row] for row in file["contacts/state"][:]]
+        mean = file["contacts/n_mean"][0]
+        stuck = file["linear/stuck/natural_hz"][0]
+    radius = np.hypot(*position[:, :2].T)
+    assert np.all(position[:, 2] == 0.0)
+    # The pressed ring touches all over, the overlap's ends gape, and the contacts carry the bolt's 4 kN.
+    assert np.all(state[0][radius <= 9.0 + 1e-6] == "stuck")
+    assert (state[0] == "open").sum() > 0.4 * len(radius)
+    assert mean[radius > 15.0].sum() < 1e-3 * mean.sum()
+    assert mean.sum() == pytest.approx(4000.0, abs=1e-2)
+    # Towards the resonance pairs at the edge of the contact zone slip.
+    assert np.all(radius[state[1] == "slipping"] > 5.0)
+    assert (state[1] == "slipping").sum() > 0
+    # Plates of 115 x 30 x 5 mm, glued over 60 mm: a beam of stepped height. Springs for the glue take 1 % off;
+    # elements 30 mm long are 5 % too stiff (the default mesh: 1 %).
+    bending, density = 210000.0 * 30.0 * 5.0**3 / 12.0, 7.85e-9 * 30.0 * 5.0
+    plate = (55.0, bending, density)
+    beam = stepped_cantilever([plate, (60.0, 8.0 * bending, 2.0 * density), plate])
+    assert beam < stuck < 1.07 * beam
