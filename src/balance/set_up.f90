@@ -112,7 +112,7 @@ contains
     self%split = split_receptance_type()
   end subroutine set_resolution
 
-  !> Coefficients of the forces that are kept: those beyond the series tell what it leaves out.
+  !> Coefficients of the forces that are kept: those beyond the series show what it leaves out.
   pure integer function deviation_coefficients(self)
     type(balance_type), intent(in) :: self
 

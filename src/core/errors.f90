@@ -22,7 +22,7 @@ contains
 
   !> Make `error` say `message`.
   pure subroutine raise(error, message, status)
-    !> The failure to be told
+    !> The failure to be reported
     type(error_type), allocatable, intent(out) :: error
     !> One sentence
     character(*), intent(in) :: message

@@ -1,6 +1,6 @@
 !> Datasets of an open HDF5 file: of fixed size, and the transfer of one block by all ranks together.
 !>
-!> Sizes and starts are told as h5py tells them, slowest dimension first and from 0; an array `values(nk, 3, nc)` of Fortran is
+!> Sizes and starts are given as h5py gives them, slowest dimension first and from 0; an array `values(nk, 3, nc)` of Fortran is
 !> a block `[nc, 3, nk]` of the file. A block of fewer dimensions than its dataset counts as one entry in the dimensions
 !> that it lacks, the slowest ones. Arrays of each kind of number: `attrito_core_hdf5_array`. Usage: `attrito_core_hdf5_file`.
 module attrito_core_hdf5_dataset

@@ -1,4 +1,4 @@
-!> One HDF5 file opened by all ranks together, and how its failures are told.
+!> One HDF5 file opened by all ranks together, and how its failures are reported.
 !>
 !> Every procedure of this module, of `..._hdf5_attribute`, `..._hdf5_dataset` and `..._hdf5_array` is collective over the
 !> file's communicator and leaves the same `error` on every rank. Groups appear by themselves with the first thing written

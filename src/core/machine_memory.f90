@@ -1,4 +1,4 @@
-!> What the machine has left, and what this process has used at most, as Linux tells them.
+!> What the machine has left, and what this process has used at most, as Linux reports them.
 module attrito_core_machine_memory
   use, intrinsic :: iso_c_binding, only: c_int, c_size_t
   use attrito_core_kinds, only: wp
@@ -34,7 +34,7 @@ contains
     megabytes = value_after('/proc/self/status', 'VmHWM:', 0.0_wp)/1024.0_wp
   end function peak_megabytes
 
-  !> Give what was released back to the system: Open MPI tells the C library to keep it.
+  !> Give what was released back to the system: Open MPI makes the C library keep it.
   subroutine return_memory()
     integer(c_int) :: released
 

@@ -52,7 +52,7 @@ contains
     if (ierr /= 0) call raise_petsc(error, int(ierr), 'starting')
   end subroutine start_petsc
 
-  !> PETSC_OPTIONS of the environment, which PETSc leaves unread where it is told to leave the command line alone; and that signals are
+  !> PETSC_OPTIONS of the environment, which PETSc leaves unread where it has to leave the command line alone; and that signals are
   !> not PETSc's, which the caller may have handlers for.
   subroutine read_environment(ierr)
     !> PETSc's error code

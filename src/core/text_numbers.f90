@@ -376,7 +376,7 @@ contains
       length = length + len_trim(tail)
     end if
     copy(length + 1) = c_null_char
-    ! A number too large is told by its value, not by an exception.
+    ! A number too large is shown by its value, not by an exception.
     call ieee_get_status(before)
     call ieee_set_halting_mode(ieee_overflow, .false.)
     number = strtod(copy, c_null_ptr)

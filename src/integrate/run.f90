@@ -1,4 +1,4 @@
-!> An integration from its start to its steady state, and what is told of it.
+!> An integration from its start to its steady state, and what is reported of it.
 module attrito_integrate_run
   use attrito_core_errors, only: error_type, raise, fault_of_input
   use attrito_core_kinds, only: wp, two_pi

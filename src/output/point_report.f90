@@ -1,4 +1,4 @@
-!> What is told of one solved point: its outcome, its monitors over the period, and how wrong they may be.
+!> What is reported of one solved point: its outcome, its monitors over the period, and how wrong they may be.
 module attrito_output_point_report
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use attrito_core_kinds, only: wp, two_pi
@@ -83,7 +83,7 @@ contains
     end associate
   end subroutine report_point
 
-  !> Is everything that is told of the point a finite number?
+  !> Is everything that is reported of the point a finite number?
   pure logical function is_finite(report)
     !> What is reported of a point
     type(point_report_type), intent(in) :: report

@@ -1,5 +1,5 @@
 !> What `result.h5` holds of a point, series by series; the layout is in docs/files.md. Each rank has its own contacts, and the
-!> root, to whom they are gathered, tells its listener.
+!> root, to whom they are gathered, hands them to its listener.
 module attrito_output_point_series
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use attrito_core_kinds, only: wp, pi
@@ -286,7 +286,7 @@ contains
     flat = reshape(values, [size(values)])
   end function flat
 
-  !> What there is nothing to tell of
+  !> Where there is nothing to report
   pure real(wp) function blank()
     blank = ieee_value(blank, ieee_quiet_nan)
   end function blank

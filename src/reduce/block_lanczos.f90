@@ -74,7 +74,7 @@ contains
       if (status /= 0) return
       call ritz(self%h(:self%filled, :self%filled), theta, y)
       converged = count_converged(theta, y, r, size(block, 2), tolerance)
-      call pencil%tell(min(converged, wanted))
+      call pencil%report(min(converged, wanted))
       if (converged >= wanted .or. size(next, 2) == 0) then
         if (size(next, 2) == 0) converged = count(theta > nothing*theta(1))
         call turn(self%v(:, :self%filled), y(:, :min(converged, wanted)))
@@ -268,7 +268,7 @@ contains
     end do
   end subroutine restart
 
-  !> Eigenpairs of a symmetric matrix told by its upper triangle, descending.
+  !> Eigenpairs of a symmetric matrix given by its upper triangle, descending.
   subroutine ritz(h, theta, y)
     !> Projected matrix
     real(wp), intent(in) :: h(:, :)

@@ -23,7 +23,7 @@ module attrito_reduce_definiteness
 
 contains
 
-  !> Raise an error that tells the user what moves freely.
+  !> Raise an error that says what moves freely.
   subroutine check_definite(split, stiffness, factor, error)
     !> Boundary and interior
     type(split_type), intent(in) :: split

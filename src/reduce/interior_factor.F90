@@ -4,7 +4,7 @@
 !>
 !> $$ A = L D L^T, \qquad \text{number of negative pivots of } D = \text{number of negative eigenvalues of } A $$
 !>
-!> (Sylvester's law of inertia.) The analysis tells what the factors will need before anything is factored: where memory is short
+!> (Sylvester's law of inertia.) The analysis estimates what the factors will need before anything is factored: where memory is short
 !> of that they go to disk, and where it is short of even that nothing is begun.
 !> Source: Amestoy, Duff, L'Excellent, Koster, SIAM J. Matrix Anal. Appl. 23 (2001) 15-41, doi:10.1137/S0895479899358194.
 module attrito_reduce_interior_factor
@@ -82,7 +82,7 @@ contains
     type(tMat), intent(in) :: matrix
     !> Ordering, and where the factors may go
     type(factor_options_type), intent(in) :: options
-    !> Who is told what the analysis foresees
+    !> Receives what the analysis foresees
     type(progress_type), intent(in) :: progress
     !> Memory is too short
     type(error_type), allocatable, intent(out) :: error
@@ -147,7 +147,7 @@ contains
     PetscCall(MatMumpsGetInfog(self%factor, infog_out_of_core, self%megabytes_out_of_core, ierr))
     PetscCall(MatMumpsGetInfog(self%factor, infog_entries, entries, ierr))
     PetscCall(MatMumpsGetRinfog(self%factor, rinfog_flops, self%flops, ierr))
-    ! Beyond what an integer holds MUMPS tells minus the millions.
+    ! Beyond what an integer holds MUMPS returns minus the millions.
     self%entries = merge(real(entries, wp), -1.0e6_wp*entries, entries >= 0)
     self%ordering = 'OTHER'
     if (ordering >= 0 .and. ordering <= ubound(known_orderings, 1)) self%ordering = upper(known_orderings(ordering))
@@ -300,7 +300,7 @@ contains
     PetscCall(MatDestroy(b, ierr))
   end subroutine solve_block
 
-  !> Solve for sparse right-hand sides, told as the rows of a matrix that rank 0 holds.
+  !> Solve for sparse right-hand sides, given as the rows of a matrix that rank 0 holds.
   subroutine solve_sparse(self, rows, solutions, ierr)
     !> The factors
     class(interior_factor_type), intent(in) :: self

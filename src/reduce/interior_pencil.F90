@@ -23,7 +23,7 @@ module attrito_reduce_interior_pencil
   contains
     procedure :: solve
     procedure :: mass
-    procedure :: tell
+    procedure :: report
   end type interior_pencil_type
 
 contains
@@ -55,11 +55,11 @@ contains
   end subroutine mass
 
   !> Tell how many modes have converged.
-  subroutine tell(self, converged)
+  subroutine report(self, converged)
     class(interior_pencil_type), intent(in) :: self
     !> How many have converged
     integer, intent(in) :: converged
 
     call self%progress%step('fixed-interface modes', min(converged, self%wanted), self%wanted)
-  end subroutine tell
+  end subroutine report
 end module attrito_reduce_interior_pencil

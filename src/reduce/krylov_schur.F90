@@ -116,7 +116,7 @@ contains
     PetscCall(EPSGetST(solver, transform, ierr))
     PetscCall(STSetType(transform, STSINVERT, ierr))
     PetscCall(STSetKSP(transform, self%factor%solver, ierr))
-    PetscCall(EPSMonitorSet(solver, tell, self, PETSC_NULL_FUNCTION, ierr))
+    PetscCall(EPSMonitorSet(solver, report, self, PETSC_NULL_FUNCTION, ierr))
     PetscCall(EPSSetFromOptions(solver, ierr))
     PetscCall(EPSSolve(solver, ierr))
   end subroutine solve
@@ -142,7 +142,7 @@ contains
   end subroutine release
 
   !> Called by SLEPc at each restart.
-  subroutine tell(solver, iteration, converged, real_parts, imaginary_parts, errors, known, self, ierr)
+  subroutine report(solver, iteration, converged, real_parts, imaginary_parts, errors, known, self, ierr)
     !> SLEPc's eigensolver
     type(tEPS), intent(in) :: solver
     !> As SLEPc counts them; how many have converged
@@ -157,7 +157,7 @@ contains
 
     call self%progress%step('fixed-interface modes', min(converged, self%wanted), self%wanted)
     ierr = 0
-  end subroutine tell
+  end subroutine report
 
   !> All that converged.
   subroutine copy_vectors(solver, vector, rows, shapes, ierr)

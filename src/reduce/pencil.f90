@@ -12,7 +12,7 @@ module attrito_reduce_pencil
   contains
     procedure(apply), deferred :: solve
     procedure(apply), deferred :: mass
-    procedure(told), deferred :: tell
+    procedure(report_converged), deferred :: report
   end type pencil_type
 
   abstract interface
@@ -28,11 +28,11 @@ module attrito_reduce_pencil
       integer, intent(out) :: status
     end subroutine apply
     !> So many modes have converged.
-    subroutine told(self, converged)
+    subroutine report_converged(self, converged)
       import :: pencil_type
       class(pencil_type), intent(in) :: self
       !> How many have converged
       integer, intent(in) :: converged
-    end subroutine told
+    end subroutine report_converged
   end interface
 end module attrito_reduce_pencil

@@ -1,4 +1,4 @@
-!> What a long reduction says while it runs, through a procedure of the caller's: sentences, and how far a step has come.
+!> What a long reduction reports while it runs, through a procedure of the caller's: sentences, and how far a step has come.
 module attrito_reduce_progress
   use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_procpointer, c_funptr, c_int, c_null_char, c_null_funptr
   implicit none
@@ -17,7 +17,7 @@ module attrito_reduce_progress
   end interface
 
   type :: progress_type
-    procedure(listener), pointer, nopass :: tell => null()
+    procedure(listener), pointer, nopass :: report => null()
   contains
     procedure :: say
     procedure :: step
@@ -31,7 +31,7 @@ contains
     type(c_funptr), intent(in) :: procedure
     type(progress_type) :: self
 
-    if (c_associated(procedure)) call c_f_procpointer(procedure, self%tell)
+    if (c_associated(procedure)) call c_f_procpointer(procedure, self%report)
   end function new_progress
 
   !> Say a sentence.
@@ -40,10 +40,10 @@ contains
     !> One line
     character(*), intent(in) :: text
 
-    if (associated(self%tell)) call self%tell(text//c_null_char, 0_c_int, 0_c_int)
+    if (associated(self%report)) call self%report(text//c_null_char, 0_c_int, 0_c_int)
   end subroutine say
 
-  !> Tell how far a step has come; 0 parts done starts it.
+  !> Report how far a step has come; 0 parts done starts it.
   subroutine step(self, name, done, total)
     class(progress_type), intent(in) :: self
     !> Name of the step
@@ -51,6 +51,6 @@ contains
     !> Parts done, of how many
     integer, intent(in) :: done, total
 
-    if (associated(self%tell)) call self%tell(name//c_null_char, int(done, c_int), int(max(total, 1), c_int))
+    if (associated(self%report)) call self%report(name//c_null_char, int(done, c_int), int(max(total, 1), c_int))
   end subroutine step
 end module attrito_reduce_progress

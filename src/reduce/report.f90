@@ -1,4 +1,4 @@
-!> What a reduction was asked for, and what it has to tell.
+!> What a reduction was asked for, and what it reports.
 module attrito_reduce_report
   use attrito_core_kinds, only: wp
   implicit none

@@ -65,7 +65,7 @@ module attrito_reduce_workspace
 
 contains
 
-  !> Sizes, split and loads; what an interrupted reduction has told is taken up.
+  !> Sizes, split and loads; what an interrupted reduction has reported is kept.
   subroutine new_workspace(self, comm, path, folder, boundary, vectors, error)
     type(workspace_type), intent(inout) :: self
     !> MPI communicator

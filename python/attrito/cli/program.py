@@ -82,7 +82,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _read_by(options: argparse.Namespace) -> list[str]:
-    """Files that a command is told to read."""
+    """Files that a command reads."""
     given = [str(value) for name, value in vars(options).items() if name in READ and value is not None]
     # `FILE:NAME` is one matrix of a file of several.
     return [*given, *(value.rpartition(":")[0] for value in given if ":" in value)]

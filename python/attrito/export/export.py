@@ -196,7 +196,7 @@ def full_field(result: Result, point: int, dofs: int, rom_file: str | None, part
 
 
 def node_motion(field: np.ndarray, model: Model) -> Motion:
-    """Motion of every node; constrained dofs stand still.
+    """Motion of every node; constrained dofs do not move.
 
     The peaks are those of the continuous motion: |displacement - mean|^2 is a trigonometric polynomial of twice the
     order, sampled to find the highest hump, then climbed by Newton's method.

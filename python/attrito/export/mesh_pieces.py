@@ -106,7 +106,7 @@ class XdmfSeries:
     """An XDMF series in `path`.xdmf and `path`.h5; use in a `with` block, on all ranks together.
 
     The root alone makes the HDF5 file; every rank then puts its part of the numbers at their place in it.
-    So a disk that is full is told by the system to the rank that writes: HDF5 on several ranks would never come back.
+    So the system reports a disk that is full to the rank that writes: HDF5 on several ranks would never come back.
     """
 
     def __init__(self, comm: Comm, path: str, cells: list[tuple[str, np.ndarray]], constant: dict[str, np.ndarray]):

@@ -28,7 +28,7 @@ def is_ansys_mesh(start: bytes) -> bool:
 
 
 def read_ansys_mesh(path: str | Path) -> Mesh:
-    """Read the mesh; wedges, pyramids and elements that are no solids are left out, and told in `Mesh.skipped`."""
+    """Read the mesh; wedges, pyramids and elements that are no solids are left out, and listed in `Mesh.skipped`."""
     block = whole_text(path)
     initials = block.initials()
     keywords = [k for k in np.flatnonzero(np.isin(initials, list(b"NECnec"))) if "," in block.line(k)]

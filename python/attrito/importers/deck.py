@@ -17,7 +17,7 @@ class Block:
     ----------
     keyword : in capitals, without the star
     parameters : names in capitals; the value is empty for a flag such as GENERATE
-    file, line : where the keyword stands
+    file, line : where the keyword is
     data : the lines below it, comments and empty lines left out
     """
 

@@ -34,7 +34,7 @@ def abaqus_files(job: str | Path) -> dict[str, str | Path]:
 
 
 def nastran_matrices(path: str | Path, numbers: DofNumbers) -> dict[str, Source]:
-    """Stiffness, mass and viscous damping of a file, told by the first letter of their names."""
+    """Stiffness, mass and viscous damping of a file, recognised by the first letter of their names."""
     path = str(path)
     try:
         with Path(path).open("rb") as file:

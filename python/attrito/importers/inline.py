@@ -16,7 +16,7 @@ def read_inline(rows: list[list[float]], key: str, file: str) -> csr_matrix:
     Parameters
     ----------
     rows : n lists of n numbers
-    key : where it stands in the job file
+    key : its path in the job file
     file : the job file
     """
     is_table = bool(rows) and all(isinstance(row, list) and len(row) == len(rows[0]) > 0 for row in rows)

@@ -17,8 +17,8 @@ from attrito.importers.source import Rows, Source
 from attrito.support.errors import Fault, InputError
 
 HELD_DIAGONAL = 1.0e30
-# Rows that a file may declare however few its entries are, and beyond them for each entry: to be told before memory is
-# asked for.
+# Rows that a file may declare however few its entries are, and beyond them for each entry: to be refused before
+# memory is asked for.
 MOST_ROWS, ROWS_AN_ENTRY = 1_000_000, 100
 
 

@@ -41,7 +41,7 @@ def split_name(source: str | Path) -> tuple[str, str | None]:
 
 
 def open_matrix(source: str | Path, key: str, file: str, numbers: DofNumbers) -> Source:
-    """Read one matrix; the kind of file is told by its beginning.
+    """Read one matrix; the kind of file is recognised by its beginning.
 
     Parameters
     ----------

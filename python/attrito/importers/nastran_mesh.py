@@ -27,7 +27,7 @@ def is_nastran_mesh(start: bytes) -> bool:
 
 
 def read_nastran_mesh(path: str | Path) -> Mesh:
-    """Read the mesh; other elements are left out, and told in `Mesh.skipped`."""
+    """Read the mesh; other elements are left out, and listed in `Mesh.skipped`."""
     path = Path(path)
     ids, points, files = [], [], {path: None}
     elements: dict[str, list[tuple[int, list[int]]]] = {}

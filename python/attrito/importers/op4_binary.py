@@ -1,7 +1,7 @@
 """Binary OUTPUT4 files: each record stands between two copies of its length in bytes, of either byte order.
 
 Integers have 4 bytes, or 8 where the code that wrote them counts so; then numbers have 8 bytes, too. The layout of the
-records is told in `nastran_op4`.
+records is explained in `nastran_op4`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Text OUTPUT4 files: the records of `nastran_op4` as lines.
 
-Three kinds of lines are told apart by what only they hold: a header has a comma in its format (`1P,3E23.16`), a line of
+Three kinds of lines differ by what only they hold: a header has a comma in its format (`1P,3E23.16`), a line of
 numbers has decimal points, the heads of columns (three integers) and of strings (one, or two in bigmat) have neither.
 """
 

@@ -139,7 +139,7 @@ def _alike(one: Attractor, orbit: Orbit) -> bool:
     return bool(far <= scale)
 
 
-def told(monitors: list[str], met: list[Attractor]) -> list[str]:
+def summary_of(monitors: list[str], met: list[Attractor]) -> list[str]:
     """One line a motion."""
     lines = []
     for one in met:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import h5py
 import numpy as np
 
-from attrito.integration.attractors import Attractor, State, find_attractors, told, write_attractors
+from attrito.integration.attractors import Attractor, State, find_attractors, summary_of, write_attractors
 from attrito.job.job import Job
 from attrito.job.laws import RULES, laws_by_samples, laws_in_parallel
 from attrito.job.reading import read_job
@@ -81,7 +81,7 @@ def _integrate(comm: Comm, job: Job, scene: Scene | None, file: str, say: Callab
             orbit = session.run(choices)
             met = attractors_of(session, job, scene, reduced, choices)
         write(file, job, reduced, choices, orbit, met, warnings)
-        for line in [*summary(file, reduced, choices, orbit), *told(reduced.monitor_names, met)]:
+        for line in [*summary(file, reduced, choices, orbit), *summary_of(reduced.monitor_names, met)]:
             say(line)
         return orbit.outcome, orbit.reason
 

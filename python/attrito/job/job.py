@@ -38,7 +38,7 @@ class Job:
 
 
 def rom_path(job: Job) -> str | None:
-    """Where the job's reduced model is kept, the first of a folder; None when the matrices are used as they stand."""
+    """Where the job's reduced model is kept, the first of a folder; None when the matrices are used as they are."""
     if "reduction" not in job.given:
         return None
     if job["reduction"]["file"] is not None:

@@ -13,7 +13,7 @@ from attrito.job.schema import ARRAYS, REQUIRED_TABLES, TABLES, Key
 PURPOSES = {
     "model": "Required. The matrices, from a file of `attrito import` or as they are.",
     "damping": "At most one kind; besides, a model may have its own damping matrix.",
-    "reduction": "Absent: the matrices as they stand. Else `modes` or `max_frequency_hz`.",
+    "reduction": "Absent: the matrices as they are. Else `modes` or `max_frequency_hz`.",
     "contact": "A contact between dofs. At least one `[[contact]]` or `[[contact_set]]`.",
     "contact_set": "Node-to-node contacts between two node sets, or between one and the ground.",
     "load": "At least one of kind `harmonic`.",

@@ -38,7 +38,7 @@ class Member:
 
 
 class Family:
-    """The other members at a solver's last point. While they are visited the solver stands elsewhere; see `visit`.
+    """The other members at a solver's last point. While they are visited the solver's state is theirs; see `visit`.
 
     `interrupted` says why to stop, or nothing; it is collective (`Stop.interrupted` of `support/stop_signals.py`).
     """

@@ -178,19 +178,19 @@ class Integrator:
         self._library.attrito_integrator_start(self._handle, len(self._scene.mass), *map(pointer, arrays))
 
     def state(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Displacement `[m]`, velocity `[m]`, sliders `[nc, 2]` as the session stands."""
+        """Displacement `[m]`, velocity `[m]`, sliders `[nc, 2]` as the session is."""
         m = len(self._scene.mass)
         arrays = np.zeros(m), np.zeros(m), np.zeros((self.contacts, 2))
         self._library.attrito_integrator_state(self._handle, m, *map(pointer, arrays))
         return arrays
 
     def touching(self) -> int:
-        """How many contacts carry a normal force as the session stands."""
+        """How many contacts carry a normal force as the session is."""
         touching: int = self._library.attrito_integrator_touching(self._handle)
         return touching
 
     def run(self, choices: Run) -> Orbit:
-        """Integrate from where the session stands until steady; it then stands at the end."""
+        """Integrate from the session's state until steady; its state is then that of the end."""
         profiles = [
             np.ascontiguousarray(np.zeros((0, 2)) if profile is None else profile, dtype=float).reshape(-1, 2)
             for profile in (choices.static_profile, choices.harmonic_profile)

@@ -137,7 +137,7 @@ class PeakTracker:
         )[0]
 
     def start(self, frequency_hz: float) -> Start:
-        """Where the solver stands, for `begin_near`."""
+        """The solver's present motion, for `begin_near`."""
         return Start(frequency_hz, self._solver.coordinates())
 
     def follow_in(self, parameter: str, branch: int = 0) -> Peak:

@@ -137,7 +137,7 @@ def reduce_model(
     )
     steps = Path(f"{rom_path}.steps")
     on_root(comm, lambda: _prepare_steps(steps, fingerprint))
-    told = (
+    listen = (
         LISTENER(lambda text, done, total: listener(text.decode(), done, total))
         if listener and not comm.rank
         else LISTENER()
@@ -154,7 +154,7 @@ def reduce_model(
         count,
         pointer(block),
         ctypes.byref(options),
-        told,
+        listen,
         ctypes.byref(report),
         len(message),
         message,

@@ -179,10 +179,10 @@ class Solver:
         self._library.attrito_begin_sweep(self._handle, omega(start_hz), omega(stop_hz), level, branch, max_points)
 
     def follow(self, start_hz: float, stop_hz: float, branch: int, max_points: int, way: int) -> Iterator[Point]:
-        """Follow the one branch that the solver stands on until it leaves a range, closes, or is lost.
+        """Follow the one branch of the solver's present point until it leaves a range, closes, or is lost.
 
-        Towards growing (1) or falling (-1) frequency, or (0) back from where the last sweep stands; the first point is
-        where it stands.
+        Towards growing (1) or falling (-1) frequency, or (0) back from where the last sweep has come to; the first
+        point is the present one.
         """
         self._library.attrito_begin_branch(self._handle, omega(start_hz), omega(stop_hz), way, branch, max_points)
         yield from self.go_on()
@@ -193,7 +193,7 @@ class Solver:
         return slider_width(self._scene.laws)
 
     def start_from(self, point: StoredPoint, level: float) -> bool:
-        """Solve at a point of a result, from its motion; the solver then stands there."""
+        """Solve at a point of a result, from its motion; it is then the solver's point."""
         return bool(
             self.call(
                 "attrito_start_from_motion",
@@ -206,7 +206,7 @@ class Solver:
         )
 
     def seek(self, way: str, frequency_hz: float, factor: float) -> bool:
-        """Look for a point at a frequency by one of `STARTS`; the solver then stands there."""
+        """Look for a point at a frequency by one of `STARTS`; it is then the solver's point."""
         return bool(self.call("attrito_seek", STARTS.index(way), omega(frequency_hz), factor))
 
     def solve_at(self, frequencies_hz: list[float], level: float, branch: int) -> Iterator[Point]:

@@ -23,7 +23,7 @@ TRANSLATION, ROTATION = 1e-8, 1e-7
 
 
 def resisted_rotation(model: Model) -> str | None:
-    """What to say of a stiffness that resists a rigid rotation; None if it does not, or if that cannot be told.
+    """What to say of a stiffness that resists a rigid rotation; None if it does not, or if that cannot be decided.
 
     Stress stiffening resists rotations rightly, and so does what no mesh locates.
     """

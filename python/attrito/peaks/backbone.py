@@ -37,7 +37,7 @@ class BackboneTracker:
     ----------
     solver : stays the caller's
     mode : from 1, ascending, of the system with all contacts stuck
-    monitor : index of the monitor whose amplitude is told
+    monitor : index of the monitor whose amplitude is reported
     amplitude : a name of `AMPLITUDES`
     """
 

@@ -20,7 +20,7 @@ from attrito.results.loops import Loop
 from attrito.results.result import Result
 from attrito.support.errors import Fault, InputError
 
-# States by colour and by mark, so that they are told apart in grey, too.
+# States by colour and by mark, so that they differ in grey, too.
 STATE_LOOKS = {
     "stuck": {"marker": "o", "facecolor": "#0072B2", "edgecolor": "k"},
     "shaken_down": {"marker": "s", "facecolor": "#56B4E9", "edgecolor": "k"},

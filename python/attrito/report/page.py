@@ -122,7 +122,7 @@ class Page:
         self._body.append(f"<dl>{items}</dl>")
 
     def code(self, text: str) -> None:
-        """Text as it stands."""
+        """Text as it is."""
         self._body.append(f"<pre>{escape(text)}</pre>")
 
     def figures(self, figures: Sequence[tuple[Figure, str]], small: bool = False) -> None:

@@ -29,7 +29,7 @@ SECTIONS = (
     sections.job,
     sections.references,
 )
-# An estimated error beyond this is told as a warning.
+# An estimated error beyond this is reported as a warning.
 LARGE_ERROR = 0.05
 # Amplitudes that differ by less than this part of them are the same.
 NO_WIDTH = 1e-9

@@ -198,9 +198,9 @@ def stability(page: Page, view: View) -> None:
         page.text("No multipliers in this result: [stability] method of the job asks for them.")
     _bifurcations(page, view)
     if result.has("/stability/reason"):
-        told = Counter(text.decode(errors="replace") for text in result.array("/stability/reason") if text)
-        if told:
-            page.table(["reason", "points"], told.most_common(MOST_REASONS))
+        reasons = Counter(text.decode(errors="replace") for text in result.array("/stability/reason") if text)
+        if reasons:
+            page.table(["reason", "points"], reasons.most_common(MOST_REASONS))
 
 
 def _bifurcations(page: Page, view: View) -> None:

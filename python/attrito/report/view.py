@@ -84,7 +84,7 @@ class View:
         for name in self.monitors:
             low, high, amplitude = (self.result.monitor(name, quantity) for quantity in ("low", "high", "amplitude"))
             width = high - low
-            # Of what does not move nothing is known but that all members stand still.
+            # Of what does not move nothing is known but that no member moves it.
             width = np.divide(width, amplitude, out=np.where(width > 0, np.nan, width), where=amplitude > 0)
             widest = np.maximum(widest, width)
         return widest

@@ -36,23 +36,23 @@ def _model(file: h5py.File) -> list[str]:
 
 def _reduced_model(file: h5py.File) -> list[str]:
     kinds = np.bincount(file["coordinates/kind"][:], minlength=3)
-    told = file["reduction"].attrs
+    reduction = file["reduction"].attrs
     lines = [
         f"reduced model of {file['recovery/basis'].shape[1]} dofs: {kinds[0]} boundary dofs, {kinds[1]} fixed-interface"
         f" modes, {kinds[2]} static corrections"
     ]
     if kinds[1]:
-        counted = told["modes_below_shift"]
-        proof = f"inertia counts {counted} below {told['shift_hz']:.6g} Hz" if counted >= 0 else "not counted"
+        counted = reduction["modes_below_shift"]
+        proof = f"inertia counts {counted} below {reduction['shift_hz']:.6g} Hz" if counted >= 0 else "not counted"
         low, high = file["modes/frequency_hz"][[0, -1]]
         lines.append(
-            f"fixed-interface modes from {low:.6g} to {high:.6g} Hz, residual {told['mode_residual']:.1e}; {proof}"
+            f"fixed-interface modes from {low:.6g} to {high:.6g} Hz, residual {reduction['mode_residual']:.1e}; {proof}"
         )
-    lines.append(f"constraint modes: residual {told['constraint_residual']:.1e}")
-    place = "on disk" if told.get("out_of_core", 0) else "in core"
-    lines.append(f"factors ordered by {told['ordering']}, {told['factor_megabytes']} MB foreseen, {place}")
-    seconds = sum(value for name, value in told.items() if name.endswith("_seconds"))
-    peak = max((value for name, value in told.items() if name.endswith("_peak_megabytes")), default=0.0)
+    lines.append(f"constraint modes: residual {reduction['constraint_residual']:.1e}")
+    place = "on disk" if reduction.get("out_of_core", 0) else "in core"
+    lines.append(f"factors ordered by {reduction['ordering']}, {reduction['factor_megabytes']} MB foreseen, {place}")
+    seconds = sum(value for name, value in reduction.items() if name.endswith("_seconds"))
+    peak = max((value for name, value in reduction.items() if name.endswith("_peak_megabytes")), default=0.0)
     lines.append(f"made in {seconds:.1f} s and {peak / 1024:.1f} GB")
     return lines
 

@@ -17,7 +17,7 @@ NAMES = ("points/coordinates", "contacts/slider", "points/frequency_hz")
 
 
 def read_point(job: Job, key: str, start: str, path: str, scene: ReducedScene) -> StoredPoint:
-    """The point that `start`, as "point:12", names in the result at `path`; faults are told of `key`.
+    """The point that `start`, as "point:12", names in the result at `path`; faults name `key`.
 
     Its coordinates must stand for what those of the scene stand for; what presses, shakes, damps and rubs may differ.
     """

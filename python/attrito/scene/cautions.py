@@ -19,7 +19,7 @@ from attrito.scene.scene import Contacts, Scene
 
 # Sine of the angle between two rows of a contact up to which they are parallel.
 PARALLEL = 1e-6
-# Distance of paired nodes beside the extent of their interface, and the rotation whose slip and moment are told, rad.
+# Distance of paired nodes over the extent of their interface, and the rotation that slip and moment are of, rad.
 FAR_APART = 1e-3
 ROTATION = 1e-3
 # Part of the largest modal damping that is rounding.

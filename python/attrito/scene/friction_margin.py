@@ -12,7 +12,7 @@ map and has one solution. So it has while no determinant reaches zero, and the l
 
     det(I + R G_0 + s R G_1) = 0   =>   1/s the largest positive eigenvalue of -(I + R G_0)^-1 R G_1,
 
-is the margin told here: above 1, every step of the static problem has one solution for the sliders it starts from.
+is the margin reported here: above 1, every step of the static problem has one solution for the sliders it starts from.
 At 1 or below, the body can wedge: some loads have several solutions, or slip cannot go on. One contact: with the
 compliances c of the structure without it, s mu = (1/kn + c_nn)/|c_nt|, which for a mass on a spring along x that is
 stiff along y, at a wall at an angle a, comes to tan a as kn grows.

@@ -1,4 +1,4 @@
-"""The reduced model of a scene: made by the library and kept in a file, or the matrices as they stand.
+"""The reduced model of a scene: made by the library and kept in a file, or the matrices as they are.
 
 A file is used again when its fingerprint says that it was made from the same matrices, boundary, vectors and modes.
 """
@@ -84,7 +84,7 @@ def make_rom(
     Parameters
     ----------
     comm, job, scene : the ranks, the job, and its scene on rank 0
-    say, listener : told of what is done, in words and in steps
+    say, listener : receive what is done, in words and in steps
     reads : whether this rank is to have the reduced model; None: rank 0 alone
 
     Returns
@@ -238,7 +238,7 @@ def _check_interior(job: Job, scene: Scene) -> None:
 
 
 def reduced_scene(job: Job, scene: Scene, rom: Rom | None = None) -> ReducedScene:
-    """The scene in the coordinates that are solved: of a reduced model, or the matrices as they stand (rank 0)."""
+    """The scene in the coordinates that are solved: of a reduced model, or the matrices as they are (rank 0)."""
     counts = [len(scene.static), len(scene.harmonic), len(scene.monitors)]
     if rom is None and rom_path(job) is not None:
         raise TypeError("the job asks for a reduced model: give what make_rom returns")
@@ -247,7 +247,7 @@ def reduced_scene(job: Job, scene: Scene, rom: Rom | None = None) -> ReducedScen
         if model.size > LARGEST_DENSE:
             raise InputError(
                 job.fault(
-                    "[reduction]", "missing", f"a reduction: {model.size} dofs are too many to be used as they stand"
+                    "[reduction]", "missing", f"a reduction: {model.size} dofs are too many to be used as they are"
                 )
             )
         mass, stiffness = model.mass.toarray(), model.stiffness.toarray()
@@ -355,7 +355,7 @@ def _mode_error(file: h5py.File) -> float:
 
 
 def coordinates_fingerprint(scene: ReducedScene) -> str:
-    """Of what coordinates and sliders stand for: the reduction, or the mass as it stands, and the contacts' rows."""
+    """Of what coordinates and sliders stand for: the reduction, or the mass as it is, and the contacts' rows."""
     digest = hashlib.sha256(scene.reduction.encode() or np.ascontiguousarray(scene.mass).tobytes())
     digest.update(np.ascontiguousarray(scene.directions).tobytes())
     return digest.hexdigest()

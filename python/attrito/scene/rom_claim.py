@@ -71,7 +71,7 @@ def claim(first: str, fingerprint: str, given: bool, found: Callable[[str], str]
     fingerprint : of what is wanted
     given : the job names it
     found : fingerprint of the file of a name; empty where there is none that can be read
-    say : told what is waited for
+    say : receives what is waited for
 
     Raises
     ------

@@ -60,7 +60,7 @@ def run_study(comm: Comm, path: str | Study) -> str:
 
 
 def _solve_samples(comm: Comm, job: Job, study: Study, progress: Progress) -> dict[str, int]:
-    """Solve the batches that are missing and write the study; how many samples ended how, of those to be told."""
+    """Solve the batches that are missing and write the study; how many samples ended how, of those to be reported."""
     values = study.sample()
     order = batches(study, values)
     folder = Path(f"{study.file}.parts") / _fingerprint(study, job)

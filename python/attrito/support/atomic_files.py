@@ -69,7 +69,7 @@ def whole_hdf5(
     ----------
     path : the file
     start : a file to begin with: copied if it is `path` itself, else used up
-    named : told the name that the file has until it is whole
+    named : receives the name that the file has until it is whole
     """
     with whole_file(path) as new:
         named(new)

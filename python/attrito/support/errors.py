@@ -14,8 +14,8 @@ class Fault:
     ----------
     file : the file the user gave, as the user wrote it
     key : the place inside it: a TOML key, a line, a dataset, a node set
-    value : what stands there
-    expected : what should stand there, as a phrase that follows "expected"
+    value : what is there
+    expected : what should be there, as a phrase that follows "expected"
     """
 
     file: str

@@ -49,9 +49,9 @@ def everywhere(comm: Comm, work: Callable[[], Value]) -> Value:
 
 def _told_by_root(comm: Comm, value: Value | None, failure: Exception | None) -> Value:
     """The root's value on every rank, or its failure; the root's own failure keeps its cause."""
-    value, told = comm.bcast((value, failure))
-    if told is not None:
-        raise failure if comm.rank == 0 else told
+    value, reported = comm.bcast((value, failure))
+    if reported is not None:
+        raise failure if comm.rank == 0 else reported
     return value
 
 

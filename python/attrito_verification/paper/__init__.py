@@ -33,7 +33,7 @@ def verify_paper(
     folder : gets `figure_<n>.csv` and `.png`, `numbers.csv` and `report.md`
     harmonics : of both approaches; the paper has 5
     quick : coarse curves, and without what needs many harmonics
-    say : is told of each step
+    say : receives a line for each step
 
     Raises
     ------

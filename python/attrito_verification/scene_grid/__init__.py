@@ -39,18 +39,18 @@ def verify_torture(
     ----------
     folder : gets `torture.h5`, `scenes.csv`, `figures.csv`, `report.md`, `verdicts.png` and `methods.png`
     scenes : at least so many, of all kinds; all unless given
-    say : is told of each step, at the root
+    say : receives a line for each step, at the root
     """
     chosen = choose(scenes)
     started = time.perf_counter()
     mine = chosen[comm.rank :: comm.size]
-    columns, told = [], started
+    columns, said = [], started
     place = Path(folder)
     for number, family in enumerate(mine, 1):
         columns.append(_solved(place / "parts", family))
-        if comm.rank == 0 and time.perf_counter() - told > SILENCE:
-            told = time.perf_counter()
-            say(f"{number} of {len(mine)} families, {told - started:.0f} s")
+        if comm.rank == 0 and time.perf_counter() - said > SILENCE:
+            said = time.perf_counter()
+            say(f"{number} of {len(mine)} families, {said - started:.0f} s")
     parts = comm.gather((mine, columns))
     if comm.rank == 0:
         place.mkdir(parents=True, exist_ok=True)

@@ -89,7 +89,7 @@ def verify_integrators(
     ----------
     folder : gets `steps.csv`, `report.md` and `steps.png`
     scenes : how many, drawn from the grid without pattern; `SCENES` unless given
-    say : is told of the end, at the root
+    say : receives a line at the end, at the root
     """
     mine = draw(scenes or SCENES)[comm.rank :: comm.size]
     found = [one for family, frequency_hz in mine for one in limits(family, frequency_hz)]
