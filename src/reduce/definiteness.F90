@@ -15,7 +15,7 @@ module attrito_reduce_definiteness
   use attrito_reduce_split, only: split_type
   implicit none
   private
-  public :: check_definite
+  public :: check_definite, get_diagonal
 
   !> Smallest eigenvalue below which the matrix counts as singular
   real(wp), parameter :: rounding = 1.0e-13_wp
@@ -83,6 +83,7 @@ contains
     smallest = sums(1)/sums(2)
   end subroutine find_smallest
 
+  !> The diagonal of a matrix.
   subroutine get_diagonal(matrix, diagonal, ierr)
     !> Matrix, spread over the ranks
     type(tMat), intent(in) :: matrix

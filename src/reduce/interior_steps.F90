@@ -57,9 +57,11 @@ contains
       worst = quality%worst()
       associate (options => work%options)
         if (options%error_target <= 0.0_wp .or. worst <= options%error_target) return
-        if (work%report%modes >= work%split%n - work%split%boundary_count) return
+        call work%need_mass(error)
+        if (allocated(error)) return
+        if (work%report%modes >= work%most_modes) return
       end associate
-      wanted = min(2*work%report%modes, work%split%n - work%split%boundary_count)
+      wanted = min(2*work%report%modes, work%most_modes)
       call work%progress%say('the error of the reduced model is '//number_text(worst)//': twice as many modes')
       call work%store%put_numbers(work%split, 'count', [real(wanted, wp)], error)
       if (.not. allocated(error)) call work%forget_modes()
@@ -119,7 +121,11 @@ contains
       return
     end if
     wanted = work%options%modes
-    if (work%options%error_target > 0.0_wp) wanted = min(first_guess, work%split%n - work%split%boundary_count)
+    if (work%options%error_target > 0.0_wp) then
+      call work%need_mass(error)
+      if (allocated(error)) return
+      wanted = min(first_guess, work%most_modes)
+    end if
     if (wanted >= 0) return
     ! Never two factorisations at once.
     call work%release_factor()

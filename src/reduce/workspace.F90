@@ -15,7 +15,7 @@ module attrito_reduce_workspace
   use attrito_core_petsc_session, only: raise_petsc
   use attrito_reduce_column_store, only: block_type, column_store_type, new_blocks
   use attrito_reduce_constraint_modes, only: interior_stiffness_type
-  use attrito_reduce_definiteness, only: check_definite
+  use attrito_reduce_definiteness, only: check_definite, get_diagonal
   use attrito_reduce_interior_factor, only: factor_options_type, interior_factor_type, new_interior_factor
   use attrito_reduce_model_matrix, only: read_model_matrix
   use attrito_reduce_progress, only: progress_type
@@ -43,6 +43,8 @@ module attrito_reduce_workspace
     logical :: has_stiffness = .false., has_mass = .false.
     type(interior_stiffness_type) :: stiffness
     type(tMat) :: mass
+    !> Interior dofs with mass: no more modes have a frequency
+    integer :: most_modes = huge(1)
     type(interior_factor_type) :: factor
     logical :: has_factor = .false.
   contains
@@ -175,6 +177,9 @@ contains
     !> Not a CSR matrix
     type(error_type), allocatable, intent(out) :: error
     type(tMat) :: full
+    real(wp), allocatable :: diagonal(:)
+    real(wp) :: heavy
+    PetscInt :: rows, columns
     PetscErrorCode :: ierr
 
     if (self%has_mass) return
@@ -182,6 +187,16 @@ contains
     if (allocated(error)) return
     call interior_block(self%split, full, self%mass, ierr)
     if (ierr == 0) call MatDestroy(full, ierr)
+    if (ierr == 0) call MatGetLocalSize(self%mass, rows, columns, ierr)
+    if (ierr == 0) then
+      allocate (diagonal(rows))
+      call get_diagonal(self%mass, diagonal, ierr)
+    end if
+    if (ierr == 0) then
+      heavy = count(diagonal > 0.0_wp)
+      call self%split%ranks%sum(heavy)
+      self%most_modes = nint(heavy)
+    end if
     self%has_mass = .true.
     call raise_petsc(error, ierr, 'splitting boundary from interior')
   end subroutine need_mass

@@ -105,7 +105,7 @@ MODEL = [
     Case(
         "a dof without mass",
         put("model", mass=[[1.0, 0.0], [0.0, 0.0]]),
-        ("job.toml: [model]: mass = 'no mass at dof 1': expected mass at every dof",),
+        ("job.toml: [model]: mass = 'no mass at dof 1': expected mass at every dof, or [reduction], in which",),
     ),
     Case(
         "a negative mass",

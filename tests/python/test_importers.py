@@ -323,15 +323,26 @@ def change(matrix: np.ndarray, row: int, column: int, value: float, mirror: bool
     ],
 )
 def test_faulty_matrices_are_named_with_their_place(stiffness, mass, said):
-    faults = check_matrices(csr_matrix(stiffness), csr_matrix(mass), None, "job.toml")
+    faults = check_matrices(csr_matrix(stiffness), csr_matrix(mass), None, "job.toml", without_mass="mass everywhere")
     assert len(faults) == 1
     for words in said:
         assert words in str(faults[0])
 
 
 def test_all_faults_of_a_set_of_matrices_come_together():
-    faults = check_matrices(change(STIFFNESS, 0, 1, 9.0), change(MASS, 1, 1, 0.0), csr_matrix(np.eye(2)), "job.toml")
+    faults = check_matrices(change(STIFFNESS, 0, 1, 9.0), change(MASS, 1, 1, -1.0), csr_matrix(np.eye(2)), "job.toml")
     assert [fault.key for fault in faults] == ["stiffness", "mass", "damping"]
+
+
+def test_a_dof_without_mass_is_carried_by_stiffness_and_is_not_damped():
+    light = change(MASS, 1, 1, 0.0)
+    assert check_matrices(csr_matrix(STIFFNESS), light, None, "job.toml") == []
+    (fault,) = check_matrices(change(STIFFNESS, 1, 1, 0.0), light, None, "job.toml")
+    assert (fault.key, fault.value) == ("stiffness", "no stiffness at dof 1")
+    (fault,) = check_matrices(csr_matrix(STIFFNESS), light, csr_matrix(np.eye(3)), "job.toml")
+    assert (fault.key, fault.value) == ("damping", "damping at dof 1")
+    (fault,) = check_matrices(csr_matrix(STIFFNESS), csr_matrix((3, 3)), None, "job.toml")
+    assert (fault.key, fault.value) == ("mass", "no mass at dof 0 and 2 more")
 
 
 def test_sound_matrices_have_no_faults():
@@ -350,7 +361,6 @@ TETRA_LINES = "*ELEMENT, TYPE=C3D4\n1,1,1,1,1\n"
         ({"sti": ""}, ["job.sti", "0 entries"]),
         ({"mas": "1 1 2.0\n4 4 1.0\n"}, ["job.mas", "line 2", "row 4", "1 to 3"]),
         ({"sti": "1 1 2.0\n2 1 1.0\n"}, ["job.sti", "line 2", "upper triangle"]),
-        ({"mas": "1 1 1.0\n2 2 1.0\n"}, ["job.mas", "no mass at dof 2, node 1000 z"]),
         ({"dof": "12.2\n1000.7\n1000.3\n"}, ["job.dof", "line 2", "1000.7"]),
         ({"dof": "12.2\n12.2\n1000.3\n"}, ["job.dof", "twice"]),
         ({"dof": ""}, ["job.dof", "empty"]),

@@ -18,7 +18,7 @@ from figures import marks
 from jobs import attrito, attrito_here
 from matplotlib.collections import PathCollection
 from scipy.linalg import eigh
-from scipy.sparse import diags
+from scipy.sparse import csr_matrix, diags, save_npz
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import eigsh
 
@@ -319,3 +319,78 @@ def test_a_bolt_closes_a_lap_joint_about_its_hole_and_opens_the_overlap_s_ends(t
     plate = (55.0, bending, density)
     beam = stepped_cantilever([plate, (60.0, 8.0 * bending, 2.0 * density), plate])
     assert beam < stuck < 1.07 * beam
+
+
+def beam(elements: int) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness of a cantilever by beam elements, deflection and rotation at each node in turn, and its lumped mass."""
+    length, bending, mass = 1.0 / elements, 1.0e4, 8.0 / elements
+    one = np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]], float)
+    scale = np.array([1.0, length, 1.0, length])
+    stiffness, lumped = np.zeros((2 * elements + 2,) * 2), np.zeros(2 * elements + 2)
+    for first in range(0, 2 * elements, 2):
+        part = slice(first, first + 4)
+        stiffness[part, part] += bending / length**3 * one * np.outer(scale, scale)
+        lumped[part] += 0.5 * mass * np.array([1.0, 0.0, 1.0, 0.0])
+    return stiffness[2:, 2:], np.diag(lumped[2:])
+
+
+BEAM = """
+[model]
+{model}
+[damping]
+ratio = 0.005
+[[contact]]
+normal = [[{tip}, -1.0]]
+tangents = [[[{middle}, 1.0]]]
+normal_stiffness = 1.0e6
+tangential_stiffness = 1.0e5
+friction_coefficient = 0.4
+[[load]]
+name = "press"
+kind = "static"
+dofs = [[{tip}, 50.0]]
+[[load]]
+kind = "harmonic"
+cosine = [[{middle}, 20.0]]
+[balance]
+harmonics = 5
+[sweep]
+frequencies_hz = [60.0, 75.0, 90.0, 105.0]
+[output]
+file = "{name}.h5"
+monitors = [{{ name = "middle", dofs = [[{middle}, 1.0]] }}]
+"""
+
+
+def test_dofs_without_mass_follow_the_others_as_if_they_were_condensed_before(tmp_path):
+    # Rotations of a beam with lumped mass. Twenty elements, so twenty modes less the two boundary dofs' are all.
+    stiffness, mass = beam(20)
+    heavy, light = np.arange(0, 40, 2), np.arange(1, 40, 2)
+    follows = -np.linalg.solve(stiffness[np.ix_(light, light)], stiffness[np.ix_(light, heavy)])
+    condensed = stiffness[np.ix_(heavy, heavy)] + stiffness[np.ix_(heavy, light)] @ follows
+    for name, matrix in (("K", stiffness), ("M", mass), ("Kc", 0.5 * (condensed + condensed.T))):
+        save_npz(tmp_path / f"{name}.npz", csr_matrix(matrix))
+    save_npz(tmp_path / "Mc.npz", csr_matrix(mass[np.ix_(heavy, heavy)]))
+    done = attrito(tmp_path, "import", "model.h5", "--stiffness", "K.npz", "--mass", "M.npz")
+    assert done.returncode == 0, done.stderr
+    assert "dofs without mass: 20, 0 of them rotations; a job needs [reduction]" in done.stdout
+    models = {
+        "whole": ('file = "model.h5"\n[reduction]\nmodes = 18', 38, 20),
+        "condensed": ('stiffness = "Kc.npz"\nmass = "Mc.npz"', 19, 10),
+    }
+    amplitudes = {}
+    for name, (model, tip, middle) in models.items():
+        (tmp_path / f"{name}.toml").write_text(BEAM.format(model=model, tip=tip, middle=middle, name=name))
+        done = attrito(tmp_path, "run", f"{name}.toml")
+        assert done.returncode == 0, done.stderr
+        with h5py.File(tmp_path / f"{name}.h5") as file:
+            amplitudes[name] = file["monitors/middle/amplitude"][:]
+    assert np.ptp(amplitudes["whole"]) > 0.1 * amplitudes["whole"].max()
+    # Both are solved to 1e-10 of the motion.
+    assert amplitudes["whole"] == pytest.approx(amplitudes["condensed"], rel=1e-8)
+    (tmp_path / "direct.toml").write_text(
+        BEAM.format(model='stiffness = "K.npz"\nmass = "M.npz"', tip=38, middle=20, name="direct")
+    )
+    done = attrito(tmp_path, "run", "direct.toml")
+    assert done.returncode == 2
+    assert "no mass at dof 1 and 19 more': expected mass at every dof, or [reduction], in which" in done.stderr

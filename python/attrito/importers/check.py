@@ -17,6 +17,7 @@ def check_matrices(
     damping: csr_matrix | None,
     where: str | Mapping[str, str],
     label: Callable[[int], str] = "dof {}".format,
+    without_mass: str = "",
 ) -> list[Fault]:
     """Every fault of the matrices of a model; none if they can be used.
 
@@ -25,6 +26,7 @@ def check_matrices(
     stiffness, mass, damping : `[n, n]`, both triangles
     where : the file they come from, or one for each of `stiffness`, `mass`, `damping`
     label : name of a dof (from 0) for the user, such as its node
+    without_mass : what to expect where a dof has no mass; "": such dofs follow the others statically
     """
     matrices = {"stiffness": stiffness, "mass": mass, "damping": damping}
     faults: list[Fault] = []
@@ -39,6 +41,42 @@ def check_matrices(
             faults.append(Fault(file, name, _size(matrix), f"the size of the stiffness, {_size(stiffness)}"))
         contents = _not_finite(name, matrix, file, label)
         faults += contents or _contents(name, matrix, file, label)
+    return faults or _massless(matrices, where, label, without_mass)
+
+
+def massless(mass: csr_matrix) -> np.ndarray:
+    """Numbers of the dofs (from 0) in whose row of the mass there is nothing but zeros."""
+    sums = np.zeros(mass.shape[0])
+    for begin, end in row_blocks(mass):
+        sums[begin:end] = np.asarray(abs(mass[begin:end]).sum(axis=1)).ravel()
+    return np.flatnonzero(sums == 0.0)
+
+
+def _massless(
+    matrices: dict[str, csr_matrix | None],
+    where: str | Mapping[str, str],
+    label: Callable[[int], str],
+    without_mass: str,
+) -> list[Fault]:
+    """Dofs without mass where there must be none, or that the others do not carry: by stiffness, without damping."""
+    mass, stiffness, damping = (matrices[name] for name in ("mass", "stiffness", "damping"))
+    assert mass is not None and stiffness is not None
+    bare = massless(mass)
+
+    def fault(name: str, what: str, dofs: np.ndarray, expected: str) -> list[Fault]:
+        if len(dofs) == 0:
+            return []
+        file = where if isinstance(where, str) else where[name]
+        return [Fault(file, name, f"{what} at {label(int(dofs[0]))}" + _others(len(dofs)), expected)]
+
+    if len(bare) == mass.shape[0]:
+        return fault("mass", "no mass", bare, "mass at some dof")
+    if without_mass:
+        return fault("mass", "no mass", bare, without_mass)
+    faults = fault("stiffness", "no stiffness", bare[stiffness.diagonal()[bare] <= 0.0], "stiffness where no mass is")
+    if damping is not None:
+        damped = bare[np.asarray(abs(damping[bare]).sum(axis=1)).ravel() > 0.0]
+        faults += fault("damping", "damping", damped, "no damping where no mass is")
     return faults
 
 
@@ -74,21 +112,14 @@ def _unsymmetric(name: str, matrix: csr_matrix, file: str, label: Callable[[int]
 
 
 def _not_positive(mass: csr_matrix, file: str, label: Callable[[int], str]) -> list[Fault]:
-    """Necessary conditions that cost nothing: no empty row, and every 2 x 2 minor at least zero."""
-    faults = []
-    sums = np.zeros(mass.shape[0])
-    for begin, end in row_blocks(mass):
-        sums[begin:end] = np.asarray(abs(mass[begin:end]).sum(axis=1)).ravel()
-    empty = np.flatnonzero(sums == 0.0)
-    if len(empty) > 0:
-        value = f"no mass at {label(int(empty[0]))}" + _others(len(empty))
-        faults.append(Fault(file, "mass", value, "mass at every dof"))
+    """Necessary conditions that cost nothing: no diagonal below zero, and every 2 x 2 minor at least zero."""
+    faults: list[Fault] = []
     diagonal = mass.diagonal()
     negative = np.flatnonzero(diagonal < 0.0)
     if len(negative) > 0:
         first = int(negative[0])
         value = f"{diagonal[first]:.6g} at {label(first)}" + _others(len(negative))
-        return [*faults, Fault(file, "mass", value, "a diagonal above zero")]
+        return [Fault(file, "mass", value, "a diagonal above zero")]
     found, count = None, 0
     for begin, end in row_blocks(mass):
         part = slice(mass.indptr[begin], mass.indptr[end])

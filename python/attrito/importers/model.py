@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from attrito.importers.calculix import read_calculix
-from attrito.importers.check import check_matrices
+from attrito.importers.check import check_matrices, massless
 from attrito.importers.dof_file import read_dof_file
 from attrito.importers.dof_numbers import DofNumbers
 from attrito.importers.fe_jobs import abaqus_files, nastran_matrices
@@ -158,6 +158,13 @@ def _stray_nodes(node: np.ndarray, dofs: str, mesh: str, read: Mesh) -> list[Fau
 
 def _notes(model: Model) -> list[str]:
     notes = [f"{model.size} dofs, {model.stiffness.nnz} entries of stiffness, {model.mass.nnz} of mass"]
+    bare = massless(model.mass)
+    if len(bare):
+        turning = 0 if model.dof_direction is None else int(np.count_nonzero(model.dof_direction[bare] > 3))
+        notes.append(
+            f"dofs without mass: {len(bare)}, {turning} of them rotations; a job needs [reduction], in which they"
+            " follow the others statically"
+        )
     if not model.names_dofs:
         return notes
     along_x = (model.dof_direction == 1).astype(float)

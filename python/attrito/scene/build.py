@@ -25,6 +25,9 @@ from attrito.support.errors import InputError
 
 LAW_KEYS = ("tangential_stiffness", "normal_stiffness", "friction_coefficient", "gap", "preload")
 
+# What to expect of a mass that some dofs lack
+STATIC_BY_REDUCTION = "mass at every dof, or [reduction], in which dofs without mass follow the others statically"
+
 
 def build_scene(job: Job) -> Scene:
     """Read the model and place the job's contacts, loads and monitors on it; all faults of a kind together."""
@@ -101,7 +104,8 @@ def load_model(job: Job) -> Model:
         parts = read_matrices(sources, "[model] {}", job.path)
         model = Model(parts.matrices["stiffness"], parts.matrices["mass"], parts.matrices.get("damping"))
         model.dof_node, model.dof_direction = parts.node, parts.direction
-    faults = check_matrices(model.stiffness, model.mass, model.damping, where)
+    without_mass = "" if "reduction" in job.given else STATIC_BY_REDUCTION
+    faults = check_matrices(model.stiffness, model.mass, model.damping, where, without_mass=without_mass)
     if model.damping is not None:
         faults += [
             job.fault(f"[damping] {kind}", job["damping"][kind], "no such key beside the model's own damping matrix")
