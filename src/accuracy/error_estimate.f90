@@ -9,7 +9,6 @@
 module attrito_accuracy_error_estimate
   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use attrito_core_kinds, only: wp
-  use attrito_linear_receptance, only: to_real
   use attrito_contact_evaluation, only: goes_by_events
   use attrito_contact_state, only: state_slipping
   use attrito_solve_solver, only: solver_type
@@ -163,7 +162,7 @@ contains
     type(solver_type), intent(in) :: solver
     real(wp), allocatable :: own(:, :)
 
-    own = matmul(to_real(solver%context%balance%response), solver%context%balance%monitors)
+    own = solver%context%balance%monitors%motion_of(solver%context%balance%response)
   end function own_monitors
 
   !> Does any contact, of all ranks, go by samples?

@@ -8,10 +8,9 @@
 !> linearised step, along the equation that picked the point. More samples change the forces alone. Contacts that stick are linear.
 module attrito_accuracy_finer_balance
   use attrito_core_kinds, only: wp
-  use attrito_core_trigonometric, only: resized
+  use attrito_core_trigonometric, only: resized, to_complex, to_real
   use attrito_model_structure, only: structure_type, damping_viscous, damping_loss_factor
   use attrito_newton_linearised_step, only: linear_options_type, solve_linearised, change_of_deviation
-  use attrito_linear_receptance, only: to_complex, to_real
   use attrito_linear_stuck_system, only: stuck_system_type
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
@@ -113,23 +112,22 @@ contains
     !> As many harmonics as the solver has, and as many samples as this one: says what part samples have in the change
     type(finer_balance_type), intent(in), optional :: denser
     complex(wp), allocatable :: response(:, :)
-    real(wp), allocatable :: generalised(:, :), change(:, :), released(:, :)
+    real(wp), allocatable :: change(:, :), released(:, :)
 
     associate (balance => solver%context%balance)
       allocate (response(size(balance%response, 1), 0:self%harmonics), source=(0.0_wp, 0.0_wp))
       response(:, :balance%receptance%harmonics) = balance%response
       call self%respond_beyond(solver, kept_deviation(self, solver), response)
-      generalised = to_real(response)
       point%motion = resized(solver%motion, 2*self%harmonics + 1)
       if (self%harmonics > balance%receptance%harmonics) then
-        associate (beyond => balance%coefficients() + 1)
-          point%motion(beyond:, :) = matmul(generalised(beyond:, :), balance%directions)
+        associate (beyond => balance%receptance%harmonics + 1)
+          point%motion(2*beyond:, :) = balance%contact_rows%motion_from(beyond, response(:, beyond:))
         end associate
       end if
       call change_forces(self, solver, point%motion, change, released)
       if (present(denser)) call extrapolate_samples(denser, solver, change, released, point%samples_share)
       call step(solver, change, released, response, point, status)
-      if (status == 0) point%monitors = matmul(to_real(response), balance%monitors)
+      if (status == 0) point%monitors = balance%monitors%motion_of(response)
       point%response = response
       balance%work = balance%work + residual_work(2*self%harmonics + 1, balance%rows(), size(response, 1))
     end associate
@@ -178,11 +176,11 @@ contains
     associate (balance => solver%context%balance, stuck => solver%stuck, lowest => solver%context%balance%receptance%harmonics + 1)
       if (self%harmonics < lowest) return
       k = 2*self%harmonics + 1
-      forces = -matmul(deviation, transpose(balance%directions))
+      forces = -balance%contact_rows%load_of(deviation)
       call balance%ranks%sum(forces)
       loaded = min(size(solver%structure%harmonic_load, 2), k)
-      forces(:loaded, :) = forces(:loaded, :) + balance%level*matmul(transpose(solver%structure%harmonic_load(:, :loaded)), &
-                                                                     balance%receptance%basis)
+      forces(:loaded, :) = forces(:loaded, :) &
+                           + balance%level*to_real(balance%receptance%project_loads(solver%structure%harmonic_load(:, :loaded)))
       if (.not. stuck%uncoupled) forces = matmul(forces, stuck%modes)
       columns = to_complex(forces)
       do h = lowest, self%harmonics

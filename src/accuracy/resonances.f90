@@ -9,7 +9,7 @@
 module attrito_accuracy_resonances
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: symmetric_eigenpairs
-  use attrito_linear_receptance, only: to_complex
+  use attrito_core_trigonometric, only: to_complex
   use attrito_contact_state, only: state_slipping
   use attrito_solve_solver, only: solver_type
   implicit none
@@ -59,7 +59,7 @@ contains
       call balance%ranks%sum(forces)
       call balance%ranks%sum(coupling)
       call balance%ranks%sum(swing)
-      limits = threshold*sqrt(sum(abs(matmul(transpose(balance%monitors), balance%response(:, 1:)))**2, 2))
+      limits = threshold*sqrt(sum(abs(balance%monitors%harmonics_of(1, balance%response(:, 1:)))**2, 2))
       swing = threshold*sqrt(swing)
       do r = 1, size(stuck%omega)
         call span(self, r, stuck%omega(r), first, last)
@@ -116,12 +116,12 @@ contains
     !> Contacts' rows in modal coordinates; monitors in modal coordinates
     real(wp), allocatable, intent(out) :: directions(:, :), monitors(:, :)
 
+    integer :: row
+
     associate (balance => solver%context%balance, stuck => solver%stuck)
-      directions = balance%directions
-      monitors = balance%monitors
-      if (stuck%uncoupled) return
-      directions = matmul(transpose(stuck%modes), directions)
-      monitors = matmul(transpose(stuck%modes), monitors)
+      directions = balance%receptance%mode_shapes(1, size(stuck%omega), &
+                                                  [(row, row=balance%first_row, balance%first_row + balance%rows() - 1)])
+      monitors = matmul(transpose(stuck%modes), solver%structure%monitors)
     end associate
   end subroutine in_modes
 

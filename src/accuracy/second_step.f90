@@ -11,7 +11,7 @@ module attrito_accuracy_second_step
   use attrito_core_kinds, only: wp
   use attrito_accuracy_finer_balance, only: finer_balance_type, finer_point_type, solve_for_estimate
   use attrito_newton_linearised_step, only: change_of_deviation
-  use attrito_linear_receptance, only: to_complex, to_real
+  use attrito_core_trigonometric, only: to_complex
   use attrito_balance_unknowns, only: unknowns_type
   use attrito_contact_forces, only: contact_forces_type
   use attrito_solve_solver, only: solver_type
@@ -65,8 +65,8 @@ contains
       response(:, :harmonics) = balance%response + added
       call finer%respond_beyond(solver, deviation, response)
       call add_frequency(response, first%omega - solver%omega)
-      motion = matmul(to_real(response), balance%directions)
-      monitors = matmul(to_real(response), balance%monitors)
+      motion = balance%contact_rows%motion_of(response)
+      monitors = balance%monitors%motion_of(response)
       second%unsettled = highest_unsettled(answers_of(solver, first%motion, motion, first%monitors, monitors), (k + 1)/2, threshold)
       right = unknowns_type(motion(:k, :) - first%motion(:k, :), released)
       call solve_for_estimate(solver, right, moved, status)
@@ -74,7 +74,7 @@ contains
       call balance%respond_to_deviation(change_of_deviation(balance, right, moved), added)
       response(:, :harmonics) = response(:, :harmonics) + added
       call add_frequency(response, moved%omega)
-      second%monitors = matmul(to_real(response), balance%monitors)
+      second%monitors = balance%monitors%motion_of(response)
     end associate
 
   contains

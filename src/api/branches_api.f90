@@ -126,8 +126,7 @@ contains
     m = size(session%structure%mass, 1)
     associate (solver => session%solver, balance => session%solver%context%balance)
       call solver%set_loads(balance%static_factors, level)
-      solver%motion = resized(matmul(coordinates(:, :m), &
-                                     solver%contacts%directions(:, balance%first_row:balance%first_row + balance%rows() - 1)), &
+      solver%motion = resized(solver%contacts%relative_motion(coordinates(:, :m), balance%first_row, balance%rows()), &
                               size(solver%motion, 1))
       solver%omega = omega
       solver%all_stick = .false.

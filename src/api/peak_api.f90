@@ -6,7 +6,6 @@ module attrito_api_peak
   use attrito_accuracy_finer_balance, only: finer_point_type
   use attrito_output_point_report, only: report_point
   use attrito_peak_condition, only: problem_type, value_of
-  use attrito_linear_receptance, only: to_real
   use attrito_peak_curve, only: begin_curve, begin_curve_near, follow_parameter
   use attrito_api_session, only: session_type, session_of
   use attrito_api_solver, only: point_type, point_of
@@ -66,8 +65,7 @@ contains
     associate (solver => session%solver, balance => session%solver%context%balance)
       call solver%set_loads(preload*static_factors, level)
       call solver%set_scales(start, stop)
-      motion = matmul(coordinates(:, :size(session%structure%mass, 1)), &
-                      solver%contacts%directions(:, balance%first_row:balance%first_row + balance%rows() - 1))
+      motion = solver%contacts%relative_motion(coordinates(:, :size(session%structure%mass, 1)), balance%first_row, balance%rows())
       call begin_curve_near(solver, problem_type(monitor=monitor + 1, measure=measure, static_factors=static_factors), &
                             resized(motion, size(solver%motion, 1)), omega, session%peak)
     end associate
@@ -86,7 +84,7 @@ contains
 
     session => session_of(handle)
     associate (balance => session%solver%context%balance)
-      coordinates(:, :size(session%structure%mass, 1)) = matmul(to_real(balance%response), transpose(balance%receptance%basis))
+      coordinates(:, :size(session%structure%mass, 1)) = balance%receptance%displacements(balance%response)
     end associate
   end subroutine attrito_coordinates
 

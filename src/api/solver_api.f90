@@ -12,7 +12,8 @@ module attrito_api_solver
   use attrito_model_contacts, only: contact_type, contacts_type, new_contacts, slider_width
   use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_evaluation, only: sample_forces
-  use attrito_linear_receptance, only: receptance_type, to_complex, to_real
+  use attrito_linear_projected_rows, only: projected_rows_type
+  use attrito_linear_receptance, only: receptance_type
   use attrito_linear_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
   use attrito_continuation_sweep, only: new_sweep
   use attrito_solve_strategies, only: solve_by_strategy, strategy_names
@@ -315,6 +316,7 @@ contains
     type(session_type), pointer :: session
     type(stuck_system_type) :: system
     class(receptance_type), allocatable :: receptance
+    type(projected_rows_type) :: monitors
     type(error_type), allocatable :: error
     complex(wp), allocatable :: load(:, :), response(:, :)
     real(wp), allocatable :: coefficients(:, :)
@@ -332,14 +334,15 @@ contains
     call new_receptance(session%structure, session%contacts, system, harmonics, receptance)
     ! The mean carries no harmonic load, and without friction it may have no support.
     receptance%lowest = 1
-    load = to_complex(matmul(transpose(session%structure%harmonic_load), receptance%basis))
+    load = receptance%project_loads(session%structure%harmonic_load)
+    monitors = receptance%project_rows(session%structure%monitors)
     allocate (response, mold=load)
     do i = 1, count
       call receptance%set_frequency(omega(i), status)
       amplitude(i, :size(session%structure%monitors, 2)) = ieee_value(1.0_wp, ieee_quiet_nan)
       if (status /= 0) cycle
       call receptance%respond(load, response)
-      coefficients = matmul(to_real(response), matmul(transpose(receptance%basis), session%structure%monitors))
+      coefficients = monitors%motion_of(response)
       coefficients(1, :) = 0.0_wp
       do monitor = 1, size(coefficients, 2)
         range = extrema(coefficients(:, monitor))

@@ -5,6 +5,7 @@ module attrito_balance_active_rows
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contact_type
   use attrito_contact_forces, only: contact_forces_type
+  use attrito_linear_projected_rows, only: projected_rows_type
   implicit none
   private
   public :: active_rows_type
@@ -14,8 +15,8 @@ module attrito_balance_active_rows
     integer, allocatable :: contacts(:), first(:), source(:), rows(:)
     !> Rows of all of them
     integer :: count = 0
-    !> Rows of B in generalised coordinates, in columns [n, count]
-    real(wp), allocatable :: directions(:, :)
+    !> Their rows of B in generalised coordinates
+    type(projected_rows_type) :: contact_rows
   contains
     procedure :: find
     procedure :: gather
@@ -24,34 +25,29 @@ module attrito_balance_active_rows
 contains
 
   !> Those whose forces depend on the motion. Where they are those of the last time, nothing is copied.
-  subroutine find(self, law, forces, directions)
+  subroutine find(self, law, forces, contact_rows)
     class(active_rows_type), intent(inout) :: self
     !> Of this rank's contacts
     type(contact_type), intent(in) :: law(:)
     !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(in) :: forces(:)
-    !> Of all their rows [n, rows]
-    real(wp), intent(in) :: directions(:, :)
+    !> Of all contacts of this rank
+    type(projected_rows_type), intent(in) :: contact_rows
     integer, allocatable :: contacts(:)
-    integer :: i
+    integer :: i, row
 
     contacts = pack([(i, i=1, size(law))], [(moves(forces(i)), i=1, size(law))])
     if (allocated(self%contacts)) then
       if (size(contacts) == size(self%contacts)) then
         if (all(contacts == self%contacts)) return
       end if
-      deallocate (self%directions)
     end if
     call move_alloc(contacts, self%contacts)
     self%rows = law(self%contacts)%tangents + 1
     self%source = law(self%contacts)%first_row
     self%first = starts(self%rows)
     self%count = sum(self%rows)
-    allocate (self%directions(size(directions, 1), self%count))
-    do i = 1, size(self%contacts)
-      self%directions(:, self%first(i):self%first(i) + self%rows(i) - 1) = &
-        directions(:, self%source(i):self%source(i) + self%rows(i) - 1)
-    end do
+    self%contact_rows = contact_rows%part([((self%source(i) + row, row=0, self%rows(i) - 1), i=1, size(self%contacts))])
   end subroutine find
 
   pure logical function moves(forces)

@@ -10,13 +10,15 @@ module attrito_balance_harmonic_balance
   use attrito_core_communicator, only: communicator_type
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
+  use attrito_core_trigonometric, only: to_complex
   use attrito_model_contacts, only: contact_type
   use attrito_contact_evaluation, only: quadrature_type, evaluate_contact
   use attrito_contact_forces, only: contact_forces_type
   use attrito_contact_kept_forces, only: keep_forces
   use attrito_balance_active_rows, only: active_rows_type
   use attrito_linear_rigid_body_modes, only: rigid_body_modes_type
-  use attrito_linear_receptance, only: receptance_type, to_complex, to_real
+  use attrito_linear_projected_rows, only: projected_rows_type
+  use attrito_linear_receptance, only: receptance_type
   use attrito_linear_split_receptance, only: split_receptance_type
   use attrito_balance_work, only: contact_work, residual_work
   implicit none
@@ -50,8 +52,8 @@ module attrito_balance_harmonic_balance
     !> Laws of this rank's contacts; the first of them and its first row among all
     type(contact_type), allocatable :: law(:)
     integer :: first_contact = 1, first_row = 1
-    !> This rank's rows of B in generalised coordinates, in columns [n, rows]
-    real(wp), allocatable :: directions(:, :)
+    !> This rank's rows of B in generalised coordinates
+    type(projected_rows_type) :: contact_rows
     !> What the structure alone does not hold
     type(rigid_body_modes_type) :: free
     !> Loads in generalised coordinates: static ones [n, loads], harmonic ones at level 1 [n, 0:H]
@@ -59,8 +61,8 @@ module attrito_balance_harmonic_balance
     complex(wp), allocatable :: harmonic_load(:, :)
     !> Harmonics that are loaded, ascending
     integer, allocatable :: loaded(:)
-    !> Monitors in generalised coordinates [n, monitors]
-    real(wp), allocatable :: monitors(:, :)
+    !> Monitors in generalised coordinates
+    type(projected_rows_type) :: monitors
     !> Factors on the loads
     real(wp), allocatable :: static_factors(:)
     real(wp) :: level = 1.0_wp
@@ -114,7 +116,7 @@ contains
   pure integer function rows(self)
     class(balance_type), intent(in) :: self
 
-    rows = size(self%directions, 2)
+    rows = self%contact_rows%number()
   end function rows
 
   !> Coefficients a row, 2 H + 1.
@@ -151,7 +153,7 @@ contains
         self%work = self%work + contact_work(self%law(i), self%coefficients(), self%quadrature)
       end if
     end do
-    call self%active%find(self%law, self%forces, self%directions)
+    call self%active%find(self%law, self%forces, self%contact_rows)
     call respond_to_load(self, load_of_forces(self), self%response)
     self%response = self%response + linear_response(self)
     if (allocated(self%spring_anchor)) then
@@ -170,7 +172,7 @@ contains
   function load_of_forces(self) result(load)
     class(balance_type), intent(inout) :: self
     real(wp), allocatable :: load(:, :)
-    real(wp) :: resting(size(self%directions, 2)), moving(self%coefficients(), self%active%count)
+    real(wp) :: resting(self%rows()), moving(self%coefficients(), self%active%count)
     logical :: same
     integer :: i
 
@@ -183,11 +185,11 @@ contains
           self%forces(active%contacts(i))%deviation(:size(moving, 1), :)
         resting(active%source(i):active%source(i) + active%rows(i) - 1) = 0.0_wp
       end do
-      load = -matmul(moving, transpose(active%directions))
+      load = -active%contact_rows%load_of(moving)
     end associate
     same = allocated(self%resting%load)
     if (same) same = all(abs(self%resting%deviation - resting) <= 0.0_wp)
-    if (.not. same) self%resting = resting_load_type(resting, -matmul(self%directions, resting))
+    if (.not. same) self%resting = resting_load_type(resting, -self%contact_rows%mean_load_of(resting))
     load(1, :) = load(1, :) + self%resting%load
   end function load_of_forces
 
@@ -224,7 +226,7 @@ contains
     !> Coordinates of the response, by harmonic
     complex(wp), intent(out) :: response(:, 0:)
 
-    call respond_to_load(self, -matmul(deviation, transpose(self%directions)), response)
+    call respond_to_load(self, -self%contact_rows%load_of(deviation), response)
   end subroutine respond_to_deviation
 
   !> The same to a deviation of the active rows alone.
@@ -235,7 +237,7 @@ contains
     !> Coordinates of the response, by harmonic
     complex(wp), intent(out) :: response(:, 0:)
 
-    call respond_to_load(self, -matmul(deviation, transpose(self%active%directions)), response)
+    call respond_to_load(self, -self%active%contact_rows%load_of(deviation), response)
   end subroutine respond_to_active
 
   !> Response to loads on the generalised coordinates, summed over ranks.
@@ -319,9 +321,9 @@ contains
     class(balance_type), intent(in) :: self
     !> Coordinates of the response, by harmonic
     complex(wp), intent(in) :: response(:, 0:)
-    real(wp) :: motion(2*ubound(response, 2) + 1, size(self%directions, 2))
+    real(wp), allocatable :: motion(:, :)
 
-    motion = matmul(to_real(response), self%directions)
+    motion = self%contact_rows%motion_of(response)
   end function recover
 
   !> What the next point starts from, the contacts being this rank's. Sums that grow with the rows that were ever active are dropped:

@@ -16,7 +16,7 @@ module attrito_balance_set_up
   use attrito_balance_active_rows, only: active_rows_type
   use attrito_linear_rigid_body_modes, only: new_rigid_body_modes
   use attrito_balance_harmonic_balance, only: balance_type, stuck_mean_type
-  use attrito_linear_receptance, only: receptance_type, to_complex
+  use attrito_linear_receptance, only: receptance_type
   use attrito_linear_split_receptance, only: split_receptance_type
   implicit none
   private
@@ -42,8 +42,8 @@ contains
     call move_alloc(receptance, self%receptance)
     self%ranks = ranks
     call ranks%share(size(contacts%law), first, last)
-    self%static_loads = matmul(transpose(self%receptance%basis), structure%static_loads)
-    self%monitors = matmul(transpose(self%receptance%basis), structure%monitors)
+    self%static_loads = self%receptance%project_mean_loads(structure%static_loads)
+    self%monitors = self%receptance%project_rows(structure%monitors)
     self%free = new_rigid_body_modes(structure, contacts)
     allocate (self%static_factors(size(structure%static_loads, 2)), source=1.0_wp)
     call set_series(self, structure, self%receptance%harmonics, samples)
@@ -64,9 +64,9 @@ contains
     call set_samples(self, harmonics, samples)
     self%quadrature%grid = new_grid(harmonics)
     if (allocated(self%harmonic_load)) deallocate (self%harmonic_load)
-    allocate (self%harmonic_load(size(self%receptance%basis, 2), 0:harmonics), source=(0.0_wp, 0.0_wp))
+    allocate (self%harmonic_load(size(self%static_loads, 1), 0:harmonics), source=(0.0_wp, 0.0_wp))
     given = min(size(structure%harmonic_load, 2), 2*harmonics + 1)
-    self%harmonic_load(:, 0:given/2) = to_complex(matmul(transpose(structure%harmonic_load(:, :given)), self%receptance%basis))
+    self%harmonic_load(:, 0:given/2) = self%receptance%project_loads(structure%harmonic_load(:, :given))
     self%loaded = pack([(h, h=1, harmonics)], [(any(abs(self%harmonic_load(:, h)) > 0.0_wp), h=1, harmonics)])
   end subroutine set_series
 
@@ -133,7 +133,7 @@ contains
     self%first_row = 1 + sum(contacts%law(:first - 1)%tangents + 1)
     last_row = self%first_row - 1 + sum(self%law%tangents + 1)
     self%law%first_row = self%law%first_row - self%first_row + 1
-    self%directions = self%receptance%directions(:, self%first_row:last_row)
+    self%contact_rows = self%receptance%contact_rows(self%first_row, last_row)
     self%slider = reshape([(0.0_wp, i=1, slider_width(contacts%law)*size(self%law))], [slider_width(contacts%law), size(self%law)])
     self%periodic = spread(.false., 1, size(self%law))
     self%changes = self%changes + 1

@@ -6,7 +6,6 @@
 !> evaluated.
 module attrito_balance_stuck_response
   use attrito_core_kinds, only: wp
-  use attrito_core_lapack, only: product_with_few
   use attrito_contact_state, only: state_stuck
   use attrito_contact_stuck_bound, only: mean_capacity, sticks_within
   use attrito_balance_harmonic_balance, only: balance_type, stuck_mean_type
@@ -74,7 +73,7 @@ contains
     else
       self%kept%response = mean_response(self)
     end if
-    self%kept%motion = matmul(real(self%kept%response, wp), self%directions)
+    self%kept%motion = self%contact_rows%mean_of(self%kept%response)
     allocate (self%kept%capacities(size(self%slider, 1)/2, size(self%law)))
     do i = 1, size(self%law)
       associate (law => self%law(i))
@@ -99,7 +98,7 @@ contains
   function mean_response(self) result(mean)
     type(balance_type), intent(in) :: self
     complex(wp), allocatable :: mean(:)
-    real(wp) :: deviation(self%rows()), force(size(self%directions, 1))
+    real(wp) :: deviation(self%rows()), force(size(self%response, 1))
     complex(wp), dimension(size(force), 0:0) :: load, response
     integer :: i, t
 
@@ -109,7 +108,7 @@ contains
           [(law%slider_force(t, self%slider(:, i)), t=1, law%tangents), law%normal_force(0.0_wp)]
       end associate
     end do
-    force = -matmul(self%directions, deviation)
+    force = -self%contact_rows%mean_load_of(deviation)
     call self%ranks%sum(force)
     load(:, 0) = force + matmul(self%static_loads, self%static_factors)
     call self%receptance%respond(load, response)
@@ -147,7 +146,7 @@ contains
       stays_stuck = self%forces(i)%state == state_stuck
       if (.not. stays_stuck) return
     end do
-    if (changed) call self%active%find(self%law, self%forces, self%directions)
+    if (changed) call self%active%find(self%law, self%forces, self%contact_rows)
   end function stays_stuck
 
   !> Was a contact stuck at its last evaluation, with its slider where it is?
@@ -186,15 +185,9 @@ contains
     type(balance_type), intent(in) :: self
     !> Coordinates of the response, by harmonic
     complex(wp), intent(in) :: response(:, 0:)
-    real(wp) :: moving(self%rows(), 2*size(self%loaded))
-    real(wp) :: parts(size(response, 1), 2*size(self%loaded))
-    integer :: i
+    real(wp), allocatable :: moving(:, :)
 
-    do i = 1, size(self%loaded)
-      parts(:, 2*i - 1) = real(response(:, self%loaded(i)), wp)
-      parts(:, 2*i) = -aimag(response(:, self%loaded(i)))
-    end do
-    moving = product_with_few(self%directions, parts)
+    moving = self%contact_rows%chosen_harmonics_of(self%loaded, response)
   end function recover_loaded
 
   !> Relative displacements of this rank's rows with every contact stuck, at the frequency last set [2 H + 1, rows].
@@ -205,6 +198,6 @@ contains
 
     response = self%linear_response()
     allocate (motion(self%coefficients(), self%rows()))
-    call compose_motion(self, matmul(real(response(:, 0), wp), self%directions), recover_loaded(self, response), motion)
+    call compose_motion(self, self%contact_rows%mean_of(response(:, 0)), recover_loaded(self, response), motion)
   end function linear_motion
 end module attrito_balance_stuck_response

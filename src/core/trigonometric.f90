@@ -3,7 +3,7 @@ module attrito_core_trigonometric
   use attrito_core_kinds, only: wp, two_pi
   implicit none
   private
-  public :: harmonics_at, basis_at, value_at, extrema, extreme_places, resized
+  public :: harmonics_at, basis_at, value_at, extrema, extreme_places, resized, to_complex, to_real
 
   !> Harmonics that are carried on at a time, each of which waits for none of the others
   integer, parameter :: stride = 4
@@ -23,6 +23,33 @@ contains
     other(:common, :) = series(:common, :)
     other(common + 1:, :) = 0.0_wp
   end function resized
+
+  !> Real coefficients [2 H + 1, n] as complex columns [n, 0:H].
+  pure function to_complex(coefficients) result(columns)
+    !> Fourier coefficients
+    real(wp), intent(in) :: coefficients(:, :)
+    complex(wp) :: columns(size(coefficients, 2), 0:(size(coefficients, 1) - 1)/2)
+    integer :: h
+
+    columns(:, 0) = coefficients(1, :)
+    do h = 1, ubound(columns, 2)
+      columns(:, h) = cmplx(coefficients(2*h, :), -coefficients(2*h + 1, :), wp)
+    end do
+  end function to_complex
+
+  !> Complex columns [n, 0:H] as real coefficients [2 H + 1, n].
+  pure function to_real(columns) result(coefficients)
+    !> Columns by harmonic
+    complex(wp), intent(in) :: columns(:, 0:)
+    real(wp) :: coefficients(2*ubound(columns, 2) + 1, size(columns, 1))
+    integer :: h
+
+    coefficients(1, :) = real(columns(:, 0), wp)
+    do h = 1, ubound(columns, 2)
+      coefficients(2*h, :) = real(columns(:, h), wp)
+      coefficients(2*h + 1, :) = -aimag(columns(:, h))
+    end do
+  end function to_real
 
   !> cos h theta and sin h theta, h = 1 ... H.
   pure subroutine harmonics_at(theta, cosines, sines)

@@ -13,7 +13,6 @@ module attrito_family_members
   use attrito_newton_border, only: constraint_type
   use attrito_newton_linearised_step, only: solve_linearised
   use attrito_newton_newton, only: newton_report_type
-  use attrito_linear_receptance, only: to_real
   use attrito_balance_unknowns, only: unknowns_type
   use attrito_balance_work, only: residual_work
   use attrito_contact_state, only: state_stuck, state_shaken_down
@@ -337,7 +336,7 @@ contains
       do i = 1, size(self%force, 3)
         call balance%ranks%sum(self%force(:, :, i))
       end do
-      self%monitors = matmul(to_real(response), matmul(transpose(balance%receptance%basis), solver%structure%monitors))
+      self%monitors = balance%monitors%motion_of(response)
     end associate
   end subroutine gather
 end module attrito_family_members

@@ -2,19 +2,20 @@
 !>
 !> $$ \tilde Z_h(\omega) x_h = F_h, \qquad \tilde Z_h = \tilde K - (h \omega)^2 M + i h \omega C, \qquad \tilde K = K + B^T K_c B $$
 !>
-!> in generalised coordinates x with q = basis x: the modes of (K~, M) where damping leaves them uncoupled, q itself elsewhere.
+!> in generalised coordinates x with q_h = Phi_h x_h: the modes of (K~, M) where damping leaves them uncoupled, q itself elsewhere.
 !> Harmonic h is held as a complex column X_h = x_ch - i x_sh, h = 0 ... H.
+!>
+!> Coordinates are the receptance's own affair. It projects loads, F_h = Phi_h^H f_h, and rows, B_h Phi_h (`projected_rows_type`), and
+!> recovers displacements, harmonic by harmonic: each may have its own complex Phi_h and B_h, as the sectors of a cyclic structure do.
+!> `receptance_real` has one real Phi for all harmonics.
 module attrito_linear_receptance
   use attrito_core_kinds, only: wp
+  use attrito_linear_projected_rows, only: projected_rows_type
   implicit none
   private
-  public :: receptance_type, to_complex, to_real
+  public :: receptance_type
 
   type, abstract :: receptance_type
-    !> Columns turn generalised coordinates into those of the model: q = basis x [m, n]
-    real(wp), allocatable :: basis(:, :)
-    !> Rows of B in generalised coordinates, in columns [n, rows]
-    real(wp), allocatable :: directions(:, :)
     !> Highest harmonic
     integer :: harmonics = 0
     !> Lowest harmonic it answers for: 1 where the mean has no support
@@ -31,13 +32,23 @@ module attrito_linear_receptance
   contains
     procedure(set_harmonics), deferred :: set_harmonics
     procedure(set_frequency), deferred :: set_frequency
+    procedure(project_load), deferred :: project_load
+    procedure(project_loads), deferred :: project_loads
+    procedure(project_mean_loads), deferred :: project_mean_loads
+    procedure(project_rows), deferred :: project_rows
+    procedure(contact_rows), deferred :: contact_rows
+    procedure(recover), deferred :: recover
+    procedure(displacements), deferred :: displacements
+    procedure(state_at_start), deferred :: state_at_start
     procedure(respond), deferred :: respond
     procedure(respond_derivative), deferred :: respond_derivative
     procedure(inertia_of), deferred :: inertia_of
     procedure(block_between), deferred :: block_between
-    procedure(low_shapes), deferred :: low_shapes
+    procedure(common_modes), deferred :: common_modes
+    procedure(mode_shapes), deferred :: mode_shapes
     procedure(low_stiffness), deferred :: low_stiffness
     procedure(remainder), deferred :: remainder
+    procedure :: respond_adjoint
     procedure :: respond_inertia
     procedure :: respond_excitation
     procedure :: uncoupled_modes
@@ -67,6 +78,85 @@ module attrito_linear_receptance
       !> Highest harmonic
       integer, intent(in), optional :: highest
     end subroutine set_frequency
+
+    !> A load on the model's coordinates at one harmonic, Phi_h^H f_h [n].
+    function project_load(self, h, load) result(projected)
+      import :: receptance_type, wp
+      class(receptance_type), intent(in) :: self
+      !> Number of the harmonic
+      integer, intent(in) :: h
+      !> f_h [m]
+      complex(wp), intent(in) :: load(:)
+      complex(wp), allocatable :: projected(:)
+    end function project_load
+
+    !> Loads of all harmonics [n, 0:H].
+    function project_loads(self, loads) result(projected)
+      import :: receptance_type, wp
+      class(receptance_type), intent(in) :: self
+      !> Fourier coefficients of the model's coordinates [m, 2 H + 1]
+      real(wp), intent(in) :: loads(:, :)
+      complex(wp), allocatable :: projected(:, :)
+    end function project_loads
+
+    !> Loads that do not depend on time, Phi_0^T f [n, loads].
+    function project_mean_loads(self, loads) result(projected)
+      import :: receptance_type, wp
+      class(receptance_type), intent(in) :: self
+      !> On the model's coordinates [m, loads]
+      real(wp), intent(in) :: loads(:, :)
+      real(wp), allocatable :: projected(:, :)
+    end function project_mean_loads
+
+    !> Rows on the model's coordinates, as of monitors.
+    function project_rows(self, rows) result(projected)
+      import :: receptance_type, projected_rows_type, wp
+      class(receptance_type), intent(in) :: self
+      !> In columns [m, rows]
+      real(wp), intent(in) :: rows(:, :)
+      type(projected_rows_type) :: projected
+    end function project_rows
+
+    !> Some of the contacts' rows, those of B.
+    function contact_rows(self, first, last) result(projected)
+      import :: receptance_type, projected_rows_type
+      class(receptance_type), intent(in) :: self
+      !> The first and the last, from 1
+      integer, intent(in) :: first, last
+      type(projected_rows_type) :: projected
+    end function contact_rows
+
+    !> Displacements of the model's coordinates at one harmonic, Phi_h x_h [m].
+    function recover(self, h, response) result(displacement)
+      import :: receptance_type, wp
+      class(receptance_type), intent(in) :: self
+      !> Number of the harmonic
+      integer, intent(in) :: h
+      !> x_h [n]
+      complex(wp), intent(in) :: response(:)
+      complex(wp), allocatable :: displacement(:)
+    end function recover
+
+    !> Displacements of the model's coordinates at all harmonics [2 H + 1, m].
+    function displacements(self, response) result(coefficients)
+      import :: receptance_type, wp
+      class(receptance_type), intent(in) :: self
+      !> Coordinates of the response, by harmonic [n, 0:H]
+      complex(wp), intent(in) :: response(:, 0:)
+      real(wp), allocatable :: coefficients(:, :)
+    end function displacements
+
+    !> Displacements and their rates at the start of the period.
+    subroutine state_at_start(self, response, omega, displacement, rate)
+      import :: receptance_type, wp
+      class(receptance_type), intent(in) :: self
+      !> Coordinates of the response, by harmonic [n, 0:H]
+      complex(wp), intent(in) :: response(:, 0:)
+      !> Angular frequency
+      real(wp), intent(in) :: omega
+      !> Of the model's coordinates [m]
+      real(wp), allocatable, intent(out) :: displacement(:), rate(:)
+    end subroutine state_at_start
 
     !> X_h = Z_h^-1 F_h, up to any harmonic that it is set for.
     subroutine respond(self, force, response)
@@ -98,7 +188,7 @@ module attrito_linear_receptance
       complex(wp), intent(out) :: product(:, 0:)
     end subroutine inertia_of
 
-    !> Receptance between rows of B at one harmonic, B_a Z_h^-1 B_b^T.
+    !> Receptance between rows of B at one harmonic, B_a Z_h^-1 B_b^H.
     subroutine block_between(self, h, rows_a, rows_b, block)
       import :: receptance_type, wp
       class(receptance_type), intent(in) :: self
@@ -110,17 +200,23 @@ module attrito_linear_receptance
       complex(wp), intent(out) :: block(:, :)
     end subroutine block_between
 
-    !> The lowest modes of the stuck system at some rows of B: all that the following two take as low.
-    function low_shapes(self, low, directions) result(shapes)
+    !> How many modes of the stuck system are the same at all harmonics; 0: each harmonic has its own.
+    pure integer function common_modes(self)
+      import :: receptance_type
+      class(receptance_type), intent(in) :: self
+    end function common_modes
+
+    !> Such modes at some rows of B. The following two take the first of them as low.
+    function mode_shapes(self, first, last, rows) result(shapes)
       import :: receptance_type, wp
       class(receptance_type), intent(in) :: self
-      !> Number of lowest modes
-      integer, intent(in) :: low
-      !> Rows of B in generalised coordinates, in columns [n, rows]
-      real(wp), intent(in) :: directions(:, :)
-      !> [low, rows]
-      real(wp) :: shapes(low, size(directions, 2))
-    end function low_shapes
+      !> The first and the last of the modes, ascending
+      integer, intent(in) :: first, last
+      !> Rows of B, from 1
+      integer, intent(in) :: rows(:)
+      !> [last - first + 1, rows]
+      real(wp), allocatable :: shapes(:, :)
+    end function mode_shapes
 
     !> Dynamic stiffness of the lowest modes at one harmonic, what couples them left out.
     function low_stiffness(self, h, low) result(stiffness)
@@ -132,19 +228,31 @@ module attrito_linear_receptance
     end function low_stiffness
 
     !> Receptance among a few rows of B, less what the lowest modes carry.
-    subroutine remainder(self, low, directions, blocks)
+    subroutine remainder(self, low, rows, blocks)
       import :: receptance_type, wp
       class(receptance_type), intent(in) :: self
       !> Number of lowest modes
       integer, intent(in) :: low
-      !> Rows of B in generalised coordinates, in columns [n, rows]
-      real(wp), intent(in) :: directions(:, :)
+      !> Rows of B, from 1
+      integer, intent(in) :: rows(:)
       !> [rows, rows, 0:H]
       complex(wp), intent(out) :: blocks(:, :, 0:)
     end subroutine remainder
   end interface
 
 contains
+
+  !> X_h = Z_h^-H F_h; this is of a system that is complex symmetric, as real matrices make it.
+  subroutine respond_adjoint(self, force, response)
+    class(receptance_type), intent(in) :: self
+    !> F [n, 0:h]
+    complex(wp), intent(in) :: force(:, 0:)
+    !> X [n, 0:h]
+    complex(wp), intent(out) :: response(:, 0:)
+
+    call self%respond(conjg(force), response)
+    response = conjg(response)
+  end subroutine respond_adjoint
 
   !> -Z_h^-1 (d^2Z_h/domega^2) X_h = 2 h^2 Z_h^-1 M X_h.
   subroutine respond_inertia(self, response, derivative)
@@ -242,31 +350,4 @@ contains
     self%held = part
     self%omega = -1.0_wp
   end subroutine apply_mean_springs
-
-  !> Real coefficients [2 H + 1, n] as complex columns [n, 0:H].
-  pure function to_complex(coefficients) result(columns)
-    !> Fourier coefficients
-    real(wp), intent(in) :: coefficients(:, :)
-    complex(wp) :: columns(size(coefficients, 2), 0:(size(coefficients, 1) - 1)/2)
-    integer :: h
-
-    columns(:, 0) = coefficients(1, :)
-    do h = 1, ubound(columns, 2)
-      columns(:, h) = cmplx(coefficients(2*h, :), -coefficients(2*h + 1, :), wp)
-    end do
-  end function to_complex
-
-  !> Complex columns [n, 0:H] as real coefficients [2 H + 1, n].
-  pure function to_real(columns) result(coefficients)
-    !> Columns by harmonic
-    complex(wp), intent(in) :: columns(:, 0:)
-    real(wp) :: coefficients(2*ubound(columns, 2) + 1, size(columns, 1))
-    integer :: h
-
-    coefficients(1, :) = real(columns(:, 0), wp)
-    do h = 1, ubound(columns, 2)
-      coefficients(2*h, :) = real(columns(:, h), wp)
-      coefficients(2*h + 1, :) = -aimag(columns(:, h))
-    end do
-  end function to_real
 end module attrito_linear_receptance

@@ -7,12 +7,12 @@ module attrito_linear_receptance_direct
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: factor_complex, solve_factored_complex
   use attrito_model_structure, only: structure_type, damping_viscous, damping_mass, damping_loss_factor
-  use attrito_linear_receptance, only: receptance_type
+  use attrito_linear_receptance_real, only: receptance_real_type
   implicit none
   private
   public :: receptance_direct_type, new_receptance_direct
 
-  type, extends(receptance_type) :: receptance_direct_type
+  type, extends(receptance_real_type) :: receptance_direct_type
     !> K~, M and viscous C [m, m]
     real(wp), allocatable :: stuck_stiffness(:, :), mass(:, :), viscous(:, :)
     !> Modes of (K~, M) [m, m]
@@ -29,7 +29,7 @@ module attrito_linear_receptance_direct
     procedure :: respond_derivative
     procedure :: inertia_of
     procedure :: block_between
-    procedure :: low_shapes
+    procedure :: mode_shapes
     procedure :: low_stiffness
     procedure :: remainder
   end type receptance_direct_type
@@ -182,16 +182,14 @@ contains
     block = matmul(transpose(self%directions(:, rows_a)), columns)
   end subroutine block_between
 
-  function low_shapes(self, low, directions) result(shapes)
+  function mode_shapes(self, first, last, rows) result(shapes)
     class(receptance_direct_type), intent(in) :: self
-    !> Number of lowest modes
-    integer, intent(in) :: low
-    !> Rows of B, a column each
-    real(wp), intent(in) :: directions(:, :)
-    real(wp) :: shapes(low, size(directions, 2))
+    !> The first and the last of the modes; numbers of contact rows
+    integer, intent(in) :: first, last, rows(:)
+    real(wp), allocatable :: shapes(:, :)
 
-    shapes = matmul(transpose(self%modes(:, :low)), directions)
-  end function low_shapes
+    shapes = matmul(transpose(self%modes(:, first:last)), self%directions(:, rows))
+  end function mode_shapes
 
   function low_stiffness(self, h, low) result(stiffness)
     class(receptance_direct_type), intent(in) :: self
@@ -211,28 +209,23 @@ contains
     end do
   end function low_stiffness
 
-  subroutine remainder(self, low, directions, blocks)
+  subroutine remainder(self, low, rows, blocks)
     class(receptance_direct_type), intent(in) :: self
-    !> Number of lowest modes
-    integer, intent(in) :: low
-    !> Rows of B, a column each
-    real(wp), intent(in) :: directions(:, :)
+    !> Number of lowest modes; numbers of contact rows
+    integer, intent(in) :: low, rows(:)
     !> Block of the matrix, by harmonic
     complex(wp), intent(out) :: blocks(:, :, 0:)
-    complex(wp) :: columns(size(directions, 1), size(directions, 2)), stiffness(low)
-    real(wp) :: shapes(low, size(directions, 2))
-    integer :: h, i, rows
+    complex(wp) :: stiffness(low)
+    real(wp) :: shapes(low, size(rows))
+    integer :: h, i
 
-    rows = size(directions, 2)
-    shapes = self%low_shapes(low, directions)
+    shapes = self%mode_shapes(1, low, rows)
     blocks(:, :, :self%lowest - 1) = 0.0_wp
     do h = self%lowest, self%harmonics
-      columns = directions
-      call solve_factored_complex(self%factors(:, :, h), self%pivots(:, h), columns)
-      blocks(:, :, h) = matmul(transpose(directions), columns)
+      call self%block_between(h, rows, rows, blocks(:, :, h))
       stiffness = self%low_stiffness(h, low)
       do i = 1, low
-        blocks(:, :, h) = blocks(:, :, h) - spread(shapes(i, :), 2, rows)*spread(shapes(i, :), 1, rows)/stiffness(i)
+        blocks(:, :, h) = blocks(:, :, h) - spread(shapes(i, :), 2, size(rows))*spread(shapes(i, :), 1, size(rows))/stiffness(i)
       end do
     end do
   end subroutine remainder

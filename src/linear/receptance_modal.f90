@@ -3,12 +3,12 @@
 !> $$ X_{hr} = F_{hr} / (k_r - (h \omega)^2 m_r + i h \omega c_r), \qquad c_r = 2 \zeta \omega_r m_r \text{ or } \alpha m_r $$
 module attrito_linear_receptance_modal
   use attrito_core_kinds, only: wp
-  use attrito_linear_receptance, only: receptance_type
+  use attrito_linear_receptance_real, only: receptance_real_type
   implicit none
   private
   public :: receptance_modal_type, new_receptance_modal
 
-  type, extends(receptance_type) :: receptance_modal_type
+  type, extends(receptance_real_type) :: receptance_modal_type
     !> Modal stiffness, mass and damping [n], however the modes are normalised
     real(wp), allocatable :: modal_stiffness(:), modal_mass(:), modal_damping(:)
     !> Dynamic flexibility at this frequency [n, 0:H], and its real and imaginary parts in turn [n, 2 H + 1]
@@ -21,7 +21,7 @@ module attrito_linear_receptance_modal
     procedure :: respond_derivative
     procedure :: inertia_of
     procedure :: block_between
-    procedure :: low_shapes
+    procedure :: mode_shapes
     procedure :: low_stiffness
     procedure :: remainder
     procedure :: uncoupled_modes
@@ -161,16 +161,14 @@ contains
     block = cmplx(re, im, wp)
   end subroutine block_between
 
-  function low_shapes(self, low, directions) result(shapes)
+  function mode_shapes(self, first, last, rows) result(shapes)
     class(receptance_modal_type), intent(in) :: self
-    !> Number of lowest modes
-    integer, intent(in) :: low
-    !> Rows of B, a column each
-    real(wp), intent(in) :: directions(:, :)
-    real(wp) :: shapes(low, size(directions, 2))
+    !> The first and the last of the modes; numbers of contact rows
+    integer, intent(in) :: first, last, rows(:)
+    real(wp), allocatable :: shapes(:, :)
 
-    shapes = directions(:low, :)
-  end function low_shapes
+    shapes = self%directions(first:last, rows)
+  end function mode_shapes
 
   function low_stiffness(self, h, low) result(stiffness)
     class(receptance_modal_type), intent(in) :: self
@@ -196,28 +194,26 @@ contains
     damping = damping_of(self)
   end subroutine uncoupled_modes
 
-  subroutine remainder(self, low, directions, blocks)
+  subroutine remainder(self, low, rows, blocks)
     class(receptance_modal_type), intent(in) :: self
-    !> Number of lowest modes
-    integer, intent(in) :: low
-    !> Rows of B, a column each
-    real(wp), intent(in) :: directions(:, :)
+    !> Number of lowest modes; numbers of contact rows
+    integer, intent(in) :: low, rows(:)
     !> Block of the matrix, by harmonic
     complex(wp), intent(out) :: blocks(:, :, 0:)
-    real(wp) :: pairs(size(directions, 1) - low, size(directions, 2)*(size(directions, 2) + 1)/2)
+    real(wp) :: pairs(size(self%directions, 1) - low, size(rows)*(size(rows) + 1)/2)
     real(wp) :: sums(size(pairs, 2), 2*self%harmonics + 1)
     integer :: h, i, j, pair
 
     pair = 0
-    do j = 1, size(directions, 2)
+    do j = 1, size(rows)
       do i = 1, j
         pair = pair + 1
-        pairs(:, pair) = directions(low + 1:, i)*directions(low + 1:, j)
+        pairs(:, pair) = self%directions(low + 1:, rows(i))*self%directions(low + 1:, rows(j))
       end do
     end do
     sums = matmul(transpose(pairs), self%parts(low + 1:, :))
     pair = 0
-    do j = 1, size(directions, 2)
+    do j = 1, size(rows)
       do i = 1, j
         pair = pair + 1
         blocks(i, j, 0) = sums(pair, 1)

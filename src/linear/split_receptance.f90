@@ -14,7 +14,8 @@
 module attrito_linear_split_receptance
   use attrito_core_communicator, only: communicator_type
   use attrito_core_kinds, only: wp
-  use attrito_linear_receptance, only: receptance_type, to_complex, to_real
+  use attrito_core_trigonometric, only: to_complex, to_real
+  use attrito_linear_receptance, only: receptance_type
   implicit none
   private
   public :: split_receptance_type, left_out, flops
@@ -120,10 +121,10 @@ contains
     if (plan%afresh) call start(self, plan%power, plan%stride)
     weights = series(stiffness, mass, damping, merge(plan%low, self%low, plan%afresh), plan%power)
     if (plan%summing > 0.0_wp .or. size(rows) < size(self%rows)) then
-      call sum_modes(self, receptance%directions, weights(:, ::plan%stride), plan%low, rows, mine)
+      call sum_modes(self, receptance, weights(:, ::plan%stride), plan%low, rows, mine)
     end if
     self%low = plan%low
-    self%shapes = receptance%directions(:plan%low, mine)
+    self%shapes = receptance%mode_shapes(1, plan%low, mine)
     call set_frequency(self, receptance)
   end subroutine prepare
 
@@ -211,10 +212,12 @@ contains
   end subroutine start
 
   !> Sum over the modes above `low` for these rows; what is held of them is taken over, less the modes that are no longer high.
-  subroutine sum_modes(self, directions, weights, low, rows, mine)
+  subroutine sum_modes(self, receptance, weights, low, rows, mine)
     type(split_receptance_type), intent(inout) :: self
-    !> Rows of B in modes, in columns [n, all rows]; weights of modes in each sum [n, sums]
-    real(wp), intent(in) :: directions(:, :), weights(:, :)
+    !> Receptance of the stuck system between contact rows
+    class(receptance_type), intent(in) :: receptance
+    !> Weights of modes in each sum [n, sums]
+    real(wp), intent(in) :: weights(:, :)
     !> Modes that are summed one by one; numbers of contact rows; places of this rank's rows
     integer, intent(in) :: low, rows(:), mine(:)
     integer, allocatable :: held(:), held_mine(:), fresh(:), fresh_mine(:), from(:), from_mine(:)
@@ -248,7 +251,8 @@ contains
 
       block = 0.0_wp
       if (first > last .or. size(block) == 0) return
-      block = matmul(transpose(directions(first:last, a)), spread(weights(first:last, term), 2, size(b))*directions(first:last, b))
+      block = matmul(transpose(receptance%mode_shapes(first, last, a)), &
+                     spread(weights(first:last, term), 2, size(b))*receptance%mode_shapes(first, last, b))
     end function between
   end subroutine sum_modes
 

@@ -58,6 +58,8 @@ module attrito_model_contacts
     real(wp), allocatable :: directions(:, :)
     !> Stiffness of each row when stuck [rows]
     real(wp), allocatable :: row_stiffness(:)
+  contains
+    procedure :: relative_motion
   end type contacts_type
 
 contains
@@ -219,6 +221,18 @@ contains
       row = row + law(i)%tangents + 1
     end do
   end function new_contacts
+
+  !> Relative displacements B q at some rows [2 H + 1, rows].
+  pure function relative_motion(self, displacements, first, rows) result(motion)
+    class(contacts_type), intent(in) :: self
+    !> Fourier coefficients of the model's coordinates [2 H + 1, m]
+    real(wp), intent(in) :: displacements(:, :)
+    !> First of the rows, from 1, and how many
+    integer, intent(in) :: first, rows
+    real(wp) :: motion(size(displacements, 1), rows)
+
+    motion = matmul(displacements, self%directions(:, first:first + rows - 1))
+  end function relative_motion
 
   !> Stiffness with contacts as springs, K + B^T K_c B [m, m].
   pure function stuck_stiffness(contacts, stiffness, tangential) result(stuck)

@@ -6,7 +6,6 @@
 module attrito_newton_active_jacobian
   use attrito_core_kinds, only: wp
   use attrito_balance_harmonic_balance, only: balance_type
-  use attrito_linear_receptance, only: to_real
   implicit none
   private
   public :: contact_jacobian_type, jacobian_of, unknowns_of, places_of_rows, change_with_omega
@@ -62,8 +61,8 @@ contains
   pure function change_with_omega(balance) result(change)
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
-    real(wp) :: change(balance%coefficients(), balance%active%count)
+    real(wp), allocatable :: change(:, :)
 
-    change = -matmul(to_real(balance%response_omega), balance%active%directions)
+    change = -balance%active%contact_rows%motion_of(balance%response_omega)
   end function change_with_omega
 end module attrito_newton_active_jacobian

@@ -4,8 +4,9 @@
 !>    -(R^T p)^T y + (q - p^T b) \, \delta\omega = \sigma - p^T \rho $$
 module attrito_newton_border
   use attrito_core_kinds, only: wp
+  use attrito_core_trigonometric, only: to_complex, to_real
   use attrito_balance_harmonic_balance, only: balance_type
-  use attrito_linear_receptance, only: to_complex, to_real
+  use attrito_linear_projected_rows, only: projected_rows_type
   implicit none
   private
   public :: constraint_type, border_type, new_border, inner_product
@@ -39,7 +40,6 @@ contains
     !> Linear condition on motion and frequency that closes the system
     type(constraint_type), intent(in) :: constraint
     type(border_type) :: self
-    real(wp), allocatable :: mirrored(:, :)
     real(wp) :: largest
 
     self%corner = constraint%frequency
@@ -47,24 +47,23 @@ contains
     if (size(constraint%motion) > 0) largest = maxval(abs(constraint%motion))
     self%has_motion = balance%ranks%largest(largest) > 0.0_wp
     if (.not. self%has_motion) return
-    self%load = matmul(constraint%motion, transpose(balance%directions))
+    self%load = balance%contact_rows%load_of(constraint%motion)
     call balance%ranks%sum(self%load)
     self%corner = self%corner + self%product_with(balance%response_omega)
-    ! R^T p = mirror R mirror p, where mirror changes the sign of sines: receptances are complex symmetric.
-    mirrored = mirror(self%load)
+    ! R^T of the real coefficients is R^H of the complex ones.
     allocate (self%response, mold=balance%response)
-    call balance%receptance%respond(to_complex(mirrored), self%response)
+    call balance%receptance%respond_adjoint(to_complex(self%load), self%response)
     if (allocated(balance%frozen_mean)) self%response(:, 0) = 0.0_wp
   end function new_border
 
-  !> R^T p at some rows of B, given as columns [n, rows].
-  function row_at(self, directions) result(row)
+  !> R^T p at some rows of B.
+  function row_at(self, rows) result(row)
     class(border_type), intent(in) :: self
-    !> Directions of contact rows in the coordinates
-    real(wp), intent(in) :: directions(:, :)
+    !> In generalised coordinates
+    type(projected_rows_type), intent(in) :: rows
     real(wp), allocatable :: row(:, :)
 
-    row = mirror(matmul(to_real(self%response), directions))
+    row = rows%motion_of(self%response)
   end function row_at
 
   !> p^T d of the motion d = B x that belongs to a response x [n, 0:H].
@@ -87,14 +86,4 @@ contains
     inner_product = sum(a*b)
     call balance%ranks%sum(inner_product)
   end function inner_product
-
-  !> Change the sign of sines.
-  pure function mirror(field) result(mirrored)
-    !> Vector over the rows of contacts
-    real(wp), intent(in) :: field(:, :)
-    real(wp) :: mirrored(size(field, 1), size(field, 2))
-
-    mirrored = field
-    mirrored(3::2, :) = -field(3::2, :)
-  end function mirror
 end module attrito_newton_border

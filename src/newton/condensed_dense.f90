@@ -52,7 +52,7 @@ contains
     call assemble_rows(balance, mine, all, rho, transposed_rows)
     call balance%ranks%gather_columns(transposed_rows, everyone)
     row = 0.0_wp*rho
-    if (border%has_motion) row = border%row_at(balance%active%directions)
+    if (border%has_motion) row = border%row_at(balance%active%contact_rows)
     call balance%ranks%gather_columns(reshape([(row(mine(i)%coefficient, mine(i)%place), i=1, size(mine))], [1, size(mine)]), bottom)
     allocate (solution(n + 1, 1), source=0.0_wp)
     status = 0

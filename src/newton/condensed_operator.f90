@@ -12,7 +12,6 @@ module attrito_newton_condensed_operator
   use attrito_newton_active_jacobian, only: change_with_omega, contact_jacobian_type, jacobian_of, places_of_rows
   use attrito_newton_border, only: border_type
   use attrito_balance_harmonic_balance, only: balance_type
-  use attrito_linear_receptance, only: to_complex, to_real
   implicit none
   private
   public :: condensed_operator_type, new_condensed_operator
@@ -56,7 +55,7 @@ contains
     self%column = self%multiply_jacobian(change_with_omega(balance))
     self%has_row = border%has_motion
     if (self%has_row) then
-      self%row = border%row_at(balance%active%directions)
+      self%row = border%row_at(balance%active%contact_rows)
     else
       self%row = 0.0_wp*self%column
     end if
@@ -124,7 +123,7 @@ contains
       end if
       allocate (response, mold=balance%response)
       call balance%respond_to_active(y, response)
-      motion = -matmul(to_real(response), balance%active%directions)
+      motion = -balance%active%contact_rows%motion_of(response)
     end associate
   end function receive
 

@@ -15,7 +15,6 @@ module attrito_newton_linearised_step
   use attrito_newton_condensed_dense, only: solve_by_elimination
   use attrito_newton_condensed_krylov, only: krylov_options_type, solve_by_krylov
   use attrito_balance_harmonic_balance, only: balance_type
-  use attrito_linear_receptance, only: to_real
   use attrito_newton_two_level_factors, only: two_level_factors_type
   use attrito_balance_unknowns, only: unknowns_type
   use attrito_balance_work, only: step_work
@@ -59,7 +58,7 @@ contains
     iterations = 0
     allocate (response, to_y, mold=balance%response)
     call respond_to_sliders(balance, right%slider, response)
-    rho = balance%active%gather(right%motion) + matmul(to_real(response), balance%active%directions)
+    rho = balance%active%gather(right%motion) + balance%active%contact_rows%motion_of(response)
     border = new_border(balance, constraint)
     last = right%omega - border%product_with(response)
     if (border%has_motion) last = last - inner_product(balance, constraint%motion, right%motion)

@@ -12,6 +12,7 @@
 module attrito_newton_two_level
   use attrito_core_kinds, only: sp, wp
   use attrito_core_lapack, only: times_vector
+  use attrito_newton_active_jacobian, only: places_of_rows
   use attrito_newton_condensed_operator, only: condensed_operator_type
   use attrito_newton_two_level_factors, only: two_level_factors_type
   implicit none
@@ -50,7 +51,7 @@ contains
     self%coefficients = system%balance%coefficients()
     associate (active => system%balance%active)
       self%place = factors%places_of(active%contacts)
-      self%shapes = real(system%balance%receptance%low_shapes(factors%low, active%directions), sp)
+      self%shapes = real(system%balance%receptance%mode_shapes(1, factors%low, places_of_rows(system%balance)), sp)
     end associate
     allocate (self%column, mold=system%column)
     call self%apply_inverse(system%column, self%column)

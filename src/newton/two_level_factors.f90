@@ -9,7 +9,7 @@
 module attrito_newton_two_level_factors
   use attrito_core_kinds, only: sp, wp
   use attrito_core_lapack, only: invert
-  use attrito_newton_active_jacobian, only: contact_jacobian_type, jacobian_of
+  use attrito_newton_active_jacobian, only: contact_jacobian_type, jacobian_of, places_of_rows
   use attrito_balance_harmonic_balance, only: balance_type
   implicit none
   private
@@ -119,12 +119,12 @@ contains
     real(wp), allocatable :: shapes(:, :)
 
     self%contacts = balance%active%contacts
-    self%low = min(low, size(balance%directions, 1))
+    self%low = min(low, balance%receptance%common_modes())
     self%changes = balance%changes
     self%stiffening = balance%stiffening
     self%usual = -1
     self%excess = 0
-    shapes = balance%receptance%low_shapes(self%low, balance%active%directions)
+    shapes = balance%receptance%mode_shapes(1, self%low, places_of_rows(balance))
     call new_blocks(self, balance, status)
     call agree(balance, status)
     if (status == 0) then
@@ -188,9 +188,10 @@ contains
     integer, intent(in) :: contact
     !> [3, 3, 0:H]
     complex(wp), intent(out) :: local(:, :, 0:)
+    integer :: row
 
-    associate (first => balance%active%first(contact), n => balance%active%rows(contact))
-      call balance%receptance%remainder(self%low, balance%active%directions(:, first:first + n - 1), local(:n, :n, :))
+    associate (first => balance%first_row - 1 + balance%active%source(contact), n => balance%active%rows(contact))
+      call balance%receptance%remainder(self%low, [(first + row, row=0, n - 1)], local(:n, :n, :))
     end associate
     if (allocated(balance%frozen_mean)) local(:, :, 0) = 0.0_wp
   end subroutine receive_locally
@@ -238,6 +239,10 @@ contains
     complex(wp), allocatable :: stiffness(:)
     integer :: k, h, i, first
 
+    status = 0
+    if (allocated(self%coarse)) deallocate (self%coarse)
+    if (self%low == 0) allocate (self%coarse(0, 0))
+    if (self%low == 0) return
     k = balance%coefficients()
     allocate (coarse(k, self%low, k, self%low), source=0.0_wp)
     do first = 1, size(self%contacts), bunch

@@ -55,7 +55,7 @@ contains
     real(wp) :: range(2)
     integer :: i
 
-    associate (balance => solver%context%balance, monitors => solver%context%balance%monitors)
+    associate (balance => solver%context%balance, monitors => solver%context%balance%monitors%number())
       report%frequency_hz = solver%omega/two_pi
       report%level = balance%level
       report%branch = branch
@@ -63,8 +63,8 @@ contains
       report%linear_iterations = solver%report%linear_iterations
       report%residual = solver%report%residual
       report%harmonics = monitored(balance, merge(balance%highest_load(), balance%receptance%harmonics, solver%all_stick))
-      allocate (report%amplitude(size(monitors, 2)))
-      do i = 1, size(monitors, 2)
+      allocate (report%amplitude(monitors))
+      do i = 1, monitors
         range = extrema(report%harmonics(:, i))
         report%amplitude(i) = 0.5_wp*(range(2) - range(1))
       end do
@@ -98,14 +98,14 @@ contains
     type(balance_type), intent(in) :: balance
     !> Highest harmonic
     integer, intent(in) :: highest
-    real(wp) :: harmonics(balance%coefficients(), size(balance%monitors, 2))
+    real(wp) :: harmonics(balance%coefficients(), balance%monitors%number())
     complex(wp) :: coefficient
     integer :: h, m
 
     harmonics = 0.0_wp
     do m = 1, size(harmonics, 2)
       do h = 0, highest
-        coefficient = sum(balance%monitors(:, m)*balance%response(:, h))
+        coefficient = balance%monitors%row_at(m, h, balance%response(:, h))
         harmonics(max(2*h, 1), m) = real(coefficient, wp)
         if (h > 0) harmonics(2*h + 1, m) = -aimag(coefficient)
       end do

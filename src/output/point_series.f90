@@ -6,7 +6,6 @@ module attrito_output_point_series
   use attrito_core_trigonometric, only: extrema
   use attrito_model_contacts, only: contact_type
   use attrito_solve_solver, only: solver_type
-  use attrito_linear_receptance, only: to_real
   use attrito_output_listener, only: listener_type
   use attrito_output_point_report, only: point_report_type
   use attrito_solve_outcomes, only: outcome_names
@@ -46,7 +45,7 @@ contains
     integer :: i
 
     call tell_numbers(report, listener)
-    coordinates = matmul(to_real(solver%context%balance%response), transpose(solver%context%balance%receptance%basis))
+    coordinates = solver%context%balance%receptance%displacements(solver%context%balance%response)
     call tell_rows('/points/coordinates', coordinates, 'Fourier coefficients of the coordinates: mean, cosine 1, sine 1, ...')
     do i = 1, size(monitors)
       call tell_monitor(i, '/monitors/'//trim(monitors(i))//'/')

@@ -17,7 +17,6 @@
 !> there the backbone expects a resonance peak, at omega. Source: Krack 2015, doi:10.1016/j.compstruc.2015.02.037.
 module attrito_peak_backbone
   use attrito_core_kinds, only: wp
-  use attrito_linear_receptance, only: to_real
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
@@ -53,9 +52,8 @@ module attrito_peak_backbone
     !> Was the last point found? Newton's iterations that it took
     logical :: found = .false.
     integer :: iterations = 0
-    !> M phi/m in generalised coordinates [n], and F_1
-    real(wp), allocatable, private :: reader(:)
-    complex(wp), allocatable, private :: force(:)
+    !> M phi/m in generalised coordinates of harmonic 1 [n], and F_1
+    complex(wp), allocatable, private :: reader(:), force(:)
     !> At rest; the last two points
     type(base_point_type), private :: rest, last, before
   contains
@@ -76,7 +74,7 @@ contains
     complex(wp), allocatable :: coordinates(:)
 
     associate (stuck => solver%stuck, balance => solver%context%balance)
-      coordinates = matmul(balance%receptance%basis, balance%response(:, 1))
+      coordinates = balance%receptance%recover(1, balance%response(:, 1))
       coordinates = matmul(transpose(stuck%modes), matmul(solver%structure%mass, coordinates))/stuck%modal_mass
       mode = maxloc(stuck%modal_stiffness*abs(coordinates)**2, 1)
       amplitude = abs(coordinates(mode))
@@ -135,10 +133,11 @@ contains
     type(backbone_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    real(wp), allocatable :: inertia(:)
 
     associate (balance => solver%context%balance, stuck => solver%stuck, mode => self%mode)
-      self%reader = matmul(transpose(balance%receptance%basis), matmul(solver%structure%mass, stuck%modes(:, mode))) &
-                    /stuck%modal_mass(mode)
+      inertia = matmul(solver%structure%mass, stuck%modes(:, mode))
+      self%reader = balance%receptance%project_load(1, cmplx(inertia, kind=wp))/stuck%modal_mass(mode)
       self%force = balance%harmonic_load(:, 1)
       balance%harmonic_load = 0.0_wp
       balance%harmonic_load(:, 1) = stuck%modal_stiffness(mode)*self%reader
@@ -255,7 +254,7 @@ contains
     !> Coordinates of the response, by harmonic
     complex(wp), intent(in) :: response(:, 0:)
 
-    coordinate = sum(self%reader*response(:, 1))
+    coordinate = sum(conjg(self%reader)*response(:, 1))
   end function coordinate
 
   !> Change omega and xi, and the motion with them, so that c grows by what is missing.
@@ -332,7 +331,7 @@ contains
     integer :: h
 
     associate (balance => solver%context%balance)
-      amplitude = amplitude_of(matmul(to_real(balance%response), balance%monitors(:, self%problem%monitor)), self%problem%measure)
+      amplitude = amplitude_of(balance%monitors%row_of(self%problem%monitor, balance%response), self%problem%measure)
       self%height = amplitude%value
       allocate (inertia, mold=balance%response)
       call balance%receptance%inertia_of(balance%response, inertia)

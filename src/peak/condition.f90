@@ -15,7 +15,6 @@ module attrito_peak_condition
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_newton_linearised_step, only: solve_linearised
   use attrito_newton_newton_context, only: least_stiffening
-  use attrito_linear_receptance, only: to_real
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_solve_solver, only: solver_type
   use attrito_peak_amplitude, only: amplitude_type, amplitude_of
@@ -116,7 +115,6 @@ contains
     type(linearisation_type), intent(out) :: self
     !> 0, or not: it cannot be evaluated, or the bordered system is singular
     integer, intent(out) :: status
-    real(wp), allocatable :: monitor(:)
     real(wp) :: second(3)
 
     associate (balance => solver%context%balance)
@@ -124,13 +122,12 @@ contains
       call solver%context%forget()
       if (status /= 0) return
       self%residual = sqrt(inner_product(balance, balance%residual, balance%residual))/solver%context%motion_scale
-      monitor = balance%monitors(:, problem%monitor)
-      self%amplitude = amplitude_of(matmul(to_real(balance%response), monitor), problem%measure)
+      self%amplitude = amplitude_of(balance%monitors%row_of(problem%monitor, balance%response), problem%measure)
       call find_directions(problem, solver, self, status)
       if (status /= 0) return
       self%slope = first(self%along)
       self%by_parameter_amplitude = first(self%by_parameter)
-      call differentiate_slope(problem, solver, monitor, self, second, status)
+      call differentiate_slope(problem, solver, self, second, status)
       self%slope_newton = second(1)
       self%slope_along = second(2)
       self%slope_parameter = second(3)
@@ -142,7 +139,8 @@ contains
       !> Change of the unknowns and of the response
       type(direction_type), intent(in) :: direction
 
-      first = dot_product(self%amplitude%gradient, matmul(to_real(direction%response), monitor))
+      first = dot_product(self%amplitude%gradient, &
+                          solver%context%balance%monitors%row_of(problem%monitor, direction%response))
     end function first
   end subroutine linearise
 
@@ -160,11 +158,9 @@ contains
 
     associate (balance => solver%context%balance)
       call respond(balance, direction)
-      associate (monitor => balance%monitors(:, problem%monitor))
-        measured = amplitude_of(matmul(to_real(balance%response), monitor), problem%measure)
-        amplitude = measured%value
-        slope = dot_product(measured%gradient, matmul(to_real(direction%response), monitor))
-      end associate
+      measured = amplitude_of(balance%monitors%row_of(problem%monitor, balance%response), problem%measure)
+      amplitude = measured%value
+      slope = dot_product(measured%gradient, balance%monitors%row_of(problem%monitor, direction%response))
     end associate
   end subroutine slope_along
 
@@ -272,13 +268,11 @@ contains
   end subroutine respond
 
   !> psi' along Newton's step, the tangent and the way of the parameter.
-  subroutine differentiate_slope(problem, solver, monitor, self, second, status)
+  subroutine differentiate_slope(problem, solver, self, second, status)
     !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
-    !> Coefficients of the monitor
-    real(wp), intent(in) :: monitor(:)
     type(linearisation_type), intent(in) :: self
     !> Second derivatives along the three directions
     real(wp), intent(out) :: second(3)
@@ -302,9 +296,9 @@ contains
         call solve(problem, solver, right, follow%step, status)
         if (status /= 0) return
         call respond(balance, follow)
-        second(i) = dot_product(matmul(to_real(self%along%response), monitor), &
-                                matmul(self%amplitude%curvature, matmul(to_real(ways(i)%response), monitor))) &
-                    + dot_product(self%amplitude%gradient, matmul(to_real(bent + follow%response), monitor))
+        second(i) = dot_product(balance%monitors%row_of(problem%monitor, self%along%response), &
+                                matmul(self%amplitude%curvature, balance%monitors%row_of(problem%monitor, ways(i)%response))) &
+                    + dot_product(self%amplitude%gradient, balance%monitors%row_of(problem%monitor, bent + follow%response))
       end do
     end associate
   end subroutine differentiate_slope

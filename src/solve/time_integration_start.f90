@@ -138,7 +138,7 @@ contains
     logical, intent(out) :: is_started
     real(wp), allocatable :: displacement(:), rate(:)
     real(wp) :: slider(2, size(solver%contacts%law)), moving
-    integer :: h, status
+    integer :: status
 
     associate (balance => solver%context%balance)
       call balance%evaluate(solver%motion, solver%omega, status)
@@ -148,16 +148,10 @@ contains
       ! After the static solution the structure is at rest, whatever the loads would do.
       moving = balance%ranks%largest(maxval([0.0_wp, abs(solver%motion(2:, :))]))
       if (moving <= 0.0_wp) balance%response(:, 1:) = 0.0_wp
-      displacement = real(balance%response(:, 0), wp)
-      rate = 0.0_wp*displacement
-      do h = 1, ubound(balance%response, 2)
-        displacement = displacement + real(balance%response(:, h), wp)
-        rate = rate - h*solver%omega*aimag(balance%response(:, h))
-      end do
+      call balance%receptance%state_at_start(balance%response, solver%omega, displacement, rate)
       call balance%ranks%gather_columns_everywhere(balance%slider, slider)
-      call solver%time_integrator%set_state(rounded(matmul(balance%receptance%basis, displacement)), &
-                                rounded(matmul(balance%receptance%basis, rate)), &
-                                reshape(rounded([slider]), shape(slider)), is_started)
+      call solver%time_integrator%set_state(rounded(displacement), rounded(rate), reshape(rounded([slider]), shape(slider)), &
+                                            is_started)
     end associate
   end subroutine start_integrator
 end module attrito_solve_time_integration_start

@@ -1,7 +1,6 @@
 !> A balance's point as a state in time: where its period starts, and the loads that act.
 module attrito_stability_start
   use attrito_core_kinds, only: wp
-  use attrito_linear_receptance, only: to_real
   use attrito_solve_solver, only: solver_type
   use attrito_integrate_loading, only: loading_type, new_loading, new_profile
   use attrito_integrate_state, only: state_type, new_state
@@ -58,7 +57,7 @@ contains
     real(wp), allocatable :: q(:, :)
 
     associate (balance => solver%context%balance)
-      q = matmul(to_real(balance%response), transpose(balance%receptance%basis))
+      q = balance%receptance%displacements(balance%response)
     end associate
   end function coordinates_of
 end module attrito_stability_start

@@ -5,7 +5,6 @@ program test_averaged_periods
   use attrito_core_kinds, only: wp, pi, two_pi
   use attrito_model_contacts, only: contact_type, new_contacts
   use attrito_model_structure, only: damping_loss_factor, damping_ratio
-  use attrito_linear_receptance, only: to_real
   use attrito_continuation_sweep, only: sweep_type, new_sweep
   use attrito_solve_strategies, only: solve_by_strategies
   use attrito_solve_time_integrator, only: excitation_type, periods_type
@@ -55,7 +54,7 @@ contains
     integer :: h
 
     associate (balance => solver%context%balance)
-      q = matmul(to_real(balance%response), transpose(balance%receptance%basis))
+      q = balance%receptance%displacements(balance%response)
       rate = 0.0_wp
       do h = 1, size(q, 1)/2
         rate = rate + h*solver%omega*q(2*h + 1, :)
@@ -282,7 +281,7 @@ contains
       if (solver%report%converged) then
         solved = solved + 1
         associate (balance => solver%context%balance)
-          q = matmul(to_real(balance%response), transpose(balance%receptance%basis))
+          q = balance%receptance%displacements(balance%response)
           scale = solver%context%motion_scale*maxval(abs(solver%stuck%stiffness)) &
                   *(1.0_wp + (options%harmonics*solver%omega)**2/minval(solver%stuck%omega)**2)
           if (balance%forces(1)%unique) call check_close(error, residual_of(scene, q, solver%omega, level, options%samples), &

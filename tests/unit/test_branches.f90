@@ -49,7 +49,6 @@ program test_branches
   use attrito_model_structure, only: damping_none
   use attrito_newton_border, only: constraint_type
   use attrito_newton_newton, only: newton_report_type
-  use attrito_linear_receptance, only: to_real
   use attrito_balance_unknowns, only: unknowns_type
   use attrito_continuation_sweep, only: sweep_type, new_sweep
   use attrito_solve_homotopy, only: follow_homotopy
@@ -119,7 +118,7 @@ contains
         points = [points, point_type(solver%omega, solver%motion, balance%forces(1)%unique)]
         if (.not. balance%forces(1)%unique) cycle
         ! Converged is 1e-10 of the largest response, times the largest dynamic stiffness at (H omega)^2.
-        q = matmul(to_real(balance%response), transpose(balance%receptance%basis))
+        q = balance%receptance%displacements(balance%response)
         scale = solver%context%motion_scale*maxval(abs(solver%stuck%stiffness)) &
                 *(1.0_wp + (options%harmonics*solver%omega)**2/minval(solver%stuck%omega)**2)
         call check_close(error, residual_of(scene, q, solver%omega, level, options%samples), 0.0_wp*q, 1.0e-9_wp*scale, &

@@ -3,7 +3,6 @@ program test_condensation
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
   use attrito_model_structure, only: damping_none, damping_viscous, damping_ratio, damping_mass, damping_loss_factor
-  use attrito_linear_receptance, only: to_real
   use attrito_contact_state, only: state_stuck, state_shaken_down
   use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
   use attrito_solve_static_path, only: follow_static_path
@@ -51,7 +50,7 @@ contains
     real(wp), allocatable :: q(:, :)
 
     associate (balance => solver%context%balance)
-      q = matmul(to_real(balance%response), transpose(balance%receptance%basis))
+      q = balance%receptance%displacements(balance%response)
     end associate
   end function coordinates
 

@@ -56,12 +56,12 @@ contains
 
     call solve_wedge(3, solver, error)
     if (allocated(error)) return
-    solver%context%balance%monitors = solver%context%balance%directions(:, :1)
+    solver%context%balance%monitors = solver%context%balance%contact_rows%part([1])
     truth = norm2(solver%motion(2:3, 1))
     call solver%destroy()
     call solve_wedge(1, solver, error)
     if (allocated(error)) return
-    solver%context%balance%monitors = solver%context%balance%directions(:, :1)
+    solver%context%balance%monitors = solver%context%balance%contact_rows%part([1])
     before = norm2(solver%motion(2:3, 1))
     finer = new_finer_balance(solver%structure, solver%stuck, 3, solver%options%samples, solver%options%by_events)
     call finer%correct(solver, first, status)

@@ -2,7 +2,7 @@
 program test_split_receptance
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
-  use attrito_linear_receptance, only: to_complex, to_real
+  use attrito_core_trigonometric, only: to_complex, to_real
   use attrito_linear_receptance_modal, only: receptance_modal_type, new_receptance_modal
   use attrito_linear_split_receptance, only: split_receptance_type, left_out, flops
   use scenes, only: noise

@@ -1,0 +1,214 @@
+!> What uses a receptance asks nothing of it but its answers at each harmonic: one sector of a wheel, whose coordinates, directions
+!> and stiffness differ from harmonic to harmonic and are complex, is solved as any structure is, and moves as in the whole wheel.
+program test_cyclic_sector
+  use attrito_core_errors, only: error_type
+  use attrito_core_kinds, only: wp
+  use attrito_core_trigonometric, only: to_complex, to_real
+  use attrito_balance_harmonic_balance, only: balance_type
+  use attrito_balance_set_up, only: new_balance
+  use attrito_balance_unknowns, only: unknowns_type, new_unknowns
+  use attrito_linear_projected_rows, only: projected_rows_type
+  use attrito_linear_receptance, only: receptance_type
+  use attrito_newton_border, only: constraint_type
+  use attrito_newton_condensed_krylov, only: krylov_options_type
+  use attrito_newton_linearised_step, only: linear_options_type, solve_linearised, apply_linearised
+  use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
+  use cyclic_sector, only: one_sector, whole_wheel, of_sector, new_sector_receptance
+  use scenes, only: scene_type, noise
+  use session, only: run_in_session, only_me
+  use testing, only: test, check, check_close
+  implicit none
+
+  ! The samples of a sector are those of the next one, a third of a period later.
+  integer, parameter :: harmonics = 4, samples = 48, k = 2*harmonics + 1, rows = 5
+  real(wp), parameter :: omega = 1.2_wp
+  ! Both are solved to 1e-12 in motions of order one; the condition of the systems is below 1e2.
+  real(wp), parameter :: tolerance = 1.0e-10_wp
+  real(wp), parameter :: rounding = 1.0e-13_wp
+
+  call run_in_session('cyclic sector', [ &
+                      test('one sector moves as in the whole wheel, contacts slipping within it and across its boundary', wave), &
+                      test('the bordered step of a sector meets the linearised equations, by elimination and by GMRES', bordered), &
+                      test('the residual''s derivative by omega is that of differences', by_omega), &
+                      test('forces along rows do on the coordinates the work that they do on the rows', work), &
+                      test('rows one by one, harmonic by harmonic, or some of them, are those of all', parts)])
+
+contains
+
+  !> A solver of the wheel, or of one sector of it.
+  function solver_of(whole) result(solver)
+    logical, intent(in) :: whole
+    type(solver_type) :: solver
+    type(scene_type) :: scene
+    type(error_type), allocatable :: fault
+    real(wp), allocatable :: next(:, :)
+
+    call one_sector(scene, next)
+    if (whole) scene = whole_wheel()
+    call new_solver(scene%structure, scene%contacts, only_me(), &
+                    solver_options_type(harmonics=harmonics, samples=samples, max_iterations=60, tolerance=1.0e-12_wp), solver, fault)
+    if (allocated(fault)) error stop 'the scene is refused'
+    if (.not. whole) call become_sector(scene, next, solver%context%balance)
+  end function solver_of
+
+  !> The balance of one sector in the place of that of the structure cut out.
+  subroutine become_sector(scene, next, balance)
+    type(scene_type), intent(in) :: scene
+    real(wp), intent(in) :: next(:, :)
+    type(balance_type), intent(inout) :: balance
+    class(receptance_type), allocatable :: receptance
+
+    call balance%destroy()
+    allocate (receptance, source=new_sector_receptance(scene%structure, scene%contacts, next, harmonics))
+    call new_balance(scene%structure, scene%contacts, receptance, only_me(), samples, balance)
+  end subroutine become_sector
+
+  subroutine wave(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(solver_type) :: wheel, sector
+    real(wp), allocatable :: q(:, :)
+
+    wheel = solver_of(whole=.true.)
+    call wheel%solve_at(omega)
+    sector = solver_of(whole=.false.)
+    call sector%solve_at(omega)
+    call check(error, wheel%report%converged .and. sector%report%converged, 'one of them does not converge')
+    if (allocated(error)) return
+    associate (one => sector%context%balance, full => wheel%context%balance)
+      call check(error, all(one%forces%slip > 0.1_wp .and. one%forces%unique), 'contacts do not slip and forget: the test is void')
+      q = full%receptance%displacements(full%response)
+      call check_close(error, one%receptance%displacements(one%response), matmul(q, of_sector(0)), tolerance, 'motion of the sector')
+      call check_close(error, sector%motion, wheel%motion(:, :rows), tolerance, 'motion of the contacts')
+      call check_close(error, one%monitors%motion_of(one%response), full%monitors%motion_of(full%response), tolerance, 'monitors')
+      call check(error, maxval(abs(q(4:5, :))) > 0.01_wp, 'the second harmonic is small: the test is void')
+    end associate
+    call wheel%destroy()
+    call sector%destroy()
+  end subroutine wave
+
+  !> A sector evaluated at a random motion.
+  subroutine prepare(balance, motion)
+    type(balance_type), intent(out) :: balance
+    real(wp), intent(out) :: motion(k, rows)
+    type(scene_type) :: scene
+    class(receptance_type), allocatable :: receptance
+    real(wp), allocatable :: next(:, :)
+    integer :: status
+
+    call one_sector(scene, next)
+    allocate (receptance, source=new_sector_receptance(scene%structure, scene%contacts, next, harmonics))
+    call new_balance(scene%structure, scene%contacts, receptance, only_me(), samples, balance)
+    motion = 0.7_wp*reshape(noise(k*rows, 11), [k, rows])
+    call balance%evaluate(motion, omega, status)
+    if (status /= 0) error stop 'the balance is not evaluated'
+  end subroutine prepare
+
+  subroutine bordered(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(balance_type) :: balance
+    type(constraint_type) :: constraint
+    type(unknowns_type) :: right, step, product
+    type(linear_options_type) :: options
+    real(wp) :: motion(k, rows)
+    integer :: i, iterations, status
+
+    call prepare(balance, motion)
+    constraint%motion = reshape(noise(k*rows, 12), [k, rows])
+    constraint%frequency = 0.8_wp
+    do i = 1, 2
+      if (i == 2) options = linear_options_type(dense_limit=0, krylov=krylov_options_type(tolerance=1.0e-12_wp))
+      right = new_unknowns([k, rows], shape(balance%slider))
+      right%motion = reshape(noise(k*rows, 13), [k, rows])
+      right%omega = 0.4_wp
+      step = right
+      product = right
+      call solve_linearised(balance, constraint, right, options, step, iterations, status)
+      call check(error, status == 0, 'the step is singular')
+      call check(error, (iterations > 0) .eqv. (i == 2), 'GMRES is taken where it should not be, or not where it should')
+      call apply_linearised(balance, constraint, step, product)
+      call check_close(error, product%motion, right%motion, 1.0e-9_wp, 'linearised balance')
+      call check_close(error, product%omega, right%omega, 1.0e-9_wp, 'constraint')
+    end do
+    call balance%destroy()
+  end subroutine bordered
+
+  subroutine by_omega(error)
+    type(error_type), allocatable, intent(out) :: error
+    ! Rounding 1e-16 over the increment, and its square times a third derivative below 1e5, as a mode of two per cent damping has.
+    real(wp), parameter :: increment = 1.0e-6_wp
+    type(balance_type) :: balance
+    real(wp) :: motion(k, rows), derivative(k, rows), difference(k, rows)
+    integer :: status
+
+    call prepare(balance, motion)
+    derivative = balance%residual_omega()
+    call balance%evaluate(motion, omega + increment, status)
+    difference = balance%residual
+    call balance%evaluate(motion, omega - increment, status)
+    difference = (difference - balance%residual)/(2.0_wp*increment)
+    call check_close(error, derivative, difference, 1.0e-7_wp, 'derivative')
+    call balance%destroy()
+  end subroutine by_omega
+
+  subroutine work(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(balance_type) :: balance
+    real(wp) :: motion(k, rows), forces(k, rows), along_mean(rows)
+    complex(wp), allocatable :: response(:, :)
+
+    call prepare(balance, motion)
+    forces = reshape(noise(k*rows, 21), [k, rows])
+    response = random_response(balance)
+    associate (own => balance%contact_rows)
+      call check_close(error, sum(own%load_of(forces)*to_real(response)), sum(forces*own%motion_of(response)), rounding*k*rows, &
+                       'work')
+      along_mean = own%mean_of(response(:, 1))
+      call check_close(error, dot_product(own%mean_load_of(forces(1, :)), real(response(:, 1), wp)), &
+                       dot_product(forces(1, :), along_mean), rounding*rows, 'work of the mean')
+    end associate
+    call balance%destroy()
+  end subroutine work
+
+  !> Coordinates by harmonic [n, H + 1], the mean real.
+  function random_response(balance) result(response)
+    type(balance_type), intent(in) :: balance
+    complex(wp), allocatable :: response(:, :)
+
+    response = to_complex(reshape(noise(k*size(balance%response, 1), 22), [k, size(balance%response, 1)]))
+  end function random_response
+
+  subroutine parts(error)
+    type(error_type), allocatable, intent(out) :: error
+    integer, parameter :: chosen(2) = [4, 2]
+    type(balance_type) :: balance
+    type(projected_rows_type) :: some
+    real(wp) :: motion(k, rows), all(k, rows), moving(rows, 4)
+    complex(wp), allocatable :: response(:, :)
+    complex(wp) :: columns(rows, 0:harmonics)
+    integer :: h, row
+
+    call prepare(balance, motion)
+    response = random_response(balance)
+    associate (own => balance%contact_rows)
+      all = own%motion_of(response)
+      columns = to_complex(all)
+      do row = 1, rows
+        call check_close(error, own%row_of(row, response), all(:, row), rounding, 'a row')
+        do h = 0, harmonics
+          call check_close(error, reshape([own%row_at(row, h, response(:, h + 1))], [1, 1]), columns(row:row, h:h), rounding, &
+                           'a row at a harmonic')
+        end do
+      end do
+      call check_close(error, own%mean_of(response(:, 1)), all(1, :), rounding, 'means')
+      call check_close(error, own%motion_from(3, response(:, 4:)), all(6:, :), rounding, 'the last harmonics')
+      call check_close(error, own%harmonics_of(3, response(:, 4:)), columns(:, 3:), rounding, 'the last harmonics, complex')
+      moving = own%chosen_harmonics_of(chosen, response)
+      call check_close(error, moving(:, 1), all(8, :), rounding, 'a chosen cosine')
+      call check_close(error, moving(:, 4), all(5, :), rounding, 'a chosen sine')
+      some = own%part([5, 2])
+      call check(error, some%number() == 2, 'a part has other rows')
+      call check_close(error, some%motion_of(response), all(:, [5, 2]), rounding, 'some rows')
+    end associate
+    call balance%destroy()
+  end subroutine parts
+end program test_cyclic_sector
