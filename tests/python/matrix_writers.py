@@ -118,8 +118,9 @@ def write_op4_text(path: Path, matrices: dict[str, sparse.csr_matrix], layout: s
     """`dense`, `sparse` or `bigmat`; double precision."""
     lines = []
     for name, matrix in matrices.items():
-        size = matrix.shape[0]
-        lines.append(f"{size:8d}{-size if layout == 'bigmat' else size:8d}{6:8d}{2:8d}{name:8s}1P,3E23.16")
+        rows, size = matrix.shape
+        form = 6 if rows == size else 2
+        lines.append(f"{size:8d}{-rows if layout == 'bigmat' else rows:8d}{form:8d}{2:8d}{name:8s}1P,3E23.16")
         for j, runs in _columns(matrix, layout):
             if layout == "dense":
                 row, values = runs[0]
@@ -153,9 +154,10 @@ def write_op4_binary(
             file.write(mark + data + mark)
 
         for name, matrix in matrices.items():
-            size = matrix.shape[0]
+            rows, size = matrix.shape
             label = name.ljust(2 * width).encode()
-            record(integers(size, -size if layout == "bigmat" else size, 6, kind) + label)
+            form = 6 if rows == size else 2
+            record(integers(size, -rows if layout == "bigmat" else rows, form, kind) + label)
             for j, runs in _columns(matrix, layout):
                 parts = []
                 for row, values in runs:

@@ -24,6 +24,7 @@ from attrito.importers import entries, import_model, read_matrix, read_mesh, tex
 from attrito.library.reduction import reduce_model
 from attrito.model.model import Model
 from attrito.model.model_file import read_model
+from attrito.support.errors import InputError
 
 DATA = Path(__file__).parent / "data"
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -286,6 +287,46 @@ def test_files_with_fewer_digits_give_what_they_print(blade, reference_modes, na
     overlap = np.abs(np.einsum("ij,ij->j", got_modes, model.mass @ modes))
     assert overlap == pytest.approx(np.ones(len(overlap)), abs=1.0e-6)
     assert subspace_angles(got_modes, modes).max() < 1.0e-3
+
+
+COMPANIONS = """DMIG    VAX            0       9       2       0                       1
+DMIG*   VAX                            1               0
+*                     12               2 1.000000000D+00
+DMIG    MUG1T          0       2       2       0                       2
+DMIG*   MUG1T                          1               0
+*                   1000               3 1.000000000D+00
+DMIG,K4AAX,0,6,4,0,,,2
+DMIG,K4AAX,12,2,,12,2,1.0,2.0
+"""
+
+
+@pytest.mark.parametrize("first", [True, False], ids=["before", "after"])
+def test_a_punch_file_may_hold_load_vectors_and_output_maps_beside_the_matrices(first, tmp_path):
+    text = (DATA / "two_springs.pch").read_text()
+    (tmp_path / "job.pch").write_text(COMPANIONS + text if first else text + COMPANIONS)
+    read, notes = import_model(tmp_path / "model.h5", nastran_file=tmp_path / "job.pch")
+    plain, _ = import_model(tmp_path / "plain.h5", nastran_file=DATA / "two_springs.pch")
+    assert np.array_equal(read.stiffness.toarray(), plain.stiffness.toarray())
+    assert np.array_equal(read.dof_node, plain.dof_node)
+    assert "left out of the matrices: K4AAX (complex); VAX, MUG1T (rectangular)" in notes
+    with pytest.raises(InputError, match=r"VAX .*form 6 \(symmetric\)"):
+        import_model(tmp_path / "model.h5", stiffness=tmp_path / "job.pch:VAX", mass=tmp_path / "job.pch:MAAX")
+
+
+@pytest.mark.parametrize("kind", ["text", "binary"])
+def test_an_output4_file_may_hold_rectangular_matrices_beside_square_ones(kind, tmp_path):
+    matrices = {
+        "PA": sparse.csr_matrix(np.ones((3, 1))),
+        "KAA": sparse.csr_matrix(STIFFNESS),
+        "MUG": sparse.csr_matrix(np.ones((2, 3))),
+    }
+    matrices["MAA"] = sparse.csr_matrix(MASS)
+    writer = write.write_op4_text if kind == "text" else write.write_op4_binary
+    writer(tmp_path / "job.op4", matrices, "dense")
+    model, notes = import_model(tmp_path / "model.h5", nastran_file=tmp_path / "job.op4")
+    assert np.array_equal(model.stiffness.toarray(), STIFFNESS)
+    assert np.array_equal(model.mass.toarray(), MASS)
+    assert "left out of the matrices: PA, MUG (rectangular)" in notes
 
 
 def test_ten_digits_of_a_punch_keep_frequencies_of_a_stout_block_to_eight_digits(tmp_path):

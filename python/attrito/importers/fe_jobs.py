@@ -33,8 +33,8 @@ def abaqus_files(job: str | Path) -> dict[str, str | Path]:
     return files
 
 
-def nastran_matrices(path: str | Path, numbers: DofNumbers) -> dict[str, Source]:
-    """Stiffness, mass and viscous damping of a file, recognised by the first letter of their names."""
+def nastran_matrices(path: str | Path, numbers: DofNumbers) -> tuple[dict[str, Source], list[str]]:
+    """Stiffness, mass and viscous damping of a file, by the first letter of their names; a note on others."""
     path = str(path)
     try:
         with Path(path).open("rb") as file:
@@ -43,19 +43,29 @@ def nastran_matrices(path: str | Path, numbers: DofNumbers) -> dict[str, Source]
         expected = "a file that can be read"
         raise InputError(Fault(path, "file", error.strerror or str(error), expected)) from error
     if is_op4(start):
-        found, _ = read_op4_matrices(path, "nastran")
+        found, names = read_op4_matrices(path, "nastran")
+        left_out = {name: what for name, what in names.items() if what}
     else:
-        found = DmigFile(path, numbers).sources
-        if not found:
+        file = DmigFile(path, numbers)
+        found, left_out = file.sources, file.left_out
+        if not found and not left_out:
             expected = "a file with matrices: DMIG cards or OUTPUT4"
             raise InputError(Fault(path, "file", "no matrix" if is_dmig(start) else "no DMIG", expected))
     chosen: dict[str, Source] = {}
     for name, letter in _NASTRAN.items():
         names = [key for key in found if key.startswith(letter) and not key.startswith(_STRUCTURAL_DAMPING)]
         if len(names) > 1 or (not names and name != "damping"):
-            value = ", ".join(names or found)
+            others = [f"{key} ({what})" for key, what in left_out.items()]
+            value = ", ".join(names or [*found, *others])
             expected = f"one matrix whose name begins with {letter}, or --stiffness {path}:NAME --mass {path}:NAME"
             raise InputError(Fault(path, name, value, expected))
         if names:
             chosen[name] = found[names[0]]
-    return chosen
+    return chosen, _left_out(left_out)
+
+
+def _left_out(names: dict[str, str]) -> list[str]:
+    """One line on the matrices of a file that no model has, by what they are."""
+    kinds = [(what, [name for name, is_what in names.items() if is_what == what]) for what in set(names.values())]
+    parts = [f"{', '.join(of_kind)} ({what})" for what, of_kind in sorted(kinds)]
+    return [f"left out of the matrices: {'; '.join(parts)}"] if parts else []

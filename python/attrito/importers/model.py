@@ -69,6 +69,7 @@ def import_model(
     files = {name: file for name, file in (("stiffness", stiffness), ("mass", mass), ("damping", damping)) if file}
     numbers = DofNumbers()
     read: dict[str, Source] = {}
+    notes: list[str] = []
     known_dofs = None
     if calculix_job is not None:
         dofs = f"{calculix_job}.dof"
@@ -80,7 +81,7 @@ def import_model(
     elif abaqus_job is not None:
         files = abaqus_files(abaqus_job) | files
     elif nastran_file is not None:
-        read = nastran_matrices(nastran_file, numbers)
+        read, notes = nastran_matrices(nastran_file, numbers)
     if not read:
         missing = [name for name in ("stiffness", "mass") if name not in files]
         if missing:
@@ -93,7 +94,8 @@ def import_model(
         read[name] = open_matrix(file, name, "import", numbers)
     if mesh is not None and known_dofs is None and any(source.numbers is None for source in read.values()):
         raise InputError(Fault("import", "dofs", "missing", "a file that goes with mesh: which row is which node"))
-    return _model(output, read, numbers, known_dofs, dofs, mesh, holds, spin_hz)
+    model, found = _model(output, read, numbers, known_dofs, dofs, mesh, holds, spin_hz)
+    return model, found + notes
 
 
 def _model(

@@ -3,7 +3,10 @@
 Header `DMIG, name, 0, form, type in, type out, polar, , columns`; then a card for each column, `DMIG, name, grid,
 component, , grid, component, value, ...`, with continuations. Fields of 8 characters (two entries a continuation), of
 16 (`DMIG*`, one entry a line, continued by `*`: what Nastran punches), or between commas. Form 6: one entry of each
-pair of a symmetric matrix; form 1: both. Types 1 and 2 are real.
+pair of a symmetric matrix; form 1: both; forms 2 and 9 are rectangular. Types 1 and 2 are real, 3 and 4 complex.
+
+Beside the matrices of a model a punch file of EXTSEOUT holds load vectors and output maps, which are rectangular: they
+are left out where nobody asks for them by name.
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ from attrito.importers.source import Source, integers, no_such_matrix
 from attrito.importers.text import Block, read_text
 
 _FORMS = {1: "full", 6: "symmetric"}
+_RECTANGULAR, _COMPLEX = (2, 9), (3, 4)
 _LARGE, _SMALL, _FREE = 1, 2, 3
 _COLUMN = "DMIG with a name, a grid point and its component (1 to 6)"
 _ENTRY = "a grid point, its component (1 to 6) and a real value"
@@ -38,7 +42,7 @@ class DmigFile:
     ----------
     path : punch or bulk data file
     numbers : of the dofs, shared by all matrices of a model
-    wanted : names to read, in capitals; None: all
+    wanted : names to read, in capitals; None: all that are square and real
     """
 
     def __init__(self, path: str | Path, numbers: DofNumbers, wanted: set[str] | None = None):
@@ -46,6 +50,8 @@ class DmigFile:
         self.numbers, self.wanted = numbers, wanted
         self.sources: dict[str, Source] = {}
         self.skipped: set[str] = set()
+        # Names of those that are left out for what they are, in words.
+        self.left_out: dict[str, str] = {}
         # The card that a continuation at the beginning of a block belongs to.
         self._kind, self._name, self._column = 0, "", 0
         for block in read_text(self.path):
@@ -127,6 +133,10 @@ class DmigFile:
         # Free and small fields are read here; the header of a large field punch is in small fields.
         values = np.nan_to_num(np.asarray(fields, float)[1:4], nan=0.0).astype(int).tolist()
         form, kind = (values[0], values[1]) if len(values) > 1 else (0, 0)
+        if self.wanted is None and (form in _RECTANGULAR or kind in _COMPLEX):
+            self.left_out[name] = "rectangular" if form in _RECTANGULAR else "complex"
+            self.skipped.add(name)
+            return
         if form not in _FORMS:
             raise block.fault(line, "form 6 (symmetric) or 1 (square) in the fifth field")
         if kind not in (1, 2):
@@ -135,6 +145,8 @@ class DmigFile:
         self.sources[name] = Source(self.path, name, entries=entries, storage=_FORMS[form], numbers=self.numbers)
 
     def _unwanted(self, block: Block, lines: np.ndarray, label_of: np.ndarray, label: int, name: str) -> bool:
+        if name in self.left_out:
+            return True
         if self.wanted is not None and name not in self.wanted:
             self.skipped.add(name)
             return True

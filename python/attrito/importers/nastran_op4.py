@@ -14,7 +14,8 @@ from pathlib import Path
 
 from attrito.importers.op4_binary import is_op4_binary, matrices_of_binary
 from attrito.importers.op4_text import is_op4_text, matrices_of_text
-from attrito.importers.source import Source, no_such_matrix
+from attrito.importers.op4_matrix import USABLE
+from attrito.importers.source import Source, no_such_matrix, refuse
 
 
 def is_op4(start: bytes) -> bool:
@@ -24,14 +25,14 @@ def is_op4(start: bytes) -> bool:
 
 def read_op4_matrices(
     path: str | Path, key: str, wanted: set[str] | None = None
-) -> tuple[dict[str, Source], list[str]]:
-    """The matrices of a file by name (in capitals), and all names in it."""
+) -> tuple[dict[str, Source], dict[str, str]]:
+    """The matrices of a file by name (in capitals), and of all names in it why they are left out, "" if not."""
     with Path(path).open("rb") as file:
         binary = is_op4_binary(file.read(64))
     found: dict[str, Source] = {}
-    names = []
+    names: dict[str, str] = {}
     for matrix in (matrices_of_binary if binary else matrices_of_text)(str(path), key, wanted):
-        names.append(matrix.name)
+        names[matrix.name] = matrix.left_out
         if matrix.entries is not None:
             found[matrix.name] = matrix.source()
     return found, names
@@ -40,6 +41,9 @@ def read_op4_matrices(
 def read_op4(path: str | Path, key: str, name: str | None = None) -> Source:
     """One matrix of a file, by its name or the only one in it."""
     found, names = read_op4_matrices(path, key, None if name is None else {name.upper()})
+    if name is None and not found and len(names) == 1:
+        only, what = names.popitem()
+        raise refuse(str(path), only, what, USABLE[what])
     if len(found) != 1:
         raise no_such_matrix(str(path), key, name, ", ".join(names) or "none")
     return next(iter(found.values()))

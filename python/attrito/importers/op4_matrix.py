@@ -11,11 +11,16 @@ from attrito.importers.source import Source, refuse
 
 # The head of a string is this times one more than its words, plus its row.
 STRING = 65536
+# What to expect of a matrix that cannot be used for what it is
+USABLE = {"rectangular": "a square matrix", "complex": "type 1 or 2, a real matrix"}
 
 
 @dataclass
 class Op4Matrix:
-    """Header of a matrix, and its entries as far as they were read; None where it is not wanted."""
+    """Header of a matrix, and its entries as far as they were read; None where it is not wanted.
+
+    `left_out`: what it is, in words, where nobody asked for it by name and it cannot be used.
+    """
 
     path: str
     name: str
@@ -23,6 +28,7 @@ class Op4Matrix:
     kind: int
     bigmat: bool
     entries: Entries | None = None
+    left_out: str = ""
 
     def add(self, column: np.ndarray, row: np.ndarray, count: np.ndarray, values: np.ndarray) -> None:
         """Add runs of `count` values down a column, from a row; columns and rows from 1."""
@@ -44,9 +50,12 @@ def new_matrix(path: str, name: str, header: list[int], wanted: set[str] | None)
     """A matrix from the numbers of its header: columns, rows, form, type."""
     name = name.strip().upper()
     columns, rows, _, kind = header
-    use = wanted is None or name in wanted
+    left_out = ""
+    if wanted is None and columns > 0:
+        left_out = "rectangular" if columns != abs(rows) else "complex" if kind in (3, 4) else ""
+    use = (wanted is None and not left_out) or (wanted is not None and name in wanted)
     if use and (columns != abs(rows) or columns < 1):
         raise refuse(path, name, f"{abs(rows)} x {columns}", "a square matrix")
     if use and kind not in (1, 2):
         raise refuse(path, name, f"type {kind}", "type 1 or 2, a real matrix")
-    return Op4Matrix(path, name, columns, kind, rows < 0, Entries(path, name) if use else None)
+    return Op4Matrix(path, name, columns, kind, rows < 0, Entries(path, name) if use else None, left_out)
