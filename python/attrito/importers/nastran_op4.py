@@ -13,8 +13,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from attrito.importers.op4_binary import is_op4_binary, matrices_of_binary
-from attrito.importers.op4_text import is_op4_text, matrices_of_text
 from attrito.importers.op4_matrix import USABLE
+from attrito.importers.op4_text import is_op4_text, matrices_of_text
 from attrito.importers.source import Source, no_such_matrix, refuse
 
 
