@@ -383,7 +383,6 @@ MESHES = {
         "not rotated",
     ),
     "ANSYS: no format of nodes": ("two_springs.cdb", replaced("(3i9,6e21.13e3)", "3i9"), "line 3", "Fortran format"),
-    "ANSYS: no solid key": ("two_springs.cdb", replaced("EBLOCK,19,SOLID", "EBLOCK,10,"), "line 10", "the solid key"),
     "ANSYS: a node that is not there": (
         "two_springs.cdb",
         replaced("       40        7       12       12", "       40        8       12       12"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -287,6 +288,74 @@ def test_files_with_fewer_digits_give_what_they_print(blade, reference_modes, na
     overlap = np.abs(np.einsum("ij,ij->j", got_modes, model.mass @ modes))
     assert overlap == pytest.approx(np.ones(len(overlap)), abs=1.0e-6)
     assert subspace_angles(got_modes, modes).max() < 1.0e-3
+
+
+WORKBENCH = """/com,*********** Nodes for the whole assembly ***********
+nblock,3,,20
+(1i9,3e20.9e3)
+{nodes}
+-1
+/wb,elem,start
+et,1,186
+et,2,281
+ETBLOCK,        1,        1
+(2i9,19a9)
+        3      187
+eblock,19,solid,,3
+(19i9)
+{brick}
+{tetrahedron}
+{shell}
+-1
+et,4,154
+eblock,10,,,160
+(15i9)
+     1003        4        4        4        0        1        2        3        4
+-1
+CMBLOCK,HELD,NODE,        2
+(8i10)
+         1        -4
+"""
+
+
+def ansys_element(kind: int, number: int, nodes: list[int]) -> str:
+    """Lines of an element with the solid key: eleven numbers of its own, then nodes, nineteen a line."""
+    fields = [1, kind, 1, 1, 0, 0, 0, 0, len(nodes), 0, number, *nodes]
+    lines = [fields[:19], fields[19:]] if len(fields) > 19 else [fields]
+    return "\n".join("".join(f"{field:9d}" for field in line) for line in lines)
+
+
+def test_what_workbench_writes_is_read_and_shells_are_no_bricks(tmp_path):
+    corners = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    points = corners + [(2.0 + k, 0.0, 0.0) for k in range(12)]
+    nodes = "\n".join(f"{k + 1:9d}" + "".join(f"{x:20.9E}" for x in point) for k, point in enumerate(points))
+    brick = ansys_element(1, 7, list(range(1, 21)))
+    tetrahedron = ansys_element(3, 8, [1, 2, 3, 5, 9, 10, 0, 12, 13, 14])
+    shell = ansys_element(2, 9, list(range(1, 9)))
+    (tmp_path / "ds.dat").write_text(WORKBENCH.format(nodes=nodes, brick=brick, tetrahedron=tetrahedron, shell=shell))
+    mesh = read_mesh(tmp_path / "ds.dat")
+    assert mesh.coordinates.tolist() == [list(point) for point in points]
+    assert {kind: (ids.tolist(), nodes.tolist()) for kind, (ids, nodes) in mesh.elements.items()} == {
+        "C3D20": ([7], [list(range(1, 21))]),
+        "C3D4": ([8], [[1, 2, 3, 5]]),
+    }
+    assert mesh.node_sets["HELD"].tolist() == [1, 2, 3, 4]
+    assert mesh.skipped == [
+        "1 elements 281, which are no solids",
+        "mid-side nodes of 1 elements that lack some of theirs",
+        "elements on surfaces (1 lines in blocks without the solid key)",
+    ]
+
+
+@pytest.mark.parametrize("form", ["(3i9,6e21.13e3)", "(1i9,2i9,6e21.13)", "(1i7,2i9,6e21.13)", "(3i8,6e16.9)"])
+def test_nodes_of_ansys_come_in_many_formats(form, tmp_path):
+    widths = [int(width) for count, width in re.findall(r"(\d+)i(\d+)", form) for _ in range(int(count))]
+    wide, digits = map(int, re.search(r"e(\d+)\.(\d+)", form).groups())
+    line = "".join(f"{number:{width}d}" for number, width in zip((12, 0, 0), widths, strict=True))
+    line += "".join(f"{x:{wide}.{digits}E}" for x in (0.25, -1.5, 8.0))
+    (tmp_path / "mesh.cdb").write_text(f"NBLOCK,6,SOLID,    3,    3\n{form}\n{line}\nN,R5.3,LOC,       -1,\n")
+    mesh = read_mesh(tmp_path / "mesh.cdb")
+    assert (mesh.node_ids.tolist(), mesh.coordinates.tolist()) == ([12], [[0.25, -1.5, 8.0]])
 
 
 COMPANIONS = """DMIG    VAX            0       9       2       0                       1
