@@ -14,6 +14,7 @@ ORDER = (
     "integrate",
     "reduce",
     "peak",
+    "linear_modes",
     "study",
     "import_model",
     "write_report",

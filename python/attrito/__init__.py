@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from attrito.support.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from attrito.api import UnsolvedWarning, integrate, open, peak, reduce, run, study
+    from attrito.api import UnsolvedWarning, integrate, linear_modes, open, peak, reduce, run, study
     from attrito.importers import import_model
     from attrito.report.report import write_report
     from attrito.results.quantities import File, Group, Quantity
@@ -36,6 +36,7 @@ _PLACES = {
     "integrate": "api",
     "reduce": "api",
     "peak": "api",
+    "linear_modes": "api",
     "study": "api",
     "open": "api",
     "import_model": "importers",
@@ -68,6 +69,7 @@ __all__ = [
     "contact_table",
     "import_model",
     "integrate",
+    "linear_modes",
     "multiplier_table",
     "open",
     "peak",

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from attrito.job.job import Job
 from attrito.job.reading import plain, read_job
+from attrito.library.names import REFERENCES
 from attrito.results.quantities import File
 from attrito.support.errors import Fault, InputError, UnsolvedError
 from attrito.support.parallel import on_root
@@ -143,6 +144,48 @@ def peak(
     from attrito.peaks.run import peak_job
 
     return File(_do(peak_job, job, comm, folder, quiet, strict))
+
+
+def linear_modes(
+    job: JobSource,
+    comm: Comm | None = None,
+    *,
+    state: str = "tangent",
+    count: int = 20,
+    folder: str | os.PathLike[str] = ".",
+    quiet: bool = False,
+) -> File:
+    """The modes of a linear system that a job's scene is compared with.
+
+    Parameters
+    ----------
+    job, comm, folder, quiet : as of `run`; the job needs neither a sweep nor a harmonic load nor monitors
+    state : "stuck", "frictionless" or "tangent"
+    count : of modes, at most
+
+    Raises
+    ------
+    InputError, NumericsError : as of `run`
+
+    Examples
+    --------
+    >>> with attrito.linear_modes("input/blade.toml", state="stuck") as modes:
+    ...     modes.points.frequency_hz
+    """
+    from attrito.modes.linear import linear_modes_job
+
+    if state not in REFERENCES:
+        raise InputError(Fault("linear_modes", "state", state, "one of " + ", ".join(REFERENCES)))
+
+    def work(comm: Comm, job: Job) -> str:
+        return linear_modes_job(comm, job, state, count)
+
+    return File(_do(work, job, comm, folder, quiet, True, _read_without_excitation))
+
+
+def _read_without_excitation(source: JobSource, folder: str | os.PathLike[str]) -> Job:
+    """A checked job that need not be excited."""
+    return read_job(source, folder, excited=False)
 
 
 def study(

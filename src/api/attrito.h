@@ -108,10 +108,20 @@ int attrito_solve_by_strategy(void *handle, const char *strategy, double omega, 
 /* Coefficients of the monitors [monitors, 2 H + 1] and their amplitudes at the last point. */
 void attrito_monitors(void *handle, double *harmonics, double *amplitude);
 
-/* Linear response of the monitors, with contacts stuck or closed without friction: amplitudes [monitors, count] at level 1, and
- * the lowest natural frequencies [frequencies] in Hz of that system. */
-int attrito_linear_response(void *handle, int stuck, int count, const double *omega, double *amplitude,
-    int frequencies, double *natural_hz, char *message, int length);
+/* Linear response of the monitors of a reference system (`attrito_describe`): amplitudes [monitors, count] at level 1, and the
+ * lowest natural frequencies [frequencies] in Hz of that system, elastic modes alone; zeros where there are fewer. `rigid`: its
+ * rigid-body modes. */
+int attrito_linear_response(void *handle, int kind, int count, const double *omega, double *amplitude, int frequencies,
+    double *natural_hz, int *rigid, char *message, int length);
+
+/* The lowest modes of a reference system (`attrito_describe`), normalised by mass: natural frequencies in Hz, damping ratios by
+ * the structure's own damping (0 of rigid-body modes) [count], shapes [count, m], and how many of them, the first, are rigid-body
+ * modes. */
+int attrito_linear_modes(void *handle, int kind, int count, double *natural_hz, double *damping_ratio, double *shapes,
+    int *rigid, char *message, int length);
+
+/* Which contacts the last static path has left closed: 1, or 0 [contacts]. */
+void attrito_closed_contacts(void *handle, int *closed);
 
 /* The last call of a process, before MPI ends. */
 void attrito_stop(void);

@@ -6,6 +6,7 @@ module attrito_api_describe
   use attrito_integrate_run, only: reason_none, reason_settling, reason_step, reason_diverged
   use attrito_integrate_schemes, only: scheme_event, scheme_central_difference, scheme_newmark, scheme_hht, &
                                        scheme_generalised_alpha, scheme_exponential
+  use attrito_linear_references, only: reference_stuck, reference_frictionless, reference_tangent
   use attrito_model_structure, only: damping_none, damping_viscous, damping_ratio, damping_mass, damping_loss_factor
   use attrito_solve_outcomes, only: outcome_names
   use attrito_output_point_series, only: state_names
@@ -67,6 +68,8 @@ contains
                                           'contact_crossing'], [fold, contact_fold, flip, neimark_sacker, branch_point, &
                                                                 contact_crossing])// &
            numbered('starts', [character(12) :: 'cold', 'in_motion', 'from_preload'], [cold, in_motion, from_preload])// &
+           numbered('references', [character(12) :: 'stuck', 'frictionless', 'tangent'], &
+                    [reference_stuck, reference_frictionless, reference_tangent])// &
            numbered('amplitudes', [character(14) :: 'half_range', 'first_harmonic'], [half_range, first_harmonic])// &
            numbered('parameters', [character(7) :: 'level', 'preload'], [parameter_level, parameter_preload])// &
            numbered('schemes', [character(18) :: 'event', 'central_difference', 'newmark', 'hht', 'generalised_alpha', &

@@ -12,9 +12,11 @@ module attrito_api_solver
   use attrito_model_contacts, only: contact_type, contacts_type, new_contacts, slider_width
   use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_evaluation, only: sample_forces
+  use attrito_linear_damping, only: damping_form
   use attrito_linear_projected_rows, only: projected_rows_type
   use attrito_linear_receptance, only: receptance_type
-  use attrito_linear_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
+  use attrito_linear_references, only: reference_type, new_reference
+  use attrito_linear_stuck_system, only: new_receptance
   use attrito_continuation_sweep, only: new_sweep
   use attrito_solve_strategies, only: solve_by_strategy, strategy_names
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
@@ -299,22 +301,25 @@ contains
     amplitude(:size(session%point%amplitude)) = session%point%amplitude
   end subroutine attrito_monitors
 
-  !> Linear response of the monitors, with contacts stuck or closed without friction: amplitudes [monitors, count] at level 1, and
-  !> the lowest natural frequencies [frequencies] in Hz of that system.
-  integer(c_int) function attrito_linear_response(handle, stuck, count, omega, amplitude, frequencies, natural_hz, message, &
+  !> Linear response of the monitors of a reference system (`attrito_describe`): amplitudes [monitors, count] at level 1, and the
+  !> lowest natural frequencies [frequencies] in Hz of that system, elastic modes alone; zeros where there are fewer. `rigid`: its
+  !> rigid-body modes.
+  integer(c_int) function attrito_linear_response(handle, kind, count, omega, amplitude, frequencies, natural_hz, rigid, message, &
                                                   length) bind(c)
     !> Session, see `session_of`
     type(c_ptr), value :: handle
-    !> 1: contacts stick, 0: without friction; number of items; how many there are; room for the message, characters
-    integer(c_int), value :: stuck, count, frequencies, length
+    !> Which system; number of items; how many there are; room for the message, characters
+    integer(c_int), value :: kind, count, frequencies, length
     !> Angular frequency, rad/s
     real(c_double), intent(in) :: omega(count)
     !> Amplitudes of the monitors; lowest natural frequencies, Hz
     real(c_double), intent(out) :: amplitude(count, *), natural_hz(frequencies)
+    !> Rigid-body modes
+    integer(c_int), intent(out) :: rigid
     !> Room for what is said
     character(kind=c_char), intent(out) :: message(length)
     type(session_type), pointer :: session
-    type(stuck_system_type) :: system
+    type(reference_type) :: reference
     class(receptance_type), allocatable :: receptance
     type(projected_rows_type) :: monitors
     type(error_type), allocatable :: error
@@ -324,14 +329,15 @@ contains
     integer :: i, monitor, harmonics, n, status
 
     session => session_of(handle)
-    call new_stuck_system(session%structure, session%contacts, stuck /= 0, system, error)
+    call new_reference(session%structure, session%contacts, session%solver%stuck, kind, session%solver%closed, reference, error)
     attrito_linear_response = report_error(error, message)
     if (allocated(error)) return
-    n = min(frequencies, size(system%omega))
+    rigid = reference%rigid
+    n = min(frequencies, size(reference%system%omega) - rigid)
     natural_hz = 0.0_wp
-    natural_hz(:n) = system%omega(:n)/two_pi
+    natural_hz(:n) = reference%system%omega(rigid + 1:rigid + n)/two_pi
     harmonics = (size(session%structure%harmonic_load, 2) - 1)/2
-    call new_receptance(session%structure, session%contacts, system, harmonics, receptance)
+    call new_receptance(session%structure, session%contacts, reference%system, harmonics, receptance)
     ! The mean carries no harmonic load, and without friction it may have no support.
     receptance%lowest = 1
     load = receptance%project_loads(session%structure%harmonic_load)
@@ -350,6 +356,52 @@ contains
       end do
     end do
   end function attrito_linear_response
+
+  !> The lowest modes of a reference system (`attrito_describe`), normalised by mass: natural frequencies in Hz, damping ratios by
+  !> the structure's own damping (0 of rigid-body modes) [count], shapes [count, m], and how many of them, the first, are rigid-body
+  !> modes.
+  integer(c_int) function attrito_linear_modes(handle, kind, count, natural_hz, damping_ratio, shapes, rigid, message, length) bind(c)
+    !> Session, see `session_of`
+    type(c_ptr), value :: handle
+    !> Which system; modes, at most as many as coordinates; room for the message, characters
+    integer(c_int), value :: kind, count, length
+    !> Natural frequencies, Hz; damping ratios; shapes in the coordinates
+    real(c_double), intent(out) :: natural_hz(count), damping_ratio(count), shapes(*)
+    !> Rigid-body modes among them
+    integer(c_int), intent(out) :: rigid
+    !> Room for what is said
+    character(kind=c_char), intent(out) :: message(length)
+    type(session_type), pointer :: session
+    type(reference_type) :: reference
+    type(error_type), allocatable :: error
+    real(wp), allocatable :: vectors(:, :)
+
+    session => session_of(handle)
+    call new_reference(session%structure, session%contacts, session%solver%stuck, kind, session%solver%closed, reference, error)
+    attrito_linear_modes = report_error(error, message)
+    if (allocated(error)) return
+    rigid = min(reference%rigid, int(count))
+    vectors = reference%shapes(int(count))
+    shapes(:size(vectors)) = reshape(vectors, [size(vectors)])
+    associate (omega => reference%system%omega(:count))
+      natural_hz = omega/two_pi
+      damping_ratio = 0.0_wp
+      damping_ratio(rigid + 1:) = damping_form(session%structure, session%solver%stuck, vectors(:, rigid + 1:), omega(rigid + 1:)) &
+                                  /(2.0_wp*omega(rigid + 1:))
+    end associate
+  end function attrito_linear_modes
+
+  !> Which contacts the last static path has left closed: 1, or 0 [contacts].
+  subroutine attrito_closed_contacts(handle, closed) bind(c)
+    !> Session, see `session_of`
+    type(c_ptr), value :: handle
+    !> By contact
+    integer(c_int), intent(out) :: closed(*)
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    closed(:size(session%solver%closed)) = merge(1, 0, session%solver%closed)
+  end subroutine attrito_closed_contacts
 
   !> The last call of a process, before MPI ends.
   subroutine attrito_stop() bind(c)

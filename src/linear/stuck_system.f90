@@ -9,7 +9,7 @@ module attrito_linear_stuck_system
   use attrito_core_errors, only: error_type, raise, fault_of_input
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: symmetric_eigenpairs
-  use attrito_model_contacts, only: contacts_type, stuck_stiffness
+  use attrito_model_contacts, only: contacts_type, stuck_stiffness, spring_stiffness
   use attrito_model_structure, only: structure_type, damping_none, damping_ratio, damping_mass
   use attrito_linear_rigid_body_modes, only: rigid_body_modes
   use attrito_linear_receptance, only: receptance_type
@@ -17,7 +17,7 @@ module attrito_linear_stuck_system
   use attrito_linear_receptance_modal, only: new_receptance_modal
   implicit none
   private
-  public :: stuck_system_type, new_stuck_system, new_receptance
+  public :: stuck_system_type, new_stuck_system, new_spring_system, new_receptance
 
   character(*), parameter :: not_positive_mass = &
                              'mass: the (reduced) mass matrix is not positive definite: expected every dof to carry mass'
@@ -55,6 +55,32 @@ contains
       call modes_by_mass(structure%mass, self, error)
     end if
     if (allocated(error)) return
+    call set_damping(structure, self)
+  end subroutine new_stuck_system
+
+  !> The same of a system whose rows have springs of their own, which may leave directions free.
+  subroutine new_spring_system(structure, contacts, springs, self, error)
+    !> Mass, stiffness, damping, loads and monitors
+    type(structure_type), intent(in) :: structure
+    !> All contacts: laws and directions
+    type(contacts_type), intent(in) :: contacts
+    !> Stiffness of each row [rows]
+    real(wp), intent(in) :: springs(:)
+    type(stuck_system_type), intent(out) :: self
+    !> Allocated: what has failed
+    type(error_type), allocatable, intent(out) :: error
+
+    self%stiffness = spring_stiffness(contacts, structure%stiffness, springs)
+    call modes_by_mass(structure%mass, self, error)
+    if (.not. allocated(error)) call set_damping(structure, self)
+  end subroutine new_spring_system
+
+  !> Modal damping of the modes that were found.
+  pure subroutine set_damping(structure, self)
+    !> Mass, stiffness, damping, loads and monitors
+    type(structure_type), intent(in) :: structure
+    type(stuck_system_type), intent(inout) :: self
+
     allocate (self%modal_damping(size(self%omega)), source=0.0_wp)
     select case (structure%damping_kind)
      case (damping_none)
@@ -65,7 +91,7 @@ contains
      case default
       self%uncoupled = .false.
     end select
-  end subroutine new_stuck_system
+  end subroutine set_damping
 
   !> Modes of M x = mu K~ x: K~ must be positive definite, or there is no static equilibrium.
   subroutine modes_by_stiffness(mass, self, error)

@@ -15,7 +15,7 @@ module attrito_model_contacts
   use attrito_contact_law_coulomb_spring, only: coulomb_spring_type
   implicit none
   private
-  public :: contact_type, contacts_type, new_contacts, stuck_stiffness, slider_width
+  public :: contact_type, contacts_type, new_contacts, stuck_stiffness, spring_stiffness, slider_width
 
   !> The law of contacts that are given none
   type(coulomb_spring_type), parameter :: coulomb_spring = coulomb_spring_type()
@@ -243,7 +243,7 @@ contains
     !> .false.: closed without friction, only the normal springs act
     logical, intent(in) :: tangential
     real(wp) :: stuck(size(stiffness, 1), size(stiffness, 1))
-    real(wp) :: springs(size(contacts%row_stiffness)), scaled(size(stiffness, 1), size(contacts%row_stiffness))
+    real(wp) :: springs(size(contacts%row_stiffness))
     integer :: i
 
     springs = contacts%row_stiffness
@@ -254,9 +254,24 @@ contains
         end associate
       end do
     end if
+    stuck = spring_stiffness(contacts, stiffness, springs)
+  end function stuck_stiffness
+
+  !> Stiffness with a spring on each row, K + B^T K_s B [m, m].
+  pure function spring_stiffness(contacts, stiffness, springs) result(sum)
+    !> All contacts: laws and directions
+    type(contacts_type), intent(in) :: contacts
+    !> K [m, m]
+    real(wp), intent(in) :: stiffness(:, :)
+    !> [rows]
+    real(wp), intent(in) :: springs(:)
+    real(wp) :: sum(size(stiffness, 1), size(stiffness, 1))
+    real(wp) :: scaled(size(stiffness, 1), size(springs))
+    integer :: i
+
     do i = 1, size(springs)
       scaled(:, i) = springs(i)*contacts%directions(:, i)
     end do
-    stuck = stiffness + matmul(scaled, transpose(contacts%directions))
-  end function stuck_stiffness
+    sum = stiffness + matmul(scaled, transpose(contacts%directions))
+  end function spring_stiffness
 end module attrito_model_contacts

@@ -1,12 +1,12 @@
 !> Sliders after a solve: which of them a further period would move, which stay, and by how much the largest move is; whether any
-!> contact slips or opens, and whether any holds.
+!> contact slips or opens, whether any holds, and which ones touch.
 module attrito_solve_sliders
   use attrito_core_kinds, only: wp
   use attrito_balance_harmonic_balance, only: balance_type
-  use attrito_contact_state, only: state_stuck, state_shaken_down
+  use attrito_contact_state, only: state_stuck, state_shaken_down, state_open
   implicit none
   private
-  public :: found_moving, keep_sliders, largest_defect, none_moves, none_holds
+  public :: found_moving, keep_sliders, largest_defect, none_moves, none_holds, closed_contacts
 
 contains
 
@@ -83,4 +83,21 @@ contains
     holds = merge(1.0_wp, 0.0_wp, any(balance%forces%state <= state_shaken_down))
     none_holds = balance%ranks%largest(holds) <= 0.0_wp
   end function none_holds
+
+  !> Which contacts, of all ranks, touch at some instant of the last evaluation.
+  function closed_contacts(balance, count) result(closed)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
+    type(balance_type), intent(in) :: balance
+    !> Contacts of all ranks
+    integer, intent(in) :: count
+    logical :: closed(count)
+    real(wp) :: touching(count)
+
+    touching = 0.0_wp
+    associate (first => balance%first_contact, own => size(balance%forces))
+      touching(first:first + own - 1) = merge(1.0_wp, 0.0_wp, balance%forces%state /= state_open)
+    end associate
+    call balance%ranks%sum(touching)
+    closed = touching > 0.0_wp
+  end function closed_contacts
 end module attrito_solve_sliders

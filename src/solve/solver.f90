@@ -56,6 +56,8 @@ module attrito_solve_solver
     real(wp) :: omega = 0.0_wp
     !> Sliders of the static solution [width, contacts]
     real(wp), allocatable :: static_slider(:, :)
+    !> Which contacts, of all ranks, the last static path has left closed [contacts]
+    logical, allocatable :: closed(:)
     !> How the last solve ended, with the iterations of all its tries
     type(newton_report_type) :: report
     !> Did every contact stick at the last point that converged?

@@ -8,6 +8,7 @@ module attrito_solve_static_path
   use attrito_core_errors, only: error_type, raise
   use attrito_core_kinds, only: wp
   use attrito_solve_homotopy, only: follow_homotopy, homotopy_type
+  use attrito_solve_sliders, only: closed_contacts
   use attrito_solve_solver, only: solver_type
   implicit none
   private
@@ -67,6 +68,7 @@ contains
       from = to
     end do
     solver%static_slider = solver%context%balance%slider
+    solver%closed = closed_contacts(solver%context%balance, size(solver%contacts%law))
     associate (response => solver%context%balance%response)
       if (solver%options%uncoupled) solver%context%balance%frozen_mean = response(:, lbound(response, 2))
     end associate

@@ -24,7 +24,7 @@ FLOORS = (
     ("scene",),
     ("results",),
     ("runs", "integration", "plots", "export"),
-    ("peaks", "charts", "report"),
+    ("peaks", "modes", "charts", "report"),
     ("studies",),
     ("api", VERIFICATION),
     ("cli",),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from attrito.cli import commands
+from attrito.library.names import REFERENCES
 from attrito.support.version import __version__
 
 Parsers = argparse._SubParsersAction
@@ -17,7 +18,7 @@ def parser() -> argparse.ArgumentParser:
     )
     whole.add_argument("--version", action="version", version=f"attrito {__version__}")
     parsers = whole.add_subparsers(dest="command", required=True, metavar="command")
-    making, solving = (_import, _reduce), (_run, _chart, _peak, _study, _integrate)
+    making, solving = (_import, _reduce), (_run, _chart, _peak, _linear_modes, _study, _integrate)
     looking = (_table, _plot, _report, _info, _keys, _verify, _export)
     for add in (*making, *solving, *looking):
         add(parsers)
@@ -82,6 +83,21 @@ def _peak(parsers: Parsers) -> None:
     one.add_argument("job", help="job file (TOML) with a table [peak]")
     one.add_argument("-o", "--output", help="picture to write (default: the file of peaks, ending .png)")
     one.set_defaults(work=commands.peak)
+
+
+def _linear_modes(parsers: Parsers) -> None:
+    one = parsers.add_parser(
+        "linear-modes", help="modes with contacts stuck, frictionless or as at rest -> HDF5, table"
+    )
+    one.add_argument("job", help="job file (TOML); it needs neither [sweep] nor a harmonic load nor monitors")
+    one.add_argument(
+        "--state",
+        choices=REFERENCES,
+        default="tangent",
+        help="every contact stuck; closed without friction; or (default) open ones open, closed ones stuck",
+    )
+    one.add_argument("--count", type=_positive, default=20, metavar="N", help="of modes, at most (default: 20)")
+    one.set_defaults(work=commands.linear_modes)
 
 
 def _study(parsers: Parsers) -> None:
@@ -183,6 +199,7 @@ def _export(parsers: Parsers) -> None:
     one.add_argument(
         "--points", "--point", type=_numbers, metavar="LIST", help="points, as 12,30 (default: the largest amplitude)"
     )
+    one.add_argument("--mode", type=_positive, metavar="N", help="of a file of linear modes: its Nth mode")
     one.add_argument("--monitor", help="monitor whose largest amplitude is meant (default: the first)")
     one.add_argument("--phases", type=_positive, metavar="N", help="instants of a period (default: coefficients, once)")
     one.add_argument("--format", choices=["vtu", "xdmf"], help="default: by the ending of -o, else vtu")

@@ -93,6 +93,15 @@ def peak(options: argparse.Namespace) -> None:
     peak_job(MPI.COMM_WORLD, options.job, options.output)
 
 
+def linear_modes(options: argparse.Namespace) -> None:
+    """Modes of a linear system -> HDF5 and table."""
+    from mpi4py import MPI
+
+    from attrito.modes.linear import linear_modes_job
+
+    linear_modes_job(MPI.COMM_WORLD, options.job, options.state, options.count)
+
+
 def study(options: argparse.Namespace) -> None:
     """The peaks of a job for many values of its keys -> HDF5 and picture."""
     from mpi4py import MPI
@@ -113,12 +122,15 @@ def integrate(options: argparse.Namespace) -> None:
 
 def table(options: argparse.Namespace) -> None:
     """A result -> CSV on standard output."""
-    from attrito.results.result import Result
+    from attrito.modes import linear
+    from attrito.results.result import LINEAR_MODES, Result
     from attrito.results.tables import bifurcation_table, contact_table, multiplier_table, table
 
     kinds = {"contacts": contact_table, "multipliers": multiplier_table, "bifurcations": bifurcation_table}
     kind = next((work for name, work in kinds.items() if getattr(options, name)), table)
     with Result(options.result) as result:
+        if result.attribute("format") == LINEAR_MODES and kind is table:
+            kind = linear.table
         sys.stdout.write(kind(result))
 
 
@@ -255,7 +267,17 @@ def _point(result, options: argparse.Namespace, monitor: str) -> int:
 
 
 def _points(result, options: argparse.Namespace) -> list[int]:
-    """The chosen points, or that of the largest amplitude."""
+    """The chosen points, or that of the largest amplitude; of linear modes the chosen one."""
+    from attrito.results.result import LINEAR_MODES
+
+    if result.attribute("format") == LINEAR_MODES:
+        count = result.points
+        if options.points is not None or options.mode is None or options.mode > count:
+            key, given = ("--points", options.points) if options.points is not None else ("--mode", options.mode)
+            raise InputError(Fault(options.result, key, given, f"--mode and a number from 1 to {count}"))
+        return [options.mode - 1]
+    if options.mode is not None:
+        raise InputError(Fault(options.result, "--mode", options.mode, "a file of `attrito linear-modes`"))
     monitor = _monitor(result, options)
     if options.points is None:
         return [_point(result, argparse.Namespace(point=None, result=options.result), monitor)]

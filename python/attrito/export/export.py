@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 from attrito.export.mesh_pieces import Snapshot, XdmfSeries, share, write_collection, write_vtu
 from attrito.model.surfaces import element_family
-from attrito.results.result import Result
+from attrito.results.result import LINEAR_MODES, Result
 from attrito.support.errors import Fault, InputError
 from attrito.support.hdf5_reading import stored
 from attrito.support.locks import writing_alone
@@ -87,7 +87,7 @@ def export_point(
     largest motion of any node. With phases, `displacement` at as many instants of a period. With contacts between node
     sets also, on the nodes of both sides: `contact_state` (index into stuck, shaken_down, slipping, open; -1 elsewhere;
     of several contacts the last state in this order), `normal_force` (mean, summed), `slip_fraction` (largest) and
-    `dissipated_energy` (summed); 0 elsewhere.
+    `dissipated_energy` (summed); 0 elsewhere. Of a linear mode `shape`, with unit modal mass, and its `amplitude`.
 
     Parameters
     ----------
@@ -127,6 +127,11 @@ def export_point(
 
 def _snapshots(result: Result, point: int, model: Model, field: np.ndarray, options: Options) -> Iterator[Snapshot]:
     """What is drawn: the motion's coefficients once, or the displacement at instants of a period."""
+    if options.phases is None and result.attribute("format") == LINEAR_MODES:
+        shape = node_harmonics(field, model)[1]
+        data = {"shape": shape, "amplitude": np.linalg.norm(shape, axis=1)}
+        yield Snapshot(0.0, model.coordinates + options.scale * shape, data)
+        return
     if options.phases is None:
         motion = node_motion(field, model)
         peak = motion.shape_at(motion.phase)
@@ -138,7 +143,8 @@ def _snapshots(result: Result, point: int, model: Model, field: np.ndarray, opti
         yield Snapshot(0.0, model.coordinates + options.scale * peak, data)
         return
     harmonics = node_harmonics(field, model)
-    period = 1.0 / float(result.array("/points/frequency_hz")[point])
+    frequency = float(result.array("/points/frequency_hz")[point])
+    period = 1.0 / frequency if frequency > 0.0 else 1.0
     for step in range(options.phases):
         moved = np.tensordot(_fourier(2 * np.pi * step / options.phases, len(harmonics), 0), harmonics, axes=1)
         time = period * step / options.phases

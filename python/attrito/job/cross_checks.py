@@ -11,14 +11,20 @@ from attrito.support.errors import Fault
 from attrito.support.overwrite_check import is_no_file, is_same_file
 
 
-def cross_check(job: Job, earlier: list[Fault]) -> list[Fault]:
-    """Faults between keys; those of a key that is already at fault are left alone."""
+def cross_check(job: Job, earlier: list[Fault], excited: bool = True) -> list[Fault]:
+    """Faults between keys; those of a key that is already at fault are left alone.
+
+    Parameters
+    ----------
+    job, earlier : what is checked, and the faults of single keys
+    excited : whether a harmonic load and a sweep are needed
+    """
     at_fault = {fault.key for fault in earlier}
     # Nor do the keys of a table that is missing.
     checks = (
         _check_model,
         _check_loads,
-        _check_sweep,
+        _check_excitation if excited else _check_band_of_reduction,
         _check_balance,
         _check_stability,
         check_laws,
@@ -89,8 +95,6 @@ def _check_loads(job: Job) -> list[Fault]:
         if load["name"] in names:
             faults.append(job.fault(f"{place} name", load["name"], "a name that no other load has"))
         names.append(load["name"])
-    if not any(load["kind"] in ("harmonic", None) for load in job["load"]):
-        faults.append(job.fault("load", "missing", "at least one [[load]] of kind harmonic"))
     static = {load["name"] for load in job["load"] if load["kind"] in ("static", "centrifugal")}
     for i, corner in enumerate(job["static"]["load_path"]):
         if isinstance(corner, dict):
@@ -123,6 +127,23 @@ def _check_spin(job: Job) -> list[Fault]:
         if any(other["spin_softening"] for i, other in spinning if i < place):
             faults.append(job.fault(f"load[{place}] spin_softening", True, "one load with spin softening"))
     return faults
+
+
+def _check_excitation(job: Job) -> list[Fault]:
+    """A harmonic load, and where it is swept."""
+    if any(load["kind"] in ("harmonic", None) for load in job["load"]):
+        return _check_sweep(job)
+    return [job.fault("load", "missing", "at least one [[load]] of kind harmonic"), *_check_sweep(job)]
+
+
+def _check_band_of_reduction(job: Job) -> list[Fault]:
+    """Without a sweep nothing says up to which frequency the modes of a reduction matter."""
+    if "sweep" in job.given:
+        return _check_sweep(job)
+    if job["reduction"]["modes"] != "auto":
+        return []
+    expected = "a number, or max_frequency_hz: without [sweep] nothing says which modes matter"
+    return [job.fault("[reduction] modes", "auto", expected)]
 
 
 def _check_sweep(job: Job) -> list[Fault]:

@@ -53,6 +53,11 @@ def peak_path(job: Job) -> str:
     return str(Path(job.file(job["output"]["file"])).with_suffix(".peaks.h5"))
 
 
+def linear_modes_path(job: Job) -> str:
+    """Where linear modes of a job go."""
+    return str(Path(job.file(job["output"]["file"])).with_suffix(".modes.h5"))
+
+
 def model_path(job: Job, rom: str | None) -> str | None:
     """The job's model file: its own, or one beside the file of the reduced model for matrices given otherwise."""
     if job["model"]["file"] is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import tomllib
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,18 +19,23 @@ from attrito.support.errors import Fault, InputError
 from attrito.support.overwrite_check import check_files
 
 
-def read_job(source: str | os.PathLike[str] | Mapping[str, Any] | Job, folder: str | os.PathLike[str] = ".") -> Job:
+def read_job(
+    source: str | os.PathLike[str] | Mapping[str, Any] | Job,
+    folder: str | os.PathLike[str] = ".",
+    excited: bool = True,
+) -> Job:
     """Read and check a job; raises `InputError` with all faults together.
 
     Parameters
     ----------
     source : a job file, or its tables as a dictionary, in which arrays stand for lists; a job that is checked stays
     folder : what file names of a dictionary are relative to
+    excited : False for motion without excitation: neither `[sweep]` nor a harmonic load nor monitors are needed
     """
     if isinstance(source, Job):
         return source
     if isinstance(source, Mapping):
-        return check_job(plain(source), str(Path(folder) / "job"))
+        return check_job(plain(source), str(Path(folder) / "job"), excited)
     path = str(source)
     check_files(path, "file", [path])
     try:
@@ -39,7 +45,7 @@ def read_job(source: str | os.PathLike[str] | Mapping[str, Any] | Job, folder: s
         raise InputError(Fault(path, "file", error.strerror, "a job file that can be read")) from None
     except (ValueError, RecursionError) as error:
         raise InputError(Fault(path, "file", str(error), "a job in TOML")) from None
-    return check_job(raw, path)
+    return check_job(raw, path, excited)
 
 
 def plain(value: Any) -> Any:
@@ -53,8 +59,8 @@ def plain(value: Any) -> Any:
     return os.fspath(value) if isinstance(value, os.PathLike) else value
 
 
-def check_job(raw: dict[str, Any], path: str) -> Job:
-    """Check the tables of a job that is called `path`."""
+def check_job(raw: dict[str, Any], path: str, excited: bool = True) -> Job:
+    """Check the tables of a job that is called `path`; see `read_job`."""
     faults: list[Fault] = []
     tables: dict[str, Any] = {}
     known = sorted(TABLES | ARRAYS)
@@ -66,8 +72,11 @@ def check_job(raw: dict[str, Any], path: str) -> Job:
         if not isinstance(table, dict):
             faults.append(Fault(path, name, table, f"a table [{name}]"))
             table = {}
-        if name in raw or name not in REQUIRED_TABLES:
-            tables[name] = _check_table(path, f"[{name}]", table, keys, faults, required=name in raw)
+        if name in raw or name not in REQUIRED_TABLES or (name == "sweep" and not excited):
+            needed = keys
+            if name == "output" and not excited:
+                needed = keys | {"monitors": replace(keys["monitors"], required=False)}
+            tables[name] = _check_table(path, f"[{name}]", table, needed, faults, required=name in raw)
         else:
             faults.append(Fault(path, f"[{name}]", "missing", f"a table with {', '.join(keys)}"))
             tables[name] = {key: spec.default for key, spec in keys.items()}
@@ -79,7 +88,9 @@ def check_job(raw: dict[str, Any], path: str) -> Job:
         tables[name] = [_check_table(path, f"{name}[{i}]", row, keys, faults) for i, row in enumerate(rows)]
     job = Job(path, tables, frozenset(raw))
     fill_accuracy(job)
-    faults += cross_check(job, faults)
+    if not excited and tables["output"]["monitors"] is None:
+        tables["output"]["monitors"] = []
+    faults += cross_check(job, faults, excited)
     if faults:
         raise InputError(*faults)
     return job

@@ -41,6 +41,9 @@ BIFURCATION_KINDS = ("fold", "contact_fold", "flip", "neimark_sacker", "branch_p
 # Ways to look for a point of another branch
 STARTS = ("cold", "in_motion", "from_preload")
 
+# Linear systems to compare with: every contact stuck; closed without friction; as at rest, closed ones stuck
+REFERENCES = ("stuck", "frictionless", "tangent")
+
 # Of peaks: whose amplitude, and in what they are followed
 AMPLITUDES = ("half_range", "first_harmonic")
 PARAMETERS = ("level", "preload")
@@ -80,6 +83,7 @@ ENUMERATIONS: dict[str, tuple[str, ...] | dict[str, int]] = {
     "multiplier_kinds": MULTIPLIER_KINDS,
     "bifurcation_kinds": BIFURCATION_KINDS,
     "starts": STARTS,
+    "references": REFERENCES,
     "amplitudes": AMPLITUDES,
     "parameters": PARAMETERS,
     "schemes": SCHEMES,

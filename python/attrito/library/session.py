@@ -13,7 +13,7 @@ import numpy as np
 
 from attrito.library import loading
 from attrito.library.kernels import slider_width
-from attrito.library.names import DAMPING_KINDS, NO_SOLUTION, OUTCOMES, STARTS, STRATEGIES
+from attrito.library.names import DAMPING_KINDS, NO_SOLUTION, OUTCOMES, REFERENCES, STARTS, STRATEGIES
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series
 from attrito.library.signatures import SERIES_CALLBACK
@@ -89,6 +89,19 @@ class StoredPoint:
     frequency_hz: float
     coordinates: np.ndarray
     slider: np.ndarray
+
+
+@dataclass(frozen=True)
+class LinearModes:
+    """Modes of a linear system, ascending: natural frequencies `[n]` in Hz, damping ratios `[n]`, shapes `[n, m]`.
+
+    The shapes have unit modal mass. The first `rigid` are rigid-body modes, their damping ratios zero.
+    """
+
+    natural_hz: np.ndarray
+    damping_ratio: np.ndarray
+    shapes: np.ndarray
+    rigid: int
 
 
 _errors_of = operator.attrgetter(*ERRORS)
@@ -237,24 +250,43 @@ class Solver:
             raise ValueError(f"{strategy!r} is none of the strategies: {', '.join(STRATEGIES)}")
         return self.point_of(raw)
 
-    def linear_response(self, stuck: bool, frequencies_hz: np.ndarray, natural: int) -> tuple[np.ndarray, np.ndarray]:
-        """Amplitudes `[monitors, frequencies]` at level 1 with contacts stuck, or closed without friction.
+    def linear_response(
+        self, reference: str, frequencies_hz: np.ndarray, natural: int
+    ) -> tuple[np.ndarray, np.ndarray, int]:
+        """Amplitudes `[monitors, frequencies]` at level 1 of one of `REFERENCES`; `tangent` after the static path.
 
-        Also the lowest `natural` natural frequencies of that system, Hz.
+        Also the lowest `natural` natural frequencies of its elastic modes, Hz, and how many rigid-body modes it has.
         """
         angular = np.ascontiguousarray(2.0 * np.pi * np.asarray(frequencies_hz, dtype=float))
         amplitude = np.zeros((len(self._scene.monitors), len(angular)))
-        lowest = np.zeros(natural)
+        lowest, rigid = np.zeros(natural), ctypes.c_int()
         self._call(
             "attrito_linear_response",
-            int(stuck),
+            REFERENCES.index(reference),
             len(angular),
             pointer(angular),
             pointer(amplitude),
             natural,
             pointer(lowest),
+            ctypes.byref(rigid),
         )
-        return amplitude, lowest
+        return amplitude, lowest[: max(len(self._scene.mass) - rigid.value, 0)], rigid.value
+
+    def linear_modes(self, reference: str, count: int) -> LinearModes:
+        """The lowest modes, at most `count`, of one of `REFERENCES`; `tangent` after the static path."""
+        count = min(count, len(self._scene.mass))
+        natural, ratio, rigid = np.zeros(count), np.zeros(count), ctypes.c_int()
+        shapes = np.zeros((count, len(self._scene.mass)))
+        arrays = pointer(natural), pointer(ratio), pointer(shapes)
+        self._call("attrito_linear_modes", REFERENCES.index(reference), count, *arrays, ctypes.byref(rigid))
+        return LinearModes(natural, ratio, shapes, rigid.value)
+
+    def closed_contacts(self) -> np.ndarray:
+        """Which contacts touch at the static solution, `[nc]`; after the static path."""
+        closed = np.zeros(len(self._scene.laws["tangents"]), dtype=np.int32)
+        self._library.attrito_closed_contacts(self._handle, pointer(closed))
+        touching: np.ndarray = closed != 0
+        return touching
 
     def outcome(self) -> str:
         """Outcome of the last point by all that has been found of it: its examination, motion in time."""

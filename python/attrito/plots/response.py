@@ -19,7 +19,7 @@ from attrito.library.names import NO_SOLUTION
 from attrito.plots.style import BRANCH_COLOURS, DASHES, Look, legend_below, plain_text, with_unit
 from attrito.results.result import Result
 
-LINEAR_STYLE = {"stuck": "-", "frictionless": (0, (1, 1.2))}
+LINEAR_STYLE = {"stuck": "-", "frictionless": (0, (1, 1.2)), "tangent": (0, (6, 1.5, 1, 1.5))}
 BIFURCATION_MARKER = {"fold": "^", "contact_fold": "v", "flip": "s", "neimark_sacker": "P", "branch_point": "*"}
 BIFURCATION_MARKER["contact_crossing"] = "d"
 FAILURE_MARKER = dict(zip(NO_SOLUTION, ("D", "x"), strict=True))
@@ -34,7 +34,8 @@ def frequency_response(result: Result, monitor: str, log: bool | None = None, lo
 
     Several levels are divided by the level: a linear structure would give one curve. One level is shown as it is.
     Unstable stretches are dashed, points without a solution and bifurcations are marked, bounds of points that are not
-    unique are shaded, estimated errors are bars. The linear responses (all stuck, frictionless) are thin lines behind.
+    unique are shaded, estimated errors are bars. The linear responses (all stuck, frictionless, tangent) are thin lines
+    behind.
 
     Parameters
     ----------

@@ -11,12 +11,14 @@ import matplotlib
 import numpy as np
 
 from attrito.job.reference import as_job
+from attrito.library.names import REFERENCES
 from attrito.plots.contacts import contact_map, hysteresis, surfaces
 from attrito.plots.response import frequency_response
 from attrito.report import figures as report_figures
 from attrito.report.page import Page
 from attrito.report.view import View
 from attrito.results.loops import contact_loops, most_dissipating
+from attrito.runs.linear_references import in_words
 from attrito.support.version import __version__
 
 # Levels whose peaks are shown on the interface, contacts whose loops are shown, failures and reasons that are listed.
@@ -258,13 +260,11 @@ def run(page: Page, view: View) -> None:
     if result.has("/points/coordinates"):
         shape = result.dataset("/points/coordinates").shape
         pairs += [("coordinates", shape[1]), ("harmonics", (shape[2] - 1) // 2)]
-    for kind in ("stuck", "frictionless"):
+    for kind in REFERENCES:
         if result.has(f"/linear/{kind}/natural_hz"):
-            natural = result.array(f"/linear/{kind}/natural_hz")
-            # A motion that is free has a frequency of zero, but for rounding.
-            elastic = natural[natural > 1e-5 * np.max(natural, initial=0.0)]
-            words = ", ".join(f"{value:.5g}" for value in elastic[:5])
-            pairs.append((f"natural frequencies, {kind}", f"{words} Hz"))
+            rigid = int(result.attributes(f"/linear/{kind}").get("rigid_body_modes", 0))
+            words = in_words(result.array(f"/linear/{kind}/natural_hz"), rigid, 5, 5)
+            pairs.append((f"natural frequencies in Hz, {kind}", words))
     for key in ("job_file", "model_file", "rom_file", "rom_fingerprint"):
         pairs.append((key.replace("_", " "), result.attribute(key)))
     pairs += [(name.replace("_", " "), value) for name, value in result.attributes("/run").items()]

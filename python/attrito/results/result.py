@@ -16,6 +16,8 @@ from attrito.results.result_file import fill_result
 from attrito.support.errors import Fault, InputError
 from attrito.support.hdf5_reading import UNREADABLE, as_text, check_datasets, spoilt
 
+# Formats of the files of `attrito linear-modes` and `attrito mode`, which are read as results are
+LINEAR_MODES, MODE = "attrito linear modes", "attrito mode"
 # Shapes of what is known of each contact, where it is more than a number.
 OF_A_CONTACT = {"position": (3,), "frame": (3, 3)}
 
@@ -52,7 +54,7 @@ class Result:
     def _check(self) -> None:
         """It is a result, and its series have an entry for each point and contact."""
         form = self.attribute("format") or "absent"
-        if "result" not in form:
+        if "result" not in form and form not in (LINEAR_MODES, MODE):
             raise InputError(Fault(self.path, "format", form, "a result of `attrito run`"))
         check_datasets(self._file, self.path)
         points = self._file.get("points/frequency_hz")
@@ -172,7 +174,7 @@ class Result:
         return self.array(f"/monitors/{name}/{quantity}")
 
     def linear(self, kind: str, monitor: str) -> tuple[np.ndarray, np.ndarray] | None:
-        """Frequencies (Hz) and amplitudes at level 1 of a linear response, `stuck` or `frictionless`, if stored."""
+        """Frequencies (Hz) and amplitudes at level 1 of a linear response, one of `REFERENCES`, if stored."""
         path = f"/linear/{kind}"
         if not (self.has(f"{path}/frequency_hz") and self.has(f"{path}/{monitor}")):
             return None

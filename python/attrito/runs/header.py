@@ -1,4 +1,4 @@
-"""What holds for a whole run, written before its first point: where it comes from, contacts, linear responses."""
+"""What holds for a whole run, written before its first point: where it comes from, contacts, linear references."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 from attrito.job.job import Job, model_path
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series
-from attrito.library.session import Solver
 from attrito.results.journal import Record
+from attrito.runs.linear_references import MEANINGS, LinearReference
 from attrito.runs.recorder import digest
 from attrito.scene.friction_margin import Margin, described_margin
 from attrito.scene.reduced_model import Rom, coordinates_fingerprint
@@ -22,8 +22,6 @@ REFERENCES = (
     "Zucca & Firrone 2014, doi:10.1016/j.jsv.2013.09.032; Craig & Bampton 1968, doi:10.2514/3.4741; "
     "Cameron & Griffin 1989, doi:10.1115/1.3176036; PETSc, SLEPc, MUMPS, FFTW, HDF5"
 )
-LINEAR_POINTS = 400
-NATURAL_FREQUENCIES = 20
 UNITS = {
     "tangential_stiffness": "user force/length",
     "normal_stiffness": "user force/length",
@@ -34,31 +32,13 @@ UNITS = {
 }
 
 
-def linear_responses(solver: Solver, job: Job) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Frequencies, amplitudes and natural frequencies of the linear systems, stuck and frictionless."""
-    sweep = job["sweep"]
-    given = sweep["frequencies_hz"] or [sweep["start_hz"], sweep["stop_hz"]]
-    low, high = min(given), max(given)
-    responses = {}
-    for name, stuck in (("stuck", True), ("frictionless", False)):
-        grid = np.linspace(low, high, LINEAR_POINTS) if high > low else np.array([low])
-        natural = solver.linear_response(stuck, grid[:1], NATURAL_FREQUENCIES)[1]
-        # Resonances are drawn by points of their own, close enough for the sharpest.
-        inside = natural[(natural > low) & (natural < high)]
-        near = [inside * (1.0 + sign * width) for width in np.geomspace(1e-5, 1e-2, 16) for sign in (-1, 1)]
-        grid = np.unique(np.concatenate([grid, inside, *near]))
-        grid = grid[(grid >= low) & (grid <= high)]
-        responses[name] = (grid, solver.linear_response(stuck, grid, 0)[0], natural)
-    return responses
-
-
 def first_record(
     job: Job,
     scene: Scene,
     rom: Rom | None,
     reduced: ReducedScene,
     ranks: int,
-    linear: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]],
+    linear: dict[str, LinearReference],
     margin: Margin | None,
 ) -> Record:
     """The first record of the run's journal.
@@ -67,7 +47,7 @@ def first_record(
     ----------
     job, scene, rom, reduced : what is run
     ranks : number of processes
-    linear : what `linear_responses` returns
+    linear : what `linear_references` returns
     margin : against wedging, None: not examined
     """
     rom_file = None if rom is None else rom.path
@@ -92,12 +72,14 @@ def first_record(
         if values.dtype == object:
             texts[name], values = (part.tolist() if i == 0 else part for i, part in enumerate(_numbered(values)))
         arrays[name], series[name] = values, Series("", key.replace("_", " "), UNITS.get(key, "1"))
-    for kind, (frequency, amplitude, natural) in linear.items():
-        what = "every contact stuck" if kind == "stuck" else "contacts closed, no friction"
-        data = {"frequency_hz": (frequency, "frequency", "Hz"), "natural_hz": (natural, "natural frequencies", "Hz")}
+    for kind, one in linear.items():
+        data = {
+            "frequency_hz": (one.frequency_hz, "frequency", "Hz"),
+            "natural_hz": (one.natural_hz, "natural frequencies of elastic modes", "Hz"),
+        }
         data |= {
-            name: (values, f"amplitude at level 1, {what}", "user length")
-            for name, values in zip(reduced.monitor_names, amplitude, strict=True)
+            name: (values, f"amplitude at level 1, {MEANINGS[kind]}", "user length")
+            for name, values in zip(reduced.monitor_names, one.amplitude, strict=True)
         }
         for key, (values, description, unit) in data.items():
             name = f"linear/{kind}/{key}"
@@ -106,6 +88,7 @@ def first_record(
         arrays[f"static/{key}"], series[f"static/{key}"] = value, Series("", description, "1")
     note = {"attributes": attributes, "ranks": ranks, "digest": digest(reduced, scene.load_path), "texts": texts}
     note["group_attributes"] = {"static": {"states": "" if margin is None else ",".join(margin.states)}}
+    note["group_attributes"] |= {f"linear/{kind}": {"rigid_body_modes": one.rigid} for kind, one in linear.items()}
     return Record(note, arrays, series)
 
 

@@ -15,11 +15,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from attrito.runs.linear_references import in_words
+
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
     from attrito.library.reduction import Report
     from attrito.library.session import Point
+    from attrito.runs.linear_references import LinearReference
     from attrito.runs.position import RunPosition
     from attrito.support.timing import Stages
 
@@ -102,15 +105,10 @@ class Progress:
         each = ", ".join(f"{step} {time:.1f}" for step, time in report.seconds.items() if time > 0.0)
         self.say(f"in {sum(report.seconds.values()):.1f} s and {max(report.megabytes.values()) / 1024:.1f} GB: {each}")
 
-    def begin(self, coordinates: int, contacts: int, linear: dict[str, tuple]) -> None:
+    def begin(self, coordinates: int, contacts: int, linear: dict[str, LinearReference]) -> None:
         """What is going to be solved."""
-        # A motion that is free has a frequency of zero, which rounding leaves at some 1e-6 of the higher ones.
-        lowest = {
-            name: ", ".join(f"{f:.4g}" for f in natural[natural > 1e-5 * natural.max()][:3])
-            for name, (_, _, natural) in linear.items()
-        }
-        self.say(f"{coordinates} coordinates, {contacts} contacts; natural frequencies in Hz: "
-                 f"stuck {lowest['stuck']}, frictionless {lowest['frictionless']}")  # fmt: skip
+        lowest = (f"{name} {in_words(one.natural_hz, one.rigid, 3)}" for name, one in linear.items())
+        self.say(f"{coordinates} coordinates, {contacts} contacts; natural frequencies in Hz: {', '.join(lowest)}")
 
     def static(self, means: np.ndarray) -> None:
         """The static load path was walked."""

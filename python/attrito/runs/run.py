@@ -17,13 +17,14 @@ from attrito.results.stored_point import read_point
 from attrito.runs.bifurcations import Finder
 from attrito.runs.bounds import Sampler, write_bounds
 from attrito.runs.branch_search import Search
-from attrito.runs.header import first_record, linear_responses
+from attrito.runs.header import first_record
+from attrito.runs.linear_references import linear_references
 from attrito.runs.longer_periods import LongerPeriods
 from attrito.runs.position import RunPosition
 from attrito.runs.progress import Progress
 from attrito.runs.recorder import Recorder
 from attrito.runs.stability import Examiner
-from attrito.runs.sweeps import Course
+from attrito.runs.sweeps import Course, beginning
 from attrito.scene import cautions
 from attrito.scene.build import build_scene
 from attrito.scene.friction_margin import friction_margin, warning
@@ -113,11 +114,16 @@ def _solve(
         if (wedges := warning(margin)) is not None:
             warnings.append(wedges)
         progress.warn(warnings)
-        linear = linear_responses(solver, job)
+        start = on_root(comm, lambda: _start(job, reduced))
+        with stop.solving():
+            means = solver.follow_static_path(load_path, job["static"]["steps"], beginning(job, start))
+        stages.end("static solution")
+        linear = linear_references(solver, job)
         progress.begin(len(reduced.mass), len(reduced.laws["tangents"]), linear)
         first = on_root_only(comm, lambda: first_record(job, scene, rom, reduced, comm.size, linear, margin))
         stages.end("linear responses")
         run = _Run(comm, job, solver, reduced, options, progress, stages, load_path, stop)
+        run.start, run.static_means = start, means
         try:
             with stop.solving():
                 run.solve(first, load_path, resume, stop)
@@ -152,15 +158,17 @@ class _Run:
         self.journal = f"{self.result}.partial"
         self.recorder = Recorder(comm, solver, self.journal, (self._examiner, self._sampler, self._finder))
         self.place = RunPosition()
+        # The point of an older result that sweeps begin at, if any; monitors' means at the static solution
+        self.start: StoredPoint | None = None
+        self.static_means: np.ndarray | None = None
 
     def solve(self, first: Record | None, load_path: np.ndarray, resume: bool, stop: Stop) -> None:
         """Solve all points, each on disk before the next begins."""
         progress, stages = self._progress, self._stages
         search = Search(self._solver, self._job, load_path, self._finder, progress)
-        start = on_root(self._comm, lambda: _start(self._job, self._reduced))
         self._begin(first, resume, search)
         try:
-            course = Course(self._solver, self._job, load_path, search, start, progress)
+            course = Course(self._solver, self._job, load_path, search, self.start, self.static_means, progress)
             for point in course.points(self.place):
                 stages.end("points")
                 point = self._longer.visit(self._examiner.examine(point))

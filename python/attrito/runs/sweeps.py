@@ -18,6 +18,12 @@ from attrito.scene.cautions import of_static_solution
 from attrito.support.errors import NumericsError
 
 
+def beginning(job: Job, start: StoredPoint | None) -> float:
+    """The frequency at which the first sweep begins, Hz: of a point of an older result, if there is one."""
+    sweep = job["sweep"]
+    return float((sweep["frequencies_hz"] or [sweep["start_hz"]])[0]) if start is None else start.frequency_hz
+
+
 class Course:
     """The way through a job.
 
@@ -26,6 +32,7 @@ class Course:
     solver, job, load_path : what solves, and what is asked; factors on the static loads, `[corners, loads]`
     search : for branches beside those of the sweeps
     start : the point of an older result that sweeps begin at, if any
+    static_means : of the monitors at the static solution that the solver is at; None: the load path is to be followed
     progress : told of what is done
     """
 
@@ -36,10 +43,12 @@ class Course:
         load_path: np.ndarray,
         search: Search,
         start: StoredPoint | None,
+        static_means: np.ndarray | None,
         progress: Progress,
     ):
         self._solver, self._job, self._path = solver, job, load_path
         self._search, self._start, self._progress = search, start, progress
+        self._static_means = static_means
         sweep = job["sweep"]
         self._listed = sweep["frequencies_hz"]
         ends = [(sweep["start_hz"], sweep["stop_hz"])]
@@ -95,7 +104,10 @@ class Course:
         level, start, stop = self._stretches[place.stretch]
         if place.stretch % self._sides == 0:
             self._search.begin_level(level)
-        self._progress.static(self._solver.follow_static_path(self._path, self._job["static"]["steps"], begin))
+        means, self._static_means = self._static_means, None
+        if means is None or place.stretch > 0:
+            means = self._solver.follow_static_path(self._path, self._job["static"]["steps"], begin)
+        self._progress.static(means)
         for warning in of_static_solution(self._solver.static_states):
             if warning not in place.warnings:
                 place.warnings.append(warning)

@@ -24,7 +24,7 @@ SAME_SPEED = 1e-6
 def build_loads(job: Job, model: Model, places: DofResolver) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """Static loads by name, each `[n]`, and the harmonic coefficients `[2 h + 1, n]`, user force."""
     static: dict[str, np.ndarray] = {}
-    highest = max(load["harmonic"] for load in job["load"] if load["kind"] == "harmonic")
+    highest = max((load["harmonic"] for load in job["load"] if load["kind"] == "harmonic"), default=0)
     harmonic = np.zeros((2 * highest + 1, model.size))
     for i, load in enumerate(job["load"]):
         key = f"load[{i}]"

@@ -211,9 +211,12 @@ def _check_unfinished(path: str) -> None:
 def excited_hz(job: Job) -> float:
     """The highest frequency that modes matter for: that of the highest harmonic at the end of the sweep.
 
-    Where harmonics are chosen point by point, of the fifth: beyond, modes that are left out follow at rest.
+    Where harmonics are chosen point by point, of the fifth: beyond, modes that are left out follow at rest. 0 where
+    nothing is swept.
     """
     sweep = job["sweep"]
+    if "sweep" not in job.given:
+        return 0.0
     highest = max(sweep["frequencies_hz"] or [sweep["start_hz"], sweep["stop_hz"]])
     harmonics = job["balance"]["harmonics"]
     return highest * (HARMONICS if harmonics == "auto" else harmonics)

@@ -148,7 +148,7 @@ class Wedge:
         with self._solver() as solver:
 
             def amplitude(frequency: float) -> float:
-                return -float(solver.linear_response(True, np.array([frequency]), 0)[0][0, 0])
+                return -float(solver.linear_response("stuck", np.array([frequency]), 0)[0][0, 0])
 
             found = minimize_scalar(amplitude, bounds=BAND[1::-1], method="bounded", options={"xatol": 1e-7})
         return float(found.x), -float(found.fun)

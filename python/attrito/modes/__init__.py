@@ -1,0 +1,1 @@
+"""Modes: linear ones of the reference systems, and nonlinear ones followed in their amplitude."""

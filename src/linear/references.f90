@@ -1,0 +1,95 @@
+!> The linear systems that a nonlinear response is compared with, by what contacts do in them:
+!>
+!> $$ K_{ref} = K + B^T K_c S B, \qquad K_{ref} x_r = \omega_r^2 M x_r, \qquad x_r^T M x_s = \delta_{rs} $$
+!>
+!> Stuck: every contact is closed and sticks, S = I. Frictionless: every contact is closed and slides, S keeps the normals. Tangent:
+!> the contacts that are open at the static solution are open, the others stick. What a system does not hold moves as a rigid body:
+!> such modes come first, at a frequency of zero but for rounding, and are counted apart.
+!>
+!> A damping ratio is defined on the modes of the stuck system; modes of the tangent system take x^T C x of that damping.
+module attrito_linear_references
+  use attrito_core_errors, only: error_type, raise
+  use attrito_core_kinds, only: wp
+  use attrito_model_contacts, only: contacts_type
+  use attrito_model_structure, only: structure_type, damping_ratio
+  use attrito_linear_damping, only: damping_form
+  use attrito_linear_rigid_body_modes, only: rigid_body_modes
+  use attrito_linear_stuck_system, only: stuck_system_type, new_stuck_system, new_spring_system
+  implicit none
+  private
+  public :: reference_type, new_reference, reference_stuck, reference_frictionless, reference_tangent
+
+  integer, parameter :: reference_stuck = 0, reference_frictionless = 1, reference_tangent = 2
+
+  type :: reference_type
+    type(stuck_system_type) :: system
+    !> How many of its modes, the first ones, are rigid-body modes
+    integer :: rigid = 0
+  contains
+    procedure :: shapes
+  end type reference_type
+
+contains
+
+  !> Assemble and diagonalise one of them.
+  subroutine new_reference(structure, contacts, stuck, kind, closed, self, error)
+    !> Mass, stiffness, damping, loads and monitors
+    type(structure_type), intent(in) :: structure
+    !> All contacts: laws and directions
+    type(contacts_type), intent(in) :: contacts
+    !> Linear system with every contact stuck
+    type(stuck_system_type), intent(in) :: stuck
+    !> One of `reference_...`
+    integer, intent(in) :: kind
+    !> Contacts that are closed at the static solution [contacts]; not allocated where there is none yet
+    logical, allocatable, intent(in) :: closed(:)
+    type(reference_type), intent(out) :: self
+    !> Allocated: what has failed
+    type(error_type), allocatable, intent(out) :: error
+
+    select case (kind)
+     case (reference_stuck)
+      self%system = stuck
+      return
+     case (reference_frictionless)
+      call new_stuck_system(structure, contacts, .false., self%system, error)
+     case default
+      if (.not. allocated(closed)) then
+        call raise(error, 'the tangent system needs the static solution: expected the static load path to be followed first')
+        return
+      end if
+      call new_spring_system(structure, contacts, closed_springs(contacts, closed), self%system, error)
+    end select
+    if (allocated(error)) return
+    if (kind == reference_tangent .and. structure%damping_kind == damping_ratio) self%system%modal_damping = &
+      damping_form(structure, stuck, self%system%modes, self%system%omega)
+    self%rigid = size(rigid_body_modes(self%system%stiffness), 2)
+  end subroutine new_reference
+
+  !> Stiffness of each row where only some contacts are closed, and stick [rows].
+  pure function closed_springs(contacts, closed) result(springs)
+    !> All contacts: laws and directions
+    type(contacts_type), intent(in) :: contacts
+    !> [contacts]
+    logical, intent(in) :: closed(:)
+    real(wp) :: springs(size(contacts%row_stiffness))
+    integer :: i
+
+    springs = contacts%row_stiffness
+    do i = 1, size(closed)
+      associate (law => contacts%law(i))
+        if (.not. closed(i)) springs(law%first_row:law%first_row + law%tangents) = 0.0_wp
+      end associate
+    end do
+  end function closed_springs
+
+  !> The first modes, normalised by mass [m, count].
+  pure function shapes(self, count)
+    class(reference_type), intent(in) :: self
+    !> At most as many as there are
+    integer, intent(in) :: count
+    real(wp) :: shapes(size(self%system%modes, 1), count)
+
+    shapes = self%system%modes(:, :count)/spread(sqrt(self%system%modal_mass(:count)), 1, size(shapes, 1))
+  end function shapes
+end module attrito_linear_references
