@@ -164,7 +164,7 @@ contains
       harmonics = max(harmonics, solver%options%harmonics)
       samples = max(samples, solver%options%samples)
       if (self%choose_harmonics .and. .not. self%estimator%is_sure) then
-        was_sure = .false.
+        was_sure = was_sure .and. self%estimator%is_stiff
         harmonics = min(harmonics, most_growth*solver%options%harmonics)
         harmonics = min(max(harmonics, next_longer(solver%options%harmonics), self%estimator%unsettled), most_harmonics)
         samples = max(needed_samples(self, solver, harmonics), solver%options%samples, 6*harmonics + 2)

@@ -38,8 +38,9 @@ module attrito_accuracy_error_estimate
   real(wp), parameter :: nominal_tolerance = 0.01_wp
 
   type :: error_estimate_type
-    !> Do the two steps of the last estimate agree? If not: harmonics that have not settled, up to this one
-    logical :: is_sure = .true.
+    !> Is the last estimate sure? Is it not for the stiffness of contacts alone?
+    logical :: is_sure = .true., is_stiff = .false.
+    !> Harmonics that have not settled, up to this one
     integer :: unsettled = 0
     type(finer_balance_type), private :: longer, denser
     type(resonances_type), private :: resonances
@@ -71,6 +72,7 @@ contains
     errors%harmonics = 0.0_wp
     errors%samples = 0.0_wp
     self%is_sure = .true.
+    self%is_stiff = .false.
     self%unsettled = 0
     if (.not. solver%report%converged) return
     associate (balance => solver%context%balance)
@@ -105,7 +107,8 @@ contains
       end if
       if (balance%receptance%harmonics < short_stiff_series .and. .not. solver%all_stick) then
         if (self%stiffness_ratio < 0.0_wp) self%stiffness_ratio = greatest_stiffness_ratio(solver)
-        self%is_sure = self%is_sure .and. self%stiffness_ratio <= stiff
+        self%is_stiff = self%is_sure .and. self%stiffness_ratio > stiff
+        self%is_sure = self%is_sure .and. .not. self%is_stiff
       end if
       errors%samples = finer%samples_share*error
       errors%harmonics = error - errors%samples
