@@ -15,6 +15,7 @@ ORDER = (
     "reduce",
     "peak",
     "linear_modes",
+    "mode",
     "study",
     "import_model",
     "write_report",

@@ -183,6 +183,29 @@ def linear_modes(
     return File(_do(work, job, comm, folder, quiet, True, _read_without_excitation))
 
 
+def mode(
+    job: JobSource,
+    comm: Comm | None = None,
+    *,
+    folder: str | os.PathLike[str] = ".",
+    quiet: bool = False,
+    strict: bool = False,
+) -> File:
+    """Follow a nonlinear mode of a job in its amplitude (`[mode]`): frequency, damping and what contacts dissipate.
+
+    Parameters and errors are those of `run`; the job needs neither a sweep nor a harmonic load nor monitors. A mode
+    that is lost before its last amplitude is unsolved.
+
+    Examples
+    --------
+    >>> with attrito.mode("job.toml") as mode:
+    ...     mode.points.amplitude, mode.points.frequency_hz, mode.points.damping_ratio
+    """
+    from attrito.modes.nonlinear import mode_job
+
+    return File(_do(mode_job, job, comm, folder, quiet, strict, _read_without_excitation))
+
+
 def _read_without_excitation(source: JobSource, folder: str | os.PathLike[str]) -> Job:
     """A checked job that need not be excited."""
     return read_job(source, folder, excited=False)

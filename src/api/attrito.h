@@ -146,6 +146,8 @@ typedef struct {
     double excitation;
     double level;
     double amplitude;
+    double kinetic;
+    double structural_ratio;
 } attrito_backbone;
 
 /* Mode (from 1) that carries most of the first harmonic of the session's point, and its coordinate. */
@@ -154,6 +156,11 @@ void attrito_leading_mode(void *handle, int *mode, double *amplitude);
 /* The backbone of a mode (from 1) at an amplitude of its coordinate, given by a monitor (from 0). The static path has been
  * followed; the session serves nothing but this backbone from then on. */
 void attrito_begin_backbone(void *handle, int mode, int monitor, int measure, double amplitude, int branch,
+    attrito_backbone *backbone);
+
+/* A mode from a shape with unit modal mass [m] and an angular frequency, at an amplitude of the shape. The static path has been
+ * followed; the session serves nothing but this mode from then on. */
+void attrito_begin_mode(void *handle, const double *shape, double omega, double amplitude, int branch,
     attrito_backbone *backbone);
 
 /* At another amplitude, by long steps from where contacts stick. */

@@ -3,7 +3,7 @@ module attrito_api_backbone
   use, intrinsic :: iso_c_binding
   use attrito_accuracy_point_errors, only: point_errors_type, no_tolerance
   use attrito_output_point_report, only: report_point
-  use attrito_peak_backbone, only: begin_backbone, leading_mode
+  use attrito_peak_backbone, only: begin_backbone, begin_mode, leading_mode
   use attrito_peak_condition, only: problem_type
   use attrito_api_session, only: session_type, session_of
   use attrito_api_solver, only: point_type, point_of
@@ -15,8 +15,8 @@ module attrito_api_backbone
     !> Without an estimate of its error
     type(point_type) :: point
     !> The mode's coordinate; the negative damping, a part of the mass; level of the loads that would keep the motion up; amplitude of
-    !> the monitor
-    real(c_double) :: modal_amplitude, excitation, level, amplitude
+    !> the monitor; sum_h h^2 X_h^H M X_h; damping ratio of the structure alone
+    real(c_double) :: modal_amplitude, excitation, level, amplitude, kinetic, structural_ratio
   end type backbone_type
 
 contains
@@ -52,6 +52,27 @@ contains
     call begin_backbone(session%solver, mode, problem_type(monitor=monitor + 1, measure=measure), amplitude, session%backbone)
     call describe(session, branch, backbone)
   end subroutine attrito_begin_backbone
+
+  !> A mode from a shape with unit modal mass [m] and an angular frequency, at an amplitude of the shape. The static path has been
+  !> followed; the session serves nothing but this mode from then on.
+  subroutine attrito_begin_mode(handle, shape, omega, amplitude, branch, backbone) bind(c)
+    !> Session, see `session_of`
+    type(c_ptr), value :: handle
+    !> In the model's coordinates
+    real(c_double), intent(in) :: shape(*)
+    !> Angular frequency, rad/s; amplitude of the shape
+    real(c_double), value :: omega, amplitude
+    !> Number of the branch
+    integer(c_int), value :: branch
+    !> Point of the mode, reported
+    type(backbone_type), intent(out) :: backbone
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    call begin_mode(session%solver, shape(:size(session%structure%mass, 1)), omega, problem_type(monitor=0), amplitude, &
+                    session%backbone)
+    call describe(session, branch, backbone)
+  end subroutine attrito_begin_mode
 
   !> At another amplitude, by long steps from where contacts stick.
   subroutine attrito_restart_backbone(handle, amplitude, branch, backbone) bind(c)
@@ -103,5 +124,7 @@ contains
     backbone%excitation = session%backbone%excitation
     backbone%level = session%backbone%level
     backbone%amplitude = session%backbone%height
+    backbone%kinetic = session%backbone%kinetic
+    backbone%structural_ratio = session%backbone%structural_ratio
   end subroutine describe
 end module attrito_api_backbone

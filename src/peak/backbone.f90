@@ -15,8 +15,12 @@
 !> $$ L = \xi \omega \sum_h h^2 X_h^H M X_h / |X_1^H F_1| : $$
 !>
 !> there the backbone expects a resonance peak, at omega. Source: Krack 2015, doi:10.1016/j.compstruc.2015.02.037.
+!>
+!> A mode may also be begun at a given shape phi and frequency, those of the tangent system where contacts are open at rest: the
+!> stuck mode that has most of phi then serves as the coordinate that is held, a = x^T M phi / m times the shape's amplitude.
 module attrito_peak_backbone
   use attrito_core_kinds, only: wp
+  use attrito_linear_damping, only: damping_form
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
@@ -24,7 +28,7 @@ module attrito_peak_backbone
   use attrito_peak_condition, only: problem_type, direction_type, solve, respond
   implicit none
   private
-  public :: backbone_type, begin_backbone, leading_mode
+  public :: backbone_type, begin_backbone, begin_mode, leading_mode
 
   !> Newton's steps on omega and xi; the largest relative change of the frequency in one
   integer, parameter :: most_iterations = 12
@@ -49,11 +53,15 @@ module attrito_peak_backbone
     real(wp) :: amplitude = 0.0_wp, excitation = 0.0_wp
     !> Of the loads that would keep the motion up; of the monitor
     real(wp) :: level = 0.0_wp, height = 0.0_wp
+    !> sum_h h^2 X_h^H M X_h; damping ratio of the structure alone, its work a period by 2 pi omega^2 times that
+    real(wp) :: kinetic = 0.0_wp, structural_ratio = 0.0_wp
     !> Was the last point found? Newton's iterations that it took
     logical :: found = .false.
     integer :: iterations = 0
     !> M phi/m in generalised coordinates of harmonic 1 [n], and F_1
     complex(wp), allocatable, private :: reader(:), force(:)
+    !> Shape to begin at, in the model's coordinates, its coordinate being 1 [m]; not allocated: the stuck mode
+    real(wp), allocatable, private :: shape(:)
     !> At rest; the last two points
     type(base_point_type), private :: rest, last, before
   contains
@@ -105,6 +113,35 @@ contains
     call self%begin_at(solver, amplitude)
   end subroutine begin_backbone
 
+  !> The same from a shape and an angular frequency, about which the structure's small motion is; contacts need not stick.
+  subroutine begin_mode(solver, shape, omega, problem, amplitude, self)
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> In the model's coordinates, with unit modal mass [m]
+    real(wp), intent(in) :: shape(:)
+    !> Angular frequency, rad/s
+    real(wp), intent(in) :: omega
+    !> Its monitor, 0: none, and measure; the border is made here
+    type(problem_type), intent(in) :: problem
+    !> Of the shape
+    real(wp), intent(in) :: amplitude
+    type(backbone_type), intent(out) :: self
+    real(wp), allocatable :: parts(:)
+
+    associate (stuck => solver%stuck)
+      parts = matmul(transpose(stuck%modes), matmul(solver%structure%mass, shape))
+      self%mode = maxloc(parts**2/stuck%modal_mass, 1)
+      self%shape = shape*stuck%modal_mass(self%mode)/parts(self%mode)
+    end associate
+    self%problem = problem
+    allocate (self%problem%border%motion(size(solver%motion, 1), size(solver%motion, 2)), source=0.0_wp)
+    call hold_mode(self, solver)
+    self%rest = base_point_type(snapshot_type=snapshot_of(solver))
+    self%rest%omega = omega
+    self%rest%excitation = sum(damping_form(solver%structure, solver%stuck, reshape(shape, [size(shape), 1]), [omega]))
+    call self%begin_at(solver, abs(parts(self%mode))/solver%stuck%modal_mass(self%mode)*amplitude)
+  end subroutine begin_mode
+
   !> The point of an amplitude by long steps from one at which contacts still stick, the structure at rest before: what short steps do
   !> not pass, these may.
   subroutine begin_at(self, solver, amplitude)
@@ -118,9 +155,9 @@ contains
     if (allocated(self%before%motion)) deallocate (self%before%motion)
     self%rest%amplitude = amplitude
     do i = 1, most_amplitudes
-      call start_from(self, solver, linear(solver, self%mode, self%rest))
+      call start_from(self, solver, linear(self, solver))
       call correct(self, solver, self%rest)
-      if (self%found .and. solver%all_stick) exit
+      if (self%found .and. (solver%all_stick .or. allocated(self%shape))) exit
       if (i < most_amplitudes) self%rest%amplitude = amplitude_ratio*self%rest%amplitude
     end do
     if (.not. self%found) return
@@ -140,27 +177,30 @@ contains
       self%reader = balance%receptance%project_load(1, cmplx(inertia, kind=wp))/stuck%modal_mass(mode)
       self%force = balance%harmonic_load(:, 1)
       balance%harmonic_load = 0.0_wp
+      balance%loaded = [1]
       balance%harmonic_load(:, 1) = stuck%modal_stiffness(mode)*self%reader
       call balance%receptance%lift_mode(mode, stuck%modal_stiffness(mode))
     end associate
   end subroutine hold_mode
 
   !> The linear mode about where the structure is at rest, at the amplitude given there.
-  function linear(solver, mode, rest) result(place)
+  function linear(self, solver) result(place)
+    type(backbone_type), intent(in) :: self
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
-    !> Number of the mode
-    integer, intent(in) :: mode
-    !> Point of the backbone from which the next is sought
-    type(base_point_type), intent(in) :: rest
     type(base_point_type) :: place
+    real(wp), allocatable :: shape(:)
     integer :: first
 
-    place = rest
+    place = self%rest
     first = solver%context%balance%first_row
+    if (allocated(self%shape)) then
+      shape = self%shape
+    else
+      shape = solver%stuck%modes(:, self%mode)
+    end if
     place%motion(2:, :) = 0.0_wp
-    place%motion(2, :) = rest%amplitude*matmul(solver%stuck%modes(:, mode), &
-                                               solver%contacts%directions(:, first:first + size(rest%motion, 2) - 1))
+    place%motion(2, :) = place%amplitude*matmul(shape, solver%contacts%directions(:, first:first + size(place%motion, 2) - 1))
   end function linear
 
   !> Follow to an amplitude, in as many steps as it takes; the solver stays at the last point found.
@@ -327,18 +367,44 @@ contains
     type(solver_type), intent(in) :: solver
     type(amplitude_type) :: amplitude
     complex(wp), allocatable :: inertia(:, :)
-    real(wp) :: kinetic
+    real(wp) :: work
     integer :: h
 
     associate (balance => solver%context%balance)
-      amplitude = amplitude_of(balance%monitors%row_of(self%problem%monitor, balance%response), self%problem%measure)
-      self%height = amplitude%value
+      if (self%problem%monitor > 0) then
+        amplitude = amplitude_of(balance%monitors%row_of(self%problem%monitor, balance%response), self%problem%measure)
+        self%height = amplitude%value
+      end if
       allocate (inertia, mold=balance%response)
       call balance%receptance%inertia_of(balance%response, inertia)
-      kinetic = sum([(h**2*real(sum(conjg(balance%response(:, h))*inertia(:, h)), wp), h=1, ubound(inertia, 2))])
-      self%level = self%excitation*solver%omega*kinetic/max(abs(sum(conjg(balance%response(:, 1))*self%force)), tiny(1.0_wp))
+      self%kinetic = sum([(h**2*real(sum(conjg(balance%response(:, h))*inertia(:, h)), wp), h=1, ubound(inertia, 2))])
+      work = abs(sum(conjg(balance%response(:, 1))*self%force))
+      self%level = 0.0_wp
+      if (work > 0.0_wp) self%level = self%excitation*solver%omega*self%kinetic/work
+      self%structural_ratio = structural_ratio(solver, self%kinetic)
     end associate
   end subroutine measure
+
+  !> Of the structure's own damping: sum_h h^2 (X_c^T C X_c + X_s^T C X_s)_h / (2 omega sum_h h^2 X_h^H M X_h).
+  function structural_ratio(solver, kinetic) result(ratio)
+    !> Solver of points: its motion, sliders, angular frequency and balance
+    type(solver_type), intent(in) :: solver
+    !> sum_h h^2 X_h^H M X_h
+    real(wp), intent(in) :: kinetic
+    real(wp) :: ratio
+    real(wp), allocatable :: coordinates(:, :)
+    integer :: h
+
+    associate (balance => solver%context%balance)
+      coordinates = transpose(balance%receptance%displacements(balance%response))
+      ratio = 0.0_wp
+      do h = 1, ubound(balance%response, 2)
+        ratio = ratio + h**2*sum(damping_form(solver%structure, solver%stuck, coordinates(:, 2*h:2*h + 1), &
+                                              [h*solver%omega, h*solver%omega]))
+      end do
+    end associate
+    ratio = ratio/(2.0_wp*solver%omega*kinetic)
+  end function structural_ratio
 
   function base_point_of(self, solver) result(base_point)
     type(backbone_type), intent(in) :: self

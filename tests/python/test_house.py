@@ -24,8 +24,8 @@ FLOORS = (
     ("scene",),
     ("results",),
     ("runs", "integration", "plots", "export"),
-    ("peaks", "modes", "charts", "report"),
-    ("studies",),
+    ("peaks", "charts", "report"),
+    ("modes", "studies"),
     ("api", VERIFICATION),
     ("cli",),
 )

@@ -18,7 +18,7 @@ def parser() -> argparse.ArgumentParser:
     )
     whole.add_argument("--version", action="version", version=f"attrito {__version__}")
     parsers = whole.add_subparsers(dest="command", required=True, metavar="command")
-    making, solving = (_import, _reduce), (_run, _chart, _peak, _linear_modes, _study, _integrate)
+    making, solving = (_import, _reduce), (_run, _chart, _peak, _linear_modes, _mode, _study, _integrate)
     looking = (_table, _plot, _report, _info, _keys, _verify, _export)
     for add in (*making, *solving, *looking):
         add(parsers)
@@ -98,6 +98,15 @@ def _linear_modes(parsers: Parsers) -> None:
     )
     one.add_argument("--count", type=_positive, default=20, metavar="N", help="of modes, at most (default: 20)")
     one.set_defaults(work=commands.linear_modes)
+
+
+def _mode(parsers: Parsers) -> None:
+    one = parsers.add_parser(
+        "mode", help="a nonlinear mode: frequency and damping by amplitude -> HDF5, table, picture"
+    )
+    one.add_argument("job", help="job file (TOML) with a table [mode]; no [sweep], harmonic load or monitors needed")
+    one.add_argument("-o", "--output", help="picture to write (default: the file of the mode, ending .png)")
+    one.set_defaults(work=commands.mode)
 
 
 def _study(parsers: Parsers) -> None:
@@ -199,7 +208,9 @@ def _export(parsers: Parsers) -> None:
     one.add_argument(
         "--points", "--point", type=_numbers, metavar="LIST", help="points, as 12,30 (default: the largest amplitude)"
     )
-    one.add_argument("--mode", type=_positive, metavar="N", help="of a file of linear modes: its Nth mode")
+    one.add_argument(
+        "--mode", type=_whole, metavar="N", help="of linear modes: the Nth; of a nonlinear mode: its point N"
+    )
     one.add_argument("--monitor", help="monitor whose largest amplitude is meant (default: the first)")
     one.add_argument("--phases", type=_positive, metavar="N", help="instants of a period (default: coefficients, once)")
     one.add_argument("--format", choices=["vtu", "xdmf"], help="default: by the ending of -o, else vtu")
@@ -222,6 +233,12 @@ def _numbers(text: str) -> list[int]:
 def _positive(text: str) -> int:
     if not text.isdecimal() or int(text) == 0:
         raise argparse.ArgumentTypeError(f"{text!r}: expected a number of at least 1")
+    return int(text)
+
+
+def _whole(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number")
     return int(text)
 
 

@@ -102,6 +102,15 @@ def linear_modes(options: argparse.Namespace) -> None:
     linear_modes_job(MPI.COMM_WORLD, options.job, options.state, options.count)
 
 
+def mode(options: argparse.Namespace) -> None:
+    """A nonlinear mode -> HDF5, table, picture."""
+    from mpi4py import MPI
+
+    from attrito.modes.nonlinear import mode_job
+
+    mode_job(MPI.COMM_WORLD, options.job, options.output)
+
+
 def study(options: argparse.Namespace) -> None:
     """The peaks of a job for many values of its keys -> HDF5 and picture."""
     from mpi4py import MPI
@@ -123,7 +132,8 @@ def integrate(options: argparse.Namespace) -> None:
 def table(options: argparse.Namespace) -> None:
     """A result -> CSV on standard output."""
     from attrito.modes import linear
-    from attrito.results.result import LINEAR_MODES, Result
+    from attrito.modes.table import table as mode_table
+    from attrito.results.result import LINEAR_MODES, MODE, Result
     from attrito.results.tables import bifurcation_table, contact_table, multiplier_table, table
 
     kinds = {"contacts": contact_table, "multipliers": multiplier_table, "bifurcations": bifurcation_table}
@@ -131,17 +141,25 @@ def table(options: argparse.Namespace) -> None:
     with Result(options.result) as result:
         if result.attribute("format") == LINEAR_MODES and kind is table:
             kind = linear.table
+        elif result.attribute("format") == MODE and kind is table:
+            kind = mode_table
         sys.stdout.write(kind(result))
 
 
 def plot(options: argparse.Namespace) -> None:
     """A result -> picture of its frequency response, loops, or contacts."""
+    from attrito.modes.plot import mode_curve
     from attrito.plots import contacts, response, style
     from attrito.results.loops import contact_loops, most_dissipating
-    from attrito.results.result import Result
+    from attrito.results.result import MODE, Result
 
     look = style.Look(options.width, options.height, options.font, options.font_size)
     with Result(options.result) as result:
+        if result.attribute("format") == MODE and not (options.loops or options.map):
+            path = options.output or _beside(options.result, "mode.png")
+            style.save(mode_curve(result, look), path, options.dpi)
+            print(path)
+            return
         monitor = _monitor(result, options)
         if options.loops:
             point = _point(result, options, monitor)
@@ -268,16 +286,22 @@ def _point(result, options: argparse.Namespace, monitor: str) -> int:
 
 def _points(result, options: argparse.Namespace) -> list[int]:
     """The chosen points, or that of the largest amplitude; of linear modes the chosen one."""
-    from attrito.results.result import LINEAR_MODES
+    from attrito.results.result import LINEAR_MODES, MODE
 
     if result.attribute("format") == LINEAR_MODES:
         count = result.points
-        if options.points is not None or options.mode is None or options.mode > count:
+        if options.points is not None or options.mode is None or not 1 <= options.mode <= count:
             key, given = ("--points", options.points) if options.points is not None else ("--mode", options.mode)
             raise InputError(Fault(options.result, key, given, f"--mode and a number from 1 to {count}"))
         return [options.mode - 1]
+    if result.attribute("format") == MODE and options.mode is not None:
+        return [_point(result, argparse.Namespace(point=options.mode, result=options.result), "")]
     if options.mode is not None:
-        raise InputError(Fault(options.result, "--mode", options.mode, "a file of `attrito linear-modes`"))
+        raise InputError(
+            Fault(options.result, "--mode", options.mode, "a file of `attrito linear-modes` or `attrito mode`")
+        )
+    if result.attribute("format") == MODE and options.points is None:
+        return [result.points - 1]
     monitor = _monitor(result, options)
     if options.points is None:
         return [_point(result, argparse.Namespace(point=None, result=options.result), monitor)]

@@ -27,7 +27,7 @@ from attrito.support.overwrite_check import check_files
 # Ranks share the work; threads of BLAS would fight them. To be said before numpy and the library load BLAS.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-PARALLEL = ("run", "reduce", "peak", "linear-modes", "study", "integrate", "export", "verify")
+PARALLEL = ("run", "reduce", "peak", "linear-modes", "mode", "study", "integrate", "export", "verify")
 # Commands whose result is what they print.
 PRINTED = ("table", "info", "keys")
 INTERRUPTED = 130

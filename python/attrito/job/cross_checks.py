@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from attrito.job.job import Job, files_by_key, model_path, peak_path, rom_path
+from attrito.job.job import Job, files_by_key, mode_path, model_path, peak_path, rom_path
 from attrito.job.laws import check_laws, laws_by_samples
 from attrito.job.schema import ARRAYS, LOAD_KEYS
 from attrito.support.errors import Fault
@@ -228,6 +228,8 @@ def _check_outputs(job: Job) -> list[Fault]:
         model = model_path(job, rom)
         if job["model"]["file"] is None and model is not None:
             written.append(("[reduction] file", model))
+    if "mode" in job.given:
+        written.append(("[mode] file", mode_path(job)))
     if "peak" in job.given:
         written.append(("[peak] file", peak_path(job)))
     faults, taken = [], list(files_by_key(job).items())

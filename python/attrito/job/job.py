@@ -58,6 +58,13 @@ def linear_modes_path(job: Job) -> str:
     return str(Path(job.file(job["output"]["file"])).with_suffix(".modes.h5"))
 
 
+def mode_path(job: Job) -> str:
+    """Where a nonlinear mode of a job goes."""
+    if job["mode"]["file"] is not None:
+        return job.file(job["mode"]["file"])
+    return str(Path(job.file(job["output"]["file"])).with_suffix(".mode.h5"))
+
+
 def model_path(job: Job, rom: str | None) -> str | None:
     """The job's model file: its own, or one beside the file of the reduced model for matrices given otherwise."""
     if job["model"]["file"] is not None:

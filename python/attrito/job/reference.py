@@ -22,6 +22,7 @@ PURPOSES = {
     "sweep": "Required: `start_hz` and `stop_hz`, or `frequencies_hz`.",
     "continuation": "How a sweep is followed.",
     "peak": "For `attrito peak`: a resonance peak followed in a parameter ([peaks.md](peaks.md)).",
+    "mode": "For `attrito mode`: a nonlinear mode followed in its amplitude ([modes.md](modes.md#nonlinear-modes)).",
     "stability": "Floquet multipliers of the points.",
     "integrate": "For `attrito integrate`; the group `/integration` goes into the output file.",
     "output": "Required.",

@@ -239,6 +239,26 @@ TABLES: dict[str, dict[str, Key]] = {
         "max_points": Key(integer(2), 1000, "of the curve"),
         "file": Key(text, None, "of peaks; absent: that of the output, ending `.peaks.h5`"),
     },
+    "mode": {
+        "file": Key(text, None, "of the mode; absent: that of the output, ending `.mode.h5`"),
+        "number": Key(
+            integer(1),
+            None,
+            "of the tangent modes as `attrito linear-modes` lists them; absent: the first elastic one",
+        ),
+        "near_hz": Key(frequency(), None, "instead: the elastic tangent mode nearest to this frequency"),
+        "method": Key(
+            choice("epmc"), "epmc", "extended periodic motion concept ([modes.md](modes.md#nonlinear-modes))"
+        ),
+        "start": Key(
+            number(0, above=True),
+            None,
+            "amplitude Q to begin at: zero to peak of phi^T M q_1, phi the tangent mode with unit modal mass",
+            required=True,
+        ),
+        "stop": Key(number(0, above=True), None, "amplitude Q to end at", required=True),
+        "points": Key(integer(2), 20, "amplitudes, equal in ratio, at which the mode is located"),
+    },
     "stability": {
         "method": Key(
             choice("none", "monodromy", "hill", "both"),

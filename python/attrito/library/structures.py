@@ -64,7 +64,10 @@ class RawPeak(ctypes.Structure):
 class RawBackbone(ctypes.Structure):
     """`attrito.peaks.curve.BackbonePoint`."""
 
-    _fields_ = [("point", RawPoint), *_all(c_double, "modal_amplitude", "excitation", "level", "amplitude")]
+    _fields_ = [
+        ("point", RawPoint),
+        *_all(c_double, "modal_amplitude", "excitation", "level", "amplitude", "kinetic", "structural_ratio"),
+    ]
 
 
 class RawExamination(ctypes.Structure):

@@ -120,6 +120,14 @@ class Recorder:
         self._told, self._new = {}, {}
         self._solver.report_point(self._hear if self._comm.rank == 0 else None)
 
+    def heard(self, path: str) -> np.ndarray:
+        """What was taken down of the point; at the root."""
+        return self._told[path]
+
+    def add(self, path: str, what: Series, values: np.ndarray) -> None:
+        """Take down besides what the solver does not report itself, or in its place; at the root."""
+        self._hear(path, what, values)
+
     def _hear(self, path: str, what: Series, values: np.ndarray) -> None:
         self._told[path] = values
         if path not in self._known:

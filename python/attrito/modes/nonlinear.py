@@ -1,0 +1,221 @@
+"""`attrito mode`: a nonlinear mode followed in its amplitude, into an HDF5 file that is read as a result is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from attrito.job.job import Job, mode_path
+from attrito.job.reading import read_job
+from attrito.library.series import Series
+from attrito.library.session import LinearModes, Solver
+from attrito.modes.plot import mode_curve
+from attrito.modes.scene_at_rest import Prepared, prepare, solver_at_rest
+from attrito.modes.table import table
+from attrito.modes.tracker import ModePoint, ModeTracker
+from attrito.peaks.fixed_series import fixed_series
+from attrito.plots.style import save
+from attrito.results.journal import Record
+from attrito.results.result import MODE, Result
+from attrito.results.result_file import fill_result
+from attrito.runs.header import first_record
+from attrito.runs.position import RunPosition
+from attrito.runs.progress import Progress
+from attrito.runs.recorder import Recorder
+from attrito.scene.build import build_scene
+from attrito.scene.scene import Scene
+from attrito.support.atomic_files import whole_hdf5
+from attrito.support.errors import InputError, UnsolvedError
+from attrito.support.locks import writing_alone
+from attrito.support.parallel import on_root, on_root_only
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+REFERENCES = (
+    "Krack 2015, doi:10.1016/j.compstruc.2015.02.037; Zucca & Firrone 2014, doi:10.1016/j.jsv.2013.09.032; "
+    "Craig & Bampton 1968, doi:10.2514/3.4741"
+)
+# Of modes that are looked through for the one meant
+LISTED = 40
+# Of a file of a mode, beside the series of a result
+SERIES = {
+    "amplitude": ("amplitude Q: zero to peak of phi^T M q_1, phi the tangent mode", "user length (user mass)^0.5"),
+    "damping_ratio": ("of the contacts: their work a period / (2 pi omega^2 sum h^2 q_h^H M q_h)", "1"),
+    "damping_ratio_structure": ("of the structure's own damping, likewise", "1"),
+    "dissipated_energy": ("work of all contacts a period", "user energy"),
+    "excitation": ("negative damping that keeps the motion up, a part of the mass", "rad/s"),
+}
+
+
+def mode_job(comm: Comm, path: str | Job, picture: str | None = None) -> str:
+    """Follow the mode that a job asks for: file, table on standard output, picture. Returns the file's path.
+
+    What was found of a mode that is lost is written and shown before `UnsolvedError` is raised.
+    """
+    progress = Progress(comm)
+    job = on_root(comm, lambda: read_job(path, excited=False))
+    on_root(comm, lambda: _check(job))
+    scene = on_root_only(comm, lambda: build_scene(job))
+    file = mode_path(job)
+    with writing_alone(comm, file):
+        missed = _follow_and_show(comm, job, scene, file, picture, progress)
+    if missed:
+        raise UnsolvedError(file, missed)
+    return file
+
+
+def _follow_and_show(
+    comm: Comm, job: Job, scene: Scene | None, file: str, picture: str | None, progress: Progress
+) -> str:
+    """Follow the mode, write and show what was found; what is missing, in words."""
+    prepared = prepare(comm, job, scene, progress)
+    series = fixed_series(prepared.options)
+    # One series for the whole mode: where the job leaves it open the second, which other errors are seldom above.
+    prepared = Prepared(prepared.rom, prepared.reduced, prepared.load_path, series[min(1, len(series) - 1)])
+    first = on_root_only(comm, lambda: _first_record(comm, job, scene, prepared))
+    with solver_at_rest(comm, job, prepared, progress) as solver:
+        number, modes = chosen_mode(comm, job, solver)
+        progress.say(f"tangent mode {number}: {modes.natural_hz[number - 1]:.6g} Hz")
+        recorder = Recorder(comm, solver, f"{file}.partial", ())
+        recorder.begin(first)
+        try:
+            missed = _follow(comm, job, solver, prepared, modes, number - 1, recorder, progress)
+        finally:
+            recorder.close()
+
+    def show() -> str:
+        with whole_hdf5(file) as whole:
+            fill_result(whole, f"{file}.partial")
+            whole.attrs["warnings"] = "\n".join(progress.warnings)
+            whole.attrs["mode"], whole.attrs["method"] = number, job["mode"]["method"]
+            whole.attrs["tangent_hz"] = modes.natural_hz[number - 1]
+            whole.attrs["tangent_damping_ratio"] = modes.damping_ratio[number - 1]
+        Path(f"{file}.partial").unlink()
+        with Result(file) as result:
+            print(table(result), end="")
+            place = picture or str(Path(file).with_suffix(".png"))
+            save(mode_curve(result), place)
+        return place
+
+    progress.say(f"{file}, {on_root(comm, show)}")
+    return missed
+
+
+def chosen_mode(comm: Comm, job: Job, solver: Solver) -> tuple[int, LinearModes]:
+    """The number, from 1, of the tangent mode that a job means, and the tangent modes. Collective."""
+    keys = job["mode"]
+    modes = solver.linear_modes("tangent", max(LISTED, keys["number"] or 0))
+    count = len(modes.natural_hz)
+
+    def choose() -> int:
+        if keys["near_hz"] is not None:
+            elastic = modes.natural_hz[modes.rigid :]
+            return int(modes.rigid + np.argmin(abs(elastic - keys["near_hz"]))) + 1
+        number: int = keys["number"] or modes.rigid + 1
+        if not modes.rigid < number <= count:
+            expected = f"the number of an elastic mode, {modes.rigid + 1} to {count}"
+            raise InputError(job.fault("[mode] number", number, expected))
+        return number
+
+    return on_root(comm, choose), modes
+
+
+def amplitudes(job: Job) -> np.ndarray:
+    """The amplitudes at which the mode is located, equal in ratio."""
+    keys = job["mode"]
+    values = np.geomspace(keys["start"], keys["stop"], keys["points"])
+    values[0], values[-1] = keys["start"], keys["stop"]
+    return values
+
+
+def _follow(
+    comm: Comm,
+    job: Job,
+    solver: Solver,
+    prepared: Prepared,
+    modes: LinearModes,
+    index: int,
+    recorder: Recorder,
+    progress: Progress,
+) -> str:
+    """Point after point into the journal; what is missing, in words."""
+    tracker = ModeTracker(solver, prepared.reduced, modes.shapes[index], modes.natural_hz[index])
+    place = RunPosition()
+    for one in _points(tracker, amplitudes(job)):
+        recorder.hear()
+        ratio = _record(comm, recorder, one)
+        place.add(one.point)
+        recorder.write(one.point, place)
+        progress.say(
+            f"Q {one.amplitude:10.4e}  {one.point.frequency_hz:11.6g} Hz  damping ratio {ratio:10.4e} +"
+            f" {one.structural_ratio:.4e}  stuck {sum(one.point.states[:2]):3d} slipping {one.point.states[2]:3d}"
+            f" open {one.point.states[3]:3d}  {one.iterations:3d} iterations  {one.point.outcome}"
+        )
+    if one.converged:
+        return ""
+    return f"the mode was lost at amplitude {one.amplitude:.6g}, before [mode] stop = {job['mode']['stop']:g}"
+
+
+def _points(tracker: ModeTracker, values: np.ndarray) -> Iterator[ModePoint]:
+    """Points at these amplitudes, up to the first that is not found."""
+    for amplitude in values:
+        one = tracker.at(float(amplitude))
+        yield one
+        if not one.converged:
+            return
+
+
+def _record(comm: Comm, recorder: Recorder, one: ModePoint) -> float:
+    """Note what is known of a mode's point beside a result's series; the contacts' damping ratio. Collective."""
+
+    def note() -> float:
+        work = float(np.nansum(recorder.heard("/contacts/dissipated_energy")))
+        square = (2.0 * np.pi * one.point.frequency_hz) ** 2 * one.kinetic
+        values = {
+            "damping_ratio": work / (2.0 * np.pi * square) if one.converged else np.nan,
+            "damping_ratio_structure": one.structural_ratio,
+            "dissipated_energy": work,
+            "excitation": one.excitation,
+        }
+        values = {name: value if one.converged else np.nan for name, value in values.items()}
+        for name, value in ({"amplitude": one.amplitude} | values).items():
+            description, unit = SERIES[name]
+            recorder.add(f"/points/{name}", Series("real64", description, unit), np.array(value))
+        iterations = Series("int32", "iterations of Newton's method, all tries together", "1")
+        recorder.add("/points/iterations", iterations, np.array(one.iterations))
+        for name in ("estimate", "error_harmonics", "error_samples", "error_modes"):
+            unknown = Series("real64", "relative error: not estimated for modes", "1")
+            recorder.add(f"/points/{name}", unknown, np.array(np.nan))
+        return values["damping_ratio"]
+
+    return on_root(comm, note)
+
+
+def _first_record(comm: Comm, job: Job, scene: Scene, prepared: Prepared) -> Record:
+    record = first_record(job, scene, prepared.rom, prepared.reduced, comm.size, {}, None)
+    record.note["attributes"] |= {
+        "format": MODE,
+        "description": "A nonlinear mode followed in its amplitude; see docs/modes.md of attrito",
+        "references": REFERENCES,
+    }
+    return record
+
+
+def _check(job: Job) -> None:
+    """Faults between the keys of `[mode]` and the rest of the job."""
+    keys = job["mode"]
+    if "mode" not in job.given:
+        raise InputError(job.fault("[mode]", "missing", "this table, with start and stop"))
+    faults = []
+    if keys["number"] is not None and keys["near_hz"] is not None:
+        faults.append(job.fault("[mode] near_hz", keys["near_hz"], "no such key beside number"))
+    if keys["start"] == keys["stop"]:
+        faults.append(job.fault("[mode] stop", keys["stop"], "an amplitude other than start"))
+    if job["balance"]["approach"] == "uncoupled":
+        faults.append(job.fault("[balance] approach", "uncoupled", '"coupled": a frozen mean is no motion of a mode'))
+    if faults:
+        raise InputError(*faults)

@@ -1,0 +1,45 @@
+"""The picture of a nonlinear mode: frequency and damping against amplitude."""
+
+from __future__ import annotations
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+from attrito.plots.style import BRANCH_COLOURS, LIMIT_COLOUR, Look
+from attrito.results.result import Result
+
+
+def mode_curve(result: Result, look: Look | None = None) -> Figure:
+    """Frequency above, damping ratios below: of the contacts, of the structure, and both; dashed the tangent mode."""
+    look = look or Look()
+    amplitude, frequency, contacts, structure = (
+        result.array(f"/points/{name}")
+        for name in ("amplitude", "frequency_hz", "damping_ratio", "damping_ratio_structure")
+    )
+    solved = result.converged
+    amplitude, frequency, contacts, structure = (
+        values[solved] for values in (amplitude, frequency, contacts, structure)
+    )
+    with matplotlib.rc_context(look.style()):
+        figure = Figure(figsize=look.size((6.4, 5.6)), constrained_layout=True)
+        upper, lower = figure.subplots(2, 1, sharex=True)
+        upper.axhline(float(result.attribute("tangent_hz")), color=LIMIT_COLOUR, linestyle="--", label="tangent")
+        upper.plot(amplitude, frequency, ".-", color=BRANCH_COLOURS[0], label="mode")
+        upper.set_ylabel("Frequency (Hz)")
+        upper.ticklabel_format(axis="y", useOffset=False)
+        upper.legend(loc="best")
+        for values, colour, style, label in (
+            (contacts, BRANCH_COLOURS[1], ".-", "contacts"),
+            (structure, BRANCH_COLOURS[2], "-", "structure"),
+            (contacts + structure, "k", ":", "both"),
+        ):
+            shown = np.where(values > 0.0, values, np.nan)
+            if np.any(np.isfinite(shown)):
+                lower.loglog(amplitude, shown, style, color=colour, label=label)
+        if lower.get_legend_handles_labels()[0]:
+            lower.legend(loc="best")
+        upper.set_xscale("log")
+        lower.set_ylabel("Damping ratio")
+        lower.set_xlabel(r"Amplitude Q")
+    return figure

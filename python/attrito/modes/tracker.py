@@ -1,0 +1,103 @@
+"""A nonlinear mode by the extended periodic motion concept, point by point; the balance is the Fortran library's.
+
+M q'' + (C - xi M) q' + K q = f_0 - B^T lambda(B q): xi makes up for what dissipates. The library follows the coordinate
+of one stuck mode; here it is varied until the mode's amplitude Q = |phi^T M q_1| is the one asked for.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+
+import numpy as np
+
+from attrito.library.reduced_scene import ReducedScene
+from attrito.library.session import Point, Solver
+from attrito.library.structures import RawBackbone, omega, pointer
+
+# Relative difference of Q from what is asked for, and how often it is corrected
+AMPLITUDE_TOLERANCE = 1e-9
+MOST_CORRECTIONS = 12
+
+
+@dataclass(frozen=True)
+class ModePoint:
+    """A point of a mode.
+
+    Parameters
+    ----------
+    point : without an estimate of its error; its level has no meaning
+    amplitude : Q, zero to peak of phi^T M q_1, user length times root of user mass
+    kinetic : sum over h of h^2 q_h^H M q_h, of zero-to-peak amplitudes
+    structural_ratio : damping ratio of the structure alone
+    excitation : xi, rad per time
+    iterations : of Newton's method on the way here
+    """
+
+    point: Point
+    amplitude: float
+    kinetic: float
+    structural_ratio: float
+    excitation: float
+    iterations: int
+
+    @property
+    def converged(self) -> bool:
+        """Whether it was found."""
+        return self.point.is_solved
+
+
+class ModeTracker:
+    """Follows one mode. The solver has followed its static path; it serves nothing else from then on. Collective.
+
+    Parameters
+    ----------
+    solver : stays the caller's
+    scene : what it solves
+    shape : of the tangent mode, unit modal mass, `[m]`
+    frequency_hz : of the tangent mode
+    """
+
+    def __init__(self, solver: Solver, scene: ReducedScene, shape: np.ndarray, frequency_hz: float):
+        self._solver, self._shape, self._frequency_hz = solver, np.ascontiguousarray(shape, dtype=float), frequency_hz
+        self._weight = scene.mass @ self._shape
+        # The stuck mode's coordinate and Q, of the last two solutions
+        self._known: list[tuple[float, float]] = []
+
+    def at(self, amplitude: float) -> ModePoint:
+        """The point of an amplitude; the first call begins at the tangent mode."""
+        iterations = 0
+        for _ in range(MOST_CORRECTIONS):
+            raw = self._solve(amplitude)
+            point = self._solver.point_of(raw.point)
+            iterations += point.iterations
+            found = self._amplitude() if point.is_solved else np.nan
+            if not point.is_solved:
+                break
+            self._known = [*self._known[-1:], (raw.modal_amplitude, found)]
+            if abs(found / amplitude - 1.0) <= AMPLITUDE_TOLERANCE:
+                break
+        missed = not abs(found / amplitude - 1.0) <= AMPLITUDE_TOLERANCE
+        if missed and point.is_solved:
+            point = point._replace(outcome="not_converged")
+        return ModePoint(point, amplitude, raw.kinetic, raw.structural_ratio, raw.excitation, iterations)
+
+    def _solve(self, amplitude: float) -> RawBackbone:
+        """At the coordinate at which the amplitude is expected: on the line through what is known, in logarithms."""
+        raw = RawBackbone()
+        if not self._known:
+            arguments = pointer(self._shape), omega(self._frequency_hz), amplitude, 0, ctypes.byref(raw)
+            self._solver.call("attrito_begin_mode", *arguments)
+            return raw
+        (a, q), slope = self._known[-1], 1.0
+        if len(self._known) == 2:
+            (a0, q0), (a1, q1) = self._known
+            if q1 != q0 and a1 != a0:
+                slope = float(np.clip(np.log(a1 / a0) / np.log(q1 / q0), 0.2, 5.0))
+        self._solver.call("attrito_backbone_at", a * (amplitude / q) ** slope, 0, ctypes.byref(raw))
+        return raw
+
+    def _amplitude(self) -> float:
+        """Q where the solver is."""
+        motion = self._solver.coordinates()
+        return float(abs(self._weight @ (motion[:, 1] - 1j * motion[:, 2])))

@@ -1,0 +1,208 @@
+"""Nonlinear modes by the extended periodic motion concept, `attrito mode`."""
+
+from __future__ import annotations
+
+import h5py
+import numpy as np
+import pytest
+from jobs import Job, attrito, table, wedge, write_job
+
+K, KT, LIMIT, MASS = 1.0e5, 6.0e4, 20.0, 2.0
+
+
+def rubbing(harmonics: int = 1, stop: float = 2.0e-2) -> Job:
+    """A mass on a spring and one Coulomb element whose normal force is constant: limit 20, slip from 20/kt on."""
+    return {
+        "model": {"mass": (MASS * np.eye(2)).tolist(), "stiffness": (K * np.eye(2)).tolist()},
+        "damping": {"rayleigh": [2.0, 0.0]},
+        "contact": [
+            {
+                "normal": [[1, 1.0]],
+                "tangents": [[[0, 1.0]]],
+                "tangential_stiffness": KT,
+                "normal_stiffness": 4.0e5,
+                "friction_coefficient": 0.4,
+                "preload": 62.5,
+            }
+        ],
+        # The spring takes part of the preload: N = 62.5 K / (K + kn) + 37.5 = 50.
+        "load": [{"name": "press", "kind": "static", "dofs": [[1, 46.875]]}],
+        "balance": {"harmonics": harmonics},
+        "mode": {"start": 1.0e-4, "stop": stop, "points": 12},
+        "output": {"file": "result.h5"},
+    }
+
+
+def follow(folder, job: Job) -> list[dict[str, float]]:
+    done = attrito(folder, "mode", write_job(folder, job))
+    assert done.returncode == 0, done.stdout + done.stderr
+    numbers = ("amplitude", "frequency_hz", "damping_ratio", "damping_ratio_structure", "dissipated_energy")
+    rows = table(folder, result="result.mode.h5")
+    assert all(row["converged"] == "true" and row["outcome"] == "converged" for row in rows)
+    return [{name: float(row[name]) for name in numbers} for row in rows]
+
+
+def test_one_harmonic_of_a_coulomb_element_has_the_frequency_and_damping_of_its_describing_function(tmp_path):
+    rows = follow(tmp_path, rubbing())
+    slipping = 0
+    for row in rows:
+        amplitude = row["amplitude"] / np.sqrt(MASS)
+        # Half a loop: sticks from the reversal until the slider has gone 2 limit/kt, then slips.
+        ratio = min(LIMIT / (KT * amplitude), 1.0)
+        slipping += ratio < 1.0
+        angle = np.arccos(1.0 - 2.0 * ratio)
+        real = KT / np.pi * (angle - np.sin(angle) * np.cos(angle))
+        work = 4.0 * LIMIT * (amplitude - LIMIT / KT) if ratio < 1.0 else 0.0
+        omega = np.sqrt((K + real) / MASS)
+        assert row["frequency_hz"] == pytest.approx(omega / (2 * np.pi), rel=1e-8)
+        assert row["dissipated_energy"] == pytest.approx(work, rel=1e-8, abs=1e-12)
+        assert row["damping_ratio"] == pytest.approx(work / (2 * np.pi * (omega * row["amplitude"]) ** 2), abs=1e-10)
+        # C = 2 M: alpha / (2 omega)
+        assert row["damping_ratio_structure"] == pytest.approx(2.0 / (2.0 * omega), rel=1e-8)
+    assert 0 < slipping < len(rows), "the test is void unless it sticks at first and slips later"
+
+
+def test_a_mode_begins_as_the_tangent_one_and_its_damping_is_what_the_excitation_makes_up_for(tmp_path):
+    rows = follow(tmp_path, rubbing(harmonics=7))
+    assert [rows[0]["amplitude"], rows[-1]["amplitude"]] == pytest.approx([1.0e-4, 2.0e-2], rel=1e-12)
+    assert rows[0]["frequency_hz"] == pytest.approx(np.sqrt((K + KT) / MASS) / (2 * np.pi), rel=1e-8)
+    with h5py.File(tmp_path / "result.mode.h5") as file:
+        excitation = file["points/excitation"][:]
+        first = file["points/coordinates"][:, 0, 1:3]
+    assert np.hypot(*first.T) * np.sqrt(MASS) == pytest.approx([row["amplitude"] for row in rows], rel=1e-8)
+    for row, xi in zip(rows, excitation, strict=True):
+        both = row["damping_ratio"] + row["damping_ratio_structure"]
+        assert both == pytest.approx(xi / (4 * np.pi * row["frequency_hz"]), rel=1e-7)
+
+
+def marched_work(motion: np.ndarray, kt: float, kn: float, mu: float, steps: int = 40_000) -> float:
+    """Work a period of one Coulomb element under a displacement `[3, nk]`, its slider marched until periodic."""
+    angle = 2 * np.pi * np.arange(steps + 1) / steps
+    harmonics = np.arange(1, (motion.shape[1] + 1) // 2)
+    u, v = (row[0] + row[1::2] @ np.cos(np.outer(harmonics, angle)) + row[2::2] @ np.sin(np.outer(harmonics, angle))
+            for row in (motion[0], motion[2]))  # fmt: skip
+    reach = mu * np.maximum(kn * v, 0.0) / kt
+    slider = u[0]
+    for _ in range(2):
+        forces = np.empty_like(u)
+        for i in range(steps + 1):
+            slider = min(max(slider, u[i] - reach[i]), u[i] + reach[i])
+            forces[i] = kt * (u[i] - slider)
+    return float(np.sum(0.5 * (forces[1:] + forces[:-1]) * np.diff(u)))
+
+
+def weakly_damped_wedge() -> Job:
+    """The paper's wedge with a tenth of its damping, from where the contact sticks to where it slips."""
+    job = wedge()
+    job["model"]["damping"] = (2 * np.pi * np.eye(2)).tolist()
+    job["balance"] = {"harmonics": 7}
+    job["mode"] = {"start": 1.0e-6, "stop": 3.0e-3, "points": 18}
+    return job
+
+
+def test_dissipation_is_that_of_a_loop_marched_in_time(tmp_path):
+    job = weakly_damped_wedge()
+    rows = follow(tmp_path, job)
+    with h5py.File(tmp_path / "result.mode.h5") as file:
+        motion = file["contacts/displacement"][:, 0]
+    law = job["contact"][0]
+    numbers = (law[name] for name in ("tangential_stiffness", "normal_stiffness", "friction_coefficient"))
+    work = marched_work(motion[-1], *numbers)
+    assert work > 0.0
+    # The march's own error falls like the square of 1/40 000; the balance goes by events.
+    assert rows[-1]["dissipated_energy"] == pytest.approx(work, rel=1e-4)
+
+
+def test_the_mode_predicts_forced_resonances_of_a_lightly_damped_wedge(tmp_path):
+    job = weakly_damped_wedge()
+    # So that slip damps by less than 1 %, too.
+    job["contact"][0]["friction_coefficient"] = 0.1
+    follow(tmp_path, job)
+    force = np.zeros(2)
+    for dof, value in job["load"][1]["cosine"]:
+        force[dof] += value
+    with h5py.File(tmp_path / "result.mode.h5") as file:
+        omega = 2 * np.pi * file["points/frequency_hz"][:]
+        ratio = file["points/damping_ratio"][:] + file["points/damping_ratio_structure"][:]
+        first = file["points/coordinates"][:, :, 1] - 1j * file["points/coordinates"][:, :, 2]
+        series = file["points/coordinates"][:]
+        mean = series[:, :, 0]
+        height = file["monitors/x/amplitude"][:]
+    mass = np.eye(2)
+    harmonic = (np.arange(series.shape[2]) + 1) // 2
+    kinetic = np.einsum("pik,ij,pjk,k->p", series, mass, series, harmonic**2)
+    level = 2 * ratio * omega**2 * kinetic / abs(first @ force)
+    # Where the contacts damp by less than 1 % and the mean has hardly moved.
+    swing = np.linalg.norm(series[:, :, 1], axis=1)
+    chosen = np.flatnonzero((ratio < 0.01) & (np.linalg.norm(mean - mean[0], axis=1) < 0.1 * swing))
+    slips = [i for i in chosen if ratio[i] > 1.5 * ratio[0]]
+    assert slips, "the test is void unless the contact slips at some of these"
+    for i in (slips[0], slips[-1]):
+        at = omega[i] / (2 * np.pi)
+        around = at * np.linspace(1.03, 0.97, 61)
+        job["sweep"] = {"frequencies_hz": around.tolist(), "levels": [float(level[i])]}
+        done = attrito(tmp_path, "run", write_job(tmp_path, job))
+        assert done.returncode == 0, done.stderr
+        rows = table(tmp_path)
+        heights = [float(row["x_amplitude"]) for row in rows]
+        peak = int(np.argmax(heights))
+        assert heights[peak] == pytest.approx(height[i], rel=0.02)
+        assert float(rows[peak]["frequency_hz"]) == pytest.approx(at, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"stop": 1.0e-4}, "[mode] stop = 0.0001: expected an amplitude other than start"),
+        ({"number": 5}, "[mode] number = 5: expected the number of an elastic mode, 1 to 2"),
+        ({"number": 1, "near_hz": 40.0}, "[mode] near_hz = 40.0: expected no such key beside number"),
+        ({"method": "epcm"}, "[mode] method = 'epcm': expected"),
+    ],
+)
+def test_faults_of_the_mode_name_their_key(tmp_path, changes, said):
+    job = rubbing()
+    job["mode"] |= changes
+    done = attrito(tmp_path, "mode", write_job(tmp_path, job))
+    assert done.returncode == 2 and said in done.stderr, done.stderr
+
+
+def test_a_mode_is_plotted_and_its_contacts_are_listed(tmp_path):
+    follow(tmp_path, rubbing())
+    assert (tmp_path / "result.mode.png").is_file()
+    done = attrito(tmp_path, "plot", "result.mode.h5", "-o", "curve.svg")
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "curve.svg").read_text()
+    assert text.count("<path") > 10
+    contacts = table(tmp_path, "--contacts", result="result.mode.h5")
+    assert [row["state"] for row in contacts][:1] == ["stuck"] and contacts[-1]["state"] == "slipping"
+
+
+def test_a_mode_that_closes_a_gap_has_the_period_of_its_two_oscillators(tmp_path):
+    law = {"tangential_stiffness": 3.0e4, "normal_stiffness": 5.0e4, "friction_coefficient": 0.4}
+    gap = 1.0e-3
+    job = rubbing() | {
+        "model": {"mass": (MASS * np.eye(2)).tolist(), "stiffness": np.diag([3.0 * K, K]).tolist()},
+        "damping": {"ratio": 1.0e-4},
+        "contact": [{"normal": [[1, 1.0]], "tangents": [[[0, 1.0]]], "gap": gap, **law}],
+        "balance": {"harmonics": 15},
+        "mode": {"near_hz": 36.0, "start": 5.0e-4, "stop": 6.0e-3, "points": 8},
+    }
+    job["load"] = [{"name": "none", "kind": "static", "dofs": [[0, 1.0]]}]
+    rows = follow(tmp_path, job)
+    natural, closed = np.sqrt(K / MASS), np.sqrt((K + law["normal_stiffness"]) / MASS)
+    # Open at rest: the tangent mode, not the stuck one at 43.6 Hz.
+    assert rows[0]["frequency_hz"] == pytest.approx(natural / (2 * np.pi), rel=1e-8)
+    with h5py.File(tmp_path / "result.mode.h5") as file:
+        series = file["points/coordinates"][-1, 1]
+    angle = np.linspace(0, 2 * np.pi, 20_001)
+    harmonics = np.arange(1, (len(series) + 1) // 2)
+    motion = series[0] + series[1::2] @ np.cos(np.outer(harmonics, angle))
+    motion += series[2::2] @ np.sin(np.outer(harmonics, angle))
+    farthest = -motion.min()
+    centre = law["normal_stiffness"] * gap / (K + law["normal_stiffness"])
+    speed = natural * np.sqrt(farthest**2 - gap**2)
+    reach = np.hypot(gap - centre, speed / closed)
+    period = 2 * ((np.pi - np.arccos(gap / farthest)) / natural + np.arccos((gap - centre) / reach) / closed)
+    assert period * natural / (2 * np.pi) < 0.95, "the test is void unless it touches for long"
+    # Harmonics beyond 15 of a force with kinks are of some 1/15^2 of the first, their stiffness 15^2 times as much.
+    assert rows[-1]["frequency_hz"] == pytest.approx(1.0 / period, rel=1e-4)
