@@ -6,6 +6,7 @@ module attrito_continuation_branch_seeds
   use attrito_core_kinds, only: wp
   use attrito_solve_strategies, only: solve_by_strategies
   use attrito_solve_solver, only: solver_type
+  use attrito_solve_strategy_outcome, only: strategy_outcome_type
   use attrito_solve_time_integration_start, only: has_time_integrator, solve_from_time_integration
   use attrito_solve_homotopy, only: follow_homotopy, homotopy_type
   implicit none
@@ -51,13 +52,14 @@ contains
     real(wp), intent(in) :: omega, factor
     !> Is there such a point?
     logical, intent(out) :: found
-    integer :: iterations
+    type(strategy_outcome_type) :: outcome
 
     found = .false.
     if (.not. has_time_integrator(solver)) return
-    iterations = 0
     solver%motion(2:, :) = factor*solver%motion(2:, :)
-    call solve_from_time_integration(solver, omega, .false., .false., iterations, found)
+    outcome%is_drifting = solver%is_drifting
+    call solve_from_time_integration(solver, omega, strategy_outcome_type(), outcome)
+    found = outcome%converged
     solver%is_drifting = .false.
     solver%no_periodic_solution = .false.
   end subroutine start_in_motion

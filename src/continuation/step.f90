@@ -104,7 +104,7 @@ contains
   end subroutine keep
 
   !> Solve at a part s of the step. Sliders start as at its beginning, periodic ones between both ends.
-  subroutine solve_part(self, solver, s, converged)
+  subroutine solve_part(self, solver, s, converged, early_stop)
     class(step_type), intent(in) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
@@ -112,6 +112,8 @@ contains
     real(wp), intent(in) :: s
     !> Did the solve converge?
     logical, intent(out) :: converged
+    !> Give up after a few iterations of Newton's method; if not given, do not
+    logical, intent(in), optional :: early_stop
     type(constraint_type) :: constraint
     real(wp), allocatable :: slider(:, :)
     logical :: periodic(size(self%from%periodic))
@@ -130,7 +132,7 @@ contains
       end if
       constraint%frequency = self%across%omega/context%frequency_scale
       constraint%value = inner_product(context%balance, constraint%motion, solver%motion) + constraint%frequency*solver%omega
-      call solver%solve_with(constraint)
+      call solver%solve_with(constraint, early_stop)
       converged = solver%report%converged
     end associate
   end subroutine solve_part

@@ -19,7 +19,7 @@ module attrito_newton_newton
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   implicit none
   private
-  public :: newton_type, newton_report_type, new_newton
+  public :: newton_type, newton_controls_type, newton_report_type, new_newton
 
   !> Relative to the scales, beyond which a step says that the Jacobian is singular
   real(wp), parameter :: longest_step = 1.0e6_wp
@@ -48,12 +48,20 @@ module attrito_newton_newton
     type(objects_type) :: now
     type(objects_type), allocatable :: others(:)
     integer :: oldest = 1
-    PetscInt :: max_iterations = 30
   contains
     procedure :: solve
     procedure :: take_length
     procedure :: destroy
   end type newton_type
+
+  !> How a solve is to be done
+  type :: newton_controls_type
+    !> Norm of the scaled residual that counts as converged
+    real(wp) :: tolerance = 1.0e-10_wp
+    integer :: max_iterations = 30
+    !> Part of their springs that contacts keep in the step to begin with: 0 is Newton's method, with backtracking
+    real(wp) :: stiffening = 0.0_wp
+  end type newton_controls_type
 
   !> How a solve ended
   type :: newton_report_type
@@ -71,18 +79,15 @@ contains
 
   !> Create the solver for a balance. The balance and the constraint live in `context`, which the caller owns, and which has the
   !> error where PETSc fails: nothing is solved from then on.
-  subroutine new_newton(context, max_iterations, self)
+  subroutine new_newton(context, self)
     !> What a Newton iteration works on: balance, constraint, linear solver
     type(newton_context_type), target, intent(inout) :: context
-    !> Most iterations of Newton's method
-    integer, intent(in) :: max_iterations
     type(newton_type), intent(out) :: self
     PetscErrorCode :: ierr
 
     self%context => context
     allocate (self%handle)
     self%handle%context => context
-    self%max_iterations = max_iterations
     allocate (self%others(0))
     call create(self%handle, self%now, ierr)
     if (ierr /= 0) context%petsc_error = int(ierr)
@@ -151,14 +156,14 @@ contains
 
   !> Solve from a start; the start is overwritten by the last iterate, converged or not. Where PETSc itself fails, the context has its
   !> error: that is no answer on convergence. Where it has failed before, its objects may be broken, and are not used again.
-  subroutine solve(self, unknowns, constraint, stiffening, report)
+  subroutine solve(self, unknowns, constraint, controls, report)
     class(newton_type), intent(inout) :: self
     !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(inout) :: unknowns
     !> Constraint on physical motion and omega; it is met exactly by a converged solve
     type(constraint_type), intent(in) :: constraint
-    !> Part of their springs that contacts keep in the step to begin with: 0 is Newton's method, with backtracking
-    real(wp), intent(in) :: stiffening
+    !> How to solve
+    type(newton_controls_type), intent(in) :: controls
     !> How the solve ended
     type(newton_report_type), intent(out) :: report
     PetscErrorCode :: ierr
@@ -167,9 +172,9 @@ contains
     self%context%constraint = constraint
     self%context%linear_iterations = 0
     self%context%last_norm = sqrt(huge(1.0_wp))
-    self%context%stiffening = stiffening
-    self%context%balance%stiffening = stiffening
-    call run(self, unknowns, stiffening <= 0.0_wp, report, ierr)
+    self%context%stiffening = controls%stiffening
+    self%context%balance%stiffening = controls%stiffening
+    call run(self, unknowns, controls, report, ierr)
     self%context%balance%stiffening = 0.0_wp
     report%linear_iterations = self%context%linear_iterations
     if (ierr /= 0) then
@@ -178,17 +183,18 @@ contains
     end if
   end subroutine solve
 
-  subroutine run(self, unknowns, backtrack, report, ierr)
+  !> Steps that do not reduce the residual are shortened, unless contacts keep springs.
+  subroutine run(self, unknowns, controls, report, ierr)
     class(newton_type), intent(inout) :: self
     !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(inout) :: unknowns
-    !> Shorten steps that do not reduce the residual?
-    logical, intent(in) :: backtrack
+    !> How to solve
+    type(newton_controls_type), intent(in) :: controls
     !> How the solve ended
     type(newton_report_type), intent(inout) :: report
     !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
-    PetscInt :: iterations
+    PetscInt :: iterations, most_iterations
     PetscReal :: norm
     real(wp) :: motion, imbalance
     PetscReal, parameter :: none = 0.0
@@ -197,12 +203,13 @@ contains
 
     PetscCall(store(self%context, self%now%unknowns, unknowns, ierr))
     PetscCall(SNESGetLineSearch(self%now%snes, search, ierr))
-    if (backtrack) then
+    if (controls%stiffening <= 0.0_wp) then
       PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHBT, ierr))
     else
       PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHNONE, ierr))
     end if
-    PetscCall(SNESSetTolerances(self%now%snes, self%context%tolerance, none, none, self%max_iterations, 10*self%max_iterations, ierr))
+    most_iterations = controls%max_iterations
+    PetscCall(SNESSetTolerances(self%now%snes, controls%tolerance, none, none, most_iterations, 10*most_iterations, ierr))
     PetscCall(SNESSolve(self%now%snes, PETSC_NULL_VEC, self%now%unknowns, ierr))
     PetscCall(SNESGetIterationNumber(self%now%snes, iterations, ierr))
     PetscCall(SNESGetFunctionNorm(self%now%snes, norm, ierr))
@@ -217,7 +224,7 @@ contains
     imbalance = 0.0_wp
     if (status == 0) imbalance = self%context%balance%imbalance(unknowns%motion(1, :))/self%context%motion_scale
     report%residual = worse_of(real(norm, wp), imbalance)
-    report%converged = status == 0 .and. is_converged(report%residual, motion, self%context%tolerance)
+    report%converged = status == 0 .and. is_converged(report%residual, motion, controls%tolerance)
     if (has_diverged(motion)) report%residual = huge(norm)
   end subroutine run
 

@@ -25,7 +25,7 @@ module attrito_newton_newton_context
     type(constraint_type) :: constraint
     !> Length and angular frequency that make unknowns and residual of order one
     real(wp) :: motion_scale = 1.0_wp, frequency_scale = 1.0_wp
-    !> Norm of the scaled residual that counts as converged
+    !> Norm of the scaled residual that counts as converged in this range of frequency
     real(wp) :: tolerance = 1.0e-10_wp
     type(linear_options_type) :: linear
     !> GMRES's preconditioner, from one step to the next

@@ -273,10 +273,9 @@ contains
 
     self%found = .false.
     self%iterations = 0
-    solver%brief = .true.
     do iteration = 1, most_iterations
       call solver%context%balance%receptance%excite(self%excitation)
-      call solver%solve_at(solver%omega)
+      call solver%solve_at(solver%omega, early_stop=.true.)
       self%iterations = self%iterations + solver%report%iterations
       if (.not. solver%report%converged) exit
       missing = self%amplitude - coordinate(self, solver%context%balance%response)
@@ -285,7 +284,6 @@ contains
       call step_towards(self, solver, missing, from, status)
       if (status /= 0) exit
     end do
-    solver%brief = .false.
   end subroutine correct
 
   !> c(X_1).

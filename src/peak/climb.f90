@@ -72,8 +72,6 @@ contains
       here%slope = -here%slope
     end if
     length = here%unit*atan(here%slope*here%unit)
-    ! A step that fails is cut in half: nothing else need be tried.
-    solver%brief = .true.
     do i = 1, most_points
       found = gain_of(here) <= accepted_gain
       if (found) exit
@@ -86,7 +84,6 @@ contains
       length = next_length(here, next, length)
       here = next
     end do
-    solver%brief = .false.
   end subroutine climb
 
   !> Tangent and slope where the solver stands.
@@ -174,7 +171,6 @@ contains
     logical, intent(out) :: solved
     integer :: i
 
-    solver%brief = .false.
     length = first_leap/max(abs(here%tangent%omega), tiny(1.0_wp))
     do i = 1, most_leaps
       call solver%solve_at(here%place%omega + length*solver%context%frequency_scale*here%tangent%omega)
@@ -184,7 +180,6 @@ contains
       call restore(solver, here%place)
       length = 2.0_wp*length
     end do
-    solver%brief = .true.
   end subroutine leap
 
   !> Along the tangent and in the plane across it. `error`: from prediction to correction, relative to the motion.
@@ -211,7 +206,8 @@ contains
       constraint%frequency = tangent%omega/context%frequency_scale
       constraint%value = inner_product(context%balance, constraint%motion, solver%motion) + constraint%frequency*solver%omega
       moved = solver%motion
-      call solver%solve_with(constraint)
+      ! A step that fails is cut in half: nothing else need be tried.
+      call solver%solve_with(constraint, early_stop=.true.)
       moved = solver%motion - moved
       moved(1, :) = 0.0_wp
       error = sqrt(inner_product(context%balance, moved, moved))/max(scale_of_motion(solver), tiny(1.0_wp))
@@ -266,7 +262,7 @@ contains
       found = gain_of(falling) <= accepted_gain .or. gain_between(ends, best) <= accepted_gain
       if (found) exit
       s = next_part(ends, modulo(try, 2) == 0)
-      call step%solve_part(solver, s, found)
+      call step%solve_part(solver, s, found, early_stop=.true.)
       iterations = iterations + solver%report%iterations
       if (.not. found) return
       call look_around(problem, solver, rising%tangent, at, found)

@@ -124,9 +124,7 @@ contains
     call solver%solve_stuck_at(omega, sticks)
     if (sticks) return
     before = snapshot_of(solver)
-    solver%brief = .true.
-    call solver%solve_at(omega)
-    solver%brief = .false.
+    call solver%solve_at(omega, early_stop=.true.)
     sticks = solver%report%converged .and. solver%all_stick
     if (sticks) return
     call restore(solver, before)

@@ -4,6 +4,7 @@ module attrito_solve_mean_regularisation
   use attrito_core_kinds, only: wp
   use attrito_solve_sliders, only: none_holds
   use attrito_solve_solver, only: solver_type
+  use attrito_solve_strategy_outcome, only: strategy_outcome_type
   use attrito_solve_mean_springs, only: apply_springs, remove_springs, mean_increments_type
   implicit none
   private
@@ -24,68 +25,64 @@ contains
   end function can_regularise
 
   !> One solve with springs between the body and its present mean position.
-  subroutine solve_with_springs(solver, omega)
+  subroutine solve_with_springs(solver, omega, early_stop)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
+    !> Give up after a few iterations of Newton's method; if not given, do not
+    logical, intent(in), optional :: early_stop
     logical :: has_springs
 
     solver%report%converged = .false.
     call apply_springs(solver%context, solver%motion, solver%omega, has_springs)
     if (.not. has_springs) return
-    call solver%solve_at(omega)
+    call solver%solve_at(omega, early_stop)
     call remove_springs(solver%context)
   end subroutine solve_with_springs
 
-  !> From the present point relax the springs step by step: to a solution without springs; or to one with them where the body drifts
-  !> (`solver%is_drifting`), which each step repeats without a contact that holds; or to neither.
-  subroutine find_drift(solver, omega, iterations, converged)
+  !> From the present point relax the springs step by step: to a solution without springs; or to one with them where the body drifts,
+  !> which each step repeats without a contact that holds; or to neither.
+  subroutine find_drift(solver, omega, early_stop, outcome)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
-    !> Counts on
-    integer, intent(inout) :: iterations
-    !> To a solution without springs
-    logical, intent(out) :: converged
+    !> Give each solve with springs up after a few iterations of Newton's method?
+    logical, intent(in) :: early_stop
+    !> Counts iterations on; converged: to a solution without springs
+    type(strategy_outcome_type), intent(inout) :: outcome
     type(mean_increments_type) :: increments
     integer :: i
 
-    converged = .false.
+    outcome%converged = .false.
     do i = 1, most_steps
-      call solve_with_springs(solver, omega)
-      iterations = iterations + solver%report%iterations
+      call solve_with_springs(solver, omega, early_stop)
+      outcome%iterations = outcome%iterations + solver%report%iterations
       if (.not. solver%report%converged) return
       call increments%add(solver%context%balance%response(:, 0))
       if (none_holds(solver%context%balance)) then
         if (.not. increments%is_repeated(alike)) cycle
-        solver%is_drifting = .true.
+        outcome%is_drifting = .true.
         return
       end if
-      call solve_free(solver, omega, iterations, converged)
-      if (converged) return
+      call solve_free(solver, omega, outcome)
+      if (outcome%converged) return
     end do
-    call solve_free(solver, omega, iterations, converged)
+    call solve_free(solver, omega, outcome)
   end subroutine find_drift
 
   !> Newton's method without springs, for as long as it makes progress; nothing changes if it fails.
-  subroutine solve_free(solver, omega, iterations, converged)
+  subroutine solve_free(solver, omega, outcome)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
-    !> Counts on
-    integer, intent(inout) :: iterations
-    !> Did the solve converge?
-    logical, intent(out) :: converged
-    logical :: brief
+    !> Counts iterations on
+    type(strategy_outcome_type), intent(inout) :: outcome
 
-    brief = solver%brief
-    solver%brief = .true.
-    call solver%solve_at(omega)
-    solver%brief = brief
-    iterations = iterations + solver%report%iterations
-    converged = solver%report%converged
+    call solver%solve_at(omega, early_stop=.true.)
+    outcome%iterations = outcome%iterations + solver%report%iterations
+    outcome%converged = solver%report%converged
   end subroutine solve_free
 end module attrito_solve_mean_regularisation

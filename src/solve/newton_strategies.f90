@@ -7,7 +7,7 @@
 module attrito_solve_newton_strategies
   use attrito_core_kinds, only: wp
   use attrito_newton_border, only: constraint_type
-  use attrito_newton_newton, only: newton_type, newton_report_type
+  use attrito_newton_newton, only: newton_type, newton_controls_type, newton_report_type
   use attrito_balance_unknowns, only: unknowns_type
   use attrito_solve_sliders, only: none_holds
   use attrito_solve_mean_springs, only: apply_springs, remove_springs, mean_increments_type
@@ -32,40 +32,44 @@ module attrito_solve_newton_strategies
 contains
 
   !> Newton's method, ended as soon as it makes little progress.
-  subroutine solve_briefly(newton, unknowns, constraint, report)
+  subroutine solve_briefly(newton, unknowns, constraint, controls, report)
     !> Newton solver of the balance
     type(newton_type), intent(inout) :: newton
     !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(inout) :: unknowns
     !> Linear condition on motion and frequency that closes the system
     type(constraint_type), intent(in) :: constraint
+    !> How to solve
+    type(newton_controls_type), intent(in) :: controls
     !> How the solve ended
     type(newton_report_type), intent(inout) :: report
-    integer :: before, iterations, linear_iterations
+    type(newton_controls_type) :: brief
+    integer :: iterations, linear_iterations
     real(wp) :: goal
 
-    before = newton%max_iterations
+    brief = controls
     iterations = 0
     linear_iterations = 0
     goal = brief_progress
     do
-      newton%max_iterations = min(brief_iterations, before - iterations)
-      call newton%solve(unknowns, constraint, 0.0_wp, report)
+      brief%max_iterations = min(brief_iterations, controls%max_iterations - iterations)
+      call newton%solve(unknowns, constraint, brief, report)
       call count_on(report, iterations, linear_iterations)
-      if (report%converged .or. report%residual > goal .or. report%iterations >= before) exit
+      if (report%converged .or. report%residual > goal .or. report%iterations >= controls%max_iterations) exit
       goal = brief_progress*report%residual
     end do
-    newton%max_iterations = before
   end subroutine solve_briefly
 
   !> All strategies in turn, each from the same start.
-  subroutine solve_persistently(newton, unknowns, constraint, mean_is_fixed, report)
+  subroutine solve_persistently(newton, unknowns, constraint, controls, mean_is_fixed, report)
     !> Newton solver of the balance
     type(newton_type), intent(inout) :: newton
     !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(inout) :: unknowns
     !> Linear condition on motion and frequency that closes the system
     type(constraint_type), intent(in) :: constraint
+    !> How to solve
+    type(newton_controls_type), intent(in) :: controls
     !> The mean is frozen, so that springs on it serve nothing
     logical, intent(in) :: mean_is_fixed
     !> How the solve ended
@@ -79,40 +83,43 @@ contains
     iterations = 0
     linear_iterations = 0
     if (can_regularise) then
-      call solve_briefly(newton, unknowns, constraint, report)
+      call solve_briefly(newton, unknowns, constraint, controls, report)
       call count_on(report, iterations, linear_iterations)
       if (report%converged) return
       unknowns = start
-      call solve_regularised(newton, unknowns, constraint, report, is_drifting)
+      call solve_regularised(newton, unknowns, constraint, controls, report, is_drifting)
       call count_on(report, iterations, linear_iterations)
       if (report%converged .or. is_drifting) return
       unknowns = start
     end if
-    call newton%solve(unknowns, constraint, 0.0_wp, report)
+    call newton%solve(unknowns, constraint, controls, report)
     call count_on(report, iterations, linear_iterations)
     if (report%converged) return
     unknowns = start
-    call newton%solve(unknowns, constraint, stiffening, report)
+    call newton%solve(unknowns, constraint, stiffened(controls), report)
     call count_on(report, iterations, linear_iterations)
   end subroutine solve_persistently
 
   !> With springs on the mean, and from there without them. Where the contacts that hold are near their limit, all of them may slip in
   !> a step without springs, however near the solution is: then they keep a part of their own springs in the step.
-  subroutine solve_regularised(newton, unknowns, constraint, report, is_drifting)
+  subroutine solve_regularised(newton, unknowns, constraint, controls, report, is_drifting)
     !> Newton solver of the balance
     type(newton_type), intent(inout) :: newton
     !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(inout) :: unknowns
     !> Linear condition on motion and frequency that closes the system
     type(constraint_type), intent(in) :: constraint
+    !> How to solve
+    type(newton_controls_type), intent(in) :: controls
     !> How the solve ended
     type(newton_report_type), intent(inout) :: report
     !> Does nothing but the springs hold the body?
     logical, intent(out) :: is_drifting
+    type(newton_controls_type) :: few
     type(unknowns_type) :: with_springs
     integer :: iterations, linear_iterations
 
-    call relax_springs(newton, unknowns, constraint, report, is_drifting)
+    call relax_springs(newton, unknowns, constraint, controls, report, is_drifting)
     if (is_drifting .or. .not. report%converged) then
       report%converged = .false.
       return
@@ -120,22 +127,26 @@ contains
     iterations = report%iterations
     linear_iterations = report%linear_iterations
     with_springs = unknowns
-    call solve_in_few(newton, unknowns, constraint, free_iterations, report)
+    few = controls
+    few%max_iterations = min(free_iterations, controls%max_iterations)
+    call newton%solve(unknowns, constraint, few, report)
     call count_on(report, iterations, linear_iterations)
     if (report%converged) return
     unknowns = with_springs
-    call newton%solve(unknowns, constraint, stiffening, report)
+    call newton%solve(unknowns, constraint, stiffened(controls), report)
     call count_on(report, iterations, linear_iterations)
   end subroutine solve_regularised
 
   !> With springs on the mean, which are relaxed as long as no contact holds.
-  subroutine relax_springs(newton, unknowns, constraint, report, is_drifting)
+  subroutine relax_springs(newton, unknowns, constraint, controls, report, is_drifting)
     !> Newton solver of the balance
     type(newton_type), intent(inout) :: newton
     !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(inout) :: unknowns
     !> Linear condition on motion and frequency that closes the system
     type(constraint_type), intent(in) :: constraint
+    !> How to solve
+    type(newton_controls_type), intent(in) :: controls
     !> How the solve ended
     type(newton_report_type), intent(inout) :: report
     !> Does the body drift?
@@ -153,7 +164,7 @@ contains
         call apply_springs(context, unknowns%motion, unknowns%omega, has_springs)
         report%converged = .false.
         if (.not. has_springs) return
-        call solve_briefly(newton, unknowns, constraint, report)
+        call solve_briefly(newton, unknowns, constraint, controls, report)
         call remove_springs(context)
         call count_on(report, iterations, linear_iterations)
         if (.not. (report%converged .and. none_holds(context%balance))) return
@@ -164,25 +175,14 @@ contains
     end associate
   end subroutine relax_springs
 
-  !> Newton's method, for so many iterations at most.
-  subroutine solve_in_few(newton, unknowns, constraint, most, report)
-    !> Newton solver of the balance
-    type(newton_type), intent(inout) :: newton
-    !> Coefficients of contact rows and the angular frequency
-    type(unknowns_type), intent(inout) :: unknowns
-    !> Linear condition on motion and frequency that closes the system
-    type(constraint_type), intent(in) :: constraint
-    !> Most iterations
-    integer, intent(in) :: most
-    !> How the solve ended
-    type(newton_report_type), intent(inout) :: report
-    integer :: before
+  !> The same for steps in which contacts keep a part of their springs.
+  pure type(newton_controls_type) function stiffened(controls)
+    !> How to solve
+    type(newton_controls_type), intent(in) :: controls
 
-    before = newton%max_iterations
-    newton%max_iterations = min(most, before)
-    call newton%solve(unknowns, constraint, 0.0_wp, report)
-    newton%max_iterations = before
-  end subroutine solve_in_few
+    stiffened = controls
+    stiffened%stiffening = stiffening
+  end function stiffened
 
   !> Add the iterations of all tries so far to a report.
   pure subroutine count_on(report, iterations, linear_iterations)

@@ -8,7 +8,7 @@ module attrito_solve_solver
   use attrito_model_contacts, only: contact_type, contacts_type
   use attrito_model_structure, only: structure_type
   use attrito_newton_border, only: constraint_type
-  use attrito_newton_newton, only: newton_type, newton_report_type, new_newton
+  use attrito_newton_newton, only: newton_type, newton_controls_type, newton_report_type, new_newton
   use attrito_newton_newton_context, only: newton_context_type
   use attrito_linear_receptance, only: receptance_type
   use attrito_balance_set_up, only: new_balance, set_resolution, take_contacts
@@ -62,10 +62,8 @@ module attrito_solve_solver
     type(newton_report_type) :: report
     !> Did every contact stick at the last point that converged?
     logical :: all_stick = .false.
-    !> Give a start up after a few iterations of Newton's method: others follow
-    logical :: brief = .false.
-    !> Where no point was found: no periodic motion is near, by the balance with springs on its mean or by time integration; a body
-    !> drifts without bound
+    !> Of the last point that was not found, for the next: no periodic motion is near, by the balance with springs on its mean or by
+    !> time integration; a body drifts without bound
     logical :: no_periodic_solution = .false., is_drifting = .false.
     !> Source of starts that no earlier point leads to; not allocated: there is none
     class(time_integrator_type), allocatable :: time_integrator
@@ -111,7 +109,7 @@ contains
     call new_balance(structure, contacts, receptance, ranks, options%samples, self%context%balance)
     self%context%balance%quadrature%by_events = options%by_events
     self%context%tolerance = options%tolerance
-    call new_newton(self%context, options%max_iterations, self%newton)
+    call new_newton(self%context, self%newton)
     if (self%context%petsc_error /= 0) then
       call raise(error, 'PETSc could not create the nonlinear solver')
       return
@@ -124,15 +122,21 @@ contains
   !>
   !> A slider with two tangents is marched from its value at the point before. One that still moves after a period is an unknown of a
   !> repeated solve.
-  subroutine solve_with(self, constraint)
+  subroutine solve_with(self, constraint, early_stop)
     class(solver_type), intent(inout) :: self
     !> The equation that picks the point
     type(constraint_type), intent(in) :: constraint
+    !> Give up after a few iterations of Newton's method, since other starts follow; if not given, do not
+    logical, intent(in), optional :: early_stop
+    type(newton_controls_type) :: controls
     type(unknowns_type) :: unknowns
     real(wp), allocatable :: slider(:, :)
     logical, allocatable :: periodic(:)
-    real(wp) :: tight
+    logical :: is_brief
     integer :: round, iterations, linear_iterations
+
+    is_brief = .false.
+    if (present(early_stop)) is_brief = early_stop
 
     associate (balance => self%context%balance)
       slider = balance%slider
@@ -140,13 +144,12 @@ contains
       unknowns = unknowns_type(self%motion, slider, self%omega)
       iterations = 0
       linear_iterations = 0
-      tight = self%context%tolerance
-      self%context%tolerance = loose_tolerance(self, tight)
+      controls = newton_controls_type(loose_tolerance(self, self%context%tolerance), self%options%max_iterations)
       do round = 1, self%options%rounds
-        if (self%brief) then
-          call solve_briefly(self%newton, unknowns, constraint, self%report)
+        if (is_brief) then
+          call solve_briefly(self%newton, unknowns, constraint, controls, self%report)
         else
-          call solve_persistently(self%newton, unknowns, constraint, self%options%uncoupled, self%report)
+          call solve_persistently(self%newton, unknowns, constraint, controls, self%options%uncoupled, self%report)
         end if
         iterations = iterations + self%report%iterations
         linear_iterations = linear_iterations + self%report%linear_iterations
@@ -155,11 +158,10 @@ contains
           unknowns%slider = balance%slider
           call self%context%forget()
         else
-          if (self%context%tolerance <= tight) exit
-          self%context%tolerance = tight
+          if (controls%tolerance <= self%context%tolerance) exit
+          controls%tolerance = self%context%tolerance
         end if
       end do
-      self%context%tolerance = tight
       self%report%iterations = iterations
       self%report%linear_iterations = linear_iterations
       self%report%defect = largest_defect(balance)/self%context%motion_scale
@@ -214,10 +216,12 @@ contains
   end function loose_tolerance
 
   !> Solve at a given angular frequency.
-  subroutine solve_at(self, omega)
+  subroutine solve_at(self, omega, early_stop)
     class(solver_type), intent(inout) :: self
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
+    !> See `solve_with`
+    logical, intent(in), optional :: early_stop
     type(constraint_type) :: constraint
     real(wp) :: before
 
@@ -228,7 +232,7 @@ contains
     constraint%value = constraint%frequency*omega
     before = self%omega
     self%omega = omega
-    call self%solve_with(constraint)
+    call self%solve_with(constraint, early_stop)
     if (.not. self%report%converged) self%omega = before
   end subroutine solve_at
 
@@ -325,7 +329,7 @@ contains
     call self%newton%destroy()
     call take_contacts(self%context%balance, self%contacts, first, last)
     call self%context%forget()
-    call new_newton(self%context, self%options%max_iterations, self%newton)
+    call new_newton(self%context, self%newton)
   end subroutine hold_contacts
 
   !> Give the contacts other laws, friction coefficients, gaps and preloads. The caller sets motion and sliders afterwards.

@@ -22,6 +22,7 @@ module attrito_solve_strategies
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_stiffness_homotopy, only: can_soften, solve_by_stiffness
   use attrito_solve_solver, only: solver_type
+  use attrito_solve_strategy_outcome, only: strategy_outcome_type
   use attrito_solve_time_integration_start, only: has_time_integrator, solve_from_time_integration
   use attrito_solve_homotopy, only: follow_homotopy, frequency_homotopy_type, level_homotopy_type
   implicit none
@@ -48,38 +49,48 @@ contains
     !> Target
     real(wp), intent(in) :: omega
     type(snapshot_type) :: before, drifted
-    integer :: iterations, strategy
-    logical :: converged, was_drifting, previous_unsolved
+    type(strategy_outcome_type) :: previous, outcome
+    integer :: strategy
+    logical :: is_stuck
 
-    was_drifting = solver%is_drifting
-    previous_unsolved = solver%no_periodic_solution
-    solver%no_periodic_solution = .false.
+    previous%is_drifting = solver%is_drifting
+    previous%no_periodic_solution = solver%no_periodic_solution
     solver%is_drifting = .false.
-    call solver%solve_stuck_at(omega, converged)
-    if (converged) return
+    solver%no_periodic_solution = .false.
+    call solver%solve_stuck_at(omega, is_stuck)
+    if (is_stuck) return
     before = snapshot_of(solver)
-    iterations = 0
     do strategy = 1, size(strategy_names)
-      if (.not. (is_possible(solver, strategy) .and. is_worth_while(solver, strategy, was_drifting))) cycle
-      call try(solver, strategy, omega, before, was_drifting, previous_unsolved, iterations, converged)
-      if (converged) exit
+      if (.not. (is_possible(solver, strategy) .and. is_worth_while(solver, strategy, previous))) cycle
+      call try(solver, strategy, omega, before, previous, outcome)
+      if (outcome%converged) exit
       ! The drift that was followed has ended: solutions beyond are looked for as at a first point.
-      if (strategy == mean_regularisation .and. .not. solver%is_drifting) previous_unsolved = .false.
-      if (solver%is_drifting .and. .not. allocated(drifted%motion)) drifted = snapshot_of(solver)
+      if (strategy == mean_regularisation .and. .not. outcome%is_drifting) previous%no_periodic_solution = .false.
+      if (outcome%is_drifting .and. .not. allocated(drifted%motion)) drifted = snapshot_of(solver)
       call restore(solver, before)
-      if (is_enough(solver, strategy, was_drifting, previous_unsolved)) exit
+      if (is_enough(strategy, previous, outcome)) exit
     end do
-    solver%is_drifting = solver%is_drifting .and. .not. converged
-    solver%no_periodic_solution = solver%is_drifting .or. (solver%no_periodic_solution .and. .not. converged)
+    call take_outcome(solver, outcome)
     if (solver%is_drifting) then
       call restore(solver, drifted)
       call remove_drift(solver, before)
       solver%omega = omega
     end if
-    ! The last step of a homotopy that was given up may have converged, at another parameter.
-    solver%report%converged = converged
-    solver%report%iterations = iterations
   end subroutine solve_by_strategies
+
+  !> Hand the solver what was found of a point: the report of how it ended, and what the next point needs of it.
+  pure subroutine take_outcome(solver, outcome)
+    !> Solver of points
+    type(solver_type), intent(inout) :: solver
+    !> Of the strategies that were tried
+    type(strategy_outcome_type), intent(in) :: outcome
+
+    solver%is_drifting = outcome%is_drifting .and. .not. outcome%converged
+    solver%no_periodic_solution = solver%is_drifting .or. (outcome%no_periodic_solution .and. .not. outcome%converged)
+    ! The last step of a homotopy that was given up may have converged, at another parameter.
+    solver%report%converged = outcome%converged
+    solver%report%iterations = outcome%iterations
+  end subroutine take_outcome
 
   !> Put a body that drifts back to its position before: drift is the same at any position, and rounding grows with the distance.
   subroutine remove_drift(solver, before)
@@ -116,36 +127,34 @@ contains
   end function is_possible
 
   !> Is a strategy worth its cost at its place in the order?
-  pure logical function is_worth_while(solver, strategy, was_drifting)
+  pure logical function is_worth_while(solver, strategy, previous)
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     !> Strategy, see `strategy_names`
     integer, intent(in) :: strategy
-    !> Did the body drift at the point before? Then that is no solution.
-    logical, intent(in) :: was_drifting
+    !> Of the point before: where the body drifted, that is no solution
+    type(strategy_outcome_type), intent(in) :: previous
 
     select case (strategy)
      case (newton_early_stop)
-      is_worth_while = .not. was_drifting .and. (has_time_integrator(solver) .or. can_regularise(solver))
+      is_worth_while = .not. previous%is_drifting .and. (has_time_integrator(solver) .or. can_regularise(solver))
      case (mean_regularisation)
       ! Time integration finds drift by itself, and where a body is held it is faster.
-      is_worth_while = was_drifting .or. .not. has_time_integrator(solver)
+      is_worth_while = previous%is_drifting .or. .not. has_time_integrator(solver)
      case default
       is_worth_while = .true.
     end select
   end function is_worth_while
 
   !> Has a strategy that failed shown that there is nothing to find? Fewer are needed where the point before had no orbit either.
-  pure logical function is_enough(solver, strategy, was_drifting, previous_unsolved)
-    !> Solver of points: its motion, sliders, angular frequency and balance
-    type(solver_type), intent(in) :: solver
+  pure logical function is_enough(strategy, previous, outcome)
     !> Strategy, see `strategy_names`
     integer, intent(in) :: strategy
-    !> Did the body drift at the point before; had that no orbit?
-    logical, intent(in) :: was_drifting, previous_unsolved
+    !> Of the point before, and of this one so far
+    type(strategy_outcome_type), intent(in) :: previous, outcome
 
-    is_enough = solver%is_drifting .and. (was_drifting .or. strategy >= time_integration)
-    if (previous_unsolved .and. solver%no_periodic_solution) is_enough = is_enough .or. strategy == time_integration
+    is_enough = outcome%is_drifting .and. (previous%is_drifting .or. strategy >= time_integration)
+    if (previous%no_periodic_solution .and. outcome%no_periodic_solution) is_enough = is_enough .or. strategy == time_integration
   end function is_enough
 
   !> Solve at an angular frequency by one strategy alone, to compare strategies; if it fails the solver is left as it was.
@@ -157,24 +166,16 @@ contains
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
     type(snapshot_type) :: before
-    integer :: iterations
-    logical :: converged
+    type(strategy_outcome_type) :: outcome
 
-    solver%no_periodic_solution = .false.
-    solver%is_drifting = .false.
     before = snapshot_of(solver)
-    iterations = 0
-    converged = .false.
-    if (is_possible(solver, strategy)) call try(solver, strategy, omega, before, .false., .false., iterations, converged)
-    solver%is_drifting = solver%is_drifting .and. .not. converged
-    solver%no_periodic_solution = solver%is_drifting .or. (solver%no_periodic_solution .and. .not. converged)
-    if (.not. converged) call restore(solver, before)
-    solver%report%converged = converged
-    solver%report%iterations = iterations
+    if (is_possible(solver, strategy)) call try(solver, strategy, omega, before, strategy_outcome_type(), outcome)
+    if (.not. outcome%converged) call restore(solver, before)
+    call take_outcome(solver, outcome)
   end subroutine solve_by_strategy
 
   !> One strategy from the solver's present point. Where the body drifts the solver is left at the drifting motion.
-  subroutine try(solver, strategy, omega, before, was_drifting, previous_unsolved, iterations, converged)
+  subroutine try(solver, strategy, omega, before, previous, outcome)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Strategy, see `strategy_names`
@@ -183,57 +184,53 @@ contains
     real(wp), intent(in) :: omega
     !> Motion, sliders and frequency to return to
     type(snapshot_type), intent(in) :: before
-    !> Did the body drift at the point before; had that no periodic solution?
-    logical, intent(in) :: was_drifting, previous_unsolved
-    !> Counts on
-    integer, intent(inout) :: iterations
-    !> Did the solve converge?
-    logical, intent(out) :: converged
+    !> Of the point before
+    type(strategy_outcome_type), intent(in) :: previous
+    !> Of this point so far, and with this strategy
+    type(strategy_outcome_type), intent(inout) :: outcome
 
     select case (strategy)
      case (newton_early_stop)
-      solver%brief = .true.
-      call solve_here(solver, omega, iterations, converged)
-      solver%brief = .false.
+      call solve_here(solver, omega, .true., outcome)
      case (mean_regularisation)
-      call find_drift(solver, omega, iterations, converged)
+      call find_drift(solver, omega, .false., outcome)
      case (regularised_level_homotopy)
-      call march_level(solver, omega, .true., regularised_iterations, iterations, converged)
-      if (converged) call find_drift(solver, omega, iterations, converged)
+      call march_level(solver, omega, .true., regularised_iterations, outcome)
+      if (outcome%converged) call find_drift(solver, omega, .false., outcome)
      case (time_integration)
-      call solve_from_time_integration(solver, omega, was_drifting, previous_unsolved, iterations, converged)
+      call solve_from_time_integration(solver, omega, previous, outcome)
      case (newton)
-      call solve_here(solver, omega, iterations, converged)
+      call solve_here(solver, omega, .false., outcome)
      case (stuck_response)
-      call solve_from_stuck(solver, omega, iterations, converged)
+      call solve_from_stuck(solver, omega, outcome)
      case (frequency_homotopy)
-      call follow_homotopy(frequency_homotopy_type(before%omega, omega), solver, iterations, converged, &
+      call follow_homotopy(frequency_homotopy_type(before%omega, omega), solver, outcome%iterations, outcome%converged, &
                            most_iterations=homotopy_iterations)
      case (stiffness_homotopy)
-      call solve_by_stiffness(solver, omega, iterations, converged)
+      call solve_by_stiffness(solver, omega, outcome%iterations, outcome%converged)
      case default  ! level_homotopy
-      call march_level(solver, omega, .false., homotopy_iterations, iterations, converged)
+      call march_level(solver, omega, .false., homotopy_iterations, outcome)
     end select
   end subroutine try
 
   !> From the present motion.
-  subroutine solve_here(solver, omega, iterations, converged)
+  subroutine solve_here(solver, omega, early_stop, outcome)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
-    !> Counts on
-    integer, intent(inout) :: iterations
-    !> Did the solve converge?
-    logical, intent(out) :: converged
+    !> Give up after a few iterations of Newton's method?
+    logical, intent(in) :: early_stop
+    !> Counts iterations on
+    type(strategy_outcome_type), intent(inout) :: outcome
 
-    call solver%solve_at(omega)
-    iterations = iterations + solver%report%iterations
-    converged = solver%report%converged
+    call solver%solve_at(omega, early_stop)
+    outcome%iterations = outcome%iterations + solver%report%iterations
+    outcome%converged = solver%report%converged
   end subroutine solve_here
 
   !> From the static solution by steps in force.
-  subroutine march_level(solver, omega, with_springs, most_iterations, iterations, converged)
+  subroutine march_level(solver, omega, with_springs, most_iterations, outcome)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Angular frequency, rad/s
@@ -242,35 +239,31 @@ contains
     logical, intent(in) :: with_springs
     !> Most iterations
     integer, intent(in) :: most_iterations
-    !> Counts on
-    integer, intent(inout) :: iterations
-    !> Did the solve converge?
-    logical, intent(out) :: converged
+    !> Counts iterations on
+    type(strategy_outcome_type), intent(inout) :: outcome
     real(wp) :: level
 
     level = solver%context%balance%level
     solver%motion(2:, :) = 0.0_wp
-    call follow_homotopy(level_homotopy_type(omega, level, with_springs), solver, iterations, converged, &
+    call follow_homotopy(level_homotopy_type(omega, level, with_springs), solver, outcome%iterations, outcome%converged, &
                          most_iterations=most_iterations)
     call solver%set_loads(solver%context%balance%static_factors, level)
   end subroutine march_level
 
   !> From the response with every contact stuck.
-  subroutine solve_from_stuck(solver, omega, iterations, converged)
+  subroutine solve_from_stuck(solver, omega, outcome)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
-    !> Counts on
-    integer, intent(inout) :: iterations
-    !> Did the solve converge?
-    logical, intent(out) :: converged
+    !> Counts iterations on
+    type(strategy_outcome_type), intent(inout) :: outcome
     integer :: status
 
     call solver%context%balance%receptance%set_frequency(omega, status)
-    converged = .false.
+    outcome%converged = .false.
     if (status /= 0) return
     solver%motion = linear_motion(solver%context%balance)
-    call solve_here(solver, omega, iterations, converged)
+    call solve_here(solver, omega, .false., outcome)
   end subroutine solve_from_stuck
 end module attrito_solve_strategies

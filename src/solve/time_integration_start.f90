@@ -11,6 +11,7 @@ module attrito_solve_time_integration_start
   use attrito_solve_time_integrator, only: excitation_type, periods_type
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
+  use attrito_solve_strategy_outcome, only: strategy_outcome_type
   implicit none
   private
   public :: has_time_integrator, solve_from_time_integration
@@ -37,33 +38,32 @@ contains
                           .and. all(solver%contacts%law%elements() == 1)
   end function has_time_integrator
 
-  !> Newton's method from the averages of motion in time, until it converges or the body is found to drift.
-  subroutine solve_from_time_integration(solver, omega, was_drifting, lost, iterations, converged)
+  !> Newton's method from the averages of motion in time, until it converges or the body is found to drift. Few windows are tried
+  !> where the point before had no periodic solution. Where the body drifted there, springs on the mean show after every window
+  !> whether it still does.
+  subroutine solve_from_time_integration(solver, omega, previous, outcome)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
-    !> Did the body drift at the point before? Then springs on the mean show after every window whether it still does.
-    logical, intent(in) :: was_drifting
-    !> Had the point before no periodic solution? Then few windows are tried.
-    logical, intent(in) :: lost
-    !> Counts on
-    integer, intent(inout) :: iterations
-    !> Did the solve converge?
-    logical, intent(out) :: converged
+    !> Of the point before
+    type(strategy_outcome_type), intent(in) :: previous
+    !> What was found at this point so far, and by this
+    type(strategy_outcome_type), intent(inout) :: outcome
     type(snapshot_type) :: before
+    logical :: few
 
     before = snapshot_of(solver)
-    call run_and_solve(solver, omega, merge(attempts_lost, attempts_in_motion, lost .or. solver%is_drifting), was_drifting, &
-                       iterations, converged)
-    if (converged .or. lost .or. was_drifting .or. solver%is_drifting) return
+    few = previous%no_periodic_solution .or. outcome%is_drifting
+    call run_and_solve(solver, omega, merge(attempts_lost, attempts_in_motion, few), previous%is_drifting, outcome)
+    if (outcome%converged .or. previous%no_periodic_solution .or. previous%is_drifting .or. outcome%is_drifting) return
     call restore(solver, before)
     solver%motion(2:, :) = 0.0_wp
-    call run_and_solve(solver, omega, attempts_from_rest, was_drifting, iterations, converged)
+    call run_and_solve(solver, omega, attempts_from_rest, previous%is_drifting, outcome)
   end subroutine solve_from_time_integration
 
   !> So many averaging windows from the present point.
-  subroutine run_and_solve(solver, omega, attempts, was_drifting, iterations, converged)
+  subroutine run_and_solve(solver, omega, attempts, was_drifting, outcome)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Angular frequency, rad/s
@@ -72,32 +72,31 @@ contains
     integer, intent(in) :: attempts
     !> Did the body drift at the point before?
     logical, intent(in) :: was_drifting
-    !> Counts on
-    integer, intent(inout) :: iterations
-    !> Did the solve converge?
-    logical, intent(out) :: converged
+    !> What was found at this point so far, and by this
+    type(strategy_outcome_type), intent(inout) :: outcome
     type(periods_type) :: periods
+    logical :: early_stop
     integer :: attempt, drifting
 
-    call start_integrator(solver, converged)
-    if (.not. converged) return
+    call start_integrator(solver, outcome%converged)
+    if (.not. outcome%converged) return
     drifting = 0
     do attempt = 1, attempts
       call move_on(solver, omega, periods_averaged*2**((attempt - 1)/attempts_alike), periods)
-      converged = .false.
+      outcome%converged = .false.
       if (.not. periods%moved) exit
-      solver%brief = modulo(attempt, full_attempt) /= 0 .or. solver%is_drifting
-      call solver%solve_at(omega)
-      iterations = iterations + solver%report%iterations
-      converged = solver%report%converged
-      if (.not. converged .and. (was_drifting .or. .not. solver%brief)) call find_drift(solver, omega, iterations, converged)
-      solver%brief = .false.
-      if (converged .or. (was_drifting .and. solver%is_drifting)) exit
+      early_stop = modulo(attempt, full_attempt) /= 0 .or. outcome%is_drifting
+      call solver%solve_at(omega, early_stop)
+      outcome%iterations = outcome%iterations + solver%report%iterations
+      outcome%converged = solver%report%converged
+      if (.not. outcome%converged .and. (was_drifting .or. .not. early_stop)) call find_drift(solver, omega, early_stop, outcome)
+      if (outcome%converged .or. (was_drifting .and. outcome%is_drifting)) exit
       drifting = merge(drifting + 1, 0, periods%is_drifting)
-      if (drifting == attempts_drifting) solver%is_drifting = .true.
-      if (solver%is_drifting .and. attempt >= attempts_lost) exit
+      if (drifting == attempts_drifting) outcome%is_drifting = .true.
+      if (outcome%is_drifting .and. attempt >= attempts_lost) exit
     end do
-    solver%no_periodic_solution = solver%is_drifting .or. (.not. converged .and. periods%moved .and. periods%change > settled)
+    outcome%no_periodic_solution = outcome%is_drifting &
+                                   .or. (.not. outcome%converged .and. periods%moved .and. periods%change > settled)
   end subroutine run_and_solve
 
   !> Numbers without the digits that depend on the order of sums over ranks: these would grow in motion that is unstable.

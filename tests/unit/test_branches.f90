@@ -48,7 +48,7 @@ program test_branches
   use attrito_core_kinds, only: wp, two_pi
   use attrito_model_structure, only: damping_none
   use attrito_newton_border, only: constraint_type
-  use attrito_newton_newton, only: newton_report_type
+  use attrito_newton_newton, only: newton_controls_type, newton_report_type
   use attrito_balance_unknowns, only: unknowns_type
   use attrito_continuation_sweep, only: sweep_type, new_sweep
   use attrito_solve_homotopy, only: follow_homotopy
@@ -243,7 +243,7 @@ contains
     call press_wedge(solver, error)
     do i = 1, 2
       unknowns(i) = unknowns_type(solver%motion, solver%context%balance%slider, two_pi*132.0_wp)
-      call solver%newton%solve(unknowns(i), at_frequency(solver), stiffening(i), report)
+      call solver%newton%solve(unknowns(i), at_frequency(solver), newton_controls_type(stiffening=stiffening(i)), report)
       call check(error, report%converged .and. report%iterations > 1, 'it does not converge')
       call check(error, solver%context%petsc_error == 0, 'PETSc refuses it')
     end do
@@ -261,8 +261,7 @@ contains
 
     call press_wedge(solver, error)
     unknowns = unknowns_type(solver%motion, solver%context%balance%slider, two_pi*132.0_wp)
-    solver%newton%max_iterations = -100
-    call solver%newton%solve(unknowns, at_frequency(solver), 0.0_wp, report)
+    call solver%newton%solve(unknowns, at_frequency(solver), newton_controls_type(max_iterations=-100), report)
     call check(error, .not. report%converged .and. solver%context%petsc_error /= 0, 'nothing is reported')
     call solver%destroy()
   end subroutine refused
