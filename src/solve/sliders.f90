@@ -6,7 +6,7 @@ module attrito_solve_sliders
   use attrito_contact_state, only: state_stuck, state_shaken_down, state_open
   implicit none
   private
-  public :: found_moving, keep_sliders, largest_defect, none_moves, none_holds, closed_contacts
+  public :: found_moving, keep_sliders, largest_defect, none_moves, none_holds, none_sticks, closed_contacts
 
 contains
 
@@ -83,6 +83,16 @@ contains
     holds = merge(1.0_wp, 0.0_wp, any(balance%forces%state <= state_shaken_down))
     none_holds = balance%ranks%largest(holds) <= 0.0_wp
   end function none_holds
+
+  !> Does no contact stick at rest? In motion that does not change one that slides is shaken down: to its limit, once.
+  logical function none_sticks(balance)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
+    type(balance_type), intent(in) :: balance
+    real(wp) :: sticks
+
+    sticks = merge(1.0_wp, 0.0_wp, any(balance%forces%state == state_stuck))
+    none_sticks = balance%ranks%largest(sticks) <= 0.0_wp
+  end function none_sticks
 
   !> Which contacts, of all ranks, touch at some instant of the last evaluation.
   function closed_contacts(balance, count) result(closed)

@@ -8,8 +8,10 @@ module attrito_solve_static_path
   use attrito_core_errors, only: error_type, raise
   use attrito_core_kinds, only: wp
   use attrito_solve_homotopy, only: follow_homotopy, homotopy_type
+  use attrito_solve_mean_regularisation, only: can_regularise, find_drift
   use attrito_solve_sliders, only: closed_contacts
   use attrito_solve_solver, only: solver_type
+  use attrito_solve_strategy_outcome, only: strategy_outcome_type
   implicit none
   private
   public :: follow_static_path
@@ -62,6 +64,7 @@ contains
       end if
       if (.not. converged) then
         write (where_it_failed, '(a,i0,a)') 'static load path, corner ', corner, ': no equilibrium found'
+        if (drifts(solver, omega)) where_it_failed = trim(where_it_failed)//': a body drifts, no contact holds it'
         call raise(error, trim(where_it_failed)//' (do the loads open all contacts that hold a body, or exceed their friction?)')
         return
       end if
@@ -73,6 +76,18 @@ contains
       if (solver%options%uncoupled) solver%context%balance%frozen_mean = response(:, lbound(response, 2))
     end associate
   end subroutine follow_static_path
+
+  !> Does a body drift under the loads at which no equilibrium was found?
+  logical function drifts(solver, omega)
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> Angular frequency, which matters to nothing but the scales
+    real(wp), intent(in) :: omega
+    type(strategy_outcome_type) :: outcome
+
+    if (can_regularise(solver)) call find_drift(solver, omega, .false., outcome)
+    drifts = outcome%is_drifting
+  end function drifts
 
   subroutine solve_loads(self, solver, t, converged)
     class(load_homotopy_type), intent(in) :: self
