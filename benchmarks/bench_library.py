@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import ctypes
 import functools
+from collections.abc import Collection
 from ctypes import POINTER, c_double, c_int
 from pathlib import Path
 from typing import Any
 
 from attrito.library import loading
+from attrito.library.names import STRATEGIES
 from attrito.library.session import Solver
 from attrito.library.signatures import HANDLE, declare
 from attrito.library.structures import Doubles, Integers, RawLaw
@@ -30,6 +32,7 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
         (POINTER(RawLaw), c_int, c_int, Doubles, c_int, c_int, c_int, Doubles, Doubles),
     ),
     "attrito_bench_evaluations": (c_int, (HANDLE,)),
+    "attrito_bench_leave_out": (None, (HANDLE, c_int)),
 }
 
 
@@ -52,3 +55,8 @@ def load() -> ctypes.CDLL:
 def evaluations(solver: Solver) -> int:
     """Evaluations of the balance since a solver's session began: what solving costs, whatever the machine."""
     return load().attrito_bench_evaluations(solver.handle)
+
+
+def leave_out(solver: Solver, strategies: Collection[str]) -> None:
+    """Solve without these of `STRATEGIES` from now on."""
+    load().attrito_bench_leave_out(solver.handle, sum(1 << (1 + STRATEGIES.index(name)) for name in strategies))

@@ -183,6 +183,16 @@ contains
     attrito_bench_evaluations = session%solver%context%balance%evaluations
   end function attrito_bench_evaluations
 
+  !> Leave fallback strategies out from now on, bit k for the k-th; 0: none.
+  subroutine attrito_bench_leave_out(handle, strategies) bind(c)
+    type(c_ptr), value :: handle
+    integer(c_int), value :: strategies
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    session%solver%left_out = strategies
+  end subroutine attrito_bench_leave_out
+
   !> Of this rank's processor: other work on the machine does not count.
   real(wp) function clock()
 

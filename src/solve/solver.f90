@@ -67,6 +67,8 @@ module attrito_solve_solver
     logical :: no_periodic_solution = .false., is_drifting = .false.
     !> Source of starts that no earlier point leads to; not allocated: there is none
     class(time_integrator_type), allocatable :: time_integrator
+    !> Fallback strategies that comparisons leave out: bit k for the k-th (`attrito_solve_strategies`)
+    integer :: left_out = 0
   contains
     procedure :: solve_with
     procedure :: solve_at

@@ -107,7 +107,7 @@ contains
     call solver%context%forget()
   end subroutine remove_drift
 
-  !> Is everything there that a strategy needs?
+  !> Is everything there that a strategy needs, and does no comparison leave it out?
   pure logical function is_possible(solver, strategy)
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
@@ -124,6 +124,7 @@ contains
      case default
       is_possible = .true.
     end select
+    is_possible = is_possible .and. .not. btest(solver%left_out, strategy)
   end function is_possible
 
   !> Is a strategy worth its cost at its place in the order?

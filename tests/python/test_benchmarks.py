@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import ablation
 import contact_harmonics
 import evidence
 import kills
@@ -15,6 +16,10 @@ import numpy as np
 import pytest
 import scenes
 from jobs import TIMEOUT
+
+from attrito.library.names import NO_SOLUTION
+from attrito.library.session import Options
+from attrito_verification.scene_grid.scenes import Family, frequencies
 
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 
@@ -48,6 +53,25 @@ def test_below_the_least_threshold_every_contact_sticks_and_far_above_none_does(
         tangents = (2 if row["scene"] == "hexahedral" else 1) * row["contacts"] * (2 * row["harmonics"] + 1)
         assert row["active_rows"] == 0 if row["share"] == 0.0 else row["active_rows"] >= row["share"] * tangents
     assert {row["kernel"] for row in found["contacts"]} == {"event_line", "sampled_line", "sampled_disc"}
+
+
+def test_a_strategy_that_is_left_out_is_missed_where_it_alone_solves_a_point():
+    # One family of the grid at two frequencies; the lap joint and the blocks are for the whole study.
+    options = ("--groups", "corner", "--families", "1", "--frequencies", "2", "--without", "newton")
+    rows = run("ablation.py", *options, "newton+stuck_response")["groups"]["corner"]
+    assert list(rows) == ["none", "newton", "newton+stuck_response"]
+    assert {row["points"] for row in rows.values()} == {2}
+    # Contacts that are soft at first find what no other strategy does (test_torture.py): here with it and without.
+    family, at = Family(1, 1.0e4, 0.8, "none", 80.0), frequencies()[32]
+    options = Options(harmonics=10, samples=128, by_events=True)
+    case = ablation.Case(family.name, family.scene(), options, np.array([[0.0], [1.0]]), 1.0, np.array([at]))
+    everything, _ = ablation.solve(case, [])
+    without, _ = ablation.solve(case, ["stiffness_homotopy"])
+    assert [everything[0].is_solved, without[0].is_solved] == [True, False]
+    (changed,) = ablation.differences(case, everything, without)
+    assert changed["all"] == "converged"
+    assert changed["frequency_hz"] == pytest.approx(at, rel=1e-12)
+    assert changed["without"] in NO_SOLUTION
 
 
 def test_contacts_with_equal_forces_need_equal_series_and_one_that_hardly_slips_fewer():
