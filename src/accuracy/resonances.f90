@@ -55,12 +55,10 @@ contains
       allocate (forces(size(directions, 1), 1))
       forces(:, 1) = matmul(abs(directions), bounds_of_forces(solver))
       coupling = sum(directions**2, 2)
-      swing = sum(solver%motion(2:, :)**2)
       call balance%ranks%sum(forces)
       call balance%ranks%sum(coupling)
-      call balance%ranks%sum(swing)
       limits = threshold*sqrt(sum(abs(balance%monitors%harmonics_of(1, balance%response(:, 1:)))**2, 2))
-      swing = threshold*sqrt(swing)
+      swing = threshold*balance%norm(solver%motion(2:, :))
       do r = 1, size(stuck%omega)
         call span(self, r, stuck%omega(r), first, last)
         do h = min(last, highest_looked_at), max(first, highest + 1), -1

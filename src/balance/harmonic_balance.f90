@@ -102,6 +102,7 @@ module attrito_balance_harmonic_balance
     procedure :: imbalance
     procedure :: remove_drift
     procedure :: recover
+    procedure :: norm
     procedure :: linear_response
     procedure :: highest_load
     procedure :: keep
@@ -325,6 +326,17 @@ contains
 
     motion = self%contact_rows%motion_of(response)
   end function recover
+
+  !> Euclidean norm over the contact rows of all ranks; without the mean where that is left out of the field.
+  real(wp) function norm(self, field)
+    class(balance_type), intent(in) :: self
+    !> On this rank's rows [any coefficients, rows]
+    real(wp), intent(in) :: field(:, :)
+
+    norm = sum(field**2)
+    call self%ranks%sum(norm)
+    norm = sqrt(norm)
+  end function norm
 
   !> What the next point starts from, the contacts being this rank's. Sums that grow with the rows that were ever active are dropped:
   !> their rounding would tell how they grew.

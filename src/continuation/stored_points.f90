@@ -199,8 +199,6 @@ contains
     !> Coefficients of relative displacement, by harmonic and row
     real(wp), intent(in) :: motion(:, :)
 
-    size_of = sum(motion(2:, :)**2)
-    call solver%context%balance%ranks%sum(size_of)
-    size_of = sqrt(size_of)
+    size_of = solver%context%balance%norm(motion(2:, :))
   end function size_of
 end module attrito_continuation_stored_points

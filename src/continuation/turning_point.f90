@@ -5,6 +5,7 @@
 !> the step, until what the frequency can still gain, |t_omega| times what is left, is nothing.
 module attrito_continuation_turning_point
   use attrito_core_kinds, only: wp
+  use attrito_core_secant, only: bracket_type
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of
   use attrito_solve_solver, only: solver_type
   use attrito_continuation_step, only: step_type
@@ -40,66 +41,49 @@ contains
     type(tangent_type), intent(in) :: start, end
     type(turning_point_type), intent(out) :: self
     type(tangent_type) :: tangent
-    real(wp) :: s, part(2), slope(2), weight(2), length
+    type(bracket_type) :: bracket
+    real(wp) :: s, slope(2), length
     integer :: side, try, status
     logical :: converged
 
-    part = [0.0_wp, 1.0_wp]
     slope = [start%omega, end%omega]
-    weight = slope
+    bracket%weight = slope
     length = abs(step_length(solver, step))
     self%place = step%from
     if ((step%to%omega - step%from%omega)*start%omega > 0.0_wp) self%place = step%to
     do try = 1, most_tries
-      s = next_part(part, weight, modulo(try, 3) == 0)
+      s = bracket%trial(try)
       call step%solve_part(solver, s, converged)
       if (.not. converged) exit
       call find_tangent(solver, start, tangent, status)
       if (status /= 0) exit
       if ((solver%omega - self%place%omega)*start%omega > 0.0_wp) self%place = snapshot_of(solver)
       side = merge(1, 2, tangent%omega*start%omega > 0.0_wp)
-      ! The end that stays loses weight, so that the secants close in from both sides.
-      weight(3 - side) = 0.5_wp*weight(3 - side)
-      part(side) = s
+      call bracket%take(side, s, tangent%omega)
       slope(side) = tangent%omega
-      weight(side) = tangent%omega
       if (is_enough()) exit
     end do
     self%uncertain = possible_gain()
     ! Where contacts begin to open or to slip the tangent goes at least like a root: what is left of its change is, too.
-    self%smooth = abs(slope(2) - slope(1)) < (part(2) - part(1))**0.25_wp*abs(end%omega - start%omega)
+    self%smooth = abs(slope(2) - slope(1)) < bracket%width()**0.25_wp*abs(end%omega - start%omega)
 
   contains
 
     !> A concave arc lies below its tangents at both ends.
     pure real(wp) function possible_gain()
 
-      possible_gain = minval(abs(slope))*(part(2) - part(1))*length*solver%context%frequency_scale
+      possible_gain = minval(abs(slope))*bracket%width()*length*solver%context%frequency_scale
     end function possible_gain
 
     pure logical function is_enough()
 
       is_enough = possible_gain() <= accuracy*abs(solver%omega)
       if (minval(abs(slope)) > vanishing*min(abs(start%omega), abs(end%omega))) then
-        is_enough = is_enough .and. part(2) - part(1) < 10.0_wp*least_part
+        is_enough = is_enough .and. bracket%width() < 10.0_wp*least_part
       end if
-      is_enough = is_enough .or. part(2) - part(1) < least_part
+      is_enough = is_enough .or. bracket%width() < least_part
     end function is_enough
   end subroutine locate_turning_point
-
-  !> Where the secant through both weights vanishes, or the middle; never at an end.
-  pure real(wp) function next_part(part, weight, middle)
-    !> Parts of the step at both ends; weights at both ends
-    real(wp), intent(in) :: part(2), weight(2)
-    !> Take the middle?
-    logical, intent(in) :: middle
-    real(wp), parameter :: off = 1.0e-3_wp
-    real(wp) :: share
-
-    share = 0.5_wp
-    if (.not. middle) share = min(max(weight(1)/(weight(1) - weight(2)), off), 1.0_wp - off)
-    next_part = part(1) + share*(part(2) - part(1))
-  end function next_part
 
   !> Of a step in scaled motion and frequency.
   real(wp) function step_length(solver, step)
@@ -109,9 +93,8 @@ contains
     type(step_type), intent(in) :: step
 
     associate (context => solver%context)
-      step_length = sum((step%to%motion - step%from%motion)**2)/context%motion_scale**2
-      call context%balance%ranks%sum(step_length)
-      step_length = sqrt(step_length + ((step%to%omega - step%from%omega)/context%frequency_scale)**2)
+      step_length = hypot(context%balance%norm(step%to%motion - step%from%motion)/context%motion_scale, &
+                          (step%to%omega - step%from%omega)/context%frequency_scale)
     end associate
   end function step_length
 end module attrito_continuation_turning_point

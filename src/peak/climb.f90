@@ -11,6 +11,7 @@
 !> go on until the tangents of both leave next to nothing of A to be gained. Planes stand across the tangent, so folds are passed.
 module attrito_peak_climb
   use attrito_core_kinds, only: wp
+  use attrito_core_secant, only: secant_share, within
   use attrito_newton_border, only: constraint_type, inner_product
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
@@ -99,7 +100,6 @@ contains
     !> Could tangent and slope be found?
     logical, intent(out) :: looked
     type(direction_type) :: direction
-    real(wp), allocatable :: harmonics(:, :)
     integer :: status
 
     here%place = snapshot_of(solver)
@@ -111,9 +111,7 @@ contains
       direction%step%omega = context%frequency_scale*tangent%omega
       call slope_along(problem, solver, direction, here%amplitude, here%slope)
       here%slope = here%slope/here%amplitude
-      harmonics = direction%step%motion
-      harmonics(1, :) = 0.0_wp
-      here%unit = scale_of_motion(solver)/max(sqrt(inner_product(context%balance, harmonics, harmonics)), tiny(1.0_wp))
+      here%unit = scale_of_motion(solver)/max(context%balance%norm(direction%step%motion(2:, :)), tiny(1.0_wp))
     end associate
   end subroutine look_around
 
@@ -209,8 +207,7 @@ contains
       ! A step that fails is cut in half: nothing else need be tried.
       call solver%solve_with(constraint, early_stop=.true.)
       moved = solver%motion - moved
-      moved(1, :) = 0.0_wp
-      error = sqrt(inner_product(context%balance, moved, moved))/max(scale_of_motion(solver), tiny(1.0_wp))
+      error = context%balance%norm(moved(2:, :))/max(scale_of_motion(solver), tiny(1.0_wp))
     end associate
   end subroutine take_step
 
@@ -304,11 +301,11 @@ contains
     !> Go by the tangents at both ends?
     logical, intent(in) :: by_tangents
     real(wp), parameter :: off = 0.01_wp
-    real(wp) :: length
+    real(wp) :: length, share
 
     length = ends(2)%part - ends(1)%part
-    next_part = ends(1)%part + ends(1)%slope/(ends(1)%slope - ends(2)%slope)*length
-    if (by_tangents) next_part = corner_of(ends)
-    next_part = min(max(next_part, ends(1)%part + off*length), ends(2)%part - off*length)
+    share = secant_share(ends%slope)
+    if (by_tangents) share = (corner_of(ends) - ends(1)%part)/length
+    next_part = ends(1)%part + within(share, off)*length
   end function next_part
 end module attrito_peak_climb

@@ -11,7 +11,7 @@
 !> $$ \psi'[X] = A''[c_t, c_X] + A'\left[ C (q_{tX} + q_z) \right], \qquad r_d z + r_\omega z_\omega = B q_{tX}, \; c \cdot z = 0. $$
 module attrito_peak_condition
   use attrito_core_kinds, only: wp
-  use attrito_newton_border, only: constraint_type, inner_product
+  use attrito_newton_border, only: constraint_type
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_newton_linearised_step, only: solve_linearised
   use attrito_newton_newton_context, only: least_stiffening
@@ -101,9 +101,7 @@ contains
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
 
-    scale = sum(solver%motion(2:, :)**2)
-    call solver%context%balance%ranks%sum(scale)
-    scale = sqrt(scale)
+    scale = solver%context%balance%norm(solver%motion(2:, :))
   end function scale_of_motion
 
   !> Evaluate at the solver's motion, frequency and parameter.
@@ -121,7 +119,7 @@ contains
       call balance%evaluate(solver%motion, solver%omega, status)
       call solver%context%forget()
       if (status /= 0) return
-      self%residual = sqrt(inner_product(balance, balance%residual, balance%residual))/solver%context%motion_scale
+      self%residual = balance%norm(balance%residual)/solver%context%motion_scale
       self%amplitude = amplitude_of(balance%monitors%row_of(problem%monitor, balance%response), problem%measure)
       call find_directions(problem, solver, self, status)
       if (status /= 0) return

@@ -42,11 +42,11 @@ contains
     do i = 1, size(looked_at)
       call balance%receptance%set_frequency(looked_at(i), status, balance%highest_load())
       if (status /= 0) cycle
-      largest = max(largest, norm_over_ranks(balance, recover_loaded(balance, balance%linear_response())))
+      largest = max(largest, balance%norm(recover_loaded(balance, balance%linear_response())))
       ! The same at all frequencies.
       if (known) cycle
       motion = linear_motion(balance)
-      mean = norm_over_ranks(balance, motion(1:1, :))
+      mean = balance%norm(motion(1:1, :))
       known = .true.
     end do
     if (largest <= 0.0_wp) largest = mean
@@ -90,16 +90,4 @@ contains
       largest = omega(i)
     end do
   end function frequency_of_largest
-
-  !> Of rows of all ranks.
-  real(wp) function norm_over_ranks(balance, rows)
-    !> Harmonic balance: loads, contacts, receptance and its last residual
-    type(balance_type), intent(in) :: balance
-    !> Field over contact rows
-    real(wp), intent(in) :: rows(:, :)
-
-    norm_over_ranks = sum(rows**2)
-    call balance%ranks%sum(norm_over_ranks)
-    norm_over_ranks = sqrt(norm_over_ranks)
-  end function norm_over_ranks
 end module attrito_solve_scales

@@ -208,13 +208,10 @@ contains
     !> Tolerance that the last solve keeps
     real(wp), intent(in) :: tight
     real(wp), parameter :: share = 1.0e-3_wp
-    real(wp) :: square
 
     loose_tolerance = tight
     if (all(self%contacts%law%tangents == 1)) return
-    square = sum(self%motion(2:, :)**2)
-    call self%context%balance%ranks%sum(square)
-    loose_tolerance = max(tight, share*sqrt(square)/self%context%motion_scale)
+    loose_tolerance = max(tight, share*self%context%balance%norm(self%motion(2:, :))/self%context%motion_scale)
   end function loose_tolerance
 
   !> Solve at a given angular frequency.
@@ -261,16 +258,14 @@ contains
     class(solver_type), intent(inout) :: self
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega_a, omega_b
-    real(wp) :: mean, square
+    real(wp) :: mean
 
     associate (context => self%context, low => min(omega_a, omega_b), high => max(omega_a, omega_b))
       call find_scales(context%balance, self%stuck%omega, low, high, context%motion_scale, mean)
       context%frequency_scale = merge(high - low, high, high > low)
       ! Rounding of the mean, which preloads and gaps move too, must stay below the tolerance on the harmonics; where it would hide
       ! them, points fail rather than pass.
-      square = sum(self%motion(1, :)**2)
-      call context%balance%ranks%sum(square)
-      mean = max(mean, sqrt(square))
+      mean = max(mean, context%balance%norm(self%motion(1:1, :)))
       context%tolerance = min(max(self%options%tolerance, 1.0e-13_wp*mean/context%motion_scale), loosest_tolerance)
       call context%forget()
     end associate

@@ -10,6 +10,7 @@
 !> Source: Kuznetsov 2004, doi:10.1007/978-1-4757-3978-7; di Bernardo et al. 2008, doi:10.1007/978-1-84628-708-4.
 module attrito_stability_crossing
   use attrito_core_kinds, only: wp
+  use attrito_core_secant, only: bracket_type
   use attrito_core_state_store, only: state_store_type
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of
   use attrito_solve_solver, only: solver_type
@@ -55,7 +56,7 @@ module attrito_stability_crossing
 
   !> One end of what is left of a step
   type :: end_type
-    real(wp) :: part = 0.0_wp, weight = 0.0_wp
+    real(wp) :: part = 0.0_wp
     type(snapshot_type) :: place
     type(moduli_type) :: moduli
   end type end_type
@@ -128,8 +129,8 @@ contains
 
     allocate (found(0))
     if (any([size(moduli(1)%value), size(moduli(2)%value)] == 0)) return
-    a = end_type(0.0_wp, 0.0_wp, step%from, moduli(1))
-    end = end_type(1.0_wp, 0.0_wp, step%to, moduli(2))
+    a = end_type(0.0_wp, step%from, moduli(1))
+    end = end_type(1.0_wp, step%to, moduli(2))
     if (outside(a%moduli) == outside(end%moduli)) return
     one_orbit = options
     call settle_on_orbit(solver, system, step, one_orbit, a, end)
@@ -188,27 +189,27 @@ contains
     !> End of what is left of the step
     type(end_type), intent(inout) :: a, b
     type(end_type) :: new
+    type(bracket_type) :: bracket
+    real(wp) :: value
     logical :: solved
     integer :: try, watched
 
     watched = min(outside(a%moduli), outside(b%moduli)) + 1
-    a%weight = logarithm(a%moduli, watched)
-    b%weight = logarithm(b%moduli, watched)
+    bracket = bracket_type([a%part, b%part], [logarithm(a%moduli, watched), logarithm(b%moduli, watched)])
     do try = 1, most_tries
-      new%part = next_part(a, b, modulo(try, 3) == 0)
+      new%part = bracket%trial(try)
       call examine_part(solver, system, options, step, new, solved)
       if (.not. solved) return
-      new%weight = logarithm(new%moduli, watched)
-      ! The end that stays loses weight, so that the secants close in from both sides.
-      if (new%weight*a%weight > 0.0_wp) then
+      value = logarithm(new%moduli, watched)
+      if (value*bracket%weight(1) > 0.0_wp) then
         a = new
-        b%weight = 0.5_wp*b%weight
+        call bracket%take(1, new%part, value)
       else
         b = new
-        a%weight = 0.5_wp*a%weight
+        call bracket%take(2, new%part, value)
       end if
-      if (abs(new%weight) < on_circle .or. b%part - a%part < least_part .or. &
-          abs(b%place%omega - a%place%omega) < accuracy*a%place%omega .and. abs(new%weight) < jump) return
+      if (abs(value) < on_circle .or. bracket%width() < least_part .or. &
+          abs(b%place%omega - a%place%omega) < accuracy*a%place%omega .and. abs(value) < jump) return
       watched = min(outside(a%moduli), outside(b%moduli)) + 1
     end do
   end subroutine close_in
@@ -247,20 +248,6 @@ contains
     if (watched <= size(moduli%value)) logarithm = log(max(abs(moduli%value(watched)), exp(-1.0_wp)))
   end function logarithm
 
-  !> Where the secant through both weights vanishes, or the middle; never at an end.
-  pure real(wp) function next_part(a, b, middle)
-    !> End of what is left of the step
-    type(end_type), intent(in) :: a, b
-    !> Take the middle?
-    logical, intent(in) :: middle
-    real(wp), parameter :: off = 1.0e-3_wp
-    real(wp) :: share
-
-    share = 0.5_wp
-    if (.not. middle .and. a%weight*b%weight < 0.0_wp) share = min(max(a%weight/(a%weight - b%weight), off), 1.0_wp - off)
-    next_part = a%part + share*(b%part - a%part)
-  end function next_part
-
   !> The crossing between two ends that are near each other.
   function crossing_between(a, b) result(self)
     !> End of what is left of the step
@@ -295,10 +282,9 @@ contains
     type(solver_type), intent(in) :: solver
     !> Motion, sliders and frequency to return to
     type(snapshot_type), intent(in) :: one, other
-    real(wp) :: squares(2)
 
-    squares = [sum((other%motion(2:, :) - one%motion(2:, :))**2), sum(one%motion(2:, :)**2)]
-    call solver%context%balance%ranks%sum(squares)
-    distance = sqrt(squares(1)/max(squares(2), tiny(1.0_wp)))
+    associate (balance => solver%context%balance)
+      distance = balance%norm(other%motion(2:, :) - one%motion(2:, :))/max(balance%norm(one%motion(2:, :)), tiny(1.0_wp))
+    end associate
   end function distance
 end module attrito_stability_crossing
