@@ -195,6 +195,13 @@ def test_a_mode_that_is_not_there_is_a_fault_of_the_option(tmp_path, options, sa
     assert done.returncode == 2 and said in done.stderr
 
 
+@pytest.mark.parametrize("command", ["plot", "report"])
+def test_what_draws_responses_refuses_linear_modes_and_says_what_shows_them(tmp_path, command):
+    attrito(tmp_path, "linear-modes", write_job(tmp_path, two_masses()))
+    done = attrito(tmp_path, command, "result.modes.h5")
+    assert done.returncode == 2 and "attrito table and export --mode show linear modes" in done.stderr
+
+
 def test_modes_of_a_reduction_by_error_need_a_band(tmp_path):
     job = two_masses() | {"reduction": {"modes": "auto"}}
     done = attrito(tmp_path, "linear-modes", write_job(tmp_path, job))

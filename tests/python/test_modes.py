@@ -5,7 +5,7 @@ from __future__ import annotations
 import h5py
 import numpy as np
 import pytest
-from jobs import Job, attrito, table, wedge, write_job
+from jobs import Job, attrito, chain, table, wedge, write_job
 
 K, KT, LIMIT, MASS = 1.0e5, 6.0e4, 20.0, 2.0
 
@@ -206,3 +206,17 @@ def test_a_mode_that_closes_a_gap_has_the_period_of_its_two_oscillators(tmp_path
     assert period * natural / (2 * np.pi) < 0.95, "the test is void unless it touches for long"
     # Harmonics beyond 15 of a force with kinks are of some 1/15^2 of the first, their stiffness 15^2 times as much.
     assert rows[-1]["frequency_hz"] == pytest.approx(1.0 / period, rel=1e-4)
+
+
+def test_a_mode_with_two_tangents_does_not_depend_on_the_number_of_ranks(tmp_path):
+    job = chain(contacts=3, tangents=2)
+    del job["sweep"]
+    job["load"].pop()
+    job["mode"] = {"start": 1.0e-5, "stop": 3.0e-3, "points": 5}
+    alone = follow(tmp_path, job)
+    done = attrito(tmp_path, "mode", "job.toml", ranks=2)
+    assert done.returncode == 0, done.stderr
+    for row, other in zip(table(tmp_path, result="result.mode.h5"), alone, strict=True):
+        # Q is met to 1e-9; sums over ranks differ by rounding.
+        assert {name: float(row[name]) for name in other} == pytest.approx(other, rel=1e-6, abs=1e-12)
+    assert alone[0]["damping_ratio"] == pytest.approx(0.0, abs=1e-12) and alone[-1]["damping_ratio"] > 0.01

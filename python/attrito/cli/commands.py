@@ -155,6 +155,7 @@ def plot(options: argparse.Namespace) -> None:
 
     look = style.Look(options.width, options.height, options.font, options.font_size)
     with Result(options.result) as result:
+        _refuse_linear_modes(result)
         if result.attribute("format") == MODE and not (options.loops or options.map):
             path = options.output or _beside(options.result, "mode.png")
             style.save(mode_curve(result, look), path, options.dpi)
@@ -184,6 +185,7 @@ def report(options: argparse.Namespace) -> None:
 
     path = options.output or _beside(options.result, "report.html")
     with Result(options.result) as result:
+        _refuse_linear_modes(result)
         point = None if options.point is None else _point(result, options, "")
         write_report(result, path, point)
     print(path)
@@ -259,6 +261,15 @@ def verify(options: argparse.Namespace) -> None:
     if harmonics < 1:
         raise InputError(Fault("verify", "--harmonics", harmonics, "at least 1"))
     verify_paper(options.output or "out/paper", harmonics, options.quick)
+
+
+def _refuse_linear_modes(result) -> None:
+    """Linear modes have no response to draw."""
+    from attrito.results.result import LINEAR_MODES
+
+    if (form := result.attribute("format")) == LINEAR_MODES:
+        expected = "a result of `attrito run` or `attrito mode` (attrito table and export --mode show linear modes)"
+        raise InputError(Fault(result.path, "format", form, expected))
 
 
 def _monitor(result, options: argparse.Namespace) -> str:
