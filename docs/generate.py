@@ -9,12 +9,17 @@ import sys
 from pathlib import Path
 
 import api_reference
+import constants_reference
 
 from attrito.job import reference as job_reference
 
 DOCS = Path(__file__).resolve().parent
 BEGIN, END = "<!-- made by script/reference", "<!-- end of what is made -->"
-MADE = {"job.md": job_reference.as_markdown, "python.md": api_reference.as_markdown}
+MADE = {
+    "job.md": job_reference.as_markdown,
+    "python.md": api_reference.as_markdown,
+    "constants.md": constants_reference.as_markdown,
+}
 
 
 def page(name: str) -> str:

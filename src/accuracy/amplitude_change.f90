@@ -13,9 +13,9 @@ module attrito_accuracy_amplitude_change
   public :: relative_change
 
   !> Monitors below this part of the largest amplitude are measured against it: what hardly moves has no relative error
-  real(wp), parameter :: least_share = 1.0e-3_wp
+  real(wp), parameter :: least_share = 1.0e-3_wp ! conventional
   !> c, measured: with a fifth, one estimate in a hundred is less than a third of the error, with a third one in two hundred
-  real(wp), parameter :: share_of_motion = 1.0_wp/3.0_wp
+  real(wp), parameter :: share_of_motion = 1.0_wp/3.0_wp ! measured
 
 contains
 

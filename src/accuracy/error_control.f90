@@ -24,16 +24,16 @@ module attrito_accuracy_error_control
 
   !> Part of the accepted error that samples may take, and what a change of harmonics or samples aims at of its part: the estimate may
   !> be too small by a factor, and the next point is not this one
-  real(wp), parameter :: samples_share = 0.25_wp, aimed_part = 0.3_wp
+  real(wp), parameter :: samples_share = 0.25_wp, aimed_part = 0.3_wp ! conventional
   !> A series is cut where so few harmonics would do
-  real(wp), parameter :: worth_cutting = 0.75_wp
+  real(wp), parameter :: worth_cutting = 0.75_wp ! guess
   !> Part of a series that had to be lengthened until its estimate was sure that the next point begins with at least
-  real(wp), parameter :: shrinking = 0.8_wp
+  real(wp), parameter :: shrinking = 0.8_wp ! guess
   !> Harmonics and samples between which they are chosen
-  integer, parameter :: most_harmonics = 100, most_samples = 8192
-  integer, parameter :: most_refinements = 8
+  integer, parameter :: most_harmonics = 100, most_samples = 8192 ! conventional
+  integer, parameter :: most_refinements = 8 ! conventional
   !> Longest series that an estimate which is not sure is held against, in units of the present one: more is not known to be needed
-  integer, parameter :: most_growth = 2
+  integer, parameter :: most_growth = 2 ! guess
 
   type :: error_control_type
     !> Relative error accepted in the amplitude

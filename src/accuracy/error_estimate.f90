@@ -22,20 +22,20 @@ module attrito_accuracy_error_estimate
   public :: error_estimate_type, any_sampled, harmonics_share, own_monitors, short_series
 
   !> Part of the tolerance that harmonics may take
-  real(wp), parameter :: harmonics_share = 0.5_wp
+  real(wp), parameter :: harmonics_share = 0.5_wp ! conventional
   !> The two steps of an estimate agree if they differ by no more than this part of it, or of what harmonics may take of the tolerance
-  real(wp), parameter :: agreement = 0.5_wp, negligible = 0.2_wp
+  real(wp), parameter :: agreement = 0.5_wp, negligible = 0.2_wp ! guess
   !> Contacts so many times stiffer than the structure is at them may bounce at any frequency, and their steps linearised on a short
   !> series are not those of a longer one: series shorter than `short_stiff_series` are not sure by themselves. Measured: steps see
   !> 2 to 30 % of the error of 3 to 19 harmonics where contacts are 9e3 to 9e5 times as stiff.
-  real(wp), parameter :: stiff = 1.0e3_wp
-  integer, parameter :: short_series = 5, short_stiff_series = 20
+  real(wp), parameter :: stiff = 1.0e3_wp ! guess
+  integer, parameter :: short_series = 5, short_stiff_series = 20 ! measured
   !> Fewest harmonics of the longer series, a guess: nine miss a mode at the 10th where blocks hardly slip
-  integer, parameter :: least_longer = 15
+  integer, parameter :: least_longer = 15 ! guess
   !> Part of the motion, in units of the tolerance, that a harmonic may lack
-  real(wp), parameter :: unsettled_share = 0.1_wp
+  real(wp), parameter :: unsettled_share = 0.1_wp ! guess
   !> The tolerance that estimates are made for where none is given
-  real(wp), parameter :: nominal_tolerance = 0.01_wp
+  real(wp), parameter :: nominal_tolerance = 0.01_wp ! conventional
 
   type :: error_estimate_type
     !> Is the last estimate sure? Is it not for the stiffness of contacts alone?
@@ -120,7 +120,8 @@ contains
   real(wp) function greatest_stiffness_ratio(solver) result(ratio)
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
-    real(wp), parameter :: rounding = 1.0e-12_wp
+    !> Flexibility left to the structure that is rounding
+    real(wp), parameter :: rounding = 1.0e-12_wp ! derived
     real(wp), allocatable :: modes(:, :)
     real(wp) :: share
     integer :: row

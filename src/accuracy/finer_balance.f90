@@ -26,14 +26,14 @@ module attrito_accuracy_finer_balance
   public :: densification, finer_balance_type, new_finer_balance, finer_point_type, solve_for_estimate
 
   !> Damping ratio of modes beyond H that have none of their own: it keeps their resonances finite
-  real(wp), parameter :: nominal_ratio = 0.01_wp
+  real(wp), parameter :: nominal_ratio = 0.01_wp ! guess
 
   !> A balance with so many times the samples shows what samples change. With twice as many, switches of a contact lie alike between
   !> the samples of both too often, and both are wrong by the same
-  integer, parameter :: densification = 4
+  integer, parameter :: densification = 4 ! measured
 
   !> Relative residual of GMRES, where the step is large: an error needs two digits
-  real(wp), parameter :: accepted_residual = 1.0e-2_wp
+  real(wp), parameter :: accepted_residual = 1.0e-2_wp ! guess
 
   type :: finer_balance_type
     !> K
@@ -264,7 +264,8 @@ contains
     real(wp), intent(inout) :: change(:, :), released(:, :)
     !> Of samples in the motion that both parts by themselves make
     real(wp), intent(out) :: share
-    real(wp), parameter :: rest = 1.0_wp/(densification**2 - 1.0_wp)
+    !> What the denser balance's own error adds: s^-2/(1 - s^-2)
+    real(wp), parameter :: rest = 1.0_wp/(densification**2 - 1.0_wp) ! derived
     real(wp), allocatable :: by_samples(:, :), released_by_samples(:, :)
     real(wp) :: harmonics, samples
 

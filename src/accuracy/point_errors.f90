@@ -7,7 +7,7 @@ module attrito_accuracy_point_errors
   public :: point_errors_type, no_tolerance
 
   !> A tolerance that no error exceeds, one that is not known included
-  real(wp), parameter :: no_tolerance = huge(1.0_wp)
+  real(wp), parameter :: no_tolerance = huge(1.0_wp) ! conventional
 
   !> Relative errors of the amplitude; by harmonics and samples NaN where the linearised step that estimates them is singular
   type :: point_errors_type

@@ -17,13 +17,13 @@ module attrito_accuracy_resonances
   public :: resonances_type
 
   !> Harmonics that are looked at
-  integer, parameter :: highest_looked_at = 60
+  integer, parameter :: highest_looked_at = 60 ! conventional
   !> Coordinates up to which the structure without contacts is diagonalised; beyond, the stuck system's frequencies alone count
-  integer, parameter :: largest_open_system = 600
+  integer, parameter :: largest_open_system = 600 ! conventional
   !> Damping ratio of modes that have none: it keeps their resonances finite
-  real(wp), parameter :: nominal_ratio = 1.0e-3_wp
+  real(wp), parameter :: nominal_ratio = 1.0e-3_wp ! guess
   !> Room about an interval of natural frequencies, part of them
-  real(wp), parameter :: margin = 0.02_wp
+  real(wp), parameter :: margin = 0.02_wp ! guess
 
   type :: resonances_type
     !> Natural angular frequencies of the structure without contacts, ascending [n]

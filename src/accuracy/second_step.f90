@@ -20,7 +20,7 @@ module attrito_accuracy_second_step
   public :: second_step_type, step_again
 
   !> Least |1 - lambda| that is believed: lambda is a mean over contacts and modes, and no more than one digit of it is sure
-  real(wp), parameter :: least_distance = 0.02_wp
+  real(wp), parameter :: least_distance = 0.02_wp ! guess
 
   type :: second_step_type
     !> Coefficients of the monitors after it [2 K + 1, monitors]; not allocated where the step is singular
@@ -162,7 +162,7 @@ contains
     !> Part of the motion that counts
     real(wp), intent(in) :: threshold
     !> Parts of the contacts' motion count this much less than those of the monitors'
-    real(wp), parameter :: weight = 0.1_wp
+    real(wp), parameter :: weight = 0.1_wp ! guess
     real(wp) :: swing, swings(size(answers%monitors, 1)), further
 
     swing = norm2(answers%before)

@@ -48,7 +48,7 @@ module attrito_api_solver
   end type point_type
 
   !> Rows of contacts up to which an implicit step in time, an elimination of all of them, is worth its cost
-  integer, parameter :: most_rows_in_time = 400
+  integer, parameter :: most_rows_in_time = 400 ! guess
 
 contains
 

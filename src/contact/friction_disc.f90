@@ -216,8 +216,8 @@ contains
     real(wp), intent(in) :: square
     !> tanh(L/2)/L; slope of the slip radius by the normal force, or of a function
     real(wp), intent(out) :: scale, slope
-    ! Series of tanh(x)/x in x^2: below x = 1/4 the term after the last is 1e-17.
-    real(wp), parameter :: c(0:9) = [1.0_wp, -1.0_wp/3.0_wp, 2.0_wp/15.0_wp, -17.0_wp/315.0_wp, 62.0_wp/2835.0_wp, &
+    !> Series of tanh(x)/x in x^2: below x = 1/4 the term after the last is 1e-17.
+    real(wp), parameter :: c(0:9) = [1.0_wp, -1.0_wp/3.0_wp, 2.0_wp/15.0_wp, -17.0_wp/315.0_wp, 62.0_wp/2835.0_wp, & ! derived
                                      -1382.0_wp/155925.0_wp, 21844.0_wp/6081075.0_wp, -929569.0_wp/638512875.0_wp, &
                                      6404582.0_wp/10854718875.0_wp, -443861162.0_wp/1856156927625.0_wp]
     real(wp) :: y, s, s_slope, x

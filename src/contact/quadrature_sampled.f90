@@ -336,8 +336,8 @@ contains
     type(contact_samples_type), intent(in) :: samples
     !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(inout) :: forces
-    ! What a period keeps but for rounding stays where it is, rather than moving without limit.
-    real(wp), parameter :: kept = 1.0_wp - 1.0e-8_wp
+    !> What a period keeps but for rounding stays where it is, rather than moving without limit.
+    real(wp), parameter :: kept = 1.0_wp - 1.0e-8_wp ! derived
     real(wp), allocatable :: gradient(:, :, :)
     integer :: i, k
 

@@ -155,8 +155,8 @@ contains
     !> Where it was
     real(wp), intent(in) :: slider(2)
     real(wp) :: gradient(2, 3*size(basis, 1))
-    ! Sine of the angle between two discs' normals below which one of them holds it alone.
-    real(wp), parameter :: parallel = 1.0e-6_wp
+    !> Sine of the angle between two discs' normals below which one of them holds it alone.
+    real(wp), parameter :: parallel = 1.0e-6_wp ! derived
     real(wp) :: e(2, 2), columns(2, 2), across(2), determinant
     integer :: i, k
 

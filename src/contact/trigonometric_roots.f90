@@ -153,7 +153,8 @@ contains
   pure real(wp) function root_from(coefficients, level, left, right, f_left, guess) result(root)
     !> Value less level at the left end
     real(wp), intent(in) :: coefficients(:), level, left, right, f_left, guess
-    real(wp), parameter :: resolution = 2.0_wp*epsilon(1.0_wp)*two_pi
+    !> Phase that is rounding: two units in the last place of a period
+    real(wp), parameter :: resolution = 2.0_wp*epsilon(1.0_wp)*two_pi ! derived
     real(wp) :: low, high, jet(3), step, newton
     logical :: inside
     integer :: iteration

@@ -14,7 +14,7 @@ module attrito_continuation_branch_seeds
   public :: start_cold, start_in_motion, start_from_preload
 
   !> Iterations after which a homotopy is given up
-  integer, parameter :: most_iterations = 200
+  integer, parameter :: most_iterations = 200 ! conventional
 
   !> From other static loads to those that act
   type, extends(homotopy_type) :: preload_homotopy_type

@@ -13,7 +13,7 @@ module attrito_continuation_closed_branch
 
   !> Distance from the step's straight line, part of its length, below which closing is examined; distance in scaled motion that is
   !> none
-  real(wp), parameter :: near = 0.5_wp, met = 1.0e-6_wp
+  real(wp), parameter :: near = 0.5_wp, met = 1.0e-6_wp ! guess
 
 contains
 

@@ -21,17 +21,17 @@ module attrito_continuation_stepper
   public :: stepper_type, first_step, smallest_step, aimed_error, accepted_error
 
   !> Distance of predicted from corrected point, relative to the response, that the step aims at, and that it still accepts
-  real(wp), parameter :: aimed_error = 0.02_wp, accepted_error = 0.2_wp
+  real(wp), parameter :: aimed_error = 0.02_wp, accepted_error = 0.2_wp ! guess
   !> Steps as parts of the sweep
-  real(wp), parameter :: first_step = 0.01_wp, smallest_step = 1.0e-6_wp, largest_step = 0.04_wp
+  real(wp), parameter :: first_step = 0.01_wp, smallest_step = 1.0e-6_wp, largest_step = 0.04_wp ! guess
   !> A body is taken to drift after some steps in a row in which everything but mean positions changes by less than this part: past
   !> the end of its branch friction no longer balances over the period
-  real(wp), parameter :: mean_share = 1.0e-3_wp
+  real(wp), parameter :: mean_share = 1.0e-3_wp ! guess
   !> The same where every contact slips: friction then balances at single frequencies, and rounding makes a branch of these
-  real(wp), parameter :: free_share = 0.5_wp
-  integer, parameter :: most_drifting = 6
+  real(wp), parameter :: free_share = 0.5_wp ! guess
+  integer, parameter :: most_drifting = 6 ! guess
   !> Cosine between successive steps below which the branch is taken to run back on itself
-  real(wp), parameter :: turned_back = -0.95_wp
+  real(wp), parameter :: turned_back = -0.95_wp ! guess
 
   type :: stepper_type
     !> Length of the next step

@@ -21,9 +21,9 @@ module attrito_continuation_sweep
   public :: sweep_type, new_sweep, new_branch_sweep
 
   !> Part of the range to go on by where the branch was lost
-  real(wp), parameter :: jump = 0.01_wp
+  real(wp), parameter :: jump = 0.01_wp ! guess
   !> Steps after which a branch may have come back to where it was begun
-  integer, parameter :: fewest_steps = 4
+  integer, parameter :: fewest_steps = 4 ! guess
 
   type :: sweep_type
     type(range_type), private :: range

@@ -15,10 +15,10 @@ module attrito_continuation_turning_point
   public :: turning_point_type, locate_turning_point
 
   !> What is left open of the frequency, relative to it, and the least part of the step that is looked at
-  real(wp), parameter :: accuracy = 1.0e-8_wp, least_part = 1.0e-7_wp
+  real(wp), parameter :: accuracy = 1.0e-8_wp, least_part = 1.0e-7_wp ! derived
   !> Part of its values on both ends of the step below which t_omega has surely come down to zero without a jump
-  real(wp), parameter :: vanishing = 1.0e-2_wp
-  integer, parameter :: most_tries = 60
+  real(wp), parameter :: vanishing = 1.0e-2_wp ! guess
+  integer, parameter :: most_tries = 60 ! conventional
 
   type :: turning_point_type
     !> Where the frequency is extreme, of what was solved

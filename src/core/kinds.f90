@@ -9,6 +9,6 @@ module attrito_core_kinds
   integer, parameter :: wp = real64
   !> Single precision: for what makes a solve faster and no result
   integer, parameter :: sp = real32
-  real(wp), parameter :: pi = acos(-1.0_wp)
-  real(wp), parameter :: two_pi = 2.0_wp * pi
+  real(wp), parameter :: pi = acos(-1.0_wp) ! derived
+  real(wp), parameter :: two_pi = 2.0_wp * pi ! derived
 end module attrito_core_kinds

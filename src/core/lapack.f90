@@ -295,7 +295,8 @@ contains
     real(wp), intent(inout), contiguous :: a(:, :)
     !> 0, or the number of the zero pivot
     integer, intent(out) :: info
-    integer, parameter :: columns_together = 64
+    !> Block size of dgetri's workspace
+    integer, parameter :: columns_together = 64 ! conventional
     real(wp), allocatable :: work(:)
     integer, allocatable :: pivots(:)
 

@@ -13,7 +13,7 @@ module attrito_core_secant
   public :: bracket_type, secant_share, within
 
   !> Part of what is enclosed by which a trial stays off its ends
-  real(wp), parameter :: off_ends = 1.0e-3_wp
+  real(wp), parameter :: off_ends = 1.0e-3_wp ! conventional
   !> So many trials to one halving
   integer, parameter :: to_one_halving = 3
 

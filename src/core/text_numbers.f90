@@ -16,13 +16,13 @@ module attrito_core_text_numbers
   public :: read_separated, read_columns, read_entries, read_number
 
   !> Longest number looked at; no program writes more
-  integer, parameter :: longest = 64
+  integer, parameter :: longest = 64 ! conventional
   integer(int64), parameter :: fifteen_digits = 10_int64**15, eighteen_digits = 10_int64**18
   integer :: power
   !> 10^k, exact: 5^44 has 103 bits
-  real(real128), parameter :: exact_powers(0:44) = [(10.0_real128**power, power=0, 44)]
-  real(wp), parameter :: powers(0:44) = real(exact_powers, wp)
-  real(wp), parameter :: rest_of_powers(0:44) = real(exact_powers - powers, wp)
+  real(real128), parameter :: exact_powers(0:44) = [(10.0_real128**power, power=0, 44)] ! derived
+  real(wp), parameter :: powers(0:44) = real(exact_powers, wp) ! derived
+  real(wp), parameter :: rest_of_powers(0:44) = real(exact_powers - powers, wp) ! derived
 
   interface
     function strtod(text, rest) bind(c, name="strtod") result(number)
@@ -267,7 +267,7 @@ contains
     !> Is the rounding beyond doubt?
     logical, intent(out) :: sure
     !> More than the two products, or the two quotients, leave out, relative
-    real(wp), parameter :: uncertainty = 2.0_wp**(-98)
+    real(wp), parameter :: uncertainty = 2.0_wp**(-98) ! derived
     real(wp) :: high, low, factor, rest, product, error, margin
 
     high = real(mantissa, wp)
@@ -295,7 +295,8 @@ contains
     real(wp), intent(in) :: a, b
     !> Product, rounded; what rounding has taken from it
     real(wp), intent(out) :: product, error
-    real(wp), parameter :: splitter = 2.0_wp**27 + 1.0_wp
+    !> Splits a number in halves of 26 bits (Dekker 1971)
+    real(wp), parameter :: splitter = 2.0_wp**27 + 1.0_wp ! derived
     real(wp) :: a_high, a_low, b_high, b_low
 
     a_high = splitter*a - (splitter*a - a)

@@ -6,7 +6,7 @@ module attrito_core_trigonometric
   public :: harmonics_at, basis_at, value_at, extrema, extreme_places, resized, to_complex, to_real
 
   !> Harmonics that are carried on at a time, each of which waits for none of the others
-  integer, parameter :: stride = 4
+  integer, parameter :: stride = 4 ! conventional
 
 contains
 

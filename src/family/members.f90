@@ -24,7 +24,7 @@ module attrito_family_members
             describe_member, differentiate_member, work_of_visits
 
   !> Sliders that still move by more than this part of the motion a period do not make a member
-  real(wp), parameter :: accepted_defect = 1.0e-6_wp
+  real(wp), parameter :: accepted_defect = 1.0e-6_wp ! guess
 
   !> A solved point, and the report of its solve
   type :: member_type

@@ -21,15 +21,15 @@ module attrito_integrate_averaged_periods
   public :: averaged_periods_type, new_averaged_periods
 
   !> Periods in which transients fade
-  integer, parameter :: periods_before = 5
+  integer, parameter :: periods_before = 5 ! guess
   !> Steps a period, unless harmonics ask for more
-  integer, parameter :: fewest_steps = 64, steps_per_harmonic = 8
+  integer, parameter :: fewest_steps = 64, steps_per_harmonic = 8 ! guess
 
   !> How much the steps of periods may differ that all drift alike, relative to them, and the least step of a drift, relative to the
   !> motion
-  real(wp), parameter :: alike = 0.01_wp, least_drift = 1.0e-5_wp
+  real(wp), parameter :: alike = 0.01_wp, least_drift = 1.0e-5_wp ! guess
   !> Relative error of each step's equilibrium: sliders of contacts that come to rest keep it
-  real(wp), parameter :: near_enough = 1.0e-13_wp
+  real(wp), parameter :: near_enough = 1.0e-13_wp ! derived
 
   type, extends(time_integrator_type) :: averaged_periods_type
     type(structure_type) :: structure

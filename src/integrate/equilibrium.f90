@@ -93,7 +93,7 @@ contains
     !> Did the solve converge?
     logical, intent(out) :: converged
     !> Displacement relative to that of the stuck contacts that is taken for an equilibrium
-    real(wp), parameter :: divergence_limit = 1.0e8_wp
+    real(wp), parameter :: divergence_limit = 1.0e8_wp ! conventional
     real(wp) :: target(size(g)), residual(size(g)), trial(size(g)), step(size(g)), stiffness(3, size(g)), norm, length
     integer :: iteration, halving, info
 

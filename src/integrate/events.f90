@@ -150,7 +150,8 @@ contains
     type(state_type), intent(in) :: state
     !> Number of the contact
     integer, intent(in) :: contact
-    real(wp), parameter :: at_once = 1.0e-12_wp
+    !> Time until a falling force is at zero that is rounding, in units of the clock
+    real(wp), parameter :: at_once = 1.0e-12_wp ! derived
     real(wp) :: dn
 
     associate (law => system%law(contact))

@@ -17,7 +17,7 @@ module attrito_integrate_flow
   public :: flow_one_period
 
   !> Part of the period that a segment may take, so that the motion's range is seen at their ends
-  real(wp), parameter :: longest_segment = 0.125_wp
+  real(wp), parameter :: longest_segment = 0.125_wp ! guess
 
 contains
 

@@ -12,7 +12,7 @@ module attrito_integrate_polynomial
   public :: bernstein_matrix, first_negative, sign_changes, value, slope, product_integral
 
   !> Halvings before what is left of an interval counts as one point
-  integer, parameter :: deepest = 48
+  integer, parameter :: deepest = 48 ! derived
 
 contains
 

@@ -67,7 +67,8 @@ contains
     type(state_type), intent(inout) :: self
     !> Number of the contact
     integer, intent(in) :: i
-    real(wp), parameter :: rounding = 1.0e-13_wp
+    !> Part of the terms of a displacement or velocity that is rounding
+    real(wp), parameter :: rounding = 1.0e-13_wp ! derived
     real(wp) :: u, v, du, dv, n, r, slip_rate, scale, force(1), slope(1)
 
     associate (law => system%law(i), rows => system%rows, w => self%slider(1, i))

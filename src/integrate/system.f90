@@ -50,7 +50,7 @@ contains
     !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     !> Ratio of squared periods below which the shortest counts as none
-    real(wp), parameter :: massless = 1.0e-18_wp
+    real(wp), parameter :: massless = 1.0e-18_wp ! derived
     type(stuck_system_type) :: stuck
     real(wp), allocatable :: modes(:, :)
 

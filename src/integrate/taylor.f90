@@ -20,9 +20,9 @@ module attrito_integrate_taylor
   public :: degree, expand, step_length, move_to
 
   !> Of the polynomials; with steps of 2 to 3 over the highest angular frequency, rounding is reached
-  integer, parameter :: degree = 24
+  integer, parameter :: degree = 24 ! measured
   !> Longest step over the fastest mode that moves: beyond, terms of the series cancel to more than a digit
-  real(wp), parameter :: longest = 4.0_wp
+  real(wp), parameter :: longest = 4.0_wp ! derived
 
 contains
 
@@ -136,7 +136,8 @@ contains
   pure real(wp) function step_length(segment)
     !> Motion between two events, closed form
     type(segment_type), intent(in) :: segment
-    real(wp), parameter :: rounding = 0.1_wp*epsilon(1.0_wp)
+    !> Part of the largest term that the last one may be
+    real(wp), parameter :: rounding = 0.1_wp*epsilon(1.0_wp) ! derived
     real(wp) :: scale, last
     integer :: k
 

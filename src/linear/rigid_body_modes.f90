@@ -15,7 +15,7 @@ module attrito_linear_rigid_body_modes
   public :: rigid_body_modes_type, new_rigid_body_modes, rigid_body_modes
 
   !> Square of the part of a motion's forces that is normal, up to which it is rounding
-  real(wp), parameter :: no_part = 1.0e-12_wp
+  real(wp), parameter :: no_part = 1.0e-12_wp ! derived
 
   type :: rigid_body_modes_type
     !> How many, and how many of these, the first, slide along all contacts

@@ -21,7 +21,7 @@ module attrito_model_contacts
   type(coulomb_spring_type), parameter :: coulomb_spring = coulomb_spring_type()
 
   !> Part of the terms of a normal force that counts as rounding
-  real(wp), parameter :: rounding = 1.0e-14_wp
+  real(wp), parameter :: rounding = 1.0e-14_wp ! derived
 
   !> One contact: its springs and its law
   type :: contact_type

@@ -147,7 +147,8 @@ contains
     type(tKSP) :: ksp
     type(tPC) :: pc
     PetscInt :: n, count
-    PetscInt, parameter :: longest_restart = 100
+    !> Vectors that GMRES keeps: memory
+    PetscInt, parameter :: longest_restart = 100 ! conventional
     PetscReal :: residual, size_of_right
 
     iterations = 0

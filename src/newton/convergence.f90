@@ -14,7 +14,8 @@ module attrito_newton_convergence
   private
   public :: is_converged, has_diverged, worse_of
 
-  real(wp), parameter :: rounding = 16.0_wp*epsilon(1.0_wp), divergence_limit = 1.0e8_wp
+  !> Residual relative to the motion that is rounding; motion relative to the stuck response that is none of a solution
+  real(wp), parameter :: rounding = 16.0_wp*epsilon(1.0_wp), divergence_limit = 1.0e8_wp ! derived
 
 contains
 

@@ -22,15 +22,15 @@ module attrito_newton_newton
   public :: newton_type, newton_controls_type, newton_report_type, new_newton
 
   !> Relative to the scales, beyond which a step says that the Jacobian is singular
-  real(wp), parameter :: longest_step = 1.0e6_wp
+  real(wp), parameter :: longest_step = 1.0e6_wp ! guess
   !> Norm of the residual from which on it is decided which sliders rest
-  real(wp), parameter :: settling_norm = 1.0e-3_wp
+  real(wp), parameter :: settling_norm = 1.0e-3_wp ! guess
 
   !> Growth of the residual that no solve comes to
-  real(wp), parameter :: never_diverged = 1.0e100_wp
+  real(wp), parameter :: never_diverged = 1.0e100_wp ! conventional
 
   !> Lengths of the series that objects are kept for
-  integer, parameter :: most_lengths = 8
+  integer, parameter :: most_lengths = 8 ! conventional
 
   !> PETSc's objects for one length of the series
   type :: objects_type
@@ -355,7 +355,8 @@ contains
     type(newton_context_type), intent(inout) :: context
     !> Of the residual
     real(wp), intent(in) :: norm
-    real(wp), parameter :: stalls = 0.5_wp, grows = 1.5_wp
+    !> Residual relative to the last from which on its fall counts as stalled, and as growth
+    real(wp), parameter :: stalls = 0.5_wp, grows = 1.5_wp ! guess
 
     associate (stiffening => context%balance%stiffening)
       if (norm > grows*context%last_norm) then

@@ -17,7 +17,7 @@ module attrito_newton_newton_context
 
   !> Part of their springs that contacts keep in a step that else were singular: where all of them slip and nothing else holds a body,
   !> its mean position is free, and stays where it was.
-  real(wp), parameter :: least_stiffening = 1.0e-7_wp
+  real(wp), parameter :: least_stiffening = 1.0e-7_wp ! guess
 
   type :: newton_context_type
     type(balance_type) :: balance

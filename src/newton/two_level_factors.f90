@@ -16,11 +16,11 @@ module attrito_newton_two_level_factors
   public :: two_level_factors_type
 
   !> Contacts taken together in the coarse system, to bound its memory
-  integer, parameter :: bunch = 32
+  integer, parameter :: bunch = 32 ! conventional
   !> Iterations of GMRES in excess after which to make the factors anew; 30 take as long on the whole
-  integer, parameter :: worth = 12
+  integer, parameter :: worth = 12 ! measured
   !> Change of the springs kept in the step that makes them void
-  real(wp), parameter :: other_springs = 1.0e-3_wp
+  real(wp), parameter :: other_springs = 1.0e-3_wp ! guess
 
   !> Of one contact, on its rows where D is not zero: A^-1 [rows, rows] and E [rows, all columns]
   type :: block_type

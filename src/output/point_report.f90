@@ -13,7 +13,7 @@ module attrito_output_point_report
   public :: point_report_type, report_point, monitored
 
   !> Sliders that still move by more than this part of the motion a period leave the point indeterminate
-  real(wp), parameter :: accepted_defect = 1.0e-6_wp
+  real(wp), parameter :: accepted_defect = 1.0e-6_wp ! guess
 
   type :: point_report_type
     real(wp) :: frequency_hz = 0.0_wp, level = 1.0_wp

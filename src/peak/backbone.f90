@@ -31,13 +31,13 @@ module attrito_peak_backbone
   public :: backbone_type, begin_backbone, begin_mode, leading_mode
 
   !> Newton's steps on omega and xi; the largest relative change of the frequency in one
-  integer, parameter :: most_iterations = 12
-  real(wp), parameter :: longest_change = 0.1_wp
+  integer, parameter :: most_iterations = 12 ! conventional
+  real(wp), parameter :: longest_change = 0.1_wp ! guess
   !> Amplitudes to begin at, from one to the next; logarithms of the longest step and the least
-  real(wp), parameter :: amplitude_ratio = 0.25_wp, longest_step = 0.4_wp, shortest_step = 1.0e-4_wp
-  integer, parameter :: most_amplitudes = 7
+  real(wp), parameter :: amplitude_ratio = 0.25_wp, longest_step = 0.4_wp, shortest_step = 1.0e-4_wp ! guess
+  integer, parameter :: most_amplitudes = 7 ! conventional
   !> How far beyond the last two points their line is followed, parts of their distance
-  real(wp), parameter :: farthest_line = 3.0_wp
+  real(wp), parameter :: farthest_line = 3.0_wp ! guess
 
   !> Where the solver stands on a backbone
   type, extends(snapshot_type) :: base_point_type

@@ -23,13 +23,13 @@ module attrito_peak_climb
   public :: climb
 
   !> What is left to be gained of A, relative
-  real(wp), parameter :: accepted_gain = 1.0e-9_wp
+  real(wp), parameter :: accepted_gain = 1.0e-9_wp ! derived
   !> Steps, relative changes of the motion; of the frequency, parts of the band; from prediction to correction
-  real(wp), parameter :: longest_step = 0.7_wp, shortest_step = 1.0e-4_wp, most_frequency = 0.05_wp, accepted_error = 0.3_wp
-  integer, parameter :: most_points = 60
+  real(wp), parameter :: longest_step = 0.7_wp, shortest_step = 1.0e-4_wp, most_frequency = 0.05_wp, accepted_error = 0.3_wp ! guess
+  integer, parameter :: most_points = 60 ! conventional
   !> Where no step is solved: how far to leap, part of the band, doubled so often
-  real(wp), parameter :: first_leap = 1.0e-3_wp
-  integer, parameter :: most_leaps = 4
+  real(wp), parameter :: first_leap = 1.0e-3_wp ! guess
+  integer, parameter :: most_leaps = 4 ! conventional
 
   !> A point of the response, its tangent turned the way that is followed, the slope along it
   type :: branch_seed_type
@@ -300,7 +300,8 @@ contains
     type(arc_end_type), intent(in) :: ends(2)
     !> Go by the tangents at both ends?
     logical, intent(in) :: by_tangents
-    real(wp), parameter :: off = 0.01_wp
+    !> A guess within an arc keeps off its ends by this part
+    real(wp), parameter :: off = 0.01_wp ! conventional
     real(wp) :: length, share
 
     length = ends(2)%part - ends(1)%part

@@ -19,10 +19,10 @@ module attrito_peak_corrector
 
   !> Steps of the peak along the tangent, in scaled units, and of the parameter, relative, below which they have converged: the
   !> amplitude's error is of second order in the former
-  real(wp), parameter :: small_step = 1.0e-7_wp, small_change = 1.0e-9_wp
-  integer, parameter :: most_iterations = 10
+  real(wp), parameter :: small_step = 1.0e-7_wp, small_change = 1.0e-9_wp ! derived
+  integer, parameter :: most_iterations = 10 ! conventional
   !> Relative change in one Newton step; the frequency counts this much more than the rest
-  real(wp), parameter :: longest_step = 1.0_wp, frequency_weight = 10.0_wp
+  real(wp), parameter :: longest_step = 1.0_wp, frequency_weight = 10.0_wp ! guess
 
   !> weights . (motion, omega, parameter) = value
   type :: plane_type

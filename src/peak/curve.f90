@@ -18,16 +18,16 @@ module attrito_peak_curve
   public :: curve_type, begin_curve, begin_curve_near, follow_parameter
 
   !> Relative changes from prediction to correction, aimed at and accepted
-  real(wp), parameter :: aimed_error = 0.04_wp, accepted_error = 0.2_wp
+  real(wp), parameter :: aimed_error = 0.04_wp, accepted_error = 0.2_wp ! guess
   !> The same where peaks are climbed to, from afar too
-  real(wp), parameter :: aimed_climb = 0.2_wp, accepted_climb = 1.0_wp
+  real(wp), parameter :: aimed_climb = 0.2_wp, accepted_climb = 1.0_wp ! guess
   !> The curve has a kink where contacts that all stuck begin to slip: accepted there
-  real(wp), parameter :: accepted_at_kink = 1.0_wp
+  real(wp), parameter :: accepted_at_kink = 1.0_wp ! guess
   !> Steps along the curve, relative changes too
-  real(wp), parameter :: first_step = 0.1_wp, smallest_step = 1.0e-4_wp, largest_step = 0.7_wp
+  real(wp), parameter :: first_step = 0.1_wp, smallest_step = 1.0e-4_wp, largest_step = 0.7_wp ! guess
   !> Levels to begin at, from one to the next
-  real(wp), parameter :: level_ratio = 0.25_wp
-  integer, parameter :: most_levels = 7, most_steps = 400
+  real(wp), parameter :: level_ratio = 0.25_wp ! guess
+  integer, parameter :: most_levels = 7, most_steps = 400 ! conventional
 
   !> Where the solver stands, with the parameter's value and the scale of motions there
   type, extends(snapshot_type) :: base_point_type

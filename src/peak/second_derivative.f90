@@ -15,7 +15,7 @@ module attrito_peak_second_derivative
   public :: differentiate_twice
 
   !> Step of the difference, relative to the motion: its error, step^2, and that of rounding, 1e-16/step, are alike
-  real(wp), parameter :: relative_step = 1.0e-5_wp
+  real(wp), parameter :: relative_step = 1.0e-5_wp ! derived
 
 contains
 

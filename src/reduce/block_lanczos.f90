@@ -35,9 +35,9 @@ module attrito_reduce_block_lanczos
   end type lanczos_type
 
   !> Singular values of a block, relative to the largest eigenvalue of A, that count as nothing
-  real(wp), parameter :: nothing = 1.0e-13_wp
+  real(wp), parameter :: nothing = 1.0e-13_wp ! derived
   !> Singular values that a round resolves, relative to its largest
-  real(wp), parameter :: resolved = 1.0e-4_wp
+  real(wp), parameter :: resolved = 1.0e-4_wp ! guess
 
 contains
 

@@ -22,7 +22,7 @@ module attrito_reduce_constraint_modes
   public :: interior_stiffness_type, compute_constraint_modes
 
   !> Relative residual that is left alone
-  real(wp), parameter :: rounding = 1.0e-12_wp
+  real(wp), parameter :: rounding = 1.0e-12_wp ! derived
 
   type :: interior_stiffness_type
     !> K_ii, K_ib, and all rows of the boundary columns, spread over the ranks; K_bi on rank 0

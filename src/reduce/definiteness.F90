@@ -18,8 +18,8 @@ module attrito_reduce_definiteness
   public :: check_definite, get_diagonal
 
   !> Smallest eigenvalue below which the matrix counts as singular
-  real(wp), parameter :: rounding = 1.0e-13_wp
-  integer, parameter :: iterations = 4
+  real(wp), parameter :: rounding = 1.0e-13_wp ! derived
+  integer, parameter :: iterations = 4 ! conventional
 
 contains
 

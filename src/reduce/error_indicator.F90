@@ -54,11 +54,11 @@ module attrito_reduce_error_indicator
   end type examined_type
 
   !> Modes and frequencies of responses that are examined, at most
-  integer, parameter :: most_modes = 60, most_responses = 8
+  integer, parameter :: most_modes = 60, most_responses = 8 ! conventional
   !> Eigenvalues below this part of the largest one count as rigid motions, which a reduction keeps
-  real(wp), parameter :: rigid = 1.0e-12_wp
+  real(wp), parameter :: rigid = 1.0e-12_wp ! derived
   !> Largest ratio of the series that is believed
-  real(wp), parameter :: largest_ratio = 0.95_wp
+  real(wp), parameter :: largest_ratio = 0.95_wp ! guess
 
 contains
 

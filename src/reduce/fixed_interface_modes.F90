@@ -52,9 +52,9 @@ module attrito_reduce_fixed_interface_modes
   end type eigensolver_type
 
   !> Modes computed beyond those asked for
-  integer, parameter :: margin = 6
+  integer, parameter :: margin = 6 ! guess
   !> Relative distance of eigenvalues under which modes are twins, and over which a gap is wide enough for the shift
-  real(wp), parameter :: twins = 1.0e-7_wp, gap = 1.0e-4_wp
+  real(wp), parameter :: twins = 1.0e-7_wp, gap = 1.0e-4_wp ! guess
 
 contains
 

@@ -68,9 +68,9 @@ module attrito_reduce_interior_factor
   integer, parameter :: infog_status = 1, infog_detail = 2, infog_entries = 3, infog_ordering = 7, infog_negative = 12, &
                         infog_in_core = 17, infog_out_of_core = 27, infog_zero = 28, rinfog_flops = 1
   !> Right-hand sides that MUMPS solves at a time; room for pivoting, in percent
-  integer, parameter :: solve_block_size = 128, room = 30
+  integer, parameter :: solve_block_size = 128, room = 30 ! conventional
   !> Part of the free memory that is left to others
-  real(wp), parameter :: margin = 0.05_wp
+  real(wp), parameter :: margin = 0.05_wp ! guess
 
 contains
 

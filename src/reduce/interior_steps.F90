@@ -26,7 +26,7 @@ module attrito_reduce_interior_steps
   public :: take_interior_steps, basis_blocks, panel_columns
 
   !> Modes to begin with where their number follows from an error
-  integer, parameter :: first_guess = 20
+  integer, parameter :: first_guess = 20 ! guess
 
 contains
 

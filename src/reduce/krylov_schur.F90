@@ -33,9 +33,9 @@ module attrito_reduce_krylov_schur
   end type krylov_schur_type
 
   !> Vectors in the space beyond those sought: a third as many, at least these (measured: docs/performance.md)
-  integer, parameter :: least_room = 20
+  integer, parameter :: least_room = 20 ! measured
   !> Restarts at most
-  integer, parameter :: most_restarts = 200
+  integer, parameter :: most_restarts = 200 ! conventional
 
 contains
 

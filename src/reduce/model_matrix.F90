@@ -16,7 +16,7 @@ module attrito_reduce_model_matrix
   public :: read_model_matrix, read_sliced_matrix, leading_bits
 
   !> Two factors of so many bits and 2^8 terms a row make sums of 52 bits: exact
-  integer, parameter :: slice_bits = 22
+  integer, parameter :: slice_bits = 22 ! derived
 
   !> This rank's rows of a square CSR matrix, columns from 0
   type :: rows_type

@@ -13,7 +13,7 @@ module attrito_reduce_rayleigh_ritz
   public :: rayleigh_ritz
 
   !> Eigenvalues of A, relative to the largest one, that count as nothing
-  real(wp), parameter :: nothing = 1.0e-13_wp
+  real(wp), parameter :: nothing = 1.0e-13_wp ! derived
 
 contains
 

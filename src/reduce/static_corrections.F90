@@ -22,7 +22,7 @@ module attrito_reduce_static_corrections
   public :: compute_static_responses, make_corrections
 
   !> Part of a correction's norm that must be left for it to be kept
-  real(wp), parameter :: smallest_rest = 1.0e-8_wp
+  real(wp), parameter :: smallest_rest = 1.0e-8_wp ! guess
 
 contains
 

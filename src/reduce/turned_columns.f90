@@ -6,7 +6,7 @@ module attrito_reduce_turned_columns
   public :: turn
 
   !> Rows at a time
-  integer, parameter :: strip = 2048
+  integer, parameter :: strip = 2048 ! conventional
 
 contains
 

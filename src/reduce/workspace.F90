@@ -63,7 +63,7 @@ module attrito_reduce_workspace
   end type workspace_type
 
   !> Numbers in a block of columns, all ranks together, at most; and columns
-  integer, parameter :: block_numbers = 2**25, most_columns = 256, fewest_columns = 8
+  integer, parameter :: block_numbers = 2**25, most_columns = 256, fewest_columns = 8 ! conventional
 
 contains
 
@@ -234,7 +234,8 @@ contains
   pure function factor_options(self) result(how)
     class(workspace_type), intent(in) :: self
     type(factor_options_type) :: how
-    integer, parameter :: blocks_at_once = 6
+    !> Blocks of columns that are held at once
+    integer, parameter :: blocks_at_once = 6 ! conventional
     integer :: vectors
 
     ! The space of the eigensolver and, of SLEPc's, a copy of what converged (`attrito_reduce_krylov_schur`).

@@ -24,7 +24,7 @@ module attrito_reduce_write_rom
   end type reduced_model_type
 
   !> Longest piece of a row of the basis that is stored in one chunk
-  integer, parameter :: longest_chunk = 131072
+  integer, parameter :: longest_chunk = 131072 ! conventional
 
 contains
 

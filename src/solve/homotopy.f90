@@ -8,7 +8,7 @@ module attrito_solve_homotopy
   public :: follow_homotopy, homotopy_type, frequency_homotopy_type, level_homotopy_type
 
   !> Smallest step
-  real(wp), parameter :: smallest_step = 1.0_wp/128.0_wp
+  real(wp), parameter :: smallest_step = 1.0_wp/128.0_wp ! guess
 
   !> A homotopy with the parameter t from 0 to 1
   type, abstract :: homotopy_type

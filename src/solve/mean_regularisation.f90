@@ -11,8 +11,8 @@ module attrito_solve_mean_regularisation
   public :: can_regularise, solve_with_springs, find_drift
 
   !> Steps at most, and how much the last two may differ: rounding and the tolerance left some 1e-6 where it was measured
-  integer, parameter :: most_steps = 8
-  real(wp), parameter :: alike = 1.0e-3_wp
+  integer, parameter :: most_steps = 8 ! guess
+  real(wp), parameter :: alike = 1.0e-3_wp ! guess
 
 contains
 

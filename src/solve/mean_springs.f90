@@ -17,9 +17,9 @@ module attrito_solve_mean_springs
   public :: apply_springs, remove_springs, mean_increments_type
 
   !> Stiffness of the springs, part of the stuck system's
-  real(wp), parameter :: stiffness = 1.0e-3_wp
+  real(wp), parameter :: stiffness = 1.0e-3_wp ! guess
   !> Steps that are rounding, relative to the mean
-  real(wp), parameter :: rounding = 1.0e-12_wp
+  real(wp), parameter :: rounding = 1.0e-12_wp ! derived
 
   !> The mean after the last solve, and its last two steps
   type :: mean_increments_type

@@ -16,18 +16,18 @@ module attrito_solve_newton_strategies
   public :: solve_briefly, solve_persistently
 
   !> A brief try does so many iterations more, as long as the last ones reduced the residual by this factor
-  integer, parameter :: brief_iterations = 8
-  real(wp), parameter :: brief_progress = 1.0e-2_wp
+  integer, parameter :: brief_iterations = 8 ! guess
+  real(wp), parameter :: brief_progress = 1.0e-2_wp ! guess
 
   !> Steps of the mean, with springs relaxed, after which a body is taken to drift, and how much its last steps may differ: a guess,
   !> which only decides whether other strategies are tried
-  integer, parameter :: most_regularised = 3
-  real(wp), parameter :: alike = 0.5_wp
+  integer, parameter :: most_regularised = 3 ! guess
+  real(wp), parameter :: alike = 0.5_wp ! guess
   !> Iterations without such springs that follow
-  integer, parameter :: free_iterations = 3
+  integer, parameter :: free_iterations = 3 ! guess
 
   !> Part of their springs that contacts keep in the step of the last tries
-  real(wp), parameter :: stiffening = 0.1_wp
+  real(wp), parameter :: stiffening = 0.1_wp ! guess
 
 contains
 

@@ -12,9 +12,9 @@ module attrito_solve_rebalancing
   public :: rebalance, field_type
 
   !> How much lighter the busiest rank must become
-  real(wp), parameter :: least_relief = 1.2_wp
+  real(wp), parameter :: least_relief = 1.2_wp ! guess
   !> Work of a contact that stays stuck, one that rests after its slider moved, and one that slips or opens
-  integer, parameter :: work_stuck = 1, work_resting = 10, work_moving = 100
+  integer, parameter :: work_stuck = 1, work_resting = 10, work_moving = 100 ! guess
 
   !> Something that moves with the contacts
   type :: field_type

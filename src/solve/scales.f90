@@ -13,7 +13,7 @@ module attrito_solve_scales
   public :: find_scales
 
   !> Damping ratio
-  real(wp), parameter :: least_ratio = 1.0e-4_wp
+  real(wp), parameter :: least_ratio = 1.0e-4_wp ! guess
 
 contains
 

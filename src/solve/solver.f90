@@ -25,7 +25,7 @@ module attrito_solve_solver
   public :: solver_type, solver_options_type, new_solver
 
   !> Norm of the residual beyond which nothing counts as converged
-  real(wp), parameter :: loosest_tolerance = 1.0e-6_wp
+  real(wp), parameter :: loosest_tolerance = 1.0e-6_wp ! guess
 
   type :: solver_options_type
     integer :: harmonics = 5
@@ -207,7 +207,8 @@ contains
     class(solver_type), intent(in) :: self
     !> Tolerance that the last solve keeps
     real(wp), intent(in) :: tight
-    real(wp), parameter :: share = 1.0e-3_wp
+    !> Tolerance of that solve, part of the motion
+    real(wp), parameter :: share = 1.0e-3_wp ! guess
 
     loose_tolerance = tight
     if (all(self%contacts%law%tangents == 1)) return

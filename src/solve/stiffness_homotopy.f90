@@ -20,10 +20,10 @@ module attrito_solve_stiffness_homotopy
   public :: can_soften, solve_by_stiffness
 
   !> Of the softest contacts: the first that a start leads to a solution of
-  real(wp), parameter :: softest(2) = [1.0e-2_wp, 1.0e-4_wp]
+  real(wp), parameter :: softest(2) = [1.0e-2_wp, 1.0e-4_wp] ! guess
   !> Steps over a hundredth, iterations after which it is given up, and coordinates beyond which it is not begun: each step
   !> diagonalises a stuck system
-  integer, parameter :: steps = 4, most_iterations = 200, most_coordinates = 300
+  integer, parameter :: steps = 4, most_iterations = 200, most_coordinates = 300 ! guess
   !> Starts of the softest contacts: the solver's motion, their stuck response, the motion in time of the contacts as they are
   integer, parameter :: from_here = 1, from_stuck_response = 2, from_time_integration = 3
 

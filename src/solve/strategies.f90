@@ -37,7 +37,7 @@ module attrito_solve_strategies
                                                   'level_homotopy', 'stiffness_homotopy']
 
   !> Iterations after which a homotopy is given up, and one with springs on the mean
-  integer, parameter :: homotopy_iterations = 200, regularised_iterations = 60
+  integer, parameter :: homotopy_iterations = 200, regularised_iterations = 60 ! guess
 
 contains
 

@@ -18,14 +18,14 @@ module attrito_solve_time_integration_start
 
   !> Averaging windows that Newton's method starts from, all but every third briefly; how many where the point before had no periodic
   !> solution; and how many from rest
-  integer, parameter :: attempts_in_motion = 12, full_attempt = 3, attempts_lost = 3, attempts_from_rest = 4
+  integer, parameter :: attempts_in_motion = 12, full_attempt = 3, attempts_lost = 3, attempts_from_rest = 4 ! guess
   !> Periods averaged at first, and after how many windows they double: the mean of an irregular motion needs longer windows
-  integer, parameter :: periods_averaged = 5, attempts_alike = 4
+  integer, parameter :: periods_averaged = 5, attempts_alike = 4 ! guess
   !> Successive windows with drift after which the body is taken to drift; change over a period of a motion that has settled
-  integer, parameter :: attempts_drifting = 3
-  real(wp), parameter :: settled = 1.0e-3_wp
+  integer, parameter :: attempts_drifting = 3 ! guess
+  real(wp), parameter :: settled = 1.0e-3_wp ! guess
   !> Binary digits of the largest number of a state that time integration starts from
-  integer, parameter :: digits_at_start = 34
+  integer, parameter :: digits_at_start = 34 ! derived
 
 contains
 

@@ -43,12 +43,12 @@ module attrito_stability_contour
   end type ellipse_type
 
   !> Points of the trapezoidal rule
-  integer, parameter :: nodes = 96
+  integer, parameter :: nodes = 96 ! derived
   !> Singular values above this part of the largest belong to eigenvalues within: what is farther outside than a tenth of the axes
   !> is damped by 1.1^(-96) = 1e-4 and more, and fails to be polished
-  real(wp), parameter :: significant = 1.0e-12_wp
+  real(wp), parameter :: significant = 1.0e-12_wp ! derived
   !> Farthest that polishing may take an eigenvalue, and the step at which it has ended
-  real(wp), parameter :: farthest = 1.0e-2_wp, settled = 1.0e-10_wp
+  real(wp), parameter :: farthest = 1.0e-2_wp, settled = 1.0e-10_wp ! guess
 
 contains
 
@@ -170,7 +170,8 @@ contains
     complex(wp), intent(out) :: s
     !> Has it converged?
     logical, intent(out) :: good
-    real(wp), parameter :: difference = 1.0e-5_wp
+    !> Step of the central difference, 1/s: its error and rounding are alike
+    real(wp), parameter :: difference = 1.0e-5_wp ! derived
     complex(wp), allocatable :: matrix(:, :), slope(:, :), y(:, :)
     complex(wp) :: x(size(start)), step
     integer :: pivots(size(start)), iteration, info

@@ -27,12 +27,12 @@ module attrito_stability_crossing
   integer, parameter :: crossing_flip = 1, crossing_unit = 2, crossing_pair = 3, crossing_jump = 4
 
   !> What is left open: of the frequency, relative to it; of ln|mu|; least part of the step
-  real(wp), parameter :: accuracy = 1.0e-9_wp, on_circle = 1.0e-7_wp, least_part = 1.0e-6_wp
+  real(wp), parameter :: accuracy = 1.0e-9_wp, on_circle = 1.0e-7_wp, least_part = 1.0e-6_wp ! derived
   !> Change of ln|mu| over what is left of the step that is a jump
-  real(wp), parameter :: jump = 1.0e-3_wp
+  real(wp), parameter :: jump = 1.0e-3_wp ! guess
   !> Part of the motion by which two solutions that near each other may differ on one branch
-  real(wp), parameter :: same_branch = 1.0e-2_wp
-  integer, parameter :: most_tries = 40, most_crossings = 4
+  real(wp), parameter :: same_branch = 1.0e-2_wp ! guess
+  integer, parameter :: most_tries = 40, most_crossings = 4 ! conventional
 
   !> The dynamic multipliers of a point, the largest first; the same on every rank
   type :: moduli_type

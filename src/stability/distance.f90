@@ -14,7 +14,7 @@ module attrito_stability_distance
   public :: trajectory_of_balance, distance_between, instants
 
   !> At which motions are held against each other
-  integer, parameter :: instants = 128
+  integer, parameter :: instants = 128 ! conventional
 
 contains
 

@@ -26,11 +26,11 @@ module attrito_stability_examination
   end type examine_options_type
 
   !> How far the event-exact orbit may lie from the balance's, part of its amplitude, to be taken for the same
-  real(wp), parameter :: distance_limit = 0.1_wp
+  real(wp), parameter :: distance_limit = 0.1_wp ! guess
 
   !> Part by which friction of contacts that hold is raised once the event-exact orbit is known: one that was shaken down touches its
   !> limit there, where rounding decides whether it slips
-  real(wp), parameter :: raised = 1.0e-6_wp
+  real(wp), parameter :: raised = 1.0e-6_wp ! guess
 
   !> What the balance says of all contacts
   type :: balance_motion_type

@@ -24,7 +24,7 @@ module attrito_stability_examine_legs
   public :: examine_legs
 
   !> Multipliers that the two engines may differ by and still agree
-  real(wp), parameter :: agreement = 1.0e-3_wp
+  real(wp), parameter :: agreement = 1.0e-3_wp ! guess
 
 contains
 

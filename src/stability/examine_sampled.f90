@@ -24,9 +24,9 @@ module attrito_stability_examine_sampled
   public :: examine_sampled, examine_sampled_in_time, sampled_examination_type, examine_in_time
 
   !> Samples a period
-  integer, parameter :: fewest = 256, most = 4096
+  integer, parameter :: fewest = 256, most = 4096 ! conventional
   !> Change of multipliers that is small enough, and the same as a part of the distance from the unit circle
-  real(wp), parameter :: accepted = 1.0e-3_wp, accepted_part = 0.1_wp
+  real(wp), parameter :: accepted = 1.0e-3_wp, accepted_part = 0.1_wp ! guess
 
   type :: sampled_examination_type
     type(multiplier_type), allocatable :: multipliers(:)

@@ -18,13 +18,13 @@ module attrito_stability_friction_path
   public :: path_type, friction_type, follow_path, turn_over, unit
 
   !> Periods after which a slider that does not come back is given up; distance, relative to the motion, that is none
-  integer, parameter :: most_periods = 500
-  real(wp), parameter :: same = 1.0e-12_wp
+  integer, parameter :: most_periods = 500 ! conventional
+  real(wp), parameter :: same = 1.0e-12_wp ! derived
   !> Switches a sample beyond which a contact chatters
-  integer, parameter :: most_switches = 8
+  integer, parameter :: most_switches = 8 ! conventional
   !> Radius at one end of a step, part of that at the other, below which the slider stands at the displacement there
-  real(wp), parameter :: no_radius = 1.0e-9_wp
-  integer, parameter :: halvings = 60
+  real(wp), parameter :: no_radius = 1.0e-9_wp ! derived
+  integer, parameter :: halvings = 60 ! derived
 
   !> A contact at an instant
   type :: friction_type

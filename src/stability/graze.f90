@@ -15,9 +15,9 @@ module attrito_stability_graze
   public :: perturbed_law, grazing_contact
 
   !> Part by which friction and gap are moved
-  real(wp), parameter :: touch = 1.0e-8_wp
+  real(wp), parameter :: touch = 1.0e-8_wp ! derived
   !> Legs that are shorter are rounding where two switches fall together: a contact may stick for that long between landing and slip
-  real(wp), parameter :: no_time = 1.0e-12_wp
+  real(wp), parameter :: no_time = 1.0e-12_wp ! derived
 
 contains
 

@@ -13,13 +13,13 @@ module attrito_stability_hill
   public :: hill_multipliers, too_large
 
   !> Smallest and largest modulus of the multipliers that are looked for
-  real(wp), parameter :: least = 1.0e-2_wp, greatest = 1.0e3_wp
+  real(wp), parameter :: least = 1.0e-2_wp, greatest = 1.0e3_wp ! conventional
   !> How many times as many harmonics for the last digits: what is left out falls like their cube
-  integer, parameter :: finer = 3
+  integer, parameter :: finer = 3 ! guess
   !> Unknowns of a dense nonlinear eigenproblem, at most
-  integer, parameter :: most_unknowns = 1500
+  integer, parameter :: most_unknowns = 1500 ! conventional
   !> How far truncation may move an exponent
-  real(wp), parameter :: truncation = 1.0e-3_wp
+  real(wp), parameter :: truncation = 1.0e-3_wp ! guess
   !> `info` where there are more
   integer, parameter :: too_large = -1
 
@@ -122,7 +122,8 @@ contains
     !> Number of the mode or contact
     integer, intent(in) :: i
     complex(wp), allocatable :: values(:)
-    real(wp), parameter :: rounding = 1.0e-7_wp
+    !> Part that is rounding
+    real(wp), parameter :: rounding = 1.0e-7_wp ! derived
     complex(wp) :: value
     logical :: others(size(exponents))
     real(wp) :: height
@@ -179,7 +180,8 @@ contains
     type(system_type), intent(in) :: system
     !> First of the modes or legs
     integer, intent(in) :: first
-    real(wp), parameter :: rounding = 1.0e-10_wp
+    !> Part that is rounding
+    real(wp), parameter :: rounding = 1.0e-10_wp ! derived
     integer :: next
 
     last = first
@@ -197,7 +199,7 @@ contains
     !> First of the modes or legs; last of the modes
     integer, intent(in) :: first, last
     !> Part of the largest carrier that is none
-    real(wp), parameter :: nothing = 1.0e-9_wp
+    real(wp), parameter :: nothing = 1.0e-9_wp ! derived
     complex(wp), allocatable :: carrier(:, :), u(:, :), w(:, :)
     real(wp), allocatable :: s(:)
     integer :: info

@@ -23,7 +23,7 @@ module attrito_stability_hill_problem
   public :: hill_problem_type, new_hill_problem
 
   !> Harmonics of a perturbation, at least
-  integer, parameter :: fewest_harmonics = 40
+  integer, parameter :: fewest_harmonics = 40 ! guess
 
   !> A stretch in which a slider rests
   type :: rest_type

@@ -11,15 +11,15 @@ module attrito_stability_in_time
   public :: decide_in_time, settle
 
   !> Perturbations, part of the motion's half range; how many, and the periods they are followed
-  real(wp), parameter :: perturbation = 1.0e-6_wp
-  integer, parameter :: perturbations = 6, periods = 400
+  real(wp), parameter :: perturbation = 1.0e-6_wp ! guess
+  integer, parameter :: perturbations = 6, periods = 400 ! guess
   !> Periods after which a motion that has not settled is taken to go on so
-  integer, parameter :: periods_to_settle = 100
+  integer, parameter :: periods_to_settle = 100 ! guess
   !> Factors by which all have shrunk in the end, by which one is gone before, by which one has grown
-  real(wp), parameter :: gone = 1.0e-1_wp, forgotten = 1.0e-3_wp, far = 1.0e3_wp
+  real(wp), parameter :: gone = 1.0e-1_wp, forgotten = 1.0e-3_wp, far = 1.0e3_wp ! guess
   !> Where sliders stay where a perturbation has put them, motion comes to another member of a family: change over a period, part of
   !> the perturbation, of one that has come there, and how far from the orbit that may be
-  real(wp), parameter :: arrived = 1.0e-6_wp, beside = 1.0e1_wp
+  real(wp), parameter :: arrived = 1.0e-6_wp, beside = 1.0e1_wp ! guess
 
 contains
 
@@ -98,7 +98,8 @@ contains
     !> Number of coordinates; number of the direction
     integer, intent(in) :: n, which
     real(wp) :: unit(n)
-    real(wp), parameter :: golden = 2.399963229728653_wp
+    !> The golden angle, 3 - sqrt(5) half turns: directions never fall together
+    real(wp), parameter :: golden = 2.399963229728653_wp ! derived
     integer :: i
 
     unit = [(cos(golden*(which + perturbations*i)), i=1, n)]

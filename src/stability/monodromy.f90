@@ -22,13 +22,13 @@ module attrito_stability_monodromy
   public :: monodromy, free_sliders
 
   !> Longest step of the series over the fastest mode: beyond, terms cancel to more than a digit
-  real(wp), parameter :: longest = 2.0_wp
+  real(wp), parameter :: longest = 2.0_wp ! derived
   !> Most terms; with steps as short as that rounding is reached well before
-  integer, parameter :: most_terms = 60
+  integer, parameter :: most_terms = 60 ! conventional
   !> Squares pay while their number times m is below so many steps: one takes 16 m^3 products, a step some 25 terms of 8 m^2 and more
-  real(wp), parameter :: steps_per_square = 6.0_wp
+  real(wp), parameter :: steps_per_square = 6.0_wp ! derived
   !> Part of a column that a term must be to matter
-  real(wp), parameter :: rounding = 1.0e-2_wp*epsilon(1.0_wp)
+  real(wp), parameter :: rounding = 1.0e-2_wp*epsilon(1.0_wp) ! derived
 
   !> Changes of motion and rate [m, columns], and of sliders [contacts, columns]
   type :: perturbation_type

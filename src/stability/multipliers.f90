@@ -22,8 +22,8 @@ module attrito_stability_multipliers
   character(7), parameter :: kind_names(0:2) = [character(7) :: 'floquet', 'slip', 'stuck']
 
   !> Modes of which all are taken; frequency over the excitation's up to which modes are taken at first; change that counts as none
-  integer, parameter :: few = 40
-  real(wp), parameter :: nearest = 10.0_wp, accepted = 1.0e-3_wp
+  integer, parameter :: few = 40 ! conventional
+  real(wp), parameter :: nearest = 10.0_wp, accepted = 1.0e-3_wp ! guess
 
   type :: multiplier_type
     complex(wp) :: value = 0.0_wp

@@ -24,14 +24,14 @@ module attrito_stability_sampled_shooting
   public :: shoot_sampled, settle_sampled, march_samples
 
   !> Most Newton steps, and the change that counts as none, relative to the motion
-  integer, parameter :: most_steps = 30
-  real(wp), parameter :: settled = 1.0e-9_wp
+  integer, parameter :: most_steps = 30 ! conventional
+  real(wp), parameter :: settled = 1.0e-9_wp ! derived
   !> Modes in the monodromy that Newton's method takes, at most
-  integer, parameter :: most_modes = 100
+  integer, parameter :: most_modes = 100 ! conventional
   !> Periods after which motion in time is taken to have settled
-  integer, parameter :: periods_to_settle = 100
+  integer, parameter :: periods_to_settle = 100 ! guess
   !> Part of its radius by which a slider that slips is put beyond it
-  real(wp), parameter :: beyond = 1.0e-10_wp
+  real(wp), parameter :: beyond = 1.0e-10_wp ! derived
 
 contains
 

@@ -24,12 +24,12 @@ module attrito_stability_shooting
   public :: shoot, march_period, march_unrecorded, march_recorded
 
   !> Most Newton steps, and the change that counts as none, relative to the state
-  integer, parameter :: most_steps = 20
+  integer, parameter :: most_steps = 20 ! conventional
   !> Modes in the monodromy that Newton's method takes, at most
-  integer, parameter :: most_modes = 100
-  real(wp), parameter :: settled = 1.0e-12_wp
+  integer, parameter :: most_modes = 100 ! conventional
+  real(wp), parameter :: settled = 1.0e-12_wp ! derived
   !> Part to which a step shrinks while the monodromy is not made anew
-  real(wp), parameter :: shrinks = 0.1_wp
+  real(wp), parameter :: shrinks = 0.1_wp ! guess
 
 contains
 

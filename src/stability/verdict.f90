@@ -12,7 +12,7 @@ module attrito_stability_verdict
 
   !> How near the circle is too near, of orbits on which contacts slip or open, where switching times move with what the balance
   !> leaves out, and of those on which all stick, which are linear
-  real(wp), parameter :: band_switching = 1.0e-5_wp, band_linear = 1.0e-10_wp
+  real(wp), parameter :: band_switching = 1.0e-5_wp, band_linear = 1.0e-10_wp ! guess
 
 contains
 

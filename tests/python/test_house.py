@@ -9,6 +9,7 @@ import tomllib
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
+import constants_reference
 import pytest
 from fortran_arguments import arguments
 
@@ -146,4 +147,25 @@ def test_an_argument_without_a_line_is_found(tmp_path):
         ("a", True),
         ("b", True),
         ("c", False),
+    ]
+
+
+def test_every_real_constant_of_fortran_says_where_its_number_is_from():
+    found = constants_reference.collect()
+    unsaid = [f"{one.file}: {one.name}" for one in found if one.is_real and one.kind not in constants_reference.KINDS]
+    assert len(found) > 200
+    assert not unsaid
+    assert not [f"{one.file}: {one.name}" for one in found if one.kind and not one.comment]
+
+
+def test_a_constant_is_read_with_its_comment_and_kind(tmp_path):
+    (tmp_path / "some.f90").write_text(
+        "  !> How far\n  !> it goes\n  real(wp), parameter :: far = 2.0_wp, farther = [1.0_wp, 2.0_wp] ! guess\n"
+        "  !> Many\n  integer, parameter :: many = 7\n  integer :: few\n"
+    )
+    found = constants_reference.constants_of(tmp_path / "some.f90", "some.f90")
+    assert [(one.name, one.value, one.kind, one.comment) for one in found] == [
+        ("far", "2.0_wp", "guess", "How far it goes"),
+        ("farther", "[1.0_wp, 2.0_wp]", "guess", "How far it goes"),
+        ("many", "7", "", "Many"),
     ]
