@@ -26,10 +26,13 @@ module attrito_accuracy_error_estimate
   !> The two steps of an estimate agree if they differ by no more than this part of it, or of what harmonics may take of the tolerance
   real(wp), parameter :: agreement = 0.5_wp, negligible = 0.2_wp ! guess
   !> Contacts so many times stiffer than the structure is at them may bounce at any frequency, and their steps linearised on a short
-  !> series are not those of a longer one: series shorter than `short_stiff_series` are not sure by themselves. Measured: steps see
-  !> 2 to 30 % of the error of 3 to 19 harmonics where contacts are 9e3 to 9e5 times as stiff.
+  !> series are not those of a longer one
   real(wp), parameter :: stiff = 1.0e3_wp ! guess
-  integer, parameter :: short_series = 5, short_stiff_series = 20 ! measured
+  !> Series that are not sure by themselves where contacts are so stiff: shorter than this. In the campaign (docs/accuracy.md) steps
+  !> see 2 to 30 % of the error of 3 to 19 harmonics where contacts are 9e3 to 9e5 times as stiff.
+  integer, parameter :: short_stiff_series = 20 ! measured
+  !> Harmonics to try where a longer series has no solution
+  integer, parameter :: short_series = 5 ! guess
   !> Fewest harmonics of the longer series, a guess: nine miss a mode at the 10th where blocks hardly slip
   integer, parameter :: least_longer = 15 ! guess
   !> Part of the motion, in units of the tolerance, that a harmonic may lack

@@ -20,7 +20,7 @@ module attrito_integrate_taylor
   public :: degree, expand, step_length, move_to
 
   !> Of the polynomials; with steps of 2 to 3 over the highest angular frequency, rounding is reached
-  integer, parameter :: degree = 24 ! measured
+  integer, parameter :: degree = 24 ! derived
   !> Longest step over the fastest mode that moves: beyond, terms of the series cancel to more than a digit
   real(wp), parameter :: longest = 4.0_wp ! derived
 

@@ -23,7 +23,7 @@ module attrito_linear_split_receptance
   !> Products that a linear system is expected to need
   integer, parameter :: expected_products = 40 ! guess
   !> Of the series: seven sums with damping, four without
-  integer, parameter :: highest_power = 6 ! measured
+  integer, parameter :: highest_power = 6 ! guess
 
   type :: split_receptance_type
     !> Does it serve the rows that it was last prepared for? If not, the product through all modes is cheaper, or modes are coupled.

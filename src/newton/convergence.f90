@@ -14,8 +14,10 @@ module attrito_newton_convergence
   private
   public :: is_converged, has_diverged, worse_of
 
-  !> Residual relative to the motion that is rounding; motion relative to the stuck response that is none of a solution
-  real(wp), parameter :: rounding = 16.0_wp*epsilon(1.0_wp), divergence_limit = 1.0e8_wp ! derived
+  !> Residual relative to the motion that is rounding
+  real(wp), parameter :: rounding = 16.0_wp*epsilon(1.0_wp) ! derived
+  !> Size of the scaled motion beyond which no residual means anything
+  real(wp), parameter :: divergence_limit = 1.0e8_wp ! conventional
 
 contains
 

@@ -31,7 +31,7 @@ module attrito_contact_law_iwan
   public :: iwan_type, new_iwan
 
   !> ln alpha times the square root of the number of cells
-  real(wp), parameter :: grading = 1.5_wp ! measured
+  real(wp), parameter :: grading = 1.5_wp ! guess
 
   !> A Coulomb spring, F = mu N, that is made of several
   type, extends(coulomb_spring_type) :: iwan_type
