@@ -88,11 +88,15 @@ contains
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
 
+    integer :: resolution(2)
+
     call take_resolution_chosen(self, solver)
     call sweep%set_harmonics(solver%options%harmonics)
     call sweep%advance(solver)
+    resolution = [solver%options%harmonics, solver%options%samples]
     call refine(self, solver)
     call sweep%set_harmonics(solver%options%harmonics)
+    if (any(resolution /= [solver%options%harmonics, solver%options%samples])) call sweep%look_here(solver)
   end subroutine advance
 
   !> The same at one angular frequency.

@@ -46,6 +46,7 @@ typedef struct {
     double tolerance;
     double accepted_error;
     double mode_error;
+    double curve_tolerance;
 } attrito_solver_options;
 
 typedef struct {

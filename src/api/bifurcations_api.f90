@@ -42,7 +42,7 @@ contains
     count = 0
     associate (solver => session%solver, sweep => session%sweep, step => session%sweep%stepper%last)
       if (.not. step%is_taken()) return
-      call step%end_at(solver)
+      if (step%length <= 0.0_wp) call step%end_at(solver)
       if (.not. (solver%all_stick .and. step%from%all_stick)) call sweep%look_ahead(solver)
       here = snapshot_of(solver)
       allocate (crossings(0))

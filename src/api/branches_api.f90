@@ -27,7 +27,13 @@ contains
     type(session_type), pointer :: session
 
     session => session_of(handle)
-    call session%known%add(session%solver, follows /= 0)
+    associate (stepper => session%sweep%stepper)
+      if (stepper%looked_ahead .and. stepper%here%is_known()) then
+        call session%known%add(session%solver, follows /= 0, stepper%tangent, stepper%last%length)
+      else
+        call session%known%add(session%solver, follows /= 0)
+      end if
+    end associate
   end subroutine attrito_keep_point
 
   !> Remove all known points but the first so many.
@@ -105,6 +111,7 @@ contains
     towards = frequency_tangent(session%solver, real(way, wp))
     if (way == 0) towards = session%sweep%stepper%tangent_backwards(session%solver)
     session%sweep = new_branch_sweep(session%solver, start, stop, towards, branch, max_points)
+    session%sweep%stepper%tolerance = session%curve_tolerance
     session%moduli = moduli_type()
   end subroutine attrito_begin_branch
 

@@ -39,6 +39,8 @@ module attrito_api_session
     type(sweep_type) :: sweep
     type(error_control_type) :: accuracy
     type(point_report_type) :: point
+    !> Error of the drawn curve that sweeps accept, part of the largest amplitude
+    real(wp) :: curve_tolerance = 0.01_wp
     !> What the last point leaves for the next, while it is fetched
     real(wp), allocatable :: state(:)
     !> While other members of the last point's family are visited: the point, and two of them to return to

@@ -37,8 +37,8 @@ module attrito_api_solver
     integer(c_int) :: harmonics, samples, rounds, max_iterations, reset_slider, uncoupled, by_events, choose_harmonics, choose_samples
     !> Where they are chosen
     integer(c_int) :: fewest_samples
-    !> `accepted_error`: 0 where none is promised
-    real(c_double) :: tolerance, accepted_error, mode_error
+    !> `accepted_error`: 0 where none is promised; `curve_tolerance`: error of the drawn curve, part of the largest amplitude
+    real(c_double) :: tolerance, accepted_error, mode_error, curve_tolerance
   end type options_type
 
   type, bind(c) :: point_type
@@ -144,6 +144,7 @@ contains
     session%accuracy%fewest_harmonics = max((size(session%structure%harmonic_load, 2) - 1)/2, 1)
     session%accuracy%fewest_samples = options%fewest_samples
     session%accuracy%errors%modes = options%mode_error
+    session%curve_tolerance = options%curve_tolerance
     if (allocated(error) .or. size(session%contacts%directions, 2) > most_rows_in_time) return
     allocate (session%solver%time_integrator, source=new_averaged_periods(session%structure, session%contacts))
   end function attrito_prepare
@@ -210,6 +211,7 @@ contains
     session => session_of(handle)
     call session%solver%set_loads(session%solver%context%balance%static_factors, level)
     session%sweep = new_sweep(session%solver, start, stop, branch, max_points)
+    session%sweep%stepper%tolerance = session%curve_tolerance
     session%moduli = moduli_type()
   end subroutine attrito_begin_sweep
 
@@ -227,6 +229,7 @@ contains
     call session%accuracy%advance(session%sweep, session%solver)
     call report_point(session%solver, session%sweep%branch, session%accuracy%errors, session%accuracy%tolerance, &
                       session%point)
+    call session%point%take_curve(session%sweep%stepper%here, session%sweep%stepper%path)
     point = point_of(session%point)
     point%finished = merge(1, 0, session%sweep%finished)
     point%reached_stop = merge(1, 0, session%sweep%reached_stop)

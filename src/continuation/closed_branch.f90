@@ -49,7 +49,7 @@ contains
       if (.not. closes_on_itself) return
       here = snapshot_of(solver)
       ! At the frequency of the point it began at.
-      solver%motion = step%from%motion + part*(step%to%motion - step%from%motion)
+      solver%motion = step%motion_at(solver, part)
       call solver%solve_at(point%omega)
       closes_on_itself = solver%report%converged
       if (closes_on_itself) then

@@ -1,48 +1,76 @@
-!> Steps along a branch: prediction along the tangent, correction in the plane across it.
+!> Steps along a branch: prediction along the last arc or the tangent, correction in the plane across the way there.
 !>
-!> $$ \hat x = x + s\, t, \qquad r(d, \omega) = 0, \qquad t \cdot (d - \hat d) + t_\omega (\omega - \hat \omega) = 0 $$
+!> $$ \hat x = x + \Delta, \qquad r(d, \omega) = 0, \qquad p \cdot (d - \hat d) + p_\omega (\omega - \hat \omega) = 0 $$
 !>
-!> The length s follows the distance between predicted and corrected point, a smooth measure, so that rounding (the number of ranks)
-!> does not change it.
+!> The length of steps follows the error of the drawn curve, the cubic between neighbouring points and their tangents
+!> (`attrito_continuation_arc`): its distance from a point of the branch between them is at most a part of the largest amplitude so
+!> far. Where it is more, the middle of the arc is solved and comes first; the end of the step comes after it. So does the place where
+!> an amplitude is largest, so that points show every peak. All these are smooth measures, so that rounding (the number of ranks) does
+!> not change the points.
 !> Source: Keller 1977; Seydel 2010, doi:10.1007/978-1-4419-1740-9.
 module attrito_continuation_stepper
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: resized
-  use attrito_newton_border, only: constraint_type, inner_product
+  use attrito_newton_border, only: inner_product
   use attrito_solve_sliders, only: none_holds
   use attrito_solve_snapshot, only: snapshot_type, restore
   use attrito_solve_rebalancing, only: field_type, rebalance
   use attrito_solve_solver, only: solver_type
+  use attrito_continuation_arc, only: arc_type
+  use attrito_continuation_between, only: estimate_middle, stuck_point
+  use attrito_continuation_curve_point, only: curve_point_type
+  use attrito_continuation_predictor, only: predictor_type, prediction_type, middle_of
   use attrito_continuation_step, only: step_type
-  use attrito_continuation_tangent, only: tangent_type, find_tangent, frequency_tangent, reverse, share_of_harmonics
+  use attrito_continuation_tangent, only: tangent_type, find_tangent, tangent_of_evaluation, frequency_tangent, reverse, &
+                                          share_of_harmonics, mean_share
   implicit none
   private
-  public :: stepper_type, first_step, smallest_step, aimed_error, accepted_error
+  public :: stepper_type, first_step, smallest_step, largest_in_frequency, default_tolerance
 
-  !> Distance of predicted from corrected point, relative to the response, that the step aims at, and that it still accepts
-  real(wp), parameter :: aimed_error = 0.02_wp, accepted_error = 0.2_wp ! guess
-  !> Steps as parts of the sweep
-  real(wp), parameter :: first_step = 0.01_wp, smallest_step = 1.0e-6_wp, largest_step = 0.04_wp ! guess
-  !> A body is taken to drift after some steps in a row in which everything but mean positions changes by less than this part: past
+  !> Error of the drawn curve, relative to the largest amplitude
+  real(wp), parameter :: default_tolerance = 0.01_wp
+  !> Part of it that steps aim at, and that points at a peak may miss the largest amplitude by
+  real(wp), parameter :: aimed_part = 0.3_wp, peak_part = 0.1_wp
+  !> Distance of predicted from corrected point, relative to the response, that is accepted, and from which on steps do not grow
+  real(wp), parameter :: accepted_error = 0.5_wp, large_error = 0.2_wp
+  !> Iterations of Newton's method from which on steps do not grow
+  integer, parameter :: many_iterations = 10
+  !> Steps as parts of the sweep: lengths along the branch, and the largest in frequency
+  real(wp), parameter :: first_step = 0.01_wp, smallest_step = 1.0e-6_wp, largest_in_frequency = 0.05_wp
+  !> A body is taken to drift after some steps in a row in which everything but mean positions changes by less than this part where
+  !> every contact slips: friction then balances at single frequencies, and rounding makes a branch of these. Else by `mean_share`: past
   !> the end of its branch friction no longer balances over the period
-  real(wp), parameter :: mean_share = 1.0e-3_wp ! guess
-  !> The same where every contact slips: friction then balances at single frequencies, and rounding makes a branch of these
-  real(wp), parameter :: free_share = 0.5_wp ! guess
-  integer, parameter :: most_drifting = 6 ! guess
+  real(wp), parameter :: free_share = 0.5_wp
+  integer, parameter :: most_drifting = 6
   !> Cosine between successive steps below which the branch is taken to run back on itself
-  real(wp), parameter :: turned_back = -0.95_wp ! guess
+  real(wp), parameter :: turned_back = -0.95_wp
+  !> Distance of a point of the branch from the arc, relative to the motion, beyond which the ends are not of one branch
+  real(wp), parameter :: most_off = 0.5_wp
+  !> Tries of a step in which Newton's method is given up early: shorter steps mostly need no more
+  integer, parameter :: most_brief = 4
+  !> Places within one arc that are looked for
+  integer, parameter :: most_peaks = 3
 
   type :: stepper_type
+    !> Error of the drawn curve that is accepted
+    real(wp) :: tolerance = default_tolerance
     !> Length of the next step
     real(wp) :: size = first_step
     !> Sign of the last step's change of frequency: 1 or -1
     real(wp) :: direction = 1.0_wp
     !> The last step that was accepted
     type(step_type) :: last
-    !> Tangent at the present point once `look_ahead` has found it, before that at the point before; does the frequency turn between?
+    !> Tangent at the present point once it is looked at, before that at the point before; does the frequency turn between?
     type(tangent_type) :: tangent
     logical :: looked_ahead = .false., turned = .false.
+    !> The present point of the drawn curve; its length from the first point of the branch to here and to the point before
+    type(curve_point_type) :: here
+    real(wp) :: path = 0.0_wp
+    real(wp), private :: path_before = 0.0_wp
+    !> Largest amplitude of each monitor so far
+    real(wp), allocatable, private :: largest(:)
+    type(predictor_type), private :: predictor
     !> Last step taken, scaled, of unit length
     real(wp), allocatable, private :: secant(:, :)
     real(wp), private :: secant_omega = 0.0_wp
@@ -50,12 +78,15 @@ module attrito_continuation_stepper
     integer, private :: drifting = 0
   contains
     procedure :: begin
-    procedure :: forget_tangent
+    procedure :: look_here
     procedure :: look_ahead
     procedure :: take_step
+    procedure :: examine_step
+    procedure :: accept_step
+    procedure :: place_within
+    procedure :: omega_within
     procedure :: remember
     procedure :: remember_in_frequency
-    procedure :: go_on_in_frequency
     procedure :: adapt
     procedure :: is_drifting
     procedure :: tangent_backwards
@@ -76,105 +107,298 @@ contains
     self%direction = direction
     self%last = step_type()
     self%looked_ahead = .false.
-    call self%forget_tangent()
+    self%turned = .false.
+    self%here = curve_point_type()
+    self%path = 0.0_wp
+    self%tangent = tangent_type()
+    call self%predictor%forget()
+    if (allocated(self%secant)) deallocate (self%secant)
   end subroutine begin
 
-  !> Forget everything about the branch but the direction in frequency.
-  subroutine forget_tangent(self)
+  !> The tangent and the point of the drawn curve at the solver's present point, where the balance was evaluated last: of a point that
+  !> is not the end of a step that was examined, or was solved anew since.
+  subroutine look_here(self, solver)
     class(stepper_type), intent(inout) :: self
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    type(tangent_type) :: tangent, start
+    type(curve_point_type) :: point
+    integer :: status
 
-    self%tangent = tangent_type()
-    if (allocated(self%secant)) deallocate (self%secant)
-  end subroutine forget_tangent
+    self%looked_ahead = .false.
+    self%turned = .false.
+    self%here = curve_point_type()
+    call self%predictor%take_arc(step_type())
+    if (.not. solver%report%converged) return
+    if (.not. allocated(self%tangent%motion)) self%tangent = frequency_tangent(solver, self%direction)
+    call tangent_of_evaluation(solver, self%tangent, tangent, point, status)
+    if (status /= 0) return
+    if (self%last%is_taken()) then
+      start = self%last%start
+      call self%last%end_at(solver)
+      call self%last%draw(solver, start, tangent)
+      self%path = self%path_before + self%last%length
+      call self%predictor%take_arc(self%last)
+    end if
+    call stand_at(self, tangent, point)
+  end subroutine look_here
 
-  !> Find the tangent at the present point of the branch, and whether the frequency turned on the last step. The evaluation of the
-  !> last point is overwritten.
+  !> Take a tangent and a point of the drawn curve as those of the present point.
+  subroutine stand_at(self, tangent, point)
+    type(stepper_type), intent(inout) :: self
+    !> Tangent of the branch
+    type(tangent_type), intent(in) :: tangent
+    !> Point of the drawn curve
+    type(curve_point_type), intent(in) :: point
+
+    ! Where hardly more than mean positions change, the frequency's sign is rounding.
+    if (self%last%is_taken()) self%turned = self%last%across%omega*tangent%omega < 0.0_wp .and. tangent%share > mean_share
+    self%tangent = tangent
+    self%here = point
+    self%looked_ahead = .true.
+    if (.not. allocated(self%largest)) self%largest = point%amplitude
+    self%largest = max(self%largest, point%amplitude)
+  end subroutine stand_at
+
+  !> Find the tangent at the present point of the branch if it is not known. The evaluation of the last point is overwritten then.
   subroutine look_ahead(self, solver)
     class(stepper_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     type(tangent_type) :: tangent
-    real(wp) :: share
     integer :: status
 
-    self%turned = .false.
     if (self%looked_ahead) return
     if (.not. allocated(self%tangent%motion)) self%tangent = frequency_tangent(solver, self%direction)
     call find_tangent(solver, self%tangent, tangent, status)
     self%looked_ahead = status == 0
-    if (.not. self%looked_ahead) return
-    self%tangent = tangent
-    if (.not. self%last%is_taken()) return
-    ! Where hardly more than mean positions change, the frequency's sign is rounding.
-    share = share_of_harmonics(solver, tangent%motion, tangent%omega)
-    self%turned = self%last%across%omega*tangent%omega < 0.0_wp .and. share > mean_share
+    if (self%looked_ahead) self%tangent = tangent
   end subroutine look_ahead
 
-  !> A step from a point along the tangent there, halved until it converges near its prediction.
+  !> A step from a point: halved until it converges near its prediction, and until the drawn curve is near enough to the branch.
   subroutine take_step(self, solver, before, error, iterations, accepted)
     class(stepper_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Motion, sliders and frequency to return to
     type(snapshot_type), intent(in) :: before
-    !> Of the prediction, relative to the response
+    !> Of the drawn curve, relative to what is accepted
     real(wp), intent(out) :: error
     !> Of all tries
     integer, intent(out) :: iterations
     !> Was a step taken?
     logical, intent(out) :: accepted
-    logical :: flipped
+    type(prediction_type) :: prediction
+    type(tangent_type) :: tangent
+    type(curve_point_type) :: point
+    real(wp) :: distance, part
+    integer :: peaks, failures
+    logical :: flipped, by_arc
 
-    self%looked_ahead = .false.
-    self%turned = .false.
     iterations = 0
+    peaks = 0
+    failures = 0
     flipped = .false.
+    by_arc = .true.
+    call self%predictor%next_ahead(solver, prediction)
+    if (allocated(prediction%motion)) self%size = max(prediction%length, smallest_step)
     do
-      call predict_and_correct(self, solver, error)
-      iterations = iterations + solver%report%iterations
-      accepted = solver%report%converged .and. (error < accepted_error .or. self%size <= smallest_step)
-      if (accepted) accepted = .not. runs_back(self, solver, before)
-      if (accepted) return
-      if (solver%report%converged .and. error < accepted_error .and. .not. flipped) then
-        ! It runs back on itself: at a kink sharper than a right angle the tangent had the wrong sign.
-        flipped = .true.
-        call reverse(self%tangent)
-        self%size = 2.0_wp*self%size
+      if (.not. allocated(prediction%motion)) then
+        self%size = min(self%size, largest_in_frequency/max(abs(self%tangent%omega), tiny(1.0_wp)))
+        call self%predictor%predict(solver, self%tangent, self%size, by_arc, prediction)
       end if
-      call restore(solver, before)
-      self%size = 0.5_wp*self%size
-      if (self%size < smallest_step) return
+      call correct(self, solver, prediction, failures < most_brief, distance)
+      deallocate (prediction%motion)
+      iterations = iterations + solver%report%iterations
+      accepted = solver%report%converged .and. (distance < accepted_error .or. self%size <= smallest_step)
+      if (accepted) accepted = .not. runs_back(self, solver, before)
+      if (accepted) then
+        call self%examine_step(solver, before, tangent, point, error)
+        part = -1.0_wp
+        if (self%last%length > smallest_step) then
+          if (error > 1.0_wp) then
+            part = 0.5_wp
+          else if (peaks < most_peaks) then
+            part = self%place_within(point)
+            peaks = peaks + 1
+          end if
+        end if
+        if (part < 0.0_wp) then
+          if (iterations > many_iterations .or. distance > large_error) error = max(error, aimed_part)
+          call self%accept_step(solver, before, tangent, point)
+          return
+        end if
+        call self%predictor%put_ahead(solver)
+        prediction = middle_of(solver, self%last, part)
+        self%size = max(part*self%last%length, smallest_step)
+        call restore(solver, before)
+      else
+        if (solver%report%converged .and. distance < accepted_error .and. .not. flipped) then
+          ! It runs back on itself: at a kink sharper than a right angle the tangent had the wrong sign.
+          flipped = .true.
+          call reverse(self%tangent)
+          self%size = 2.0_wp*self%size
+        end if
+        call restore(solver, before)
+        call self%predictor%drop_ahead()
+        by_arc = .false.
+        failures = failures + 1
+        self%size = 0.5_wp*self%size
+        if (self%size < smallest_step) return
+      end if
     end do
   end subroutine take_step
 
-  !> Predict along the tangent and correct in the plane across it. `error`: how far the corrector moved, relative to the response.
-  subroutine predict_and_correct(self, solver, error)
+  !> Solve where a point is expected. `distance`: how far the corrector moved, relative to the response.
+  subroutine correct(self, solver, prediction, early_stop, distance)
     type(stepper_type), intent(in) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Where the point is expected
+    type(prediction_type), intent(in) :: prediction
+    !> Give up after a few iterations of Newton's method
+    logical, intent(in) :: early_stop
     !> Distance from prediction to correction, relative to the response
-    real(wp), intent(out) :: error
-    type(constraint_type) :: constraint
-    real(wp), allocatable :: predicted(:, :), moved(:, :)
-    real(wp) :: predicted_omega
+    real(wp), intent(out) :: distance
+    real(wp), allocatable :: moved(:, :)
 
     associate (context => solver%context, balance => solver%context%balance)
-      predicted = solver%motion + self%size*context%motion_scale*self%tangent%motion
-      predicted_omega = solver%omega + self%size*context%frequency_scale*self%tangent%omega
-      constraint%motion = self%tangent%motion/context%motion_scale
-      constraint%frequency = self%tangent%omega/context%frequency_scale
-      constraint%value = inner_product(balance, constraint%motion, predicted) + constraint%frequency*predicted_omega
-      solver%motion = predicted
-      solver%omega = predicted_omega
+      solver%motion = prediction%motion
+      solver%omega = prediction%omega
       balance%slider = balance%slider + self%size*context%motion_scale*self%tangent%slider
-      call solver%solve_with(constraint)
+      call solver%solve_with(prediction%constraint, early_stop)
       ! The mean may jump from point to point as sliders shake down, however small the step: it does not control the step.
-      moved = solver%motion - predicted
+      moved = solver%motion - prediction%motion
       moved(1, :) = 0.0_wp
-      error = sqrt((inner_product(balance, moved, moved) + (context%motion_scale*(solver%omega - predicted_omega) &
-                                                            /context%frequency_scale)**2)/size_of_response(solver))
+      distance = sqrt(inner_product(balance, moved, moved)/size_of_response(solver) &
+                      + ((solver%omega - prediction%omega)/context%frequency_scale)**2)
     end associate
-  end subroutine predict_and_correct
+  end subroutine correct
+
+  !> What a step to the solver's present point leads to, `last` being this step afterwards: tangent, point of the drawn curve, and its
+  !> error, relative to what is accepted.
+  subroutine examine_step(self, solver, before, tangent, point, error)
+    class(stepper_type), intent(inout) :: self
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> Motion, sliders and frequency at the beginning of the step
+    type(snapshot_type), intent(in) :: before
+    !> Tangent of the branch
+    type(tangent_type), intent(out) :: tangent
+    !> Point of the drawn curve
+    type(curve_point_type), intent(out) :: point
+    !> Of the drawn curve, relative to what is accepted
+    real(wp), intent(out) :: error
+    type(tangent_type) :: towards
+    integer :: status
+
+    error = 0.0_wp
+    call self%last%take(before, solver, self%tangent)
+    towards = self%last%chord(solver)
+    if (towards%share < mean_share) towards = self%tangent
+    call tangent_of_evaluation(solver, towards, tangent, point, status)
+    if (status /= 0) return
+    call self%last%draw(solver, self%tangent, tangent)
+    if (self%last%length > 0.0_wp .and. self%here%is_known()) error = error_of_arc(self, solver, point)/self%tolerance
+  end subroutine examine_step
+
+  !> Distance of the drawn arc that ends at a point from the branch, part of the largest amplitudes.
+  real(wp) function error_of_arc(self, solver, point) result(error)
+    type(stepper_type), intent(in) :: self
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> End of the arc
+    type(curve_point_type), intent(in) :: point
+    !> Parts of the frequency at which a linear response is looked at, and most of its resonances
+    integer, parameter :: parts = 4, most_resonances = 20
+    type(curve_point_type) :: between
+    type(arc_type) :: arc
+    real(wp) :: off
+    real(wp), allocatable :: omega(:), largest(:)
+    integer :: i, status
+
+    arc = arc_type(self%here, point, self%last%length)
+    largest = max(self%largest, point%amplitude)
+    error = 0.0_wp
+    if (self%last%from%all_stick .and. self%last%to%all_stick) then
+      omega = [(self%here%omega + real(i, wp)/parts*(point%omega - self%here%omega), i=1, parts - 1), &
+               resonances_between(solver, self%here%omega, point%omega)]
+      do i = 1, min(size(omega), parts - 1 + most_resonances)
+        call stuck_point(solver, omega(i), between, status)
+        if (status == 0) error = max(error, arc%distance_of(between, max(largest, between%amplitude)))
+      end do
+    else
+      call estimate_middle(solver, self%last, between, off, status)
+      if (status == 0) error = max(arc%distance_of(between, max(largest, between%amplitude)), off/most_off*self%tolerance)
+    end if
+  end function error_of_arc
+
+  !> Angular frequencies between two at which a loaded harmonic excites a mode of the stuck system.
+  pure function resonances_between(solver, a, b) result(omega)
+    !> Solver of points: its motion, sliders, angular frequency and balance
+    type(solver_type), intent(in) :: solver
+    !> Angular frequency, rad/s
+    real(wp), intent(in) :: a, b
+    real(wp), allocatable :: omega(:)
+    integer :: i
+
+    allocate (omega(0))
+    do i = 1, size(solver%context%balance%loaded)
+      associate (at => solver%stuck%omega/solver%context%balance%loaded(i))
+        omega = [omega, pack(at, (at - a)*(at - b) < 0.0_wp)]
+      end associate
+    end do
+  end function resonances_between
+
+  !> Part of the step just examined at which an amplitude has a peak that neither end shows, or the frequency goes back between two
+  !> turning points; negative: there is none.
+  pure real(wp) function place_within(self, point) result(part)
+    class(stepper_type), intent(in) :: self
+    !> End of the arc
+    type(curve_point_type), intent(in) :: point
+    type(arc_type) :: arc
+
+    part = -1.0_wp
+    if (self%last%length <= 0.0_wp .or. .not. self%here%is_known()) return
+    arc = arc_type(self%here, point, self%last%length)
+    part = arc%reversal()
+    if (part < 0.0_wp) part = arc%highest(max(self%largest, point%amplitude), peak_part*self%tolerance)
+  end function place_within
+
+  !> Angular frequency at a part of the step just examined.
+  pure real(wp) function omega_within(self, point, part)
+    class(stepper_type), intent(in) :: self
+    !> End of the arc
+    type(curve_point_type), intent(in) :: point
+    !> 0 to 1
+    real(wp), intent(in) :: part
+    type(arc_type) :: arc
+
+    arc = arc_type(self%here, point, self%last%length)
+    omega_within = arc%omega_at(part)
+  end function omega_within
+
+  !> Go on from the end of the step that was examined last.
+  subroutine accept_step(self, solver, before, tangent, point)
+    class(stepper_type), intent(inout) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
+    type(solver_type), intent(in) :: solver
+    !> Motion, sliders and frequency at the beginning of the step
+    type(snapshot_type), intent(in) :: before
+    !> Tangent of the branch
+    type(tangent_type), intent(in) :: tangent
+    !> Point of the drawn curve
+    type(curve_point_type), intent(in) :: point
+
+    call self%remember(solver, before)
+    self%looked_ahead = .false.
+    self%turned = .false.
+    call self%predictor%take_arc(self%last)
+    self%path_before = self%path
+    self%path = self%path + self%last%length
+    self%here = point
+    if (point%is_known()) call stand_at(self, tangent, point)
+  end subroutine accept_step
 
   !> Squared norm of the harmonics of the motion.
   real(wp) function size_of_response(solver)
@@ -206,7 +430,7 @@ contains
     end associate
   end function runs_back
 
-  !> Keep the step just accepted, and its direction.
+  !> Keep the direction of the step just accepted.
   subroutine remember(self, solver, before)
     class(stepper_type), intent(inout) :: self
     !> Solver of points: its motion, sliders, angular frequency and balance
@@ -215,7 +439,6 @@ contains
     type(snapshot_type), intent(in) :: before
     real(wp) :: length
 
-    call self%last%take(before, solver, self%tangent)
     associate (context => solver%context, balance => solver%context%balance)
       self%secant = (solver%motion - before%motion)/context%motion_scale
       self%secant_omega = (solver%omega - before%omega)/context%frequency_scale
@@ -233,28 +456,25 @@ contains
     type(solver_type), intent(in) :: solver
     !> Motion, sliders and frequency to return to
     type(snapshot_type), intent(in) :: before
+    type(tangent_type) :: start
 
+    start = self%last%start
     call self%last%take(before, solver, tangent_type(omega=self%direction))
+    self%last%start = start
     self%looked_ahead = .false.
   end subroutine remember_in_frequency
 
-  !> Keep a step made in frequency alone, from where the last one ended: hardly anything is copied.
-  subroutine go_on_in_frequency(self, solver)
-    class(stepper_type), intent(inout) :: self
-    !> Solver of points: its motion, sliders, angular frequency and balance
-    type(solver_type), intent(in) :: solver
-
-    call self%last%go_on(solver, tangent_type(omega=self%direction))
-    self%looked_ahead = .false.
-  end subroutine go_on_in_frequency
-
-  !> The next step aims at the same error.
+  !> The next step aims at the same error of the drawn curve, which goes with the fourth power of its length.
   pure subroutine adapt(self, error)
     class(stepper_type), intent(inout) :: self
-    !> Distance from prediction to correction, relative to the response
+    !> Of the drawn curve, relative to what is accepted
     real(wp), intent(in) :: error
+    real(wp), parameter :: least = 0.5_wp, most = 2.0_wp
+    real(wp) :: factor
 
-    self%size = min(self%size*min(max(sqrt(aimed_error/max(error, 1.0e-12_wp)), 0.4_wp), 1.6_wp), largest_step)
+    factor = min(max((aimed_part/max(error, 1.0e-12_wp))**0.25_wp, least), most)
+    if (self%last%length > 0.0_wp) self%size = self%last%length
+    self%size = factor*self%size
   end subroutine adapt
 
   !> Does the branch go on in mean positions alone, which is its end?
@@ -291,6 +511,7 @@ contains
 
     if (allocated(self%tangent%motion)) self%tangent%motion = resized(self%tangent%motion, coefficients)
     if (allocated(self%secant)) self%secant = resized(self%secant, coefficients)
+    call self%predictor%set_coefficients(coefficients)
   end subroutine set_coefficients
 
   !> Share contacts out over ranks, and stored vectors with them.
@@ -298,20 +519,24 @@ contains
     class(stepper_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
-    type(field_type) :: fields(3)
+    type(field_type) :: own(3)
+    type(field_type), allocatable :: others(:), fields(:)
     integer :: changes
 
     changes = solver%context%balance%changes
-    fields%by_contact = [.false., .true., .false.]
-    call move_alloc(self%tangent%motion, fields(1)%columns)
-    call move_alloc(self%tangent%slider, fields(2)%columns)
-    call move_alloc(self%secant, fields(3)%columns)
+    call move_alloc(self%tangent%motion, own(1)%columns)
+    call move_alloc(self%tangent%slider, own(2)%columns)
+    call move_alloc(self%secant, own(3)%columns)
+    own(2)%by_contact = .true.
+    call self%predictor%give_fields(others)
+    fields = [own, others]
     call rebalance(solver, fields)
     ! The end of the last step is stored by contacts, which other ranks have now.
     if (solver%context%balance%changes /= changes) self%last%to = snapshot_type()
     call move_alloc(fields(1)%columns, self%tangent%motion)
     call move_alloc(fields(2)%columns, self%tangent%slider)
     call move_alloc(fields(3)%columns, self%secant)
+    call self%predictor%take_fields(fields(4:))
   end subroutine share_out
 
   !> Save to a store, or load from it.
@@ -320,12 +545,18 @@ contains
     !> Numbers that a point leaves for the next, written or read in turn
     type(state_store_type), intent(inout) :: store
 
+    call store%keep(self%tolerance)
     call store%keep(self%size)
     call store%keep(self%direction)
     call self%tangent%keep(store)
     call self%last%keep(store)
     call store%keep(self%turned)
     call store%keep(self%looked_ahead)
+    call self%here%keep(store)
+    call store%keep(self%path)
+    call store%keep(self%path_before)
+    call store%keep(self%largest)
+    call self%predictor%keep(store)
     call store%keep(self%secant)
     call store%keep(self%secant_omega)
     call store%keep(self%drifting)

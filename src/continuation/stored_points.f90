@@ -1,21 +1,26 @@
 !> Points of branches that are stored: to return to, and to decide whether a solution lies on one of those branches.
 !>
-!> A solution x at omega lies on a stored branch if Newton's method converges to x from the straight line between two neighbouring
-!> points of it on either side of omega. So steps may be long, and members of one family count as one.
+!> A solution x at omega lies on a stored branch if Newton's method converges to x from the arc between two neighbouring points of it
+!> (`attrito_continuation_arc`; the straight line where tangents are not known), where that has the frequency omega. So steps may be
+!> long, and members of one family count as one.
 module attrito_continuation_stored_points
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: resized
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
+  use attrito_continuation_arc, only: hermite
+  use attrito_continuation_tangent, only: tangent_type, mean_share
   implicit none
   private
   public :: stored_points_type
 
   !> Distance of two motions, relative to the larger, that is none
-  real(wp), parameter :: same = 1.0e-6_wp ! derived
-  !> Distance from the straight line, in its length and relative to the motion, beyond which a solution is not looked for from there
-  real(wp), parameter :: near_line = 1.0_wp, near_motion = 0.2_wp ! guess
+  real(wp), parameter :: same = 1.0e-6_wp
+  !> Parts of an arc between which its frequency is taken to be linear
+  integer, parameter :: parts = 16
+  !> Distance from the arc, in the distance of its ends and relative to the motion, beyond which a solution is not looked for from there
+  real(wp), parameter :: near_line = 1.0_wp, near_motion = 0.2_wp
 
   type :: stored_point_type
     real(wp) :: omega = 0.0_wp
@@ -23,6 +28,9 @@ module attrito_continuation_stored_points
     real(wp), allocatable :: motion(:, :), slider(:, :), periodic(:, :)
     !> Does the branch go on from the point before?
     logical :: follows = .false.
+    !> Change of motion and angular frequency along the branch, if known, and the length of the arc that ends here; 0: a straight line
+    real(wp), allocatable :: rate(:, :)
+    real(wp) :: omega_rate = 0.0_wp, length = 0.0_wp
   end type stored_point_type
 
   type :: stored_points_type
@@ -40,13 +48,16 @@ module attrito_continuation_stored_points
 
 contains
 
-  !> Add the solver's present point.
-  subroutine add(self, solver, follows)
+  !> Add the solver's present point; with its tangent, and the length of the arc that ends there, if they are known.
+  subroutine add(self, solver, follows, tangent, length)
     class(stored_points_type), intent(inout) :: self
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     !> Does the branch go on from the point that was added last?
     logical, intent(in) :: follows
+    !> Tangent of the branch; length of the arc
+    type(tangent_type), intent(in), optional :: tangent
+    real(wp), intent(in), optional :: length
     type(stored_point_type), allocatable :: more(:)
     integer :: i
 
@@ -57,6 +68,9 @@ contains
         call move_alloc(self%points(i)%motion, more(i)%motion)
         call move_alloc(self%points(i)%slider, more(i)%slider)
         call move_alloc(self%points(i)%periodic, more(i)%periodic)
+        if (allocated(self%points(i)%rate)) call move_alloc(self%points(i)%rate, more(i)%rate)
+        more(i)%omega_rate = self%points(i)%omega_rate
+        more(i)%length = self%points(i)%length
         more(i)%omega = self%points(i)%omega
         more(i)%follows = self%points(i)%follows
       end do
@@ -72,6 +86,12 @@ contains
       call balance%ranks%gather_columns_everywhere(balance%slider, point%slider)
       call balance%ranks%gather_columns_everywhere(reshape(merge(1.0_wp, 0.0_wp, balance%periodic), [1, size(balance%periodic)]), &
                                                    point%periodic)
+      if (.not. present(tangent)) return
+      if (.not. allocated(tangent%motion) .or. tangent%share < mean_share) return
+      allocate (point%rate, mold=point%motion)
+      call balance%ranks%gather_columns_everywhere(solver%context%motion_scale/tangent%share*tangent%motion, point%rate)
+      point%omega_rate = solver%context%frequency_scale/tangent%share*tangent%omega
+      if (follows .and. present(length)) point%length = length
     end associate
   end subroutine add
 
@@ -93,6 +113,9 @@ contains
       call store%keep(self%points(i)%slider)
       call store%keep(self%points(i)%periodic)
       call store%keep(self%points(i)%follows)
+      call store%keep(self%points(i)%rate)
+      call store%keep(self%points(i)%omega_rate)
+      call store%keep(self%points(i)%length)
     end do
   end subroutine keep
 
@@ -136,37 +159,84 @@ contains
     !> Number of the last point that is looked at
     integer, intent(in) :: up_to
     type(snapshot_type) :: here
-    real(wp), allocatable :: line(:, :), end(:, :)
-    real(wp) :: share, width
-    integer :: i, attempt
+    real(wp), allocatable :: start(:, :)
+    real(wp) :: omega(0:parts), width
+    integer :: i, j, attempt
 
     contains_solution = .false.
     here = snapshot_of(solver)
     do i = 2, min(self%count, up_to)
-      associate (a => self%points(i - 1), b => self%points(i))
-        if (.not. b%follows) cycle
-        if ((a%omega - here%omega)*(b%omega - here%omega) > 0.0_wp) cycle
-        share = 0.5_wp
-        if (abs(b%omega - a%omega) > 0.0_wp) share = (here%omega - a%omega)/(b%omega - a%omega)
-        line = self%own_motion(solver, i - 1)
-        end = self%own_motion(solver, i)
-        width = distance(solver, line, end)
-        line = line + share*(end - line)
-        if (distance(solver, line, here%motion) > near_line*width + near_motion*size_of(solver, here%motion)) cycle
-      end associate
-      ! With the sliders of the solution, and with those of the branch: where all stick both give the same harmonics.
-      do attempt = 1, 2
-        if (attempt == 2) call self%restore_point(solver, i - 1)
-        solver%motion = line
-        call solver%solve_at(here%omega)
-        if (solver%report%converged) then
-          contains_solution = distance(solver, solver%motion, here%motion) <= same*size_of(solver, here%motion)
-        end if
-        call restore(solver, here)
-        if (contains_solution) return
+      if (.not. self%points(i)%follows) cycle
+      omega = [(omega_between(self, i, real(j, wp)/parts), j=0, parts)] - here%omega
+      do j = 1, parts
+        if (omega(j - 1)*omega(j) > 0.0_wp) cycle
+        start = motion_between(self, solver, i, (j - 1 + zero_between(omega(j - 1), omega(j)))/parts)
+        width = distance(solver, self%own_motion(solver, i - 1), self%own_motion(solver, i))
+        if (distance(solver, start, here%motion) > near_line*width + near_motion*size_of(solver, here%motion)) cycle
+        ! With the sliders of the solution, and with those of the branch: where all stick both give the same harmonics.
+        do attempt = 1, 2
+          if (attempt == 2) call self%restore_point(solver, i - 1)
+          solver%motion = start
+          call solver%solve_at(here%omega)
+          if (solver%report%converged) then
+            contains_solution = distance(solver, solver%motion, here%motion) <= same*size_of(solver, here%motion)
+          end if
+          call restore(solver, here)
+          if (contains_solution) return
+        end do
       end do
     end do
   end function contains_solution
+
+  !> Where the straight line from a to b is zero, 0 to 1; a and b differ in sign, or one is zero.
+  pure real(wp) function zero_between(a, b)
+    !> Values at both ends
+    real(wp), intent(in) :: a, b
+
+    zero_between = 0.5_wp
+    if (abs(a - b) > 0.0_wp) zero_between = a/(a - b)
+  end function zero_between
+
+  !> Angular frequency of the branch at a part of the way to a point.
+  pure real(wp) function omega_between(self, number, part) result(omega)
+    type(stored_points_type), intent(in) :: self
+    !> Number of the stored point that the way leads to
+    integer, intent(in) :: number
+    !> 0 to 1
+    real(wp), intent(in) :: part
+
+    associate (a => self%points(number - 1), b => self%points(number))
+      if (allocated(a%rate) .and. b%length > 0.0_wp) then
+        omega = dot_product(hermite(part), [a%omega, b%length*a%omega_rate, b%omega, b%length*b%omega_rate])
+      else
+        omega = a%omega + part*(b%omega - a%omega)
+      end if
+    end associate
+  end function omega_between
+
+  !> Motion of this rank's rows there.
+  function motion_between(self, solver, number, part) result(motion)
+    type(stored_points_type), intent(in) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
+    type(solver_type), intent(in) :: solver
+    !> Number of the stored point that the way leads to
+    integer, intent(in) :: number
+    !> 0 to 1
+    real(wp), intent(in) :: part
+    real(wp), allocatable :: motion(:, :)
+    real(wp) :: weights(4)
+
+    associate (a => self%points(number - 1), b => self%points(number))
+      if (allocated(a%rate) .and. b%length > 0.0_wp) then
+        weights = hermite(part)
+        motion = own_rows(solver, weights(1)*resized(a%motion, size(b%motion, 1)) + weights(3)*b%motion &
+                          + b%length*(weights(2)*resized(a%rate, size(b%motion, 1)) + weights(4)*b%rate))
+      else
+        motion = self%own_motion(solver, number - 1)
+        motion = motion + part*(self%own_motion(solver, number) - motion)
+      end if
+    end associate
+  end function motion_between
 
   !> A point's motion of this rank's rows, in as many harmonics as the solver has.
   function own_motion(self, solver, number) result(motion)
@@ -177,11 +247,21 @@ contains
     integer, intent(in) :: number
     real(wp), allocatable :: motion(:, :)
 
-    associate (balance => solver%context%balance)
-      motion = resized(self%points(number)%motion(:, balance%first_row:balance%first_row + balance%rows() - 1), &
-                       size(solver%motion, 1))
-    end associate
+    motion = own_rows(solver, self%points(number)%motion)
   end function own_motion
+
+  !> This rank's rows of a motion of all rows, in as many harmonics as the solver has.
+  function own_rows(solver, all) result(motion)
+    !> Solver of points: its motion, sliders, angular frequency and balance
+    type(solver_type), intent(in) :: solver
+    !> [2 H + 1, rows]
+    real(wp), intent(in) :: all(:, :)
+    real(wp), allocatable :: motion(:, :)
+
+    associate (balance => solver%context%balance)
+      motion = resized(all(:, balance%first_row:balance%first_row + balance%rows() - 1), size(solver%motion, 1))
+    end associate
+  end function own_rows
 
   !> Distance of two motions of this rank's rows, without their means: those of one family differ in them.
   real(wp) function distance(solver, a, b)

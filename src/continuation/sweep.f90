@@ -14,7 +14,7 @@ module attrito_continuation_sweep
   use attrito_solve_solver, only: solver_type
   use attrito_continuation_step, only: step_type
   use attrito_continuation_stepper, only: stepper_type, smallest_step
-  use attrito_continuation_stuck_branch, only: stuck_branch_type
+  use attrito_continuation_stuck_branch, only: follow_stuck
   use attrito_continuation_tangent, only: tangent_type
   implicit none
   private
@@ -31,9 +31,8 @@ module attrito_continuation_sweep
     logical :: finished = .false.
     !> Did it end at its stop? Did the branch close upon itself?
     logical :: reached_stop = .false., closed = .false.
-    !> Steps along the branch, and along the linear response where every contact sticks
+    !> Steps along the branch
     type(stepper_type) :: stepper
-    type(stuck_branch_type), private :: stuck_branch
     !> Does it follow one branch only, from the solver's point when it began, and end where that is lost?
     logical, private :: one_branch = .false.
     !> Is the solver on a branch, and what is the first point of that? Steps since then
@@ -45,6 +44,7 @@ module attrito_continuation_sweep
   contains
     procedure :: advance
     procedure :: look_ahead
+    procedure :: look_here
     procedure :: set_harmonics
     procedure :: keep
   end type sweep_type
@@ -100,7 +100,6 @@ contains
     call store%keep(self%reached_stop)
     call store%keep(self%closed)
     call self%stepper%keep(store)
-    call self%stuck_branch%keep(store)
     call store%keep(self%one_branch)
     call store%keep(self%on_branch)
     call self%start%keep(store)
@@ -129,7 +128,17 @@ contains
     if (self%one_branch .and. (is_back_at_start(self, solver) .or. .not. self%on_branch)) self%finished = .true.
     self%reach = merge(max(self%reach, solver%omega), min(self%reach, solver%omega), self%range%width() > 0.0_wp)
     if (self%points >= self%max_points) self%finished = .true.
+    if (.not. self%stepper%looked_ahead) call self%stepper%look_here(solver)
   end subroutine advance
+
+  !> The point of the sweep was solved anew, finer: the curve goes through it.
+  subroutine look_here(self, solver)
+    class(sweep_type), intent(inout) :: self
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+
+    call self%stepper%look_here(solver)
+  end subroutine look_here
 
   !> Resize stored vectors to so many harmonics.
   subroutine set_harmonics(self, harmonics)
@@ -192,6 +201,7 @@ contains
       return
     end if
     solver%report%iterations = report%iterations + solver%report%iterations
+    self%stepper%looked_ahead = .false.
     self%on_branch = .false.
     self%finished = self%one_branch
   end subroutine watch_closing
@@ -216,7 +226,7 @@ contains
     integer :: iterations
     logical :: accepted
 
-    call self%stuck_branch%follow(self%stepper, self%range, solver, accepted)
+    call follow_stuck(self%stepper, self%range, solver, accepted)
     if (accepted) then
       call note_end(self, solver%omega)
       return
@@ -255,6 +265,7 @@ contains
       self%on_branch = .false.
     end if
     self%stepper%last = step_type()
+    self%stepper%looked_ahead = .false.
   end subroutine lose_branch
 
   !> A step over an end of the range is taken back to the end itself.
@@ -305,7 +316,10 @@ contains
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
 
-    self%stepper%turned = .false.
-    if (self%on_branch) call self%stepper%look_ahead(solver)
+    if (self%on_branch) then
+      call self%stepper%look_ahead(solver)
+    else
+      self%stepper%turned = .false.
+    end if
   end subroutine look_ahead
 end module attrito_continuation_sweep

@@ -2,24 +2,33 @@
 !>
 !> $$ r_d \, t + r_\omega \, t_\omega = 0, \qquad |t|^2 + t_\omega^2 = 1, $$
 !>
-!> in motion and frequency that are scaled; turned towards a direction by the bordered system that it solves, p . t > 0.
+!> in motion and frequency that are scaled; turned towards a direction by the bordered system that it solves, p . t > 0. Lengths along
+!> the drawn curve leave means out, which may jump from point to point as sliders shake down: there t is divided by its share |t| of
+!> anything else.
 !> Source: Keller 1977.
 module attrito_continuation_tangent
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_newton_border, only: constraint_type, inner_product
-  use attrito_newton_linearised_step, only: solve_linearised
+  use attrito_newton_linearised_step, only: solve_linearised, change_of_deviation
   use attrito_newton_newton_context, only: least_stiffening
+  use attrito_balance_stuck_response, only: recover_loaded
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
+  use attrito_continuation_curve_point, only: curve_point_type, new_curve_point
   use attrito_solve_solver, only: solver_type
   implicit none
   private
-  public :: tangent_type, find_tangent, frequency_tangent, reverse, share_of_harmonics
+  public :: tangent_type, find_tangent, tangent_of_evaluation, frequency_tangent, reverse, share_of_harmonics, mean_share
+
+  !> Share of anything but mean positions in a direction below which it is one of drift, and its frequency's sign is rounding
+  real(wp), parameter :: mean_share = 1.0e-3_wp
 
   type :: tangent_type
     !> Scaled motion [2 H + 1, rows], what periodic sliders do along it [2, contacts], and scaled frequency
     real(wp), allocatable :: motion(:, :), slider(:, :)
     real(wp) :: omega = 0.0_wp
+    !> Part of it that is anything but mean positions
+    real(wp) :: share = 1.0_wp
   contains
     procedure :: keep
   end type tangent_type
@@ -35,9 +44,10 @@ contains
     call store%keep(self%motion)
     call store%keep(self%slider)
     call store%keep(self%omega)
+    call store%keep(self%share)
   end subroutine keep
 
-  !> At the solver's present point.
+  !> At the solver's present point, where the balance is evaluated.
   subroutine find_tangent(solver, towards, tangent, status)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
@@ -47,13 +57,51 @@ contains
     type(tangent_type), intent(out) :: tangent
     !> 0, or not: the bordered system is singular
     integer, intent(out) :: status
+    type(curve_point_type) :: point
+
+    call solver%context%balance%evaluate(solver%motion, solver%omega, status)
+    if (status == 0) call tangent_of_jacobian(solver, towards, tangent, point, status)
+  end subroutine find_tangent
+
+  !> At the solver's present point, at which the balance was evaluated last, with the point of the drawn curve. The evaluation stays.
+  subroutine tangent_of_evaluation(solver, towards, tangent, point, status)
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> Without motion: growing or falling frequency
+    type(tangent_type), intent(in) :: towards
+    !> Tangent of the branch
+    type(tangent_type), intent(out) :: tangent
+    !> Frequency and amplitudes with their changes along the branch
+    type(curve_point_type), intent(out) :: point
+    !> 0, or not: the bordered system is singular
+    integer, intent(out) :: status
+
+    if (solver%all_stick) then
+      call tangent_of_stuck(solver, towards, tangent, point, status)
+    else
+      call tangent_of_jacobian(solver, towards, tangent, point, status)
+    end if
+  end subroutine tangent_of_evaluation
+
+  !> By the Jacobian of the last evaluation.
+  subroutine tangent_of_jacobian(solver, towards, tangent, point, status)
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> Without motion: growing or falling frequency
+    type(tangent_type), intent(in) :: towards
+    !> Tangent of the branch
+    type(tangent_type), intent(out) :: tangent
+    !> Frequency and amplitudes with their changes along the branch
+    type(curve_point_type), intent(out) :: point
+    !> 0, or not: the bordered system is singular
+    integer, intent(out) :: status
     type(constraint_type) :: constraint
     type(unknowns_type) :: right, step
-    real(wp) :: length
+    complex(wp), allocatable :: rate(:, :)
     integer :: iterations
 
-    associate (context => solver%context)
-      right = new_unknowns(shape(solver%motion), shape(context%balance%slider))
+    associate (context => solver%context, balance => solver%context%balance)
+      right = new_unknowns(shape(solver%motion), shape(balance%slider))
       step = right
       if (allocated(towards%motion)) then
         constraint%motion = towards%motion/context%motion_scale
@@ -61,21 +109,87 @@ contains
         constraint%motion = 0.0_wp*solver%motion
       end if
       constraint%frequency = towards%omega/context%frequency_scale
-      call context%balance%evaluate(solver%motion, solver%omega, status)
       right%omega = 1.0_wp
-      context%balance%stiffening = least_stiffening
-      call solve_linearised(context%balance, constraint, right, context%linear, step, iterations, status, context%preconditioner)
-      context%balance%stiffening = 0.0_wp
+      balance%stiffening = least_stiffening
+      call solve_linearised(balance, constraint, right, context%linear, step, iterations, status, context%preconditioner)
+      balance%stiffening = 0.0_wp
       if (status /= 0) return
-      step%motion = step%motion/context%motion_scale
-      step%slider = step%slider/context%motion_scale
-      step%omega = step%omega/context%frequency_scale
-      length = sqrt(inner_product(context%balance, step%motion, step%motion) + step%omega**2)
-      tangent%motion = step%motion/length
-      tangent%slider = step%slider/length
-      tangent%omega = step%omega/length
+      allocate (rate, mold=balance%response)
+      call balance%respond_to_deviation(change_of_deviation(balance, right, step), rate)
+      rate = rate + step%omega*balance%response_omega
     end associate
-  end subroutine find_tangent
+    call normalise(solver, step, rate, tangent, point)
+  end subroutine tangent_of_jacobian
+
+  !> Where every contact sticks: of the linear response.
+  subroutine tangent_of_stuck(solver, towards, tangent, point, status)
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> Without motion: growing or falling frequency
+    type(tangent_type), intent(in) :: towards
+    !> Tangent of the branch
+    type(tangent_type), intent(out) :: tangent
+    !> Frequency and amplitudes with their changes along the branch
+    type(curve_point_type), intent(out) :: point
+    !> 0, or not: the system is singular
+    integer, intent(out) :: status
+    type(unknowns_type) :: step
+    complex(wp) :: rate(size(solver%context%balance%response, 1), 0:ubound(solver%context%balance%response, 2))
+    real(wp), allocatable :: moving(:, :)
+    real(wp) :: along
+    integer :: i
+
+    associate (context => solver%context, balance => solver%context%balance, top => solver%context%balance%highest_load())
+      call balance%receptance%set_frequency(solver%omega, status, top)
+      if (status /= 0) return
+      rate = 0.0_wp
+      call balance%receptance%respond_derivative(balance%response(:, :top), rate(:, :top))
+      step = new_unknowns(shape(solver%motion), shape(balance%slider))
+      moving = recover_loaded(balance, rate)
+      do i = 1, size(balance%loaded)
+        step%motion(2*balance%loaded(i), :) = moving(:, 2*i - 1)
+        step%motion(2*balance%loaded(i) + 1, :) = moving(:, 2*i)
+      end do
+      step%omega = 1.0_wp
+      along = towards%omega/context%frequency_scale
+      if (allocated(towards%motion)) along = along + inner_product(balance, towards%motion, step%motion)/context%motion_scale
+      if (along < 0.0_wp) then
+        step%motion = -step%motion
+        step%omega = -1.0_wp
+        rate = -rate
+      end if
+    end associate
+    call normalise(solver, step, rate, tangent, point)
+  end subroutine tangent_of_stuck
+
+  !> A direction of unit length, and the drawn curve along it.
+  subroutine normalise(solver, step, rate, tangent, point)
+    !> Solver of points: its motion, sliders, angular frequency and balance
+    type(solver_type), intent(in) :: solver
+    !> Direction
+    type(unknowns_type), intent(inout) :: step
+    !> What the response changes by along it [n, 0:H]
+    complex(wp), intent(in) :: rate(:, 0:)
+    !> Tangent of the branch
+    type(tangent_type), intent(out) :: tangent
+    !> Frequency and amplitudes with their changes along the branch
+    type(curve_point_type), intent(out) :: point
+    real(wp) :: length
+
+    associate (context => solver%context, balance => solver%context%balance)
+      tangent%motion = step%motion/context%motion_scale
+      tangent%slider = step%slider/context%motion_scale
+      tangent%omega = step%omega/context%frequency_scale
+      length = sqrt(inner_product(balance, tangent%motion, tangent%motion) + tangent%omega**2)
+      tangent%motion = tangent%motion/length
+      tangent%slider = tangent%slider/length
+      tangent%omega = tangent%omega/length
+      tangent%share = share_of_harmonics(solver, tangent%motion, tangent%omega)
+      length = length*max(tangent%share, tiny(1.0_wp))
+      point = new_curve_point(solver%omega, balance%monitors%motion_of(balance%response), step%omega/length, &
+                              balance%monitors%motion_of(rate)/length)
+    end associate
+  end subroutine normalise
 
   !> The direction of growing or falling frequency, 1 or -1, at fixed motion.
   pure function frequency_tangent(solver, way) result(tangent)

@@ -168,13 +168,13 @@ module attrito_linear_receptance
       complex(wp), intent(out) :: response(:, 0:)
     end subroutine respond
 
-    !> dX_h/domega = -Z_h^-1 (dZ_h/domega) X_h.
+    !> dX_h/domega = -Z_h^-1 (dZ_h/domega) X_h, up to any harmonic that it is set for.
     subroutine respond_derivative(self, response, derivative)
       import :: receptance_type, wp
       class(receptance_type), intent(in) :: self
-      !> X [n, 0:H]
+      !> X [n, 0:h]
       complex(wp), intent(in) :: response(:, 0:)
-      !> dX/domega [n, 0:H]
+      !> dX/domega [n, 0:h]
       complex(wp), intent(out) :: derivative(:, 0:)
     end subroutine respond_derivative
 

@@ -128,10 +128,10 @@ contains
     complex(wp), intent(in) :: response(:, 0:)
     !> Derivative by the frequency
     complex(wp), intent(out) :: derivative(:, 0:)
-    complex(wp) :: force(size(response, 1), 0:self%harmonics)
+    complex(wp) :: force(size(response, 1), 0:ubound(response, 2))
     integer :: h
 
-    do h = 0, self%harmonics
+    do h = 0, ubound(response, 2)
       force(:, h) = 2.0_wp*h**2*self%omega*matmul(self%mass, response(:, h)) &
                     - (0.0_wp, 1.0_wp)*h*matmul(damping_of(self), response(:, h))
     end do

@@ -112,10 +112,10 @@ contains
     !> Derivative by the frequency
     complex(wp), intent(out) :: derivative(:, 0:)
 
-    complex(wp) :: force(size(response, 1), 0:self%harmonics)
+    complex(wp) :: force(size(response, 1), 0:ubound(response, 2))
     integer :: h
 
-    do h = 0, self%harmonics
+    do h = 0, ubound(response, 2)
       force(:, h) = cmplx(2.0_wp*h**2*self%omega*self%modal_mass, -h*damping_of(self), wp)*response(:, h)
     end do
     call self%respond(force, derivative)

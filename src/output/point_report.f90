@@ -5,6 +5,7 @@ module attrito_output_point_report
   use attrito_core_trigonometric, only: extrema
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_accuracy_point_errors, only: point_errors_type
+  use attrito_continuation_curve_point, only: curve_point_type
   use attrito_solve_solver, only: solver_type
   use attrito_contact_state, only: state_stuck, state_open
   use attrito_output_findings, only: findings_type
@@ -36,6 +37,11 @@ module attrito_output_point_report
     real(wp), allocatable :: harmonics(:, :), amplitude(:), mean(:)
     !> Contacts in each state, over all ranks
     integer :: states(state_stuck:state_open) = 0
+    !> Of a sweep: the point of the drawn curve, if known, and the length along it from the first point of the branch
+    type(curve_point_type) :: curve
+    real(wp) :: path = 0.0_wp
+  contains
+    procedure :: take_curve
   end type point_report_type
 
 contains
@@ -82,6 +88,18 @@ contains
       call balance%ranks%sum(report%work)
     end associate
   end subroutine report_point
+
+  !> A point of a sweep lies on the drawn curve.
+  pure subroutine take_curve(self, curve, path)
+    class(point_report_type), intent(inout) :: self
+    !> Point of the drawn curve, if known
+    type(curve_point_type), intent(in) :: curve
+    !> Length along it from the first point of the branch
+    real(wp), intent(in) :: path
+
+    self%curve = curve
+    self%path = path
+  end subroutine take_curve
 
   !> Is everything that is reported of the point a finite number?
   pure logical function is_finite(report)

@@ -2,7 +2,7 @@
 !> root, to whom they are gathered, hands them to its listener.
 module attrito_output_point_series
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-  use attrito_core_kinds, only: wp, pi
+  use attrito_core_kinds, only: wp, pi, two_pi
   use attrito_core_trigonometric, only: extrema
   use attrito_model_contacts, only: contact_type
   use attrito_solve_solver, only: solver_type
@@ -64,10 +64,20 @@ contains
       bound = merge(report%amplitude(monitor), blank(), report%unique == 1)
       call report_length(path//'amplitude', report%amplitude(monitor), 'half the range over the period')
       call report_length(path//'mean', report%mean(monitor), 'mean over the period')
+      call report_length(path//'tangent', tangent_of(monitor), 'change of the amplitude along the curve')
       call report_length(path//'low', bound, 'lower bound of the amplitude')
       call report_length(path//'high', bound, 'upper bound of the amplitude')
       call tell_rows(path//'harmonics', report%harmonics(:, monitor:monitor), 'Fourier coefficients')
     end subroutine tell_monitor
+
+    !> Change of a monitor's amplitude along the drawn curve, if known.
+    pure real(wp) function tangent_of(monitor)
+      !> Number of the monitor
+      integer, intent(in) :: monitor
+
+      tangent_of = blank()
+      if (report%curve%is_known()) tangent_of = report%curve%amplitude_rate(monitor)
+    end function tangent_of
 
     subroutine report_length(path, value, description)
       !> Path of the dataset; what the dataset holds
@@ -125,6 +135,10 @@ contains
                    'part of the estimate: modes that the reduction left out', '1')
     call report_integer('harmonics', report%series, 'harmonics of the balance; coefficients beyond are 0')
     call report_integer('samples', report%samples, 'samples a period of contacts that go by samples')
+    call report_real('path', merge(report%path, blank(), solved .and. report%curve%is_known()), &
+                   'length along the drawn curve from the first point of the branch', '1')
+    call report_real('tangent_hz', merge(report%curve%omega_rate/two_pi, blank(), solved .and. report%curve%is_known()), &
+                   'change of the frequency along the drawn curve', 'Hz')
     call report_real('work', report%work, 'floating-point operations up to here, by formulas', '1')
 
   contains

@@ -49,7 +49,7 @@ def test_folds_are_the_same_up_and_down(tmp_path):
 def test_a_fold_is_the_same_on_two_ranks(tmp_path):
     found = []
     for ranks in (1, 2):
-        run(tmp_path, swept(stiff_wedge([], 5), 90.0, 88.0, max_points=60), ranks=ranks, code=1)
+        run(tmp_path, swept(stiff_wedge([], 5), 90.0, 88.0, max_points=35), ranks=ranks, code=1)
         found += bifurcations(tmp_path)
     assert [kind for kind, _ in found] == ["fold", "fold"]
     assert found[0][1] == pytest.approx(found[1][1], abs=1e-9)
@@ -91,7 +91,7 @@ def test_a_fold_where_a_contact_changes_what_it_does_is_located_and_told_apart(t
 
 
 def test_no_bifurcation_is_looked_for_if_the_job_says_so(tmp_path):
-    run(tmp_path, swept(stiff_wedge([], 5), 90.0, 88.0, max_points=60, locate=False), code=1)
+    run(tmp_path, swept(stiff_wedge([], 5), 90.0, 88.0, max_points=35, locate=False), code=1)
     assert table(tmp_path, "--bifurcations") == []
 
 

@@ -110,6 +110,8 @@ contains
     call check(error, .not. allocated(fault), 'no static equilibrium')
     call solver%set_loads([1.0_wp], level)
     sweep = new_sweep(solver, start, stop, 1, 600)
+    ! Many points: the curve that is drawn through them needs fewer.
+    sweep%stepper%tolerance = 1.0e-4_wp
     allocate (points(0))
     do while (.not. (sweep%finished .or. allocated(error)))
       call sweep%advance(solver)

@@ -128,6 +128,7 @@ def _table(parsers: Parsers) -> None:
     kind.add_argument("--contacts", action="store_true", help="a row a point and contact")
     kind.add_argument("--multipliers", action="store_true", help="a row a point and Floquet multiplier")
     kind.add_argument("--bifurcations", action="store_true", help="a row a turning point or crossing multiplier")
+    kind.add_argument("--curve", type=int, metavar="N", help="N rows along the curve drawn through the points")
     one.set_defaults(work=commands.table)
 
 

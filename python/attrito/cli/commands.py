@@ -134,7 +134,7 @@ def table(options: argparse.Namespace) -> None:
     from attrito.modes import linear
     from attrito.modes.table import table as mode_table
     from attrito.results.result import LINEAR_MODES, MODE, Result
-    from attrito.results.tables import bifurcation_table, contact_table, multiplier_table, table
+    from attrito.results.tables import bifurcation_table, contact_table, curve_table, multiplier_table, table
 
     kinds = {"contacts": contact_table, "multipliers": multiplier_table, "bifurcations": bifurcation_table}
     kind = next((work for name, work in kinds.items() if getattr(options, name)), table)
@@ -143,7 +143,7 @@ def table(options: argparse.Namespace) -> None:
             kind = linear.table
         elif result.attribute("format") == MODE and kind is table:
             kind = mode_table
-        sys.stdout.write(kind(result))
+        sys.stdout.write(kind(result) if options.curve is None else curve_table(result, options.curve))
 
 
 def plot(options: argparse.Namespace) -> None:

@@ -31,6 +31,7 @@ class Options:
     `accepted_error`: relative error of the amplitude beyond which a point is `above_tolerance`; 0: not checked. With
     `choose_harmonics` and `choose_samples` the numbers given are those to begin with, `accepted_error` is what they are
     chosen by, and there are at least `fewest_samples`. `mode_error`: the reduced model's own share of the error.
+    `curve_tolerance`: error of the curve drawn through a sweep's points, part of the largest amplitude.
     """
 
     harmonics: int = 5
@@ -46,6 +47,7 @@ class Options:
     tolerance: float = 1e-10
     accepted_error: float = 0.0
     mode_error: float = 0.0
+    curve_tolerance: float = 0.01
 
 
 class Point(NamedTuple):

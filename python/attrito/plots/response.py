@@ -6,6 +6,7 @@ Colours stay apart for colour-blind readers (Okabe-Ito for branches, viridis for
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import matplotlib
@@ -17,12 +18,15 @@ from matplotlib.figure import Figure
 
 from attrito.library.names import NO_SOLUTION
 from attrito.plots.style import BRANCH_COLOURS, DASHES, Look, legend_below, plain_text, with_unit
+from attrito.results.curve import Curve, curve_of
 from attrito.results.result import Result
 
 LINEAR_STYLE = {"stuck": "-", "frictionless": (0, (1, 1.2)), "tangent": (0, (6, 1.5, 1, 1.5))}
 BIFURCATION_MARKER = {"fold": "^", "contact_fold": "v", "flip": "s", "neimark_sacker": "P", "branch_point": "*"}
 BIFURCATION_MARKER["contact_crossing"] = "d"
 FAILURE_MARKER = dict(zip(NO_SOLUTION, ("D", "x"), strict=True))
+# Of the cubic between two points
+PIECES = 16
 # Of a curve, about
 ERROR_BARS = 40
 # More levels than this are read off a colour bar.
@@ -80,6 +84,7 @@ def _draw_levels(axes: Axes, result: Result, monitor: str, levels: np.ndarray) -
     scale = level if several else 1.0
     amplitude, low, high = (result.monitor(monitor, name) / scale for name in ("amplitude", "low", "high"))
     shown = np.where(result.converged, amplitude, np.nan)
+    drawn = curve_of(result)
     spans = [shown]
     for one_level in levels:
         own_branches = np.unique(branch[level == one_level])
@@ -88,7 +93,8 @@ def _draw_levels(axes: Axes, result: Result, monitor: str, levels: np.ndarray) -
             colour, label = _identity(levels, branches, one_level, one_branch)
             if several and one_branch != own_branches[0]:
                 label = ""
-            _draw_curve(axes, frequency[own], shown[own], unstable[own], colour, label)
+            line = _Line(drawn, 1 + drawn.monitors.index(monitor), np.flatnonzero(own), one_level if several else 1.0)
+            spans.append(_draw_curve(axes, line, unstable[own], colour, label))
             _draw_errors(axes, frequency[own], shown[own], estimate[own], colour)
             if (bounded := own & loose & np.isfinite(low + high)).any():
                 bounds = [np.where(bounded, bound, np.nan)[own] for bound in (low, high)]
@@ -136,10 +142,30 @@ def _draw_errors(
     )
 
 
-def _draw_curve(
-    axes: Axes, frequency: np.ndarray, amplitude: np.ndarray, unstable: np.ndarray, colour: object, label: str
-) -> None:
-    """One branch in the order of its points; a segment is dashed if one of its ends is unstable."""
+@dataclass(frozen=True)
+class _Line:
+    """A branch of the drawn curve: the row of its monitor, its points, and what amplitudes are divided by."""
+
+    curve: Curve
+    row: int
+    points: np.ndarray
+    level: float
+
+    def between(self, begin: int, end: int) -> tuple[np.ndarray, np.ndarray]:
+        """Frequencies and amplitudes from one of its points to another."""
+        found = []
+        for first, after in pairwise(self.points[begin : end + 1]):
+            # Straight lines have no points between; neither have points that lie apart in the file.
+            pieces = PIECES if after == first + 1 and self.curve.is_bent(first) else 1
+            found.append(self.curve.at(first + np.arange(pieces) / pieces))
+        line = np.concatenate([*found, self.curve.values[:, self.points[end] : self.points[end] + 1]], axis=1)
+        return line[0], line[self.row] / self.level
+
+
+def _draw_curve(axes: Axes, line: _Line, unstable: np.ndarray, colour: object, label: str) -> np.ndarray:
+    """One branch in the order of its points; a segment is dashed if one of its ends is unstable. Returns its amplitudes."""
+    frequency, amplitude = line.curve.values[0, line.points], line.curve.values[line.row, line.points] / line.level
+    drawn = [amplitude]
     alone = len(frequency) < 2 or not np.isfinite(amplitude[1:] + amplitude[:-1]).any()
     axes.plot([], [], color=colour, label=label or None, marker="o" if alone else None, markersize=4)
     dashed = unstable[1:] | unstable[:-1]
@@ -147,12 +173,14 @@ def _draw_curve(
     cuts = [0, *(np.flatnonzero(np.diff(dashed)) + 1), len(frequency) - 1]
     for begin, end in pairwise(cuts):
         if end > begin:
-            run = slice(begin, end + 1)
-            axes.plot(frequency[run], amplitude[run], color=colour, linestyle=DASHES if dashed[begin] else "-")
+            places = line.between(begin, end)
+            axes.plot(*places, color=colour, linestyle=DASHES if dashed[begin] else "-")
+            drawn.append(places[1])
     # A point between two failures has no segment and would be invisible.
     solved = np.concatenate([[False], np.isfinite(amplitude), [False]])
     single = solved[1:-1] & ~solved[:-2] & ~solved[2:]
     axes.plot(frequency[single], amplitude[single], "o", color=colour, markersize=4)
+    return np.concatenate(drawn)
 
 
 def _draw_linear(axes: Axes, result: Result, monitor: str, factor: float) -> list[np.ndarray]:

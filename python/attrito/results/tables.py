@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from attrito.results.curve import curve_of, points_along
 from attrito.results.result import Result
 from attrito.support.csv_text import cell
 
@@ -90,6 +91,22 @@ def bifurcation_table(result: Result) -> str:
     for name in result.monitors:
         columns[f"{name}_amplitude"] = _numbers(result.array(f"/bifurcations/amplitude/{name}"))
     return _csv(columns | _level_column(result, column["point"]))
+
+
+def curve_table(result: Result, count: int) -> str:
+    """CSV, `count` lines along the drawn curve: `level, branch, frequency_hz`, then the amplitude of each monitor."""
+    places = points_along(result, count)
+    curve = curve_of(result)
+    point = places.astype(int)
+    frequency, *amplitudes = curve.at(places)
+    columns: dict[str, Iterable[str]] = {
+        "level": _numbers(result.array("/points/level")[point]),
+        "branch": _integers(result.array("/points/branch")[point]),
+        "frequency_hz": _numbers(frequency),
+    }
+    for name, amplitude in zip(curve.monitors, amplitudes, strict=True):
+        columns[f"{name}_amplitude"] = _numbers(amplitude)
+    return _csv(columns)
 
 
 def _level_column(result: Result, point: np.ndarray) -> dict[str, Iterable[str]]:

@@ -34,4 +34,5 @@ def solver_options(job: Job, rom: Rom | None = None) -> Options:
         fewest_samples=(balance["samples"] if chosen and balance["samples"] else FEWEST_SAMPLES),
         accepted_error=balance["tolerance"] or 0.0,
         mode_error=0.0 if rom is None else rom.mode_error,
+        curve_tolerance=job["continuation"]["curve_tolerance"],
     )
