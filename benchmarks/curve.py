@@ -109,7 +109,9 @@ def distances(result: Result, reference: Result, level: float, monitor: int) -> 
         "other_branch": int(other.sum()),
         "worst_across": float(across[~other].max()),
         "worst_at_frequency": float(straight[~other].max()),
-        "peak_of_points": float(np.nanmax(np.where(result.array("/points/level") == level, curve.values[1 + monitor], 0)))
+        "peak_of_points": float(
+            np.nanmax(np.where(result.array("/points/level") == level, curve.values[1 + monitor], 0))
+        )
         / float(largest),
     }
 

@@ -1,8 +1,8 @@
 !> Where the next point of a branch is expected, and the plane that it is solved in.
 !>
 !> A point that was solved already and turned out to lie too far ahead comes first. Else the cubic of the last arc
-!> (`attrito_continuation_arc`) is followed beyond its end, or the tangent where there is no such arc, or the cubic bends too much to be
-!> trusted. The plane lies across the way there from the present point, by which arcs of up to a half circle are crossed.
+!> (`attrito_continuation_arc`) is followed beyond its end, or the tangent where there is no such arc, or where the cubic bends too
+!> much to be trusted. The plane lies across the way there from the present point, by which arcs of up to a half circle are crossed.
 module attrito_continuation_predictor
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type

@@ -3,7 +3,8 @@
 !> $$ p \cdot (x - x_a - s (x_b - x_a)) = 0, \qquad 0 \le s \le 1, $$
 !>
 !> x being scaled motion and frequency. It is solved from the point of the straight line between both ends, or, where the tangents at
-!> both are known, of the cubic through both (`attrito_continuation_arc`), across the straight line then.
+!> both are known, of the cubic through both (`attrito_continuation_arc`), across that. Where it hardly moves on, at a cusp, the plane
+!> is across the straight line.
 module attrito_continuation_step
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
@@ -11,7 +12,7 @@ module attrito_continuation_step
   use attrito_newton_border, only: constraint_type, inner_product
   use attrito_solve_snapshot, only: snapshot_type
   use attrito_solve_solver, only: solver_type
-  use attrito_continuation_arc, only: arc_length, hermite
+  use attrito_continuation_arc, only: arc_length, hermite, hermite_slope
   use attrito_continuation_tangent, only: tangent_type, mean_share, share_of_harmonics
   implicit none
   private
@@ -124,7 +125,7 @@ contains
     end associate
   end function motion_at
 
-  !> Motion and frequency at a part of the arc, and the plane across its chord there. Not of a step without an arc.
+  !> Motion and frequency at a part of the arc, and the plane across it there. Not of a step without an arc.
   subroutine constraint_at(self, solver, s, motion, omega, constraint)
     class(step_type), intent(in) :: self
     !> Solver of points: its motion, sliders, angular frequency and balance
@@ -136,6 +137,8 @@ contains
     real(wp), intent(out) :: omega
     !> Linear condition on motion and frequency
     type(constraint_type), intent(out) :: constraint
+    !> Part of its mean speed below which the cubic hardly moves on
+    real(wp), parameter :: slow = 0.2_wp
     real(wp) :: weights(4), length
 
     associate (context => solver%context, a => self%from, b => self%to)
@@ -145,8 +148,18 @@ contains
       omega = weights(1)*a%omega + weights(3)*b%omega + context%frequency_scale*(weights(2)*self%start%omega &
                                                                                  + weights(4)*self%end%omega)
       constraint%motion = (b%motion - a%motion)/context%motion_scale
-      constraint%motion(1, :) = 0.0_wp
       constraint%frequency = (b%omega - a%omega)/context%frequency_scale
+      weights = hermite_slope(s)
+      weights([2, 4]) = self%length*weights([2, 4])/[self%start%share, self%end%share]
+      ! Slopes by both values are opposite, so that only their difference counts.
+      associate (motion_slope => weights(3)*constraint%motion + weights(2)*self%start%motion + weights(4)*self%end%motion, &
+                 omega_slope => weights(3)*constraint%frequency + weights(2)*self%start%omega + weights(4)*self%end%omega)
+        if (share_of_harmonics(solver, motion_slope, omega_slope) > slow*self%length) then
+          constraint%motion = motion_slope
+          constraint%frequency = omega_slope
+        end if
+      end associate
+      constraint%motion(1, :) = 0.0_wp
       length = share_of_harmonics(solver, constraint%motion, constraint%frequency)
       constraint%motion = constraint%motion/(length*context%motion_scale)
       constraint%frequency = constraint%frequency/(length*context%frequency_scale)

@@ -36,11 +36,11 @@ module attrito_continuation_stepper
   real(wp), parameter :: accepted_error = 0.5_wp, large_error = 0.2_wp
   !> Iterations of Newton's method from which on steps do not grow
   integer, parameter :: many_iterations = 10
-  !> Steps as parts of the sweep: lengths along the branch, and the largest in frequency
-  real(wp), parameter :: first_step = 0.01_wp, smallest_step = 1.0e-6_wp, largest_in_frequency = 0.05_wp
+  !> Steps as parts of the sweep: lengths along the branch, the one at which a branch is given up, and the largest in frequency
+  real(wp), parameter :: first_step = 0.01_wp, smallest_step = 1.0e-6_wp, given_up = 1.0e-9_wp, largest_in_frequency = 0.05_wp
   !> A body is taken to drift after some steps in a row in which everything but mean positions changes by less than this part where
-  !> every contact slips: friction then balances at single frequencies, and rounding makes a branch of these. Else by `mean_share`: past
-  !> the end of its branch friction no longer balances over the period
+  !> every contact slips: friction then balances at single frequencies, and rounding makes a branch of these. Elsewhere the part is
+  !> `mean_share`: past the end of its branch friction no longer balances over the period
   real(wp), parameter :: free_share = 0.5_wp
   integer, parameter :: most_drifting = 6
   !> Cosine between successive steps below which the branch is taken to run back on itself
@@ -244,7 +244,7 @@ contains
         by_arc = .false.
         failures = failures + 1
         self%size = 0.5_wp*self%size
-        if (self%size < smallest_step) return
+        if (self%size < given_up) return
       end if
     end do
   end subroutine take_step

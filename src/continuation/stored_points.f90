@@ -19,7 +19,7 @@ module attrito_continuation_stored_points
   real(wp), parameter :: same = 1.0e-6_wp
   !> Parts of an arc between which its frequency is taken to be linear
   integer, parameter :: parts = 16
-  !> Distance from the arc, in the distance of its ends and relative to the motion, beyond which a solution is not looked for from there
+  !> Distance from the arc, in the distance of its ends and relative to the motion, beyond which a solution is not looked for there
   real(wp), parameter :: near_line = 1.0_wp, near_motion = 0.2_wp
 
   type :: stored_point_type

@@ -201,8 +201,8 @@ TABLES: dict[str, dict[str, Key]] = {
         "curve_tolerance": Key(
             number(1e-8, 1),
             0.01,
-            "of the curve drawn through a sweep's points, the cubic between neighbours and their tangents: its distance from"
-            " the branch, part of the largest amplitude so far; points are as dense as that needs"
+            "of the curve drawn through a sweep's points, the cubic between neighbours and their tangents: its distance"
+            " from the branch, part of the largest amplitude so far; points are as dense as that needs"
             " ([method.md](method.md#getting-from-point-to-point))",
         ),
         "max_points": Key(

@@ -163,7 +163,7 @@ class _Line:
 
 
 def _draw_curve(axes: Axes, line: _Line, unstable: np.ndarray, colour: object, label: str) -> np.ndarray:
-    """One branch in the order of its points; a segment is dashed if one of its ends is unstable. Returns its amplitudes."""
+    """One branch in the order of its points, dashed where an end of a segment is unstable. Returns its amplitudes."""
     frequency, amplitude = line.curve.values[0, line.points], line.curve.values[line.row, line.points] / line.level
     drawn = [amplitude]
     alone = len(frequency) < 2 or not np.isfinite(amplitude[1:] + amplitude[:-1]).any()

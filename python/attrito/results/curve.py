@@ -1,7 +1,7 @@
-"""The drawn curve of a result: between neighbouring points of a sweep the cubic through both and their tangents (Hermite).
+"""The drawn curve of a result: between neighbouring points of a sweep a cubic, by their values and tangents (Hermite).
 
-Frequency and amplitudes are cubics of the length along the branch, `/points/path`, by which they change at the rates
-`/points/tangent_hz` and `/monitors/<name>/tangent`. Where there are no tangents (listed frequencies) the curve is straight.
+Frequency and amplitudes are cubics of the length along the branch, `/points/path`, by which they change at rates of
+`/points/tangent_hz` and `/monitors/<name>/tangent`. Where there are no tangents (listed frequencies) it is straight.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from attrito.support.errors import Fault, InputError
 
 @dataclass(frozen=True)
 class Curve:
-    """What the curve of a result is made of; parts of it are places `point + part`, part from 0 to 1 towards the next point.
+    """What the curve of a result is made of; places on it are `point + part`, part from 0 to 1 towards the next point.
 
     Parameters
     ----------
@@ -33,7 +33,9 @@ class Curve:
 
     def is_bent(self, point: int) -> bool:
         """Whether a cubic leads from a point to the next one."""
-        known = np.isfinite(self.values[:, point : point + 2]).all() and np.isfinite(self.rates[:, point : point + 2]).all()
+        known = (
+            np.isfinite(self.values[:, point : point + 2]).all() and np.isfinite(self.rates[:, point : point + 2]).all()
+        )
         return bool(known and self.path[point + 1] > self.path[point])
 
     def at(self, places: np.ndarray) -> np.ndarray:
@@ -63,7 +65,7 @@ def curve_of(result: Result) -> Curve:
 
 
 def stretches(result: Result) -> list[np.ndarray]:
-    """Numbers of the points of each connected stretch: of one level and branch, one after another, all with a solution."""
+    """Numbers of the points of each connected stretch: one level and branch, one after another, all with a solution."""
     level, branch, solved = result.array("/points/level"), result.array("/points/branch"), result.converged
     joined = (level[1:] == level[:-1]) & (branch[1:] == branch[:-1]) & solved[1:] & solved[:-1]
     cuts = np.flatnonzero(~joined) + 1
