@@ -18,7 +18,7 @@ module attrito_continuation_stepper
   use attrito_solve_rebalancing, only: field_type, rebalance
   use attrito_solve_solver, only: solver_type
   use attrito_continuation_arc, only: arc_type
-  use attrito_continuation_between, only: estimate_middle, stuck_point
+  use attrito_continuation_between, only: estimate_between, stuck_point
   use attrito_continuation_curve_point, only: curve_point_type
   use attrito_continuation_predictor, only: predictor_type, prediction_type, middle_of
   use attrito_continuation_step, only: step_type
@@ -45,6 +45,10 @@ module attrito_continuation_stepper
   integer, parameter :: most_drifting = 6
   !> Cosine between successive steps below which the branch is taken to run back on itself
   real(wp), parameter :: turned_back = -0.95_wp
+  !> Parts of an arc at which it is held against the branch: a contact that begins to slip or to open may leave the middle as it is
+  real(wp), parameter :: looked_at(2) = [1.0_wp/3.0_wp, 2.0_wp/3.0_wp]
+  !> What the curve may be off by elsewhere on the arc, in terms of what it is there: near a kink between
+  real(wp), parameter :: elsewhere = 1.5_wp
   !> Distance of a point of the branch from the arc, relative to the motion, beyond which the ends are not of one branch
   real(wp), parameter :: most_off = 0.5_wp
   !> Tries of a step in which Newton's method is given up early: shorter steps mostly need no more
@@ -299,7 +303,7 @@ contains
     call tangent_of_evaluation(solver, towards, tangent, point, status)
     if (status /= 0) return
     call self%last%draw(solver, self%tangent, tangent)
-    if (self%last%length > 0.0_wp .and. self%here%is_known()) error = error_of_arc(self, solver, point)/self%tolerance
+    if (self%last%length > 0.0_wp .and. self%here%is_known()) error = elsewhere*error_of_arc(self, solver, point)/self%tolerance
   end subroutine examine_step
 
   !> Distance of the drawn arc that ends at a point from the branch, part of the largest amplitudes.
@@ -328,8 +332,11 @@ contains
         if (status == 0) error = max(error, arc%distance_of(between, max(largest, between%amplitude)))
       end do
     else
-      call estimate_middle(solver, self%last, between, off, status)
-      if (status == 0) error = max(arc%distance_of(between, max(largest, between%amplitude)), off/most_off*self%tolerance)
+      do i = 1, size(looked_at)
+        call estimate_between(solver, self%last, looked_at(i), between, off, status)
+        if (status == 0) error = max(error, arc%distance_of(between, max(largest, between%amplitude)), off/most_off*self%tolerance)
+        if (error > self%tolerance) exit
+      end do
     end if
   end function error_of_arc
 

@@ -3,7 +3,7 @@ program test_curve
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp, pi, two_pi
   use attrito_continuation_arc, only: arc_type, arc_length, hermite, hermite_slope
-  use attrito_continuation_between, only: estimate_middle
+  use attrito_continuation_between, only: estimate_between
   use attrito_continuation_curve_point, only: curve_point_type, new_curve_point
   use attrito_continuation_sweep, only: sweep_type, new_sweep
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
@@ -202,7 +202,7 @@ contains
       associate (step => sweep%stepper%last)
         if (step%length <= 0.0_wp .or. (step%from%all_stick .and. step%to%all_stick)) cycle
         here = snapshot_of(solver)
-        call estimate_middle(solver, step, estimated, off, status)
+        call estimate_between(solver, step, 0.5_wp, estimated, off, status)
         call check(error, status == 0, 'there is no estimate')
         call check_close(error, solver%motion, here%motion, 0.0_wp, 'the point stays')
         if (allocated(error)) exit
