@@ -24,7 +24,8 @@ module attrito_continuation_between
 
 contains
 
-  !> The point of the true curve beside a part of a step's arc, by a step or a few of Newton's method. The solver's point and its evaluation stay.
+  !> The point of the true curve beside a part of a step's arc, by a step or a few of Newton's method. The solver's point and its
+  !> evaluation stay.
   subroutine estimate_between(solver, step, part, point, off, status)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
