@@ -17,13 +17,13 @@ module attrito_continuation_arc
   public :: arc_type, arc_length, hermite, hermite_slope
 
   !> Unit of frequencies in distances, as a part of the frequency: a curve is as steep as that only where it turns back
-  real(wp), parameter :: frequency_unit = 1.0e-3_wp
+  real(wp), parameter :: frequency_unit = 1.0e-3_wp ! guess
   !> Amplitudes below this part of the largest monitor's are measured against it: no more than rounding may be left of them
-  real(wp), parameter :: least_share = 1.0e-6_wp
+  real(wp), parameter :: least_share = 1.0e-6_wp ! guess
   !> Pieces of an arc that distances are measured from
-  integer, parameter :: pieces = 64
+  integer, parameter :: pieces = 64 ! guess
   !> Cosine of the largest angle between tangents that a circle is thought of: beyond, it is a kink
-  real(wp), parameter :: least_cosine = -0.5_wp
+  real(wp), parameter :: least_cosine = -0.5_wp ! guess
 
   type :: arc_type
     type(curve_point_type) :: from, to
@@ -33,6 +33,7 @@ module attrito_continuation_arc
     procedure :: distance_of
     procedure :: highest
     procedure :: reversal
+    procedure :: turning
   end type arc_type
 
 contains
@@ -169,4 +170,20 @@ contains
     if (.not. any(back)) return
     part = (findloc(back, .true., 1) + findloc(back, .true., 1, back=.true.) - 1)*0.5_wp/pieces
   end function reversal
+
+  !> Where the frequency turns between the ends, farther than either of them by more than `gain` of the unit of frequencies: the part
+  !> of the arc; negative: nowhere.
+  pure real(wp) function turning(self, gain) result(part)
+    class(arc_type), intent(in) :: self
+    !> Part of the unit of frequencies
+    real(wp), intent(in) :: gain
+    real(wp) :: ahead(0:pieces)
+    integer :: i
+
+    part = -1.0_wp
+    if (self%from%omega_rate*self%to%omega_rate >= 0.0_wp) return
+    ahead = sign(1.0_wp, self%from%omega_rate)*[(omega_at(self, real(i, wp)/pieces), i=0, pieces)]
+    if (maxval(ahead) - max(ahead(0), ahead(pieces)) <= gain*frequency_unit*self%from%omega) return
+    part = real(maxloc(ahead, 1) - 1, wp)/pieces
+  end function turning
 end module attrito_continuation_arc

@@ -19,8 +19,8 @@ module attrito_continuation_between
   public :: estimate_between, stuck_point
 
   !> Most steps, and length, relative to the motion, of one after which none follows
-  integer, parameter :: most_steps = 3
-  real(wp), parameter :: near = 0.01_wp
+  integer, parameter :: most_steps = 3 ! guess
+  real(wp), parameter :: near = 0.01_wp ! guess
 
 contains
 

@@ -50,7 +50,7 @@ contains
     !> [a_0, a_c1, a_s1, ...]
     real(wp), intent(in) :: coefficients(:)
     real(wp) :: places(2)
-    real(wp), parameter :: pi = acos(-1.0_wp)
+    real(wp), parameter :: pi = acos(-1.0_wp) ! derived
     integer :: last
 
     last = findloc(abs(coefficients) > 0.0_wp, .true., 1, back=.true.)

@@ -18,9 +18,9 @@ module attrito_continuation_predictor
   public :: predictor_type, prediction_type, middle_of
 
   !> Distance between the ends of cubic and tangent, as a part of the step, beyond which the cubic is not trusted
-  real(wp), parameter :: most_bent = 0.7_wp
+  real(wp), parameter :: most_bent = 0.7_wp ! guess
   !> Length of the last arc times which it is followed at most
-  real(wp), parameter :: farthest = 3.0_wp
+  real(wp), parameter :: farthest = 3.0_wp ! guess
 
   !> A motion [2 H + 1, rows] and an angular frequency
   type :: place_type

@@ -138,7 +138,7 @@ contains
     !> Linear condition on motion and frequency
     type(constraint_type), intent(out) :: constraint
     !> Part of its mean speed below which the cubic hardly moves on
-    real(wp), parameter :: slow = 0.2_wp
+    real(wp), parameter :: slow = 0.2_wp ! guess
     real(wp) :: weights(4), length
 
     associate (context => solver%context, a => self%from, b => self%to)

@@ -29,32 +29,32 @@ module attrito_continuation_stepper
   public :: stepper_type, first_step, smallest_step, largest_in_frequency, default_tolerance
 
   !> Error of the drawn curve, relative to the largest amplitude
-  real(wp), parameter :: default_tolerance = 0.01_wp
+  real(wp), parameter :: default_tolerance = 0.01_wp ! conventional
   !> Part of it that steps aim at, and that points at a peak may miss the largest amplitude by
-  real(wp), parameter :: aimed_part = 0.3_wp, peak_part = 0.1_wp
+  real(wp), parameter :: aimed_part = 0.3_wp, peak_part = 0.1_wp ! guess
   !> Distance of predicted from corrected point, relative to the response, that is accepted, and from which on steps do not grow
-  real(wp), parameter :: accepted_error = 0.5_wp, large_error = 0.2_wp
+  real(wp), parameter :: accepted_error = 0.5_wp, large_error = 0.2_wp ! guess
   !> Iterations of Newton's method from which on steps do not grow
-  integer, parameter :: many_iterations = 10
+  integer, parameter :: many_iterations = 10 ! guess
   !> Steps as parts of the sweep: lengths along the branch, the one at which a branch is given up, and the largest in frequency
-  real(wp), parameter :: first_step = 0.01_wp, smallest_step = 1.0e-6_wp, given_up = 1.0e-9_wp, largest_in_frequency = 0.05_wp
+  real(wp), parameter :: first_step = 0.01_wp, smallest_step = 1.0e-6_wp, given_up = 1.0e-9_wp, largest_in_frequency = 0.05_wp ! guess
   !> A body is taken to drift after some steps in a row in which everything but mean positions changes by less than this part where
   !> every contact slips: friction then balances at single frequencies, and rounding makes a branch of these. Elsewhere the part is
   !> `mean_share`: past the end of its branch friction no longer balances over the period
-  real(wp), parameter :: free_share = 0.5_wp
-  integer, parameter :: most_drifting = 6
+  real(wp), parameter :: free_share = 0.5_wp ! guess
+  integer, parameter :: most_drifting = 6 ! guess
   !> Cosine between successive steps below which the branch is taken to run back on itself
-  real(wp), parameter :: turned_back = -0.95_wp
+  real(wp), parameter :: turned_back = -0.95_wp ! guess
   !> Parts of an arc at which it is held against the branch: a contact that begins to slip or to open may leave the middle as it is
-  real(wp), parameter :: looked_at(2) = [1.0_wp/3.0_wp, 2.0_wp/3.0_wp]
+  real(wp), parameter :: looked_at(2) = [1.0_wp/3.0_wp, 2.0_wp/3.0_wp] ! guess
   !> What the curve may be off by elsewhere on the arc, in terms of what it is there: near a kink between
-  real(wp), parameter :: elsewhere = 1.5_wp
+  real(wp), parameter :: elsewhere = 1.5_wp ! guess
   !> Distance of a point of the branch from the arc, relative to the motion, beyond which the ends are not of one branch
-  real(wp), parameter :: most_off = 0.5_wp
+  real(wp), parameter :: most_off = 0.5_wp ! guess
   !> Tries of a step in which Newton's method is given up early: shorter steps mostly need no more
-  integer, parameter :: most_brief = 4
+  integer, parameter :: most_brief = 4 ! guess
   !> Places within one arc that are looked for
-  integer, parameter :: most_peaks = 3
+  integer, parameter :: most_peaks = 3 ! guess
 
   type :: stepper_type
     !> Error of the drawn curve that is accepted
@@ -314,7 +314,7 @@ contains
     !> End of the arc
     type(curve_point_type), intent(in) :: point
     !> Parts of the frequency at which a linear response is looked at, and most of its resonances
-    integer, parameter :: parts = 4, most_resonances = 20
+    integer, parameter :: parts = 4, most_resonances = 20 ! guess
     type(curve_point_type) :: between
     type(arc_type) :: arc
     real(wp) :: off
@@ -357,8 +357,8 @@ contains
     end do
   end function resonances_between
 
-  !> Part of the step just examined at which an amplitude has a peak that neither end shows, or the frequency goes back between two
-  !> turning points; negative: there is none.
+  !> Part of the step just examined at which an amplitude has a peak or the frequency turns that neither end shows, or the frequency
+  !> goes back between two turning points; negative: there is none.
   pure real(wp) function place_within(self, point) result(part)
     class(stepper_type), intent(in) :: self
     !> End of the arc
@@ -369,6 +369,7 @@ contains
     if (self%last%length <= 0.0_wp .or. .not. self%here%is_known()) return
     arc = arc_type(self%here, point, self%last%length)
     part = arc%reversal()
+    if (part < 0.0_wp) part = arc%turning(peak_part*self%tolerance)
     if (part < 0.0_wp) part = arc%highest(max(self%largest, point%amplitude), peak_part*self%tolerance)
   end function place_within
 
@@ -476,7 +477,7 @@ contains
     class(stepper_type), intent(inout) :: self
     !> Of the drawn curve, relative to what is accepted
     real(wp), intent(in) :: error
-    real(wp), parameter :: least = 0.5_wp, most = 2.0_wp
+    real(wp), parameter :: least = 0.5_wp, most = 2.0_wp ! guess
     real(wp) :: factor
 
     factor = min(max((aimed_part/max(error, 1.0e-12_wp))**0.25_wp, least), most)

@@ -16,11 +16,11 @@ module attrito_continuation_stored_points
   public :: stored_points_type
 
   !> Distance of two motions, relative to the larger, that is none
-  real(wp), parameter :: same = 1.0e-6_wp
+  real(wp), parameter :: same = 1.0e-6_wp ! derived
   !> Parts of an arc between which its frequency is taken to be linear
-  integer, parameter :: parts = 16
+  integer, parameter :: parts = 16 ! guess
   !> Distance from the arc, in the distance of its ends and relative to the motion, beyond which a solution is not looked for there
-  real(wp), parameter :: near_line = 1.0_wp, near_motion = 0.2_wp
+  real(wp), parameter :: near_line = 1.0_wp, near_motion = 0.2_wp ! guess
 
   type :: stored_point_type
     real(wp) :: omega = 0.0_wp

@@ -26,7 +26,7 @@ contains
     !> .false.: a contact would slip or open, and nothing has changed
     logical, intent(out) :: accepted
     !> Parts that a step is shortened to, at least and at most
-    real(wp), parameter :: shortest = 0.1_wp, longest = 0.7_wp
+    real(wp), parameter :: shortest = 0.1_wp, longest = 0.7_wp ! guess
     type(snapshot_type) :: before
     type(tangent_type) :: tangent
     type(curve_point_type) :: point
