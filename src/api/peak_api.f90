@@ -42,7 +42,7 @@ contains
     call session%solver%set_loads(session%solver%context%balance%static_factors, level)
     call session%solver%set_scales(start, stop)
     call begin_curve(session%solver, problem_type(monitor=monitor + 1, measure=measure, static_factors=static_factors), omega, &
-                     session%peak)
+                     [start, stop], session%peak)
     call describe(session, branch, peak)
   end subroutine attrito_begin_peak
 
@@ -67,7 +67,7 @@ contains
       call solver%set_scales(start, stop)
       motion = solver%contacts%relative_motion(coordinates(:, :size(session%structure%mass, 1)), balance%first_row, balance%rows())
       call begin_curve_near(solver, problem_type(monitor=monitor + 1, measure=measure, static_factors=static_factors), &
-                            resized(motion, size(solver%motion, 1)), omega, session%peak)
+                            resized(motion, size(solver%motion, 1)), omega, [start, stop], session%peak)
     end associate
     call describe(session, branch, peak)
   end subroutine attrito_begin_peak_near

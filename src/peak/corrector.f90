@@ -127,6 +127,8 @@ contains
     harmonics(1, :) = 0.0_wp
     associate (value => value_of(problem, solver))
       status = merge(0, 1, relative_size(solver, harmonics, step%step%omega, change/value) <= longest_step)
+      ! A factor on loads stays above zero.
+      if (change <= -value) status = 1
       if (status /= 0) return
       solver%motion = solver%motion + step%step%motion
       solver%omega = solver%omega + step%step%omega

@@ -1,8 +1,12 @@
 !> A resonance peak followed in a parameter p, the level or the preload: where r(d, omega, p) = 0 and psi(d, omega, p) = 0.
 !>
 !> A step predicts along the curve's tangent, to second order once two tangents are known, and corrects by Newton's method
-!> (attrito_peak_corrector). Where that fails the peak is climbed to by points of the frequency response at the parameter's new value
-!> (attrito_peak_climb). Contacts with two tangents are sampled, which leaves psi kinks: their peaks are always climbed to.
+!> (attrito_peak_corrector). Contacts with two tangents are sampled, which leaves psi kinks: their peaks are always climbed to by points
+!> of the frequency response (attrito_peak_climb).
+!>
+!> The parameter goes from value to value in one direction. Where the curve turns back, or no step along it is solved, at kinks where
+!> contacts begin to slip or to open, the next peak is looked for at a value of the parameter a little farther on: climbed to from the
+!> last one, and by a sweep about it where that fails (attrito_peak_local_sweep). The peak may jump there.
 module attrito_peak_curve
   use attrito_core_kinds, only: wp
   use attrito_newton_border, only: inner_product
@@ -10,6 +14,7 @@ module attrito_peak_curve
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
   use attrito_peak_climb, only: climb
+  use attrito_peak_local_sweep, only: sweep_for_peak
   use attrito_peak_condition, only: problem_type, direction_type, linearisation_type, linearise, value_of, set_value, &
                                     scale_of_motion, parameter_level
   use attrito_peak_corrector, only: plane_type, correct, combine, scaled, height, relative_size, frequency_weight
@@ -24,7 +29,9 @@ module attrito_peak_curve
   !> The curve has a kink where contacts that all stuck begin to slip: accepted there
   real(wp), parameter :: accepted_at_kink = 1.0_wp ! guess
   !> Steps along the curve, relative changes too
-  real(wp), parameter :: first_step = 0.1_wp, smallest_step = 1.0e-4_wp, largest_step = 0.7_wp ! guess
+  real(wp), parameter :: first_step = 0.1_wp, smallest_step = 3.0e-3_wp, largest_step = 0.7_wp ! guess
+  !> Relative changes of the parameter, in turn, to where the next peak is looked for if no step along the curve is solved
+  real(wp), parameter :: leaps(3) = [0.05_wp, 0.1_wp, 0.2_wp] ! guess
   !> Levels to begin at, from one to the next
   real(wp), parameter :: level_ratio = 0.25_wp ! guess
   integer, parameter :: most_levels = 7, most_steps = 400 ! conventional
@@ -36,12 +43,16 @@ module attrito_peak_curve
 
   type :: curve_type
     type(problem_type) :: problem
+    !> Angular frequencies that the peak lies between, rad/s
+    real(wp) :: band(2) = 0.0_wp
     !> At the last peak
     type(linearisation_type) :: point
     !> Was it found? Newton's steps that it took
     logical :: found = .false.
     integer :: iterations = 0
     real(wp), private :: step = first_step
+    !> Was the last peak not reached by a step along the curve?
+    logical, private :: leapt = .false.
     !> Unit tangent of the curve, and the way it was followed last
     type(direction_type), private :: tangent
     !> How it changes from step to step, per length, once two are known
@@ -58,19 +69,22 @@ contains
 
   !> Find the peak of the solver's loads near an angular frequency, the linear peak's: at a level at which contacts still stick, or a
   !> small one, and then followed to the level asked for.
-  subroutine begin_curve(solver, problem, omega, self)
+  subroutine begin_curve(solver, problem, omega, band, self)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Its parameter is set to the level here; its border is made here
     type(problem_type), intent(in) :: problem
-    !> Angular frequency, rad/s
-    real(wp), intent(in) :: omega
+    !> Angular frequency, rad/s; those that the peak lies between
+    real(wp), intent(in) :: omega, band(2)
     type(curve_type), intent(out) :: self
+    type(snapshot_type) :: start
     real(wp) :: target
     integer :: i
     logical :: sticks
 
     self%problem = problem
+    self%band = band
+    start = snapshot_of(solver)
     self%problem%parameter = parameter_level
     call set_border(self%problem, solver)
     target = solver%context%balance%level
@@ -80,27 +94,41 @@ contains
       call set_value(self%problem, solver, level_ratio*solver%context%balance%level)
     end do
     if (.not. sticks) call solve_by_strategies(solver, omega)
-    if (.not. solver%report%converged) return
-    call self%correct_here(solver)
+    if (solver%report%converged) call peak_near(self, solver)
     if (self%found) call self%go_to(solver, target)
+    if (self%found) return
+    call restore(solver, start)
+    solver%omega = omega
+    call set_value(self%problem, solver, target)
+    call sweep_here(self, solver)
   end subroutine begin_curve
 
   !> The peak of the solver's loads near a motion, sliders as they are: by Newton's method, or climbed to.
-  subroutine begin_curve_near(solver, problem, motion, omega, self)
+  subroutine begin_curve_near(solver, problem, motion, omega, band, self)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Its border is made here
     type(problem_type), intent(in) :: problem
-    !> Of this rank's rows [2 H + 1, rows]
-    real(wp), intent(in) :: motion(:, :), omega
+    !> Of this rank's rows [2 H + 1, rows]; angular frequency, rad/s; those that the peak lies between
+    real(wp), intent(in) :: motion(:, :), omega, band(2)
     type(curve_type), intent(out) :: self
-    type(base_point_type) :: start
 
     self%problem = problem
+    self%band = band
     call set_border(self%problem, solver)
     solver%motion = motion
     solver%omega = omega
     solver%all_stick = .false.
+    call peak_near(self, solver)
+  end subroutine begin_curve_near
+
+  !> The peak near the solver's point, its parameter held: by Newton's method, or climbed to.
+  subroutine peak_near(self, solver)
+    type(curve_type), intent(inout) :: self
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    type(base_point_type) :: start
+
     start = base_point_of(self, solver)
     call self%correct_here(solver)
     if (climbs(solver)) return
@@ -109,7 +137,7 @@ contains
     if (self%found) return
     call go_back(self, solver, start)
     call climb_here(self, solver)
-  end subroutine begin_curve_near
+  end subroutine peak_near
 
   !> Solve where all contacts stick, if they do once sliders that stood at their limit have moved.
   subroutine solve_sticking(solver, omega, sticks)
@@ -215,7 +243,7 @@ contains
     direction%parameter = -direction%parameter
   end subroutine reverse
 
-  !> One step along the curve, or just to a value of the parameter; the solver stays where it was if no step succeeds.
+  !> The next peak towards a value of the parameter, or just there; the solver stays where it was if there is none.
   subroutine advance(self, solver, stop, reached)
     class(curve_type), intent(inout) :: self
     !> Solver of points, which this moves
@@ -226,54 +254,121 @@ contains
     logical, intent(out) :: reached
     type(base_point_type) :: before
     type(linearisation_type) :: point
-    type(plane_type) :: plane
-    real(wp) :: error, length, aimed, accepted, predicted
     integer :: iterations
-    logical :: stuck, kept, searched, tried
+    logical :: along
 
-    tried = .false.
+    before = base_point_of(self, solver)
+    point = self%point
+    call self%turn_towards(solver, stop)
+    call step_along(self, solver, before, stop, iterations, reached)
+    along = self%found
+    if (.not. along) then
+      call leap(self, solver, before, stop, iterations, reached)
+      if (.not. self%found) self%point = point
+      self%step = first_step
+    end if
+    self%leapt = .not. along
+    self%iterations = iterations
+  end subroutine advance
+
+  !> A step along the curve, halved until it is solved near its prediction and leads on towards the stop.
+  subroutine step_along(self, solver, before, stop, iterations, reached)
+    type(curve_type), intent(inout) :: self
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> Peak that the step begins at
+    type(base_point_type), intent(in) :: before
+    !> Value of the parameter to end at
+    real(wp), intent(in) :: stop
+    !> Newton's iterations of all tries
+    integer, intent(out) :: iterations
+    !> Has it come to the end?
+    logical, intent(out) :: reached
+    type(linearisation_type) :: point
+    type(plane_type) :: plane
+    real(wp) :: error, length, aimed, accepted
+    logical :: stuck
+
     stuck = solver%all_stick
     aimed = merge(aimed_climb, aimed_error, climbs(solver))
     accepted = merge(accepted_climb, accepted_error, climbs(solver))
     if (stuck) accepted = accepted_at_kink
-    before = base_point_of(self, solver)
     point = self%point
     iterations = 0
     do
       call aim(self, solver, before, stop, stuck, length, plane, reached)
-      predicted = value_of(self%problem, solver)
-      call correct_from(self, solver, plane, error)
-      iterations = iterations + self%iterations
-      searched = .not. self%found
-      ! All strategies take long to fail: once a step.
-      if (searched .and. .not. tried) then
-        tried = .true.
-        call search(self, solver, before, predicted, iterations)
-        error = 0.5_wp*accepted
-      end if
-      ! A maximum stays one, but where the curve folds: there steps are as small as they get.
-      kept = error < accepted .and. (searched .or. climbs(solver) .or. self%point%slope_along*point%slope_along > 0.0_wp)
-      if (self%found .and. (kept .or. length <= smallest_step)) exit
-      self%step = 0.5_wp*min(self%step, length)
       self%found = .false.
+      if (leads_on(before%parameter, value_of(self%problem, solver), stop)) then
+        call correct_from(self, solver, plane, error)
+        iterations = iterations + self%iterations
+        ! A maximum stays one.
+        if (self%found) self%found = error < accepted .and. leads_on(before%parameter, value_of(self%problem, solver), stop) &
+                                     .and. (climbs(solver) .or. self%point%slope_along*point%slope_along > 0.0_wp)
+      end if
+      if (self%found) exit
+      self%step = 0.5_wp*min(self%step, length)
       call go_back(self, solver, before)
       self%point = point
-      if (self%step < smallest_step) exit
+      reached = .false.
+      ! Beyond a kink steps along the curve are mostly solved again at once, or not at all.
+      if (self%step < smallest_step .or. self%leapt) return
     end do
-    if (self%found .and. .not. reached .and. passed(before%parameter, value_of(self%problem, solver), stop)) then
+    if (.not. reached .and. passed(before%parameter, value_of(self%problem, solver), stop)) then
       call set_value(self%problem, solver, stop)
       call correct_from(self, solver, plane_type(value=stop), error)
       iterations = iterations + self%iterations
       reached = self%found
       stuck = .true.
+      if (.not. self%found) then
+        call go_back(self, solver, before)
+        self%point = point
+        return
+      end if
     end if
-    self%iterations = iterations
-    if (.not. self%found) return
     call find_tangent(self, solver, merge(0.0_wp, length, stuck))
-    if (searched) self%step = max(self%step, 0.5_wp*first_step)
     ! A step cut short by its end says little of the next.
     if (.not. reached) self%step = min(self%step*min(max(sqrt(aimed/max(error, 1.0e-12_wp)), 0.4_wp), 2.0_wp), largest_step)
-  end subroutine advance
+  end subroutine step_along
+
+  !> The peak at a value of the parameter farther on, wherever it is.
+  subroutine leap(self, solver, before, stop, iterations, reached)
+    type(curve_type), intent(inout) :: self
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> Peak to go on from
+    type(base_point_type), intent(in) :: before
+    !> Value of the parameter to end at
+    real(wp), intent(in) :: stop
+    !> Counts on
+    integer, intent(inout) :: iterations
+    !> Has it come to the end?
+    logical, intent(out) :: reached
+    real(wp) :: value
+    integer :: i
+
+    do i = 1, size(leaps)
+      value = before%parameter*(1.0_wp + leaps(i))**sign(1.0_wp, stop - before%parameter)
+      reached = passed(before%parameter, value, stop)
+      if (reached) value = stop
+      call search(self, solver, before, value, iterations)
+      if (self%found .or. reached) exit
+    end do
+    reached = reached .and. self%found
+    if (.not. self%found) then
+      call go_back(self, solver, before)
+      return
+    end if
+    if (allocated(self%tangent%step%motion)) deallocate (self%tangent%step%motion)
+    call find_tangent(self, solver, 0.0_wp)
+  end subroutine leap
+
+  !> Is a value beyond another on the way to a third?
+  pure logical function leads_on(from, to, stop)
+    !> Value that the way begins at; the value; value of the parameter to end at
+    real(wp), intent(in) :: from, to, stop
+
+    leads_on = (to - from)*(stop - from) > 0.0_wp
+  end function leads_on
 
   !> Predict a step, just to the end if it leads beyond, and say where to correct it: in a plane, or at the value that it has come to.
   subroutine aim(self, solver, before, stop, stuck, length, plane, reached)
@@ -304,7 +399,7 @@ contains
     if (stuck .or. reached .or. climbs(solver)) plane = plane_type(value=value_of(self%problem, solver))
   end subroutine aim
 
-  !> The peak at a value of the parameter, from the place before with all that there is: the strategies, and climbing.
+  !> The peak at a value of the parameter, from the one before with all that there is: the strategies, climbing, and a sweep.
   subroutine search(self, solver, before, value, iterations)
     type(curve_type), intent(inout) :: self
     !> Solver of points, which this moves
@@ -321,9 +416,28 @@ contains
     call solve_by_strategies(solver, solver%omega)
     iterations = iterations + solver%report%iterations
     self%iterations = 0
+    self%found = .false.
     if (solver%report%converged) call climb_here(self, solver)
     iterations = iterations + self%iterations
+    if (self%found) return
+    call go_back(self, solver, before)
+    call set_value(self%problem, solver, value)
+    call sweep_here(self, solver)
+    iterations = iterations + self%iterations
   end subroutine search
+
+  !> The largest peak about the solver's frequency.
+  subroutine sweep_here(self, solver)
+    type(curve_type), intent(inout) :: self
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    integer :: status
+
+    call sweep_for_peak(self%problem, solver, self%band, self%iterations, self%found)
+    if (.not. self%found) return
+    call linearise(self%problem, solver, self%point, status)
+    self%found = status == 0
+  end subroutine sweep_here
 
   !> Does the way from one value to another pass a third?
   pure logical function passed(from, to, value)

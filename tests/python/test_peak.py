@@ -231,3 +231,56 @@ def test_a_peak_that_jumps_has_no_optimum_between(monkeypatch):
     assert peaking.locate_optimum(tracker, tracker.at(1.0), tracker.at(2.0)) is None
     monkeypatch.setattr(peaking, "elasticity", lambda peak, parameter: peak.parameter - 1.5)
     assert peaking.locate_optimum(tracker, tracker.at(1.0), tracker.at(2.0)).parameter == pytest.approx(1.5, rel=1e-6)
+
+
+def rubbing_chain(contacts: int) -> ReducedScene:
+    """Six masses in a row, free along it and across, on which contacts of different stiffness and friction press."""
+    draw = np.random.default_rng(0)
+    masses = 6
+    row = 20.0 * (2.0 * np.eye(masses) - np.eye(masses, k=1) - np.eye(masses, k=-1))
+    row[0, 0], row[-1, -1] = 21.0, 20.0
+    stiffness = np.kron(np.eye(2), row)
+    directions = np.zeros((2 * contacts, 2 * masses))
+    for contact, mass in enumerate(draw.integers(0, masses, contacts)):
+        directions[2 * contact, mass] = directions[2 * contact + 1, masses + mass] = 1.0
+    laws = {"tangents": np.ones(contacts, dtype=np.int32), "gap": np.zeros(contacts), "preload": np.zeros(contacts)}
+    laws |= {"tangential_stiffness": draw.uniform(0.6, 3.0, contacts) / contacts}
+    laws |= {"normal_stiffness": draw.uniform(1.5, 6.0, contacts) / contacts}
+    laws |= {"friction_coefficient": draw.uniform(0.2, 0.6, contacts)}
+    press = np.zeros((1, 2 * masses))
+    press[0, masses:] = draw.uniform(0.2, 2.0, masses) / masses
+    harmonic = np.zeros((3, 2 * masses))
+    harmonic[1, masses - 1], harmonic[1, 2 * masses - 1] = 1.0, 0.15
+    monitor = np.eye(2 * masses)[masses - 1 : masses]
+    damping = 0.01 * np.eye(2 * masses)
+    return ReducedScene(
+        np.eye(2 * masses), stiffness, "viscous", 0.0, damping, laws, directions, press, harmonic, monitor, ["x"]
+    )
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"start": 0.05, "stop": 5.0, "values": [0.2, 1.0]},
+        {"start": 5.0, "stop": 0.05, "values": [0.2, 1.0]},
+        {"parameter": "preload", "start": 0.1, "stop": 10.0, "values": [1.0], "level": 0.5},
+        {"parameter": "preload", "start": 10.0, "stop": 0.1, "values": [1.0], "level": 0.5},
+    ],
+)
+def test_a_peak_arrives_where_contacts_begin_to_slip_one_after_another(keys):
+    scene, path = rubbing_chain(12), np.array([[0.0], [1.0]])
+    job = curve_job(**keys) | {"sweep": {"frequencies_hz": None, "start_hz": 0.05, "stop_hz": 0.5}}
+    options = Options(harmonics=3, by_events=True)
+    with Solver(MPI.COMM_SELF, scene, options) as solver:
+        found = list(follow(solver, job, scene, path))
+    assert all(one.converged and one.peak.curvature < 0.0 for one in found)
+    parameters = [one.peak.parameter for one in found]
+    assert parameters == sorted(parameters, reverse=keys["stop"] < keys["start"])
+    assert (parameters[0], parameters[-1]) == (keys["start"], keys["stop"])
+    (one,) = [one.peak for one in found if one.peak.parameter == 1.0]
+    with Solver(MPI.COMM_SELF, scene, options) as solver:
+        solver.follow_static_path(path, 10, 0.05)
+        nearby = one.frequency_hz * np.linspace(0.98, 1.02, 81)
+        swept = max(point.amplitude[0] for point in solver.solve_at(nearby.tolist(), one.level, 0))
+    # The nearest of these frequencies is 2.5e-4 off at most: 3 % of half the bandwidth, half of whose square is 5e-4.
+    assert swept == pytest.approx(one.amplitude, rel=5e-4) and swept <= one.amplitude * (1.0 + 1e-6)

@@ -174,7 +174,7 @@ contains
     if (allocated(error)) return
     call solver%set_loads([1.0_wp], 8.0_wp)
     call solver%set_scales(two_pi*150.0_wp, two_pi*85.0_wp)
-    call begin_curve(solver, problem_type(static_factors=[1.0_wp]), two_pi*132.473_wp, curve)
+    call begin_curve(solver, problem_type(static_factors=[1.0_wp]), two_pi*132.473_wp, two_pi*[85.0_wp, 150.0_wp], curve)
     call check(error, curve%found .and. curve%curvature() < 0.0_wp, 'a maximum')
     peak = curve%point%amplitude%value
     omega = solver%omega

@@ -27,7 +27,7 @@ from attrito.scene.build import build_scene
 from attrito.scene.reduced_model import make_rom, reduced_scene
 from attrito.scene.scene import Scene
 from attrito.scene.solver_options import solver_options
-from attrito.support.errors import InputError, UnsolvedError
+from attrito.support.errors import InputError, NumericsError, UnsolvedError
 from attrito.support.locks import writing_alone
 from attrito.support.parallel import on_root, on_root_only
 
@@ -68,17 +68,24 @@ def _follow_and_show(
     progress.warn(on_root(comm, lambda: cautions.of_damping(reduced)))
     found: list[Found] = []
     leading = None
+    broken = ""
     for options in series:
         if found:
             progress.say(f"above the tolerance: anew with {options.harmonics} harmonics, {options.samples} samples")
         found, leading = [], None
         with Solver(comm, reduced, options) as solver, _warning_of_statics(progress, solver):
-            for one in follow(solver, job, reduced, load_path):
-                found.append(one)
-                progress.say(line(one, job["peak"]["parameter"]))
-                if leading is None and one.converged:
-                    leading = leading_mode(solver)
-        if is_enough(one.peak.outcome for one in found):
+            try:
+                for one in follow(solver, job, reduced, load_path):
+                    found.append(one)
+                    progress.say(line(one, job["peak"]["parameter"]))
+                    if leading is None and one.converged:
+                        leading = leading_mode(solver)
+            except NumericsError as error:
+                # What was found until then is written.
+                if not found:
+                    raise
+                broken = str(error)
+        if broken or is_enough(one.peak.outcome for one in found):
             break
     backbone = None
     if job["peak"]["backbone"] and leading is not None:
@@ -93,7 +100,7 @@ def _follow_and_show(
         return place
 
     progress.say(f"{file}, {on_root(comm, show)}")
-    return _missed(job, found)
+    return broken or _missed(job, found)
 
 
 @contextlib.contextmanager
