@@ -4,7 +4,7 @@
 !>
 !> x being a monitor, x' its change along the branch, and theta_+- the instants of its extremes, whose own shift changes nothing.
 module attrito_continuation_curve_point
-  use attrito_core_kinds, only: wp
+  use attrito_core_kinds, only: wp, pi
   use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: extreme_places, value_at
   implicit none
@@ -50,7 +50,6 @@ contains
     !> [a_0, a_c1, a_s1, ...]
     real(wp), intent(in) :: coefficients(:)
     real(wp) :: places(2)
-    real(wp), parameter :: pi = acos(-1.0_wp) ! derived
     integer :: last
 
     last = findloc(abs(coefficients) > 0.0_wp, .true., 1, back=.true.)

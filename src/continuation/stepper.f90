@@ -477,6 +477,7 @@ contains
     class(stepper_type), intent(inout) :: self
     !> Of the drawn curve, relative to what is accepted
     real(wp), intent(in) :: error
+    !> Change of the length from step to step, at the least and at the most
     real(wp), parameter :: least = 0.5_wp, most = 2.0_wp ! guess
     real(wp) :: factor
 

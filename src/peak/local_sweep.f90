@@ -1,4 +1,4 @@
-!> The largest peak of a frequency response about a frequency, its loads held, by a sweep: where no peak can be climbed to from nearby.
+!> The largest peak of a frequency response about a frequency, loads held, by a sweep: where no peak can be climbed to from nearby.
 !>
 !> The swept range becomes wider until the amplitude is largest within it, not at an end. A point of the sweep lies at every peak, from
 !> which the peak is climbed to (`attrito_peak_climb`).
