@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import ablation
+import constants
 import contact_harmonics
 import evidence
 import kills
@@ -85,6 +86,27 @@ def test_contacts_with_equal_forces_need_equal_series_and_one_that_hardly_slips_
     # e = 0.1: 0.0153 with the first harmonic, 0.0053 without, against 0.0105.
     force[2] *= 10.0
     assert contact_harmonics.needed(force, 0).tolist() == [8, 8, 1]
+
+
+def test_a_constant_is_halved_and_doubled_as_the_sources_write_it():
+    def of(value: str) -> constants.Constant:
+        return constants.Constant("peak/curve.f90", "step", value, True, 0, "guess", "a step")
+
+    assert [constants.varied(of("8"), factor) for factor in constants.FACTORS] == ["4", "16"]
+    assert constants.varied(of("1"), "0.5") == "1"
+    assert constants.varied(of("0.04_wp"), "2") == "2.0_wp*0.04_wp"
+    # A minus after a product is no Fortran, and an expression may hold other names.
+    assert constants.varied(of("-0.95_wp"), "2") is None and constants.varied(of("acos(-1.0_wp)"), "2") is None
+
+
+def test_a_variant_is_charged_with_points_that_are_lost_or_move_beyond_their_estimates():
+    constant = constants.Constant("peak/curve.f90", "step", "0.04_wp", True, 0, "guess", "a step")
+    solved, moved = (constants.Solution("converged", amplitude, 1e-3, 10.0) for amplitude in (1.0, 1.1))
+    unsolved = constants.Solution("not_converged", float("nan"), float("nan"), 30.0)
+    same = constants.compare(constant, "2", "peak", {0: [solved, solved]}, {0: [solved, solved]})
+    assert (same.points, same.lost, same.gained, same.moved, same.work, same.same) == (2, 0, 0, 0, 1.0, 1)
+    worse = constants.compare(constant, "2", "peak", {0: [solved, solved], 1: [solved]}, {0: [moved, unsolved]})
+    assert (worse.points, worse.lost, worse.gained, worse.moved, worse.work, worse.same) == (2, 2, 0, 1, 3.0, 0)
 
 
 def test_the_sweep_of_a_block_solves_points():

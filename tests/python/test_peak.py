@@ -22,6 +22,7 @@ from attrito.library.session import Options, Solver
 from attrito.peaks import run as peaking
 from attrito.peaks.file import read_peaks
 from attrito.peaks.run import begin, follow
+from attrito.support.errors import NumericsError
 from attrito_verification.paper.wedge import BAND, FORCES, PARAMETER_SETS, PRELOAD, Wedge
 
 
@@ -184,6 +185,22 @@ def test_the_command_writes_file_table_and_picture(tmp_path, capfd, written):
         named: list[str] = []
         file.visititems(lambda name, item: named.append(name) if isinstance(item, h5py.Dataset) else None)
         assert all(file[name].attrs["description"] and file[name].attrs["unit"] for name in named)
+
+
+def test_peaks_before_a_failure_are_written(tmp_path, capfd, monkeypatch):
+    follow = peaking.follow
+
+    def follow_and_fail(*arguments):
+        for count, one in enumerate(follow(*arguments)):
+            if count == 2:
+                raise NumericsError("PETSc failed")
+            yield one
+
+    monkeypatch.setattr(peaking, "follow", follow_and_fail)
+    done = jobs.attrito_here(tmp_path, capfd, "peak", jobs.write_job(tmp_path, jobs.peak_of_wedge()))
+    assert done.returncode == 1 and "PETSc failed" in done.stderr
+    data, _ = read_peaks(str(tmp_path / "result.peaks.h5"))
+    assert len(data["level"]) == 2 and (tmp_path / "result.peaks.png").exists()
 
 
 def test_ranks_find_the_same_peaks_and_backbone(tmp_path):
