@@ -101,5 +101,8 @@ def _mark(upper: Axes, lower: Axes, value: np.ndarray, height: np.ndarray, data:
         upper.plot(value[here], height[here], marker, color=colour, markersize=size, label=label, zorder=4)
         lower.plot(value[here], data["frequency_hz"][here], marker, color=colour, markersize=size, zorder=4)
         if kind == "optimum":
-            for x, y in zip(value[here], height[here], strict=True):
-                upper.annotate(f"{y:.4g} at {x:.4g}", (x, y), xytext=(0, -14), textcoords="offset points", ha="center")
+            for place in np.flatnonzero(here):
+                x, y = value[place], height[place]
+                beside = height[max(place - 1, 0) : place + 2]
+                away = 7 if y >= np.nanmax(beside) else -14
+                upper.annotate(f"{y:.4g} at {x:.4g}", (x, y), (0, away), textcoords="offset points", ha="center")
