@@ -2,11 +2,10 @@
 module attrito_stability_examination
   use attrito_core_kinds, only: wp
   use attrito_stability_multipliers, only: multiplier_type
-  use attrito_model_contacts, only: contact_type
   use attrito_stability_verdict, only: not_examined
   implicit none
   private
-  public :: examination_type, examine_options_type, balance_motion_type, is_near, held, number, part, distance_limit
+  public :: examination_type, examine_options_type, is_near, number, part, distance_limit
   public :: by_monodromy, by_hill, balanced_orbit, exact_orbit, automatic_orbit
 
   !> Methods; their sum asks for both
@@ -25,20 +24,8 @@ module attrito_stability_examination
     logical :: decide = .true.
   end type examine_options_type
 
-  !> How far the event-exact orbit may lie from the balance's, part of its amplitude, to be taken for the same
+  !> How far the orbit of motion in time may lie from the balance's, part of its amplitude, to be taken for the same
   real(wp), parameter :: distance_limit = 0.1_wp ! guess
-
-  !> Part by which friction of contacts that hold is raised once the event-exact orbit is known: one that was shaken down touches its
-  !> limit there, where rounding decides whether it slips
-  real(wp), parameter :: raised = 1.0e-6_wp ! guess
-
-  !> What the balance says of all contacts
-  type :: balance_motion_type
-    !> Coefficients of relative displacement [2 H + 1, rows], sliders where the period starts [2, contacts]
-    real(wp), allocatable :: motion(:, :), slider(:, :)
-    !> Does a contact stick throughout? [contacts]
-    logical, allocatable :: holds(:)
-  end type balance_motion_type
 
   type :: examination_type
     !> One of `not_examined`, `unstable`, `stable`, `indeterminate`
@@ -56,18 +43,6 @@ module attrito_stability_examination
   end type examination_type
 
 contains
-
-  !> Laws with a little more friction on contacts that hold: their forces are the same, and they stick beyond doubt.
-  function held(law, holds) result(changed)
-    !> Contact: its springs and its law
-    type(contact_type), intent(in) :: law(:)
-    !> [contacts]
-    logical, intent(in) :: holds(:)
-    type(contact_type) :: changed(size(law))
-
-    changed = law
-    where (holds) changed%friction_coefficient = (1.0_wp + raised)*law%friction_coefficient
-  end function held
 
   !> Was an orbit of motion in time found that can be taken for the balance's? Then multipliers are its.
   pure logical function is_near(self)

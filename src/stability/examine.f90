@@ -1,19 +1,26 @@
-!> Stability of the point at which a solver stands.
+!> Stability of the point at which a solver stands: of the balance's orbit, or where contacts slip or open of the orbit of motion in
+!> time near it; what multipliers leave open is decided by integration in time.
 module attrito_stability_examine
   use attrito_core_errors, only: error_type, raise, fault_of_input
   use attrito_core_kinds, only: wp
-  use attrito_contact_state, only: state_shaken_down
   use attrito_model_structure, only: structure_type, damping_loss_factor, damping_viscous
   use attrito_solve_solver, only: solver_type
   use attrito_integrate_system, only: system_type, new_system
-  use attrito_stability_examination, only: examination_type, examine_options_type, by_monodromy, by_hill, balanced_orbit, &
-                                           exact_orbit, automatic_orbit, balance_motion_type
-  use attrito_stability_examine_legs, only: examine_legs
-  use attrito_stability_examine_sampled, only: examine_sampled
+  use attrito_stability_assess, only: assess
+  use attrito_stability_balance_motion, only: balance_motion_type, balance_motion_of
+  use attrito_stability_examination, only: examination_type, examine_options_type, is_near, part, by_monodromy, by_hill, &
+                                           balanced_orbit, exact_orbit, automatic_orbit
+  use attrito_stability_in_time, only: decide_in_time
+  use attrito_stability_orbit, only: orbit_type
+  use attrito_stability_orbit_search, only: orbit_search_type, new_search, new_orbit, find_orbit
+  use attrito_stability_verdict, only: indeterminate
   implicit none
   private
   public :: examination_type, examine_options_type, examine, system_of, by_monodromy, by_hill
   public :: balanced_orbit, exact_orbit, automatic_orbit
+
+  character(*), parameter :: not_known_to_hill = &
+    'a contact slips along two tangents or opens, which Hill''s problem here does not know'
 
 contains
 
@@ -25,40 +32,97 @@ contains
     type(system_type), allocatable, intent(in) :: system
     !> Engines, and the orbit that they examine
     type(examine_options_type), intent(in) :: options
+    !> What is found of stability
     type(examination_type), intent(out) :: self
-    type(balance_motion_type) :: all
-    real(wp) :: verdict, turning, holds(size(solver%contacts%law))
-    integer :: i
+    type(balance_motion_type) :: balance
+    real(wp) :: verdict
 
     self%reason = ''
-    associate (balance => solver%context%balance)
-      turning = count(balance%law%tangents > 1 .and. balance%forces%state > state_shaken_down)
-      call balance%ranks%sum(turning)
-      allocate (all%motion(balance%coefficients(), size(solver%contacts%row_stiffness)), &
-                all%slider(size(balance%slider, 1), size(holds)), source=0.0_wp)
-      holds = 0.0_wp
-      all%motion(:, balance%first_row:balance%first_row + balance%rows() - 1) = solver%motion
-      do i = 1, size(balance%law)
-        all%slider(:, balance%first_contact - 1 + i) = balance%forces(i)%slider
-        if (balance%forces(i)%state <= state_shaken_down) holds(balance%first_contact - 1 + i) = 1.0_wp
-      end do
-      call balance%ranks%sum(all%motion)
-      call balance%ranks%sum(all%slider)
-      call balance%ranks%sum(holds)
-      all%holds = holds > 0.0_wp
-      verdict = 0.0_wp
-      if (balance%ranks%is_root()) then
-        if (turning > 0.0_wp) then
-          call examine_sampled(solver, system, options, all, self)
-        else
-          call examine_legs(solver, system, options, all, self)
-        end if
+    balance = balance_motion_of(solver)
+    verdict = 0.0_wp
+    associate (ranks => solver%context%balance%ranks)
+      if (ranks%is_root()) then
+        call examine_motion(solver, system, options, balance, self)
         verdict = real(self%verdict, wp)
       end if
-      call balance%ranks%sum(verdict)
+      call ranks%sum(verdict)
     end associate
     self%verdict = nint(verdict)
   end subroutine examine
+
+  !> The orbit of motion in time decides unless the balance's own is asked for, or is the same since all contacts stick; where there
+  !> is none, the multipliers of the balance's are given, and decide nothing.
+  subroutine examine_motion(solver, system, options, balance, self)
+    !> Solver of points: its motion, sliders, angular frequency and balance
+    type(solver_type), intent(in) :: solver
+    !> Linear system in time: mass, damping, stiffness, contacts
+    type(system_type), intent(in) :: system
+    !> Engines, and the orbit that they examine
+    type(examine_options_type), intent(in) :: options
+    !> Motion and sliders of all contacts by the balance
+    type(balance_motion_type), intent(in) :: balance
+    !> What is found of stability
+    type(examination_type), intent(inout) :: self
+    type(orbit_search_type) :: search
+    class(orbit_type), allocatable :: orbit
+    character(:), allocatable :: reason
+    logical :: found, own
+
+    if (balance%turns .and. iand(options%methods, by_monodromy) == 0) then
+      self%reason = not_known_to_hill
+      return
+    end if
+    search = new_search(solver, system, balance)
+    call new_orbit(search, orbit)
+    call find_orbit(search, orbit, found)
+    own = all(orbit%stuck) .and. (any(system%law%tangents > 1) .or. options%orbit /= exact_orbit)
+    own = own .or. options%orbit == balanced_orbit
+    if (.not. own) call examine_in_time(search, options, self)
+    if (.not. own .and. (is_near(self) .or. options%orbit == exact_orbit)) return
+    reason = self%reason
+    search%in_time = .false.
+    call assess(search, options, system, orbit, self)
+    if (own) return
+    self%verdict = indeterminate
+    self%reason = reason
+    self%low = 0.0_wp
+    self%high = -1.0_wp
+  end subroutine examine_motion
+
+  !> On the orbit of motion in time near the balance's; none there, no verdict.
+  subroutine examine_in_time(search, options, self)
+    !> What the orbit is found by
+    type(orbit_search_type), intent(inout) :: search
+    !> Engines, and the orbit that they examine
+    type(examine_options_type), intent(in) :: options
+    !> What is found of stability
+    type(examination_type), intent(inout) :: self
+    class(orbit_type), allocatable :: orbit
+    character(:), allocatable :: name
+    logical :: found
+
+    search%in_time = .true.
+    call new_orbit(search, orbit)
+    if (orbit%samples > 0 .and. iand(options%methods, by_monodromy) == 0) then
+      self%verdict = indeterminate
+      self%reason = not_known_to_hill
+      return
+    end if
+    name = 'event-exact orbit'
+    if (orbit%samples > 0) name = 'orbit of motion in time'
+    call find_orbit(search, orbit, found)
+    if (found) call assess(search, options, search%holding, orbit, self)
+    self%distance = search%distance
+    if (.not. is_near(self)) then
+      if (allocated(self%monodromy)) deallocate (self%monodromy)
+      self%verdict = indeterminate
+      self%reason = 'no '//name//' near that of the balance'
+      if (self%distance >= 0.0_wp) self%reason = 'the '//name//' lies '//part(self%distance)//' from that of the balance'
+    else if (self%verdict == indeterminate .and. options%decide .and. orbit%samples == 0) then
+      self%verdict = decide_in_time(search%holding, search%loading, search%start)
+      if (self%verdict /= indeterminate) self%reason = self%reason//'; decided by integration in time'
+    end if
+  end subroutine examine_in_time
 
   !> The linear system of a structure in time, at an angular frequency: where a loss factor is to be taken for the viscous damping
   !> that is equal to it there, C = eta K / omega.

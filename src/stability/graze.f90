@@ -8,16 +8,13 @@
 module attrito_stability_graze
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contact_type
-  use attrito_contact_state, only: regime_stick, regime_open
-  use attrito_stability_leg, only: orbit_legs_type
+  use attrito_stability_orbit, only: orbit_type
   implicit none
   private
   public :: perturbed_law, grazing_contact
 
   !> Part by which friction and gap are moved
   real(wp), parameter :: touch = 1.0e-8_wp ! derived
-  !> Legs that are shorter are rounding where two switches fall together: a contact may stick for that long between landing and slip
-  real(wp), parameter :: no_time = 1.0e-12_wp ! derived
 
 contains
 
@@ -38,8 +35,8 @@ contains
 
   !> The first contact that does something else once perturbed, 0: none.
   pure integer function grazing_contact(orbit, moved) result(contact)
-    !> Orbit as segments between its events
-    type(orbit_legs_type), intent(in) :: orbit, moved
+    !> Orbit; the same under laws that are slightly changed
+    class(orbit_type), intent(in) :: orbit, moved
 
     do contact = 1, size(orbit%stuck)
       if (orbit%stuck(contact)) cycle
@@ -50,8 +47,8 @@ contains
 
   !> Does a contact do the same things in the same order in two orbits, wherever the period is cut?
   pure logical function same_deeds(one, other, contact)
-    !> Orbit as segments between its events
-    type(orbit_legs_type), intent(in) :: one, other
+    !> Orbit
+    class(orbit_type), intent(in) :: one, other
     !> Number of the contact
     integer, intent(in) :: contact
     integer, allocatable :: a(:), b(:)
@@ -69,34 +66,17 @@ contains
 
   !> What a contact does in a period, in order, repetitions left out: 0 stick, +-1 slip, 2 open.
   pure function deeds(orbit, contact) result(list)
-    !> Orbit as segments between its events
-    type(orbit_legs_type), intent(in) :: orbit
+    !> Orbit
+    class(orbit_type), intent(in) :: orbit
     !> Number of the contact
     integer, intent(in) :: contact
     integer, allocatable :: list(:)
-    integer :: now, before, i
+    integer, allocatable :: all_of_them(:)
+    integer :: i
 
     allocate (list(0))
     if (orbit%stuck(contact)) return
-    before = deed(orbit, contact, size(orbit%legs))
-    do i = 1, size(orbit%legs)
-      if (orbit%legs(i)%length <= no_time) cycle
-      now = deed(orbit, contact, i)
-      if (now /= before) list = [list, now]
-      before = now
-    end do
+    all_of_them = orbit%regimes(contact)
+    list = pack(all_of_them, [(all_of_them(i) /= all_of_them(modulo(i - 2, size(all_of_them)) + 1), i=1, size(all_of_them))])
   end function deeds
-
-  pure integer function deed(orbit, contact, leg)
-    !> Orbit as segments between its events
-    type(orbit_legs_type), intent(in) :: orbit
-    !> Number of the contact; number of the segment
-    integer, intent(in) :: contact, leg
-
-    associate (this => orbit%legs(leg))
-      deed = this%side(contact)
-      if (this%regime(contact) == regime_stick) deed = 0
-      if (this%regime(contact) == regime_open) deed = 2
-    end associate
-  end function deed
 end module attrito_stability_graze

@@ -4,17 +4,15 @@ module attrito_stability_in_time
   use attrito_integrate_loading, only: loading_type
   use attrito_integrate_state, only: state_type, new_state
   use attrito_integrate_system, only: system_type
-  use attrito_stability_shooting, only: march_unrecorded
+  use attrito_stability_event_orbit, only: march_freely
   use attrito_stability_verdict, only: stable, unstable, indeterminate
   implicit none
   private
-  public :: decide_in_time, settle
+  public :: decide_in_time
 
   !> Perturbations, part of the motion's half range; how many, and the periods they are followed
   real(wp), parameter :: perturbation = 1.0e-6_wp ! guess
   integer, parameter :: perturbations = 6, periods = 400 ! guess
-  !> Periods after which a motion that has not settled is taken to go on so
-  integer, parameter :: periods_to_settle = 100 ! guess
   !> Factors by which all have shrunk in the end, by which one is gone before, by which one has grown
   real(wp), parameter :: gone = 1.0e-1_wp, forgotten = 1.0e-3_wp, far = 1.0e3_wp ! guess
   !> Where sliders stay where a perturbation has put them, motion comes to another member of a family: change over a period, part of
@@ -37,7 +35,7 @@ contains
 
     m = size(start%motion)
     state = start
-    call march_unrecorded(system, loading, state, range)
+    call march_freely(system, loading, state, range)
     died = 0
     verdict = unstable
     do i = 1, perturbations
@@ -45,7 +43,7 @@ contains
       state = new_state(system, start%motion + push(:m), start%rate + push(m + 1:), start%slider)
       do cycle = 1, periods
         before = state
-        call march_unrecorded(system, loading, state, range)
+        call march_freely(system, loading, state, range)
         if (distance(start) > far*perturbation*range) return
         if (distance(start) < forgotten*perturbation*range .or. has_arrived()) exit
       end do
@@ -68,30 +66,6 @@ contains
       has_arrived = distance(before) < arrived*perturbation*range .and. distance(start) < beside*perturbation*range
     end function has_arrived
   end function decide_in_time
-
-  !> March until a period changes the motion by no more than a perturbation would.
-  subroutine settle(system, loading, state, range, settled)
-    !> Linear system in time: mass, damping, stiffness, contacts
-    type(system_type), intent(in) :: system
-    !> Static and harmonic loads over time
-    type(loading_type), intent(in) :: loading
-    !> Displacement, velocity and sliders
-    type(state_type), intent(inout) :: state
-    !> Half range of the motion over the last period
-    real(wp), intent(out) :: range
-    !> Has it settled?
-    logical, intent(out) :: settled
-    type(state_type) :: before
-    integer :: cycle
-
-    settled = .false.
-    do cycle = 1, periods_to_settle
-      before = state
-      call march_unrecorded(system, loading, state, range)
-      settled = hypot(norm2(state%motion - before%motion), norm2(state%rate - before%rate)) <= perturbation*range
-      if (settled) return
-    end do
-  end subroutine settle
 
   !> A direction of unit length, without pattern: turns by the golden angle.
   pure function direction(n, which) result(unit)

@@ -16,10 +16,11 @@ module attrito_stability_monodromy
   use attrito_core_lapack, only: solve_dense
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open
   use attrito_stability_leg, only: leg_type, orbit_legs_type
+  use attrito_stability_perturbation, only: memory_type, perturbation_type, memory_of, unit_perturbations, matrix_of
   use attrito_stability_reduced, only: reduced_type
   implicit none
   private
-  public :: monodromy, free_sliders
+  public :: monodromy
 
   !> Longest step of the series over the fastest mode: beyond, terms cancel to more than a digit
   real(wp), parameter :: longest = 2.0_wp ! derived
@@ -29,11 +30,6 @@ module attrito_stability_monodromy
   real(wp), parameter :: steps_per_square = 6.0_wp ! derived
   !> Part of a column that a term must be to matter
   real(wp), parameter :: rounding = 1.0e-2_wp*epsilon(1.0_wp) ! derived
-
-  !> Changes of motion and rate [m, columns], and of sliders [contacts, columns]
-  type :: perturbation_type
-    real(wp), allocatable :: motion(:, :), rate(:, :), slider(:, :)
-  end type perturbation_type
 
   !> What contacts add on a leg: acceleration `input_map` (`output_map`^T p) + `held` w, and displacements of rows d = B p -
   !> `by_motion` p - `by_slider` w
@@ -48,17 +44,7 @@ module attrito_stability_monodromy
 
 contains
 
-  !> Contacts whose sliders are part of the state where the period begins: those that stick there, and not throughout.
-  pure function free_sliders(orbit) result(contacts)
-    !> Orbit as segments between its events
-    type(orbit_legs_type), intent(in) :: orbit
-    integer, allocatable :: contacts(:)
-    integer :: i
-
-    contacts = pack([(i, i=1, size(orbit%stuck))], orbit%legs(1)%regime == regime_stick .and. .not. orbit%stuck)
-  end function free_sliders
-
-  !> What a unit change of each of (motion [m], rate by the clock [m], free sliders [nf]) becomes in a period [2 m + nf, 2 m + nf].
+  !> What a unit change of each of (motion [m], rate by the clock [m], memory) becomes in a period.
   function monodromy(reduced, orbit, period) result(matrix)
     !> Modes on which stability is examined
     type(reduced_type), intent(in) :: reduced
@@ -69,30 +55,18 @@ contains
     real(wp), allocatable :: matrix(:, :)
     type(perturbation_type) :: now
     type(coupling_type) :: coupling
-    integer, allocatable :: free(:)
-    integer :: m, n, i
+    type(memory_type), allocatable :: memory(:)
+    integer :: i
 
-    free = free_sliders(orbit)
-    m = size(reduced%system%eigenvalues)
-    n = 2*m + size(free)
-    allocate (now%motion(m, n), now%rate(m, n), now%slider(size(orbit%stuck), n), source=0.0_wp)
-    do i = 1, m
-      now%motion(i, i) = 1.0_wp
-      now%rate(i, m + i) = 1.0_wp
-    end do
-    do i = 1, size(free)
-      now%slider(free(i), 2*m + i) = 1.0_wp
-    end do
+    memory = memory_of(reduced%system%law, orbit%stuck, orbit%legs(1)%regime)
+    now = unit_perturbations(size(reduced%system%eigenvalues), size(orbit%stuck), memory)
     do i = 1, size(orbit%legs)
       if (i > 1) call reset_sliders(reduced, orbit%legs(i), coupling, now)
       coupling = couple(reduced, orbit%legs(i))
       call pass(reduced, coupling, orbit%legs(i)%length/two_pi*period, now)
     end do
     call follow_sliders(reduced, orbit%legs(size(orbit%legs)), coupling, now)
-    allocate (matrix(n, n))
-    matrix(:m, :) = now%motion
-    matrix(m + 1:2*m, :) = now%rate
-    matrix(2*m + 1:, :) = now%slider(free, :)
+    matrix = matrix_of(now, memory)
   end function monodromy
 
   !> Sliders that come to rest at the beginning of a leg keep what they have there.
@@ -108,11 +82,11 @@ contains
     real(wp) :: kept(size(now%slider, 1), size(now%slider, 2))
     integer :: i
 
-    kept = now%slider
+    kept = now%slider(:, :, 1)
     do i = 1, size(leg%rests)
       if (leg%rests(i)) kept(i, :) = combined(reduced, i, leg%by_normal(i), before, now)
     end do
-    now%slider = kept
+    now%slider(:, :, 1) = kept
   end subroutine reset_sliders
 
   !> Sliders that move at the end of a leg, with slip or with an open contact.
@@ -128,7 +102,7 @@ contains
     real(wp) :: kept(size(now%slider, 1), size(now%slider, 2))
     integer :: i
 
-    kept = now%slider
+    kept = now%slider(:, :, 1)
     do i = 1, size(leg%rests)
       if (leg%regime(i) == regime_stick) cycle
       associate (law => reduced%system%law(i))
@@ -136,7 +110,7 @@ contains
                               coupling, now)
       end associate
     end do
-    now%slider = kept
+    now%slider(:, :, 1) = kept
   end subroutine follow_sliders
 
   !> du + by_normal dv of a contact [columns].
@@ -156,7 +130,7 @@ contains
     associate (u => reduced%system%law(contact)%first_row, v => reduced%system%law(contact)%first_row + 1, &
                rows => reduced%system%rows)
       change = matmul(rows(:, u) - coupling%by_motion(u, :) + by_normal*(rows(:, v) - coupling%by_motion(v, :)), now%motion) &
-               - matmul(coupling%by_slider(u, :) + by_normal*coupling%by_slider(v, :), now%slider)
+               - matmul(coupling%by_slider(u, :) + by_normal*coupling%by_slider(v, :), now%slider(:, :, 1))
     end associate
   end function combined
 
@@ -230,7 +204,7 @@ contains
       call pass_by_squares(reduced, coupling, length, doublings, now)
       return
     end if
-    held = matmul(coupling%held, now%slider)
+    held = matmul(coupling%held, now%slider(:, :, 1))
     do step = 1, steps
       call step_on(reduced, coupling, held, length/steps, now)
     end do
@@ -250,28 +224,18 @@ contains
     type(perturbation_type), intent(inout) :: now
     type(perturbation_type) :: unit
     real(wp), allocatable :: flow(:, :), state(:, :)
-    integer :: m, n, i
+    type(memory_type) :: sliders(size(now%slider, 1))
+    integer :: m, i
 
     m = size(now%motion, 1)
-    n = 2*m + size(now%slider, 1)
-    allocate (unit%motion(m, n), unit%rate(m, n), unit%slider(n - 2*m, n), flow(n, n), source=0.0_wp)
-    do i = 1, n
-      flow(i, i) = 1.0_wp
-    end do
-    unit%motion = flow(:m, :)
-    unit%rate = flow(m + 1:2*m, :)
-    unit%slider = flow(2*m + 1:, :)
-    call step_on(reduced, coupling, matmul(coupling%held, unit%slider), length/2**doublings, unit)
-    flow(:m, :) = unit%motion
-    flow(m + 1:2*m, :) = unit%rate
+    sliders = [(memory_type(i, 1), i=1, size(sliders))]
+    unit = unit_perturbations(m, size(sliders), sliders)
+    call step_on(reduced, coupling, matmul(coupling%held, unit%slider(:, :, 1)), length/2**doublings, unit)
+    flow = matrix_of(unit, sliders)
     do i = 1, doublings
       flow = matmul(flow, flow)
     end do
-    allocate (state(n, size(now%motion, 2)))
-    state(:m, :) = now%motion
-    state(m + 1:2*m, :) = now%rate
-    state(2*m + 1:, :) = now%slider
-    state = matmul(flow, state)
+    state = matmul(flow, matrix_of(now, sliders))
     now%motion = state(:m, :)
     now%rate = state(m + 1:2*m, :)
   end subroutine pass_by_squares

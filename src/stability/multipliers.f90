@@ -2,7 +2,9 @@
 !>
 !> A contact that neither slips nor opens keeps its slider: its row of the monodromy is that of the identity, a multiplier 1
 !> (`stuck`) that says that the orbit is one of a family, not that it is about to bifurcate. A contact that slips or opens forgets
-!> its slider within the period: a multiplier 0 (`slip`). All others (`floquet`), two a mode, decide.
+!> its slider within the period: a multiplier 0 (`slip`) for each tangent. All others (`floquet`), two a mode, decide. One more is
+!> that of a contact which slips along two tangents and never opens: it forgets its slider but not from which side that came, a
+!> memory that fades as the direction turns towards the motion.
 !>
 !> Zeros of several contacts may sit in one Jordan block, where rounding turns them into its root of that order. So they are taken
 !> out first: the matrix is restricted to its range until it is regular, each time by the singular values that are not rounding.
@@ -10,12 +12,11 @@ module attrito_stability_multipliers
   use attrito_core_kinds, only: wp, two_pi
   use attrito_core_lapack, only: eigenvalues_of, singular_values
   use attrito_integrate_system, only: system_type
-  use attrito_stability_leg, only: orbit_legs_type
-  use attrito_stability_monodromy, only: monodromy, free_sliders
+  use attrito_stability_orbit, only: orbit_type
   use attrito_stability_reduced, only: reduce_to
   implicit none
   private
-  public :: multiplier_type, multipliers_of, in_modes, sorted_multipliers, restrict_to_range, largest_change, first_modes, accepted
+  public :: multiplier_type, multipliers_of, in_modes, sorted_multipliers, largest_change
   public :: kind_floquet, kind_slip, kind_stuck, kind_names
 
   integer, parameter :: kind_floquet = 0, kind_slip = 1, kind_stuck = 2
@@ -35,30 +36,30 @@ contains
 
   !> Multipliers of an orbit in as many modes as it takes: all of few; of many the lowest, twice as many again and again until
   !> those that matter no longer change.
-  subroutine multipliers_of(system, orbit, period, multipliers, change, info)
+  subroutine multipliers_of(system, orbit, multipliers, modes, change, info)
     !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
-    !> Orbit as segments between its events
-    type(orbit_legs_type), intent(in) :: orbit
-    !> In units of the clock
-    real(wp), intent(in) :: period
-    !> [2 l + nc]
+    !> Orbit that is examined
+    class(orbit_type), intent(in) :: orbit
+    !> Floquet multipliers
     type(multiplier_type), allocatable, intent(out) :: multipliers(:)
+    !> How many they are found in
+    integer, intent(out) :: modes
     !> By the last doubling of modes; zero if all are in
     real(wp), intent(out) :: change
     !> 0, or not: eigenvalues were not found
     integer, intent(out) :: info
     type(multiplier_type), allocatable :: before(:)
-    integer :: modes, all_modes
+    integer :: all_modes
 
     all_modes = size(system%eigenvalues)
-    modes = first_modes(system, period)
-    call in_modes(system, modes, orbit, period, multipliers, info)
+    modes = first_modes(system, orbit%period)
+    call in_modes(system, modes, orbit, multipliers, info)
     change = 0.0_wp
     do while (modes < all_modes .and. info == 0)
       call move_alloc(multipliers, before)
       modes = min(2*modes, all_modes)
-      call in_modes(system, modes, orbit, period, multipliers, info)
+      call in_modes(system, modes, orbit, multipliers, info)
       if (info /= 0) return
       change = largest_change(before, multipliers)
       if (change <= accepted) return
@@ -93,34 +94,35 @@ contains
   end function largest_change
 
   !> Multipliers in some of the modes, the largest first within each kind.
-  subroutine in_modes(system, modes, orbit, period, multipliers, info)
+  subroutine in_modes(system, modes, orbit, multipliers, info)
     !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
     !> Number of modes
     integer, intent(in) :: modes
-    !> Orbit as segments between its events
-    type(orbit_legs_type), intent(in) :: orbit
-    !> Length of the period, s
-    real(wp), intent(in) :: period
+    !> Orbit that is examined
+    class(orbit_type), intent(in) :: orbit
     !> Floquet multipliers
     type(multiplier_type), allocatable, intent(out) :: multipliers(:)
     !> 0: done, else LAPACK's code
     integer, intent(out) :: info
     complex(wp), allocatable :: values(:)
     real(wp), allocatable :: regular(:, :), scale(:)
-    integer, allocatable :: free(:)
-    integer :: i
+    integer :: i, turning
 
-    regular = monodromy(reduce_to(system, modes), orbit, period)
-    free = free_sliders(orbit)
-    ! A unit of slider is one that a unit of motion brings about.
-    scale = [spread(1.0_wp, 1, 2*modes), (norm2(system%rows(:, system%law(free(i))%first_row)), i=1, size(free))]
+    regular = orbit%monodromy(reduce_to(system, modes))
+    ! A unit of what a contact remembers is one that a unit of motion brings about.
+    scale = [spread(1.0_wp, 1, 2*modes), (norm2(system%rows(:, system%law(orbit%memory(i)%contact)%first_row)), &
+                                          i=1, size(orbit%memory))]
     where (scale <= 0.0_wp) scale = 1.0_wp
     regular = regular*spread(scale, 1, size(scale))/spread(scale, 2, size(scale))
     call restrict_to_range(regular, info)
     if (info == 0) call eigenvalues_of(regular, values, info)
-    if (info == 0) multipliers = sorted_multipliers(values, 2*modes, count(.not. orbit%stuck), &
-                                                       sum(system%law%tangents, mask=orbit%stuck))
+    if (info /= 0) return
+    associate (tangents => system%law%tangents)
+      turning = count(tangents > 1 .and. orbit%closed .and. .not. orbit%stuck)
+      multipliers = sorted_multipliers(values, 2*modes + turning, sum(tangents, mask=.not. orbit%stuck) - turning, &
+                                       sum(tangents, mask=orbit%stuck))
+    end associate
   end subroutine in_modes
 
   !> Multipliers of all kinds: the largest of some values, then zeros for the contacts that forget, then ones for those that stick.

@@ -19,22 +19,12 @@ module attrito_stability_sampled_monodromy
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open
   use attrito_integrate_exponential, only: exponential_weights
   use attrito_integrate_system, only: system_type
+  use attrito_stability_perturbation, only: memory_type, perturbation_type, memory_of, unit_perturbations, matrix_of
   use attrito_stability_reduced, only: reduced_type
-  use attrito_stability_sampled_orbit, only: sampled_orbit_type
+  use attrito_stability_sampled_steps, only: sampled_steps_type
   implicit none
   private
-  public :: sampled_monodromy, memory_type, memory_of
-
-  !> Of motion and rate [m, columns], sliders that stick [2, contacts, columns], angles of slip times their radius [contacts,
-  !> columns], and displacements of active rows at the end of the step before [rows, columns]
-  type :: perturbation_type
-    real(wp), allocatable :: motion(:, :), rate(:, :), slider(:, :, :), angle(:, :), displacement(:, :)
-  end type perturbation_type
-
-  !> A number that a contact remembers where the period begins: a component of its slider (1, 2), or its direction of slip (0)
-  type :: memory_type
-    integer :: contact = 0, component = 0
-  end type memory_type
+  public :: sampled_monodromy
 
   !> Contacts that do not stick throughout: their rows, those of B Phi and the accelerations that their forces make [m, rows], the
   !> compliance of high modes R [rows, rows], and where each contact's begin among them, 0 where it sticks [contacts]
@@ -50,98 +40,54 @@ module attrito_stability_sampled_monodromy
 
 contains
 
-  !> What contacts that slip or open in the period remember where it begins.
-  pure function memory_of(system, orbit) result(memory)
-    !> Linear system in time: mass, damping, stiffness, contacts
-    type(system_type), intent(in) :: system
-    !> Orbit whose contacts go by samples
-    type(sampled_orbit_type), intent(in) :: orbit
-    type(memory_type), allocatable :: memory(:)
-    integer :: i, a
-
-    allocate (memory(0))
-    do i = 1, size(orbit%stuck)
-      if (orbit%stuck(i)) cycle
-      if (orbit%regime(i, 1) == regime_stick) memory = [memory, (memory_type(i, a), a=1, system%law(i)%tangents)]
-      if (orbit%regime(i, 1) == regime_slip .and. system%law(i)%tangents > 1) memory = [memory, memory_type(i, 0)]
-    end do
-  end function memory_of
-
   !> What a unit change of each of (motion [m], rate by the clock [m], memory) becomes in a period.
-  function sampled_monodromy(reduced, orbit, period) result(matrix)
+  function sampled_monodromy(reduced, steps, period) result(matrix)
     !> Modes on which stability is examined
     type(reduced_type), intent(in) :: reduced
-    !> Orbit whose contacts go by samples
-    type(sampled_orbit_type), intent(in) :: orbit
+    !> What contacts do on the steps of a period
+    type(sampled_steps_type), intent(in) :: steps
     !> In units of the clock
     real(wp), intent(in) :: period
     real(wp), allocatable :: matrix(:, :)
     type(memory_type), allocatable :: memory(:)
     type(perturbation_type) :: now
     type(active_type) :: active
+    real(wp), allocatable :: displacement(:, :)
     real(wp) :: weights(4, 2, size(reduced%system%eigenvalues)), h, h_of_weights
-    integer :: m, n, i, step
+    integer :: step
 
     associate (system => reduced%system)
-      memory = memory_of(system, orbit)
-      m = size(system%eigenvalues)
-      n = 2*m + size(memory)
-      now = unit_perturbations(m, size(orbit%stuck), memory)
-      active = active_of(reduced, orbit)
+      memory = memory_of(system%law, steps%stuck, steps%regime(:, 1))
+      now = unit_perturbations(size(system%eigenvalues), size(steps%stuck), memory)
+      active = active_of(reduced, steps)
       h_of_weights = 0.0_wp
-      do step = 1, size(orbit%regime, 2)
-        if (step > 1) call change_regimes(system, orbit, step - 1, step, active, now)
-        h = period*(orbit%times(step) - orbit%times(step - 1))
+      do step = 1, size(steps%regime, 2)
+        if (step > 1) call change_regimes(system, steps, step - 1, step, active, displacement, now)
+        h = period*(steps%times(step) - steps%times(step - 1))
         if (abs(h - h_of_weights) > 1.0e-12_wp*h) then
           weights = exponential_weights(system%eigenvalues, system%damping, h)
           h_of_weights = h
         end if
-        call step_on(system, orbit, step, active, weights, now)
+        call step_on(system, steps, step, active, weights, now, displacement)
       end do
-      call change_regimes(system, orbit, size(orbit%regime, 2), 1, active, now)
+      call change_regimes(system, steps, size(steps%regime, 2), 1, active, displacement, now)
     end associate
-    allocate (matrix(n, n))
-    matrix(:m, :) = now%motion
-    matrix(m + 1:2*m, :) = now%rate
-    do i = 1, size(memory)
-      if (memory(i)%component > 0) matrix(2*m + i, :) = now%slider(memory(i)%component, memory(i)%contact, :)
-      if (memory(i)%component == 0) matrix(2*m + i, :) = now%angle(memory(i)%contact, :)
-    end do
+    matrix = matrix_of(now, memory)
   end function sampled_monodromy
 
-  pure function unit_perturbations(m, contacts, memory) result(now)
-    !> Number of coordinates; number of contacts
-    integer, intent(in) :: m, contacts
-    !> Numbers that contacts remember from period to period
-    type(memory_type), intent(in) :: memory(:)
-    type(perturbation_type) :: now
-    integer :: n, i
-
-    n = 2*m + size(memory)
-    allocate (now%motion(m, n), now%rate(m, n), now%slider(2, contacts, n), now%angle(contacts, n), source=0.0_wp)
-    do i = 1, m
-      now%motion(i, i) = 1.0_wp
-      now%rate(i, m + i) = 1.0_wp
-    end do
-    do i = 1, size(memory)
-      if (memory(i)%component > 0) now%slider(memory(i)%component, memory(i)%contact, 2*m + i) = 1.0_wp
-      if (memory(i)%component == 0) now%angle(memory(i)%contact, 2*m + i) = 1.0_wp
-    end do
-  end function unit_perturbations
-
-  pure function active_of(reduced, orbit) result(self)
+  pure function active_of(reduced, steps) result(self)
     !> Modes on which stability is examined
     type(reduced_type), intent(in) :: reduced
-    !> Orbit whose contacts go by samples
-    type(sampled_orbit_type), intent(in) :: orbit
+    !> What contacts do on the steps of a period
+    type(sampled_steps_type), intent(in) :: steps
     type(active_type) :: self
     integer, allocatable :: rows(:)
     integer :: i, a
 
     allocate (rows(0))
-    allocate (self%first(size(orbit%stuck)), source=0)
-    do i = 1, size(orbit%stuck)
-      if (orbit%stuck(i)) cycle
+    allocate (self%first(size(steps%stuck)), source=0)
+    do i = 1, size(steps%stuck)
+      if (steps%stuck(i)) cycle
       self%first(i) = size(rows) + 1
       associate (law => reduced%system%law(i))
         rows = [rows, (law%first_row + a, a=0, law%tangents)]
@@ -153,41 +99,43 @@ contains
   end function active_of
 
   !> What contacts remember where they begin to do something else.
-  subroutine change_regimes(system, orbit, before, after, active, now)
+  subroutine change_regimes(system, steps, before, after, active, displacement, now)
     !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
-    !> Orbit whose contacts go by samples
-    type(sampled_orbit_type), intent(in) :: orbit
+    !> What contacts do on the steps of a period
+    type(sampled_steps_type), intent(in) :: steps
     !> Steps
     integer, intent(in) :: before, after
     !> Contacts that do not stick throughout
     type(active_type), intent(in) :: active
+    !> Displacements of their rows at the present instant [rows, columns]
+    real(wp), intent(in) :: displacement(:, :)
     !> Perturbations at the present instant
     type(perturbation_type), intent(inout) :: now
     real(wp) :: du(2, size(now%motion, 2)), dv(size(now%motion, 2)), direction(2), across(2)
     integer :: i, a, n
 
-    do i = 1, size(orbit%stuck)
-      if (orbit%regime(i, before) == orbit%regime(i, after)) cycle
-      associate (law => system%law(i), old => orbit%regime(i, before), new => orbit%regime(i, after))
+    do i = 1, size(steps%stuck)
+      if (steps%regime(i, before) == steps%regime(i, after)) cycle
+      associate (law => system%law(i), old => steps%regime(i, before), new => steps%regime(i, after))
         n = law%tangents
         du = 0.0_wp
-        du(:n, :) = now%displacement(active%first(i):active%first(i) + n - 1, :)
-        dv = now%displacement(active%first(i) + n, :)
+        du(:n, :) = displacement(active%first(i):active%first(i) + n - 1, :)
+        dv = displacement(active%first(i) + n, :)
         if (old == regime_stick .and. new == regime_slip) then
-          direction = orbit%direction(:, i, after)
+          direction = steps%direction(:, i, after)
           across = [-direction(2), direction(1)]
-          now%angle(i, :) = matmul(across, du - now%slider(:, i, :))
+          now%angle(i, :) = matmul(across, du - transpose(now%slider(i, :, :)))
         else if (new == regime_stick .and. old == regime_slip) then
-          direction = orbit%turned(i, before)%e
+          direction = steps%turned(i, before)%e
           across = [-direction(2), direction(1)]
           do a = 1, n
-            now%slider(a, i, :) = du(a, :) - law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness*direction(a)*dv &
+            now%slider(i, :, a) = du(a, :) - law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness*direction(a)*dv &
                                   - across(a)*now%angle(i, :)
           end do
         else if (new == regime_stick) then
           do a = 1, n
-            now%slider(a, i, :) = du(a, :) - orbit%landing_slope(a, i, after)*dv
+            now%slider(i, :, a) = du(a, :) - steps%landing_slope(a, i, after)*dv
           end do
         else
           now%angle(i, :) = 0.0_wp
@@ -197,11 +145,11 @@ contains
   end subroutine change_regimes
 
   !> One step: forces at its beginning, the motion without those at its end, these, the motion.
-  subroutine step_on(system, orbit, step, active, weights, now)
+  subroutine step_on(system, steps, step, active, weights, now, to)
     !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
-    !> Orbit whose contacts go by samples
-    type(sampled_orbit_type), intent(in) :: orbit
+    !> What contacts do on the steps of a period
+    type(sampled_steps_type), intent(in) :: steps
     !> Number of the step
     integer, intent(in) :: step
     !> Contacts that do not stick throughout
@@ -210,17 +158,19 @@ contains
     real(wp), intent(in) :: weights(:, :, :)
     !> Perturbations at the present instant
     type(perturbation_type), intent(inout) :: now
+    !> Displacements of the active rows at the step's end [rows, columns]
+    real(wp), allocatable, intent(out) :: to(:, :)
     type(forces_type) :: forces
     real(wp), dimension(size(now%motion, 1), size(now%motion, 2)) :: before, after, free, rate
-    real(wp), dimension(size(active%output_map, 2), size(now%motion, 2)) :: from, to
+    real(wp) :: from(size(active%output_map, 2), size(now%motion, 2))
     real(wp) :: compliance(size(active%output_map, 2), size(active%output_map, 2))
     integer :: pass
 
-    forces = forces_before(system, orbit, step, active, now)
+    forces = forces_before(system, steps, step, active, now)
     from = displacements(matmul(transpose(active%output_map), now%motion), active%residual, forces)
     before = -matmul(active%input_map, matmul(forces%stiffness, from) + forces%constant)
     if (allocated(system%coupling)) before = before - matmul(system%coupling, now%rate)
-    forces = forces_after(system, orbit, step, active, from, now)
+    forces = forces_after(system, steps, step, active, from, now)
     compliance = matmul(transpose(active%output_map), spread(weights(4, 1, :), 2, size(from, 1))*active%input_map) + active%residual
     rate = now%rate
     do pass = 1, merge(3, 1, allocated(system%coupling))
@@ -233,11 +183,10 @@ contains
       rate = times(weights(1, 2, :), now%motion) + times(weights(2, 2, :), now%rate) + times(weights(3, 2, :), before) &
              + times(weights(4, 2, :), after)
     end do
-    call turn_directions(system, orbit, step, active, from, to, now)
+    call turn_directions(system, steps, step, active, from, to, now)
     now%motion = free - matmul(spread(weights(4, 1, :), 2, size(from, 1))*active%input_map, &
                                matmul(forces%stiffness, to) + forces%constant)
     now%rate = rate
-    now%displacement = to
   end subroutine step_on
 
   !> Of active rows, d = free - compliance g(d) [rows, columns].
@@ -267,11 +216,11 @@ contains
   end function times
 
   !> Where a step begins.
-  pure function forces_before(system, orbit, step, active, now) result(g)
+  pure function forces_before(system, steps, step, active, now) result(g)
     !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
-    !> Orbit whose contacts go by samples
-    type(sampled_orbit_type), intent(in) :: orbit
+    !> What contacts do on the steps of a period
+    type(sampled_steps_type), intent(in) :: steps
     !> Number of the step
     integer, intent(in) :: step
     !> Contacts that do not stick throughout
@@ -285,17 +234,17 @@ contains
     g = no_forces(active, now)
     do i = 1, size(active%first)
       if (active%first(i) == 0) cycle
-      associate (law => system%law(i), v => active%first(i) + system%law(i)%tangents, e => orbit%direction(:, i, step))
+      associate (law => system%law(i), v => active%first(i) + system%law(i)%tangents, e => steps%direction(:, i, step))
         across = [-e(2), e(1)]
-        if (orbit%regime(i, step) == regime_open) g%stiffness(v, v) = -law%normal_stiffness
+        if (steps%regime(i, step) == regime_open) g%stiffness(v, v) = -law%normal_stiffness
         do a = 1, law%tangents
           associate (row => active%first(i) + a - 1)
-            if (orbit%regime(i, step) == regime_stick) then
-              g%constant(row, :) = -law%tangential_stiffness*now%slider(a, i, :)
+            if (steps%regime(i, step) == regime_stick) then
+              g%constant(row, :) = -law%tangential_stiffness*now%slider(i, :, a)
             else
               g%stiffness(row, row) = -law%tangential_stiffness
             end if
-            if (orbit%regime(i, step) /= regime_slip) cycle
+            if (steps%regime(i, step) /= regime_slip) cycle
             g%stiffness(row, v) = law%friction_coefficient*law%normal_stiffness*e(a)
             g%constant(row, :) = law%tangential_stiffness*across(a)*now%angle(i, :)
           end associate
@@ -305,11 +254,11 @@ contains
   end function forces_before
 
   !> Where a step ends.
-  pure function forces_after(system, orbit, step, active, from, now) result(g)
+  pure function forces_after(system, steps, step, active, from, now) result(g)
     !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
-    !> Orbit whose contacts go by samples
-    type(sampled_orbit_type), intent(in) :: orbit
+    !> What contacts do on the steps of a period
+    type(sampled_steps_type), intent(in) :: steps
     !> Number of the step
     integer, intent(in) :: step
     !> Contacts that do not stick throughout
@@ -326,19 +275,19 @@ contains
     do i = 1, size(active%first)
       if (active%first(i) == 0) cycle
       n = system%law(i)%tangents
-      associate (law => system%law(i), u => active%first(i), v => active%first(i) + n, turned => orbit%turned(i, step))
-        if (orbit%regime(i, step) == regime_open) g%stiffness(v, v) = -law%normal_stiffness
-        if (orbit%regime(i, step) == regime_slip) across = law%tangential_stiffness*turned%radius*[-turned%e(2), turned%e(1)]
+      associate (law => system%law(i), u => active%first(i), v => active%first(i) + n, turned => steps%turned(i, step))
+        if (steps%regime(i, step) == regime_open) g%stiffness(v, v) = -law%normal_stiffness
+        if (steps%regime(i, step) == regime_slip) across = law%tangential_stiffness*turned%radius*[-turned%e(2), turned%e(1)]
         slope = law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness
         do a = 1, n
           associate (row => u + a - 1)
-            if (orbit%regime(i, step) == regime_stick) then
-              g%constant(row, :) = -law%tangential_stiffness*now%slider(a, i, :)
+            if (steps%regime(i, step) == regime_stick) then
+              g%constant(row, :) = -law%tangential_stiffness*now%slider(i, :, a)
             else
               g%stiffness(row, row) = -law%tangential_stiffness
             end if
-            if (orbit%regime(i, step) /= regime_slip) cycle
-            g%constant(row, :) = across(a)*kept_angle(system, orbit, step, i, from(u:v, :), now)
+            if (steps%regime(i, step) /= regime_slip) cycle
+            g%constant(row, :) = across(a)*kept_angle(system, steps, step, i, from(u:v, :), now)
             g%stiffness(row, u:v - 1) = g%stiffness(row, u:v - 1) + across(a)*turned%by_to(:n)
             g%stiffness(row, v) = law%tangential_stiffness*slope*turned%e(a) + across(a)*slope*turned%by_radii(2)
           end associate
@@ -360,11 +309,11 @@ contains
   end function no_forces
 
   !> What the direction at a step's end has of what was at its beginning: of the direction, displacements and radius [columns].
-  pure function kept_angle(system, orbit, step, contact, from, now) result(angle)
+  pure function kept_angle(system, steps, step, contact, from, now) result(angle)
     !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
-    !> Orbit whose contacts go by samples
-    type(sampled_orbit_type), intent(in) :: orbit
+    !> What contacts do on the steps of a period
+    type(sampled_steps_type), intent(in) :: steps
     !> Number of the step; number of the contact
     integer, intent(in) :: step, contact
     !> Of the contact's rows [rows, columns]
@@ -374,8 +323,8 @@ contains
     real(wp) :: angle(size(from, 2)), kept
     integer :: n
 
-    associate (law => system%law(contact), turned => orbit%turned(contact, step), e => orbit%direction(:, contact, step), &
-               radius => orbit%radius(contact, step))
+    associate (law => system%law(contact), turned => steps%turned(contact, step), e => steps%direction(:, contact, step), &
+               radius => steps%radius(contact, step))
       n = law%tangents
       ! `by_slider` is by the angle at the beginning, against the turn.
       kept = -dot_product(turned%by_slider, [-e(2), e(1)])
@@ -386,11 +335,11 @@ contains
   end function kept_angle
 
   !> Directions of slip, as angles times radius, at the end of a step.
-  pure subroutine turn_directions(system, orbit, step, active, from, to, now)
+  pure subroutine turn_directions(system, steps, step, active, from, to, now)
     !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
-    !> Orbit whose contacts go by samples
-    type(sampled_orbit_type), intent(in) :: orbit
+    !> What contacts do on the steps of a period
+    type(sampled_steps_type), intent(in) :: steps
     !> Number of the step
     integer, intent(in) :: step
     !> Contacts that do not stick throughout
@@ -404,10 +353,10 @@ contains
 
     do i = 1, size(active%first)
       if (active%first(i) == 0) cycle
-      if (orbit%regime(i, step) /= regime_slip) cycle
+      if (steps%regime(i, step) /= regime_slip) cycle
       n = system%law(i)%tangents
-      associate (law => system%law(i), u => active%first(i), v => active%first(i) + n, turned => orbit%turned(i, step))
-        angle = kept_angle(system, orbit, step, i, from(u:v, :), now) + matmul(turned%by_to(:n), to(u:v - 1, :)) &
+      associate (law => system%law(i), u => active%first(i), v => active%first(i) + n, turned => steps%turned(i, step))
+        angle = kept_angle(system, steps, step, i, from(u:v, :), now) + matmul(turned%by_to(:n), to(u:v - 1, :)) &
                 + law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness*turned%by_radii(2)*to(v, :)
         now%angle(i, :) = turned%radius*angle
       end associate

@@ -1,166 +1,126 @@
-!> A period of an orbit in steps on which no contact changes what it does: between samples of its motion and located switches.
-!>
-!> In contrast to legs of one-tangent contacts (`attrito_stability_leg`) the linearised forces of a contact that slips along two
-!> tangents vary in time, with the direction of slip e and the radius r of its slider's disc, which are known at both ends of a step.
+!> Orbits by samples, of contacts that slip along one tangent or two: along a balance's motion, or marched in exponential steps.
 module attrito_stability_sampled_orbit
-  use attrito_core_kinds, only: wp, two_pi
-  use attrito_contact_friction_disc, only: slip_type
+  use attrito_core_kinds, only: wp
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open
-  use attrito_model_contacts, only: contact_type
-  use attrito_stability_friction_path, only: path_type, follow_path, turn_over, unit
-  use attrito_stability_leg, only: leg_type, orbit_legs_type
-  use attrito_stability_sampled_motion, only: sampled_motion_type, at_contact_type
+  use attrito_integrate_loading, only: loading_type
+  use attrito_integrate_schemes, only: scheme_type, new_scheme, start_scheme, step_scheme, scheme_exponential
+  use attrito_integrate_state, only: state_type
+  use attrito_integrate_system, only: system_type
+  use attrito_stability_balance_motion, only: balance_motion_type
+  use attrito_stability_orbit, only: orbit_type
+  use attrito_stability_perturbation, only: memory_of
+  use attrito_stability_reduced, only: reduced_type
+  use attrito_stability_sampled_monodromy, only: sampled_monodromy
+  use attrito_stability_sampled_motion, only: sampled_motion_type, motion_of_harmonics
+  use attrito_stability_sampled_steps, only: sampled_steps_type, new_sampled_steps
   implicit none
   private
-  public :: sampled_orbit_type, new_sampled_orbit, legs_of_orbit
+  public :: sampled_orbit_type
 
-  type :: sampled_orbit_type
-    !> Where steps begin and the last ends, in periods [0:steps]
-    real(wp), allocatable :: times(:)
-    !> What each contact does on a step [contacts, steps]
-    integer, allocatable :: regime(:, :)
-    !> While it slips: direction at the beginning of a step, and how it turns by its end [contacts, steps]
-    real(wp), allocatable :: direction(:, :, :)
-    type(slip_type), allocatable :: turned(:, :)
-    !> Radius where a step begins [contacts, steps]
-    real(wp), allocatable :: radius(:, :)
-    !> u'/v' where a contact lands at the beginning of a step [2, contacts, steps]
-    real(wp), allocatable :: landing_slope(:, :, :)
-    !> Contacts that stick throughout, and those that never open [contacts]
-    logical, allocatable :: stuck(:), closed(:)
-    !> Do all sliders come back?
-    logical :: periodic = .false.
+  type, extends(orbit_type) :: sampled_orbit_type
+    !> Of the contacts, with their sliders at its beginning [2, contacts], and what they do on it
+    type(sampled_motion_type) :: motion
+    real(wp), allocatable :: slider(:, :)
+    type(sampled_steps_type) :: steps
+  contains
+    procedure :: take_balance
+    procedure :: march
+    procedure :: apply_law
+    procedure :: monodromy
+    procedure :: regimes
   end type sampled_orbit_type
 
 contains
 
-  !> From the contacts' motion and sliders at its start [2, contacts], which are marched until they come back.
-  pure subroutine new_sampled_orbit(law, motion, slider, self)
-    !> Contact: its springs and its law
-    type(contact_type), intent(in) :: law(:)
-    !> Motion of the contacts at the samples of a period
-    type(sampled_motion_type), intent(in) :: motion
-    !> Sliders, as the contacts have them
-    real(wp), intent(in) :: slider(:, :)
-    type(sampled_orbit_type), intent(out) :: self
-    type(path_type) :: paths(size(law))
-    real(wp), allocatable :: places(:)
-    integer :: i, steps
+  subroutine take_balance(self, system, loading, balance)
+    class(sampled_orbit_type), intent(inout) :: self
+    !> Linear system in time: mass, damping, stiffness, contacts
+    type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
+    type(loading_type), intent(in) :: loading
+    !> Motion and sliders of all contacts by the balance
+    type(balance_motion_type), intent(in) :: balance
 
-    allocate (places(0), self%stuck(size(law)), self%closed(size(law)))
-    do i = 1, size(law)
-      paths(i) = follow_path(law(i), motion, slider(:, i))
-      places = [places, paths(i)%places]
-      self%closed(i) = paths(i)%start%regime /= regime_open .and. all(paths(i)%regimes /= regime_open)
-      self%stuck(i) = paths(i)%start%regime == regime_stick .and. size(paths(i)%places) == 0
-    end do
-    self%periodic = all(paths%periodic)
-    places = merged(places, motion%samples())
-    steps = size(places) - 1
-    allocate (self%times(0:steps), source=places/motion%samples())
-    allocate (self%regime(size(law), steps), self%turned(size(law), steps), self%direction(2, size(law), steps), &
-              self%radius(size(law), steps), self%landing_slope(2, size(law), steps))
-    do i = 1, size(law)
-      call walk(law(i), motion, paths(i), places, i, self)
-    end do
-  end subroutine new_sampled_orbit
+    self%period = loading%period
+    self%motion = motion_of_harmonics(balance%motion, self%samples)
+    self%slider = balance%slider
+    call self%apply_law(system)
+  end subroutine take_balance
 
-  !> What one contact does on every step.
-  pure subroutine walk(law, motion, path, places, contact, self)
-    !> Contact: its springs and its law
-    type(contact_type), intent(in) :: law
-    !> Motion of the contacts at the samples of a period
-    type(sampled_motion_type), intent(in) :: motion
-    !> What the contact does over the period
-    type(path_type), intent(in) :: path
-    !> Places of samples and switches
-    real(wp), intent(in) :: places(0:)
+  !> In as many exponential steps as there are samples.
+  subroutine march(self, system, loading, state, range, converged, trajectory)
+    class(sampled_orbit_type), intent(inout) :: self
+    !> Linear system in time: mass, damping, stiffness, contacts
+    type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
+    type(loading_type), intent(in) :: loading
+    !> Where the period begins, then where it ends
+    type(state_type), intent(inout) :: state
+    !> Half range of the motion over the period, in the norm of the mass matrix
+    real(wp), intent(out) :: range
+    !> Was the period marched to its end?
+    logical, intent(out) :: converged
+    !> Modal displacement at equal instants, from the period's beginning [m, a divisor of the samples]
+    real(wp), intent(out), optional :: trajectory(:, :)
+    type(scheme_type) :: scheme
+    type(sampled_motion_type) :: motion
+    real(wp) :: low(size(state%motion)), high(size(state%motion))
+    integer :: step, spacing
+
+    if (present(trajectory)) spacing = self%samples/size(trajectory, 2)
+    call new_scheme(system, scheme_exponential, self%samples, loading%period, -1.0_wp, scheme)
+    call start_scheme(scheme, system, loading, state)
+    allocate (motion%displacement(0:self%samples, size(system%springs)), motion%rate(0:self%samples, size(system%springs)))
+    low = state%motion
+    high = state%motion
+    do step = 0, self%samples
+      if (step > 0) call step_scheme(scheme, system, loading, state, step/self%samples, modulo(step, self%samples)*scheme%h, &
+                                     converged)
+      converged = all(abs(state%motion) < huge(1.0_wp)) .and. (step == 0 .or. converged)
+      if (.not. converged) return
+      motion%displacement(step, :) = matmul(state%motion, system%rows)
+      motion%rate(step, :) = matmul(state%rate, system%rows)*scheme%h
+      low = min(low, state%motion)
+      high = max(high, state%motion)
+      if (.not. present(trajectory)) cycle
+      if (step < self%samples .and. modulo(step, spacing) == 0) trajectory(:, step/spacing + 1) = state%motion
+    end do
+    range = 0.5_wp*norm2(high - low)
+    self%period = loading%period
+    self%motion = motion
+    self%slider = state%slider
+    call self%apply_law(system)
+  end subroutine march
+
+  !> Along the motion that is known.
+  subroutine apply_law(self, system)
+    class(sampled_orbit_type), intent(inout) :: self
+    !> Linear system in time, with the changed laws
+    type(system_type), intent(in) :: system
+
+    call new_sampled_steps(system%law, self%motion, self%slider, self%steps)
+    self%stuck = self%steps%stuck
+    self%closed = self%steps%closed
+    self%regime = self%steps%regime(:, 1)
+    self%memory = memory_of(system%law, self%stuck, self%regime)
+    self%periodic = self%steps%periodic
+  end subroutine apply_law
+
+  function monodromy(self, reduced) result(matrix)
+    class(sampled_orbit_type), intent(in) :: self
+    !> Modes on which stability is examined
+    type(reduced_type), intent(in) :: reduced
+    real(wp), allocatable :: matrix(:, :)
+
+    matrix = sampled_monodromy(reduced, self%steps, self%period)
+  end function monodromy
+
+  pure function regimes(self, contact) result(list)
+    class(sampled_orbit_type), intent(in) :: self
     !> Number of the contact
     integer, intent(in) :: contact
-    type(sampled_orbit_type), intent(inout) :: self
-    type(at_contact_type) :: from, to
-    real(wp) :: slider(2), direction(2)
-    integer :: step, next, regime, before
+    integer, allocatable :: list(:)
 
-    regime = path%start%regime
-    slider = path%start%slider
-    direction = path%start%direction
-    next = 1
-    to = motion%at_contact(law, places(0))
-    do step = 1, size(self%times) - 1
-      from = to
-      to = motion%at_contact(law, places(step))
-      before = regime
-      do while (next <= size(path%places))
-        if (path%places(next) > places(step - 1)) exit
-        regime = path%regimes(next)
-        next = next + 1
-      end do
-      associate (radius => law%friction_coefficient*max(from%pressed, 0.0_wp), turned => self%turned(contact, step))
-        if (before == regime_slip) slider = from%u - radius*direction
-        if (before == regime_open) slider = from%u
-        if (before == regime_stick .and. regime == regime_slip) direction = unit(from%u - slider, direction)
-        if (before == regime_open .and. regime == regime_slip) direction = unit(from%u_rate, direction)
-        self%regime(contact, step) = regime
-        self%direction(:, contact, step) = direction
-        self%radius(contact, step) = radius
-        self%landing_slope(:, contact, step) = 0.0_wp
-        if (before == regime_open .and. regime == regime_stick) self%landing_slope(:, contact, step) = &
-          law%normal_stiffness/law%tangential_stiffness*from%u_rate/from%pressed_rate
-        if (regime /= regime_slip) cycle
-        turned = turn_over(law, from, to, direction)
-        direction = turned%e
-      end associate
-    end do
-  end subroutine walk
-
-  !> All samples and switches, ascending, without repetitions.
-  pure function merged(switches, samples) result(places)
-    !> Does any contact slip or open?
-    real(wp), intent(in) :: switches(:)
-    !> Samples a period, J
-    integer, intent(in) :: samples
-    real(wp), allocatable :: places(:)
-    real(wp) :: sorted(size(switches) + 1), all_places(size(switches) + samples + 1)
-    integer :: i, j, sample, count
-
-    sorted = [switches, samples + 1.0_wp]
-    do i = 2, size(sorted)
-      do j = i, 2, -1
-        if (sorted(j - 1) <= sorted(j)) exit
-        sorted(j - 1:j) = sorted(j:j - 1:-1)
-      end do
-    end do
-    i = 1
-    sample = 0
-    count = 0
-    do while (sample <= samples)
-      count = count + 1
-      all_places(count) = min(sorted(i), real(sample, wp))
-      if (sample <= all_places(count)) sample = sample + 1
-      do while (sorted(i) <= all_places(count))
-        i = i + 1
-      end do
-    end do
-    places = all_places(:count)
-  end function merged
-
-  !> What contacts do, as legs, to be compared.
-  pure function legs_of_orbit(orbit) result(self)
-    !> Orbit whose contacts go by samples
-    type(sampled_orbit_type), intent(in) :: orbit
-    type(orbit_legs_type) :: self
-    integer :: step
-
-    self%stuck = orbit%stuck
-    allocate (self%legs(size(orbit%regime, 2)))
-    do step = 1, size(self%legs)
-      associate (leg => self%legs(step))
-        leg%from = two_pi*orbit%times(step - 1)
-        leg%length = two_pi*(orbit%times(step) - orbit%times(step - 1))
-        leg%regime = orbit%regime(:, step)
-        allocate (leg%side(size(orbit%stuck)), source=0)
-      end associate
-    end do
-  end function legs_of_orbit
+    list = merge(2, 0, self%steps%regime(contact, :) == regime_open)
+  end function regimes
 end module attrito_stability_sampled_orbit

@@ -26,14 +26,14 @@ contains
     end associate
   end function loading_of
 
-  !> Motion, rate and sliders [contacts] at the start of the period; contacts are brought onto their law.
+  !> Motion, rate and sliders at the start of the period; contacts are brought onto their law.
   function start_of(solver, system, slider) result(state)
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
-    !> Sliders, as the contacts have them
-    real(wp), intent(in) :: slider(:)
+    !> Sliders, as the contacts have them [2, contacts]
+    real(wp), intent(in) :: slider(:, :)
     type(state_type) :: state
     real(wp), allocatable :: q(:, :)
     real(wp) :: displacement(size(system%eigenvalues)), velocity(size(system%eigenvalues))
@@ -47,7 +47,7 @@ contains
       velocity = velocity + h*solver%omega*q(2*h + 1, :)
     end do
     state = new_state(system, matmul(displacement, system%weighted), matmul(velocity, system%weighted)/system%clock, &
-                      reshape([slider, 0.0_wp*slider], [2, size(slider)], order=[2, 1]))
+                      slider)
   end function start_of
 
   !> Coefficients of the model's coordinates [2 H + 1, m].

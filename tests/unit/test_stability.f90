@@ -3,21 +3,20 @@ program test_stability
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp, two_pi
   use attrito_contact_state, only: regime_slip
-  use attrito_contact_trigonometric_roots, only: new_grid
   use attrito_solve_strategies, only: solve_by_strategies
   use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
   use attrito_solve_static_path, only: follow_static_path
   use attrito_integrate_loading, only: loading_type
   use attrito_integrate_state, only: state_type, new_state
   use attrito_integrate_system, only: system_type, new_system
+  use attrito_stability_balance_motion, only: balance_motion_of
   use attrito_stability_distance, only: trajectory_of_balance, distance_between
   use attrito_stability_examine, only: by_monodromy, by_hill
   use attrito_stability_hill, only: hill_multipliers
-  use attrito_stability_leg, only: orbit_legs_type, legs_of_motion
-  use attrito_stability_monodromy, only: monodromy, free_sliders
+  use attrito_stability_event_orbit, only: event_orbit_type
   use attrito_stability_multipliers, only: multiplier_type, multipliers_of, in_modes
   use attrito_stability_reduced, only: reduce_to
-  use attrito_stability_shooting, only: shoot, march_period, march_recorded
+  use attrito_stability_shooting, only: shoot
   use attrito_stability_start, only: loading_of, start_of
   use attrito_stability_verdict, only: judge, largest_multiplier, stable, unstable
   use attrito_model_contacts, only: new_contacts
@@ -64,21 +63,25 @@ contains
     type(system_type), intent(out) :: system
     type(loading_type), intent(out) :: loading
     type(state_type), intent(out) :: start
-    type(orbit_legs_type), intent(out) :: orbit
+    type(event_orbit_type), intent(out) :: orbit
     type(error_type), allocatable, intent(inout) :: error
     type(solver_type) :: solver
-    real(wp) :: moved
+    type(state_type) :: first, end
+    real(wp) :: range
     logical :: found
 
     call balance_scene(scene, frequency_hz, level, 20, solver, error)
     if (allocated(error)) return
     call new_system(solver%structure, solver%contacts, system, error)
     loading = loading_of(solver, system)
-    start = start_of(solver, system, solver%context%balance%slider(1, :))
-    call shoot(system, loading, start, orbit, moved, found)
+    first = start_of(solver, system, solver%context%balance%slider)
+    start = first
+    call shoot(system, loading, start, orbit, found)
     call check(error, found, 'no orbit is found')
+    end = start
+    call orbit%march(system, loading, end, range, found)
     ! What 20 harmonics leave out of forces with kinks.
-    call check(error, moved <= 1.0e-2_wp, 'it is another orbit than the balance''s')
+    call check(error, norm2(start%motion - first%motion) <= 1.0e-2_wp*range, 'it is another orbit than the balance''s')
     call solver%destroy()
   end subroutine find_orbit
 
@@ -100,14 +103,15 @@ contains
     type(system_type) :: system
     type(loading_type) :: loading
     type(state_type) :: start, state
-    type(orbit_legs_type) :: orbit, other
+    type(event_orbit_type) :: orbit, other
     real(wp), allocatable :: matrix(:, :), differences(:, :), ends(:, :)
     real(wp) :: range, h
     integer :: column, way, m
+    logical :: converged
 
     call find_orbit(scene, frequency_hz, level, system, loading, start, orbit, error)
     if (allocated(error)) return
-    matrix = monodromy(reduce_to(system, size(system%eigenvalues)), orbit, loading%period)
+    matrix = orbit%monodromy(reduce_to(system, size(system%eigenvalues)))
     allocate (differences, mold=matrix)
     allocate (ends(size(matrix, 1), 2))
     m = size(start%motion)
@@ -128,8 +132,8 @@ contains
           state%slider(1, 1) = -real(start%side(1), wp)
           state = new_state(system, state%motion, state%rate, state%slider)
         end if
-        call march_period(system, loading, state, other, range)
-        ends(:, way) = [state%motion, state%rate, state%slider(1, free_sliders(orbit))]
+        call other%march(system, loading, state, range, converged)
+        ends(:, way) = [state%motion, state%rate, state%slider(1, orbit%memory%contact)]
       end do
       differences(:, column) = (ends(:, 2) - ends(:, 1))/(2.0_wp*h)
     end do
@@ -142,21 +146,20 @@ contains
     type(system_type) :: system
     type(loading_type) :: loading
     type(state_type) :: start
-    type(orbit_legs_type) :: orbit, parted
+    type(event_orbit_type) :: orbit, parted
     real(wp), allocatable :: whole(:, :)
     integer :: i
 
     call find_orbit(stiff_wedge(), 110.0_wp, 1.0_wp, system, loading, start, orbit, error)
     if (allocated(error)) return
-    whole = monodromy(reduce_to(system, size(system%eigenvalues)), orbit, loading%period)
+    whole = orbit%monodromy(reduce_to(system, size(system%eigenvalues)))
     parted = orbit
-    parted%legs = [(orbit%legs(i), orbit%legs(i), i=1, size(orbit%legs))]
-    do i = 1, size(orbit%legs)
-      parted%legs(2*i - 1)%length = 0.0_wp
-      parted%legs(2*i)%rests = .false.
+    parted%legs%legs = [(orbit%legs%legs(i), orbit%legs%legs(i), i=1, size(orbit%legs%legs))]
+    do i = 1, size(orbit%legs%legs)
+      parted%legs%legs(2*i - 1)%length = 0.0_wp
+      parted%legs%legs(2*i)%rests = .false.
     end do
-    call check_close(error, monodromy(reduce_to(system, size(system%eigenvalues)), parted, loading%period), whole, &
-                     0.0_wp, 'monodromy')
+    call check_close(error, parted%monodromy(reduce_to(system, size(system%eigenvalues))), whole, 0.0_wp, 'monodromy')
   end subroutine no_length
 
   subroutine exact_orbit(error)
@@ -164,18 +167,18 @@ contains
     type(system_type) :: system
     type(loading_type) :: loading
     type(state_type) :: start
-    type(orbit_legs_type) :: orbit
+    type(event_orbit_type) :: orbit
     type(multiplier_type), allocatable :: flow(:), harmonics(:)
     real(wp) :: change
-    integer :: info, i
+    integer :: info, modes, i
 
     do i = 1, 2
       if (i == 1) call find_orbit(wedge(45.0_wp), 132.0_wp, 5.0_wp, system, loading, start, orbit, error)
       if (i == 2) call find_orbit(stiff_wedge(), 110.0_wp, 1.0_wp, system, loading, start, orbit, error)
       if (allocated(error)) return
-      call multipliers_of(system, orbit, loading%period, flow, change, info)
+      call multipliers_of(system, orbit, flow, modes, change, info)
       call check(error, info == 0, 'no eigenvalues')
-      call hill_multipliers(system, orbit, loading%period, harmonics, info)
+      call hill_multipliers(system, orbit%legs, loading%period, harmonics, info)
       call check(error, info == 0, 'no eigenvalues of Hill''s problem')
       if (allocated(error)) return
       call check_close(error, reshape(harmonics%value, [size(harmonics), 1]), reshape(flow%value, [size(flow), 1]), &
@@ -203,19 +206,20 @@ contains
     type(system_type) :: system
     type(loading_type) :: loading
     type(state_type) :: start, state
-    type(orbit_legs_type) :: orbit, other
+    type(event_orbit_type) :: orbit, other
     type(multiplier_type), allocatable :: multipliers(:)
     real(wp) :: range, change, distance(0:200)
-    integer :: cycle, info
+    integer :: cycle, info, modes
+    logical :: converged
 
     call find_orbit(scene, frequency_hz, level, system, loading, start, orbit, error)
     if (allocated(error)) return
-    call multipliers_of(system, orbit, loading%period, multipliers, change, info)
+    call multipliers_of(system, orbit, multipliers, modes, change, info)
     call check(error, judge(multipliers, .true.) == merge(unstable, stable, leaves), 'the verdict is another')
     state = new_state(system, (1.0_wp + 1.0e-6_wp)*start%motion, start%rate, start%slider)
     distance(0) = norm2(state%motion - start%motion)
     do cycle = 1, 200
-      call march_period(system, loading, state, other, range)
+      call other%march(system, loading, state, range, converged)
       distance(cycle) = hypot(norm2(state%motion - start%motion), norm2(state%rate - start%rate))
     end do
     if (leaves) then
@@ -250,8 +254,8 @@ contains
     type(system_type) :: system
     type(loading_type) :: loading
     type(state_type) :: start
-    type(orbit_legs_type) :: orbit
-    real(wp) :: balance(2, count), motion(2, count), apart(2), moved, at_start
+    type(event_orbit_type) :: orbit
+    real(wp) :: balance(2, count), motion(2, count), apart(2), range, at_start
     logical :: found
     integer :: i
 
@@ -260,13 +264,13 @@ contains
       if (allocated(error)) return
       call new_system(solver%structure, solver%contacts, system, error)
       loading = loading_of(solver, system)
-      start = start_of(solver, system, solver%context%balance%slider(1, :))
+      start = start_of(solver, system, solver%context%balance%slider)
       balance = trajectory_of_balance(solver, system, count)
       call check_close(error, balance(:, 1), start%motion, 1.0e-13_wp*norm2(start%motion), 'where the period starts')
-      call shoot(system, loading, start, orbit, moved, found)
+      call shoot(system, loading, start, orbit, found)
       call check(error, found, 'no orbit is found')
       if (allocated(error)) return
-      call march_recorded(system, loading, start, motion)
+      call orbit%march(system, loading, start, range, found, motion)
       apart(i) = distance_between(motion, balance)
       at_start = norm2(motion(:, 1) - balance(:, 1))/norm2(maxval(balance, 2) - minval(balance, 2))
       call check(error, apart(i) > at_start, 'it is nearer than where the period starts')
@@ -285,17 +289,17 @@ contains
     type(system_type) :: system
     type(loading_type) :: loading
     type(state_type) :: start
-    type(orbit_legs_type) :: orbit
+    type(event_orbit_type) :: orbit
     type(multiplier_type), allocatable :: all_modes(:), low_modes(:)
-    integer :: i, j, info
+    integer :: i, j, info, modes
 
     do i = 1, 2
       scene = wedge_with_high_mode(two_pi*i*8.0e3_wp)
       call find_orbit(scene, 132.0_wp, 5.0_wp, system, loading, start, orbit, error)
       if (allocated(error)) return
-      call multipliers_of(system, orbit, loading%period, all_modes, change, info)
+      call multipliers_of(system, orbit, all_modes, modes, change, info)
       call check_close(error, change, 0.0_wp, 0.0_wp, 'change')
-      call in_modes(system, 2, orbit, loading%period, low_modes, info)
+      call in_modes(system, 2, orbit, low_modes, info)
       apart(i) = maxval([(minval(abs(all_modes%value - low_modes(j)%value)), j=1, 4)])
     end do
     ! Twice the damping ratio, 0.5, times 132 Hz over 8 kHz, in a multiplier's exponent: times 2 pi, is 0.1, of a compliance that is
@@ -379,21 +383,20 @@ contains
     type(error_type), allocatable, intent(inout) :: error
     type(solver_type) :: solver
     type(system_type) :: system
-    type(orbit_legs_type) :: orbit
+    type(event_orbit_type) :: orbit
     type(multiplier_type), allocatable :: multipliers(:)
-    real(wp) :: period, change
-    integer :: info, i
+    real(wp) :: change
+    integer :: info, modes, i
 
     do i = 1, 2
       call balance_wedge(i == 1, 40, solver, error)
       if (allocated(error)) return
       call new_system(solver%structure, solver%contacts, system, error)
-      call legs_of_motion(solver%contacts%law, new_grid(40), solver%motion, solver%context%balance%slider(1, :), orbit)
-      period = two_pi*system%clock/solver%omega
+      call orbit%take_balance(system, loading_of(solver, system), balance_motion_of(solver))
       if (method == by_monodromy) then
-        call multipliers_of(system, orbit, period, multipliers, change, info)
+        call multipliers_of(system, orbit, multipliers, modes, change, info)
       else
-        call hill_multipliers(system, orbit, period, multipliers, info)
+        call hill_multipliers(system, orbit%legs, orbit%period, multipliers, info)
       end if
       call check(error, info == 0, 'no eigenvalues')
       call check_close(error, reshape(multipliers%value, [5, 1]), reshape(merge(along_x, along_tangent, i == 1), [5, 1]), &

@@ -11,17 +11,19 @@ program test_stability_discs
   use attrito_integrate_system, only: system_type, new_system
   use attrito_model_contacts, only: contact_type, new_contacts
   use attrito_model_structure, only: damping_viscous
-  use attrito_stability_examine_sampled, only: sampled_examination_type, examine_in_time
-  use attrito_stability_leg, only: orbit_legs_type, legs_of_motion
-  use attrito_stability_multipliers, only: multiplier_type, multipliers_of, largest_change, kind_floquet, kind_slip
+  use attrito_stability_assess, only: assess
+  use attrito_stability_balance_motion, only: balance_motion_type, balance_motion_of
+  use attrito_stability_event_orbit, only: event_orbit_type
+  use attrito_stability_examination, only: examination_type, examine_options_type, by_monodromy
+  use attrito_stability_multipliers, only: multiplier_type, multipliers_of, in_modes, largest_change, kind_floquet, kind_slip
+  use attrito_stability_orbit, only: orbit_type
+  use attrito_stability_orbit_search, only: orbit_search_type, new_search, new_orbit, find_orbit
   use attrito_stability_reduced, only: reduce_to
-  use attrito_stability_sampled_monodromy, only: sampled_monodromy
-  use attrito_stability_sampled_motion, only: sampled_motion_type, motion_of_harmonics
-  use attrito_stability_sampled_multipliers, only: sampled_multipliers
-  use attrito_stability_sampled_orbit, only: sampled_orbit_type, new_sampled_orbit
-  use attrito_stability_sampled_shooting, only: march_samples, shoot_sampled
-  use attrito_stability_start, only: loading_of, start_of
-  use attrito_stability_verdict, only: judge, largest_multiplier, stable, unstable
+  use attrito_stability_sampled_motion, only: motion_of_harmonics
+  use attrito_stability_sampled_orbit, only: sampled_orbit_type
+  use attrito_stability_shooting, only: shoot
+  use attrito_stability_start, only: loading_of
+  use attrito_stability_verdict, only: largest_multiplier, stable, unstable
   use scenes, only: scene_type, wedge, noise
   use session, only: run_in_session, only_me
   use testing, only: test, check, check_close
@@ -56,9 +58,9 @@ contains
     motion = reshape([0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], [3, 3])
     expected = exp(-two_pi*sqrt(ratio**2 - 1.0_wp))
     do i = 1, 2
-      call new_sampled_orbit(system%law, motion_of_harmonics(motion, 64*i), reshape([0.0_wp, 0.0_wp], [2, 1]), orbit)
-      call check(error, orbit%periodic .and. all(orbit%regime == regime_slip), 'it does not slip throughout')
-      call sampled_multipliers(system, 2, orbit, two_pi/0.5_wp*system%clock, multipliers, info)
+      orbit = orbit_along(system, two_pi/0.5_wp*system%clock, motion, reshape([0.0_wp, 0.0_wp], [2, 1]), 64*i)
+      call check(error, orbit%periodic .and. all(orbit%steps%regime == regime_slip), 'it does not slip throughout')
+      call in_modes(system, 2, orbit, multipliers, info)
       call check(error, info == 0, 'no eigenvalues')
       if (allocated(error)) return
       call check(error, count(multipliers%kind == kind_floquet) == 5 .and. count(multipliers%kind == kind_slip) == 1, 'kinds')
@@ -69,6 +71,20 @@ contains
                      'multiplier')
     call check_close(error, log(apart(1)/apart(2))/log(2.0_wp), 2.0_wp, 0.2_wp, 'order')
   end subroutine circle
+
+  !> The orbit of a motion of harmonics, by samples.
+  function orbit_along(system, period, motion, slider, samples) result(orbit)
+    type(system_type), intent(in) :: system
+    real(wp), intent(in) :: period, motion(:, :), slider(:, :)
+    integer, intent(in) :: samples
+    type(sampled_orbit_type) :: orbit
+
+    orbit%samples = samples
+    orbit%period = period
+    orbit%motion = motion_of_harmonics(motion, samples)
+    orbit%slider = slider
+    call orbit%apply_law(system)
+  end function orbit_along
 
   function rotating_scene(ratio) result(scene)
     !> Radius of the circle over that of the disc
@@ -110,12 +126,13 @@ contains
     type(scene_type) :: scene
     type(system_type) :: system, flat
     type(solver_type) :: solver
-    type(orbit_legs_type) :: legs
+    type(balance_motion_type) :: balance_motion
+    type(event_orbit_type) :: events
     type(sampled_orbit_type) :: orbit
     type(multiplier_type), allocatable :: known(:), multipliers(:)
     real(wp), allocatable :: motion(:, :)
     real(wp) :: apart(2), change, slider(2, 1)
-    integer :: i, j, info, number
+    integer :: i, j, info, modes, number
 
     do number = 1, 2
       scene = wedge(45.0_wp)
@@ -123,11 +140,10 @@ contains
       call balance(scene, merge(132.0_wp, 110.0_wp, number == 1), merge(5.0_wp, 1.0_wp, number == 1), solver, error)
       if (allocated(error)) return
       call new_system(solver%structure, solver%contacts, flat, error)
-      associate (context => solver%context%balance)
-        slider(:, 1) = [context%forces(1)%slider(1), 0.0_wp]
-        call legs_of_motion(flat%law, context%quadrature%grid, solver%motion, slider(1, :), legs)
-      end associate
-      call multipliers_of(flat, legs, two_pi/solver%omega*flat%clock, known, change, info)
+      balance_motion = balance_motion_of(solver)
+      slider(:, 1) = [balance_motion%slider(1, 1), 0.0_wp]
+      call events%take_balance(flat, loading_of(solver, flat), balance_motion)
+      call multipliers_of(flat, events, known, modes, change, info)
       motion = solver%motion
       system = flat
       if (tangents == 2) then
@@ -136,9 +152,9 @@ contains
         motion = reshape([motion(:, 1), 0.0_wp*motion(:, 1), motion(:, 2)], [size(motion, 1), 3])
       end if
       do i = 1, 2
-        call new_sampled_orbit(system%law, motion_of_harmonics(motion, 512*i), slider, orbit)
+        orbit = orbit_along(system, two_pi/solver%omega*system%clock, motion, slider, 512*i)
         call check(error, orbit%periodic, 'the slider does not come back')
-        call sampled_multipliers(system, size(system%eigenvalues), orbit, two_pi/solver%omega*system%clock, multipliers, info)
+        call in_modes(system, size(system%eigenvalues), orbit, multipliers, info)
         call check(error, info == 0, 'no eigenvalues')
         if (allocated(error)) return
         apart(i) = maxval([(minval(abs(multipliers%value - known(j)%value)), j=1, size(known))])
@@ -188,15 +204,14 @@ contains
     end associate
   end subroutine spread_out
 
-  !> The stiff wedge in space, also shaken across its plane: the system in time, and where its balance's period starts.
-  subroutine balance_in_space(frequency_hz, system, loading, start, error)
+  !> The stiff wedge in space, also shaken across its plane: what the orbits of its balance's point are found by.
+  subroutine balance_in_space(frequency_hz, search, error)
     real(wp), intent(in) :: frequency_hz
-    type(system_type), intent(out) :: system
-    type(loading_type), intent(out) :: loading
-    type(state_type), intent(out) :: start
+    type(orbit_search_type), intent(out) :: search
     type(error_type), allocatable, intent(inout) :: error
     type(scene_type) :: scene
     type(solver_type) :: solver
+    type(system_type) :: system
 
     scene = wedge(45.0_wp)
     call stiffen(scene)
@@ -206,11 +221,8 @@ contains
     if (allocated(error)) return
     call new_system(solver%structure, solver%contacts, system, error)
     if (allocated(error)) return
-    loading = loading_of(solver, system)
-    associate (slider => solver%context%balance%forces(1)%slider)
-      start = start_of(solver, system, slider(1:1))
-      start%slider(:, 1) = slider
-    end associate
+    search = new_search(solver, system, balance_motion_of(solver))
+    search%in_time = .true.
     call solver%destroy()
   end subroutine balance_in_space
 
@@ -240,11 +252,11 @@ contains
     type(system_type) :: system
     type(loading_type) :: loading
     type(state_type) :: start, state
-    type(sampled_orbit_type) :: orbit
-    type(sampled_motion_type) :: motion
+    type(sampled_orbit_type) :: every, orbit
     real(wp), allocatable :: matrix(:, :), differences(:, :)
-    real(wp) :: h, apart(2)
+    real(wp) :: h, range, apart(2)
     integer :: cycle, regime, i, n
+    logical :: converged
 
     call spatial_wedge(system, loading, error)
     if (allocated(error)) return
@@ -259,15 +271,16 @@ contains
     do i = 1, n
       differences(:, i) = (moved(system, loading, start, i, h, fine) - moved(system, loading, start, i, -h, fine))/(2.0_wp*h)
     end do
+    every%samples = fine
+    state = start
+    call every%march(system, loading, state, range, converged)
     do i = 1, 2
-      state = start
-      call march(system, loading, fine, state, 512*i, motion)
-      call new_sampled_orbit(system%law, motion, state%slider, orbit)
+      orbit = every_so_many(every, system, 512*i)
       call check(error, orbit%periodic, 'the slider does not come back')
-      call check(error, all([(any(orbit%regime == regime), regime=0, 2)]) .and. orbit%regime(1, 1) == regime_slip, &
+      call check(error, all([(any(orbit%steps%regime == regime), regime=0, 2)]) .and. orbit%regime(1) == regime_slip, &
                  'it does not stick, slip and open: the test is void')
       if (allocated(error)) return
-      matrix = sampled_monodromy(reduce_to(system, size(system%eigenvalues)), orbit, loading%period)
+      matrix = orbit%monodromy(reduce_to(system, size(system%eigenvalues)))
       apart(i) = maxval(abs(matrix - differences))/maxval(abs(differences))
     end do
     ! The change of a thousandth leaves 1e-6 by curvature, and of the scheme's steps one in sixteen that a switch is moved by: 1e-4 of
@@ -285,7 +298,7 @@ contains
     type(system_type) :: system
     type(sampled_orbit_type) :: orbit
     type(multiplier_type), allocatable :: few(:), more(:), every(:)
-    real(wp) :: period, slider(2, 1)
+    real(wp) :: slider(2, 1)
     integer :: info(3)
 
     scene = wedge(45.0_wp)
@@ -298,12 +311,12 @@ contains
     call new_system(solver%structure, solver%contacts, system, error)
     if (allocated(error)) return
     slider(:, 1) = solver%context%balance%forces(1)%slider
-    call new_sampled_orbit(system%law, motion_of_harmonics(solver%motion, 512), slider, orbit)
-    call check(error, any(orbit%regime == regime_slip) .and. any(orbit%regime == regime_open), 'it does not slip and open')
-    period = two_pi/solver%omega*system%clock
-    call sampled_multipliers(system, modes(1), orbit, period, few, info(1))
-    call sampled_multipliers(system, modes(2), orbit, period, more, info(2))
-    call sampled_multipliers(system, modes(3), orbit, period, every, info(3))
+    orbit = orbit_along(system, two_pi/solver%omega*system%clock, solver%motion, slider, 512)
+    call check(error, any(orbit%steps%regime == regime_slip) .and. any(orbit%steps%regime == regime_open), &
+               'it does not slip and open')
+    call in_modes(system, modes(1), orbit, few, info(1))
+    call in_modes(system, modes(2), orbit, more, info(2))
+    call in_modes(system, modes(3), orbit, every, info(3))
     call solver%destroy()
     call check(error, all(info == 0), 'no eigenvalues')
     if (allocated(error)) return
@@ -392,49 +405,67 @@ contains
                           new_profile(constant))
   end subroutine spatial_wedge
 
-  !> March a period of exponential steps; keep some samples of the contacts' motion.
-  subroutine march(system, loading, steps, state, samples, motion)
+  !> March a period of exponential steps.
+  subroutine march(system, loading, steps, state)
     type(system_type), intent(in) :: system
     type(loading_type), intent(in) :: loading
     integer, intent(in) :: steps
     type(state_type), intent(inout) :: state
-    integer, intent(in), optional :: samples
-    type(sampled_motion_type), intent(out), optional :: motion
-    type(sampled_motion_type) :: every
+    type(sampled_orbit_type) :: orbit
     real(wp) :: range
     logical :: converged
 
-    call march_samples(system, loading, steps, state, every, range, converged)
-    if (.not. present(motion)) return
-    allocate (motion%displacement(0:samples, size(system%springs)), motion%rate(0:samples, size(system%springs)))
-    motion%displacement(:, :) = every%displacement(::steps/samples, :)
-    motion%rate(:, :) = steps/samples*every%rate(::steps/samples, :)
+    orbit%samples = steps
+    call orbit%march(system, loading, state, range, converged)
   end subroutine march
+
+  !> The same motion by some of its samples.
+  function every_so_many(orbit, system, samples) result(coarse)
+    type(sampled_orbit_type), intent(in) :: orbit
+    type(system_type), intent(in) :: system
+    integer, intent(in) :: samples
+    type(sampled_orbit_type) :: coarse
+    integer :: spacing
+
+    spacing = orbit%samples/samples
+    coarse%samples = samples
+    coarse%period = orbit%period
+    coarse%slider = orbit%slider
+    allocate (coarse%motion%displacement(0:samples, size(system%springs)), coarse%motion%rate(0:samples, size(system%springs)))
+    coarse%motion%displacement(:, :) = orbit%motion%displacement(::spacing, :)
+    coarse%motion%rate(:, :) = spacing*orbit%motion%rate(::spacing, :)
+    call coarse%apply_law(system)
+  end function every_so_many
 
   !> The orbit of motion in time, perturbed and marched, is left or come back to at the rate of its largest multiplier.
   subroutine verdicts(error)
     type(error_type), allocatable, intent(out) :: error
     integer, parameter :: steps = 1024
     real(wp), parameter :: at(3) = [105.0_wp, 110.0_wp, 115.0_wp]
-    type(system_type) :: system
-    type(loading_type) :: loading
+    type(orbit_search_type) :: search
+    class(orbit_type), allocatable :: orbit
+    type(sampled_orbit_type) :: other
     type(state_type) :: start, state
-    type(sampled_motion_type) :: motion
-    type(sampled_examination_type) :: examination
-    real(wp) :: range, moved, largest, second, rate, distance(0:60)
+    type(examination_type) :: examination
+    real(wp) :: range, largest, second, rate, distance(0:60)
     integer :: i, cycle, ends(2)
     logical :: found
 
+    other%samples = steps
     do i = 1, size(at)
-      call balance_in_space(at(i), system, loading, start, error)
+      call balance_in_space(at(i), search, error)
       if (allocated(error)) return
-      call examine_in_time(system, loading, start, moved, examination)
-      call check(error, len(examination%failure) == 0 .and. examination%grazes == 0, 'it is not examined')
+      call new_orbit(search, orbit)
+      call find_orbit(search, orbit, found)
+      call check(error, found, 'no orbit next to that of the balance')
       if (allocated(error)) return
-      largest = largest_multiplier(examination%multipliers)
-      call check(error, judge(examination%multipliers, .true., examination%change) == merge(stable, unstable, i == 3), &
-                 'the verdict is another')
-      call shoot_sampled(system, loading, steps, start, motion, moved, found)
+      call assess(search, examine_options_type(methods=by_monodromy), search%system, orbit, examination)
+      call check(error, len(examination%reason) == 0, 'it is not examined')
+      if (allocated(error)) return
+      largest = largest_multiplier(examination%monodromy)
+      call check(error, examination%verdict == merge(stable, unstable, i == 3), 'the verdict is another')
+      start = search%start
+      call shoot(search%system, search%loading, start, other, found)
       call check(error, found, 'no orbit in so many steps')
       state = start
       ! Perturbations that move switches by less than a step, 5e-6 of the motion and below, see the map of the scheme, whose slope
@@ -442,12 +473,12 @@ contains
       state%motion = (1.0_wp + merge(1.0e-3_wp, 1.0e-4_wp, i == 3))*state%motion
       distance(0) = norm2(state%motion - start%motion)
       do cycle = 1, 60
-        call march_samples(system, loading, steps, state, motion, range, found)
+        call other%march(search%system, search%loading, state, range, found)
         distance(cycle) = hypot(norm2(state%motion - start%motion), norm2(state%rate - start%rate))
       end do
       if (i == 3) then
         ! What is left after ten periods is of the two largest multipliers, which are near each other; the next is 0.5 of them.
-        associate (moduli => abs(examination%multipliers%value))
+        associate (moduli => abs(examination%monodromy%value))
           second = maxval(moduli, mask=moduli < (1.0_wp - 1.0e-9_wp)*largest)
         end associate
         rate = log(distance(30)/distance(10))/20
