@@ -25,6 +25,10 @@ module attrito_balance_harmonic_balance
   private
   public :: balance_type, stuck_mean_type
 
+  !> Part of the forces that free motions bear which their own rounding leaves unbalanced: they are a null space to 10 epsilon m
+  !> (`attrito_linear_rigid_body_modes`), m up to some thousands
+  real(wp), parameter :: free_rounding = 1.0e-11_wp ! derived
+
   !> Mean response of the stuck system, and the sliders and static loads that it belongs to
   type :: stuck_mean_type
     real(wp), allocatable :: slider(:, :), static_factors(:)
@@ -265,12 +269,13 @@ contains
   end function residual_omega
 
   !> Mean forces at the last evaluation that nothing balances along the motions that the structure leaves free, as a displacement:
-  !> no more than the norm of the residual, but for rounding (`attrito_linear_rigid_body_modes`).
+  !> no more than the norm of the residual (`attrito_linear_rigid_body_modes`), but for the rounding of free motions that bear the
+  !> preload's forces, which is left out.
   real(wp) function imbalance(self, mean)
     class(balance_type), intent(in) :: self
     !> Of the relative displacements of the last evaluation [rows]
     real(wp), intent(in) :: mean(:)
-    real(wp) :: force(size(mean)), along(self%free%count)
+    real(wp) :: force(size(mean)), along(self%free%count), carried(self%free%count)
     integer :: i
 
     imbalance = 0.0_wp
@@ -285,7 +290,10 @@ contains
     associate (free => self%free)
       along = matmul(force, free%rows(self%first_row:self%first_row + size(mean) - 1, :))
       call self%ranks%sum(along)
+      carried = matmul(abs(force), abs(free%rows(self%first_row:self%first_row + size(mean) - 1, :)))
+      call self%ranks%sum(carried)
       imbalance = norm2(matmul(free%static_loads, self%static_factors) + self%level*free%mean_load - along)
+      if (imbalance <= free_rounding*norm2(carried)) imbalance = 0.0_wp
     end associate
   end function imbalance
 
