@@ -381,6 +381,27 @@ void attrito_fetch_state(void *handle, double *numbers);
 /* Load, in place of the last point, what was saved on as many ranks; 1 if it is of this session's kind, else 0. Collective. */
 int attrito_load_state(void *handle, int count, const double *numbers);
 
+typedef struct {
+    attrito_point point;
+    double load;
+    double amplitude;
+    double structural_ratio;
+    double area;
+    double work;
+    double coarse_work;
+} attrito_quasi_static;
+
+/* Load a mode's shape with unit modal mass [m] quasi-statically. The static path has been followed; the session serves nothing but
+ * such cycles from then on. */
+void attrito_begin_quasi_static(void *handle, const double *shape, double omega);
+
+/* A closed cycle of an amplitude of the load, in so many steps, from the static solution. */
+void attrito_quasi_static_at(void *handle, double load, int steps, int settling, int branch,
+    attrito_quasi_static *cycle);
+
+/* Work of each contact in the last cycle, at the root. */
+void attrito_quasi_static_work(void *handle, double *work);
+
 /* See `reduction_options_type` */
 typedef struct {
     int modes;

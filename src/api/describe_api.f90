@@ -26,6 +26,7 @@ module attrito_api_describe
   use attrito_api_peak, only: peak_type
   use attrito_api_reduce, only: reduction_options_type => options_type, reduction_report_type => report_type
   use attrito_api_session, only: contact_law_type
+  use attrito_api_quasi_static, only: quasi_static_type
   use attrito_api_solver, only: solver_options_type => options_type, point_type
   use attrito_api_stability, only: examination_report_type
   implicit none
@@ -88,6 +89,7 @@ contains
     type(point_type) :: point
     type(peak_type) :: peak
     type(backbone_type) :: backbone
+    type(quasi_static_type) :: quasi_static
     type(examination_report_type) :: examination_report
     type(bifurcation_report_type) :: bifurcation_report
     type(scene_type) :: scene
@@ -101,6 +103,7 @@ contains
            sized('point', c_sizeof(point))// &
            sized('peak', c_sizeof(peak))// &
            sized('backbone', c_sizeof(backbone))// &
+           sized('quasi_static', c_sizeof(quasi_static))// &
            sized('examination_report', c_sizeof(examination_report))// &
            sized('bifurcation_report', c_sizeof(bifurcation_report))// &
            sized('integrate_scene', c_sizeof(scene))// &

@@ -14,6 +14,7 @@ module attrito_api_session
   use attrito_integrate_system, only: system_type
   use attrito_peak_backbone, only: backbone_type
   use attrito_peak_curve, only: curve_type
+  use attrito_peak_quasi_static, only: quasi_static_type
   use attrito_output_point_report, only: point_report_type
   use attrito_stability_crossing, only: moduli_type
   use attrito_stability_examine, only: examination_type
@@ -46,9 +47,10 @@ module attrito_api_session
     !> While other members of the last point's family are visited: the point, and two of them to return to
     type(family_type) :: family
     type(member_type) :: members(0:1)
-    !> A peak that is followed; a mode's backbone
+    !> A peak that is followed; a mode's backbone; a mode loaded quasi-statically
     type(curve_type) :: peak
     type(backbone_type) :: backbone
+    type(quasi_static_type) :: quasi_static
     !> The linear system in time, once it is asked for, and what was found of the last point's stability
     type(system_type), allocatable :: in_time
     type(examination_type) :: examination

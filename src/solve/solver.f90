@@ -75,6 +75,7 @@ module attrito_solve_solver
     procedure :: solve_stuck_at
     procedure :: accept
     procedure :: set_scales
+    procedure :: set_motion_scale
     procedure :: set_loads
     procedure :: set_slider
     procedure :: hold_contacts
@@ -264,13 +265,25 @@ contains
     associate (context => self%context, low => min(omega_a, omega_b), high => max(omega_a, omega_b))
       call find_scales(context%balance, self%stuck%omega, low, high, context%motion_scale, mean)
       context%frequency_scale = merge(high - low, high, high > low)
-      ! Rounding of the mean, which preloads and gaps move too, must stay below the tolerance on the harmonics; where it would hide
-      ! them, points fail rather than pass.
-      mean = max(mean, context%balance%norm(self%motion(1:1, :)))
-      context%tolerance = min(max(self%options%tolerance, 1.0e-13_wp*mean/context%motion_scale), loosest_tolerance)
-      call context%forget()
+      call self%set_motion_scale((context%motion_scale), mean)
     end associate
   end subroutine set_scales
+
+  !> What residuals and steps are relative to, and the tolerance that rounding leaves.
+  subroutine set_motion_scale(self, scale, mean)
+    class(solver_type), intent(inout) :: self
+    !> Norm of the contacts' motion about its mean; norm of the mean
+    real(wp), intent(in) :: scale, mean
+
+    associate (context => self%context)
+      context%motion_scale = scale
+      ! Rounding of the mean, which preloads and gaps move too, must stay below the tolerance on the harmonics; where it would hide
+      ! them, points fail rather than pass.
+      context%tolerance = min(max(self%options%tolerance, &
+                                  1.0e-13_wp*max(mean, context%balance%norm(self%motion(1:1, :)))/scale), loosest_tolerance)
+      call context%forget()
+    end associate
+  end subroutine set_motion_scale
 
   !> Factors on the static loads, and the level of the harmonic ones.
   subroutine set_loads(self, static_factors, level)

@@ -14,7 +14,7 @@ module attrito_solve_static_path
   use attrito_solve_strategy_outcome, only: strategy_outcome_type
   implicit none
   private
-  public :: follow_static_path
+  public :: follow_static_path, load_homotopy_type
 
   !> From one set of factors on the static loads to another, at one angular frequency
   type, extends(homotopy_type) :: load_homotopy_type

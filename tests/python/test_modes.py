@@ -6,40 +6,7 @@ import h5py
 import numpy as np
 import pytest
 from jobs import Job, attrito, chain, table, wedge, write_job
-
-K, KT, LIMIT, MASS = 1.0e5, 6.0e4, 20.0, 2.0
-
-
-def rubbing(harmonics: int = 1, stop: float = 2.0e-2) -> Job:
-    """A mass on a spring and one Coulomb element whose normal force is constant: limit 20, slip from 20/kt on."""
-    return {
-        "model": {"mass": (MASS * np.eye(2)).tolist(), "stiffness": (K * np.eye(2)).tolist()},
-        "damping": {"rayleigh": [2.0, 0.0]},
-        "contact": [
-            {
-                "normal": [[1, 1.0]],
-                "tangents": [[[0, 1.0]]],
-                "tangential_stiffness": KT,
-                "normal_stiffness": 4.0e5,
-                "friction_coefficient": 0.4,
-                "preload": 62.5,
-            }
-        ],
-        # The spring takes part of the preload: N = 62.5 K / (K + kn) + 37.5 = 50.
-        "load": [{"name": "press", "kind": "static", "dofs": [[1, 46.875]]}],
-        "balance": {"harmonics": harmonics},
-        "mode": {"start": 1.0e-4, "stop": stop, "points": 12},
-        "output": {"file": "result.h5"},
-    }
-
-
-def follow(folder, job: Job) -> list[dict[str, float]]:
-    done = attrito(folder, "mode", write_job(folder, job))
-    assert done.returncode == 0, done.stdout + done.stderr
-    numbers = ("amplitude", "frequency_hz", "damping_ratio", "damping_ratio_structure", "dissipated_energy")
-    rows = table(folder, result="result.mode.h5")
-    assert all(row["converged"] == "true" and row["outcome"] == "converged" for row in rows)
-    return [{name: float(row[name]) for name in numbers} for row in rows]
+from mode_jobs import KT, LIMIT, MASS, K, follow, rubbing
 
 
 def test_one_harmonic_of_a_coulomb_element_has_the_frequency_and_damping_of_its_describing_function(tmp_path):

@@ -255,16 +255,21 @@ TABLES: dict[str, dict[str, Key]] = {
         ),
         "near_hz": Key(frequency(), None, "instead: the elastic tangent mode nearest to this frequency"),
         "method": Key(
-            choice("epmc"), "epmc", "extended periodic motion concept ([modes.md](modes.md#nonlinear-modes))"
+            choice("epmc", "quasi_static"),
+            "epmc",
+            "extended periodic motion concept, or cycles of quasi-static loading"
+            " ([modes.md](modes.md#nonlinear-modes))",
         ),
         "start": Key(
             number(0, above=True),
             None,
-            "amplitude Q to begin at: zero to peak of phi^T M q_1, phi the tangent mode with unit modal mass",
+            "amplitude Q to begin at: zero to peak of phi^T M q_1, phi the tangent mode with unit modal mass;"
+            " quasi-static: half the range of phi^T M q",
             required=True,
         ),
         "stop": Key(number(0, above=True), None, "amplitude Q to end at", required=True),
         "points": Key(integer(2), 20, "amplitudes, equal in ratio, at which the mode is located"),
+        "steps": Key(integer(8), 64, 'load steps of a cycle, a multiple of 8, with `method = "quasi_static"`'),
     },
     "stability": {
         "method": Key(

@@ -18,6 +18,7 @@ from attrito.library.structures import (
     RawOrbit,
     RawPeak,
     RawPoint,
+    RawQuasiStatic,
     RawReduction,
     RawReductionReport,
     RawRun,
@@ -108,6 +109,9 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "attrito_begin_backbone": (None, (HANDLE, c_int, c_int, c_int, c_double, c_int, POINTER(RawBackbone))),
     "attrito_backbone_at": (None, (HANDLE, c_double, c_int, POINTER(RawBackbone))),
     "attrito_restart_backbone": (None, (HANDLE, c_double, c_int, POINTER(RawBackbone))),
+    "attrito_begin_quasi_static": (None, (HANDLE, Doubles, c_double)),
+    "attrito_quasi_static_at": (None, (HANDLE, c_double, c_int, c_int, c_int, POINTER(RawQuasiStatic))),
+    "attrito_quasi_static_work": (None, (HANDLE, Doubles)),
     # Integration in time
     "attrito_integrator_create": (c_int, (POINTER(RawScene), POINTER(HANDLE), *MESSAGE)),
     "attrito_integrator_start_static": (c_int, (HANDLE, c_int, c_int, Doubles, c_int, c_void_p, *MESSAGE)),

@@ -70,6 +70,15 @@ class RawBackbone(ctypes.Structure):
     ]
 
 
+class RawQuasiStatic(ctypes.Structure):
+    """A cycle of a mode that is loaded quasi-statically: `attrito.modes.quasi_static`."""
+
+    _fields_ = [
+        ("point", RawPoint),
+        *_all(c_double, "load", "amplitude", "structural_ratio", "area", "work", "coarse_work"),
+    ]
+
+
 class RawExamination(ctypes.Structure):
     """What an examination of stability found: the verdict, and how many multipliers each engine has."""
 
@@ -147,6 +156,7 @@ STRUCTURES: dict[str, type[ctypes.Structure]] = {
     "point": RawPoint,
     "peak": RawPeak,
     "backbone": RawBackbone,
+    "quasi_static": RawQuasiStatic,
     "examination_report": RawExamination,
     "bifurcation_report": RawBifurcation,
     "integrate_scene": RawScene,

@@ -10,12 +10,15 @@ import numpy as np
 
 from attrito.job.job import Job, mode_path
 from attrito.job.reading import read_job
+from attrito.library.names import OUTCOMES
 from attrito.library.series import Series
 from attrito.library.session import LinearModes, Solver
+from attrito.modes.mode_point import ModePoint
 from attrito.modes.plot import mode_curve
+from attrito.modes.quasi_static import QuasiStaticTracker
 from attrito.modes.scene_at_rest import Prepared, prepare, solver_at_rest
 from attrito.modes.table import table
-from attrito.modes.tracker import ModePoint, ModeTracker
+from attrito.modes.tracker import ModeTracker
 from attrito.peaks.fixed_series import fixed_series
 from attrito.plots.style import save
 from attrito.results.journal import Record
@@ -47,7 +50,10 @@ SERIES = {
     "damping_ratio": ("of the contacts: their work a period / (2 pi omega^2 sum h^2 q_h^H M q_h)", "1"),
     "damping_ratio_structure": ("of the structure's own damping, likewise", "1"),
     "dissipated_energy": ("work of all contacts a period", "user energy"),
+    # What keeps the motion up, by the method
     "excitation": ("negative damping that keeps the motion up, a part of the mass", "rad/s"),
+    "load": ("amplitude A of the load A M phi", "user length (user mass)^0.5 / (user time)^2"),
+    "loop_area": ("area of the loop of load and Q, by trapezoids: what the contacts' work adds up to", "user energy"),
 }
 
 
@@ -143,7 +149,7 @@ def _follow(
     progress: Progress,
 ) -> str:
     """Point after point into the journal; what is missing, in words."""
-    tracker = ModeTracker(solver, prepared.reduced, modes.shapes[index], modes.natural_hz[index])
+    tracker = _tracker(job, solver, prepared, modes, index)
     place = RunPosition()
     for one in _points(tracker, amplitudes(job)):
         recorder.hear()
@@ -160,7 +166,18 @@ def _follow(
     return f"the mode was lost at amplitude {one.amplitude:.6g}, before [mode] stop = {job['mode']['stop']:g}"
 
 
-def _points(tracker: ModeTracker, values: np.ndarray) -> Iterator[ModePoint]:
+def _tracker(
+    job: Job, solver: Solver, prepared: Prepared, modes: LinearModes, index: int
+) -> ModeTracker | QuasiStaticTracker:
+    """By the job's method."""
+    shape, frequency_hz = modes.shapes[index], modes.natural_hz[index]
+    if job["mode"]["method"] == "epmc":
+        return ModeTracker(solver, prepared.reduced, shape, frequency_hz)
+    contacts = len(prepared.reduced.laws["tangents"])
+    return QuasiStaticTracker(solver, contacts, shape, frequency_hz, job["mode"]["steps"])
+
+
+def _points(tracker: ModeTracker | QuasiStaticTracker, values: np.ndarray) -> Iterator[ModePoint]:
     """Points at these amplitudes, up to the first that is not found."""
     for amplitude in values:
         one = tracker.at(float(amplitude))
@@ -173,23 +190,28 @@ def _record(comm: Comm, recorder: Recorder, one: ModePoint) -> float:
     """Note what is known of a mode's point beside a result's series; the contacts' damping ratio. Collective."""
 
     def note() -> float:
+        if one.contact_work is not None and one.converged:
+            friction = Series("real64", "work done against friction per period", "user energy")
+            recorder.add("/contacts/dissipated_energy", friction, one.contact_work)
         work = float(np.nansum(recorder.heard("/contacts/dissipated_energy")))
         square = (2.0 * np.pi * one.point.frequency_hz) ** 2 * one.kinetic
         values = {
             "damping_ratio": work / (2.0 * np.pi * square) if one.converged else np.nan,
             "damping_ratio_structure": one.structural_ratio,
             "dissipated_energy": work,
-            "excitation": one.excitation,
-        }
+        } | one.drive
         values = {name: value if one.converged else np.nan for name, value in values.items()}
         for name, value in ({"amplitude": one.amplitude} | values).items():
             description, unit = SERIES[name]
             recorder.add(f"/points/{name}", Series("real64", description, unit), np.array(value))
         iterations = Series("int32", "iterations of Newton's method, all tries together", "1")
         recorder.add("/points/iterations", iterations, np.array(one.iterations))
+        ended = Series("int32", "how the point ended: index into the attribute names", "1", tuple(OUTCOMES))
+        recorder.add("/points/outcome", ended, np.array(OUTCOMES.index(one.point.outcome)))
         for name in ("estimate", "error_harmonics", "error_samples", "error_modes"):
-            unknown = Series("real64", "relative error: not estimated for modes", "1")
-            recorder.add(f"/points/{name}", unknown, np.array(np.nan))
+            known = one.estimate if name in ("estimate", "error_samples") and one.converged else np.nan
+            error = Series("real64", "relative error of the contacts' work; NaN: not estimated", "1")
+            recorder.add(f"/points/{name}", error, np.array(known))
         return values["damping_ratio"]
 
     return on_root(comm, note)
@@ -215,6 +237,8 @@ def _check(job: Job) -> None:
         faults.append(job.fault("[mode] near_hz", keys["near_hz"], "no such key beside number"))
     if keys["start"] == keys["stop"]:
         faults.append(job.fault("[mode] stop", keys["stop"], "an amplitude other than start"))
+    if keys["steps"] % 8:
+        faults.append(job.fault("[mode] steps", keys["steps"], "a multiple of 8"))
     if job["balance"]["approach"] == "uncoupled":
         faults.append(job.fault("[balance] approach", "uncoupled", '"coupled": a frozen mean is no motion of a mode'))
     if faults:

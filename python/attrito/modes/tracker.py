@@ -7,44 +7,17 @@ of one stuck mode; here it is varied until the mode's amplitude Q = |phi^T M q_1
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass
 
 import numpy as np
 
 from attrito.library.reduced_scene import ReducedScene
-from attrito.library.session import Point, Solver
+from attrito.library.session import Solver
 from attrito.library.structures import RawBackbone, omega, pointer
+from attrito.modes.mode_point import ModePoint
 
 # Relative difference of Q from what is asked for, and how often it is corrected
 AMPLITUDE_TOLERANCE = 1e-9
 MOST_CORRECTIONS = 12
-
-
-@dataclass(frozen=True)
-class ModePoint:
-    """A point of a mode.
-
-    Parameters
-    ----------
-    point : without an estimate of its error; its level has no meaning
-    amplitude : Q, zero to peak of phi^T M q_1, user length times root of user mass
-    kinetic : sum over h of h^2 q_h^H M q_h, of zero-to-peak amplitudes
-    structural_ratio : damping ratio of the structure alone
-    excitation : xi, rad per time
-    iterations : of Newton's method on the way here
-    """
-
-    point: Point
-    amplitude: float
-    kinetic: float
-    structural_ratio: float
-    excitation: float
-    iterations: int
-
-    @property
-    def converged(self) -> bool:
-        """Whether it was found."""
-        return self.point.is_solved
 
 
 class ModeTracker:
@@ -80,7 +53,9 @@ class ModeTracker:
         missed = not abs(found / amplitude - 1.0) <= AMPLITUDE_TOLERANCE
         if missed and point.is_solved:
             point = point._replace(outcome="not_converged")
-        return ModePoint(point, amplitude, raw.kinetic, raw.structural_ratio, raw.excitation, iterations)
+        return ModePoint(
+            point, amplitude, raw.kinetic, raw.structural_ratio, {"excitation": raw.excitation}, iterations
+        )
 
     def _solve(self, amplitude: float) -> RawBackbone:
         """At the coordinate at which the amplitude is expected: on the line through what is known, in logarithms."""

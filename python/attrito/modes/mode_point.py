@@ -1,0 +1,41 @@
+"""What is found of a nonlinear mode at one amplitude, by whatever method."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from attrito.library.session import Point
+
+
+@dataclass(frozen=True)
+class ModePoint:
+    """A point of a mode.
+
+    Parameters
+    ----------
+    point : without an estimate of its error; its level has no meaning
+    amplitude : Q, zero to peak of phi^T M q_1, user length times root of user mass; quasi-static: half the loop's range
+    kinetic : sum over h of h^2 q_h^H M q_h, of zero-to-peak amplitudes; quasi-static: Q^2
+    structural_ratio : damping ratio of the structure alone
+    drive : what keeps the motion up, by the names of their series: xi, rad per time; quasi-static: amplitude of the
+        load, and area of the loop
+    iterations : of Newton's method on the way here
+    estimate : relative error of the contacts' work; NaN: not estimated
+    contact_work : of each contact a period, user energy, at the root `[nc]`; None: that of the balance
+    """
+
+    point: Point
+    amplitude: float
+    kinetic: float
+    structural_ratio: float
+    drive: dict[str, float]
+    iterations: int
+    estimate: float = np.nan
+    contact_work: np.ndarray | None = None
+
+    @property
+    def converged(self) -> bool:
+        """Whether it was found."""
+        return self.point.is_solved

@@ -1,0 +1,114 @@
+"""A nonlinear mode by quasi-static loading, point by point; the cycles are the Fortran library's.
+
+K x + B^T lambda(B x) = f_0 + alpha M phi, alpha through whole cycles; Q = (q_max - q_min) / 2 with q = phi^T M x. Here
+the load is varied until Q is the amplitude asked for.
+"""
+
+from __future__ import annotations
+
+import ctypes
+
+import numpy as np
+
+from attrito.library.session import Solver
+from attrito.library.structures import RawQuasiStatic, omega, pointer
+from attrito.modes.mode_point import ModePoint
+
+# Steps of the cycles that the load is found with: a monotonic path needs few, and what these miss the last cycle shows.
+TRIAL_STEPS = 8
+# Cycles of few steps before the one that is reported, until they close: sliders under a normal force that varies creep
+# to where they stay.
+SETTLING = 60
+# Relative difference of Q from what is asked for: of a trial, and of the cycle that is reported
+TRIAL_TOLERANCE, AMPLITUDE_TOLERANCE = 1e-9, 1e-3
+MOST_TRIALS = 40
+# Between the load that carries too little and that which nothing carries: the limit of the contacts
+LIMIT = 1e-9
+
+
+class QuasiStaticTracker:
+    """Loads one mode. The solver has followed its static path; it serves nothing else from then on. Collective.
+
+    Parameters
+    ----------
+    solver : stays the caller's
+    contacts : how many there are
+    shape : of the tangent mode, unit modal mass, `[m]`
+    frequency_hz : of the tangent mode
+    steps : of a cycle, a multiple of 4
+    """
+
+    def __init__(self, solver: Solver, contacts: int, shape: np.ndarray, frequency_hz: float, steps: int):
+        self._solver, self._contacts, self._steps = solver, contacts, steps
+        self._stiffness = omega(frequency_hz) ** 2
+        # Amplitudes of load and Q, of the last two points
+        self._known: list[tuple[float, float]] = []
+        shape = np.ascontiguousarray(shape, dtype=float)
+        self._solver.call("attrito_begin_quasi_static", pointer(shape), omega(frequency_hz))
+
+    def at(self, amplitude: float) -> ModePoint:
+        """The point of an amplitude, whatever amplitudes came before: each begins at the static solution."""
+        load, trials = self._load_of(amplitude)
+        cycle = self._cycle(load, self._steps, SETTLING)
+        trials += cycle.point.iterations
+        point = self._solver.point_of(cycle.point)
+        found = cycle.amplitude if point.is_solved else np.nan
+        if point.is_solved and abs(found / amplitude - 1.0) > AMPLITUDE_TOLERANCE:
+            point = point._replace(outcome="not_converged")
+        if point.is_solved:
+            self._known = [*self._known[-1:], (load, found)]
+        work = np.zeros(self._contacts)
+        self._solver.call("attrito_quasi_static_work", pointer(work))
+        error = abs(cycle.coarse_work / cycle.work - 1.0) if cycle.work > 0.0 else 0.0
+        return ModePoint(
+            point,
+            found if point.is_solved else amplitude,
+            found**2,
+            cycle.structural_ratio,
+            {"load": load, "loop_area": abs(cycle.area)},
+            trials,
+            estimate=error,
+            contact_work=work,
+        )
+
+    def _load_of(self, amplitude: float) -> tuple[float, int]:
+        """The load whose coarse cycle has an amplitude, or the largest that was carried; iterations of Newton's method.
+
+        By secants of the logarithms within what is known to be too little and too much.
+        """
+        known, iterations = [*self._known], 0
+        low, high = 0.0, np.inf
+        load = self._guess(known, amplitude)
+        for _ in range(MOST_TRIALS):
+            cycle = self._cycle(load, TRIAL_STEPS, 0)
+            iterations += cycle.point.iterations
+            found = cycle.amplitude if self._solver.point_of(cycle.point).is_solved else np.inf
+            if abs(found / amplitude - 1.0) <= TRIAL_TOLERANCE:
+                break
+            if found < amplitude:
+                low = max(low, load)
+            else:
+                high = min(high, load)
+            if np.isfinite(found):
+                known = [*known[-1:], (load, found)]
+            if low > 0.0 and high / low - 1.0 < LIMIT:
+                break
+            guess = self._guess(known, amplitude)
+            if not low < guess < high or not np.isfinite(found):
+                guess = np.sqrt(low * high) if low > 0.0 else 0.5 * load
+            load = float(guess)
+        return load, iterations
+
+    def _guess(self, known: list[tuple[float, float]], amplitude: float) -> float:
+        """The load on the line through what is known, in logarithms; of the tangent mode where nothing is."""
+        if not known:
+            return float(self._stiffness * amplitude)
+        (load, found), slope = known[-1], 1.0
+        if len(known) == 2 and known[0][1] != found and known[0][0] != load:
+            slope = np.log(load / known[0][0]) / np.log(found / known[0][1])
+        return float(load * (amplitude / found) ** slope)
+
+    def _cycle(self, load: float, steps: int, settling: int) -> RawQuasiStatic:
+        raw = RawQuasiStatic()
+        self._solver.call("attrito_quasi_static_at", load, steps, settling, 0, ctypes.byref(raw))
+        return raw

@@ -1,0 +1,353 @@
+!> A mode's frequency and damping by quasi-static loading: the static problem under the inertia forces of the tangent mode phi,
+!>
+!> $$ K x + B^T \lambda(B x, w) = f_0 + \alpha M \phi, \qquad q = \phi^T M (x - x_0), \qquad \phi^T M \phi = 1, $$
+!>
+!> alpha going from 0 to the load's amplitude A and then through whole cycles A cos(theta), loading, unloading and loading again,
+!> until a cycle closes. The preload f_0 stays, and the sliders w go along. Nothing is assumed of the loop's shape: Masing's rule
+!> would make it out of the first loading, which lift-off and normal forces that vary do not allow.
+!>
+!> An oscillator of unit mass, q'' + 2 zeta omega q' + omega^2 q = 0, has the secant stiffness omega^2, and at the amplitude Q its
+!> damper takes pi (2 zeta omega) omega Q^2 a period. With the loop's secant and the work W that its contacts do,
+!>
+!> $$ Q = \tfrac{1}{2} (q_{max} - q_{min}), \quad \omega^2 = A/Q, \quad \zeta = W/(2 \pi (\omega Q)^2), \quad W = \oint \alpha dq. $$
+!>
+!> Sources: Festjens, Chevallier & Dion 2013, Int. J. Mech. Sci. 75, 170-177; Lacayo & Allen 2019, Mech. Syst. Signal Process. 118,
+!> 133-157; Jewell, Allen, Zare & Wall 2020, J. Sound Vib. 479, 115376.
+module attrito_peak_quasi_static
+  use attrito_core_kinds, only: wp, two_pi
+  use attrito_balance_harmonic_balance, only: balance_type, stuck_mean_type
+  use attrito_contact_state, only: state_stuck, state_shaken_down, state_slipping, state_open
+  use attrito_linear_damping, only: damping_form
+  use attrito_linear_rigid_body_modes, only: new_rigid_body_modes
+  use attrito_peak_slip_work, only: slip_work
+  use attrito_solve_homotopy, only: follow_homotopy
+  use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
+  use attrito_solve_solver, only: solver_type
+  use attrito_solve_static_path, only: load_homotopy_type
+  implicit none
+  private
+  public :: quasi_static_type, begin_quasi_static
+
+  !> Cycles that are recorded before one that does not close is left as it is; steps of those that let the sliders settle before
+  integer, parameter :: most_cycles = 6, settling_steps = 8 ! guess
+  !> By how much sliders may miss where they began: parts of the motion, and multiples of the tolerance
+  real(wp), parameter :: closed = 3.0e-7_wp, closed_tolerances = 10.0_wp ! guess
+  !> Samples a period of what does not move
+  integer, parameter :: static_samples = 4 ! conventional
+
+  !> The states of one cycle, and the first once more [..., 0:steps]
+  type :: history_type
+    !> Mean response [n], mean displacements and deviations of this rank's rows [rows], sliders [width, contacts], states [contacts]
+    real(wp), allocatable :: response(:, :), motion(:, :), deviation(:, :), slider(:, :, :)
+    integer, allocatable :: state(:, :)
+  end type history_type
+
+  type :: quasi_static_type
+    !> Of the last cycle: amplitude A of the load, and Q
+    real(wp) :: load = 0.0_wp, amplitude = 0.0_wp
+    !> Damping ratio of the structure alone
+    real(wp) :: structural_ratio = 0.0_wp
+    !> Area of the loop of load and Q, by trapezoids; work of all contacts, and the same from every second state
+    real(wp) :: area = 0.0_wp, work = 0.0_wp, coarse_work = 0.0_wp
+    !> Work of this rank's contacts
+    real(wp), allocatable :: contact_work(:)
+    !> Was there an equilibrium everywhere? Newton's iterations that it took
+    logical :: found = .false.
+    integer :: iterations = 0
+    !> M phi in generalised coordinates [n]; norm of the contacts' motion that a unit of load gives the mode
+    real(wp), allocatable, private :: reader(:)
+    real(wp), private :: motion_per_load = 0.0_wp
+    !> Of the motion that is reported
+    integer, private :: harmonics = 0, samples = 0
+    !> Factors on the static loads of the job; the static solution
+    real(wp), allocatable, private :: factors(:)
+    type(snapshot_type), private :: rest
+  contains
+    procedure :: cycle_at
+  end type quasi_static_type
+
+contains
+
+  !> Add the inertia forces of a mode to the static loads of a solver that has followed its static path; it serves nothing else
+  !> from then on.
+  subroutine begin_quasi_static(solver, shape, omega, self)
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> The tangent mode in the model's coordinates, unit modal mass [m]
+    real(wp), intent(in) :: shape(:)
+    !> Its angular frequency, rad/s
+    real(wp), intent(in) :: omega
+    type(quasi_static_type), intent(out) :: self
+    real(wp), allocatable :: loads(:, :)
+    integer :: count
+
+    associate (balance => solver%context%balance, structure => solver%structure)
+      count = size(structure%static_loads, 2)
+      allocate (loads(size(shape), count + 1))
+      loads(:, :count) = structure%static_loads
+      loads(:, count + 1) = matmul(structure%mass, shape)
+      call move_alloc(loads, structure%static_loads)
+      balance%static_loads = balance%receptance%project_mean_loads(structure%static_loads)
+      balance%free = new_rigid_body_modes(structure, solver%contacts)
+      balance%kept = stuck_mean_type()
+      self%factors = balance%static_factors
+      self%reader = balance%static_loads(:, count + 1)
+      self%harmonics = solver%options%harmonics
+      self%samples = solver%options%samples
+      call solver%set_resolution(0, static_samples)
+      call solver%set_loads([self%factors, 0.0_wp], 0.0_wp)
+      solver%options%reset_slider = .false.
+      self%rest = snapshot_of(solver)
+      self%motion_per_load = norm2(matmul(shape, solver%contacts%directions))/omega**2
+    end associate
+  end subroutine begin_quasi_static
+
+  !> Load from the static solution and through cycles of an amplitude of the load; the solver's point is then the last cycle as a
+  !> motion, its sliders' defect what that cycle misses.
+  subroutine cycle_at(self, solver, load, steps, settling)
+    class(quasi_static_type), intent(inout) :: self
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> Amplitude A
+    real(wp), intent(in) :: load
+    !> Of a cycle, a multiple of 4
+    integer, intent(in) :: steps
+    !> Cycles of few steps before, until one closes, at most
+    integer, intent(in) :: settling
+    type(history_type) :: history
+    integer :: i
+
+    self%load = load
+    self%iterations = 0
+    ! At rest there is nothing but the mean.
+    call solver%set_resolution(0, static_samples)
+    call restore(solver, self%rest)
+    call solver%set_loads([self%factors, 0.0_wp], 0.0_wp)
+    call solver%set_motion_scale(abs(load)*self%motion_per_load, 0.0_wp)
+    do i = 1, steps/4
+      call go_to(self, solver, load*sin(two_pi*i/steps))
+      if (.not. self%found) exit
+    end do
+    if (self%found) call follow_cycles(self, solver, load, settling_steps, settling, history)
+    if (self%found) call follow_cycles(self, solver, load, steps, most_cycles, history)
+    if (self%found) call measure(self, solver, history)
+    call solver%set_resolution(self%harmonics, self%samples)
+    if (self%found) call make_motion(self, solver, history)
+  end subroutine cycle_at
+
+  !> Cycles until one closes, each recorded.
+  subroutine follow_cycles(self, solver, load, steps, most, history)
+    type(quasi_static_type), intent(inout) :: self
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> Amplitude A
+    real(wp), intent(in) :: load
+    !> Of a cycle; cycles at most
+    integer, intent(in) :: steps, most
+    !> The last cycle
+    type(history_type), intent(out) :: history
+    real(wp) :: defect
+    integer :: cycle, i
+
+    associate (context => solver%context, balance => solver%context%balance)
+      allocate (history%response(size(self%reader), 0:steps), history%motion(balance%rows(), 0:steps), &
+                history%deviation(balance%rows(), 0:steps), history%state(size(balance%forces), 0:steps), &
+                history%slider(size(balance%slider, 1), size(balance%slider, 2), 0:steps))
+      do cycle = 1, most
+        call record(solver, 0, history)
+        do i = 1, steps
+          call go_to(self, solver, load*cos(two_pi*i/steps))
+          if (.not. self%found) return
+          call record(solver, i, history)
+        end do
+        defect = 0.0_wp
+        do i = 1, size(balance%slider, 2)
+          defect = max(defect, norm2(history%slider(:, i, steps) - history%slider(:, i, 0)))
+        end do
+        defect = balance%ranks%largest(defect)/context%motion_scale
+        solver%report%defect = defect
+        if (defect <= max(closed, closed_tolerances*context%tolerance)) exit
+      end do
+    end associate
+  end subroutine follow_cycles
+
+  !> The equilibrium at another load, in as many steps as it takes.
+  subroutine go_to(self, solver, load)
+    type(quasi_static_type), intent(inout) :: self
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> alpha
+    real(wp), intent(in) :: load
+
+    call follow_homotopy(load_homotopy_type(solver%context%balance%static_factors, [self%factors, load], solver%omega), solver, &
+                         self%iterations, self%found, 1.0_wp)
+  end subroutine go_to
+
+  !> Note the solver's equilibrium.
+  subroutine record(solver, step, history)
+    !> Solver of points: its motion, sliders, angular frequency and balance
+    type(solver_type), intent(in) :: solver
+    !> Of the cycle, from 0
+    integer, intent(in) :: step
+    !> The cycle
+    type(history_type), intent(inout) :: history
+    integer :: i
+
+    associate (balance => solver%context%balance)
+      history%response(:, step) = real(balance%response(:, 0), wp)
+      history%motion(:, step) = solver%motion(1, :)
+      history%slider(:, :, step) = balance%slider
+      do i = 1, size(balance%forces)
+        associate (first => balance%law(i)%first_row, last => balance%law(i)%first_row + balance%law(i)%tangents)
+          history%deviation(first:last, step) = balance%forces(i)%deviation(1, :)
+        end associate
+        history%state(i, step) = balance%forces(i)%state
+      end do
+    end associate
+  end subroutine record
+
+  !> Amplitude and work of a cycle.
+  subroutine measure(self, solver, history)
+    type(quasi_static_type), intent(inout) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
+    type(solver_type), intent(in) :: solver
+    !> The cycle
+    type(history_type), intent(in) :: history
+    real(wp) :: work(2)
+    real(wp), allocatable :: coordinate(:), coarse(:)
+    integer :: steps, j
+
+    steps = ubound(history%response, 2)
+    coordinate = matmul(self%reader, history%response)
+    self%amplitude = 0.5_wp*(maxval(coordinate) - minval(coordinate))
+    ! The load at both ends of a step; coordinate(j + 1) belongs to step j.
+    self%area = sum([(0.5_wp*self%load*(cos(two_pi*(j - 1)/steps) + cos(two_pi*j/steps))*(coordinate(j + 1) - coordinate(j)), &
+                      j=1, steps)])
+    self%contact_work = work_of_contacts(solver%context%balance, history, 1)
+    coarse = work_of_contacts(solver%context%balance, history, 2)
+    work = [sum(self%contact_work), sum(coarse)]
+    call solver%context%balance%ranks%sum(work)
+    self%work = work(1)
+    self%coarse_work = work(2)
+  end subroutine measure
+
+  !> Work of this rank's contacts, from state to state or from every second one.
+  function work_of_contacts(balance, history, stride) result(work)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
+    type(balance_type), intent(in) :: balance
+    !> The cycle
+    type(history_type), intent(in) :: history
+    !> 1 or 2
+    integer, intent(in) :: stride
+    real(wp) :: work(size(balance%law))
+    integer :: i, j
+
+    work = 0.0_wp
+    do i = 1, size(balance%law)
+      associate (law => balance%law(i), first => balance%law(i)%first_row, last => balance%law(i)%first_row + balance%law(i)%tangents)
+        do j = stride, ubound(history%motion, 2), stride
+          work(i) = work(i) + slip_work(law, history%motion(first:last, j - stride), history%motion(first:last, j), &
+                                        history%slider(:, i, j - stride), history%slider(:, i, j))
+        end do
+      end associate
+    end do
+  end function work_of_contacts
+
+  !> The cycle as a motion of the angular frequency that its secant stiffness has: what is reported of a point.
+  subroutine make_motion(self, solver, history)
+    type(quasi_static_type), intent(inout) :: self
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> The cycle
+    type(history_type), intent(in) :: history
+    integer :: i, h
+
+    associate (balance => solver%context%balance)
+      do h = 0, ubound(balance%response, 2)
+        balance%response(:, h) = harmonic(history%response, h)
+      end do
+      do i = 1, size(balance%forces)
+        associate (first => balance%law(i)%first_row, last => balance%law(i)%first_row + balance%law(i)%tangents, &
+                   forces => balance%forces(i))
+          call to_series(history%deviation(first:last, :), forces%deviation)
+          call classify(history%state(i, 1:), forces%state, forces%stick, forces%slip, forces%open)
+          forces%slider = history%slider(:size(forces%slider), i, 0)
+          forces%unique = forces%state > state_shaken_down
+        end associate
+      end do
+    end associate
+    solver%omega = sqrt(self%load/self%amplitude)
+    solver%all_stick = .false.
+    self%structural_ratio = structural_ratio(self, solver, history)
+  end subroutine make_motion
+
+  !> Of the structure's own damping, were the motion the loop's secant D times a cosine: D^T C D/(2 omega Q^2).
+  real(wp) function structural_ratio(self, solver, history) result(ratio)
+    type(quasi_static_type), intent(in) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
+    type(solver_type), intent(in) :: solver
+    !> The cycle
+    type(history_type), intent(in) :: history
+    complex(wp), allocatable :: secant(:)
+
+    associate (response => history%response, half => ubound(history%response, 2)/2)
+      secant = solver%context%balance%receptance%recover(0, cmplx(0.5_wp*(response(:, 0) - response(:, half)), kind=wp))
+    end associate
+    ratio = sum(damping_form(solver%structure, solver%stuck, reshape(real(secant, wp), [size(secant), 1]), [solver%omega]))
+    ratio = ratio/(2.0_wp*solver%omega*self%amplitude**2)
+  end function structural_ratio
+
+  !> Coefficients of the rows of a contact over a cycle; there are as many as fit.
+  subroutine to_series(values, coefficients)
+    !> [rows, 0:steps]
+    real(wp), intent(in) :: values(:, 0:)
+    !> [coefficients, rows]
+    real(wp), intent(inout) :: coefficients(:, :)
+    complex(wp) :: one(size(values, 1))
+    integer :: h
+
+    coefficients = 0.0_wp
+    coefficients(1, :) = real(harmonic(values, 0), wp)
+    do h = 1, min((size(coefficients, 1) - 1)/2, (ubound(values, 2) - 1)/2)
+      one = harmonic(values, h)
+      coefficients(2*h, :) = real(one, wp)
+      coefficients(2*h + 1, :) = -aimag(one)
+    end do
+  end subroutine to_series
+
+  !> X_h = x_c - i x_s of rows over a cycle.
+  pure function harmonic(values, h)
+    !> [rows, 0:steps], the last being the first again
+    real(wp), intent(in) :: values(:, 0:)
+    !> From 0
+    integer, intent(in) :: h
+    complex(wp) :: harmonic(size(values, 1))
+    real(wp) :: angle(ubound(values, 2))
+    integer :: steps, j
+
+    steps = ubound(values, 2)
+    angle = [(two_pi*modulo(h*j, steps)/steps, j=1, steps)]
+    harmonic = merge(1.0_wp, 2.0_wp, h == 0)/steps*cmplx(matmul(values(:, 1:), cos(angle)), -matmul(values(:, 1:), sin(angle)), wp)
+  end function harmonic
+
+  !> State over the cycle, and its parts, from the states of its steps: of an equilibrium that a slider has moved to, it has slipped.
+  pure subroutine classify(states, state, stick, slip, open)
+    !> At the end of each step
+    integer, intent(in) :: states(:)
+    !> One of `state_...`
+    integer, intent(out) :: state
+    !> Parts of the steps
+    real(wp), intent(out) :: stick, slip, open
+
+    stick = count(states == state_stuck)/real(size(states), wp)
+    open = count(states == state_open)/real(size(states), wp)
+    slip = max(1.0_wp - stick - open, 0.0_wp)
+    if (all(states == state_open)) then
+      state = state_open
+    else if (all(states == state_stuck)) then
+      state = state_stuck
+    else
+      state = state_slipping
+    end if
+  end subroutine classify
+end module attrito_peak_quasi_static

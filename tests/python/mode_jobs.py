@@ -1,0 +1,43 @@
+"""Jobs with a table `[mode]`, and what `attrito mode` finds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from jobs import Job, attrito, table, write_job
+
+K, KT, LIMIT, MASS = 1.0e5, 6.0e4, 20.0, 2.0
+
+
+def rubbing(harmonics: int = 1, stop: float = 2.0e-2) -> Job:
+    """A mass on a spring and one Coulomb element whose normal force is constant: limit 20, slip from 20/kt on."""
+    return {
+        "model": {"mass": (MASS * np.eye(2)).tolist(), "stiffness": (K * np.eye(2)).tolist()},
+        "damping": {"rayleigh": [2.0, 0.0]},
+        "contact": [
+            {
+                "normal": [[1, 1.0]],
+                "tangents": [[[0, 1.0]]],
+                "tangential_stiffness": KT,
+                "normal_stiffness": 4.0e5,
+                "friction_coefficient": 0.4,
+                "preload": 62.5,
+            }
+        ],
+        # The spring takes part of the preload: N = 62.5 K / (K + kn) + 37.5 = 50.
+        "load": [{"name": "press", "kind": "static", "dofs": [[1, 46.875]]}],
+        "balance": {"harmonics": harmonics},
+        "mode": {"start": 1.0e-4, "stop": stop, "points": 12},
+        "output": {"file": "result.h5"},
+    }
+
+
+def follow(folder: Path, job: Job) -> list[dict[str, float]]:
+    """The numbers of `attrito table` of a job's mode, all of whose points are to converge."""
+    done = attrito(folder, "mode", write_job(folder, job))
+    assert done.returncode == 0, done.stdout + done.stderr
+    numbers = ("amplitude", "frequency_hz", "damping_ratio", "damping_ratio_structure", "dissipated_energy")
+    rows = table(folder, result="result.mode.h5")
+    assert all(row["converged"] == "true" and row["outcome"] == "converged" for row in rows)
+    return [{name: float(row[name]) for name in numbers} for row in rows]
