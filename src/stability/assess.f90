@@ -55,7 +55,7 @@ contains
     if (len(self%reason) == 0 .and. iand(options%methods, by_hill) /= 0) then
       select type (orbit)
        type is (event_orbit_type)
-        call hill_multipliers(system, orbit%legs, orbit%period, self%hill, info)
+        call hill_multipliers(system, orbit%segments, orbit%period, self%hill, info)
         if (info /= 0) self%reason = 'eigenvalues were not found'
         if (info == too_large) self%reason = 'too many contacts slip or open for Hill''s problem'
       end select
@@ -195,6 +195,6 @@ contains
 
     changed = system
     changed%law = perturbed_law(system%law, oscillation_bounds(system%law, search%balance%motion), direction)
-    call orbit%apply_law(changed)
+    call orbit%apply_law(changed, search%loading)
   end subroutine perturb
 end module attrito_stability_assess

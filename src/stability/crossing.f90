@@ -73,7 +73,7 @@ contains
     call store%keep(self%exact)
   end subroutine keep
 
-  !> What an examination found, told to every rank; none if it found nothing.
+  !> What an examination found, sent to every rank; none if it found nothing.
   subroutine moduli_of(solver, examination, self)
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
@@ -82,17 +82,17 @@ contains
     type(moduli_type), intent(out) :: self
     type(multiplier_type), allocatable :: found(:)
     real(wp), allocatable :: parts(:)
-    real(wp) :: told(2)
+    real(wp) :: sent(2)
 
     if (allocated(examination%hill)) found = examination%hill
     if (allocated(examination%monodromy)) found = examination%monodromy
     if (.not. allocated(found)) allocate (found(0))
     self%value = pack(found%value, found%kind == kind_floquet)
     associate (ranks => solver%context%balance%ranks)
-      told = [real(size(self%value), wp), merge(1.0_wp, 0.0_wp, size(self%value) > 0 .and. is_near(examination))]
-      call ranks%sum(told)
-      self%exact = nint(told(2)) > 0
-      allocate (parts(2*nint(told(1))), source=0.0_wp)
+      sent = [real(size(self%value), wp), merge(1.0_wp, 0.0_wp, size(self%value) > 0 .and. is_near(examination))]
+      call ranks%sum(sent)
+      self%exact = nint(sent(2)) > 0
+      allocate (parts(2*nint(sent(1))), source=0.0_wp)
       if (ranks%is_root()) parts = [real(self%value, wp), aimag(self%value)]
       call ranks%sum(parts)
     end associate

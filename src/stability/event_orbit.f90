@@ -10,8 +10,8 @@ module attrito_stability_event_orbit
   use attrito_integrate_system, only: system_type
   use attrito_integrate_taylor, only: degree
   use attrito_stability_balance_motion, only: balance_motion_type
-  use attrito_stability_leg, only: orbit_legs_type, legs_of_motion, legs_of_trace
-  use attrito_stability_monodromy, only: monodromy_of_legs => monodromy
+  use attrito_stability_smooth_segments, only: orbit_segments_type, segments_of_motion, segments_of_trace
+  use attrito_stability_monodromy, only: monodromy_of_segments => monodromy
   use attrito_stability_orbit, only: orbit_type
   use attrito_stability_perturbation, only: memory_of
   use attrito_stability_reduced, only: reduced_type
@@ -19,15 +19,14 @@ module attrito_stability_event_orbit
   private
   public :: event_orbit_type, march_freely
 
-  !> Legs that are shorter are rounding where two switches fall together: a contact may stick for that long between landing and slip
+  !> Shorter segments are rounding where two switches fall together: a contact may stick for that long between landing and slip
   real(wp), parameter :: no_time = 1.0e-12_wp ! derived
 
   type, extends(orbit_type) :: event_orbit_type
-    type(orbit_legs_type) :: legs
-    !> What it comes from: a balance's motion, or else motion in time from a state under loads
+    type(orbit_segments_type) :: segments
+    !> What it comes from: a balance's motion, or else motion in time from a state
     type(balance_motion_type), allocatable :: balance
     type(state_type) :: start
-    type(loading_type) :: loading
   contains
     procedure :: take_balance
     procedure :: march
@@ -48,8 +47,8 @@ contains
     type(balance_motion_type), intent(in) :: balance
 
     self%balance = balance
-    self%loading = loading
-    call legs_of_motion(system%law, balance%grid, balance%motion, balance%slider(1, :), self%legs)
+    self%period = loading%period
+    call segments_of_motion(system%law, balance%grid, balance%motion, balance%slider(1, :), self%segments)
     call describe(self, system)
   end subroutine take_balance
 
@@ -77,21 +76,23 @@ contains
     recorder%samples = present(trajectory)
     if (present(trajectory)) allocate (recorder%trajectory(size(state%motion), instants))
     self%start = state
-    self%loading = loading
+    self%period = loading%period
     if (allocated(self%balance)) deallocate (self%balance)
     call flow(system, loading, state, recorder, range)
     converged = all(abs(state%motion) < huge(1.0_wp))
     if (.not. converged) return
     if (present(trajectory)) trajectory = recorder%trajectory
-    call legs_of_trace(system%law, recorder%trace, loading%period, self%legs)
+    call segments_of_trace(system%law, recorder%trace, loading%period, self%segments)
     call describe(self, system)
   end subroutine march
 
   !> Where it is of motion in time, in the period that begins where the orbit's does.
-  subroutine apply_law(self, system)
+  subroutine apply_law(self, system, loading)
     class(event_orbit_type), intent(inout) :: self
     !> Linear system in time, with the changed laws
     type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
+    type(loading_type), intent(in) :: loading
     type(state_type) :: state
     type(balance_motion_type) :: balance
     real(wp) :: range
@@ -99,10 +100,10 @@ contains
 
     if (allocated(self%balance)) then
       balance = self%balance
-      call self%take_balance(system, self%loading, balance)
+      call self%take_balance(system, loading, balance)
     else
       state = self%start
-      call self%march(system, self%loading, state, range, converged)
+      call self%march(system, loading, state, range, converged)
     end if
   end subroutine apply_law
 
@@ -112,7 +113,7 @@ contains
     type(reduced_type), intent(in) :: reduced
     real(wp), allocatable :: matrix(:, :)
 
-    matrix = monodromy_of_legs(reduced, self%legs, self%period)
+    matrix = monodromy_of_segments(reduced, self%segments, self%period)
   end function monodromy
 
   pure function regimes(self, contact) result(list)
@@ -123,16 +124,16 @@ contains
     integer :: i
 
     allocate (list(0))
-    do i = 1, size(self%legs%legs)
-      associate (leg => self%legs%legs(i))
-        if (leg%length <= no_time) cycle
-        select case (leg%regime(contact))
+    do i = 1, size(self%segments%segment)
+      associate (segment => self%segments%segment(i))
+        if (segment%length <= no_time) cycle
+        select case (segment%regime(contact))
          case (regime_stick)
           list = [list, 0]
          case (regime_open)
           list = [list, 2]
          case default
-          list = [list, leg%side(contact)]
+          list = [list, segment%side(contact)]
         end select
       end associate
     end do
@@ -145,11 +146,10 @@ contains
     type(system_type), intent(in) :: system
     integer :: i, j
 
-    associate (legs => self%legs%legs)
-      self%period = self%loading%period
-      self%stuck = self%legs%stuck
-      self%closed = [(all([(legs(j)%regime(i) /= regime_open, j=1, size(legs))]), i=1, size(self%stuck))]
-      self%regime = legs(1)%regime
+    associate (segments => self%segments%segment)
+      self%stuck = self%segments%stuck
+      self%closed = [(all([(segments(j)%regime(i) /= regime_open, j=1, size(segments))]), i=1, size(self%stuck))]
+      self%regime = segments(1)%regime
       self%memory = memory_of(system%law, self%stuck, self%regime)
     end associate
   end subroutine describe

@@ -98,7 +98,7 @@ contains
     if (slip_rate(law, here, state%direction) > 0.0_wp) state%regime = regime_slip
   end function first_state
 
-  !> One period; `periodic` tells whether it does not chatter.
+  !> One period; `periodic`: it does not chatter.
   pure subroutine march(law, motion, state, self)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law

@@ -40,13 +40,13 @@ contains
 
     do contact = 1, size(orbit%stuck)
       if (orbit%stuck(contact)) cycle
-      if (.not. same_deeds(orbit, moved, contact)) return
+      if (.not. same_sequence(orbit, moved, contact)) return
     end do
     contact = 0
   end function grazing_contact
 
   !> Does a contact do the same things in the same order in two orbits, wherever the period is cut?
-  pure logical function same_deeds(one, other, contact)
+  pure logical function same_sequence(one, other, contact)
     !> Orbit
     class(orbit_type), intent(in) :: one, other
     !> Number of the contact
@@ -54,29 +54,28 @@ contains
     integer, allocatable :: a(:), b(:)
     integer :: turn
 
-    a = deeds(one, contact)
-    b = deeds(other, contact)
-    same_deeds = size(a) == size(b)
-    if (.not. same_deeds) return
+    a = sequence_of(one, contact)
+    b = sequence_of(other, contact)
+    same_sequence = size(a) == size(b)
+    if (.not. same_sequence) return
     do turn = 0, max(0, size(a) - 1)
-      same_deeds = all(cshift(a, turn) == b)
-      if (same_deeds) return
+      same_sequence = all(cshift(a, turn) == b)
+      if (same_sequence) return
     end do
-  end function same_deeds
+  end function same_sequence
 
   !> What a contact does in a period, in order, repetitions left out: 0 stick, +-1 slip, 2 open.
-  pure function deeds(orbit, contact) result(list)
+  pure function sequence_of(orbit, contact) result(list)
     !> Orbit
     class(orbit_type), intent(in) :: orbit
     !> Number of the contact
     integer, intent(in) :: contact
-    integer, allocatable :: list(:)
-    integer, allocatable :: all_of_them(:)
+    integer, allocatable :: list(:), regimes(:)
     integer :: i
 
     allocate (list(0))
     if (orbit%stuck(contact)) return
-    all_of_them = orbit%regimes(contact)
-    list = pack(all_of_them, [(all_of_them(i) /= all_of_them(modulo(i - 2, size(all_of_them)) + 1), i=1, size(all_of_them))])
-  end function deeds
+    regimes = orbit%regimes(contact)
+    list = pack(regimes, [(regimes(i) /= regimes(modulo(i - 2, size(regimes)) + 1), i=1, size(regimes))])
+  end function sequence_of
 end module attrito_stability_graze

@@ -6,7 +6,7 @@ module attrito_stability_hill
   use attrito_integrate_system, only: system_type
   use attrito_stability_contour, only: ellipse_type, eigenvalues_within, polish
   use attrito_stability_hill_problem, only: hill_problem_type, new_hill_problem
-  use attrito_stability_leg, only: orbit_legs_type
+  use attrito_stability_smooth_segments, only: orbit_segments_type
   use attrito_stability_multipliers, only: multiplier_type, sorted_multipliers
   implicit none
   private
@@ -30,7 +30,7 @@ contains
     !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
     !> Orbit as segments between its events
-    type(orbit_legs_type), intent(in) :: orbit
+    type(orbit_segments_type), intent(in) :: orbit
     !> In units of the clock
     real(wp), intent(in) :: period
     !> Floquet multipliers
@@ -73,7 +73,7 @@ contains
     !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
     !> Orbit as segments between its events
-    type(orbit_legs_type), intent(in) :: orbit
+    type(orbit_segments_type), intent(in) :: orbit
     !> Harmonic in which exponents lie
     real(wp), intent(in) :: nu
     !> Of fewer harmonics, in columns
@@ -178,7 +178,7 @@ contains
   pure integer function last_alike(system, first) result(last)
     !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
-    !> First of the modes or legs
+    !> First of the modes or segments
     integer, intent(in) :: first
     !> Part that is rounding
     real(wp), parameter :: rounding = 1.0e-10_wp ! derived
@@ -196,7 +196,7 @@ contains
   integer function carried(problem, first, last)
     !> Hill's problem with the delays of sticking sliders
     type(hill_problem_type), intent(in) :: problem
-    !> First of the modes or legs; last of the modes
+    !> First of the modes or segments; last of the modes
     integer, intent(in) :: first, last
     !> Part of the largest carrier that is none
     real(wp), parameter :: nothing = 1.0e-9_wp ! derived

@@ -17,7 +17,7 @@ module attrito_stability_hill_problem
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open
   use attrito_integrate_system, only: system_type
   use attrito_stability_contour, only: nonlinear_problem_type
-  use attrito_stability_leg, only: orbit_legs_type
+  use attrito_stability_smooth_segments, only: orbit_segments_type
   implicit none
   private
   public :: hill_problem_type, new_hill_problem
@@ -25,7 +25,7 @@ module attrito_stability_hill_problem
   !> Harmonics of a perturbation, at least
   integer, parameter :: fewest_harmonics = 40 ! guess
 
-  !> A stretch in which a slider rests
+  !> An interval in which a slider rests
   type :: rest_type
     !> Force that it belongs to; angles at which it begins, ends, and at which the slider came to rest, before
     integer :: force = 0
@@ -58,7 +58,7 @@ contains
     !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
     !> Orbit as segments between its events
-    type(orbit_legs_type), intent(in) :: orbit
+    type(orbit_segments_type), intent(in) :: orbit
     !> Harmonic in which exponents lie
     real(wp), intent(in) :: nu
     type(hill_problem_type), intent(out) :: self
@@ -104,18 +104,18 @@ contains
 
   pure logical function any_open(orbit, contact)
     !> Orbit as segments between its events
-    type(orbit_legs_type), intent(in) :: orbit
+    type(orbit_segments_type), intent(in) :: orbit
     !> Number of the contact
     integer, intent(in) :: contact
     integer :: i
 
-    any_open = any([(orbit%legs(i)%regime(contact) == regime_open, i=1, size(orbit%legs))])
+    any_open = any([(orbit%segment(i)%regime(contact) == regime_open, i=1, size(orbit%segment))])
   end function any_open
 
   !> The rests of a contact's slider; one that begins the period began at the end of the one before.
   pure subroutine add_rests(orbit, contact, force, rests)
     !> Orbit as segments between its events
-    type(orbit_legs_type), intent(in) :: orbit
+    type(orbit_segments_type), intent(in) :: orbit
     !> Number of the contact; number of the force
     integer, intent(in) :: contact, force
     !> Rests of the slider
@@ -123,18 +123,18 @@ contains
     type(rest_type) :: rest
     integer :: i, j, n
 
-    n = size(orbit%legs)
+    n = size(orbit%segment)
     do i = 1, n
-      if (orbit%legs(i)%regime(contact) /= regime_stick) cycle
-      ! Back to the leg at which it came to rest: one that begins, or the first after slip or lift-off at the end of the period.
+      if (orbit%segment(i)%regime(contact) /= regime_stick) cycle
+      ! Back to the segment at which it came to rest: one that begins, or the first after slip or lift-off at the end of the period.
       j = i
-      do while (.not. orbit%legs(modulo(j - 1, n) + 1)%rests(contact))
+      do while (.not. orbit%segment(modulo(j - 1, n) + 1)%rests(contact))
         if (j < i - n) exit
-        if (orbit%legs(modulo(j - 2, n) + 1)%regime(contact) /= regime_stick) exit
+        if (orbit%segment(modulo(j - 2, n) + 1)%regime(contact) /= regime_stick) exit
         j = j - 1
       end do
-      rest = rest_type(force=force, from=orbit%legs(i)%from, to=orbit%legs(i)%from + orbit%legs(i)%length)
-      associate (first => orbit%legs(modulo(j - 1, n) + 1), before => orbit%legs(modulo(j - 2, n) + 1))
+      rest = rest_type(force=force, from=orbit%segment(i)%from, to=orbit%segment(i)%from + orbit%segment(i)%length)
+      associate (first => orbit%segment(modulo(j - 1, n) + 1), before => orbit%segment(modulo(j - 2, n) + 1))
         rest%origin = first%from - merge(two_pi, 0.0_wp, j < 1)
         rest%by_normal = first%by_normal(contact)
       end associate
@@ -146,7 +146,7 @@ contains
   pure subroutine integrate_legs(self, orbit, force)
     type(hill_problem_type), intent(inout) :: self
     !> Orbit as segments between its events
-    type(orbit_legs_type), intent(in) :: orbit
+    type(orbit_segments_type), intent(in) :: orbit
     !> Number of the force
     integer, intent(in) :: force
     complex(wp) :: part
@@ -155,19 +155,19 @@ contains
 
     contact = findloc(self%system%law%first_row, self%row_u(force), 1)
     associate (law => self%system%law(contact))
-      do i = 1, size(orbit%legs)
-        associate (leg => orbit%legs(i))
-          if (leg%regime(contact) == regime_stick) cycle
+      do i = 1, size(orbit%segment)
+        associate (segment => orbit%segment(i))
+          if (segment%regime(contact) == regime_stick) cycle
           by_u = 0.0_wp
           by_v = 0.0_wp
           if (self%row(force) == self%row_u(force)) then
             by_u = -law%tangential_stiffness
-            by_v = leg%side(contact)*law%friction_coefficient*law%normal_stiffness
-          else if (leg%regime(contact) == regime_open) then
+            by_v = segment%side(contact)*law%friction_coefficient*law%normal_stiffness
+          else if (segment%regime(contact) == regime_open) then
             by_v = -law%normal_stiffness
           end if
           do k = -2*self%harmonics, 2*self%harmonics
-            part = exponential_integral(cmplx(0.0_wp, -k, wp), leg%from, leg%from + leg%length)/two_pi
+            part = exponential_integral(cmplx(0.0_wp, -k, wp), segment%from, segment%from + segment%length)/two_pi
             self%slip_and_open(k, force, 1) = self%slip_and_open(k, force, 1) + by_u*part
             self%slip_and_open(k, force, 2) = self%slip_and_open(k, force, 2) + by_v*part
           end do

@@ -1,13 +1,13 @@
-!> The linearised flow over a period of an orbit, from leg to leg: what a small change of motion, rate and sliders becomes.
+!> The linearised flow over a period of an orbit, segment by segment: what a small change of motion, rate and sliders becomes.
 !>
 !> $$ \delta p'' + D \delta p' + \Lambda \delta p = - \Phi^T B^T \delta g, \qquad
 !>    \delta g = (-k_t \delta w,\, 0), \quad (\text{side}\, \mu k_n \delta v - k_t \delta u,\, 0), \quad (-k_t \delta u,\, -k_n
 !> \delta v) $$
 !>
-!> for a contact that sticks, slips, is open. On a leg the coefficients are constant, and the flow of all columns at once is a
-!> Taylor series whose terms obey the recursion of `attrito_integrate_taylor`; between legs sliders that come to rest are reset
-!> (`attrito_stability_leg`). A perturbed slider acts only while its contact sticks: this is the memory that a Jacobian frozen in
-!> time leaves out.
+!> for a contact that sticks, slips, is open. On a smooth segment the coefficients are constant, and the flow of all columns at once
+!> is a Taylor series whose terms obey the recursion of `attrito_integrate_taylor`; between segments sliders that come to rest are
+!> reset (`attrito_stability_smooth_segments`). A perturbed slider acts only while its contact sticks: this is the memory that a
+!> Jacobian frozen in time leaves out.
 !>
 !> High modes may follow at rest (`attrito_stability_reduced`). With g = G d in rows that slip or open, h = -k_t dw in those that
 !> stick, their displacements are d = B p - R (g + h), so that g = S (B p - R h), S = (1 + G R)^-1 G.
@@ -15,7 +15,7 @@ module attrito_stability_monodromy
   use attrito_core_kinds, only: wp, two_pi
   use attrito_core_lapack, only: solve_dense
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open
-  use attrito_stability_leg, only: leg_type, orbit_legs_type
+  use attrito_stability_smooth_segments, only: smooth_segment_type, orbit_segments_type
   use attrito_stability_perturbation, only: memory_type, perturbation_type, memory_of, unit_perturbations, matrix_of
   use attrito_stability_reduced, only: reduced_type
   implicit none
@@ -31,7 +31,7 @@ module attrito_stability_monodromy
   !> Part of a column that a term must be to matter
   real(wp), parameter :: rounding = 1.0e-2_wp*epsilon(1.0_wp) ! derived
 
-  !> What contacts add on a leg: acceleration `input_map` (`output_map`^T p) + `held` w, and displacements of rows d = B p -
+  !> What contacts add on a segment: acceleration `input_map` (`output_map`^T p) + `held` w, and displacements of rows d = B p -
   !> `by_motion` p - `by_slider` w
   type :: coupling_type
     !> [m, rows that do not just stick] each
@@ -49,7 +49,7 @@ contains
     !> Modes on which stability is examined
     type(reduced_type), intent(in) :: reduced
     !> Orbit as segments between its events
-    type(orbit_legs_type), intent(in) :: orbit
+    type(orbit_segments_type), intent(in) :: orbit
     !> In units of the clock
     real(wp), intent(in) :: period
     real(wp), allocatable :: matrix(:, :)
@@ -58,24 +58,24 @@ contains
     type(memory_type), allocatable :: memory(:)
     integer :: i
 
-    memory = memory_of(reduced%system%law, orbit%stuck, orbit%legs(1)%regime)
+    memory = memory_of(reduced%system%law, orbit%stuck, orbit%segment(1)%regime)
     now = unit_perturbations(size(reduced%system%eigenvalues), size(orbit%stuck), memory)
-    do i = 1, size(orbit%legs)
-      if (i > 1) call reset_sliders(reduced, orbit%legs(i), coupling, now)
-      coupling = couple(reduced, orbit%legs(i))
-      call pass(reduced, coupling, orbit%legs(i)%length/two_pi*period, now)
+    do i = 1, size(orbit%segment)
+      if (i > 1) call reset_sliders(reduced, orbit%segment(i), coupling, now)
+      coupling = couple(reduced, orbit%segment(i))
+      call pass(reduced, coupling, orbit%segment(i)%length/two_pi*period, now)
     end do
-    call follow_sliders(reduced, orbit%legs(size(orbit%legs)), coupling, now)
+    call follow_sliders(reduced, orbit%segment(size(orbit%segment)), coupling, now)
     matrix = matrix_of(now, memory)
   end function monodromy
 
-  !> Sliders that come to rest at the beginning of a leg keep what they have there.
-  subroutine reset_sliders(reduced, leg, before, now)
+  !> Sliders that come to rest at the beginning of a segment keep what they have there.
+  subroutine reset_sliders(reduced, segment, before, now)
     !> Modes on which stability is examined
     type(reduced_type), intent(in) :: reduced
     !> Segment of the orbit
-    type(leg_type), intent(in) :: leg
-    !> Of the leg before
+    type(smooth_segment_type), intent(in) :: segment
+    !> Of the segment before
     type(coupling_type), intent(in) :: before
     !> Perturbations at the present instant
     type(perturbation_type), intent(inout) :: now
@@ -83,18 +83,18 @@ contains
     integer :: i
 
     kept = now%slider(:, :, 1)
-    do i = 1, size(leg%rests)
-      if (leg%rests(i)) kept(i, :) = combined(reduced, i, leg%by_normal(i), before, now)
+    do i = 1, size(segment%rests)
+      if (segment%rests(i)) kept(i, :) = combined(reduced, i, segment%by_normal(i), before, now)
     end do
     now%slider(:, :, 1) = kept
   end subroutine reset_sliders
 
-  !> Sliders that move at the end of a leg, with slip or with an open contact.
-  subroutine follow_sliders(reduced, leg, coupling, now)
+  !> Sliders that move at the end of a segment, with slip or with an open contact.
+  subroutine follow_sliders(reduced, segment, coupling, now)
     !> Modes on which stability is examined
     type(reduced_type), intent(in) :: reduced
     !> Segment of the orbit
-    type(leg_type), intent(in) :: leg
+    type(smooth_segment_type), intent(in) :: segment
     !> Accelerations and displacements that contacts add on a segment
     type(coupling_type), intent(in) :: coupling
     !> Perturbations at the present instant
@@ -103,10 +103,10 @@ contains
     integer :: i
 
     kept = now%slider(:, :, 1)
-    do i = 1, size(leg%rests)
-      if (leg%regime(i) == regime_stick) cycle
+    do i = 1, size(segment%rests)
+      if (segment%regime(i) == regime_stick) cycle
       associate (law => reduced%system%law(i))
-        kept(i, :) = combined(reduced, i, -leg%side(i)*law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness, &
+        kept(i, :) = combined(reduced, i, -segment%side(i)*law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness, &
                               coupling, now)
       end associate
     end do
@@ -134,32 +134,32 @@ contains
     end associate
   end function combined
 
-  !> What contacts add on a leg.
-  function couple(reduced, leg) result(self)
+  !> What contacts add on a segment.
+  function couple(reduced, segment) result(self)
     !> Modes on which stability is examined
     type(reduced_type), intent(in) :: reduced
     !> Segment of the orbit
-    type(leg_type), intent(in) :: leg
+    type(smooth_segment_type), intent(in) :: segment
     type(coupling_type) :: self
     !> G [rows that slip or open, rows], then S
     real(wp), allocatable :: stiffness(:, :), matrix(:, :)
-    real(wp) :: springs(size(leg%regime))
+    real(wp) :: springs(size(segment%regime))
     integer, allocatable :: active(:), tangents(:)
     integer :: i, n, info
 
     associate (system => reduced%system)
-      n = count(leg%regime == regime_slip) + 2*count(leg%regime == regime_open)
+      n = count(segment%regime == regime_slip) + 2*count(segment%regime == regime_open)
       allocate (active(n))
       allocate (stiffness(n, size(system%springs)), source=0.0_wp)
       n = 0
       do i = 1, size(system%law)
         associate (law => system%law(i), row => system%law(i)%first_row)
-          if (leg%regime(i) == regime_stick) cycle
+          if (segment%regime(i) == regime_stick) cycle
           n = n + 1
           active(n) = row
           stiffness(n, row) = -law%tangential_stiffness
-          stiffness(n, row + 1) = leg%side(i)*law%friction_coefficient*law%normal_stiffness
-          if (leg%regime(i) == regime_slip) cycle
+          stiffness(n, row + 1) = segment%side(i)*law%friction_coefficient*law%normal_stiffness
+          if (segment%regime(i) == regime_slip) cycle
           n = n + 1
           active(n) = row + 1
           stiffness(n, row + 1) = -law%normal_stiffness
@@ -172,7 +172,7 @@ contains
       call solve_dense(matrix, stiffness, info)
       ! Forces of sliders, h = -k_t w where they rest.
       tangents = system%law%first_row
-      springs = merge(-system%law%tangential_stiffness, 0.0_wp, leg%regime == regime_stick)
+      springs = merge(-system%law%tangential_stiffness, 0.0_wp, segment%regime == regime_stick)
       self%by_slider = reduced%residual(:, tangents)*spread(springs, 1, size(system%springs))
       self%input_map = -system%input_map(:, active)
       self%output_map = matmul(system%rows, transpose(stiffness))
@@ -183,7 +183,7 @@ contains
     end associate
   end function couple
 
-  !> The flow over a leg, in equal steps or by squares of one.
+  !> The flow over a segment, in equal steps or by squares of one.
   subroutine pass(reduced, coupling, length, now)
     !> Modes on which stability is examined
     type(reduced_type), intent(in) :: reduced
@@ -196,7 +196,7 @@ contains
     real(wp), allocatable :: held(:, :)
     integer :: step, steps, doublings
 
-    ! Contacts that change at one instant leave legs of no length between them.
+    ! Contacts that change at one instant leave segments of no length between them.
     if (length <= 0.0_wp) return
     steps = max(1, ceiling(length*sqrt(maxval(reduced%system%eigenvalues))/longest))
     doublings = ceiling(log(real(steps, wp))/log(2.0_wp))

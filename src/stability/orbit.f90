@@ -71,11 +71,13 @@ module attrito_stability_orbit
     end subroutine march
 
     !> What contacts do on the orbit where their law is slightly changed.
-    subroutine apply_law(self, system)
-      import :: orbit_type, system_type
+    subroutine apply_law(self, system, loading)
+      import :: orbit_type, system_type, loading_type
       class(orbit_type), intent(inout) :: self
       !> Linear system in time, with the changed laws
       type(system_type), intent(in) :: system
+      !> Static and harmonic loads over time
+      type(loading_type), intent(in) :: loading
     end subroutine apply_law
 
     !> What a unit change of each of (motion, rate by the clock, memory) becomes in a period.

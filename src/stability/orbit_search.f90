@@ -103,7 +103,7 @@ contains
     if (self%in_time) then
       call find_in_time(self, orbit)
       found = self%distance >= 0.0_wp .and. self%distance <= merge(beside_limit, 1.0_wp, orbit%can_refine())*distance_limit
-      if (found) call orbit%apply_law(self%holding)
+      if (found) call orbit%apply_law(self%holding, self%loading)
     else
       call orbit%take_balance(self%system, self%loading, self%balance)
       found = .true.

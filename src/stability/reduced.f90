@@ -4,7 +4,7 @@
 !> $$ d = B \Phi_l p_l - R\, g, \qquad R = \sum_{r > l} b_r \Lambda_r^{-1} b_r^T. $$
 !>
 !> Left out are mode r's inertia and damping, (sigma/omega_r)^2 and 2 zeta_r sigma/omega_r of its part in R at a rate sigma, and
-!> that it rings after events, which dies out within a leg only if zeta_r omega_r times its length is large.
+!> that it rings after events, which dies out within a segment only if zeta_r omega_r times its length is large.
 module attrito_stability_reduced
   use attrito_core_kinds, only: wp
   use attrito_integrate_system, only: system_type

@@ -44,7 +44,7 @@ contains
     self%period = loading%period
     self%motion = motion_of_harmonics(balance%motion, self%samples)
     self%slider = balance%slider
-    call self%apply_law(system)
+    call self%apply_law(system, loading)
   end subroutine take_balance
 
   !> In as many exponential steps as there are samples.
@@ -89,14 +89,16 @@ contains
     self%period = loading%period
     self%motion = motion
     self%slider = state%slider
-    call self%apply_law(system)
+    call self%apply_law(system, loading)
   end subroutine march
 
   !> Along the motion that is known.
-  subroutine apply_law(self, system)
+  subroutine apply_law(self, system, loading)
     class(sampled_orbit_type), intent(inout) :: self
     !> Linear system in time, with the changed laws
     type(system_type), intent(in) :: system
+    !> Static and harmonic loads over time
+    type(loading_type), intent(in) :: loading
 
     call new_sampled_steps(system%law, self%motion, self%slider, self%steps)
     self%stuck = self%steps%stuck
@@ -121,6 +123,6 @@ contains
     integer, intent(in) :: contact
     integer, allocatable :: list(:)
 
-    list = merge(2, 0, self%steps%regime(contact, :) == regime_open)
+    list = merge(2, merge(1, 0, self%steps%regime(contact, :) == regime_slip), self%steps%regime(contact, :) == regime_open)
   end function regimes
 end module attrito_stability_sampled_orbit

@@ -1,7 +1,8 @@
 !> A period of a sampled motion in steps on which no contact changes what it does: between samples and located switches.
 !>
-!> In contrast to legs of one-tangent contacts (`attrito_stability_leg`) the linearised forces of a contact that slips along two
-!> tangents vary in time, with the direction of slip e and the radius r of its slider's disc, which are known at both ends of a step.
+!> In contrast to smooth segments of one-tangent contacts (`attrito_stability_smooth_segments`) the linearised forces of a contact
+!> that slips along two tangents vary in time, with the direction of slip e and the radius r of its slider's disc, which are known at
+!> both ends of a step.
 module attrito_stability_sampled_steps
   use attrito_core_kinds, only: wp
   use attrito_contact_friction_disc, only: slip_type
@@ -60,12 +61,12 @@ contains
     allocate (self%regime(size(law), steps), self%turned(size(law), steps), self%direction(2, size(law), steps), &
               self%radius(size(law), steps), self%landing_slope(2, size(law), steps))
     do i = 1, size(law)
-      call walk(law(i), motion, paths(i), places, i, self)
+      call fill_steps(law(i), motion, paths(i), places, i, self)
     end do
   end subroutine new_sampled_steps
 
   !> What one contact does on every step.
-  pure subroutine walk(law, motion, path, places, contact, self)
+  pure subroutine fill_steps(law, motion, path, places, contact, self)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
     !> Motion of the contacts at the samples of a period
@@ -111,7 +112,7 @@ contains
         direction = turned%e
       end associate
     end do
-  end subroutine walk
+  end subroutine fill_steps
 
   !> All samples and switches, ascending, without repetitions.
   pure function merged(switches, samples) result(places)

@@ -7,7 +7,7 @@ module attrito_stability_verdict
   private
   public :: judge, largest_multiplier, band, not_examined, unstable, stable, indeterminate
 
-  !> As `/points/stable` counts them, but for the last, which is told by the outcome
+  !> As `/points/stable` counts them, but for the last, which the outcome says
   integer, parameter :: not_examined = -1, unstable = 0, stable = 1, indeterminate = 2
 
   !> How near the circle is too near, of orbits on which contacts slip or open, where switching times move with what the balance

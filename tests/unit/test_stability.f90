@@ -140,7 +140,7 @@ contains
     call check_close(error, matrix, differences, 1.0e-6_wp*maxval(abs(matrix)), 'monodromy')
   end subroutine compare_with_differences
 
-  !> Each leg parted from a part of itself that has no length.
+  !> Each segment parted from a part of itself that has no length.
   subroutine no_length(error)
     type(error_type), allocatable, intent(out) :: error
     type(system_type) :: system
@@ -154,10 +154,10 @@ contains
     if (allocated(error)) return
     whole = orbit%monodromy(reduce_to(system, size(system%eigenvalues)))
     parted = orbit
-    parted%legs%legs = [(orbit%legs%legs(i), orbit%legs%legs(i), i=1, size(orbit%legs%legs))]
-    do i = 1, size(orbit%legs%legs)
-      parted%legs%legs(2*i - 1)%length = 0.0_wp
-      parted%legs%legs(2*i)%rests = .false.
+    parted%segments%segment = [(orbit%segments%segment(i), orbit%segments%segment(i), i=1, size(orbit%segments%segment))]
+    do i = 1, size(orbit%segments%segment)
+      parted%segments%segment(2*i - 1)%length = 0.0_wp
+      parted%segments%segment(2*i)%rests = .false.
     end do
     call check_close(error, parted%monodromy(reduce_to(system, size(system%eigenvalues))), whole, 0.0_wp, 'monodromy')
   end subroutine no_length
@@ -178,7 +178,7 @@ contains
       if (allocated(error)) return
       call multipliers_of(system, orbit, flow, modes, change, info)
       call check(error, info == 0, 'no eigenvalues')
-      call hill_multipliers(system, orbit%legs, loading%period, harmonics, info)
+      call hill_multipliers(system, orbit%segments, loading%period, harmonics, info)
       call check(error, info == 0, 'no eigenvalues of Hill''s problem')
       if (allocated(error)) return
       call check_close(error, reshape(harmonics%value, [size(harmonics), 1]), reshape(flow%value, [size(flow), 1]), &
@@ -396,7 +396,7 @@ contains
       if (method == by_monodromy) then
         call multipliers_of(system, orbit, multipliers, modes, change, info)
       else
-        call hill_multipliers(system, orbit%legs, orbit%period, multipliers, info)
+        call hill_multipliers(system, orbit%segments, orbit%period, multipliers, info)
       end if
       call check(error, info == 0, 'no eigenvalues')
       call check_close(error, reshape(multipliers%value, [5, 1]), reshape(merge(along_x, along_tangent, i == 1), [5, 1]), &

@@ -15,6 +15,7 @@ program test_stability_discs
   use attrito_stability_balance_motion, only: balance_motion_type, balance_motion_of
   use attrito_stability_event_orbit, only: event_orbit_type
   use attrito_stability_examination, only: examination_type, examine_options_type, by_monodromy
+  use attrito_stability_graze, only: perturbed_law, grazing_contact
   use attrito_stability_multipliers, only: multiplier_type, multipliers_of, in_modes, largest_change, kind_floquet, kind_slip
   use attrito_stability_orbit, only: orbit_type
   use attrito_stability_orbit_search, only: orbit_search_type, new_search, new_orbit, find_orbit
@@ -31,6 +32,7 @@ program test_stability_discs
 
   call run_in_session('stability_discs', [ &
                       test('a contact that slips round a circle forgets its direction at the known rate', circle), &
+                      test('a contact that only just slips once more in a period grazes', graze), &
                       test('contacts of one tangent have the multipliers of the event-exact flow, to second order', lines), &
                       test('a motion in a plane has the multipliers of its plane beside those across it', plane), &
                       test('the monodromy is the derivative of the flow', derivative), &
@@ -72,18 +74,87 @@ contains
     call check_close(error, log(apart(1)/apart(2))/log(2.0_wp), 2.0_wp, 0.2_wp, 'order')
   end subroutine circle
 
+  !> u = cos + 0.6 cos 3 theta runs to and fro in two runs of 1.78 each, and back by 0.356 between them, where it slips only if the
+  !> disc's radius is less than half of that.
+  subroutine graze(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_type) :: scene
+    type(system_type) :: system
+    real(wp) :: friction(2), middle
+    integer :: i
+
+    scene = rotating_scene(1.0_wp)
+    call new_system(scene%structure, scene%contacts, system, error)
+    if (allocated(error)) return
+    ! The radius is twice the friction coefficient here.
+    friction = [0.08_wp, 0.10_wp]
+    call check(error, all([slips(system, friction(1)), slips(system, friction(2))] == [6, 4]), 'it does not slip so often')
+    call check(error, all([grazes(system, friction(1)), grazes(system, friction(2))] == 0), 'it grazes where it does not')
+    do i = 1, 40
+      middle = 0.5_wp*sum(friction)
+      friction(merge(1, 2, slips(system, middle) == 6)) = middle
+    end do
+    ! It is not seen to leave the disc between two of 64 samples, by h^2/8 of u'', 4.3, of what is four times the coefficient.
+    call check_close(error, friction(1), 0.25_wp*0.3555555555555556_wp, 1.3e-3_wp, 'friction at the graze')
+    call check(error, all([grazes(system, friction(1)), grazes(system, friction(2))] == 1), 'it does not graze')
+  end subroutine graze
+
+  !> How often the contact begins to slip in a period of that motion.
+  integer function slips(system, coefficient)
+    type(system_type), intent(in) :: system
+    real(wp), intent(in) :: coefficient
+    type(sampled_orbit_type) :: orbit
+    integer, allocatable :: regimes(:)
+
+    orbit = rubbing_orbit(system, coefficient)
+    regimes = orbit%regimes(1)
+    slips = count(regimes == 1 .and. cshift(regimes, -1) /= 1)
+  end function slips
+
+  !> The contact that grazes there, 0: none.
+  integer function grazes(system, coefficient)
+    type(system_type), intent(in) :: system
+    real(wp), intent(in) :: coefficient
+    type(contact_type) :: law(1)
+    integer :: direction
+
+    grazes = 0
+    law = system%law
+    law%friction_coefficient = coefficient
+    do direction = -1, 1, 2
+      law = perturbed_law(law, [0.0_wp], direction)
+      grazes = max(grazes, grazing_contact(rubbing_orbit(system, coefficient), rubbing_orbit(system, law(1)%friction_coefficient)))
+      law%friction_coefficient = coefficient
+    end do
+  end function grazes
+
+  function rubbing_orbit(system, coefficient) result(orbit)
+    type(system_type), intent(in) :: system
+    real(wp), intent(in) :: coefficient
+    type(sampled_orbit_type) :: orbit
+    type(system_type) :: changed
+    real(wp) :: motion(7, 3)
+
+    changed = system
+    changed%law%friction_coefficient = coefficient
+    motion = 0.0_wp
+    motion([2, 6], 1) = [1.0_wp, 0.6_wp]
+    orbit = orbit_along(changed, two_pi, motion, reshape([0.0_wp, 0.0_wp], [2, 1]), 64)
+  end function rubbing_orbit
+
   !> The orbit of a motion of harmonics, by samples.
   function orbit_along(system, period, motion, slider, samples) result(orbit)
     type(system_type), intent(in) :: system
     real(wp), intent(in) :: period, motion(:, :), slider(:, :)
     integer, intent(in) :: samples
     type(sampled_orbit_type) :: orbit
+    type(loading_type) :: no_loads
 
     orbit%samples = samples
     orbit%period = period
     orbit%motion = motion_of_harmonics(motion, samples)
     orbit%slider = slider
-    call orbit%apply_law(system)
+    call orbit%apply_law(system, no_loads)
   end function orbit_along
 
   function rotating_scene(ratio) result(scene)
@@ -425,6 +496,7 @@ contains
     type(system_type), intent(in) :: system
     integer, intent(in) :: samples
     type(sampled_orbit_type) :: coarse
+    type(loading_type) :: no_loads
     integer :: spacing
 
     spacing = orbit%samples/samples
@@ -434,7 +506,7 @@ contains
     allocate (coarse%motion%displacement(0:samples, size(system%springs)), coarse%motion%rate(0:samples, size(system%springs)))
     coarse%motion%displacement(:, :) = orbit%motion%displacement(::spacing, :)
     coarse%motion%rate(:, :) = spacing*orbit%motion%rate(::spacing, :)
-    call coarse%apply_law(system)
+    call coarse%apply_law(system, no_loads)
   end function every_so_many
 
   !> The orbit of motion in time, perturbed and marched, is left or come back to at the rate of its largest multiplier.

@@ -1,12 +1,12 @@
-!> A period of an orbit as legs: stretches of time in which no contact changes what it does, so that the linearised flow has
-!> constant coefficients; and what becomes of a perturbed slider where a leg begins.
+!> A period of an orbit as smooth segments: intervals of time in which no contact changes what it does, so that the linearised flow
+!> has constant coefficients; and what becomes of a perturbed slider where a segment begins.
 !>
 !> Contact forces are continuous through every change, so the motion's perturbation is too, and of event times only that matters at
 !> which a slider comes to rest: it keeps what it then had. Where slip ends (side = +-1), w = u - side r and w' = 0; where a contact
 !> lands, w = u at the root of N, which moves with v:
 !>
 !> $$ \delta w = \delta u - \text{side} \, \frac{\mu k_n}{k_t} \delta v, \qquad \delta w = \delta u - \frac{u'}{v'} \delta v $$
-module attrito_stability_leg
+module attrito_stability_smooth_segments
   use attrito_core_kinds, only: wp, two_pi
   use attrito_model_contacts, only: contact_type
   use attrito_contact_event_march, only: event_motion_type, interval_type, new_event_motion, march_events
@@ -16,37 +16,37 @@ module attrito_stability_leg
   use attrito_integrate_recorder, only: trace_type
   implicit none
   private
-  public :: leg_type, orbit_legs_type, legs_of_motion, legs_of_trace
+  public :: smooth_segment_type, orbit_segments_type, segments_of_motion, segments_of_trace
 
-  type :: leg_type
+  type :: smooth_segment_type
     !> Part of the period, of 2 pi: where it begins, how long it lasts
     real(wp) :: from = 0.0_wp, length = 0.0_wp
     !> What each contact does, and to which side it slips (+1, -1) [contacts]
     integer, allocatable :: regime(:), side(:)
-    !> Does its slider come to rest where the leg begins, and if it sticks, how it came to rest: dw = du + by_normal dv [contacts];
+    !> Does its slider come to rest where the segment begins, and how it did if it sticks: dw = du + by_normal dv [contacts];
     !> at the start of the period it does not count as coming to rest, but its slider as part of the state
     logical, allocatable :: rests(:)
     real(wp), allocatable :: by_normal(:)
-  end type leg_type
+  end type smooth_segment_type
 
-  type :: orbit_legs_type
-    type(leg_type), allocatable :: legs(:)
+  type :: orbit_segments_type
+    type(smooth_segment_type), allocatable :: segment(:)
     !> Contacts that neither slip nor open during the period: their sliders are neutral [contacts]
     logical, allocatable :: stuck(:)
-  end type orbit_legs_type
+  end type orbit_segments_type
 
 contains
 
-  !> Legs of contacts with one tangent along a trigonometric motion, switches located.
+  !> Segments of contacts with one tangent along a trigonometric motion, switches located.
   !> Those with two tangents must stick throughout.
-  subroutine legs_of_motion(law, grid, motion, slider, self)
+  subroutine segments_of_motion(law, grid, motion, slider, self)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law(:)
     !> For the motion's harmonics
     type(trigonometric_grid_type), intent(in) :: grid
     !> Relative displacements of all rows [2 H + 1, rows]; sliders at the start of the period [contacts]
     real(wp), intent(in) :: motion(:, :), slider(:)
-    type(orbit_legs_type), intent(out) :: self
+    type(orbit_segments_type), intent(out) :: self
     type(interval_type), allocatable :: intervals(:)
     real(wp), allocatable :: ends(:)
     integer, allocatable :: owner(:)
@@ -96,42 +96,44 @@ contains
       intervals = [intervals, found(:number)]
       owner = [owner, spread(contact, 1, number)]
     end subroutine append
-  end subroutine legs_of_motion
+  end subroutine segments_of_motion
 
-  !> Legs of an event-exact period.
-  pure subroutine legs_of_trace(law, trace, period, self)
+  !> Segments of an event-exact period.
+  pure subroutine segments_of_trace(law, trace, period, self)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law(:)
     !> Stretches of the period
     type(trace_type), intent(in) :: trace(:)
     !> Units of the clock
     real(wp), intent(in) :: period
-    type(orbit_legs_type), intent(out) :: self
+    type(orbit_segments_type), intent(out) :: self
     integer :: i, j, before
 
-    allocate (self%legs(size(trace)), self%stuck(size(law)))
+    allocate (self%segment(size(trace)), self%stuck(size(law)))
     do i = 1, size(law)
       self%stuck(i) = all([(trace(j)%regime(i) == regime_stick, j=1, size(trace))])
     end do
     do j = 1, size(trace)
       before = modulo(j - 2, size(trace)) + 1
-      associate (leg => self%legs(j))
-        leg%from = two_pi*sum(trace(:j - 1)%length)/period
-        leg%length = two_pi*trace(j)%length/period
-        leg%regime = trace(j)%regime
-        leg%side = merge(trace(j)%side, 0, leg%regime == regime_slip)
-        leg%rests = leg%regime == regime_stick .and. trace(before)%regime /= regime_stick .and. j > 1
-        leg%by_normal = -trace(before)%side*law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness
-        where (trace(before)%regime == regime_open) leg%by_normal = -trace(j)%landing_slope
+      associate (segment => self%segment(j))
+        segment%from = two_pi*sum(trace(:j - 1)%length)/period
+        segment%length = two_pi*trace(j)%length/period
+        segment%regime = trace(j)%regime
+        segment%side = merge(trace(j)%side, 0, segment%regime == regime_slip)
+        segment%rests = segment%regime == regime_stick .and. trace(before)%regime /= regime_stick .and. j > 1
+        segment%by_normal = -trace(before)%side*law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness
+        where (trace(before)%regime == regime_open) segment%by_normal = -trace(j)%landing_slope
       end associate
     end do
-    ! A rest that several segments share is told in each.
+    ! A rest that several segments share is noted in each.
     do j = 2, size(trace)
-      where (self%legs(j)%regime == regime_stick .and. .not. self%legs(j)%rests) self%legs(j)%by_normal = self%legs(j - 1)%by_normal
+      associate (segment => self%segment(j), before_it => self%segment(j - 1))
+        where (segment%regime == regime_stick .and. .not. segment%rests) segment%by_normal = before_it%by_normal
+      end associate
     end do
-  end subroutine legs_of_trace
+  end subroutine segments_of_trace
 
-  !> One leg between neighbouring ends of any contact's intervals.
+  !> One segment between neighbouring ends of any contact's intervals.
   subroutine cut(ends, owner, intervals, self)
     !> Ends of the contacts' intervals
     real(wp), intent(in) :: ends(:)
@@ -139,53 +141,54 @@ contains
     integer, intent(in) :: owner(:)
     !> Intervals of the period, each in one regime
     type(interval_type), intent(in) :: intervals(:)
-    type(orbit_legs_type), intent(inout) :: self
+    type(orbit_segments_type), intent(inout) :: self
     real(wp), allocatable :: times(:)
     integer :: contacts, i, j, place(size(self%stuck))
 
     contacts = size(self%stuck)
     times = distinct(ends)
-    allocate (self%legs(size(times) - 1))
+    allocate (self%segment(size(times) - 1))
     place = [(findloc(owner, i, 1), i=1, contacts)]
-    do j = 1, size(self%legs)
-      associate (leg => self%legs(j))
-        leg%from = times(j)
-        leg%length = times(j + 1) - times(j)
-        allocate (leg%regime(contacts), source=regime_stick)
-        allocate (leg%side(contacts), source=0)
-        allocate (leg%rests(contacts), source=.false.)
-        allocate (leg%by_normal(contacts), source=0.0_wp)
+    do j = 1, size(self%segment)
+      associate (segment => self%segment(j))
+        segment%from = times(j)
+        segment%length = times(j + 1) - times(j)
+        allocate (segment%regime(contacts), source=regime_stick)
+        allocate (segment%side(contacts), source=0)
+        allocate (segment%rests(contacts), source=.false.)
+        allocate (segment%by_normal(contacts), source=0.0_wp)
         do i = 1, contacts
           if (self%stuck(i)) cycle
-          call take(i, leg, j == 1)
+          call take(i, segment, j == 1)
         end do
       end associate
     end do
 
   contains
 
-    !> What a contact does in a leg; its intervals follow each other.
-    subroutine take(contact, leg, first)
+    !> What a contact does in a segment; its intervals follow each other.
+    subroutine take(contact, segment, first)
       !> Number of the contact
       integer, intent(in) :: contact
       !> Segment of the orbit
-      type(leg_type), intent(inout) :: leg
-      !> First of the modes or legs
+      type(smooth_segment_type), intent(inout) :: segment
+      !> First of the modes or segments
       logical, intent(in) :: first
       integer :: before
 
       before = place(contact)
-      do while (intervals(place(contact))%to <= leg%from)
+      do while (intervals(place(contact))%to <= segment%from)
         place(contact) = place(contact) + 1
       end do
       associate (interval => intervals(place(contact)))
-        leg%regime(contact) = interval%regime
-        leg%side(contact) = merge(interval%side, 0, interval%regime == regime_slip)
+        segment%regime(contact) = interval%regime
+        segment%side(contact) = merge(interval%side, 0, interval%regime == regime_slip)
         if (interval%regime /= regime_stick) return
-        leg%by_normal(contact) = interval%by_normal
+        segment%by_normal(contact) = interval%by_normal
         if (first .or. place(contact) == before) return
         ! A rest that a cut between does not disturb goes on.
-        leg%rests(contact) = intervals(before)%regime /= regime_stick .or. abs(interval%origin - intervals(before)%origin) > 0.0_wp
+        segment%rests(contact) = intervals(before)%regime /= regime_stick .or. &
+                                 abs(interval%origin - intervals(before)%origin) > 0.0_wp
       end associate
     end subroutine take
   end subroutine cut
@@ -208,4 +211,4 @@ contains
     end do
     times = sorted(:count)
   end function distinct
-end module attrito_stability_leg
+end module attrito_stability_smooth_segments
