@@ -195,10 +195,11 @@ contains
     type(prediction_type) :: prediction
     type(tangent_type) :: tangent
     type(curve_point_type) :: point
-    real(wp) :: distance, part
+    real(wp) :: distance, part, shortest
     integer :: peaks, failures
     logical :: flipped, by_arc
 
+    shortest = huge(1.0_wp)
     iterations = 0
     peaks = 0
     failures = 0
@@ -219,9 +220,11 @@ contains
       if (accepted) then
         call self%examine_step(solver, before, tangent, point, error)
         part = -1.0_wp
-        if (self%last%length > smallest_step) then
+        if (min(self%size, self%last%length) > smallest_step) then
           if (error > 1.0_wp) then
-            part = 0.5_wp
+            ! Halving is of no use where the branch is in pieces, as samples may leave it: the arc becomes no shorter.
+            if (self%last%length < shortest) part = 0.5_wp
+            shortest = self%last%length
           else if (peaks < most_peaks) then
             part = self%place_within(point)
             peaks = peaks + 1
@@ -234,7 +237,8 @@ contains
         end if
         call self%predictor%put_ahead(solver)
         prediction = middle_of(solver, self%last, part)
-        self%size = max(part*self%last%length, smallest_step)
+        ! Not longer than this try: where the branch ends, short steps may lead far away, again and again.
+        self%size = max(min(part*self%last%length, self%size), smallest_step)
         call restore(solver, before)
       else
         if (solver%report%converged .and. distance < accepted_error .and. .not. flipped) then

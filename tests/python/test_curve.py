@@ -7,8 +7,11 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+import verdicts
 from jobs import Job, attrito, run, swept, table, wedge, write_job
+from mpi4py import MPI
 
+from attrito.library.session import Solver
 from attrito.results.curve import Curve, curve_of, points_along, stretches
 from attrito.results.result import Result
 
@@ -131,3 +134,15 @@ def test_rows_are_shared_out_over_stretches(tmp_path):
         assert len(places) == 100
         assert {run[0] for run in runs} | {run[-1] for run in runs} <= set(places.tolist())
         assert np.isfinite(curve_of(result).at(places)).all()
+
+
+@pytest.mark.parametrize(("seed", "tangents"), [(240858518, 1), (105, 2)])
+def test_a_branch_in_pieces_is_followed_in_a_bounded_number_of_tries(seed, tangents):
+    # Short steps lead as far away as long ones: at the end of a branch, and where samples leave it in pieces.
+    scene, ends = verdicts.random_scene(np.random.default_rng([seed, tangents]), tangents)
+    with Solver(MPI.COMM_SELF, scene, verdicts.options()) as solver:
+        solver.follow_static_path(verdicts.PATH, verdicts.STATIC_STEPS, ends["start_hz"])
+        points = list(solver.sweep(ends["start_hz"], ends["stop_hz"], 1.0, 0, 60))
+    assert all(point.outcome in ("converged", "above_tolerance") for point in points)
+    # Some thirty tries of a step, thirty iterations each, are the most that a point takes.
+    assert max(point.iterations for point in points) < 1000
