@@ -164,6 +164,9 @@ void attrito_begin_backbone(void *handle, int mode, int monitor, int measure, do
 void attrito_begin_mode(void *handle, const double *shape, double omega, double amplitude, int branch,
     attrito_backbone *backbone);
 
+/* Ready for a mode, as `attrito_begin_mode` begins one, to go on from a state that was saved. */
+void attrito_prepare_mode(void *handle, const double *shape, double omega);
+
 /* At another amplitude, by long steps from where contacts stick. */
 void attrito_restart_backbone(void *handle, double amplitude, int branch, attrito_backbone *backbone);
 

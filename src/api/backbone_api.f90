@@ -3,7 +3,7 @@ module attrito_api_backbone
   use, intrinsic :: iso_c_binding
   use attrito_accuracy_point_errors, only: point_errors_type, no_tolerance
   use attrito_output_point_report, only: report_point
-  use attrito_peak_backbone, only: begin_backbone, begin_mode, leading_mode
+  use attrito_peak_backbone, only: begin_backbone, begin_mode, leading_mode, prepare_mode
   use attrito_peak_condition, only: problem_type
   use attrito_api_session, only: session_type, session_of
   use attrito_api_solver, only: point_type, point_of
@@ -73,6 +73,20 @@ contains
                     session%backbone)
     call describe(session, branch, backbone)
   end subroutine attrito_begin_mode
+
+  !> Ready for a mode, as `attrito_begin_mode` begins one, to go on from a state that was saved.
+  subroutine attrito_prepare_mode(handle, shape, omega) bind(c)
+    !> Session, see `session_of`
+    type(c_ptr), value :: handle
+    !> In the model's coordinates
+    real(c_double), intent(in) :: shape(*)
+    !> Angular frequency, rad/s
+    real(c_double), value :: omega
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    call prepare_mode(session%solver, shape(:size(session%structure%mass, 1)), omega, problem_type(monitor=0), session%backbone)
+  end subroutine attrito_prepare_mode
 
   !> At another amplitude, by long steps from where contacts stick.
   subroutine attrito_restart_backbone(handle, amplitude, branch, backbone) bind(c)

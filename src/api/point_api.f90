@@ -108,6 +108,7 @@ contains
     do i = 1, size(session%moduli)
       call session%moduli(i)%keep(store)
     end do
+    if (session%backbone%is_prepared()) call session%backbone%keep(store)
   end subroutine keep
 
   pure function lines_of(text, count) result(lines)

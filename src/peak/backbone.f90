@@ -20,6 +20,7 @@
 !> stuck mode that has most of phi then serves as the coordinate that is held, a = x^T M phi / m times the shape's amplitude.
 module attrito_peak_backbone
   use attrito_core_kinds, only: wp
+  use attrito_core_state_store, only: state_store_type
   use attrito_linear_damping, only: damping_form
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
@@ -28,7 +29,7 @@ module attrito_peak_backbone
   use attrito_peak_condition, only: problem_type, direction_type, solve, respond
   implicit none
   private
-  public :: backbone_type, begin_backbone, begin_mode, leading_mode
+  public :: backbone_type, begin_backbone, prepare_mode, begin_mode, leading_mode
 
   !> Newton's steps on omega and xi; the largest relative change of the frequency in one
   integer, parameter :: most_iterations = 12 ! conventional
@@ -62,11 +63,15 @@ module attrito_peak_backbone
     complex(wp), allocatable, private :: reader(:), force(:)
     !> Shape to begin at, in the model's coordinates, its coordinate being 1 [m]; not allocated: the stuck mode
     real(wp), allocatable, private :: shape(:)
+    !> Amplitude of the mode that is held, by that of the shape
+    real(wp), private :: part = 1.0_wp
     !> At rest; the last two points
     type(base_point_type), private :: rest, last, before
   contains
     procedure :: begin_at
     procedure :: go_to
+    procedure :: is_prepared
+    procedure :: keep
   end type backbone_type
 
 contains
@@ -126,12 +131,29 @@ contains
     !> Of the shape
     real(wp), intent(in) :: amplitude
     type(backbone_type), intent(out) :: self
+
+    call prepare_mode(solver, shape, omega, problem, self)
+    call self%begin_at(solver, self%part*amplitude)
+  end subroutine begin_mode
+
+  !> Ready for a mode's first point, or to go on from points that were saved.
+  subroutine prepare_mode(solver, shape, omega, problem, self)
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> In the model's coordinates, with unit modal mass [m]
+    real(wp), intent(in) :: shape(:)
+    !> Angular frequency, rad/s
+    real(wp), intent(in) :: omega
+    !> Its monitor, 0: none, and measure; the border is made here
+    type(problem_type), intent(in) :: problem
+    type(backbone_type), intent(out) :: self
     real(wp), allocatable :: parts(:)
 
     associate (stuck => solver%stuck)
       parts = matmul(transpose(stuck%modes), matmul(solver%structure%mass, shape))
       self%mode = maxloc(parts**2/stuck%modal_mass, 1)
       self%shape = shape*stuck%modal_mass(self%mode)/parts(self%mode)
+      self%part = abs(parts(self%mode))/stuck%modal_mass(self%mode)
     end associate
     self%problem = problem
     allocate (self%problem%border%motion(size(solver%motion, 1), size(solver%motion, 2)), source=0.0_wp)
@@ -139,8 +161,37 @@ contains
     self%rest = base_point_type(snapshot_type=snapshot_of(solver))
     self%rest%omega = omega
     self%rest%excitation = sum(damping_form(solver%structure, solver%stuck, reshape(shape, [size(shape), 1]), [omega]))
-    call self%begin_at(solver, abs(parts(self%mode))/solver%stuck%modal_mass(self%mode)*amplitude)
-  end subroutine begin_mode
+  end subroutine prepare_mode
+
+  !> Does the solver serve this backbone?
+  pure logical function is_prepared(self)
+    class(backbone_type), intent(in) :: self
+
+    is_prepared = allocated(self%reader)
+  end function is_prepared
+
+  !> What the next point starts from, beside the solver's own state.
+  subroutine keep(self, store)
+    class(backbone_type), intent(inout) :: self
+    !> Numbers that a point leaves for the next, written or read in turn
+    type(state_store_type), intent(inout) :: store
+
+    call store%keep(self%amplitude)
+    call store%keep(self%excitation)
+    call keep_base_point(self%last, store)
+    call keep_base_point(self%before, store)
+  end subroutine keep
+
+  subroutine keep_base_point(base_point, store)
+    !> Point of the backbone
+    type(base_point_type), intent(inout) :: base_point
+    !> Numbers that a point leaves for the next, written or read in turn
+    type(state_store_type), intent(inout) :: store
+
+    call base_point%keep(store)
+    call store%keep(base_point%amplitude)
+    call store%keep(base_point%excitation)
+  end subroutine keep_base_point
 
   !> The point of an amplitude by long steps from one at which contacts still stick, the structure at rest before: what short steps do
   !> not pass, these may.

@@ -7,6 +7,10 @@ import numpy as np
 import pytest
 from jobs import Job, attrito, chain, table, wedge, write_job
 from mode_jobs import KT, LIMIT, MASS, K, follow, rubbing
+from mpi4py import MPI
+
+from attrito.modes.nonlinear import mode_job
+from attrito.runs.recorder import Recorder
 
 
 def test_one_harmonic_of_a_coulomb_element_has_the_frequency_and_damping_of_its_describing_function(tmp_path):
@@ -173,6 +177,55 @@ def test_a_mode_that_closes_a_gap_has_the_period_of_its_two_oscillators(tmp_path
     assert period * natural / (2 * np.pi) < 0.95, "the test is void unless it touches for long"
     # Harmonics beyond 15 of a force with kinks are of some 1/15^2 of the first, their stiffness 15^2 times as much.
     assert rows[-1]["frequency_hz"] == pytest.approx(1.0 / period, rel=1e-4)
+
+
+@pytest.mark.parametrize("method", ["epmc", "quasi_static"])
+@pytest.mark.parametrize("known", [0, 3])
+def test_a_mode_that_is_cut_short_goes_on_as_if_it_had_not_been(tmp_path, monkeypatch, method, known):
+    job = chain(contacts=3, tangents=2)
+    del job["sweep"]
+    job["load"].pop()
+    job["mode"] = {"start": 1.0e-4, "stop": 2.0e-3, "points": 5, "method": method, "steps": 16}
+    whole = follow(tmp_path, job)
+    iterations = [row["iterations"] for row in table(tmp_path, result="result.mode.h5")]
+    (tmp_path / "result.mode.h5").unlink()
+    write, written = Recorder.write, []
+
+    def write_a_few(recorder, *point):
+        if len(written) == known:
+            raise KeyboardInterrupt
+        written.append(point)
+        write(recorder, *point)
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(Recorder, "write", write_a_few)
+    with pytest.raises(KeyboardInterrupt):
+        mode_job(MPI.COMM_WORLD, "job.toml")
+    assert (tmp_path / "result.mode.h5.partial").is_file() and not (tmp_path / "result.mode.h5").exists()
+    monkeypatch.undo()
+    monkeypatch.chdir(tmp_path)
+    done = attrito(tmp_path, "mode", "job.toml", "--resume")
+    assert done.returncode == 0, done.stderr
+    assert f"going on after {known} points" in done.stdout + done.stderr
+    rows = table(tmp_path, result="result.mode.h5")
+    for row, other in zip(rows, whole, strict=True):
+        # Q is met to 1e-9; two processes may differ by rounding.
+        assert {name: float(row[name]) for name in other} == pytest.approx(other, rel=1e-7, abs=1e-12)
+    # A mode that had forgotten where it was would take others.
+    assert [row["iterations"] for row in rows] == iterations
+    assert not list(tmp_path.glob("*.partial*"))
+
+
+def test_a_mode_goes_on_only_as_it_began(tmp_path, monkeypatch):
+    job = rubbing()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(Recorder, "write", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+    with pytest.raises(KeyboardInterrupt):
+        mode_job(MPI.COMM_WORLD, write_job(tmp_path, job))
+    monkeypatch.undo()
+    job["mode"]["stop"] = 3.0e-2
+    done = attrito(tmp_path, "mode", write_job(tmp_path, job), "--resume")
+    assert done.returncode == 2 and "mode.stop = 0.03" in done.stderr, done.stderr
 
 
 def test_a_mode_with_two_tangents_does_not_depend_on_the_number_of_ranks(tmp_path):

@@ -145,6 +145,20 @@ def test_a_quasi_static_mode_with_two_tangents_does_not_depend_on_the_number_of_
     assert alone[0]["damping_ratio"] == pytest.approx(0.0, abs=1e-12) and alone[-1]["damping_ratio"] > 0.01
 
 
+@pytest.mark.parametrize("method", ["epmc", "quasi_static"])
+def test_a_report_of_a_mode_has_its_points_and_says_what_is_estimated(tmp_path, method):
+    job = rubbing()
+    job["mode"] |= {"method": method, "points": 4}
+    rows = follow(tmp_path, job)
+    done = attrito(tmp_path, "report", "result.mode.h5", "-o", "mode.html")
+    assert done.returncode == 0, done.stderr
+    page = (tmp_path / "mode.html").read_text()
+    assert "Nonlinear mode" in page and "Frequency response" not in page
+    assert all(f"{row['frequency_hz']:.6g}" in page for row in rows)
+    is_estimated = "Estimated error of the contacts" in page
+    assert is_estimated == (method == "quasi_static") != ("not estimated for modes" in page)
+
+
 def test_steps_are_a_multiple_of_eight(tmp_path):
     done = attrito(tmp_path, "mode", write_job(tmp_path, quasi_static(rubbing(), steps=12)))
     assert done.returncode == 2 and "[mode] steps = 12: expected a multiple of 8" in done.stderr, done.stderr

@@ -106,6 +106,7 @@ def _mode(parsers: Parsers) -> None:
     )
     one.add_argument("job", help="job file (TOML) with a table [mode]; no [sweep], harmonic load or monitors needed")
     one.add_argument("-o", "--output", help="picture to write (default: the file of the mode, ending .png)")
+    one.add_argument("--resume", action="store_true", help="go on after the last point of a run that was cut short")
     one.set_defaults(work=commands.mode)
 
 

@@ -108,7 +108,7 @@ def mode(options: argparse.Namespace) -> None:
 
     from attrito.modes.nonlinear import mode_job
 
-    mode_job(MPI.COMM_WORLD, options.job, options.output)
+    mode_job(MPI.COMM_WORLD, options.job, options.output, options.resume)
 
 
 def study(options: argparse.Namespace) -> None:
@@ -148,8 +148,8 @@ def table(options: argparse.Namespace) -> None:
 
 def plot(options: argparse.Namespace) -> None:
     """A result -> picture of its frequency response, loops, or contacts."""
-    from attrito.modes.plot import mode_curve
     from attrito.plots import contacts, response, style
+    from attrito.plots.modes import mode_curve
     from attrito.results.loops import contact_loops, most_dissipating
     from attrito.results.result import MODE, Result
 

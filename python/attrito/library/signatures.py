@@ -106,6 +106,7 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "attrito_peak_at": (None, (HANDLE, c_double, c_int, POINTER(RawPeak))),
     "attrito_leading_mode": (None, (HANDLE, Integers, Doubles)),
     "attrito_begin_mode": (None, (HANDLE, Doubles, c_double, c_double, c_int, POINTER(RawBackbone))),
+    "attrito_prepare_mode": (None, (HANDLE, Doubles, c_double)),
     "attrito_begin_backbone": (None, (HANDLE, c_int, c_int, c_int, c_double, c_int, POINTER(RawBackbone))),
     "attrito_backbone_at": (None, (HANDLE, c_double, c_int, POINTER(RawBackbone))),
     "attrito_restart_backbone": (None, (HANDLE, c_double, c_int, POINTER(RawBackbone))),

@@ -2,37 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from attrito.job.job import Job, mode_path
-from attrito.job.reading import read_job
 from attrito.library.names import OUTCOMES
 from attrito.library.series import Series
 from attrito.library.session import LinearModes, Solver
 from attrito.modes.mode_point import ModePoint
-from attrito.modes.plot import mode_curve
 from attrito.modes.quasi_static import QuasiStaticTracker
 from attrito.modes.scene_at_rest import Prepared, prepare, solver_at_rest
 from attrito.modes.table import table
 from attrito.modes.tracker import ModeTracker
 from attrito.peaks.fixed_series import fixed_series
+from attrito.plots.modes import mode_curve
 from attrito.plots.style import save
-from attrito.results.journal import Record
+from attrito.results.journal import Record, find_earlier, read_journal, remove_journal
 from attrito.results.result import MODE, Result
 from attrito.results.result_file import fill_result
+from attrito.runs.followed import follow_job
 from attrito.runs.header import first_record
 from attrito.runs.position import RunPosition
 from attrito.runs.progress import Progress
 from attrito.runs.recorder import Recorder
-from attrito.scene.build import build_scene
 from attrito.scene.scene import Scene
 from attrito.support.atomic_files import whole_hdf5
-from attrito.support.errors import InputError, UnsolvedError
-from attrito.support.locks import writing_alone
+from attrito.support.errors import InputError
 from attrito.support.parallel import on_root, on_root_only
 
 if TYPE_CHECKING:
@@ -42,6 +39,8 @@ REFERENCES = (
     "Krack 2015, doi:10.1016/j.compstruc.2015.02.037; Zucca & Firrone 2014, doi:10.1016/j.jsv.2013.09.032; "
     "Craig & Bampton 1968, doi:10.2514/3.4741"
 )
+# What finds points, by the method
+Tracker = ModeTracker | QuasiStaticTracker
 # Of modes that are looked through for the one meant
 LISTED = 40
 # Of a file of a mode, beside the series of a result
@@ -57,25 +56,26 @@ SERIES = {
 }
 
 
-def mode_job(comm: Comm, path: str | Job, picture: str | None = None) -> str:
+def mode_job(comm: Comm, path: str | Job, picture: str | None = None, resume: bool = False) -> str:
     """Follow the mode that a job asks for: file, table on standard output, picture. Returns the file's path.
 
     What was found of a mode that is lost is written and shown before `UnsolvedError` is raised.
+
+    Parameters
+    ----------
+    path : the job file, or the job
+    picture : the file to draw it in; None: that of the mode, ending .png
+    resume : go on after the last point that an earlier run of the same job left; where there is none, begin
     """
-    progress = Progress(comm)
-    job = on_root(comm, lambda: read_job(path, excited=False))
-    on_root(comm, lambda: _check(job))
-    scene = on_root_only(comm, lambda: build_scene(job))
-    file = mode_path(job)
-    with writing_alone(comm, file):
-        missed = _follow_and_show(comm, job, scene, file, picture, progress)
-    if missed:
-        raise UnsolvedError(file, missed)
-    return file
+
+    def follow(job: Job, scene: Scene | None, file: str, progress: Progress) -> str:
+        return _follow_and_show(comm, job, scene, file, picture, resume, progress)
+
+    return follow_job(comm, path, _check, mode_path, follow, excited=False)
 
 
 def _follow_and_show(
-    comm: Comm, job: Job, scene: Scene | None, file: str, picture: str | None, progress: Progress
+    comm: Comm, job: Job, scene: Scene | None, file: str, picture: str | None, resume: bool, progress: Progress
 ) -> str:
     """Follow the mode, write and show what was found; what is missing, in words."""
     prepared = prepare(comm, job, scene, progress)
@@ -83,24 +83,27 @@ def _follow_and_show(
     # One series for the whole mode: where the job leaves it open the second, which other errors are seldom above.
     prepared = Prepared(prepared.rom, prepared.reduced, prepared.load_path, series[min(1, len(series) - 1)])
     first = on_root_only(comm, lambda: _first_record(comm, job, scene, prepared))
+    journal = f"{file}.partial"
     with solver_at_rest(comm, job, prepared, progress) as solver:
         number, modes = chosen_mode(comm, job, solver)
         progress.say(f"tangent mode {number}: {modes.natural_hz[number - 1]:.6g} Hz")
-        recorder = Recorder(comm, solver, f"{file}.partial", ())
-        recorder.begin(first)
+        tracker = _tracker(job, solver, prepared, modes, number - 1)
+        recorder = Recorder(comm, solver, journal, (tracker,))
         try:
-            missed = _follow(comm, job, solver, prepared, modes, number - 1, recorder, progress)
+            place = _begin(comm, job, recorder, tracker, journal, first, resume, progress)
+            missed = _follow(comm, job, tracker, recorder, place, progress)
         finally:
             recorder.close()
 
     def show() -> str:
         with whole_hdf5(file) as whole:
-            fill_result(whole, f"{file}.partial")
+            fill_result(whole, journal)
             whole.attrs["warnings"] = "\n".join(progress.warnings)
             whole.attrs["mode"], whole.attrs["method"] = number, job["mode"]["method"]
             whole.attrs["tangent_hz"] = modes.natural_hz[number - 1]
             whole.attrs["tangent_damping_ratio"] = modes.damping_ratio[number - 1]
-        Path(f"{file}.partial").unlink()
+        Path(journal).unlink()
+        remove_journal(f"{journal}.old")
         with Result(file) as result:
             print(table(result), end="")
             place = picture or str(Path(file).with_suffix(".png"))
@@ -109,6 +112,32 @@ def _follow_and_show(
 
     progress.say(f"{file}, {on_root(comm, show)}")
     return missed
+
+
+def _begin(
+    comm: Comm,
+    job: Job,
+    recorder: Recorder,
+    tracker: Tracker,
+    journal: str,
+    first: Record | None,
+    resume: bool,
+    progress: Progress,
+) -> RunPosition:
+    """Begin the journal, or go on after its last point. Collective."""
+    there = on_root(comm, lambda: find_earlier(journal, resume))
+    if there and resume:
+        # Of a journal without a point only the beginning is gone on from.
+        if on_root(comm, lambda: sum(1 for _ in read_journal(journal)) > 1):
+            tracker.prepare()
+        place = recorder.resume(job.path, first)
+        tracker.known = comm.bcast(tracker.known)
+        progress.say(f"going on after {place.points} points of {journal}")
+        return place
+    if resume:
+        progress.say(f"nothing to go on from ({journal} is absent): beginning")
+    recorder.begin(first)
+    return RunPosition()
 
 
 def chosen_mode(comm: Comm, job: Job, solver: Solver) -> tuple[int, LinearModes]:
@@ -138,20 +167,11 @@ def amplitudes(job: Job) -> np.ndarray:
     return values
 
 
-def _follow(
-    comm: Comm,
-    job: Job,
-    solver: Solver,
-    prepared: Prepared,
-    modes: LinearModes,
-    index: int,
-    recorder: Recorder,
-    progress: Progress,
-) -> str:
-    """Point after point into the journal; what is missing, in words."""
-    tracker = _tracker(job, solver, prepared, modes, index)
-    place = RunPosition()
-    for one in _points(tracker, amplitudes(job)):
+def _follow(comm: Comm, job: Job, tracker: Tracker, recorder: Recorder, place: RunPosition, progress: Progress) -> str:
+    """Point after point into the journal, those of `place` being there; what is missing, in words."""
+    values = amplitudes(job)
+    while place.points < len(values) and "not_converged" not in place.outcomes:
+        one = tracker.at(float(values[place.points]))
         recorder.hear()
         ratio = _record(comm, recorder, one)
         place.add(one.point)
@@ -161,29 +181,21 @@ def _follow(
             f" {one.structural_ratio:.4e}  stuck {sum(one.point.states[:2]):3d} slipping {one.point.states[2]:3d}"
             f" open {one.point.states[3]:3d}  {one.iterations:3d} iterations  {one.point.outcome}"
         )
-    if one.converged:
-        return ""
-    return f"the mode was lost at amplitude {one.amplitude:.6g}, before [mode] stop = {job['mode']['stop']:g}"
+        if not one.converged:
+            lost = values[place.points - 1]
+            return f"the mode was lost at amplitude {lost:.6g}, before [mode] stop = {job['mode']['stop']:g}"
+    if place.points < len(values) or "not_converged" in place.outcomes:
+        return f"the mode was lost at amplitude {values[place.points - 1]:.6g}"
+    return ""
 
 
-def _tracker(
-    job: Job, solver: Solver, prepared: Prepared, modes: LinearModes, index: int
-) -> ModeTracker | QuasiStaticTracker:
+def _tracker(job: Job, solver: Solver, prepared: Prepared, modes: LinearModes, index: int) -> Tracker:
     """By the job's method."""
     shape, frequency_hz = modes.shapes[index], modes.natural_hz[index]
     if job["mode"]["method"] == "epmc":
         return ModeTracker(solver, prepared.reduced, shape, frequency_hz)
     contacts = len(prepared.reduced.laws["tangents"])
     return QuasiStaticTracker(solver, contacts, shape, frequency_hz, job["mode"]["steps"])
-
-
-def _points(tracker: ModeTracker | QuasiStaticTracker, values: np.ndarray) -> Iterator[ModePoint]:
-    """Points at these amplitudes, up to the first that is not found."""
-    for amplitude in values:
-        one = tracker.at(float(amplitude))
-        yield one
-        if not one.converged:
-            return
 
 
 def _record(comm: Comm, recorder: Recorder, one: ModePoint) -> float:

@@ -36,15 +36,29 @@ class QuasiStaticTracker:
     shape : of the tangent mode, unit modal mass, `[m]`
     frequency_hz : of the tangent mode
     steps : of a cycle, a multiple of 4
+
+    Attributes
+    ----------
+    known : of the last two points, amplitudes of load and Q
     """
 
     def __init__(self, solver: Solver, contacts: int, shape: np.ndarray, frequency_hz: float, steps: int):
         self._solver, self._contacts, self._steps = solver, contacts, steps
         self._stiffness = omega(frequency_hz) ** 2
-        # Amplitudes of load and Q, of the last two points
-        self._known: list[tuple[float, float]] = []
+        self.known: list[tuple[float, float]] = []
         shape = np.ascontiguousarray(shape, dtype=float)
         self._solver.call("attrito_begin_quasi_static", pointer(shape), omega(frequency_hz))
+
+    def prepare(self) -> None:
+        """Nothing: points begin at the static solution."""
+
+    def save_state(self) -> dict[str, np.ndarray]:
+        """What the next point starts from."""
+        return {"mode_known": np.array(self.known).reshape(-1, 2)}
+
+    def load_state(self, found: dict[str, np.ndarray]) -> None:
+        """Go on after a point of which `save_state` returned this."""
+        self.known = [(float(a), float(b)) for a, b in found["mode_known"]]
 
     def at(self, amplitude: float) -> ModePoint:
         """The point of an amplitude, whatever amplitudes came before: each begins at the static solution."""
@@ -56,7 +70,7 @@ class QuasiStaticTracker:
         if point.is_solved and abs(found / amplitude - 1.0) > AMPLITUDE_TOLERANCE:
             point = point._replace(outcome="not_converged")
         if point.is_solved:
-            self._known = [*self._known[-1:], (load, found)]
+            self.known = [*self.known[-1:], (load, found)]
         work = np.zeros(self._contacts)
         self._solver.call("attrito_quasi_static_work", pointer(work))
         error = abs(cycle.coarse_work / cycle.work - 1.0) if cycle.work > 0.0 else 0.0
@@ -76,7 +90,7 @@ class QuasiStaticTracker:
 
         By secants of the logarithms within what is known to be too little and too much.
         """
-        known, iterations = [*self._known], 0
+        known, iterations = [*self.known], 0
         low, high = 0.0, np.inf
         load = self._guess(known, amplitude)
         for _ in range(MOST_TRIALS):

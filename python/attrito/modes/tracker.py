@@ -29,13 +29,28 @@ class ModeTracker:
     scene : what it solves
     shape : of the tangent mode, unit modal mass, `[m]`
     frequency_hz : of the tangent mode
+
+    Attributes
+    ----------
+    known : of the last two solutions, the stuck mode's coordinate and Q
     """
 
     def __init__(self, solver: Solver, scene: ReducedScene, shape: np.ndarray, frequency_hz: float):
         self._solver, self._shape, self._frequency_hz = solver, np.ascontiguousarray(shape, dtype=float), frequency_hz
         self._weight = scene.mass @ self._shape
-        # The stuck mode's coordinate and Q, of the last two solutions
-        self._known: list[tuple[float, float]] = []
+        self.known: list[tuple[float, float]] = []
+
+    def prepare(self) -> None:
+        """Make the solver ready for `load_state`, in place of a first point."""
+        self._solver.call("attrito_prepare_mode", pointer(self._shape), omega(self._frequency_hz))
+
+    def save_state(self) -> dict[str, np.ndarray]:
+        """What the next point starts from, beside the solver's state."""
+        return {"mode_known": np.array(self.known).reshape(-1, 2)}
+
+    def load_state(self, found: dict[str, np.ndarray]) -> None:
+        """Go on after a point of which `save_state` returned this."""
+        self.known = [(float(a), float(b)) for a, b in found["mode_known"]]
 
     def at(self, amplitude: float) -> ModePoint:
         """The point of an amplitude; the first call begins at the tangent mode."""
@@ -47,7 +62,7 @@ class ModeTracker:
             found = self._amplitude() if point.is_solved else np.nan
             if not point.is_solved:
                 break
-            self._known = [*self._known[-1:], (raw.modal_amplitude, found)]
+            self.known = [*self.known[-1:], (raw.modal_amplitude, found)]
             if abs(found / amplitude - 1.0) <= AMPLITUDE_TOLERANCE:
                 break
         missed = not abs(found / amplitude - 1.0) <= AMPLITUDE_TOLERANCE
@@ -60,13 +75,13 @@ class ModeTracker:
     def _solve(self, amplitude: float) -> RawBackbone:
         """At the coordinate at which the amplitude is expected: on the line through what is known, in logarithms."""
         raw = RawBackbone()
-        if not self._known:
+        if not self.known:
             arguments = pointer(self._shape), omega(self._frequency_hz), amplitude, 0, ctypes.byref(raw)
             self._solver.call("attrito_begin_mode", *arguments)
             return raw
-        (a, q), slope = self._known[-1], 1.0
-        if len(self._known) == 2:
-            (a0, q0), (a1, q1) = self._known
+        (a, q), slope = self.known[-1], 1.0
+        if len(self.known) == 2:
+            (a0, q0), (a1, q1) = self.known
             if q1 != q0 and a1 != a0:
                 slope = float(np.clip(np.log(a1 / a0) / np.log(q1 / q0), 0.2, 5.0))
         self._solver.call("attrito_backbone_at", a * (amplitude / q) ** slope, 0, ctypes.byref(raw))

@@ -11,7 +11,6 @@ import numpy as np
 from scipy.optimize import brentq
 
 from attrito.job.job import Job, peak_path
-from attrito.job.reading import read_job
 from attrito.library.peak_tracker import Peak, PeakTracker
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
@@ -21,15 +20,14 @@ from attrito.peaks.file import table, write
 from attrito.peaks.fixed_series import fixed_series, is_enough
 from attrito.peaks.plot import peak_curve
 from attrito.plots.style import save
+from attrito.runs.followed import follow_job
 from attrito.runs.progress import Progress
 from attrito.scene import cautions
-from attrito.scene.build import build_scene
 from attrito.scene.reduced_model import make_rom, reduced_scene
 from attrito.scene.scene import Scene
 from attrito.scene.solver_options import solver_options
-from attrito.support.errors import InputError, NumericsError, UnsolvedError
-from attrito.support.locks import writing_alone
-from attrito.support.parallel import on_root, on_root_only
+from attrito.support.errors import InputError, NumericsError
+from attrito.support.parallel import on_root
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -43,16 +41,11 @@ def peak_job(comm: Comm, path: str | Job, picture: str | None = None) -> str:
 
     What was found of a curve that is lost is written and shown before `UnsolvedError` is raised.
     """
-    progress = Progress(comm)
-    job = on_root(comm, lambda: read_job(path))
-    on_root(comm, lambda: _check(job))
-    scene = on_root_only(comm, lambda: build_scene(job))
-    file = peak_path(job)
-    with writing_alone(comm, file):
-        missed = _follow_and_show(comm, job, scene, file, picture, progress)
-    if missed:
-        raise UnsolvedError(file, missed)
-    return file
+
+    def follow(job: Job, scene: Scene | None, file: str, progress: Progress) -> str:
+        return _follow_and_show(comm, job, scene, file, picture, progress)
+
+    return follow_job(comm, path, _check, peak_path, follow)
 
 
 def _follow_and_show(

@@ -10,9 +10,10 @@ import numpy as np
 
 from attrito.library.names import NO_SOLUTION
 from attrito.report import sections
+from attrito.report.mode import mode, mode_glance
 from attrito.report.page import Page
 from attrito.report.view import View
-from attrito.results.result import Result
+from attrito.results.result import MODE, Result
 from attrito.support.atomic_files import whole_file
 from attrito.support.errors import Fault, InputError
 from attrito.support.overwrite_check import check_spared
@@ -29,6 +30,8 @@ SECTIONS = (
     sections.job,
     sections.references,
 )
+# Of a nonlinear mode
+MODE_SECTIONS = (mode, sections.loops, sections.run, sections.job, sections.references)
 # An estimated error beyond this is reported as a warning.
 LARGE_ERROR = 0.05
 # Amplitudes that differ by less than this part of them are the same.
@@ -64,8 +67,9 @@ def make_page(result: Result, point: int | None = None) -> Page:
     place = Path(result.path).resolve()
     page = Page(f"{place.parent.name}/{place.name}")
     page.head(f"Steady vibration with friction contacts, by attrito {result.attribute('attrito_version')}")
-    page.glance(glance(view))
-    for section in SECTIONS:
+    is_mode = result.attribute("format") == MODE
+    page.glance(mode_glance(view) if is_mode else glance(view))
+    for section in MODE_SECTIONS if is_mode else SECTIONS:
         section(page, view)
     return page
 

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 
-from attrito.results.result import Result
+from attrito.results.result import MODE, Result
 
 # Stretches of frequency that are named; more are counted.
 MOST_RANGES = 4
@@ -20,7 +20,7 @@ class View:
     Parameters
     ----------
     result : an open result
-    point : the point; None: that of the largest amplitude of the first monitor
+    point : the point; None: that of the largest amplitude of the first monitor, of a mode the last
 
     Attributes
     ----------
@@ -39,6 +39,8 @@ class View:
         everywhere = np.ones(result.points, dtype=bool)
         first = self.monitors[0] if self.monitors else None
         self.peaks = {level: self.peak(first, self.level == level) for level in np.unique(self.level)}
+        if point is None and result.attribute("format") == MODE:
+            point = int(np.flatnonzero(self.solved)[-1]) if self.solved.any() else None
         self.point = self.peak(first, everywhere) if point is None else point
 
     def peak(self, monitor: str | None, among: np.ndarray) -> int | None:

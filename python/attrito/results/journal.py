@@ -120,6 +120,16 @@ def set_aside(path: str, name: str) -> None:
         os.replace(path, name)
 
 
+def find_earlier(path: str, resume: bool) -> bool:
+    """Whether an earlier run left a journal; one that is not gone on from is kept once, under another name."""
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    if not Path(path).is_file():
+        return False
+    if not resume:
+        set_aside(path, f"{path}.old")
+    return True
+
+
 def _open_or_make(path: str, flags: int) -> int:
     return os.open(path, flags | os.O_CREAT | os.O_NOFOLLOW, 0o666)
 

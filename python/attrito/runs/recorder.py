@@ -69,8 +69,8 @@ class Recorder:
         """Make the journal anew, with what holds for the run."""
         on_root(self._comm, lambda: self._open(0, first))
 
-    def resume(self, job_file: str, first: Record, search: Search) -> RunPosition:
-        """Go on after the journal's last point; a search for other branches of a level begins again.
+    def resume(self, job_file: str, first: Record | None, search: Search | None = None) -> RunPosition:
+        """Go on after the journal's last point; a search for other branches of a level, if any, begins again.
 
         Parameters
         ----------
@@ -82,8 +82,10 @@ class Recorder:
         self.written = len(notes)
         if not notes:
             return place
-        known = [i for i, note in enumerate(notes) if search.searches and note["place"]["level"] == place.level]
-        if known:
+        known = []
+        if search is not None and search.searches:
+            known = [i for i, note in enumerate(notes) if note["place"]["level"] == place.level]
+        if search is not None and known:
             search.begin_level(notes[known[0]]["point"]["level"])
         records = self._points()
         for i, note in enumerate(notes):
@@ -95,7 +97,7 @@ class Recorder:
                 states = [record.arrays[f"state/{rank}"] for rank in range(self._comm.size)]
             if not self._solver.load_state(self._comm.scatter(states)):
                 raise InputError(Fault(self._path, "state", "of another version", f"what attrito {__version__} wrote"))
-            if i in known:
+            if search is not None and i in known:
                 search.keep(SimpleNamespace(**note["point"]), note["place"]["taken"] == 1)
         return place
 

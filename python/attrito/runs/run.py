@@ -11,7 +11,7 @@ from attrito.job.job import Job, rom_path
 from attrito.job.reading import read_job
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver, StoredPoint
-from attrito.results.journal import Record, remove_journal, set_aside
+from attrito.results.journal import Record, find_earlier, remove_journal
 from attrito.results.result_file import fill_result
 from attrito.results.stored_point import read_point
 from attrito.runs.bifurcations import Finder
@@ -196,7 +196,7 @@ class _Run:
             raise
 
     def _begin(self, first: Record | None, resume: bool, search: Search) -> None:
-        there = on_root(self._comm, lambda: _journal_before(self.journal, resume))
+        there = on_root(self._comm, lambda: find_earlier(self.journal, resume))
         if there and resume:
             self.place = self.recorder.resume(self._job.path, first, search)
             self._progress.say(f"going on after {self.place.points} points of {self.journal}")
@@ -254,16 +254,6 @@ def _start(job: Job, scene: ReducedScene) -> StoredPoint | None:
         return None
     path = job.file(continuation["start_file"] or job["output"]["file"])
     return read_point(job, "[continuation] start", continuation["start"], path, scene)
-
-
-def _journal_before(path: str, resume: bool) -> bool:
-    """Whether an earlier run left a journal; one that is not gone on from is kept once, under another name."""
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    if not Path(path).is_file():
-        return False
-    if not resume:
-        set_aside(path, f"{path}.old")
-    return True
 
 
 def _say_notes(progress: Progress, scene: Scene | None) -> None:

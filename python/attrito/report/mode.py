@@ -1,0 +1,75 @@
+"""What a report says of a nonlinear mode: its curves, its points, its contacts at one of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from attrito.plots.contacts import contact_map, surfaces
+from attrito.plots.modes import mode_curve
+from attrito.report import figures as report_figures
+from attrito.report.page import Page
+from attrito.report.view import View
+
+METHODS = {
+    "epmc": "periodic motion without excitation (extended periodic motion concept)",
+    "quasi_static": "cycles of quasi-static loading by the tangent mode's inertia forces",
+}
+
+
+def mode_glance(view: View) -> list[tuple[str, bool]]:
+    """What to know first of a mode, one sentence each, and whether it is a warning."""
+    result, solved = view.result, np.flatnonzero(view.solved)
+    warned = [(f"{line[:1].upper()}{line[1:]}.", True) for line in result.attribute("warnings").splitlines()]
+    if len(solved) == 0:
+        return [("No point was solved.", True), *warned]
+    amplitude, damping = result.array("/points/amplitude"), result.array("/points/damping_ratio")
+    frequency, tangent = view.frequency[solved], float(result.attribute("tangent_hz"))
+    method = METHODS.get(str(result.attribute("method")), str(result.attribute("method")))
+    largest = int(solved[np.nanargmax(damping[solved])])
+    lines = [
+        (f"Tangent mode {result.attribute('mode')}, followed by {method}.", False),
+        (
+            f"{len(solved)} points, Q from {amplitude[solved].min():.4g} to {amplitude[solved].max():.4g}:"
+            f" {frequency.min():.6g} to {frequency.max():.6g} Hz, tangent {tangent:.6g} Hz.",
+            False,
+        ),
+        (f"Contacts damp most at Q = {amplitude[largest]:.4g}: damping ratio {damping[largest]:.3e}.", False),
+    ]
+    if missing := int((~view.solved).sum()):
+        lines.append((f"The mode was lost: {missing} amplitude without a solution.", True))
+    if open_cycles := result.outcome.count("indeterminate"):
+        lines.append((f"{open_cycles} points are indeterminate: sliders still move from period to period.", True))
+    estimate = result.array("/points/estimate")[solved]
+    if np.isfinite(estimate).any():
+        worst = float(np.nanmax(estimate))
+        lines.append((f"Estimated error of the contacts' work, from the steps of a cycle: at most {worst:.1e}.", False))
+    else:
+        lines.append(("What harmonics and samples leave out is not estimated for modes.", False))
+    return lines + warned
+
+
+def mode(page: Page, view: View) -> None:
+    """The curves, a table of all points, and what contacts do at the point that is shown."""
+    result = view.result
+    page.section("Nonlinear mode")
+    words = "Frequency and damping ratios against the amplitude Q. Dashed: the tangent mode."
+    page.figures([(mode_curve(result, report_figures.LOOK), words)])
+    page.subsection("Points")
+    names = ("amplitude", "frequency_hz", "damping_ratio", "damping_ratio_structure", "dissipated_energy", "estimate")
+    columns = [result.array(f"/points/{name}") for name in names]
+    rows = [
+        [str(i), *("-" if column[i] != column[i] else f"{column[i]:.6g}" for column in columns), result.outcome[i]]
+        for i in range(result.points)
+    ]
+    header = ["point", "amplitude Q", "Hz", "damping ratio, contacts", "structure", "work a period", "estimated error"]
+    page.table([*header, "outcome"], rows)
+    if view.point is None or not surfaces(result):
+        return
+    page.subsection(f"Contacts at point {view.point}, Q = {result.array('/points/amplitude')[view.point]:.4g}")
+    captions = {"state": "What each contact does over the period.", "energy": "What each contact dissipates a period."}
+    page.figures(
+        [
+            (contact_map(result, view.point, kind, report_figures.LOOK, titled=False), words)
+            for kind, words in captions.items()
+        ]
+    )
