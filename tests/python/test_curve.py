@@ -146,3 +146,10 @@ def test_a_branch_in_pieces_is_followed_in_a_bounded_number_of_tries(seed, tange
     assert all(point.outcome in ("converged", "above_tolerance") for point in points)
     # Some thirty tries of a step, thirty iterations each, are the most that a point takes.
     assert max(point.iterations for point in points) < 1000
+
+
+def test_bifurcations_of_a_branch_in_pieces_are_looked_for_at_frequencies_that_exist():
+    # The plane across an arc between two pieces meets motions of negative frequency, which have no period to march.
+    scene, ends = verdicts.random_scene(np.random.default_rng([85082048, 1]), 1)
+    points = verdicts.sweep(scene, **ends, most=150, orbit="auto")
+    assert len(points) == 150 and all(one.point.frequency_hz > 0.0 for one in points)
