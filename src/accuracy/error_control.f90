@@ -35,6 +35,9 @@ module attrito_accuracy_error_control
   !> Longest series that an estimate which is not sure is held against, in units of the present one: more is not known to be needed
   integer, parameter :: most_growth = 2 ! guess
 
+  !> Part of the frequency by which a finer series moves a point at most: beyond, it is another
+  real(wp), parameter :: farthest = 0.2_wp ! guess
+
   type :: error_control_type
     !> Relative error accepted in the amplitude
     real(wp) :: tolerance = no_tolerance
@@ -242,7 +245,8 @@ contains
     constraint = solver%context%constraint
     call solver%solve_with(constraint)
     iterations = iterations + solver%report%iterations
-    better = solver%report%converged
+    ! The constraint's plane meets branches far away, too.
+    better = solver%report%converged .and. abs(solver%omega - before%omega) <= farthest*before%omega
     if (better) return
     call solver%set_resolution(resolution(1), resolution(2))
     call restore(solver, before)

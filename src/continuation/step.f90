@@ -239,8 +239,8 @@ contains
         constraint%value = inner_product(context%balance, constraint%motion, solver%motion) + constraint%frequency*solver%omega
       end if
       call solver%solve_with(constraint, early_stop)
-      converged = solver%report%converged .and. solver%omega > 0.0_wp
-      ! The plane meets branches far away, too, and mirrored motions of negative frequency.
+      converged = solver%report%converged
+      ! The plane meets branches far away, too.
       if (converged .and. self%length > 0.0_wp) converged = abs(solver%omega - omega) <= self%length*context%frequency_scale
     end associate
   end subroutine solve_part

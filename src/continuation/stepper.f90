@@ -215,7 +215,7 @@ contains
       call correct(self, solver, prediction, failures < most_brief, distance)
       deallocate (prediction%motion)
       iterations = iterations + solver%report%iterations
-      accepted = solver%report%converged .and. solver%omega > 0.0_wp .and. (distance < accepted_error .or. self%size <= smallest_step)
+      accepted = solver%report%converged .and. (distance < accepted_error .or. self%size <= smallest_step)
       if (accepted) accepted = .not. runs_back(self, solver, before)
       if (accepted) then
         call self%examine_step(solver, before, tangent, point, error)

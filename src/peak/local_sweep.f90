@@ -1,7 +1,7 @@
 !> The largest peak of a frequency response about a frequency, loads held, by a sweep: where no peak can be climbed to from nearby.
 !>
-!> The swept range becomes wider until the amplitude is largest within it, not at an end. A point of the sweep lies at every peak, from
-!> which the peak is climbed to (`attrito_peak_climb`).
+!> The swept range becomes wider until the amplitude is largest within it, not at an end. A point of the sweep lies at every peak,
+!> from which the peak is climbed to (`attrito_peak_climb`).
 module attrito_peak_local_sweep
   use attrito_core_kinds, only: wp
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore

@@ -156,6 +156,8 @@ contains
         end if
         iterations = iterations + self%report%iterations
         linear_iterations = linear_iterations + self%report%linear_iterations
+        ! A plane meets mirrored motions of negative frequency, too.
+        self%report%converged = self%report%converged .and. unknowns%omega > 0.0_wp
         if (.not. self%report%converged) exit
         if (found_moving(balance, self%options%tolerance*self%context%motion_scale)) then
           unknowns%slider = balance%slider
