@@ -357,9 +357,6 @@ void attrito_coordinates(void *handle, int coefficients, double *coordinates);
 /* Follow it in the level (0) or the preload (1) from here on. */
 void attrito_follow_peak_in(void *handle, int parameter, int branch, attrito_peak *peak);
 
-/* The next steps go towards a value of the parameter. */
-void attrito_set_peak_direction(void *handle, double value);
-
 /* One step along the curve of peaks, or just to a value of the parameter, where it has finished. */
 void attrito_next_peak(void *handle, double stop, int branch, attrito_peak *peak);
 

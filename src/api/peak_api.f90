@@ -6,7 +6,8 @@ module attrito_api_peak
   use attrito_accuracy_finer_balance, only: finer_point_type
   use attrito_output_point_report, only: report_point
   use attrito_peak_condition, only: problem_type, value_of
-  use attrito_peak_curve, only: begin_curve, begin_curve_near, follow_parameter
+  use attrito_peak_curve, only: follow_parameter
+  use attrito_peak_first_peak, only: begin_curve, begin_curve_near
   use attrito_api_session, only: session_type, session_of
   use attrito_api_solver, only: point_type, point_of
   implicit none
@@ -102,18 +103,6 @@ contains
     call follow_parameter(session%peak, session%solver, parameter)
     call describe(session, branch, peak)
   end subroutine attrito_follow_peak_in
-
-  !> The next steps go towards a value of the parameter.
-  subroutine attrito_set_peak_direction(handle, value) bind(c)
-    !> Session, see `session_of`
-    type(c_ptr), value :: handle
-    !> Value of the parameter
-    real(c_double), value :: value
-    type(session_type), pointer :: session
-
-    session => session_of(handle)
-    call session%peak%turn_towards(session%solver, value)
-  end subroutine attrito_set_peak_direction
 
   !> One step along the curve of peaks, or just to a value of the parameter, where it has finished.
   subroutine attrito_next_peak(handle, stop, branch, peak) bind(c)

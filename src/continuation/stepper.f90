@@ -18,7 +18,7 @@ module attrito_continuation_stepper
   use attrito_solve_rebalancing, only: field_type, rebalance
   use attrito_solve_solver, only: solver_type
   use attrito_continuation_arc, only: arc_type
-  use attrito_continuation_between, only: estimate_between, stuck_point
+  use attrito_continuation_arc_error, only: error_of_arc
   use attrito_continuation_curve_point, only: curve_point_type
   use attrito_continuation_predictor, only: predictor_type, prediction_type, middle_of
   use attrito_continuation_step, only: step_type
@@ -45,12 +45,8 @@ module attrito_continuation_stepper
   integer, parameter :: most_drifting = 6 ! guess
   !> Cosine between successive steps below which the branch is taken to run back on itself
   real(wp), parameter :: turned_back = -0.95_wp ! guess
-  !> Parts of an arc at which it is held against the branch: a contact that begins to slip or to open may leave the middle as it is
-  real(wp), parameter :: looked_at(2) = [1.0_wp/3.0_wp, 2.0_wp/3.0_wp] ! guess
   !> What the curve may be off by elsewhere on the arc, in terms of what it is there: near a kink between
   real(wp), parameter :: elsewhere = 1.5_wp ! guess
-  !> Distance of a point of the branch from the arc, relative to the motion, beyond which the ends are not of one branch
-  real(wp), parameter :: most_off = 0.5_wp ! guess
   !> Tries of a step in which Newton's method is given up early: shorter steps mostly need no more
   integer, parameter :: most_brief = 4 ! guess
   !> Places within one arc that are looked for
@@ -89,7 +85,6 @@ module attrito_continuation_stepper
     procedure :: accept_step
     procedure :: place_within
     procedure :: omega_within
-    procedure :: remember
     procedure :: remember_in_frequency
     procedure :: adapt
     procedure :: is_drifting
@@ -307,59 +302,10 @@ contains
     call tangent_of_evaluation(solver, towards, tangent, point, status)
     if (status /= 0) return
     call self%last%draw(solver, self%tangent, tangent)
-    if (self%last%length > 0.0_wp .and. self%here%is_known()) error = elsewhere*error_of_arc(self, solver, point)/self%tolerance
+    if (self%last%length <= 0.0_wp .or. .not. self%here%is_known()) return
+    error = elsewhere*error_of_arc(solver, self%last, arc_type(self%here, point, self%last%length), &
+                                   max(self%largest, point%amplitude), self%tolerance)/self%tolerance
   end subroutine examine_step
-
-  !> Distance of the drawn arc that ends at a point from the branch, part of the largest amplitudes.
-  real(wp) function error_of_arc(self, solver, point) result(error)
-    type(stepper_type), intent(in) :: self
-    !> Solver of points, which this moves
-    type(solver_type), intent(inout) :: solver
-    !> End of the arc
-    type(curve_point_type), intent(in) :: point
-    !> Parts of the frequency at which a linear response is looked at, and most of its resonances
-    integer, parameter :: parts = 4, most_resonances = 20 ! guess
-    type(curve_point_type) :: between
-    type(arc_type) :: arc
-    real(wp) :: off
-    real(wp), allocatable :: omega(:), largest(:)
-    integer :: i, status
-
-    arc = arc_type(self%here, point, self%last%length)
-    largest = max(self%largest, point%amplitude)
-    error = 0.0_wp
-    if (self%last%from%all_stick .and. self%last%to%all_stick) then
-      omega = [(self%here%omega + real(i, wp)/parts*(point%omega - self%here%omega), i=1, parts - 1), &
-               resonances_between(solver, self%here%omega, point%omega)]
-      do i = 1, min(size(omega), parts - 1 + most_resonances)
-        call stuck_point(solver, omega(i), between, status)
-        if (status == 0) error = max(error, arc%distance_of(between, max(largest, between%amplitude)))
-      end do
-    else
-      do i = 1, size(looked_at)
-        call estimate_between(solver, self%last, looked_at(i), between, off, status)
-        if (status == 0) error = max(error, arc%distance_of(between, max(largest, between%amplitude)), off/most_off*self%tolerance)
-        if (error > self%tolerance) exit
-      end do
-    end if
-  end function error_of_arc
-
-  !> Angular frequencies between two at which a loaded harmonic excites a mode of the stuck system.
-  pure function resonances_between(solver, a, b) result(omega)
-    !> Solver of points: its motion, sliders, angular frequency and balance
-    type(solver_type), intent(in) :: solver
-    !> Angular frequency, rad/s
-    real(wp), intent(in) :: a, b
-    real(wp), allocatable :: omega(:)
-    integer :: i
-
-    allocate (omega(0))
-    do i = 1, size(solver%context%balance%loaded)
-      associate (at => solver%stuck%omega/solver%context%balance%loaded(i))
-        omega = [omega, pack(at, (at - a)*(at - b) < 0.0_wp)]
-      end associate
-    end do
-  end function resonances_between
 
   !> Part of the step just examined at which an amplitude has a peak or the frequency turns that neither end shows, or the frequency
   !> goes back between two turning points; negative: there is none.
@@ -402,7 +348,7 @@ contains
     !> Point of the drawn curve
     type(curve_point_type), intent(in) :: point
 
-    call self%remember(solver, before)
+    call remember(self, solver, before)
     self%looked_ahead = .false.
     self%turned = .false.
     call self%predictor%take_arc(self%last)
@@ -444,7 +390,7 @@ contains
 
   !> Keep the direction of the step just accepted.
   subroutine remember(self, solver, before)
-    class(stepper_type), intent(inout) :: self
+    type(stepper_type), intent(inout) :: self
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     !> Motion, sliders and frequency to return to

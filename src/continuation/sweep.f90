@@ -239,7 +239,6 @@ contains
     end if
     call self%stepper%take_step(solver, before, error, iterations, accepted)
     if (accepted) then
-      call self%stepper%remember(solver, before)
       call self%stepper%adapt(error)
       self%on_branch = .not. self%stepper%is_drifting(solver)
       solver%report%iterations = iterations

@@ -16,11 +16,11 @@ module attrito_peak_curve
   use attrito_peak_climb, only: climb
   use attrito_peak_local_sweep, only: sweep_for_peak
   use attrito_peak_condition, only: problem_type, direction_type, linearisation_type, linearise, value_of, set_value, &
-                                    scale_of_motion, parameter_level
+                                    scale_of_motion
   use attrito_peak_corrector, only: plane_type, correct, combine, scaled, height, relative_size, frequency_weight
   implicit none
   private
-  public :: curve_type, begin_curve, begin_curve_near, follow_parameter
+  public :: curve_type, follow_parameter
 
   !> Relative changes from prediction to correction, aimed at and accepted
   real(wp), parameter :: aimed_error = 0.04_wp, accepted_error = 0.2_wp ! guess
@@ -32,13 +32,12 @@ module attrito_peak_curve
   real(wp), parameter :: first_step = 0.1_wp, smallest_step = 3.0e-3_wp, largest_step = 0.7_wp ! guess
   !> Relative changes of the parameter, in turn, to where the next peak is looked for if no step along the curve is solved
   real(wp), parameter :: leaps(3) = [0.05_wp, 0.1_wp, 0.2_wp] ! guess
-  !> Levels to begin at, from one to the next
-  real(wp), parameter :: level_ratio = 0.25_wp ! guess
-  integer, parameter :: most_levels = 7, most_steps = 400 ! conventional
+  integer, parameter :: most_steps = 400 ! conventional
 
-  !> Where the solver stands, with the parameter's value and the scale of motions there
+  !> A peak to return to: the solver's point, the parameter's value and the scale of motions there
   type, extends(snapshot_type) :: base_point_type
     real(wp) :: parameter = 0.0_wp, motion_scale = 1.0_wp
+    type(linearisation_type) :: linearisation
   end type base_point_type
 
   type :: curve_type
@@ -61,70 +60,16 @@ module attrito_peak_curve
     procedure :: advance
     procedure :: go_to
     procedure :: correct_here
-    procedure :: turn_towards
+    procedure :: find_near
+    procedure :: sweep_here
     procedure :: curvature
   end type curve_type
 
 contains
 
-  !> Find the peak of the solver's loads near an angular frequency, the linear peak's: at a level at which contacts still stick, or a
-  !> small one, and then followed to the level asked for.
-  subroutine begin_curve(solver, problem, omega, band, self)
-    !> Solver of points, which this moves
-    type(solver_type), intent(inout) :: solver
-    !> Its parameter is set to the level here; its border is made here
-    type(problem_type), intent(in) :: problem
-    !> Angular frequency, rad/s; those that the peak lies between
-    real(wp), intent(in) :: omega, band(2)
-    type(curve_type), intent(out) :: self
-    type(snapshot_type) :: start
-    real(wp) :: target
-    integer :: i
-    logical :: sticks
-
-    self%problem = problem
-    self%band = band
-    start = snapshot_of(solver)
-    self%problem%parameter = parameter_level
-    call set_border(self%problem, solver)
-    target = solver%context%balance%level
-    do i = 1, most_levels
-      call solve_sticking(solver, omega, sticks)
-      if (sticks .or. i == most_levels) exit
-      call set_value(self%problem, solver, level_ratio*solver%context%balance%level)
-    end do
-    if (.not. sticks) call solve_by_strategies(solver, omega)
-    if (solver%report%converged) call peak_near(self, solver)
-    if (self%found) call self%go_to(solver, target)
-    if (self%found) return
-    call restore(solver, start)
-    solver%omega = omega
-    call set_value(self%problem, solver, target)
-    call sweep_here(self, solver)
-  end subroutine begin_curve
-
-  !> The peak of the solver's loads near a motion, sliders as they are: by Newton's method, or climbed to.
-  subroutine begin_curve_near(solver, problem, motion, omega, band, self)
-    !> Solver of points, which this moves
-    type(solver_type), intent(inout) :: solver
-    !> Its border is made here
-    type(problem_type), intent(in) :: problem
-    !> Of this rank's rows [2 H + 1, rows]; angular frequency, rad/s; those that the peak lies between
-    real(wp), intent(in) :: motion(:, :), omega, band(2)
-    type(curve_type), intent(out) :: self
-
-    self%problem = problem
-    self%band = band
-    call set_border(self%problem, solver)
-    solver%motion = motion
-    solver%omega = omega
-    solver%all_stick = .false.
-    call peak_near(self, solver)
-  end subroutine begin_curve_near
-
   !> The peak near the solver's point, its parameter held: by Newton's method, or climbed to.
-  subroutine peak_near(self, solver)
-    type(curve_type), intent(inout) :: self
+  subroutine find_near(self, solver)
+    class(curve_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     type(base_point_type) :: start
@@ -137,28 +82,7 @@ contains
     if (self%found) return
     call go_back(self, solver, start)
     call climb_here(self, solver)
-  end subroutine peak_near
-
-  !> Solve where all contacts stick, if they do once sliders that stood at their limit have moved.
-  subroutine solve_sticking(solver, omega, sticks)
-    !> Solver of points, which this moves
-    type(solver_type), intent(inout) :: solver
-    !> Angular frequency, rad/s
-    real(wp), intent(in) :: omega
-    !> Do all contacts stick?
-    logical, intent(out) :: sticks
-    type(snapshot_type) :: before
-
-    call solver%solve_stuck_at(omega, sticks)
-    if (sticks) return
-    before = snapshot_of(solver)
-    call solver%solve_at(omega, early_stop=.true.)
-    sticks = solver%report%converged .and. solver%all_stick
-    if (sticks) return
-    call restore(solver, before)
-    ! Lower loads may leave them stuck.
-    solver%all_stick = .true.
-  end subroutine solve_sticking
+  end subroutine find_near
 
   !> Go on in another parameter from the peak where the solver stands.
   subroutine follow_parameter(self, solver, parameter)
@@ -174,19 +98,6 @@ contains
     if (allocated(self%bend%step%motion)) deallocate (self%bend%step%motion)
     call self%correct_here(solver)
   end subroutine follow_parameter
-
-  !> The border that belongs to a frequency.
-  subroutine set_border(problem, solver)
-    !> Whose peak it is, and in what it is followed
-    type(problem_type), intent(inout) :: problem
-    !> Solver of points: its motion, sliders, angular frequency and balance
-    type(solver_type), intent(in) :: solver
-
-    if (allocated(problem%border%motion)) deallocate (problem%border%motion)
-    allocate (problem%border%motion, mold=solver%motion)
-    problem%border%motion = 0.0_wp
-    problem%border%frequency = 1.0_wp/solver%context%frequency_scale
-  end subroutine set_border
 
   !> The peak near where the solver stands, its parameter held.
   subroutine correct_here(self, solver)
@@ -211,7 +122,6 @@ contains
 
     iterations = 0
     if (abs(value_of(self%problem, solver) - value) <= 0.0_wp) return
-    call self%turn_towards(solver, value)
     do i = 1, most_steps
       call self%advance(solver, value, reached)
       iterations = iterations + self%iterations
@@ -223,7 +133,7 @@ contains
 
   !> Go on towards a value of the parameter: the tangent points to greater or smaller ones.
   subroutine turn_towards(self, solver, value)
-    class(curve_type), intent(inout) :: self
+    type(curve_type), intent(inout) :: self
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     !> Value of the parameter
@@ -253,21 +163,13 @@ contains
     !> Has it come to the end?
     logical, intent(out) :: reached
     type(base_point_type) :: before
-    type(linearisation_type) :: point
     integer :: iterations
-    logical :: along
 
     before = base_point_of(self, solver)
-    point = self%point
-    call self%turn_towards(solver, stop)
+    call turn_towards(self, solver, stop)
     call step_along(self, solver, before, stop, iterations, reached)
-    along = self%found
-    if (.not. along) then
-      call leap(self, solver, before, stop, iterations, reached)
-      if (.not. self%found) self%point = point
-      self%step = first_step
-    end if
-    self%leapt = .not. along
+    self%leapt = .not. self%found
+    if (self%leapt) call leap(self, solver, before, stop, iterations, reached)
     self%iterations = iterations
   end subroutine advance
 
@@ -276,7 +178,7 @@ contains
     type(curve_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
-    !> Peak that the step begins at
+    !> Peak to go on from
     type(base_point_type), intent(in) :: before
     !> Value of the parameter to end at
     real(wp), intent(in) :: stop
@@ -284,7 +186,6 @@ contains
     integer, intent(out) :: iterations
     !> Has it come to the end?
     logical, intent(out) :: reached
-    type(linearisation_type) :: point
     type(plane_type) :: plane
     real(wp) :: error, length, aimed, accepted
     logical :: stuck
@@ -293,7 +194,6 @@ contains
     aimed = merge(aimed_climb, aimed_error, climbs(solver))
     accepted = merge(accepted_climb, accepted_error, climbs(solver))
     if (stuck) accepted = accepted_at_kink
-    point = self%point
     iterations = 0
     do
       call aim(self, solver, before, stop, stuck, length, plane, reached)
@@ -303,12 +203,11 @@ contains
         iterations = iterations + self%iterations
         ! A maximum stays one.
         if (self%found) self%found = error < accepted .and. leads_on(before%parameter, value_of(self%problem, solver), stop) &
-                                     .and. (climbs(solver) .or. self%point%slope_along*point%slope_along > 0.0_wp)
+                                     .and. (climbs(solver) .or. self%point%slope_along*before%linearisation%slope_along > 0.0_wp)
       end if
       if (self%found) exit
       self%step = 0.5_wp*min(self%step, length)
       call go_back(self, solver, before)
-      self%point = point
       reached = .false.
       ! Beyond a kink steps along the curve are mostly solved again at once, or not at all.
       if (self%step < smallest_step .or. self%leapt) return
@@ -321,7 +220,6 @@ contains
       stuck = .true.
       if (.not. self%found) then
         call go_back(self, solver, before)
-        self%point = point
         return
       end if
     end if
@@ -354,6 +252,7 @@ contains
       if (self%found .or. reached) exit
     end do
     reached = reached .and. self%found
+    self%step = first_step
     if (.not. self%found) then
       call go_back(self, solver, before)
       return
@@ -375,7 +274,7 @@ contains
     type(curve_type), intent(in) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
-    !> Point of the backbone from which the next is sought
+    !> Peak to go on from
     type(base_point_type), intent(in) :: before
     !> Value of the parameter to end at
     real(wp), intent(in) :: stop
@@ -404,7 +303,7 @@ contains
     type(curve_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
-    !> Point of the backbone from which the next is sought
+    !> Peak to go on from
     type(base_point_type), intent(in) :: before
     !> Value of the parameter
     real(wp), intent(in) :: value
@@ -422,13 +321,13 @@ contains
     if (self%found) return
     call go_back(self, solver, before)
     call set_value(self%problem, solver, value)
-    call sweep_here(self, solver)
+    call self%sweep_here(solver)
     iterations = iterations + self%iterations
   end subroutine search
 
   !> The largest peak about the solver's frequency.
   subroutine sweep_here(self, solver)
-    type(curve_type), intent(inout) :: self
+    class(curve_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     integer :: status
@@ -452,7 +351,7 @@ contains
     type(curve_type), intent(in) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
-    !> Point of the backbone from which the next is sought
+    !> Peak to go on from
     type(base_point_type), intent(in) :: before
     !> Length of the step
     real(wp), intent(in) :: length
@@ -587,18 +486,19 @@ contains
     type(base_point_type) :: base_point
 
     base_point = base_point_type(snapshot_type=snapshot_of(solver), parameter=value_of(self%problem, solver), &
-                                 motion_scale=solver%context%motion_scale)
+                                 motion_scale=solver%context%motion_scale, linearisation=self%point)
   end function base_point_of
 
   subroutine go_back(self, solver, base_point)
-    type(curve_type), intent(in) :: self
+    type(curve_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
-    !> Point of the backbone from which the next is sought
+    !> Peak to go on from
     type(base_point_type), intent(in) :: base_point
 
     call set_value(self%problem, solver, base_point%parameter)
     solver%context%motion_scale = base_point%motion_scale
+    self%point = base_point%linearisation
     call restore(solver, base_point%snapshot_type)
   end subroutine go_back
 end module attrito_peak_curve

@@ -9,7 +9,8 @@ program test_peak
   use attrito_peak_amplitude, only: amplitude_type, amplitude_of, half_range, first_harmonic
   use attrito_peak_condition, only: problem_type, direction_type, linearisation_type, linearise, value_of, set_value, &
                                     parameter_level, parameter_preload
-  use attrito_peak_curve, only: curve_type, begin_curve
+  use attrito_peak_curve, only: curve_type
+  use attrito_peak_first_peak, only: begin_curve
   use scenes, only: scene_type, wedge, rubbing_frame, damp, noise
   use attrito_model_structure, only: damping_ratio, damping_viscous
   use session, only: run_in_session, only_me

@@ -147,7 +147,6 @@ class PeakTracker:
 
     def follow(self, stop: float, branch: int = 0) -> Iterator[Peak]:
         """Step by step to a value of the parameter; the last peak has it, unless the curve is lost before."""
-        self._solver.call("attrito_set_peak_direction", stop)
         finished = False
         while not finished:
             peak, finished = self._call("attrito_next_peak", stop, branch)

@@ -101,7 +101,6 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
         (HANDLE, c_int, c_int, c_int, Doubles, *[c_double] * 5, c_int, Doubles, c_int, POINTER(RawPeak)),
     ),
     "attrito_follow_peak_in": (None, (HANDLE, c_int, c_int, POINTER(RawPeak))),
-    "attrito_set_peak_direction": (None, (HANDLE, c_double)),
     "attrito_next_peak": (None, (HANDLE, c_double, c_int, POINTER(RawPeak))),
     "attrito_peak_at": (None, (HANDLE, c_double, c_int, POINTER(RawPeak))),
     "attrito_leading_mode": (None, (HANDLE, Integers, Doubles)),
