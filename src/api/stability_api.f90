@@ -36,13 +36,18 @@ contains
     character(kind=c_char), intent(out) :: message(length)
     type(session_type), pointer :: session
     type(error_type), allocatable :: error
+    type(examine_options_type) :: options
 
     session => session_of(handle)
     report = examination_report_type(not_examined, 0, 0, -1.0_c_double, 0.0_c_double, 0.0_c_double, -1.0_c_double)
+    options = examine_options_type(methods, orbit)
+    associate (errors => session%point%errors)
+      if (errors%are_known()) options%estimate = errors%harmonics + errors%samples
+    end associate
     call prepare(session, equivalent_viscous /= 0, error)
     status = report_error(error, message)
     if (allocated(error)) return
-    call examine(session%solver, session%in_time, examine_options_type(methods, orbit), session%examination)
+    call examine(session%solver, session%in_time, options, session%examination)
     call moduli_of(session%solver, session%examination, session%moduli(2))
     report%verdict = session%examination%verdict
     report%distance = session%examination%distance

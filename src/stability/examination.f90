@@ -5,7 +5,7 @@ module attrito_stability_examination
   use attrito_stability_verdict, only: not_examined
   implicit none
   private
-  public :: examination_type, examine_options_type, is_near, number, part, distance_limit
+  public :: examination_type, examine_options_type, is_near, is_in_doubt, number, part, distance_limit
   public :: by_monodromy, by_hill, balanced_orbit, exact_orbit, automatic_orbit
 
   !> Methods; their sum asks for both
@@ -22,10 +22,16 @@ module attrito_stability_examination
     integer :: orbit = automatic_orbit
     !> Let integration in time decide where multipliers do not
     logical :: decide = .true.
+    !> What the balance leaves out, part of the amplitude; as it stands: not known
+    real(wp) :: estimate = huge(1.0_wp)
   end type examine_options_type
 
   !> How far the orbit of motion in time may lie from the balance's, part of its amplitude, to be taken for the same
   real(wp), parameter :: distance_limit = 0.1_wp ! guess
+
+  !> How far it may lie if it is to be the same beyond doubt: this far, or so many times what the balance leaves out. 95 of 100
+  !> orbits lie nearer
+  real(wp), parameter :: no_doubt = 0.01_wp, times_estimate = 10.0_wp ! guess
 
   type :: examination_type
     !> One of `not_examined`, `unstable`, `stable`, `indeterminate`
@@ -50,6 +56,15 @@ contains
 
     is_near = self%distance >= 0.0_wp .and. self%distance <= distance_limit
   end function is_near
+
+  !> Does the orbit lie farther from the balance's than the balance's error says? It may be another one beside it.
+  pure logical function is_in_doubt(self, estimate)
+    type(examination_type), intent(in) :: self
+    !> What the balance leaves out, part of the amplitude
+    real(wp), intent(in) :: estimate
+
+    is_in_doubt = self%distance > max(no_doubt, times_estimate*min(estimate, 1.0_wp))
+  end function is_in_doubt
 
   !> A part of the amplitude in words.
   pure function part(x) result(text)

@@ -8,12 +8,12 @@ module attrito_stability_examine
   use attrito_integrate_system, only: system_type, new_system
   use attrito_stability_assess, only: assess
   use attrito_stability_balance_motion, only: balance_motion_type, balance_motion_of
-  use attrito_stability_examination, only: examination_type, examine_options_type, is_near, part, by_monodromy, by_hill, &
-                                           balanced_orbit, exact_orbit, automatic_orbit
+  use attrito_stability_examination, only: examination_type, examine_options_type, is_near, is_in_doubt, part, by_monodromy, &
+                                           by_hill, balanced_orbit, exact_orbit, automatic_orbit
   use attrito_stability_in_time, only: decide_in_time
   use attrito_stability_orbit, only: orbit_type
   use attrito_stability_orbit_search, only: orbit_search_type, new_search, new_orbit, find_orbit
-  use attrito_stability_verdict, only: indeterminate
+  use attrito_stability_verdict, only: largest_multiplier, may_fold, across_fold, stable, unstable, indeterminate
   implicit none
   private
   public :: examination_type, examine_options_type, examine, system_of, by_monodromy, by_hill
@@ -77,8 +77,11 @@ contains
     call find_orbit(search, orbit, found)
     own = all(orbit%stuck) .and. (any(system%law%tangents > 1) .or. options%orbit /= exact_orbit)
     own = own .or. options%orbit == balanced_orbit
-    if (.not. own) call examine_in_time(search, options, self)
-    if (.not. own .and. (is_near(self) .or. options%orbit == exact_orbit)) return
+    if (.not. own) then
+      call examine_in_time(search, options, self)
+      if (options%orbit == automatic_orbit .and. is_near(self)) call compare_with_balance(search, options, system, orbit, self)
+      if (is_near(self) .or. options%orbit == exact_orbit) return
+    end if
     reason = self%reason
     search%in_time = .false.
     call assess(search, options, system, orbit, self)
@@ -123,6 +126,40 @@ contains
       if (self%verdict /= indeterminate) self%reason = self%reason//'; decided by integration in time'
     end if
   end subroutine examine_in_time
+
+  !> More than one orbit of motion in time may lie near the balance's. Where the one that was found is in doubt, or has a real
+  !> multiplier near 1 and so may have another beside it, beyond a fold, it must agree with the balance's own; else there is no verdict.
+  subroutine compare_with_balance(search, options, system, orbit, self)
+    !> What the orbit was found by
+    type(orbit_search_type), intent(inout) :: search
+    !> Engines, and the orbit that they examine
+    type(examine_options_type), intent(in) :: options
+    !> Linear system in time: mass, damping, stiffness, contacts
+    type(system_type), intent(in) :: system
+    !> The balance's
+    class(orbit_type), allocatable, intent(inout) :: orbit
+    !> What was found in time
+    type(examination_type), intent(inout) :: self
+    type(examination_type) :: of_balance
+    logical :: in_doubt
+
+    if (.not. allocated(self%monodromy) .or. all(self%verdict /= [stable, unstable]) .or. len(self%reason) > 0) return
+    in_doubt = is_in_doubt(self, options%estimate)
+    if (.not. (in_doubt .or. may_fold(self%monodromy))) return
+    search%in_time = .false.
+    call assess(search, options, system, orbit, of_balance)
+    if (.not. allocated(of_balance%monodromy)) return
+    if (across_fold(self%monodromy, of_balance%monodromy)) then
+      self%reason = 'the orbit of motion in time lies across a fold from that of the balance'
+    else if (in_doubt .and. of_balance%verdict /= self%verdict) then
+      self%reason = 'the orbit of motion in time, '//part(self%distance)//' from that of the balance, has another verdict'
+    else
+      return
+    end if
+    self%verdict = indeterminate
+    self%low = min(largest_multiplier(self%monodromy), largest_multiplier(of_balance%monodromy))
+    self%high = max(largest_multiplier(self%monodromy), largest_multiplier(of_balance%monodromy))
+  end subroutine compare_with_balance
 
   !> The linear system of a structure in time, at an angular frequency: where a loss factor is to be taken for the viscous damping
   !> that is equal to it there, C = eta K / omega.

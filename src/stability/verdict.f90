@@ -5,7 +5,7 @@ module attrito_stability_verdict
   use attrito_stability_multipliers, only: multiplier_type, kind_floquet
   implicit none
   private
-  public :: judge, largest_multiplier, band, not_examined, unstable, stable, indeterminate
+  public :: judge, largest_multiplier, may_fold, across_fold, band, not_examined, unstable, stable, indeterminate
 
   !> As `/points/stable` counts them, but for the last, which the outcome says
   integer, parameter :: not_examined = -1, unstable = 0, stable = 1, indeterminate = 2
@@ -13,6 +13,11 @@ module attrito_stability_verdict
   !> How near the circle is too near, of orbits on which contacts slip or open, where switching times move with what the balance
   !> leaves out, and of those on which all stick, which are linear
   real(wp), parameter :: band_switching = 1.0e-5_wp, band_linear = 1.0e-10_wp ! guess
+
+  !> Distance of a real multiplier from 1 within which a fold may be near: two orbits then lie beside each other
+  real(wp), parameter :: fold_margin = 0.2_wp ! guess
+  !> Imaginary part below which a multiplier is real: rounding of a double one
+  real(wp), parameter :: real_within = sqrt(epsilon(1.0_wp)) ! derived
 
 contains
 
@@ -48,4 +53,33 @@ contains
 
     largest_multiplier = maxval(abs(multipliers%value), mask=multipliers%kind == kind_floquet)
   end function largest_multiplier
+
+  !> May there be another orbit beside this one, which it meets in a fold?
+  pure logical function may_fold(multipliers)
+    !> Floquet multipliers
+    type(multiplier_type), intent(in) :: multipliers(:)
+
+    may_fold = abs(nearest_to_fold(multipliers)) < fold_margin
+  end function may_fold
+
+  !> Are two orbits those that meet in a fold? A real multiplier passes 1 there, from the one orbit to the other.
+  pure logical function across_fold(a, b)
+    !> Floquet multipliers of each
+    type(multiplier_type), intent(in) :: a(:), b(:)
+
+    across_fold = may_fold(a) .and. may_fold(b) .and. nearest_to_fold(a)*nearest_to_fold(b) < 0.0_wp
+  end function across_fold
+
+  !> The real multiplier nearest to 1, less 1.
+  pure real(wp) function nearest_to_fold(multipliers) result(excess)
+    !> Floquet multipliers
+    type(multiplier_type), intent(in) :: multipliers(:)
+    integer :: i
+
+    excess = huge(1.0_wp)
+    do i = 1, size(multipliers)
+      if (multipliers(i)%kind /= kind_floquet .or. abs(aimag(multipliers(i)%value)) > real_within) cycle
+      if (abs(real(multipliers(i)%value) - 1.0_wp) < abs(excess)) excess = real(multipliers(i)%value) - 1.0_wp
+    end do
+  end function nearest_to_fold
 end module attrito_stability_verdict
