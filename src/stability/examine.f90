@@ -128,7 +128,7 @@ contains
   end subroutine examine_in_time
 
   !> More than one orbit of motion in time may lie near the balance's. Where the one that was found is in doubt, or has a real
-  !> multiplier near 1 and so may have another beside it, beyond a fold, it must agree with the balance's own; else there is no verdict.
+  !> multiplier near 1, so that another may lie beyond a fold, it must agree with the balance's own; else there is no verdict.
   subroutine compare_with_balance(search, options, system, orbit, self)
     !> What the orbit was found by
     type(orbit_search_type), intent(inout) :: search
