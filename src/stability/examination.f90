@@ -5,7 +5,7 @@ module attrito_stability_examination
   use attrito_stability_verdict, only: not_examined
   implicit none
   private
-  public :: examination_type, examine_options_type, is_near, is_in_doubt, number, part, distance_limit
+  public :: examination_type, examine_options_type, is_near, largest_distance, number, part
   public :: by_monodromy, by_hill, balanced_orbit, exact_orbit, automatic_orbit
 
   !> Methods; their sum asks for both
@@ -26,12 +26,9 @@ module attrito_stability_examination
     real(wp) :: estimate = huge(1.0_wp)
   end type examine_options_type
 
-  !> How far the orbit of motion in time may lie from the balance's, part of its amplitude, to be taken for the same
-  real(wp), parameter :: distance_limit = 0.1_wp ! guess
-
-  !> How far it may lie if it is to be the same beyond doubt: this far, or so many times what the balance leaves out. 95 of 100
-  !> orbits lie nearer
-  real(wp), parameter :: no_doubt = 0.01_wp, times_estimate = 10.0_wp ! guess
+  !> How far the orbit of motion in time may lie from the balance's, part of its amplitude, to be taken for the same: so many times
+  !> what the balance leaves out, but this far at least and at most. 95 of 100 orbits lie within that
+  real(wp), parameter :: times_estimate = 10.0_wp, distances(2) = [0.01_wp, 0.1_wp] ! guess
 
   type :: examination_type
     !> One of `not_examined`, `unstable`, `stable`, `indeterminate`
@@ -42,6 +39,8 @@ module attrito_stability_examination
     type(multiplier_type), allocatable :: monodromy(:), hill(:)
     !> How far the event-exact orbit lies from the balance's (`attrito_stability_distance`); negative: not looked for or not found
     real(wp) :: distance = -1.0_wp
+    !> How far it may lie from there
+    real(wp) :: limit = distances(2)
     !> What doubling the modes last changed of the multipliers by the monodromy; zero if all are in
     real(wp) :: change = 0.0_wp
     !> Interval in which the largest modulus of the dynamic multipliers lies, where they do not decide; high < low: nothing is known
@@ -50,21 +49,20 @@ module attrito_stability_examination
 
 contains
 
+  !> How far an orbit of motion in time may lie from that of a balance, to be taken for the same.
+  pure real(wp) function largest_distance(estimate)
+    !> What the balance leaves out, part of the amplitude
+    real(wp), intent(in) :: estimate
+
+    largest_distance = min(max(times_estimate*min(estimate, 1.0_wp), distances(1)), distances(2))
+  end function largest_distance
+
   !> Was an orbit of motion in time found that can be taken for the balance's? Then multipliers are its.
   pure logical function is_near(self)
     type(examination_type), intent(in) :: self
 
-    is_near = self%distance >= 0.0_wp .and. self%distance <= distance_limit
+    is_near = self%distance >= 0.0_wp .and. self%distance <= self%limit
   end function is_near
-
-  !> Does the orbit lie farther from the balance's than the balance's error says? It may be another one beside it.
-  pure logical function is_in_doubt(self, estimate)
-    type(examination_type), intent(in) :: self
-    !> What the balance leaves out, part of the amplitude
-    real(wp), intent(in) :: estimate
-
-    is_in_doubt = self%distance > max(no_doubt, times_estimate*min(estimate, 1.0_wp))
-  end function is_in_doubt
 
   !> A part of the amplitude in words.
   pure function part(x) result(text)

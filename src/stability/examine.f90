@@ -8,12 +8,12 @@ module attrito_stability_examine
   use attrito_integrate_system, only: system_type, new_system
   use attrito_stability_assess, only: assess
   use attrito_stability_balance_motion, only: balance_motion_type, balance_motion_of
-  use attrito_stability_examination, only: examination_type, examine_options_type, is_near, is_in_doubt, part, by_monodromy, &
-                                           by_hill, balanced_orbit, exact_orbit, automatic_orbit
+  use attrito_stability_examination, only: examination_type, examine_options_type, is_near, largest_distance, part, &
+                                           by_monodromy, by_hill, balanced_orbit, exact_orbit, automatic_orbit
   use attrito_stability_in_time, only: decide_in_time
   use attrito_stability_orbit, only: orbit_type
   use attrito_stability_orbit_search, only: orbit_search_type, new_search, new_orbit, find_orbit
-  use attrito_stability_verdict, only: largest_multiplier, may_fold, across_fold, stable, unstable, indeterminate
+  use attrito_stability_verdict, only: largest_multiplier, may_fold, between_folding, stable, unstable, indeterminate
   implicit none
   private
   public :: examination_type, examine_options_type, examine, system_of, by_monodromy, by_hill
@@ -72,14 +72,15 @@ contains
       self%reason = not_known_to_hill
       return
     end if
-    search = new_search(solver, system, balance)
+    self%limit = largest_distance(options%estimate)
+    search = new_search(solver, system, balance, self%limit)
     call new_orbit(search, orbit)
     call find_orbit(search, orbit, found)
     own = all(orbit%stuck) .and. (any(system%law%tangents > 1) .or. options%orbit /= exact_orbit)
     own = own .or. options%orbit == balanced_orbit
     if (.not. own) then
       call examine_in_time(search, options, self)
-      if (options%orbit == automatic_orbit .and. is_near(self)) call compare_with_balance(search, options, system, orbit, self)
+      if (options%orbit == automatic_orbit .and. is_near(self)) call look_for_fold(search, options, system, orbit, self)
       if (is_near(self) .or. options%orbit == exact_orbit) return
     end if
     reason = self%reason
@@ -127,9 +128,8 @@ contains
     end if
   end subroutine examine_in_time
 
-  !> More than one orbit of motion in time may lie near the balance's. Where the one that was found is in doubt, or has a real
-  !> multiplier near 1, so that another may lie beyond a fold, it must agree with the balance's own; else there is no verdict.
-  subroutine compare_with_balance(search, options, system, orbit, self)
+  !> Near a fold two orbits of motion in time lie beside the balance's. Where it may stand for either there is no verdict.
+  subroutine look_for_fold(search, options, system, orbit, self)
     !> What the orbit was found by
     type(orbit_search_type), intent(inout) :: search
     !> Engines, and the orbit that they examine
@@ -141,25 +141,18 @@ contains
     !> What was found in time
     type(examination_type), intent(inout) :: self
     type(examination_type) :: of_balance
-    logical :: in_doubt
 
     if (.not. allocated(self%monodromy) .or. all(self%verdict /= [stable, unstable]) .or. len(self%reason) > 0) return
-    in_doubt = is_in_doubt(self, options%estimate)
-    if (.not. (in_doubt .or. may_fold(self%monodromy))) return
+    if (.not. may_fold(self%monodromy)) return
     search%in_time = .false.
     call assess(search, options, system, orbit, of_balance)
     if (.not. allocated(of_balance%monodromy)) return
-    if (across_fold(self%monodromy, of_balance%monodromy)) then
-      self%reason = 'the orbit of motion in time lies across a fold from that of the balance'
-    else if (in_doubt .and. of_balance%verdict /= self%verdict) then
-      self%reason = 'the orbit of motion in time, '//part(self%distance)//' from that of the balance, has another verdict'
-    else
-      return
-    end if
+    if (.not. between_folding(self%monodromy, of_balance%monodromy)) return
+    self%reason = 'near a fold the orbit of the balance may stand for either of two orbits of motion in time'
     self%verdict = indeterminate
     self%low = min(largest_multiplier(self%monodromy), largest_multiplier(of_balance%monodromy))
     self%high = max(largest_multiplier(self%monodromy), largest_multiplier(of_balance%monodromy))
-  end subroutine compare_with_balance
+  end subroutine look_for_fold
 
   !> The linear system of a structure in time, at an angular frequency: where a loss factor is to be taken for the viscous damping
   !> that is equal to it there, C = eta K / omega.

@@ -10,7 +10,6 @@ module attrito_stability_orbit_search
   use attrito_stability_balance_motion, only: balance_motion_type
   use attrito_stability_distance, only: trajectory_of_balance, distance_between, instants
   use attrito_stability_event_orbit, only: event_orbit_type
-  use attrito_stability_examination, only: distance_limit
   use attrito_stability_orbit, only: orbit_type
   use attrito_stability_sampled_orbit, only: sampled_orbit_type
   use attrito_stability_shooting, only: shoot, march_until_settled
@@ -34,6 +33,8 @@ module attrito_stability_orbit_search
     type(balance_motion_type) :: balance
     !> The balance's motion [m, instants]
     real(wp), allocatable :: trajectory(:, :)
+    !> How far an orbit of motion in time may lie from the balance's, part of its amplitude
+    real(wp) :: limit = 0.0_wp
     !> Is motion in time wanted?
     logical :: in_time = .false.
     !> Of the balance's period, then of the orbit's
@@ -45,15 +46,18 @@ module attrito_stability_orbit_search
 contains
 
   !> From a solver's point.
-  function new_search(solver, system, balance) result(self)
+  function new_search(solver, system, balance, limit) result(self)
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
     !> Motion and sliders of all contacts by the balance
     type(balance_motion_type), intent(in) :: balance
+    !> How far an orbit of motion in time may lie from the balance's, part of its amplitude
+    real(wp), intent(in) :: limit
     type(orbit_search_type) :: self
 
+    self%limit = limit
     self%system = system
     self%holding = system
     self%holding%law = held(system%law, balance%holds)
@@ -102,7 +106,7 @@ contains
 
     if (self%in_time) then
       call find_in_time(self, orbit)
-      found = self%distance >= 0.0_wp .and. self%distance <= merge(beside_limit, 1.0_wp, orbit%can_refine())*distance_limit
+      found = self%distance >= 0.0_wp .and. self%distance <= merge(beside_limit, 1.0_wp, orbit%can_refine())*self%limit
       if (found) call orbit%apply_law(self%holding, self%loading)
     else
       call orbit%take_balance(self%system, self%loading, self%balance)
@@ -123,7 +127,7 @@ contains
     allocate (other_orbit, mold=orbit)
     other_orbit%samples = orbit%samples
     call shoot_from(self%start, orbit, self%distance)
-    if (self%distance >= 0.0_wp .and. self%distance <= distance_limit) return
+    if (self%distance >= 0.0_wp .and. self%distance <= self%limit) return
     call march_until_settled(self%system, self%loading, other_orbit, other)
     call shoot_from(other, other_orbit, distance)
     if (distance < 0.0_wp .or. (self%distance >= 0.0_wp .and. self%distance <= distance)) return

@@ -5,7 +5,7 @@ module attrito_stability_verdict
   use attrito_stability_multipliers, only: multiplier_type, kind_floquet
   implicit none
   private
-  public :: judge, largest_multiplier, may_fold, across_fold, band, not_examined, unstable, stable, indeterminate
+  public :: judge, largest_multiplier, may_fold, between_folding, band, not_examined, unstable, stable, indeterminate
 
   !> As `/points/stable` counts them, but for the last, which the outcome says
   integer, parameter :: not_examined = -1, unstable = 0, stable = 1, indeterminate = 2
@@ -62,13 +62,15 @@ contains
     may_fold = abs(nearest_to_fold(multipliers)) < fold_margin
   end function may_fold
 
-  !> Are two orbits those that meet in a fold? A real multiplier passes 1 there, from the one orbit to the other.
-  pure logical function across_fold(a, b)
-    !> Floquet multipliers of each
-    type(multiplier_type), intent(in) :: a(:), b(:)
+  !> May a balance's orbit stand for either of two that meet in a fold? Along the branch a real multiplier passes 1 there, at equal
+  !> distances from it on the two orbits: the balance must be three times as near to the one that was found.
+  pure logical function between_folding(found, of_balance)
+    !> Floquet multipliers of the orbit that was found, and of the balance's
+    type(multiplier_type), intent(in) :: found(:), of_balance(:)
 
-    across_fold = may_fold(a) .and. may_fold(b) .and. nearest_to_fold(a)*nearest_to_fold(b) < 0.0_wp
-  end function across_fold
+    between_folding = may_fold(found) .and. may_fold(of_balance)
+    if (between_folding) between_folding = nearest_to_fold(of_balance)/nearest_to_fold(found) < 0.5_wp
+  end function between_folding
 
   !> The real multiplier nearest to 1, less 1.
   pure real(wp) function nearest_to_fold(multipliers) result(excess)

@@ -18,7 +18,7 @@ program test_stability
   use attrito_stability_reduced, only: reduce_to
   use attrito_stability_shooting, only: shoot
   use attrito_stability_start, only: loading_of, start_of
-  use attrito_stability_verdict, only: judge, largest_multiplier, across_fold, stable, unstable
+  use attrito_stability_verdict, only: judge, largest_multiplier, between_folding, stable, unstable
   use attrito_model_contacts, only: new_contacts
   use scenes, only: scene_type, wedge
   use session, only: run_in_session, only_me
@@ -40,7 +40,7 @@ program test_stability
                       test('a stable orbit is come back to, an unstable one is left, at the rate of its multiplier', verdicts), &
                       test('motions are as far apart as they get within the period', distances), &
                       test('orbits of the balance come nearer to the event-exact one with more harmonics', approach), &
-                      test('two orbits meet in a fold if a real multiplier near 1 lies on either side of it', fold), &
+                      test('near a fold a balance may stand for either orbit unless its multiplier is near one''s', fold), &
                       test('damped modes that follow at rest err by the frequency over theirs', at_rest)])
 
 contains
@@ -309,25 +309,27 @@ contains
     call check_close(error, log(apart(1)/apart(2))/log(2.0_wp), 1.0_wp, 0.2_wp, 'order')
   end subroutine at_rest
 
-  !> The map x -> x + a - x^2 has fixed points +-sqrt(a) of multipliers 1 -+ 2 sqrt(a), which meet at a = 0. Multipliers elsewhere,
-  !> complex ones near 1 and those of sliders at rest say nothing of folds.
+  !> The map x -> x + a - x^2 has fixed points +-sqrt(a) of multipliers 1 -+ 2 sqrt(a), which meet at a = 0; at x the multiplier is
+  !> 1 - 2 x. Multipliers elsewhere, complex ones near 1 and those of sliders at rest say nothing of folds.
   subroutine fold(error)
     type(error_type), allocatable, intent(out) :: error
-    type(multiplier_type) :: node(4), saddle(4)
+    type(multiplier_type) :: node(4), other(4)
     real(wp), parameter :: a = 1.0e-3_wp
 
     node%value = [cmplx(1.0_wp - 2.0_wp*sqrt(a), 0.0_wp, wp), (0.99_wp, 0.01_wp), (0.99_wp, -0.01_wp), (1.001_wp, 0.0_wp)]
     node(4)%kind = kind_stuck
-    saddle = node
-    saddle(1)%value = 1.0_wp + 2.0_wp*sqrt(a)
-    call check(error, across_fold(node, saddle), 'fold')
-    call check(error, .not. across_fold(node, node), 'one orbit')
-    call check(error, .not. across_fold(saddle, saddle), 'one unstable orbit')
+    other = node
+    call check(error, .not. between_folding(node, other), 'at the orbit')
+    other(1)%value = 1.0_wp + 2.0_wp*sqrt(a)
+    call check(error, between_folding(node, other), 'at the other orbit')
+    call check(error, .not. between_folding(other, other), 'at the unstable orbit')
+    other(1)%value = 1.0_wp - 0.6_wp*sqrt(a)
+    call check(error, between_folding(node, other), 'at 0.65 and 1.35 of half the distance between both')
     ! A truncated series may leave multipliers that mean nothing.
-    saddle(1)%value = 1.33_wp
-    call check(error, .not. across_fold(node, saddle), 'far from a fold')
-    saddle(1)%value = (1.06_wp, 0.1_wp)
-    call check(error, .not. across_fold(node, saddle), 'complex')
+    other(1)%value = 1.33_wp
+    call check(error, .not. between_folding(node, other), 'far from a fold')
+    other(1)%value = (1.06_wp, 0.1_wp)
+    call check(error, .not. between_folding(node, other), 'complex')
   end subroutine fold
 
   !> A third coordinate of a frequency on a spring of 1e6, which adds to u and v.

@@ -292,7 +292,7 @@ contains
     if (allocated(error)) return
     call new_system(solver%structure, solver%contacts, system, error)
     if (allocated(error)) return
-    search = new_search(solver, system, balance_motion_of(solver))
+    search = new_search(solver, system, balance_motion_of(solver), 0.1_wp)
     search%in_time = .true.
     call solver%destroy()
   end subroutine balance_in_space
