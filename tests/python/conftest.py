@@ -6,6 +6,7 @@ tests, whose environment the others inherit, and `mpirun` would take what they s
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING
 
 import pytest
@@ -15,6 +16,9 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
     from reduced import Case
+
+# What commands get (jobs.ENVIRONMENT): threads of BLAS change the last digit, and some tests compare runs bit for bit.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 KEPT = "slow: --all runs it"
 

@@ -25,8 +25,9 @@ FLOORS = (
     ("scene",),
     ("results",),
     ("runs", "integration", "plots", "export"),
-    ("peaks", "charts", "report"),
-    ("modes", "studies"),
+    ("peaks", "report"),
+    ("modes",),
+    ("studies", "charts"),
     ("api", VERIFICATION),
     ("cli",),
 )

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import h5py
 import jobs
+import mode_jobs
 import numpy as np
 import patient
 import pytest
@@ -19,6 +20,8 @@ from mpi4py import MPI
 
 from attrito.job.reading import read_job
 from attrito.library.session import Solver
+from attrito.modes.mode_point import ModePoint
+from attrito.modes.tracker import ModeTracker
 from attrito.runs.stability import ENGINES, ORBITS, examine_point, fetch_multipliers
 from attrito.studies.design import batches, places, read_study, set_value
 from attrito_verification.paper.wedge import PARAMETER_SETS, Wedge
@@ -156,6 +159,64 @@ def test_stability_is_that_of_the_friction_a_session_has_taken():
         again = examine(solver)
     with Solver(MPI.COMM_SELF, changed, wedge._options) as solver:
         assert examine(solver) == again != before
+
+
+def write_modes(folder: Path, **changes) -> None:
+    """A study of the modes of a mass on a Coulomb element."""
+    jobs.write_job(folder, mode_jobs.rubbing(stop=5.0e-3))
+    mu = {"name": "mu", "keys": ["contact[*].friction_coefficient"], "low": 0.3, "high": 0.6}
+    study = {"job": "job.toml", "of": "modes", "file": "study.h5", "samples": 5, "batch": 2, "vary": [mu]}
+    jobs.write_job(folder, study | changes, "study.toml")
+
+
+@pytest.mark.parametrize("method", ["epmc", "quasi_static"])
+def test_a_sample_s_mode_is_that_of_the_job_with_its_values(tmp_path, capfd, written, method):
+    write_modes(tmp_path)
+    job = mode_jobs.rubbing(stop=5.0e-3)
+    job["mode"]["method"] = method
+    jobs.write_job(tmp_path, job)
+    done = jobs.attrito_here(tmp_path, capfd, "study", "study.toml")
+    assert done.returncode == 0, done.stderr
+    found = results(tmp_path)
+    job["contact"][0]["friction_coefficient"] = float(found["values/mu"][3])
+    jobs.write_job(tmp_path, job)
+    assert jobs.attrito_here(tmp_path, capfd, "mode", "job.toml").returncode == 0
+    with h5py.File(tmp_path / "result.mode.h5") as file:
+        assert np.allclose(found["parameter"], file["points/amplitude"], rtol=1e-9)
+        for name in ("frequency_hz", "damping_ratio", "damping_ratio_structure", "dissipated_energy"):
+            assert np.array_equal(found[f"modes/{name}"][3], file[f"points/{name}"][:]), name
+        assert found["modes/tangent_hz"][3] == file.attrs["tangent_hz"]
+    median = found["quantiles/probability"].tolist().index(0.5)
+    assert np.allclose(
+        found["quantiles/frequency_hz"][median], np.median(found["modes/frequency_hz"], axis=0), rtol=1e-15
+    )
+    assert [axes.get_ylabel() for axes in written[0].axes] == ["Frequency (Hz)", "Damping ratio of the contacts"]
+
+
+def test_a_mode_that_is_lost_leaves_the_rest_of_its_sample_open_and_the_others_whole(tmp_path, capfd, monkeypatch):
+    write_modes(tmp_path, samples=3)
+    find, calls = ModeTracker.at, []
+
+    def lose(tracker: ModeTracker, amplitude: float) -> ModePoint:
+        one = find(tracker, amplitude)
+        calls.append(amplitude)
+        return replace(one, point=one.point._replace(outcome="not_converged")) if len(calls) == 5 else one
+
+    monkeypatch.setattr(ModeTracker, "at", lose)
+    done = jobs.attrito_here(tmp_path, capfd, "study", "study.toml")
+    assert done.returncode == 1 and "1 of 3 samples have no mode at some amplitude" in done.stderr
+    frequency = results(tmp_path)["modes/frequency_hz"]
+    lost = np.isnan(frequency).any(axis=1)
+    assert lost.sum() == 1 and np.isfinite(frequency[lost][0, :4]).all() and np.isnan(frequency[lost][0, 4:]).all()
+
+
+def test_a_study_of_modes_names_what_the_job_lacks(tmp_path, capfd):
+    write_modes(tmp_path)
+    job = mode_jobs.rubbing()
+    del job["mode"]
+    jobs.write_job(tmp_path, job)
+    done = jobs.attrito_here(tmp_path, capfd, "study", "study.toml")
+    assert done.returncode == 2 and "[mode]" in done.stderr
 
 
 def test_keys_are_found_and_changed_by_their_paths(tmp_path):

@@ -76,6 +76,8 @@ def check_job(raw: dict[str, Any], path: str, excited: bool = True) -> Job:
             needed = keys
             if name == "output" and not excited:
                 needed = keys | {"monitors": replace(keys["monitors"], required=False)}
+                # An empty list is none, too.
+                table = {key: value for key, value in table.items() if key != "monitors" or value != []}
             tables[name] = _check_table(path, f"[{name}]", table, needed, faults, required=name in raw)
         else:
             faults.append(Fault(path, f"[{name}]", "missing", f"a table with {', '.join(keys)}"))

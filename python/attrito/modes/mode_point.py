@@ -39,3 +39,7 @@ class ModePoint:
     def converged(self) -> bool:
         """Whether it was found."""
         return self.point.is_solved
+
+    def damping_ratio(self, work: float) -> float:
+        """Of the contacts, which do so much work a period, user energy: work / (2 pi omega^2 sum h^2 q_h^H M q_h)."""
+        return work / (2.0 * np.pi * (2.0 * np.pi * self.point.frequency_hz) ** 2 * self.kinetic)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,8 +10,9 @@ import numpy as np
 
 from attrito.job.job import Job, mode_path
 from attrito.library.names import OUTCOMES
+from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series
-from attrito.library.session import LinearModes, Solver
+from attrito.library.session import LinearModes, Options, Solver
 from attrito.modes.mode_point import ModePoint
 from attrito.modes.quasi_static import QuasiStaticTracker
 from attrito.modes.scene_at_rest import Prepared, prepare, solver_at_rest
@@ -71,7 +73,7 @@ def mode_job(comm: Comm, path: str | Job, picture: str | None = None, resume: bo
     def follow(job: Job, scene: Scene | None, file: str, progress: Progress) -> str:
         return _follow_and_show(comm, job, scene, file, picture, resume, progress)
 
-    return follow_job(comm, path, _check, mode_path, follow, excited=False)
+    return follow_job(comm, path, check_mode, mode_path, follow, excited=False)
 
 
 def _follow_and_show(
@@ -79,15 +81,13 @@ def _follow_and_show(
 ) -> str:
     """Follow the mode, write and show what was found; what is missing, in words."""
     prepared = prepare(comm, job, scene, progress)
-    series = fixed_series(prepared.options)
-    # One series for the whole mode: where the job leaves it open the second, which other errors are seldom above.
-    prepared = Prepared(prepared.rom, prepared.reduced, prepared.load_path, series[min(1, len(series) - 1)])
+    prepared = replace(prepared, options=series_of_mode(prepared.options))
     first = on_root_only(comm, lambda: _first_record(comm, job, scene, prepared))
     journal = f"{file}.partial"
     with solver_at_rest(comm, job, prepared, progress) as solver:
         number, modes = chosen_mode(comm, job, solver)
         progress.say(f"tangent mode {number}: {modes.natural_hz[number - 1]:.6g} Hz")
-        tracker = _tracker(job, solver, prepared, modes, number - 1)
+        tracker = new_tracker(job, solver, prepared.reduced, modes, number - 1)
         recorder = Recorder(comm, solver, journal, (tracker,))
         try:
             place = _begin(comm, job, recorder, tracker, journal, first, resume, progress)
@@ -140,6 +140,12 @@ def _begin(
     return RunPosition()
 
 
+def series_of_mode(options: Options) -> Options:
+    """One series for the whole mode: where the job leaves it open the second, which other errors are seldom above."""
+    series = fixed_series(options)
+    return series[min(1, len(series) - 1)]
+
+
 def chosen_mode(comm: Comm, job: Job, solver: Solver) -> tuple[int, LinearModes]:
     """The number, from 1, of the tangent mode that a job means, and the tangent modes. Collective."""
     keys = job["mode"]
@@ -189,13 +195,12 @@ def _follow(comm: Comm, job: Job, tracker: Tracker, recorder: Recorder, place: R
     return ""
 
 
-def _tracker(job: Job, solver: Solver, prepared: Prepared, modes: LinearModes, index: int) -> Tracker:
-    """By the job's method."""
+def new_tracker(job: Job, solver: Solver, scene: ReducedScene, modes: LinearModes, index: int) -> Tracker:
+    """By the job's method, of the tangent mode of an index; the solver solves the scene."""
     shape, frequency_hz = modes.shapes[index], modes.natural_hz[index]
     if job["mode"]["method"] == "epmc":
-        return ModeTracker(solver, prepared.reduced, shape, frequency_hz)
-    contacts = len(prepared.reduced.laws["tangents"])
-    return QuasiStaticTracker(solver, contacts, shape, frequency_hz, job["mode"]["steps"])
+        return ModeTracker(solver, scene, shape, frequency_hz)
+    return QuasiStaticTracker(solver, len(scene.laws["tangents"]), shape, frequency_hz, job["mode"]["steps"])
 
 
 def _record(comm: Comm, recorder: Recorder, one: ModePoint) -> float:
@@ -206,9 +211,8 @@ def _record(comm: Comm, recorder: Recorder, one: ModePoint) -> float:
             friction = Series("real64", "work done against friction per period", "user energy")
             recorder.add("/contacts/dissipated_energy", friction, one.contact_work)
         work = float(np.nansum(recorder.heard("/contacts/dissipated_energy")))
-        square = (2.0 * np.pi * one.point.frequency_hz) ** 2 * one.kinetic
         values = {
-            "damping_ratio": work / (2.0 * np.pi * square) if one.converged else np.nan,
+            "damping_ratio": one.damping_ratio(work) if one.converged else np.nan,
             "damping_ratio_structure": one.structural_ratio,
             "dissipated_energy": work,
         } | one.drive
@@ -239,7 +243,7 @@ def _first_record(comm: Comm, job: Job, scene: Scene, prepared: Prepared) -> Rec
     return record
 
 
-def _check(job: Job) -> None:
+def check_mode(job: Job) -> None:
     """Faults between the keys of `[mode]` and the rest of the job."""
     keys = job["mode"]
     if "mode" not in job.given:

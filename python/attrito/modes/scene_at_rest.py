@@ -57,9 +57,14 @@ def solver_at_rest(comm: Comm, job: Job, prepared: Prepared, progress: Progress)
     """A solver that has followed the static load path. Collective."""
     with Solver(comm, prepared.reduced, prepared.options) as solver:
         try:
-            # The frequency matters to scales alone, but at a resonance without damping there are none.
-            quiet = 0.5 * solver.linear_modes("stuck", 1).natural_hz[0] / prepared.options.harmonics
-            progress.static(solver.follow_static_path(prepared.load_path, job["static"]["steps"], quiet))
+            progress.static(come_to_rest(solver, job, prepared.load_path))
         finally:
             progress.warn(cautions.of_static_solution(solver.static_states))
         yield solver
+
+
+def come_to_rest(solver: Solver, job: Job, load_path: np.ndarray) -> np.ndarray:
+    """Follow the static load path `[corners, loads]`; the means of the monitors. Collective."""
+    # The frequency matters to scales alone, but at a resonance without damping there are none.
+    quiet = 0.5 * solver.linear_modes("stuck", 1).natural_hz[0] / (solver.coefficients // 2)
+    return solver.follow_static_path(load_path, job["static"]["steps"], quiet)

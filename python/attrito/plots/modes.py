@@ -9,6 +9,9 @@ from matplotlib.figure import Figure
 from attrito.plots.style import BRANCH_COLOURS, LIMIT_COLOUR, Look
 from attrito.results.result import Result
 
+# Of the largest damping ratio: what is drawn of others
+LEAST = 1e-9
+
 
 def mode_curve(result: Result, look: Look | None = None) -> Figure:
     """Frequency above, damping ratios below: of the contacts, of the structure, and both; dashed the tangent mode."""
@@ -34,7 +37,8 @@ def mode_curve(result: Result, look: Look | None = None) -> Figure:
             (structure, BRANCH_COLOURS[2], "-", "structure"),
             (contacts + structure, "k", ":", "both"),
         ):
-            shown = np.where(values > 0.0, values, np.nan)
+            # Where nothing slips rounding is left.
+            shown = np.where(values > LEAST * np.nanmax(contacts + structure, initial=0.0), values, np.nan)
             if np.any(np.isfinite(shown)):
                 lower.loglog(amplitude, shown, style, color=colour, label=label)
         if lower.get_legend_handles_labels()[0]:

@@ -17,6 +17,7 @@ from scipy.stats import qmc
 from attrito.job.checks import Check, boolean, choice, dataset_name, integer, listing, number, text
 from attrito.job.job import Job, files_read, rom_path
 from attrito.job.reading import check_job, plain, read_job
+from attrito.modes.nonlinear import amplitudes, check_mode
 from attrito.scene.build import LAW_KEYS
 from attrito.support.errors import Fault, InputError
 from attrito.support.overwrite_check import check_spared
@@ -42,10 +43,11 @@ class Vary:
 
 @dataclass(frozen=True)
 class Study:
-    """A checked study; `job` is the job file, or the job."""
+    """A checked study; `job` is the job file, or the job, and `of` one of `peaks` and `modes`."""
 
     path: str
     job: str | Job
+    of: str
     file: str
     design: str
     samples: int
@@ -53,6 +55,11 @@ class Study:
     batch: int
     ranks_per_group: int
     vary: tuple[Vary, ...]
+
+    @property
+    def is_excited(self) -> bool:
+        """Whether jobs need harmonic loads and a sweep."""
+        return self.of == "peaks"
 
     @property
     def picture(self) -> str:
@@ -77,7 +84,9 @@ class Study:
         return np.array(columns).T
 
     def stops(self, job: Job) -> list[float]:
-        """Values of the job's parameter at which each sample's peak is located."""
+        """Values of the job's parameter at which each sample's peak is located, or amplitudes of its mode."""
+        if self.of == "modes":
+            return amplitudes(job).tolist()
         keys = job["peak"]
         last = [] if keys["stop"] is None else [keys["stop"]]
         rising = not last or last[0] > keys["start"]
@@ -86,7 +95,7 @@ class Study:
     def as_table(self) -> dict[str, Any]:
         """All that the samples' values depend on."""
         table = asdict(self)
-        return {name: table[name] for name in ("design", "samples", "seed", "batch", "vary")}
+        return {name: table[name] for name in ("of", "design", "samples", "seed", "batch", "vary")}
 
     def changed(self, job: Job, row: np.ndarray) -> Job:
         """The job with the values of a sample, checked as a job is."""
@@ -99,7 +108,7 @@ class Study:
             for key in vary.keys:
                 set_value(tables, key, value, vary.factor)
         try:
-            return check_job(tables, job.path)
+            return check_job(tables, job.path, self.is_excited)
         except InputError as error:
             shown = ", ".join(f"{vary.name} = {value:g}" for vary, value in values)
             faults = [Fault(self.path, f"vary ({shown}): {it.key}", it.value, it.expected) for it in error.faults]
@@ -111,11 +120,7 @@ class Study:
 
     def check(self, job: Job) -> None:
         """Raise unless every key is a number of the job that can be varied, and takes the values asked for."""
-        faults = []
-        if job["peak"]["start"] is None:
-            faults.append(job.fault("[peak] start", "missing", "the level or preload at which a study locates peaks"))
-        if job["sweep"]["start_hz"] is None:
-            faults.append(job.fault("[sweep] start_hz", "missing", "start_hz and stop_hz, the band of the peaks"))
+        faults = self._faults_of_job(job)
         for i, vary in enumerate(self.vary):
             for key in vary.keys:
                 where = f"vary[{i}] keys"
@@ -140,6 +145,21 @@ class Study:
         if faults:
             raise InputError(*faults)
 
+    def _faults_of_job(self, job: Job) -> list[Fault]:
+        """Of what is located for each sample."""
+        if self.of == "modes":
+            try:
+                check_mode(job)
+            except InputError as error:
+                return list(error.faults)
+            return []
+        faults = []
+        if job["peak"]["start"] is None:
+            faults.append(job.fault("[peak] start", "missing", "the level or preload at which a study locates peaks"))
+        if job["sweep"]["start_hz"] is None:
+            faults.append(job.fault("[sweep] start_hz", "missing", "start_hz and stop_hz, the band of the peaks"))
+        return faults
+
 
 def _table(key: str) -> str:
     return re.match(r"\w*", key).group()
@@ -151,6 +171,7 @@ def _is_law(key: str) -> bool:
 
 CHECKS: dict[str, tuple[Check, Any]] = {
     "job": (text, None),
+    "of": (choice("peaks", "modes"), "peaks"),
     "file": (text, "study.h5"),
     "design": (choice("random", "latin_hypercube", "grid"), "random"),
     "samples": (integer(1), None),
@@ -184,7 +205,7 @@ def read_study(
         given = source.get("job")
         own = isinstance(given, Mapping | Job)
         study = _check_study(plain({**source, "job": "job"} if own else source), str(Path(folder) / "study"))
-        return replace(study, job=read_job(given, folder)) if own else study
+        return replace(study, job=read_job(given, folder, excited=study.is_excited)) if own else study
     path = str(source)
     try:
         raw = tomllib.loads(Path(path).read_text())
@@ -226,9 +247,9 @@ def _check_study(raw: dict[str, Any], path: str) -> Study:
         raise InputError(*faults)
     count = int(np.prod([len(vary.values) for vary in varies])) if keys["design"] == "grid" else keys["samples"]
     folder = Path(path).parent
-    files = [os_path(folder, keys[name]) for name in ("job", "file")]
+    job, file = (os_path(folder, keys[name]) for name in ("job", "file"))
     rest = (keys[name] for name in ("seed", "batch", "ranks_per_group"))
-    return Study(path, *files, keys["design"], count, *rest, tuple(varies))
+    return Study(path, job, keys["of"], file, keys["design"], count, *rest, tuple(varies))
 
 
 def os_path(folder: Path, name: str) -> str:

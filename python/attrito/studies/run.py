@@ -1,7 +1,7 @@
 """`attrito study`: a job solved for many values of its keys, over groups of ranks, into one HDF5 file.
 
 Samples are put into batches of neighbours. A batch is solved by one group and written when it is complete. Every batch
-begins at a linear peak, so what it gives depends neither on the number of groups nor on where a study was
+begins at a linear peak or mode, so what it gives depends neither on the number of groups nor on where a study was
 interrupted; one that is started again goes on from the batches that are there.
 """
 
@@ -28,6 +28,7 @@ from attrito.scene.reduced_model import Rom, make_rom, reduced_scene
 from attrito.scene.scene import Scene
 from attrito.studies.design import Study, batches, read_study
 from attrito.studies.file import write_study
+from attrito.studies.sample_modes import SampleModes
 from attrito.studies.sample_peaks import SamplePeaks
 from attrito.support.errors import UnsolvedError
 from attrito.support.locks import writing_alone
@@ -36,19 +37,23 @@ from attrito.support.parallel import on_root, on_root_only
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
+# What is located for each sample
+LOCATED = {"peaks": SamplePeaks, "modes": SampleModes}
+
 
 def run_study(comm: Comm, path: str | Study) -> str:
-    """Solve a study's samples; returns the file's path. Raises `UnsolvedError` at the end if some have no peak."""
+    """Solve a study's samples; returns the file's path. Raises `UnsolvedError` at the end if some were not solved."""
     progress = Progress(comm)
     study = on_root(comm, lambda: read_study(path))
-    job = on_root(comm, lambda: read_job(study.job))
+    job = on_root(comm, lambda: read_job(study.job, excited=study.is_excited))
     on_root(comm, lambda: study.check(job))
     with writing_alone(comm, study.file):
         failed = _solve_samples(comm, job, study, progress)
     progress.say(study.file)
     complaints = []
     if failed["not_converged"]:
-        complaints.append(f"{failed['not_converged']} of {study.samples} samples have no peak; they are in the file")
+        missing = {"peaks": "have no peak", "modes": "have no mode at some amplitude"}[study.of]
+        complaints.append(f"{failed['not_converged']} of {study.samples} samples {missing}; they are in the file")
     if failed["above_tolerance"]:
         complaints.append(
             f"peaks of {failed['above_tolerance']} of {study.samples} samples have an estimated error above"
@@ -125,10 +130,10 @@ def _shared_scene(
 def _solve_batch(
     comm: Comm, job: Job, base: Scene | None, rom: Rom | None, study: Study, values: np.ndarray
 ) -> list[list[dict]]:
-    """Peaks of the samples of one batch, `[samples][values of the parameter]`."""
-    with SamplePeaks(comm, base, rom) as peaks:
+    """Peaks of the samples of one batch, `[samples][values of the parameter]`, or modes, `[samples][amplitudes]`."""
+    with LOCATED[study.of](comm, base, rom) as located:
         jobs = [study.changed(job, row) for row in values]
-        return [peaks.of(changed, study.stops(changed)) for changed in jobs]
+        return [located.of(changed, study.stops(changed)) for changed in jobs]
 
 
 def _part(folder: Path, batch: int) -> Path:

@@ -1,0 +1,99 @@
+"""A nonlinear mode of each of a study's samples, at the amplitudes of the job.
+
+A sample's mode is that of `attrito mode`. It begins at the tangent mode of the sample's static solution and depends on
+no other sample.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from attrito.job.job import Job
+from attrito.library.reduced_scene import ReducedScene
+from attrito.library.session import Options, Solver
+from attrito.modes.mode_point import ModePoint
+from attrito.modes.nonlinear import Tracker, chosen_mode, new_tracker, series_of_mode
+from attrito.modes.scene_at_rest import come_to_rest
+from attrito.scene.build import build_scene, with_numbers_of
+from attrito.scene.reduced_model import Rom, reduced_scene
+from attrito.scene.scene import Scene
+from attrito.scene.solver_options import solver_options
+from attrito.support.errors import NumericsError
+from attrito.support.parallel import on_root
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+
+class SampleModes:
+    """Follows the modes of jobs that differ in numbers, one after another; used in a `with` block, as `SamplePeaks` is.
+
+    Parameters
+    ----------
+    comm : group of ranks
+    base : scene of a job that the others differ from in contacts' laws, load path and damping alone, on rank 0; None
+        where each is to be built anew
+    rom : the reduced model of them all, on rank 0, where they have one
+    """
+
+    def __init__(self, comm: Comm, base: Scene | None, rom: Rom | None = None):
+        self._comm, self._base, self._rom = comm, base, rom
+
+    def __enter__(self) -> SampleModes:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Every session is closed with its sample."""
+
+    def of(self, job: Job, amplitudes: list[float]) -> list[dict[str, Any]]:
+        """The mode of a job at its amplitudes; from the one on at which it is lost, `not_converged`."""
+
+        def scene_of() -> tuple[ReducedScene, np.ndarray, Options]:
+            scene = build_scene(job) if self._base is None else with_numbers_of(job, self._base)
+            return reduced_scene(job, scene, self._rom), scene.load_path, series_of_mode(solver_options(job, self._rom))
+
+        reduced, load_path, options = on_root(self._comm, scene_of)
+        found: list[dict[str, Any]] = []
+        tangent: dict[str, float | None] = {"tangent_hz": None, "tangent_damping_ratio": None}
+        with Solver(self._comm, reduced, options) as solver:
+            # No static equilibrium, or the mode is lost
+            with contextlib.suppress(NumericsError):
+                come_to_rest(solver, job, load_path)
+                number, modes = chosen_mode(self._comm, job, solver)
+                tangent = {
+                    "tangent_hz": float(modes.natural_hz[number - 1]),
+                    "tangent_damping_ratio": float(modes.damping_ratio[number - 1]),
+                }
+                self._follow(solver, new_tracker(job, solver, reduced, modes, number - 1), amplitudes, found)
+            touches = any(solver.static_states[:3])
+        found += [_row(None, 0.0)] * (len(amplitudes) - len(found))
+        return [row | tangent | {"touches": touches} for row in found]
+
+    def _follow(self, solver: Solver, tracker: Tracker, amplitudes: list[float], found: list[dict[str, Any]]) -> None:
+        for amplitude in amplitudes:
+            one = tracker.at(amplitude)
+            if not one.converged:
+                return
+            found.append(_row(one, self._work(solver, one)))
+
+    def _work(self, solver: Solver, one: ModePoint) -> float:
+        """Of all contacts a period, user energy; zero but at the root. Collective."""
+        heard: dict[str, np.ndarray] = {}
+        root = self._comm.rank == 0
+        solver.report_point((lambda path, _, values: heard.update({path: values})) if root else None)
+        work = heard.get("/contacts/dissipated_energy", 0.0) if one.contact_work is None else one.contact_work
+        return float(np.nansum(work))
+
+
+def _row(one: ModePoint | None, work: float) -> dict[str, Any]:
+    return {
+        "frequency_hz": None if one is None else one.point.frequency_hz,
+        "damping_ratio": None if one is None else one.damping_ratio(work),
+        "damping_ratio_structure": None if one is None else one.structural_ratio,
+        "dissipated_energy": None if one is None else work,
+        "states": [0, 0, 0, 0] if one is None else list(one.point.states),
+        "outcome": "not_converged" if one is None else one.point.outcome,
+    }
