@@ -63,9 +63,10 @@ TWINS = {
     "Abaqus: a field missing": (STIF, replaced("12,2, 12,2,", "12,2, 12,"), "line 3", NUMBERS),
     "Abaqus: no number": (STIF, replaced("2.50000000000000e+00", "2.5x"), "line 5", NUMBERS),
     "Abaqus: not finite": (STIF, replaced("2.50000000000000e+00", "nan"), "line 5", NUMBERS),
-    "Abaqus: a Lagrange multiplier": (STIF, replaced("1000,3, 1000,3", "-1,1, -1,1"), "line 6", "Lagrange multipliers"),
+    "Abaqus: node 0": (STIF, replaced("1000,3, 1000,3", "0,1, 0,1"), "line 6", "node ids, but for 0"),
+    "Abaqus: a dof of an internal node": (STIF, replaced("1000,3, 1000,3", "-1,10, -1,10"), "line 6", "dofs 1 to 6"),
     "Abaqus: a temperature": (STIF, replaced("1000,3, 1000,3", "1000,11, 1000,11"), "line 6", "dofs 1 to 6"),
-    "Abaqus: half a node": (STIF, replaced("1000,3, 1000,3", "1.5,3, 1000,3"), "line 6", "node ids above 0"),
+    "Abaqus: half a node": (STIF, replaced("1000,3, 1000,3", "1.5,3, 1000,3"), "line 6", "node ids, but for 0"),
     "Abaqus: an entry twice": (
         STIF,
         lambda text: text + "12,2, 1000,1, 1.0\n12,2, 12,2, 3.0\n",
@@ -145,16 +146,22 @@ TWINS = {
         PCH,
         replaced("       6       2       0", "       9       2       0"),
         "line 2",
+        "a square matrix",
+    ),
+    "DMIG: no such form": (
+        PCH,
+        replaced("       6       2       0", "       5       2       0"),
+        "line 2",
         "form 6 (symmetric) or 1",
     ),
     "DMIG: no header": (PCH, replaced("DMIG    KAAX           0", "$"), "line 3", "a header DMIG, KAAX, 0, ..."),
     "DMIG: a value missing": (PCH, replaced("3.000000000D+00", ""), "line 4", "a real value"),
     "DMIG: no number": (PCH, replaced("3.000000000D+00", "3.0000000xxD+00"), "line 4", "a real value"),
-    "DMIG: a scalar point": (
+    "DMIG: a component that is none": (
         PCH,
-        replaced("1000               3 4.0", "1000               0 4.0"),
+        replaced("1000               3 4.0", "1000               7 4.0"),
         "line 9",
-        "scalar points",
+        "its component (1 to 6; 0 of a scalar point)",
     ),
     "DMIG: an entry twice": (
         PCH,

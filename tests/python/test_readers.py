@@ -378,7 +378,7 @@ def test_a_punch_file_may_hold_load_vectors_and_output_maps_beside_the_matrices(
     assert np.array_equal(read.stiffness.toarray(), plain.stiffness.toarray())
     assert np.array_equal(read.dof_node, plain.dof_node)
     assert "left out of the matrices: K4AAX (complex); VAX, MUG1T (rectangular)" in notes
-    with pytest.raises(InputError, match=r"VAX .*form 6 \(symmetric\)"):
+    with pytest.raises(InputError, match="line .*VAX, rectangular.: expected a square matrix"):
         import_model(tmp_path / "model.h5", stiffness=tmp_path / "job.pch:VAX", mass=tmp_path / "job.pch:MAAX")
 
 
@@ -396,6 +396,93 @@ def test_an_output4_file_may_hold_rectangular_matrices_beside_square_ones(kind, 
     assert np.array_equal(model.stiffness.toarray(), STIFFNESS)
     assert np.array_equal(model.mass.toarray(), MASS)
     assert "left out of the matrices: PA, MUG (rectangular)" in notes
+
+
+@pytest.mark.parametrize("form", [4, 5])
+@pytest.mark.parametrize("kind", ["text", "binary"])
+def test_a_triangular_factor_of_output4_is_no_symmetric_matrix(kind, form, tmp_path):
+    matrices = {"KAA": sparse.csr_matrix(STIFFNESS), "MAA": sparse.csr_matrix(MASS), "LAA": np.tril(STIFFNESS)}
+    matrices["LAA"] = sparse.csr_matrix(matrices["LAA"])
+    path = tmp_path / "job.op4"
+    (write.write_op4_text if kind == "text" else write.write_op4_binary)(path, matrices, "dense")
+    data = path.read_bytes()
+    header = f"{6:8d}{2:8d}LAA".encode() if kind == "text" else np.array([6, 2], "<i4").tobytes() + b"LAA"
+    factor = f"{form:8d}{2:8d}LAA".encode() if kind == "text" else np.array([form, 2], "<i4").tobytes() + b"LAA"
+    assert data.count(header) == 1
+    path.write_bytes(data.replace(header, factor))
+    _, notes = import_model(tmp_path / "model.h5", nastran_file=path)
+    assert "left out of the matrices: LAA (triangular factor)" in notes
+    with pytest.raises(InputError, match="LAA = 'triangular factor': expected a matrix, not a factor of one"):
+        read_matrix(f"{path}:LAA", "stiffness")
+
+
+HEADERS = {
+    "a format of integers": lambda text: text.replace("1P,3E23.16", "1P,3E23.16|I16"),
+    "a blank line": lambda text: text + " \n",
+    "lower case": lambda text: text.replace("KAA", "Kaa"),
+}
+
+
+@pytest.mark.parametrize("change", HEADERS.values(), ids=HEADERS)
+def test_headers_of_output4_come_in_many_ways(change, tmp_path):
+    text = (DATA / "two_springs.op4").read_text()
+    assert change(text) != text
+    (tmp_path / "job.op4").write_text(change(text))
+    assert np.array_equal(read_matrix(f"{tmp_path / 'job.op4'}:KAA", "stiffness").toarray(), STIFFNESS)
+
+
+def test_a_header_of_output4_without_a_format_has_five_numbers_of_16_characters_a_line(tmp_path):
+    lines = [f"{3:8d}{3:8d}{6:8d}{2:8d}KAA"]
+    for j in range(3):
+        lines += [f"{j + 1:8d}{1:8d}{6:8d}", "".join(f"{value:16.9E}" for value in STIFFNESS[:, j])]
+    lines += [f"{4:8d}{1:8d}{1:8d}", f"{1.0:16.9E}"]
+    (tmp_path / "job.op4").write_text("\n".join(lines) + "\n")
+    assert np.array_equal(read_matrix(tmp_path / "job.op4", "stiffness").toarray(), STIFFNESS)
+
+
+def test_extseout_has_one_matrix_of_the_set_beside_square_output_maps(tmp_path):
+    matrices = {name: sparse.csr_matrix(STIFFNESS) for name in ("KXX", "KASMX", "MUG1", "MES1")}
+    matrices |= {"MXX": sparse.csr_matrix(MASS), "BXX1": sparse.csr_matrix((1, 1))}
+    write.write_op4_binary(tmp_path / "job.op4", matrices, "dense")
+    model, notes = import_model(tmp_path / "model.h5", nastran_file=tmp_path / "job.op4")
+    assert np.array_equal(model.mass.toarray(), MASS) and model.damping is None
+    assert "left out of the matrices: BXX1 (empty); KASMX, MUG1, MES1 (square, of another name)" in notes
+
+
+def test_bulk_data_may_end_in_the_midst_of_its_last_line_if_that_is_enddata(tmp_path):
+    text = (DATA / "two_springs_small.bdf").read_text()
+    (tmp_path / "job.bdf").write_text(text + "ENDDATA 58e050da")
+    assert np.array_equal(read_matrix(f"{tmp_path / 'job.bdf'}:MAAX", "mass").toarray(), MASS)
+
+
+def test_grid_points_may_all_be_in_a_file_that_include_names(tmp_path):
+    (tmp_path / "grid.blk").write_text("GRID,7,,1.0,2.0,3.0\n")
+    (tmp_path / "job.bdf").write_text("SOL 101\nCEND\nBEGIN BULK\nINCLUDE 'grid.blk'\nENDDATA\n")
+    assert read_mesh(tmp_path / "job.bdf").node_ids.tolist() == [7]
+
+
+BINARIES = {4: ".full", 8: ".sub", 77: "of kind 77"}
+
+
+@pytest.mark.parametrize(("number", "name"), BINARIES.items())
+@pytest.mark.parametrize("order", "<>")
+def test_binary_files_of_ansys_are_refused_by_their_names(number, name, order, tmp_path):
+    (tmp_path / "file").write_bytes(np.array([100, -(2**31), number, *[0] * 99], f"{order}i4").tobytes())
+    with pytest.raises(InputError, match=f'"ANSYS\'s binary file {name}": expected its matrices as text: HBMAT'):
+        read_matrix(tmp_path / "file", "stiffness")
+
+
+def test_a_punch_file_of_results_is_refused_as_such(tmp_path):
+    (tmp_path / "job.pch").write_text("$TITLE   =\n$DISPLACEMENTS\n")
+    with pytest.raises(InputError, match="'a punch file of results': expected one of matrices"):
+        read_matrix(tmp_path / "job.pch", "stiffness")
+
+
+def test_three_whole_numbers_are_no_entry_of_abaqus(tmp_path):
+    # The sizes of a Matrix Market file that has lost its header
+    (tmp_path / "k.mtx").write_text("2 2 2\n1 1 1.0\n2 2 1.0\n")
+    with pytest.raises(InputError, match="expected a matrix file"):
+        read_matrix(tmp_path / "k.mtx", "stiffness")
 
 
 def test_ten_digits_of_a_punch_keep_frequencies_of_a_stout_block_to_eight_digits(tmp_path):

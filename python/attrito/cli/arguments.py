@@ -29,14 +29,16 @@ def _import(parsers: Parsers) -> None:
     one = parsers.add_parser("import", help="matrices and mesh of another program -> model.h5")
     one.add_argument("output", help="model file to write")
     one.add_argument("--calculix", metavar="JOB", help="CalculiX's JOB.sti, JOB.mas and JOB.dof")
-    one.add_argument("--abaqus", metavar="JOB", help="Abaqus's JOB_STIF1.mtx, JOB_MASS1.mtx (and JOB_DMPV1.mtx)")
+    one.add_argument("--abaqus", metavar="JOB", help="Abaqus's JOB_STIF1.mtx, JOB_MASS1.mtx; or a substructure's .mtx")
     one.add_argument("--nastran", metavar="FILE", help="Nastran's punch (DMIG) or OUTPUT4 file with K..., M..., B...")
-    one.add_argument("--mesh", help="nodes, elements, node sets: .inp, ANSYS archive (.cdb), Nastran bulk data (.bdf)")
+    one.add_argument("--mesh", help="nodes, elements, node sets: .inp, .cdb, .bdf, .msh of gmsh, .med, .vtu, ...")
     for name in ("stiffness", "mass", "damping"):
         what = "Matrix Market, PETSc, npz, .mat, Harwell-Boeing, .mtx of Abaqus, DMIG, OUTPUT4"
         one.add_argument(f"--{name}", metavar="FILE[:NAME]", help=f"{name} matrix: {what}")
     one.add_argument(
-        "--dofs", metavar="FILE", help="what each row is: lines node.direction, ANSYS's mapping file, or ASET cards"
+        "--dofs",
+        metavar="FILE",
+        help="what rows are: lines node.direction, ANSYS's mapping file, EXTRN or ASET cards",
     )
     one.add_argument(
         "--holds",

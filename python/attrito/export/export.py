@@ -217,10 +217,9 @@ def node_motion(field: np.ndarray, model: Model) -> Motion:
 
 
 def node_harmonics(field: np.ndarray, model: Model) -> np.ndarray:
-    """Coefficients [nk, N, 3] at the nodes from those [n, nk] at the dofs, zero where held; rotations are left out."""
-    order = np.argsort(model.node_ids)
-    moves = model.dof_direction <= 3
-    node = order[np.searchsorted(model.node_ids, model.dof_node[moves], sorter=order)]
+    """Coefficients [nk, N, 3] at the nodes from those [n, nk] at the dofs, zero where held; others are left out."""
+    moves = model.translates
+    node = model.rows_of(moves)
     harmonics = np.zeros((field.shape[1], len(model.node_ids), 3))
     harmonics[:, node, np.asarray(model.dof_direction[moves], dtype=int) - 1] = field[moves].T
     return harmonics

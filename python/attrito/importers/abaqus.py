@@ -2,8 +2,9 @@
 
 `FORMAT=MATRIX INPUT` (the default) and `FORMAT=LABELS`: lines `row node, dof, column node, dof, value`.
 `FORMAT=COORDINATE`: lines `row, column, value`, numbers from 1, without names. A symmetric matrix may be stored as one
-triangle or as both. Nodes below zero are those that Abaqus made itself (Lagrange multipliers, connectors): such models
-are refused. The diagonal of a held dof is 1e36; the importer takes those dofs out.
+triangle or as both. Nodes below zero are those that Abaqus made itself (internal nodes of elements and connectors,
+Lagrange multipliers): their dofs are generalised coordinates, -(10 n + dof) of the node -n. The diagonal of a held dof
+is 1e36; the importer takes those dofs out.
 """
 
 from __future__ import annotations
@@ -20,11 +21,14 @@ from attrito.importers.text import Block, read_text
 
 NAMED = "row node, dof, column node, dof, value"
 PLAIN = "row, column, value"
-INTERNAL = "node ids above 0 (those below are Abaqus's own: models with Lagrange multipliers cannot be used)"
-INTERNAL_ROWS = "row and column from 1 (those below are Abaqus's own, such as Lagrange multipliers)"
+NODES = "node ids, but for 0"
+INTERNAL_ROWS = "row and column from 1 (those below are Abaqus's own: write FORMAT=MATRIX INPUT, which names dofs)"
 LARGEST = 2**31 - 1
+# Dofs of an internal node
+_MOST_INTERNAL = 9
 COMMENT = ord("*")
-_ENTRY = re.compile(rb"(-?\d+[\s,]+){2}((-?\d+[\s,]+){2})?[-+.\dED]+[\s,]*")
+# The value has a point or an exponent: three whole numbers are the sizes of a Matrix Market file without its header.
+_ENTRY = re.compile(rb"(-?\d+[\s,]+){2}((-?\d+[\s,]+){2})?(?=[-+\d]*[.ED])[-+.\dED]+[\s,]*")
 
 
 def is_abaqus(start: bytes) -> bool:
@@ -63,7 +67,7 @@ def read_abaqus(path: str | Path, key: str, numbers: DofNumbers) -> Source:
         if len(lines) == 0:
             continue
         if columns == 5:
-            row, column = (_dofs(block, lines, table[:, k : k + 2], numbers) for k in (0, 2))
+            row, column = (dof_numbers(block, lines, table[:, k : k + 2], numbers) for k in (0, 2))
         else:
             row, column = (integers(block, lines, table[:, k], (1, LARGEST), INTERNAL_ROWS) - 1 for k in (0, 1))
             size = max(size, int(row.max()) + 1, int(column.max()) + 1)
@@ -79,13 +83,18 @@ def _data_lines(block: Block) -> np.ndarray:
     initials = block.initials()
     for index in np.flatnonzero(initials == COMMENT):
         line = "".join(block.line(index).upper().split())
-        # *ELEMENT MATRIX OUTPUT and *SUBSTRUCTURE MATRIX OUTPUT write files of this kind, too.
+        # *ELEMENT MATRIX OUTPUT writes files of this kind, too.
         if not line.startswith(("**", "*MATRIXINPUT", "*MATRIXASSEMBLE")):
             raise block.fault(index, "a global matrix, of *MATRIX OUTPUT")
     return np.flatnonzero((initials != COMMENT) & (initials != ord("\n")))
 
 
-def _dofs(block: Block, lines: np.ndarray, names: np.ndarray, numbers: DofNumbers) -> np.ndarray:
-    node = integers(block, lines, names[:, 0], (1, 2**53), INTERNAL)
-    expected = "dofs 1 to 6: displacements and rotations"
-    return numbers.numbers(node, integers(block, lines, names[:, 1], (1, DIRECTIONS), expected))
+def dof_numbers(block: Block, lines: np.ndarray, names: np.ndarray, numbers: DofNumbers) -> np.ndarray:
+    """Number of each dof of a table `[n, 2]` of nodes and dofs; faults quote one of `lines`, `[n]`."""
+    node = integers(block, lines, names[:, 0], (-LARGEST // 16, 2**53), NODES)
+    if not node.all():
+        raise block.fault(lines[np.argmin(node != 0)], NODES)
+    expected = "dofs 1 to 6: displacements and rotations (8 is a pressure, 11 a temperature)"
+    inside = node < 0
+    dof = integers(block, lines, names[:, 1], (1, _MOST_INTERNAL if inside.all() else DIRECTIONS), expected)
+    return numbers.numbers(np.where(inside, 10 * node - dof, node), np.where(inside, 0, dof))

@@ -73,7 +73,8 @@ def _massless(
         return fault("mass", "no mass", bare, "mass at some dof")
     if without_mass:
         return fault("mass", "no mass", bare, without_mass)
-    faults = fault("stiffness", "no stiffness", bare[stiffness.diagonal()[bare] <= 0.0], "stiffness where no mass is")
+    expected = "stiffness where no mass is (a Lagrange multiplier has none: remove what makes it)"
+    faults = fault("stiffness", "no stiffness", bare[stiffness.diagonal()[bare] <= 0.0], expected)
     if damping is not None:
         damped = bare[np.asarray(abs(damping[bare]).sum(axis=1)).ravel() > 0.0]
         faults += fault("damping", "damping", damped, "no damping where no mass is")

@@ -138,6 +138,9 @@ def _node_sets(blocks: list[Block], node_ids: np.ndarray) -> dict[str, np.ndarra
             ids = _integers([_fields(line)[0] for line in block.data], block, "node ids")
         else:
             ids = set_members(block, {key: members[names[key]] for key in names if names[key] in members})
+            if "GENERATE" in block.parameters:
+                # A range runs over the nodes that there are, as in CalculiX.
+                ids = ids[np.isin(ids, node_ids)]
         members[name] = np.union1d(members.get(name, ids), ids)
         unknown = np.setdiff1d(members[name], node_ids)
         if len(unknown) > 0:

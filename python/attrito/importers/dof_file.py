@@ -1,8 +1,8 @@
 """Which row of a matrix is which dof: lists that FE codes write beside matrices that do not say.
 
 CalculiX's `.dof`: a line `node.direction` for each row. ANSYS's mapping file of `HBMAT`: lines `row node label`. The
-cards `ASET`, `ASET1` and `USET` of Nastran: rows go by grid point, then component, as OUTPUT4 writes matrices of the
-a-set where grid points are not resequenced.
+cards `EXTRN`, or `ASET`, `ASET1` and `USET`, of Nastran: rows go by point, then component, as OUTPUT4 writes matrices
+of the a-set where points are not resequenced. Scalar points (component 0, or none) are generalised coordinates.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from attrito.importers.nastran_cards import Card, read_cards, whole_numbers
 from attrito.support.errors import Fault, InputError
 
 LABELS = {"UX": 1, "UY": 2, "UZ": 3, "ROTX": 4, "ROTY": 5, "ROTZ": 6}
-_CARDS = ("ASET", "ASET1", "USET")
+_CARDS = ("ASET", "ASET1", "USET", "EXTRN")
 
 
 def read_dof_file(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
@@ -53,8 +53,8 @@ def _dotted(path: str, words: list[list[str]]) -> tuple[np.ndarray, np.ndarray]:
     node, direction = np.empty(len(flat), np.int64), np.empty(len(flat), np.int8)
     for k, (line, word) in enumerate(flat):
         left, _, right = word.partition(".")
-        if not left.isdecimal() or right not in ("1", "2", "3", "4", "5", "6"):
-            expected = "node.direction with direction 1, 2, 3 (displacement) or 4, 5, 6 (rotation)"
+        if not left.isdecimal() or right not in ("0", "1", "2", "3", "4", "5", "6"):
+            expected = "node.direction with direction 1, 2, 3 (displacement), 4, 5, 6 (rotation) or 0 (generalised)"
             raise InputError(Fault(path, f"line {line + 1}", word, expected))
         node[k], direction[k] = int(left), int(right)
     return node, direction
@@ -77,26 +77,41 @@ def _mapping(path: str, words: list[list[str]]) -> tuple[np.ndarray, np.ndarray]
 
 def _sets(path: str) -> tuple[np.ndarray, np.ndarray]:
     found: list[tuple[int, int]] = []
+    external: list[tuple[int, int]] = []
+    rotated: list[Card] = []
     for card in read_cards(path):
+        if card.name == "GRID" and card.fields[5:6] not in ([], [""], ["0"]):
+            rotated.append(card)
         if card.name == "ASET1":
             found += [(node, part) for node in whole_numbers(card, 1) for part in _components(card, card.fields[0])]
-        elif card.name in ("ASET", "USET"):
+        elif card.name in ("ASET", "USET", "EXTRN"):
             fields = card.fields[1:] if card.name == "USET" else card.fields
             for node, parts in zip(fields[::2], [*fields[1::2], ""], strict=False):
                 if node and not node.isdecimal():
                     _bad(card)
                 if node:
-                    found += [(int(node), part) for part in _components(card, parts)]
-    found.sort()
+                    dofs = [(int(node), part) for part in _components(card, parts)]
+                    (external if card.name == "EXTRN" else found).extend(dofs)
+    # What EXTRN lists are all points of a superelement; ASET cards beside it list the same.
+    found = sorted(external or found)
+    known = {node for node, _ in found}
+    for card in rotated:
+        if card.fields[0].isdecimal() and int(card.fields[0]) in known:
+            raise InputError(
+                card.fault("displacements in the basic coordinate system (CD, the last field, blank or 0)")
+            )
     table = np.array(found, np.int64).reshape(-1, 2)
     return table[:, 0], table[:, 1].astype(np.int8)
 
 
 def _components(card: Card, text: str) -> list[int]:
-    if not text or any(letter not in "123456" for letter in text):
+    """Numbers of components; 0 of a scalar point."""
+    if text in ("", "0"):
+        return [0]
+    if any(letter not in "123456" for letter in text):
         _bad(card)
     return [int(letter) for letter in text]
 
 
 def _bad(card: Card) -> NoReturn:
-    raise InputError(card.fault("grid points and components made of 1 to 6 (scalar points cannot be used)"))
+    raise InputError(card.fault("points and components: made of 1 to 6, or 0 of a scalar point"))

@@ -1,6 +1,7 @@
 """Dofs named by node and direction: numbers for them while files are read, and their final order.
 
-Directions 1, 2, 3 are displacements along x, y, z; 4, 5, 6 rotations about them, as in Abaqus and Nastran.
+Directions 1, 2, 3 are displacements along x, y, z; 4, 5, 6 rotations about them, as in Abaqus and Nastran. Direction 0
+is a generalised coordinate (a scalar point of Nastran), whose node is a number of its own.
 """
 
 from __future__ import annotations
@@ -8,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 
 DIRECTIONS = 6
-EXPECTED = "a node's displacement (1, 2, 3) or rotation (4, 5, 6)"
 # Above this node id, ids are looked up by bisection instead of in a table (4 bytes an id).
 LARGEST_TABLE = 1 << 26
 
@@ -27,7 +27,7 @@ class DofNumbers:
         return 8 * self._count
 
     def numbers(self, node: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        """Number of each dof, int32; `node` above 0, `direction` from 1 to 6."""
+        """Number of each dof, int32; `node` any but 0, `direction` from 0 to 6."""
         return 8 * self._index(node) + direction.astype(np.int32)
 
     def order(self, used: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -53,7 +53,7 @@ class DofNumbers:
         if len(node) == 0:
             return np.zeros(0, np.int32)
         highest = int(node.max())
-        if highest >= LARGEST_TABLE:
+        if highest >= LARGEST_TABLE or int(node.min()) < 0:
             return self._index_large(node)
         if highest >= len(self._table):
             grown = np.full(max(highest + 1, 2 * len(self._table)), -1, np.int32)
@@ -69,7 +69,7 @@ class DofNumbers:
 
     def _index_large(self, node: np.ndarray) -> np.ndarray:
         index = np.empty(len(node), np.int32)
-        small = node < LARGEST_TABLE
+        small = (node >= 0) & (node < LARGEST_TABLE)
         index[small] = self._index(node[small])
         large = node[~small]
         new = np.setdiff1d(large, self._large)

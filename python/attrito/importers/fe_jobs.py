@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
+from attrito.importers.abaqus_superelement import read_superelement_matrices
 from attrito.importers.dof_numbers import DofNumbers
 from attrito.importers.nastran_dmig import DmigFile, is_dmig
 from attrito.importers.nastran_op4 import is_op4, read_op4_matrices
 from attrito.importers.source import Source
 from attrito.support.errors import Fault, InputError
 
+_SUPERELEMENT = {"stiffness": "STIFFNESS", "mass": "MASS", "damping": "VISCOUSDAMPING"}
 _ABAQUS = {"stiffness": "_STIF", "mass": "_MASS", "damping": "_DMPV"}
 # First letter of Nastran's names: KAAX, MAAX, BAAX of EXTSEOUT; KAA, KGG, K2GG, ...; K4 is structural damping.
 _NASTRAN = {"stiffness": "K", "mass": "M", "damping": "B"}
 _STRUCTURAL_DAMPING = "K4"
+# Names of matrices of a whole set, as those of EXTSEOUT: KAAX, MAA, BXX1
+_OF_A_SET = re.compile(r"[KMB](AA|XX|GG|LL|FF|HH)X?\d*")
 
 
 def abaqus_files(job: str | Path) -> dict[str, str | Path]:
@@ -31,6 +36,18 @@ def abaqus_files(job: str | Path) -> dict[str, str | Path]:
             expected = f"the {name} that *MATRIX OUTPUT writes"
             raise InputError(Fault("import", "abaqus", f"{job}{part}1.mtx: no such file", expected))
     return files
+
+
+def abaqus_matrices(job: str | Path, numbers: DofNumbers) -> tuple[dict[str, str | Path], dict[str, Source]]:
+    """The files of a job, or the matrices of a substructure where the job is its file."""
+    if not Path(job).is_file():
+        return abaqus_files(job), {}
+    found = read_superelement_matrices(job, numbers)
+    missing = [name for name in ("stiffness", "mass") if name.upper() not in found]
+    if missing:
+        value = ", ".join(found)
+        raise InputError(Fault(str(job), missing[0], value, f"*MATRIX, TYPE={missing[0].upper()}: {missing[0]}=YES"))
+    return {}, {name: found[kind] for name, kind in _SUPERELEMENT.items() if kind in found}
 
 
 def nastran_matrices(path: str | Path, numbers: DofNumbers) -> tuple[dict[str, Source], list[str]]:
@@ -51,9 +68,16 @@ def nastran_matrices(path: str | Path, numbers: DofNumbers) -> tuple[dict[str, S
         if not found and not left_out:
             expected = "a file with matrices: DMIG cards or OUTPUT4"
             raise InputError(Fault(path, "file", "no matrix" if is_dmig(start) else "no DMIG", expected))
+    # A code writes a matrix that it has not as one of a single row.
+    for name in [name for name, source in found.items() if source.entries is not None and source.entries.count == 0]:
+        left_out[name] = "empty"
+        del found[name]
     chosen: dict[str, Source] = {}
     for name, letter in _NASTRAN.items():
         names = [key for key in found if key.startswith(letter) and not key.startswith(_STRUCTURAL_DAMPING)]
+        # Output maps of a superelement (MUG1, MES1) may be square.
+        of_sets = [key for key in names if _OF_A_SET.fullmatch(key)]
+        names = of_sets if len(of_sets) == 1 else names
         if len(names) > 1 or (not names and name != "damping"):
             others = [f"{key} ({what})" for key, what in left_out.items()]
             value = ", ".join(names or [*found, *others])
@@ -61,6 +85,8 @@ def nastran_matrices(path: str | Path, numbers: DofNumbers) -> tuple[dict[str, S
             raise InputError(Fault(path, name, value, expected))
         if names:
             chosen[name] = found[names[0]]
+    used = {source.key for source in chosen.values()}
+    left_out |= {name: "square, of another name" for name in found if name not in used}
     return chosen, _left_out(left_out)
 
 

@@ -38,7 +38,7 @@ def _from_mat(path: str, key: str, name: str | None) -> csr_matrix:
         name = _choose(path, key, name, shapes)
         matrix = scipy.io.loadmat(path, variable_names=[name])[name]
     except (*UNREADABLE, EOFError, MatReadError, zlib.error) as error:
-        raise refuse(path, key, str(error), "a MATLAB file") from error
+        raise refuse(path, key, f"SciPy: {error}", "a MATLAB file of matrices, without objects") from error
     return real_matrix(matrix, path, f"{key} ({name})")
 
 
@@ -60,6 +60,8 @@ def _from_hdf5(path: str, key: str, name: str | None) -> csr_matrix:
     fits = len(offsets) == shapes[name][1] + 1 and len(values) == len(rows) and offsets[-1] == len(rows)
     if not fits or (len(rows) and rows.max() >= size) or values.dtype.kind not in "iuf":
         what = f"{len(values)} values of type {values.dtype}, {len(rows)} rows"
+        if values.dtype.names:
+            what = "complex entries"
         raise refuse(path, f"{key} ({name})", what, "a real sparse matrix")
     # By columns; `real_matrix` says why that will do.
     index = np.int32 if len(rows) < np.iinfo(np.int32).max else np.int64

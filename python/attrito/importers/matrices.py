@@ -70,8 +70,17 @@ def assemble(
     else:
         renumber = np.where(keep, np.cumsum(keep) - 1, -1).astype(np.int32)
         node, direction = dofs[0][keep], dofs[1][keep]
+    _check_points(node, direction, file or next(iter(sources.values())).path)
     matrices = {name: source.assembled(len(node), renumber, (node, direction)) for name, source in sources.items()}
     return Matrices(matrices, node, direction, notes)
+
+
+def _check_points(node: np.ndarray, direction: np.ndarray, file: str) -> None:
+    """A point is scalar, a generalised coordinate, or one in space."""
+    both = np.intersect1d(node[direction == 0], node[direction > 0])
+    if len(both):
+        value = f"point {both[0]} without a component and with one"
+        raise InputError(Fault(file, "dofs", value, "components 1 to 6 of a grid point, none (0) of a scalar point"))
 
 
 def _movable(rows: dict[str, Rows], named: bool) -> tuple[np.ndarray, list[str]]:

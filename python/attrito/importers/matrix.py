@@ -8,6 +8,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from attrito.importers.abaqus import is_abaqus, read_abaqus
+from attrito.importers.abaqus_superelement import is_superelement, read_superelement
 from attrito.importers.dof_numbers import DofNumbers
 from attrito.importers.harwell_boeing import is_harwell_boeing, read_harwell_boeing
 from attrito.importers.inline import read_inline
@@ -29,6 +30,9 @@ KINDS = (
     "a matrix file: Matrix Market, PETSc binary, SciPy npz, MATLAB, Harwell-Boeing, Nastran DMIG or OUTPUT4, "
     "or lines of Abaqus or CalculiX"
 )
+_ANSYS_FILES = {2: ".emat", 3: ".esav", 4: ".full", 8: ".sub", 9: ".mode", 12: ".rst"}
+# The first line of what Nastran punches but for matrices
+PUNCHED_RESULTS = b"$TITLE"
 # Enough to come past the comments and other cards at the beginning of a file.
 START = 1 << 20
 
@@ -45,7 +49,7 @@ def open_matrix(source: str | Path, key: str, file: str, numbers: DofNumbers) ->
 
     Parameters
     ----------
-    source : a file, or `FILE:NAME` for one matrix of a file of several (MATLAB, DMIG, OUTPUT4)
+    source : a file, or `FILE:NAME` for one matrix of a file of several (MATLAB, DMIG, OUTPUT4, substructures)
     key : where it is asked for, such as `model.mass`
     file : the file that asks for it
     numbers : of the dofs that the file may name
@@ -60,6 +64,8 @@ def open_matrix(source: str | Path, key: str, file: str, numbers: DofNumbers) ->
             return read_op4(path, key, name)
         if is_dmig(start):
             return read_dmig(path, key, numbers, name)
+        if is_superelement(start):
+            return read_superelement(path, key, numbers, name)
         if name is not None:
             raise InputError(Fault(file, key, str(source), "a file of one matrix without a name, or one that is there"))
         if start.startswith(MATRIX_MARKET):
@@ -75,7 +81,23 @@ def open_matrix(source: str | Path, key: str, file: str, numbers: DofNumbers) ->
     except OSError as error:
         expected = f"a file that can be read ({error.strerror or error})"
         raise InputError(Fault(file, key, str(source), expected)) from error
+    if what := ansys_binary(start):
+        raise InputError(Fault(path, key, what, "its matrices as text: HBMAT, or *SMAT and *EXPORT (docs/models.md)"))
+    if start.startswith(PUNCHED_RESULTS):
+        raise InputError(Fault(path, key, "a punch file of results", "one of matrices: DMIG, as EXTSEOUT writes it"))
     raise InputError(Fault(file, key, str(source), KINDS))
+
+
+def ansys_binary(start: bytes) -> str:
+    """Which binary file of ANSYS one is by its beginning; "" for others.
+
+    The first record, of 100 integers, begins with the number of the kind of file.
+    """
+    for order in "<>":
+        if len(start) >= 12 and start[:8] == np.array([100, -(2**31)], f"{order}i4").tobytes():
+            number = int(np.frombuffer(start[8:12], f"{order}i4")[0])
+            return f"ANSYS's binary file {_ANSYS_FILES.get(number, f'of kind {number}')}"
+    return ""
 
 
 def inline_or_file(source: object, key: str, file: str, numbers: DofNumbers) -> Source:
@@ -113,7 +135,11 @@ def read_matrix(source: str | Path | list[list[float]], key: str, file: str = "j
     numbers = DofNumbers()
     read = inline_or_file(source, key, file, numbers)
     if read.numbers is None:
-        return read.assembled()
+        matrix = read.assembled()
+        if matrix.shape[0] != matrix.shape[1]:
+            shown = f"{matrix.shape[0]} x {matrix.shape[1]}"
+            raise InputError(Fault(file if isinstance(source, list) else str(source), key, shown, "a square matrix"))
+        return matrix
     used = read.rows(len(numbers)).used
     renumber, *names = numbers.order(used)
     return read.assembled(int(np.count_nonzero(used)), renumber, tuple(names))

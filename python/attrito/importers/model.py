@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from attrito.importers.calculix import read_calculix
 from attrito.importers.check import check_matrices, massless
 from attrito.importers.dof_file import read_dof_file
 from attrito.importers.dof_numbers import DofNumbers
-from attrito.importers.fe_jobs import abaqus_files, nastran_matrices
+from attrito.importers.fe_jobs import abaqus_matrices, nastran_matrices
 from attrito.importers.matrices import Matrices, assemble
 from attrito.importers.matrix import open_matrix, split_name
 from attrito.importers.mesh import Mesh, read_mesh
@@ -46,7 +47,8 @@ def import_model(
     ----------
     output : the model file to write
     calculix_job : CalculiX's files without their ending: `job` for job.sti, job.mas and job.dof
-    abaqus_job : Abaqus's files without their ending: `job` for job_STIF1.mtx, job_MASS1.mtx and the like
+    abaqus_job : Abaqus's files without their ending: `job` for job_STIF1.mtx, job_MASS1.mtx and the like; or the file
+        of a substructure, which holds all
     nastran_file : punch, bulk data or OUTPUT4 file with the matrices
     mesh : file with nodes, elements and node sets; needed with `calculix_job`
     stiffness, mass, damping : matrix files, or `FILE:NAME`, instead of a job's (damping also beside it)
@@ -76,10 +78,15 @@ def import_model(
         if mesh is None:
             raise InputError(Fault("import", "mesh", "missing", "a file that goes with dofs: which row is which node"))
         known_dofs = read_dof_file(dofs)
+        thermal = known_dofs[0][known_dofs[1] == 0]
+        if len(thermal):
+            expected = "displacements: the matrices of a mechanical step"
+            raise InputError(Fault(dofs, "file", f"{thermal[0]}.0, a temperature", expected))
         for name, ending in (("stiffness", "sti"), ("mass", "mas")):
             read[name] = read_calculix(f"{calculix_job}.{ending}", name, len(known_dofs[0]))
     elif abaqus_job is not None:
-        files = abaqus_files(abaqus_job) | files
+        of_job, read = abaqus_matrices(abaqus_job, numbers)
+        files = of_job | files
     elif nastran_file is not None:
         read, notes = nastran_matrices(nastran_file, numbers)
     if not read:
@@ -110,7 +117,7 @@ def _model(
 ) -> tuple[Model, list[str]]:
     """Assemble, check, write."""
     where = {name: source.path for name, source in read.items()}
-    parts = assemble(read, numbers, known_dofs, str(dofs))
+    parts = assemble(read, numbers, known_dofs, str(dofs or ""))
     matrices = parts.matrices
     faults = check_matrices(
         matrices["stiffness"], matrices["mass"], matrices.get("damping"), where, lambda dof: dof_label(dof, parts)
@@ -125,7 +132,7 @@ def _model(
         faults.append(Fault(str(dofs), "file", f"{len(parts.node)} dofs", expected))
     nodes = None if mesh is None else read_mesh(mesh, skip=not str(where["stiffness"]).endswith(".sti"))
     if nodes is not None:
-        faults += _stray_nodes(parts.node, str(dofs or where["stiffness"]), str(mesh), nodes)
+        faults += _stray_nodes(parts.node, parts.direction, str(dofs or where["stiffness"]), str(mesh), nodes)
     if faults:
         raise InputError(*faults)
     model = Model(matrices["stiffness"], matrices["mass"], matrices.get("damping"), parts.node, parts.direction)
@@ -150,11 +157,15 @@ def dof_label(dof: int, parts: Matrices) -> str:
     return f"dof {dof}, node {parts.node[dof]} {direction}"
 
 
-def _stray_nodes(node: np.ndarray, dofs: str, mesh: str, read: Mesh) -> list[Fault]:
-    stray = np.setdiff1d(node, read.node_ids)
+def _stray_nodes(node: np.ndarray, direction: np.ndarray, dofs: str, mesh: str, read: Mesh) -> list[Fault]:
+    """Nodes with dofs in space that the mesh does not have."""
+    stray = np.setdiff1d(node[direction > 0], read.node_ids)
     if len(stray) == 0:
         return []
-    expected = f"nodes of the mesh {mesh} (elements C3D8I add nodes of their own: use C3D8, C3D10 or C3D20)"
+    remedy = "elements C3D8I add nodes of their own: use C3D8, C3D10 or C3D20"
+    if any(re.match("elements of type (S|B|CPS|CPE|M3D|T3D)", what) for what in read.skipped):
+        remedy = "CalculiX expands shells, beams and plane elements to solids with nodes of their own: use solids"
+    expected = f"nodes of the mesh {mesh} ({remedy})"
     return [Fault(dofs, "file", f"node {stray[0]} ({len(stray)} such nodes)", expected)]
 
 
@@ -171,7 +182,7 @@ def _notes(model: Model) -> list[str]:
         return notes
     along_x = (model.dof_direction == 1).astype(float)
     mass = along_x @ (model.mass @ along_x)
-    free = len(np.unique(model.dof_node))
+    free = len(np.unique(model.dof_node[model.dof_direction > 0]))
     if model.has_mesh:
         notes.append(f"{len(model.node_ids)} nodes, {free} of them free, with a mass of {mass:.6g}")
     else:
@@ -179,6 +190,9 @@ def _notes(model: Model) -> list[str]:
     rotations = int(np.count_nonzero(model.dof_direction > 3))
     if rotations:
         notes.append(f"{rotations} of the dofs are rotations")
+    generalised = int(np.count_nonzero(model.dof_direction == 0))
+    if generalised:
+        notes.append(f'{generalised} of the dofs are generalised coordinates: ["node", number, "q"] in a job')
     notes += [f"{len(ids)} elements {kind}" for kind, (ids, _) in model.elements.items()]
     notes += [f"node set {name}: {len(ids)} nodes" for name, ids in model.node_sets.items()]
     return notes

@@ -1,9 +1,10 @@
-"""DMIG matrices in Nastran's bulk data or punch file, which name their dofs by grid point and component.
+"""DMIG matrices in Nastran's bulk data or punch file, which name their dofs by grid or scalar point and component.
 
 Header `DMIG, name, 0, form, type in, type out, polar, , columns`; then a card for each column, `DMIG, name, grid,
 component, , grid, component, value, ...`, with continuations. Fields of 8 characters (two entries a continuation), of
 16 (`DMIG*`, one entry a line, continued by `*`: what Nastran punches), or between commas. Form 6: one entry of each
-pair of a symmetric matrix; form 1: both; forms 2 and 9 are rectangular. Types 1 and 2 are real, 3 and 4 complex.
+pair of a symmetric matrix; form 1: both; forms 2 and 9 are rectangular. Types 1 and 2 are real, 3 and 4 complex. The
+component of a scalar point, a generalised coordinate of a superelement, is 0 or blank.
 
 Beside the matrices of a model a punch file of EXTSEOUT holds load vectors and output maps, which are rectangular: they
 are left out where nobody asks for them by name.
@@ -17,14 +18,14 @@ import numpy as np
 
 from attrito.importers.dof_numbers import DIRECTIONS, DofNumbers
 from attrito.importers.entries import Entries
-from attrito.importers.source import Source, integers, no_such_matrix
+from attrito.importers.source import USABLE, Source, integers, no_such_matrix
 from attrito.importers.text import Block, read_text
 
 _FORMS = {1: "full", 6: "symmetric"}
 _RECTANGULAR, _COMPLEX = (2, 9), (3, 4)
 _LARGE, _SMALL, _FREE = 1, 2, 3
-_COLUMN = "DMIG with a name, a grid point and its component (1 to 6)"
-_ENTRY = "a grid point, its component (1 to 6) and a real value"
+_COLUMN = "DMIG with a name, a point and its component (1 to 6; 0 of a scalar point)"
+_ENTRY = "a point, its component (1 to 6; 0 of a scalar point) and a real value"
 _LARGE_ENTRY = [(8, 16), (24, 16), (40, 16), (56, 16)]
 _SMALL_ENTRIES = [(8 * k, 8) for k in range(1, 9)]
 _LARGEST = 2**53
@@ -54,7 +55,7 @@ class DmigFile:
         self.left_out: dict[str, str] = {}
         # The card that a continuation at the beginning of a block belongs to.
         self._kind, self._name, self._column = 0, "", 0
-        for block in read_text(self.path):
+        for block in read_text(self.path, ends=b"ENDDATA"):
             self._read(block)
 
     def _read(self, block: Block) -> None:
@@ -133,10 +134,13 @@ class DmigFile:
         # Free and small fields are read here; the header of a large field punch is in small fields.
         values = np.nan_to_num(np.asarray(fields, float)[1:4], nan=0.0).astype(int).tolist()
         form, kind = (values[0], values[1]) if len(values) > 1 else (0, 0)
-        if self.wanted is None and (form in _RECTANGULAR or kind in _COMPLEX):
-            self.left_out[name] = "rectangular" if form in _RECTANGULAR else "complex"
+        what = "rectangular" if form in _RECTANGULAR else "complex" if kind in _COMPLEX else ""
+        if what and self.wanted is None:
+            self.left_out[name] = what
             self.skipped.add(name)
             return
+        if what:
+            raise block.fault(line, USABLE[what], f"{name}, {what}")
         if form not in _FORMS:
             raise block.fault(line, "form 6 (symmetric) or 1 (square) in the fifth field")
         if kind not in (1, 2):
@@ -187,8 +191,7 @@ class DmigFile:
         self.sources[name].entries.add(row, column, value)
 
     def _components(self, block: Block, lines: np.ndarray, values: np.ndarray, expected: str) -> np.ndarray:
-        # A blank component is that of a scalar point, which is no dof of a node.
-        return integers(block, lines, values, (1, DIRECTIONS), f"{expected}; scalar points cannot be used")
+        return integers(block, lines, np.nan_to_num(values), (0, DIRECTIONS), expected)
 
 
 def read_dmig(path: str | Path, key: str, numbers: DofNumbers, name: str | None = None) -> Source:
@@ -199,6 +202,9 @@ def read_dmig(path: str | Path, key: str, numbers: DofNumbers, name: str | None 
     found = ", ".join([*read.sources, *sorted(read.skipped)]) or "none"
     if name is None and len(read.sources) == 1:
         return next(iter(read.sources.values()))
+    if name is None and not read.sources and len(read.left_out) == 1:
+        # Asked for by its name it is refused, with its line.
+        DmigFile(path, DofNumbers(), set(read.left_out))
     raise no_such_matrix(str(path), key, name, found)
 
 

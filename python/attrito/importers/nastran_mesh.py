@@ -15,15 +15,16 @@ from attrito.importers.mesh_data import Mesh, check_nodes, new_mesh
 from attrito.importers.nastran_cards import Card, read_cards, whole_numbers
 from attrito.support.errors import InputError
 
-_GRID = re.compile(rb"^GRID[*, ]", re.IGNORECASE | re.MULTILINE)
+# Grid points may all be in files that INCLUDE names.
+_BULK = re.compile(rb"^(GRID[*, \t]|BEGIN\s+BULK|CEND\b|ENDDATA\b)", re.IGNORECASE | re.MULTILINE)
 _KINDS = {("CTETRA", 4): "C3D4", ("CTETRA", 10): "C3D10", ("CHEXA", 8): "C3D8", ("CHEXA", 20): "C3D20"}
 _ORDER = {"C3D20": [*range(12), *range(16, 20), *range(12, 16)]}
 _REAL = re.compile(r"([-+]?\d*\.?\d*)[EeDd]?([-+]?\d*)")
 
 
 def is_nastran_mesh(start: bytes) -> bool:
-    """Whether a card GRID occurs."""
-    return _GRID.search(start) is not None
+    """Whether a card GRID occurs, or what comes before or after the bulk data."""
+    return _BULK.search(start) is not None
 
 
 def read_nastran_mesh(path: str | Path) -> Mesh:

@@ -3,7 +3,7 @@
 A header `columns, rows, form, type, name` (text: and the format of numbers), then for each column that is not empty
 `column, first row, words` and its numbers, then a column beyond the last. First row 0: the column is made of strings,
 each with a head of its own: `65536 (L + 1) + row`, or `L + 1, row` where the header's number of rows is negative
-("bigmat"); L words of 4 bytes follow. Types 1 and 2 are real, of 4 and 8 bytes.
+("bigmat"); L words of 4 bytes follow. Types 1 and 2 are real, of 4 and 8 bytes; forms 4 and 5 triangular factors.
 
 The file does not name dofs: rows are in the order of the set that was written (such as the a-set).
 """
@@ -13,9 +13,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from attrito.importers.op4_binary import is_op4_binary, matrices_of_binary
-from attrito.importers.op4_matrix import USABLE
 from attrito.importers.op4_text import is_op4_text, matrices_of_text
-from attrito.importers.source import Source, no_such_matrix, refuse
+from attrito.importers.source import Source, no_such_matrix
 
 
 def is_op4(start: bytes) -> bool:
@@ -42,8 +41,8 @@ def read_op4(path: str | Path, key: str, name: str | None = None) -> Source:
     """One matrix of a file, by its name or the only one in it."""
     found, names = read_op4_matrices(path, key, None if name is None else {name.upper()})
     if name is None and not found and len(names) == 1:
-        only, what = names.popitem()
-        raise refuse(str(path), only, what, USABLE[what])
+        # Asked for by its name it is refused.
+        read_op4_matrices(path, key, set(names))
     if len(found) != 1:
         raise no_such_matrix(str(path), key, name, ", ".join(names) or "none")
     return next(iter(found.values()))

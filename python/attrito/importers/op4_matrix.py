@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from attrito.importers.entries import Entries
-from attrito.importers.source import Source, refuse
+from attrito.importers.source import USABLE, Source, refuse
 
 # The head of a string is this times one more than its words, plus its row.
 STRING = 65536
-# What to expect of a matrix that cannot be used for what it is
-USABLE = {"rectangular": "a square matrix", "complex": "type 1 or 2, a real matrix"}
+# Forms of lower and upper triangular factors
+_FACTORS = (4, 5)
 
 
 @dataclass
@@ -49,13 +49,17 @@ class Op4Matrix:
 def new_matrix(path: str, name: str, header: list[int], wanted: set[str] | None) -> Op4Matrix:
     """A matrix from the numbers of its header: columns, rows, form, type."""
     name = name.strip().upper()
-    columns, rows, _, kind = header
-    left_out = ""
-    if wanted is None and columns > 0:
-        left_out = "rectangular" if columns != abs(rows) else "complex" if kind in (3, 4) else ""
+    columns, rows, form, kind = header
+    what = ""
+    if columns > 0:
+        what = "rectangular" if columns != abs(rows) else "complex" if kind in (3, 4) else ""
+        what = "triangular factor" if not what and form in _FACTORS else what
+    left_out = what if wanted is None else ""
     use = (wanted is None and not left_out) or (wanted is not None and name in wanted)
     if use and (columns != abs(rows) or columns < 1):
         raise refuse(path, name, f"{abs(rows)} x {columns}", "a square matrix")
+    if use and what:
+        raise refuse(path, name, f"type {kind}" if what == "complex" else what, USABLE[what])
     if use and kind not in (1, 2):
         raise refuse(path, name, f"type {kind}", "type 1 or 2, a real matrix")
     return Op4Matrix(path, name, columns, kind, rows < 0, Entries(path, name) if use else None, left_out)

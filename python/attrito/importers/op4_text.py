@@ -1,7 +1,9 @@
 """Text OUTPUT4 files: the records of `nastran_op4` as lines.
 
-Three kinds of lines differ by what only they hold: a header has a comma in its format (`1P,3E23.16`), a line of
-numbers has decimal points, the heads of columns (three integers) and of strings (one, or two in bigmat) have neither.
+Three kinds of lines differ by what only they hold: a header has a name, so letters, and no decimal point before it; a
+line of numbers has decimal points; the heads of columns (three integers) and of strings (one, or two in bigmat) have
+neither. A header ends with the format of numbers (`1P,3E23.16`; some codes add that of integers, `|I16`); five numbers
+of 16 characters a line where it does not.
 """
 
 from __future__ import annotations
@@ -15,22 +17,30 @@ from attrito.importers.op4_matrix import STRING, Op4Matrix, new_matrix
 from attrito.importers.source import refuse
 from attrito.importers.text import Block, read_text
 
-_HEADER = re.compile(r"\s*(\d+)\s*(-?\d+)\s+(\d+)\s+(\d+)(.{8})\s*(\S*,(\d+)[ED](\d+)\.\d+)\s*$")
+_HEADER = re.compile(r"\s*(\d+)\s*(-?\d+)\s+(\d+)\s+(\d)(.{8})\s*\S*,(\d+)[ED](\d+)\.\d+(?:\|I\d+)?\s*$")
+_BARE_HEADER = re.compile(r"([ \d]{7}\d)([- \d]{7}\d)( {7}\d)( {7}\d)([A-Za-z]\w{0,7})\s*()()$")
+_FIELDS, _WIDTH = 5, 16
+# Characters before the name
+_NUMBERS = 32
 _INTEGERS = "the head of a column or a string"
-COMMA, POINT = ord(","), ord(".")
+POINT = ord(".")
 
 
 def is_op4_text(start: bytes) -> bool:
     """Whether the first line is a header."""
-    return _HEADER.match(start.split(b"\n")[0].decode(errors="replace").rstrip()) is not None
+    return _header(start.split(b"\n")[0].decode(errors="replace").rstrip()) is not None
+
+
+def _header(line: str) -> re.Match[str] | None:
+    """Columns, rows, form, type, name, numbers a line and characters a number."""
+    return _HEADER.match(line) or _BARE_HEADER.match(line)
 
 
 def matrices_of_text(path: str, key: str, wanted: set[str] | None) -> Iterator[Op4Matrix]:
     """Each matrix of the file, once it is read whole."""
     reader: _Reader | None = None
     for block in read_text(path, counted=True):
-        comma = np.maximum.reduceat(block.text == COMMA, block.first)
-        headers = np.flatnonzero(comma)
+        headers = _headers(block)
         begins, ends = np.append(0, headers), np.append(headers, len(block))
         for k, (begin, end) in enumerate(zip(begins, ends, strict=True)):
             if k > 0:
@@ -47,15 +57,24 @@ def matrices_of_text(path: str, key: str, wanted: set[str] | None) -> Iterator[O
     yield reader.finished()
 
 
+def _headers(block: Block) -> np.ndarray:
+    """Lines with letters whose first characters hold no decimal point."""
+    letters = (block.text >= ord("A")) & (block.text <= ord("Z")) | (block.text >= ord("a")) & (block.text <= ord("z"))
+    found = np.flatnonzero(np.maximum.reduceat(letters, block.first))
+    points = np.flatnonzero(block.text == POINT)
+    following = np.append(points, len(block.text))[np.searchsorted(points, block.first[found])]
+    return found[following >= np.minimum(block.first[found] + _NUMBERS, block.last[found])]
+
+
 class _Reader:
     """Reads the lines of one matrix. What a block leaves open: the string whose numbers still come."""
 
     def __init__(self, block: Block, line: int, wanted: set[str] | None):
-        found = _HEADER.match(block.line(line).rstrip())
+        found = _header(block.line(line).rstrip())
         if found is None:
             raise block.fault(line, "a header: columns, rows, form, type, name, format")
         self.matrix = new_matrix(block.path, found[5], [int(found[k]) for k in (1, 2, 3, 4)], wanted)
-        fields, width = int(found[7]), int(found[8])
+        fields, width = int(found[6] or _FIELDS), int(found[7] or _WIDTH)
         self.places = [(k * width, width) for k in range(fields)]
         self.column, self.ended = 0, False
         # Column, row and words of the string at hand, and the numbers found of it.
@@ -67,7 +86,7 @@ class _Reader:
             # What is not wanted is only checked for its end.
             self.ended = True
             return
-        lines = lines[block.last[lines] > block.first[lines]]
+        lines = lines[~block.blank()[lines]]
         if len(lines) == 0:
             return
         is_values = np.maximum.reduceat(block.text == POINT, block.first)[lines]

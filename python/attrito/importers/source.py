@@ -12,6 +12,13 @@ from attrito.importers.entries import Entries
 from attrito.importers.text import Block
 from attrito.support.errors import Fault, InputError
 
+# What to expect of a matrix that is no stiffness, mass or damping for what it is.
+USABLE = {
+    "rectangular": "a square matrix",
+    "complex": "type 1 or 2, a real matrix",
+    "triangular factor": "a matrix, not a factor of one (forms 4 and 5)",
+}
+
 
 @dataclass(frozen=True)
 class Rows:

@@ -19,6 +19,7 @@ from attrito.support.errors import Fault, InputError
 
 # Text and table of a block stay in the cache.
 BLOCK_BYTES = 1 << 20
+_BLANK = ord(" ")
 _NEWLINE = 10
 
 
@@ -58,6 +59,10 @@ class Block:
         filled = self.last > self.first
         letters[filled] = self.text[self.first[filled]]
         return letters
+
+    def blank(self) -> np.ndarray:
+        """Which lines hold nothing but blanks, bool."""
+        return ~np.maximum.reduceat(self.text > _BLANK, self.first)
 
     def separated(self, lines: np.ndarray, fields: int, expected: str, skip: np.ndarray | int = 0) -> np.ndarray:
         """Numbers `[lines, fields]` separated by blanks or commas; NaN where a line has less.
@@ -127,13 +132,14 @@ class Block:
         return table
 
 
-def read_text(path: str | Path, counted: bool = False) -> Iterator[Block]:
+def read_text(path: str | Path, counted: bool = False, ends: bytes = b"") -> Iterator[Block]:
     """The lines of a file, block after block.
 
     Parameters
     ----------
     path : the file
     counted : the file says how much it holds; if it does not, a last line without an end is at fault: it is cut off
+    ends : first word of a line that ends a file, in capitals: such a last line needs no end
     """
     size, number, rest = BLOCK_BYTES, 1, b""
     try:
@@ -148,7 +154,7 @@ def read_text(path: str | Path, counted: bool = False) -> Iterator[Block]:
                         raise InputError(Fault(str(path), f"line {number}", "no end", "a text file of short lines"))
                     rest += read
                     continue
-                if not read and not counted:
+                if not read and not counted and not (ends and rest.upper().startswith(ends)):
                     value = rest[-60:].decode(errors="replace")
                     raise InputError(Fault(str(path), "last line", value, "the end of the line: the file is cut off"))
                 whole, rest = (rest + read[:end], read[end:]) if read else (rest + b"\n", b"")

@@ -19,8 +19,8 @@ LARGEST_INTEGER = 2**31 - 1
 LARGEST_FREQUENCY = 1e100
 # Datasets beside those of the monitors.
 RESERVED = ("frequency_hz", "natural_hz")
-# Displacements along the axes, and rotations about them.
-DIRECTIONS = {"x": 1, "y": 2, "z": 3, "rx": 4, "ry": 5, "rz": 6}
+# Displacements along the axes, rotations about them, and generalised coordinates.
+DIRECTIONS = {"q": 0, "x": 1, "y": 2, "z": 3, "rx": 4, "ry": 5, "rz": 6}
 
 
 def number(low: float = -math.inf, high: float = math.inf, *, above: bool = False, below: bool = False) -> Check:

@@ -21,7 +21,8 @@ class Model:
     stiffness, mass, damping : `[n, n]`, both triangles; damping may be absent; all None where a file was read
         without its matrices
     dof_node, dof_direction : `[n]`, node id and direction of each dof (1, 2, 3 for displacements along x, y, z; 4, 5, 6
-        for rotations about them); None where dofs are only numbered
+        for rotations about them; 0 for generalised coordinates, whose node is a number of their own); None where dofs
+        are only numbered
     node_ids, coordinates : `[N]` and `[N, 3]`, user length; None without a mesh
     elements : for each type its ids `[E]` and its connectivity `[E, k]` (node ids, CalculiX order)
     node_sets : for each name its node ids, ascending
@@ -62,11 +63,19 @@ class Model:
         ids = self.node_ids if self.has_mesh else self.dof_node
         return ids is not None and bool(np.any(ids == node))
 
-    def on_dofs(self, field: np.ndarray) -> np.ndarray:
-        """A vector field on the nodes, `[N, 3]`, as a vector on the dofs, `[n]`; zero on rotations."""
+    @property
+    def translates(self) -> np.ndarray:
+        """Which dofs are displacements, `[n]` bool: neither rotations nor generalised coordinates."""
+        return (self.dof_direction >= 1) & (self.dof_direction <= 3)
+
+    def rows_of(self, dofs: np.ndarray) -> np.ndarray:
+        """Row in `node_ids` of the node of each of some dofs, none of them a generalised coordinate."""
         order = np.argsort(self.node_ids)
-        place = order[np.searchsorted(self.node_ids, self.dof_node, sorter=order)]
-        moves = self.dof_direction <= 3
+        return order[np.searchsorted(self.node_ids, self.dof_node[dofs], sorter=order)]
+
+    def on_dofs(self, field: np.ndarray) -> np.ndarray:
+        """A vector field on the nodes, `[N, 3]`, as a vector on the dofs, `[n]`; zero on all but displacements."""
+        moves = self.translates
         values = np.zeros(len(self.dof_node))
-        values[moves] = field[place[moves], self.dof_direction[moves] - 1]
+        values[moves] = field[self.rows_of(moves), self.dof_direction[moves] - 1]
         return values

@@ -73,7 +73,7 @@ def _fill(file: h5py.File, model: Model, source: Sequence[str | Path]) -> None:
             put(f"{name}/values", matrix.data, np.float64, f"{description}, CSR: value of each entry", unit)
     if model.names_dofs:
         put("dofs/node", model.dof_node, np.int64, "node id of each dof")
-        words = "direction of each dof: 1, 2, 3 for x, y, z; 4, 5, 6 for rotations about x, y, z"
+        words = "direction of each dof: 1, 2, 3 for x, y, z; 4, 5, 6 for rotations about them; 0: generalised"
         put("dofs/direction", model.dof_direction, np.int8, words)
     if model.has_mesh:
         put("nodes/id", model.node_ids, np.int64, "node ids")
@@ -167,15 +167,16 @@ class _Reader:
         nodes, directions = len(model.dof_node), len(model.dof_direction)
         self.expect(nodes == model.size, "dofs/node", f"{nodes} nodes", f"one node for each of {model.size} dofs")
         self.expect(directions == model.size, "dofs/direction", f"{directions} directions", f"{model.size} directions")
-        known = np.isin(model.dof_direction, range(1, 7)).all()
-        self.expect(known, "dofs/direction", "others", "1, 2, 3 (displacements) or 4, 5, 6 (rotations) only")
+        known = np.isin(model.dof_direction, range(7)).all()
+        expected = "1, 2, 3 (displacements), 4, 5, 6 (rotations) or 0 (generalised coordinates) only"
+        self.expect(known, "dofs/direction", "others", expected)
 
     def nodes(self, model: Model) -> None:
         model.node_ids, model.coordinates = self.array("nodes/id", 1), self.array("nodes/coordinates", 2)
         shape, expected = model.coordinates.shape, (len(model.node_ids), 3)
         self.expect(shape == expected, "nodes/coordinates", f"shape {shape}", f"shape {expected}")
-        if model.names_dofs:
-            self.known(model.dof_node, "dofs/node", model.node_ids)
+        if model.names_dofs and len(model.dof_node) == len(model.dof_direction):
+            self.known(model.dof_node[model.dof_direction > 0], "dofs/node", model.node_ids)
 
     def mesh(self, model: Model) -> None:
         for kind in self.file.get("elements", ()):

@@ -137,8 +137,8 @@ def contact_rows(pairs: Pairs, model: Model) -> csr_matrix:
     """
     nodes, index = np.unique(model.dof_node, return_inverse=True)
     dof = np.full((len(nodes), 3), -1)
-    # Rotations of shells and beams take no part: contacts lie on nodes.
-    moves = model.dof_direction <= 3
+    # Rotations and generalised coordinates take no part: contacts lie on nodes.
+    moves = model.translates
     dof[index[moves], np.asarray(model.dof_direction[moves], dtype=int) - 1] = np.flatnonzero(moves)
     directions = pairs.frame[:, [0, 2] if pairs.tangents == 1 else [0, 1, 2]]
     per_contact = directions.shape[1]

@@ -41,14 +41,18 @@ def resisted_rotation(model: Model) -> str | None:
 
 def rotation_resistance(model: Model) -> float | None:
     """rho of the worst axis; None where it is rounding, or no row is away from supports."""
-    rows = np.flatnonzero(np.asarray(model.dof_direction) <= 3)
+    rows = np.flatnonzero(model.translates)
     rows = rows[np.unique(np.linspace(0, len(rows) - 1, MOST_ROWS).astype(int))] if len(rows) else rows
     if not len(rows):
         return None
     part = csr_matrix(model.stiffness[rows])
     row, column, value = np.repeat(np.arange(len(rows)), np.diff(part.indptr)), part.indices, part.data
-    order = np.argsort(model.node_ids)
-    place = model.coordinates[order[np.searchsorted(model.node_ids, model.dof_node, sorter=order)]]
+    # Generalised coordinates take no part in a rigid motion.
+    placed = np.flatnonzero(np.asarray(model.dof_direction) > 0)
+    spatial = np.isin(column, placed)
+    row, column, value = row[spatial], column[spatial], value[spatial]
+    place = np.zeros((model.size, 3))
+    place[placed] = model.coordinates[model.rows_of(placed)]
     direction = np.asarray(model.dof_direction, dtype=int)[column] - 1
     arm = place[column] - place[rows[row]]
     moves, axis = direction < 3, direction % 3

@@ -73,7 +73,7 @@ def _translations(model: Model) -> tuple[np.ndarray, np.ndarray]:
     """Ids of the nodes with dofs, and the dofs of each along x, y, z, `[nodes, 3]`, -1 where held."""
     nodes, index = np.unique(model.dof_node, return_inverse=True)
     direction = np.asarray(model.dof_direction, dtype=int)
-    moves = np.flatnonzero(direction <= 3)
+    moves = np.flatnonzero(model.translates)
     dof = np.full((len(nodes), 3), -1)
     dof[index[moves], direction[moves] - 1] = moves
     return nodes, dof

@@ -1,0 +1,109 @@
+"""Meshes that meshio reads: MED (Salome, code_aster), VTK, XDMF, Exodus, medit, Netgen.
+
+Node ids are places in the file, from 1: these formats have none that matrices could name, or meshio does not keep them.
+Groups of a MED file and sets of points are node sets. Solids that are inside out, as MED counts their corners, are
+mirrored.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+
+from attrito.importers.mesh_data import Mesh, check_nodes, new_mesh
+from attrito.support.errors import Fault, InputError
+
+# Modules of meshio by the ending of a file
+READERS = {".med": "med", ".vtk": "vtk", ".vtu": "vtu", ".xdmf": "xdmf", ".xmf": "xdmf", ".e": "exodus",
+           ".exo": "exodus", ".ex2": "exodus", ".mesh": "medit", ".meshb": "medit", ".vol": "netgen"}  # fmt: skip
+_SOLIDS = {"tetra": "C3D4", "hexahedron": "C3D8", "tetra10": "C3D10", "hexahedron20": "C3D20"}
+_FLAT = ("vertex", "line", "triangle", "quad", "polygon")
+# The nodes of a solid's mirror image: two corners of the base are exchanged, and edges with them.
+_MIRRORED = {
+    "C3D4": [0, 2, 1, 3],
+    "C3D8": [0, 3, 2, 1, 4, 7, 6, 5],
+    "C3D10": [0, 2, 1, 3, 6, 5, 4, 7, 9, 8],
+    "C3D20": [0, 3, 2, 1, 4, 7, 6, 5, 11, 10, 9, 8, 15, 14, 13, 12, 16, 19, 18, 17],
+}
+
+
+def is_meshio_mesh(path: str | Path) -> bool:
+    """Whether a file's ending is one of those read here."""
+    return Path(path).suffix.lower() in READERS
+
+
+def read_meshio_mesh(path: str | Path) -> Mesh:
+    """Read the mesh; what is no tetrahedron or brick is left out, and solids among that are listed."""
+    path = Path(path)
+    module = importlib.import_module(f"meshio.{READERS[path.suffix.lower()]}")
+    try:
+        # `meshio.read` would end the program on a file it cannot read, and its readers print warnings.
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            read = module.read(str(path))
+    except (Exception, SystemExit) as error:
+        said = " ".join(str(error).split()) or type(error).__name__
+        expected = f"a mesh that meshio can read as {path.suffix.lower()}"
+        raise InputError(Fault(str(path), "file", said, expected)) from error
+    points = np.zeros((len(read.points), 3))
+    points[:, : np.shape(read.points)[1]] = read.points
+    mesh = new_mesh(str(path), np.arange(1, len(points) + 1), points)
+    _add_solids(mesh, read)
+    _add_sets(mesh, read)
+    mesh.files = [path]
+    check_nodes(str(path), mesh)
+    return mesh
+
+
+def _add_solids(mesh: Mesh, read: meshio.Mesh) -> None:
+    parts: dict[str, list[np.ndarray]] = {}
+    for cells in read.cells:
+        if cells.type in _SOLIDS:
+            parts.setdefault(_SOLIDS[cells.type], []).append(np.asarray(cells.data, np.int64) + 1)
+        elif not cells.type.startswith(_FLAT):
+            mesh.skipped.append(f"{len(cells.data)} elements {cells.type}")
+    first = 1
+    for name, found in parts.items():
+        nodes = np.concatenate(found)
+        if nodes.size and nodes.min() >= 1 and nodes.max() <= len(mesh.node_ids):
+            corners = 4 if name in ("C3D4", "C3D10") else 8
+            inside_out = _volumes(mesh.coordinates[nodes[:, :corners] - 1]) < 0.0
+            nodes[inside_out] = nodes[inside_out][:, _MIRRORED[name]]
+        mesh.elements[name] = (np.arange(first, first + len(nodes)), nodes)
+        first += len(nodes)
+
+
+def _volumes(corners: np.ndarray) -> np.ndarray:
+    """Determinants of three edges at the first corner of tetrahedra, or of the axes of bricks, `[E]`."""
+    if corners.shape[1] == 4:
+        edges = corners[:, 1:4] - corners[:, :1]
+    else:
+        faces = [([1, 2, 5, 6], [0, 3, 4, 7]), ([2, 3, 6, 7], [0, 1, 4, 5]), ([4, 5, 6, 7], [0, 1, 2, 3])]
+        edges = np.stack([corners[:, a].sum(axis=1) - corners[:, b].sum(axis=1) for a, b in faces], axis=1)
+    return np.linalg.det(edges)
+
+
+def _add_sets(mesh: Mesh, read: meshio.Mesh) -> None:
+    """Groups of a MED file: families of nodes and of elements, each with the names of its groups."""
+    members: dict[str, list[np.ndarray]] = {}
+
+    def add(name: Any, nodes: np.ndarray) -> None:
+        members.setdefault(str(name).strip().replace("/", "_"), []).append(np.asarray(nodes, np.int64).ravel() + 1)
+
+    for name, nodes in read.point_sets.items():
+        add(name, nodes)
+    family = read.point_data.get("point_tags")
+    for tag, names in getattr(read, "point_tags", {}).items():
+        for name in names:
+            add(name, np.flatnonzero(family == tag) if family is not None else np.zeros(0))
+    for tag, names in getattr(read, "cell_tags", {}).items():
+        for cells, tags in zip(read.cells, read.cell_data.get("cell_tags", []), strict=False):
+            for name in names:
+                add(name, cells.data[np.asarray(tags) == tag])
+    mesh.node_sets = {name: np.unique(np.concatenate(parts)) for name, parts in members.items() if name}
+    mesh.node_sets = {name: nodes for name, nodes in mesh.node_sets.items() if len(nodes)}
