@@ -6,11 +6,13 @@ import csv
 import io
 
 import h5py
+import mode_jobs
 import numpy as np
 import pytest
 from figures import line
 from jobs import attrito_here, wedge, write_job
 
+from attrito.charts import modes
 from attrito.charts import run as chart
 from attrito.charts.file import SERIES, Chart, Way
 from attrito.charts.plot import LEAST_ERROR
@@ -122,7 +124,7 @@ def test_a_chart_without_a_reference_says_so(tmp_path, few_ways, monkeypatch):
 def test_the_efficient_front_holds_what_nothing_beats():
     costs = [(1.0, 1e-1), (2.0, 1e-2), (3.0, 5e-2), (4.0, 1e-3), (np.nan, 1e-9), (5.0, np.nan)]
     ways = [Way("event", "", error=error, seconds=seconds) for seconds, error in costs]
-    found = Chart(ways, 1.0, 1.0, ways[0], 0.01).efficient()
+    found = Chart(ways, {}, "", "", ways[0]).efficient()
     assert found.tolist() == [True, True, False, True, False, False]
 
 
@@ -139,3 +141,46 @@ def test_a_chart_of_no_job_is_a_fault_of_the_input(tmp_path, capfd):
     done = attrito_here(tmp_path, capfd, "chart", "missing.toml")
     assert done.returncode == 2
     assert "missing.toml: file = " in done.stderr
+
+
+@pytest.mark.parametrize("method, own", [("epmc", "H = 3"), ("quasi_static", "24 steps")])
+def test_a_mode_is_charted_by_both_methods(tmp_path, capfd, monkeypatch, written, method, own):
+    monkeypatch.setattr(modes, "HARMONICS", (1, 5, 20))
+    monkeypatch.setattr(modes, "STEPS", (16, 64))
+    job = mode_jobs.rubbing(harmonics=3)
+    job["mode"] |= {"method": method, "steps": 24, "points": 6}
+    write_job(tmp_path, job)
+    done = attrito_here(tmp_path, capfd, "chart", "job.toml", "--mode", "-o", "mode.h5")
+    assert done.returncode == 0, done.stderr
+    rows = list(csv.DictReader(io.StringIO(done.stdout)))
+    error = {row["setting"]: float(row["error"]) for row in rows}
+    assert error["H = 1"] > error["H = 5"] > error["H = 20"] > 0.0
+    # One mass on one element: a loop has the same corners with any number of steps, and one harmonic is all it lacks.
+    assert error["64 steps"] == pytest.approx(error["16 steps"], rel=1e-6)
+    assert 0.1 > error["64 steps"] > error["H = 1"]
+    assert [row["setting"] for row in rows if row["chosen"] == "true"] == [own]
+    (figure,) = written
+    assert figure.axes[0].get_ylabel() == "Relative error of frequency and damping"
+    with h5py.File(tmp_path / "mode.h5") as file:
+        assert file.attrs["amplitude"] == job["mode"]["stop"] and file.attrs["reference_harmonics"] == modes.FINEST
+
+
+def test_a_mode_that_a_way_loses_is_noted_and_one_without_a_reference_ends_the_chart(tmp_path, monkeypatch):
+    monkeypatch.setattr(modes, "HARMONICS", (1, 5))
+    monkeypatch.setattr(modes, "STEPS", ())
+    path = str(tmp_path / write_job(tmp_path, mode_jobs.rubbing()))
+    follow, lost = modes.ModeBench._follow, []
+
+    def lose(self, method, options, steps=0):
+        seconds, work, found = follow(self, method, options, steps)
+        if options.harmonics in lost:
+            found[:, -2:] = np.nan
+        return seconds, work, found
+
+    monkeypatch.setattr(modes.ModeBench, "_follow", lose)
+    lost[:] = [1]
+    noted = {way.label: way.note for way in modes.chart_mode(path, 5.0).ways}
+    assert noted["H = 1"].startswith("lost at amplitude 0.012") and not noted["H = 5"]
+    lost[:] = [modes.FINEST]
+    with pytest.raises(NumericsError, match="the reference, .* harmonics, loses the mode"):
+        modes.chart_mode(path, 5.0)

@@ -21,6 +21,8 @@ SERIES = {
     "uncondensed": "Newton's method on all coordinates (work by formula)",
     "integration": "time integration by steps, to the steady state",
     "events in time": "time integration by located events",
+    "epmc": "periodic motion (EPMC), H fixed",
+    "quasi_static": "cycles of quasi-static loading",
 }
 
 
@@ -29,7 +31,7 @@ class Way:
     """One way to solve the scene, and what came of it.
 
     `error` is NaN where it was not solved, and `note` then says why; settings that do not apply are 0. `too_long`: it
-    was not begun, since it would have taken longer than was asked for.
+    was not begun, since it would have taken longer than was asked for. `own`: it is the one that the job asks for.
     """
 
     series: str
@@ -45,17 +47,26 @@ class Way:
     work: float = np.nan
     note: str = ""
     too_long: bool = False
+    own: bool = False
 
 
 @dataclass(frozen=True)
 class Chart:
-    """All ways, those on the efficient front, the one that the job's tolerance takes, and where they were held."""
+    """All ways to solve a scene.
+
+    Parameters
+    ----------
+    places : where they were compared: attributes of the file
+    title : the same in words
+    quantity : what the error is of
+    reference : what they were compared with; its estimate is its own error
+    """
 
     ways: list[Way]
-    frequency_hz: float
-    level: float
+    places: dict[str, float]
+    title: str
+    quantity: str
     reference: Way
-    tolerance: float
 
     def efficient(self) -> np.ndarray:
         """Which ways no other beats in both time and error, `[ways]`."""
@@ -67,9 +78,8 @@ class Chart:
         return ~np.array(beaten, dtype=bool) & np.isfinite(error) & np.isfinite(seconds)
 
     def chosen(self) -> int:
-        """The way of the job's tolerance."""
-        taken = [way.series == "tolerance" and way.tolerance == self.tolerance for way in self.ways]
-        return taken.index(True)
+        """The way that the job asks for."""
+        return [way.own for way in self.ways].index(True)
 
 
 COLUMNS = {
@@ -78,7 +88,10 @@ COLUMNS = {
     "modes": ("fixed-interface modes, where they are varied", "1"),
     "steps": ("steps a period of time integration", "1"),
     "tolerance": ("relative error accepted, where that chooses", "1"),
-    "error": ("relative error of the peak's amplitude against the reference", "1"),
+    "error": (
+        "relative error against the reference: of the peak's amplitude, or of a mode's frequency and damping",
+        "1",
+    ),
     "estimate": ("the error that the run itself estimates", "1"),
     "seconds": ("processor time, without the static load path", "s"),
     "work": ("floating-point operations by formulas", "1"),
@@ -108,8 +121,8 @@ def write(chart: Chart, path: str, job: str) -> None:
     with whole_hdf5(path) as file:
         file.attrs["format"], file.attrs["attrito_version"], file.attrs["job_file"] = "attrito chart", __version__, job
         file.attrs["description"] = "error against cost of the ways to solve a scene; see docs/accuracy.md of attrito"
-        for name in ("frequency_hz", "level", "tolerance"):
-            file.attrs[name] = getattr(chart, name)
+        for name, value in chart.places.items():
+            file.attrs[name] = value
         file.attrs["reference_harmonics"] = chart.reference.harmonics
         file.attrs["reference_estimate"] = chart.reference.estimate
         data = {name: (np.array([getattr(way, name) for way in chart.ways]), *told) for name, told in COLUMNS.items()}

@@ -10,14 +10,14 @@ from matplotlib.figure import Figure
 from attrito.charts.file import SERIES, Chart, Way
 from attrito.plots.style import BRANCH_COLOURS, STYLE
 
-MARKERS = dict(zip(SERIES, ("o", "s", "^", "v", "D", "x", "+", "P"), strict=True))
-COLOURS = dict(zip(SERIES, ("#000000", *BRANCH_COLOURS, "#000000"), strict=True))
+MARKERS = dict(zip(SERIES, ("o", "s", "^", "v", "D", "x", "+", "P", "s", "D"), strict=True))
+COLOURS = dict(zip(SERIES, ("#000000", *BRANCH_COLOURS, "#000000", *BRANCH_COLOURS[:2]), strict=True))
 # Errors are drawn down to here; what is nearer to the reference cannot be told from it
 LEAST_ERROR = 1e-9
 
 
 def picture(chart: Chart) -> Figure:
-    """A panel a cost; the efficient front is a line, the way of the job's tolerance a star.
+    """A panel a cost; the efficient front is a line, the way that the job asks for a star.
 
     The dotted line is the reference's own estimated error: what is below it cannot be told apart.
     """
@@ -30,12 +30,11 @@ def picture(chart: Chart) -> Figure:
             _mark(axes, chart, cost)
             axes.axhline(chart.reference.estimate, color="#8a8a8a", linestyle=":", linewidth=1.0, label="reference")
             axes.set(xscale="log", yscale="log", xlabel="Processor time (s)" if cost == "seconds" else "Counted work")
-        panels[0].set_ylabel("Relative error of the peak")
+        panels[0].set_ylabel(chart.quantity)
         told = [way.error for way in chart.ways if np.isfinite(way.error)] + [chart.reference.estimate]
         panels[0].set_ylim(bottom=max(min(told), LEAST_ERROR) / 3, top=2.0)
         figure.suptitle(
-            f"{chart.frequency_hz:.5g} Hz, level {chart.level:g}; reference: {chart.reference.harmonics} harmonics,"
-            f" error {chart.reference.estimate:.0e}",
+            f"{chart.title}; reference: {chart.reference.harmonics} harmonics, error {chart.reference.estimate:.0e}",
             fontsize=9.5,
         )
         entries: dict[str, object] = {}
@@ -63,7 +62,7 @@ def _draw(axes: Axes, ways: list[Way], cost: str, series: str, label: str) -> No
 
 
 def _mark(axes: Axes, chart: Chart, cost: str) -> None:
-    """The front by time, drawn in its panel only, and the way that the job's tolerance takes."""
+    """The front by time, drawn in its panel only, and the way that the job asks for."""
     if cost == "seconds":
         front = sorted((way.seconds, way.error) for way, on in zip(chart.ways, chart.efficient(), strict=True) if on)
         seconds, error = np.array(front).T
@@ -71,5 +70,5 @@ def _mark(axes: Axes, chart: Chart, cost: str) -> None:
         axes.step(seconds, nearest, where="post", color="#8a8a8a", linewidth=1.0, label="efficient front")
     way = chart.ways[chart.chosen()]
     if np.isfinite(way.error):
-        label = f"tolerance = {chart.tolerance:g}"
+        label = f"tolerance = {way.label}" if way.tolerance else f"the job's own: {way.label}"
         axes.plot(getattr(way, cost), max(way.error, LEAST_ERROR), "*", color="#D55E00", markersize=15, label=label)

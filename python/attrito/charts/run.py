@@ -88,7 +88,9 @@ class Bench:
             told = f"error {way.error:.1e}, {way.seconds:.3g} s" if np.isfinite(way.error) else way.note
             self._say(f"{way.series}, {way.label}: {told}")
         tolerance = self._job["balance"]["tolerance"] or TOLERANCE
-        return Chart(ways, self._frequencies[-1], self._level, reference, tolerance)
+        places = {"frequency_hz": self._frequencies[-1], "level": self._level, "tolerance": tolerance}
+        title = f"{self._frequencies[-1]:.5g} Hz, level {self._level:g}"
+        return Chart(ways, places, title, "Relative error of the peak", reference)
 
     def _find_peak(self) -> None:
         sweep = self._job["sweep"]
@@ -123,9 +125,10 @@ class Bench:
         tolerances = {*TOLERANCES, own}
         for tolerance in sorted(tolerances, reverse=True):
             if tolerance > REFERENCE[self._tangents] or tolerance == own:
-                yield self._balance(
+                way = self._balance(
                     "tolerance", self._scene, self._automatic(tolerance), label=f"{tolerance:g}", tolerance=tolerance
                 )
+                yield replace(way, own=tolerance == own)
         loaded = (len(self._scene.harmonic) - 1) // 2
         ladder = [harmonics for harmonics in HARMONICS if harmonics >= loaded]
         if self._tangents == 1:

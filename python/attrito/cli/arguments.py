@@ -77,6 +77,9 @@ def _chart(parsers: Parsers) -> None:
     one.add_argument(
         "--seconds", type=float, default=20.0, help="a series ends where a run of it takes longer (default: 20)"
     )
+    one.add_argument(
+        "--mode", action="store_true", help="of the job's nonlinear mode, by both methods, not of its peak"
+    )
     one.set_defaults(work=commands.chart)
 
 

@@ -203,6 +203,14 @@ def new_tracker(job: Job, solver: Solver, scene: ReducedScene, modes: LinearMode
     return QuasiStaticTracker(solver, len(scene.laws["tangents"]), shape, frequency_hz, job["mode"]["steps"])
 
 
+def contact_work(comm: Comm, solver: Solver, one: ModePoint) -> float:
+    """Of all contacts a period at the last point, user energy; zero but at the root. Collective."""
+    heard: dict[str, np.ndarray] = {}
+    solver.report_point((lambda path, _, values: heard.update({path: values})) if comm.rank == 0 else None)
+    work = heard.get("/contacts/dissipated_energy", 0.0) if one.contact_work is None else one.contact_work
+    return float(np.nansum(work))
+
+
 def _record(comm: Comm, recorder: Recorder, one: ModePoint) -> float:
     """Note what is known of a mode's point beside a result's series; the contacts' damping ratio. Collective."""
 

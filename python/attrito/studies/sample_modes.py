@@ -15,7 +15,7 @@ from attrito.job.job import Job
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
 from attrito.modes.mode_point import ModePoint
-from attrito.modes.nonlinear import Tracker, chosen_mode, new_tracker, series_of_mode
+from attrito.modes.nonlinear import Tracker, chosen_mode, contact_work, new_tracker, series_of_mode
 from attrito.modes.scene_at_rest import come_to_rest
 from attrito.scene.build import build_scene, with_numbers_of
 from attrito.scene.reduced_model import Rom, reduced_scene
@@ -77,15 +77,7 @@ class SampleModes:
             one = tracker.at(amplitude)
             if not one.converged:
                 return
-            found.append(_row(one, self._work(solver, one)))
-
-    def _work(self, solver: Solver, one: ModePoint) -> float:
-        """Of all contacts a period, user energy; zero but at the root. Collective."""
-        heard: dict[str, np.ndarray] = {}
-        root = self._comm.rank == 0
-        solver.report_point((lambda path, _, values: heard.update({path: values})) if root else None)
-        work = heard.get("/contacts/dissipated_energy", 0.0) if one.contact_work is None else one.contact_work
-        return float(np.nansum(work))
+            found.append(_row(one, contact_work(self._comm, solver, one)))
 
 
 def _row(one: ModePoint | None, work: float) -> dict[str, Any]:
