@@ -65,7 +65,7 @@ def run(
     quiet: bool = False,
     strict: bool = False,
 ) -> File:
-    """Run a job: reduce the model if the job says so, walk the static loads, follow the response.
+    """Run a job: reduce the model if the job says so, follow the static loads, then the response.
 
     Parameters
     ----------

@@ -48,7 +48,7 @@ contains
     real(c_double), intent(in) :: vectors(n, vector_count)
     !> How many modes, and how
     type(options_type), intent(in) :: options
-    !> Told of progress: void f(const char *text, int done, int total), a sentence where total is 0; may be null
+    !> Called with progress: void f(const char *text, int done, int total), a sentence where total is 0; may be null
     type(c_funptr), value :: listener
     !> What was found
     type(report_type), intent(out) :: report

@@ -151,7 +151,7 @@ contains
     end associate
   end subroutine restore_point
 
-  !> Does the solver stand on a known branch? It stands there still when that is told.
+  !> Is the solver on a known branch? It is still there afterwards.
   logical function contains_solution(self, solver, up_to)
     class(stored_points_type), intent(in) :: self
     !> Solver of points, which this moves

@@ -12,7 +12,7 @@ module attrito_integrate_static_path
 
 contains
 
-  !> Walk from the unloaded state over the corners.
+  !> Follow the path from the unloaded state over its corners.
   subroutine follow_static_path(system, path, steps, motion, slider, error)
     !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system

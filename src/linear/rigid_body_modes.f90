@@ -2,7 +2,7 @@
 !>
 !> $$ s = Z^T (f_0 - B^T \lambda_0) = 0 \quad \text{where} \quad K Z = 0, \qquad (K_c B Z)^T K_c B Z = I. $$
 !>
-!> The residual r_0 of the condensed balance tells that but for rounding: s = -(K_c B Z)^T r_0, so |s| <= |r_0| at every motion.
+!> The residual r_0 of the condensed balance shows that but for rounding: s = -(K_c B Z)^T r_0, so |s| <= |r_0| at every motion.
 !> Rounding of the stuck modes, though, is a spring (1e-12 of the contacts' with 100 of them), and far enough away it holds a body
 !> that drifts. There r_0 vanishes and s does not.
 module attrito_linear_rigid_body_modes

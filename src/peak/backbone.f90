@@ -48,7 +48,7 @@ module attrito_peak_backbone
   type :: backbone_type
     !> Of the stuck system, from 1, ascending
     integer :: mode = 1
-    !> Whose amplitude is told
+    !> Whose amplitude is reported
     type(problem_type) :: problem
     !> Coordinate a of the mode, and xi
     real(wp) :: amplitude = 0.0_wp, excitation = 0.0_wp
@@ -94,7 +94,7 @@ contains
     end associate
   end subroutine leading_mode
 
-  !> Turn the solver, whose static path has been walked, to a mode's backbone, and find the point of an amplitude: from where contacts
+  !> Turn the solver, whose static path has been followed, to a mode's backbone, and find the point of an amplitude: from where contacts
   !> still stick, or a small one. The solver serves nothing else from then on.
   subroutine begin_backbone(solver, mode, problem, amplitude, self)
     !> Solver of points, which this moves

@@ -32,6 +32,9 @@ from attrito.studies.design import read_study
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])
 
+# Figures of speech, where a plain word says it: report, list, follow, drift, move
+FIGURATIVE = re.compile(r"\b(told|tells|walk(s|ed)?|heeds?|wander(s|ed)?|astray|foothold|nudged)\b", re.IGNORECASE)
+
 COMMAND = re.compile(r"\s*(mpirun .*attrito|\.venv/bin/attrito|attrito) ")
 
 names = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
@@ -219,6 +222,16 @@ def test_names_in_the_glossary_exist_in_the_code_and_its_files():
             assert list(ROOT.glob(name.rstrip("/"))), name
         else:
             assert set(re.findall(r"\w+", name)) <= words, name
+
+
+def test_pages_and_sources_are_in_plain_words():
+    sources = [path for folder, kind in (("src", "*.?90"), ("python", "*.py")) for path in (ROOT / folder).rglob(kind)]
+    found = [
+        f"{path.relative_to(ROOT)}: {match.group()}"
+        for path in (*PAGES, *sources)
+        for match in FIGURATIVE.finditer(path.read_text())
+    ]
+    assert not found
 
 
 def test_the_table_of_fallback_strategies_is_that_of_the_code():

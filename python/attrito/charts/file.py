@@ -125,7 +125,7 @@ def write(chart: Chart, path: str, job: str) -> None:
             file.attrs[name] = value
         file.attrs["reference_harmonics"] = chart.reference.harmonics
         file.attrs["reference_estimate"] = chart.reference.estimate
-        data = {name: (np.array([getattr(way, name) for way in chart.ways]), *told) for name, told in COLUMNS.items()}
+        data = {name: (np.array([getattr(way, name) for way in chart.ways]), *what) for name, what in COLUMNS.items()}
         data["efficient"] = chart.efficient().astype(np.int8), "1: no way is both cheaper in time and nearer", "1"
         for name in ("series", "label", "note"):
             texts = np.array([getattr(way, name) for way in chart.ways], dtype=h5py.string_dtype())

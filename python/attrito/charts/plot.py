@@ -12,14 +12,14 @@ from attrito.plots.style import BRANCH_COLOURS, STYLE
 
 MARKERS = dict(zip(SERIES, ("o", "s", "^", "v", "D", "x", "+", "P", "s", "D"), strict=True))
 COLOURS = dict(zip(SERIES, ("#000000", *BRANCH_COLOURS, "#000000", *BRANCH_COLOURS[:2]), strict=True))
-# Errors are drawn down to here; what is nearer to the reference cannot be told from it
+# Errors are drawn down to here; what is nearer cannot be distinguished from the reference
 LEAST_ERROR = 1e-9
 
 
 def picture(chart: Chart) -> Figure:
     """A panel a cost; the efficient front is a line, the way that the job asks for a star.
 
-    The dotted line is the reference's own estimated error: what is below it cannot be told apart.
+    The dotted line is the reference's own estimated error: errors below it mean nothing.
     """
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(12.4, 4.6), constrained_layout=True)
@@ -31,8 +31,8 @@ def picture(chart: Chart) -> Figure:
             axes.axhline(chart.reference.estimate, color="#8a8a8a", linestyle=":", linewidth=1.0, label="reference")
             axes.set(xscale="log", yscale="log", xlabel="Processor time (s)" if cost == "seconds" else "Counted work")
         panels[0].set_ylabel(chart.quantity)
-        told = [way.error for way in chart.ways if np.isfinite(way.error)] + [chart.reference.estimate]
-        panels[0].set_ylim(bottom=max(min(told), LEAST_ERROR) / 3, top=2.0)
+        errors = [way.error for way in chart.ways if np.isfinite(way.error)] + [chart.reference.estimate]
+        panels[0].set_ylim(bottom=max(min(errors), LEAST_ERROR) / 3, top=2.0)
         figure.suptitle(
             f"{chart.title}; reference: {chart.reference.harmonics} harmonics, error {chart.reference.estimate:.0e}",
             fontsize=9.5,

@@ -85,8 +85,8 @@ class Bench:
         ways = []
         for way in self._ways():
             ways.append(way)
-            told = f"error {way.error:.1e}, {way.seconds:.3g} s" if np.isfinite(way.error) else way.note
-            self._say(f"{way.series}, {way.label}: {told}")
+            outcome = f"error {way.error:.1e}, {way.seconds:.3g} s" if np.isfinite(way.error) else way.note
+            self._say(f"{way.series}, {way.label}: {outcome}")
         tolerance = self._job["balance"]["tolerance"] or TOLERANCE
         places = {"frequency_hz": self._frequencies[-1], "level": self._level, "tolerance": tolerance}
         title = f"{self._frequencies[-1]:.5g} Hz, level {self._level:g}"

@@ -278,7 +278,7 @@ def _rows(matrix: csr_matrix) -> Iterator[Chunk]:
 def looks_symmetric(matrix: csr_matrix) -> bool:
     """Whether mirror images agree, to half of the tolerance of the largest entry of their row.
 
-    Told by A x - A^T x for two random x, which costs no copy of the matrix. With 1 <= |x_j| <= 2 a single pair of
+    Found from A x - A^T x for two random x, which costs no copy of the matrix. With 1 <= |x_j| <= 2 a single pair of
     entries that differ by d shows as d or more, several can hardly cancel in both; rounding is some 1e-14 of the row.
     """
     largest = np.zeros(matrix.shape[0])

@@ -59,7 +59,7 @@ def assemble(
     if not named and dofs is None:
         return Matrices({name: _numbered(source, size) for name, source in sources.items()}, None, None, [])
     if not named and any(_size(source, size) != (size, size) for source in sources.values()):
-        # The check of the matrices tells what does not fit.
+        # The check of the matrices names what does not fit.
         return Matrices({name: _numbered(source, size) for name, source in sources.items()}, *dofs, [])
     rows = {name: source.rows(size) for name, source in sources.items()}
     keep, notes = _movable(rows, bool(named))

@@ -19,7 +19,7 @@ from attrito.library.integrator import Integrator, Orbit, Run
 from attrito.support.hdf5_writing import described
 
 PUSH = 1e-6
-# Two motions are one if what tells them apart is below this part of their amplitude: that of the integration's end.
+# Two motions are one if they differ by less than this part of their amplitude: that of the integration's end.
 ALIKE = 1e-3
 TURNS = {
     "twice": (2.0, 2.0),

@@ -157,8 +157,8 @@ def place(session: Integrator, job: Job, scene: Scene, reduced: ReducedScene) ->
             sliders[i, : np.size(given)] = given
     if keys["start"] == "static":
         profile = keys["static_profile"]
-        walked = path if profile is None or profile[0][1] == 1.0 else _end_at(path, profile)
-        session.start_static(walked, job["static"]["steps"], sliders, path[-1])
+        followed = path if profile is None or profile[0][1] == 1.0 else _end_at(path, profile)
+        session.start_static(followed, job["static"]["steps"], sliders, path[-1])
     elif keys["start"] == "rest":
         m = len(reduced.mass)
         session.start(np.zeros(m), np.zeros(m), sliders, path[-1])

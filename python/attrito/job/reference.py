@@ -30,7 +30,7 @@ PURPOSES = {
 
 
 def tables() -> dict[str, dict[str, Key]]:
-    """Every table by name, in the order in which a job tells its story."""
+    """Every table by name, in the order in which a job is read."""
     return {name: (TABLES | ARRAYS)[name] for name in PURPOSES}
 
 

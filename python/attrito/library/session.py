@@ -167,7 +167,7 @@ class Solver:
         return motion
 
     def follow_static_path(self, path: np.ndarray, steps: int, frequency_hz: float) -> np.ndarray:
-        """Walk the static load path, `[corners, loads]`; returns the means of the monitors."""
+        """Follow the static load path, `[corners, loads]`; returns the means of the monitors."""
         raw = RawPoint()
         sizes = path.shape[1], path.shape[0]
         self._call("attrito_follow_static_path", *sizes, pointer(path), steps, omega(frequency_hz), ctypes.byref(raw))

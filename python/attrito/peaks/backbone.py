@@ -31,7 +31,7 @@ def leading_mode(solver: Solver) -> tuple[int, float]:
 
 
 class BackboneTracker:
-    """The backbone of one mode. The solver has walked its static path; it serves nothing else from then on.
+    """The backbone of one mode. The solver has followed its static path; it serves nothing else from then on.
 
     Parameters
     ----------

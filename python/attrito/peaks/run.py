@@ -135,7 +135,7 @@ def follow(solver: Solver, job: Job, scene: ReducedScene, load_path: np.ndarray)
 def begin(
     solver: Solver, job: Job, scene: ReducedScene, load_path: np.ndarray, value: float
 ) -> tuple[PeakTracker, Peak]:
-    """Walk the static path and find the first peak, at a value of the job's parameter."""
+    """Follow the static path and find the first peak, at a value of the job's parameter."""
     keys = job["peak"]
     by_level = keys["parameter"] == "level"
     band = (min(_band(job)), max(_band(job)))

@@ -26,7 +26,7 @@ class Finder:
     ----------
     solver : what solves
     job : says whether to look, and how stability is examined
-    progress : told of each
+    progress : reports each
 
     Attributes
     ----------

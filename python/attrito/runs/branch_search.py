@@ -65,7 +65,7 @@ class Search:
     solver, job : what solves, and what is asked
     load_path : of the static loads, `[corners, loads]`
     finder : of folds, from which branches are left
-    progress : told of what is found
+    progress : reports what is found
     """
 
     def __init__(self, solver: Solver, job: Job, load_path: np.ndarray, finder: Finder, progress: Progress):

@@ -111,7 +111,7 @@ class Progress:
         self.say(f"{coordinates} coordinates, {contacts} contacts; natural frequencies in Hz: {', '.join(lowest)}")
 
     def static(self, means: np.ndarray) -> None:
-        """The static load path was walked."""
+        """The static load path was followed."""
         self.say("static load path followed: monitors " + ", ".join(f"{value:.4g}" for value in means))
 
     def point(self, point: Point, monitor: str, number: int) -> None:

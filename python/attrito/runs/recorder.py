@@ -144,9 +144,9 @@ class Recorder:
     def _append(self, point: Point, place: RunPosition, states: list[np.ndarray]) -> None:
         found = {name: values for follower in self._followers for name, values in follower.save_state().items()}
         kept = {f"state/{rank}": numbers for rank, numbers in enumerate(states)}
-        told = {name: getattr(point, name) for name in ("level", "branch", "frequency_hz", "outcome")}
+        main = {name: getattr(point, name) for name in ("level", "branch", "frequency_hz", "outcome")}
         sums = [_sum_of(numbers) for numbers in states]
-        note = {"place": asdict(place), "point": told, "states": sums}
+        note = {"place": asdict(place), "point": main, "states": sums}
         self._journal.append(Record(note, self._told | found | kept, self._new))
         self._known |= set(self._new)
 

@@ -33,7 +33,7 @@ class Course:
     search : for branches beside those of the sweeps
     start : the point of an older result that sweeps begin at, if any
     static_means : of the monitors at the static solution that the solver is at; None: the load path is to be followed
-    progress : told of what is done
+    progress : reports what is done
     """
 
     def __init__(

@@ -304,7 +304,7 @@ def batches(study: Study, values: np.ndarray) -> list[np.ndarray]:
     while waiting:
         samples = waiting.pop(0)
         if len(samples) <= study.batch:
-            done.append(_walk(samples, scaled))
+            done.append(_from_next_to_next(samples, scaled))
             continue
         widest = int(np.argmax(np.ptp(scaled[samples], axis=0)))
         samples = samples[np.argsort(scaled[samples, widest], kind="stable")]
@@ -312,12 +312,12 @@ def batches(study: Study, values: np.ndarray) -> list[np.ndarray]:
     return done
 
 
-def _walk(samples: np.ndarray, scaled: np.ndarray) -> np.ndarray:
-    left, walk = list(samples[1:]), [samples[0]]
+def _from_next_to_next(samples: np.ndarray, scaled: np.ndarray) -> np.ndarray:
+    left, order = list(samples[1:]), [samples[0]]
     while left:
-        distance = np.linalg.norm(scaled[left] - scaled[walk[-1]], axis=1)
-        walk.append(left.pop(int(np.argmin(distance))))
-    return np.array(walk)
+        distance = np.linalg.norm(scaled[left] - scaled[order[-1]], axis=1)
+        order.append(left.pop(int(np.argmin(distance))))
+    return np.array(order)
 
 
 def _checked(

@@ -1,6 +1,6 @@
 """Peaks of a study's samples, one after another on one session.
 
-A sample's peak is where its frequency response is largest when the loads of the static path have been walked and the
+A sample's peak is where its frequency response is largest when the static path has been followed and the
 harmonic ones come on at once: sliders begin where that path leaves them, whatever was solved before. It is looked for
 near the peak of the sample before; where that leads to nothing it is followed from the linear peak, and in the end
 looked for along the frequency response over the band of the sweep.
@@ -124,11 +124,11 @@ class _Search:
         return METHODS[-1], None
 
     def _near(self, start: Start) -> Peak | None:
-        self._walk()
+        self._come_to_rest()
         peak = self.tracker.begin_near(start, self._level, self._preload)
         return None if peak.outcome == "not_converged" else peak
 
-    def _walk(self) -> None:
+    def _come_to_rest(self) -> None:
         path = self._load_path * self._preload
         self._solver.follow_static_path(path, self._job["static"]["steps"], self._band[0])
 
@@ -138,7 +138,7 @@ class _Search:
 
     def _swept(self) -> Start | None:
         """The largest of the points of a frequency response."""
-        self._walk()
+        self._come_to_rest()
         highest, start = 0.0, None
         grid = np.linspace(self._band[1], self._band[0], SWEEP_POINTS)
         for point in self._solver.solve_at(grid.tolist(), self._level, 0):

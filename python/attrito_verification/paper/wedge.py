@@ -187,7 +187,7 @@ class Wedge:
 
 
 def load_path(parameters: Parameters, approach: str) -> list[float]:
-    """Factors on the preload that an approach walks; C ends where it must, whatever the path."""
+    """Factors on the preload that an approach takes; C ends where it must, whatever the path."""
     return [0.0, parameters.overshoot, 1.0] if approach == "U2" else [0.0, 1.0]
 
 

@@ -1,7 +1,7 @@
 """`attrito verify integrators`: the largest stable step of each scheme of time integration, over scenes of the grid.
 
 Steps are measured as h omega, omega being the highest angular frequency with every contact stuck, in which theory
-tells them. On one combination of contact states the structure is linear:
+shows them. On one combination of contact states the structure is linear:
 
     central difference:   h omega_s <= 2, whatever the damping, with omega_s the highest frequency in that combination,
     Newmark with average acceleration, HHT (alpha = -0.1), generalised alpha (radius 0.8), exponential:   any h.
