@@ -9,10 +9,11 @@ module attrito_continuation_predictor
   use attrito_core_trigonometric, only: resized
   use attrito_newton_border, only: constraint_type, inner_product
   use attrito_solve_rebalancing, only: field_type
+  use attrito_solve_rigid_drift, only: mean_share
   use attrito_solve_solver, only: solver_type
   use attrito_continuation_arc, only: hermite
   use attrito_continuation_step, only: step_type
-  use attrito_continuation_tangent, only: tangent_type, mean_share, share_of_harmonics
+  use attrito_continuation_tangent, only: tangent_type, share_of_harmonics
   implicit none
   private
   public :: predictor_type, prediction_type, middle_of

@@ -10,10 +10,11 @@ module attrito_continuation_step
   use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: resized
   use attrito_newton_border, only: constraint_type, inner_product
+  use attrito_solve_rigid_drift, only: mean_share
   use attrito_solve_snapshot, only: snapshot_type
   use attrito_solve_solver, only: solver_type
   use attrito_continuation_arc, only: arc_length, hermite, hermite_slope
-  use attrito_continuation_tangent, only: tangent_type, mean_share, share_of_harmonics
+  use attrito_continuation_tangent, only: tangent_type, share_of_harmonics
   implicit none
   private
   public :: step_type

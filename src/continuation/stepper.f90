@@ -13,6 +13,7 @@ module attrito_continuation_stepper
   use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: resized
   use attrito_newton_border, only: inner_product
+  use attrito_solve_rigid_drift, only: moves_mean_alone, mean_share, branch_steps_in_a_row
   use attrito_solve_sliders, only: none_holds
   use attrito_solve_snapshot, only: snapshot_type, restore
   use attrito_solve_rebalancing, only: field_type, rebalance
@@ -23,7 +24,7 @@ module attrito_continuation_stepper
   use attrito_continuation_predictor, only: predictor_type, prediction_type, middle_of
   use attrito_continuation_step, only: step_type
   use attrito_continuation_tangent, only: tangent_type, find_tangent, tangent_of_evaluation, frequency_tangent, reverse, &
-                                          share_of_harmonics, mean_share
+                                          share_of_harmonics
   implicit none
   private
   public :: stepper_type, first_step, smallest_step, largest_in_frequency, default_tolerance
@@ -38,11 +39,6 @@ module attrito_continuation_stepper
   integer, parameter :: many_iterations = 10 ! guess
   !> Steps as parts of the sweep: lengths along the branch, the one at which a branch is given up, and the largest in frequency
   real(wp), parameter :: first_step = 0.01_wp, smallest_step = 1.0e-6_wp, given_up = 1.0e-9_wp, largest_in_frequency = 0.05_wp ! guess
-  !> A body is taken to drift after some steps in a row in which everything but mean positions changes by less than this part where
-  !> every contact slips: friction then balances at single frequencies, and rounding makes a branch of these. Elsewhere the part is
-  !> `mean_share`: past the end of its branch friction no longer balances over the period
-  real(wp), parameter :: free_share = 0.5_wp ! guess
-  integer, parameter :: most_drifting = 6 ! guess
   !> Cosine between successive steps below which the branch is taken to run back on itself
   real(wp), parameter :: turned_back = -0.95_wp ! guess
   !> What the curve may be off by elsewhere on the arc, in terms of what it is there: near a kink between
@@ -441,11 +437,11 @@ contains
     class(stepper_type), intent(inout) :: self
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
-    real(wp) :: limit
+    real(wp) :: share
 
-    limit = merge(free_share, mean_share, none_holds(solver%context%balance))
-    self%drifting = merge(self%drifting + 1, 0, share_of_harmonics(solver, self%secant, self%secant_omega) < limit)
-    is_drifting = self%drifting >= most_drifting
+    share = share_of_harmonics(solver, self%secant, self%secant_omega)
+    self%drifting = merge(self%drifting + 1, 0, moves_mean_alone(share, none_holds(solver%context%balance)))
+    is_drifting = self%drifting >= branch_steps_in_a_row
     if (is_drifting) self%drifting = 0
   end function is_drifting
 

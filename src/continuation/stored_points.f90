@@ -7,10 +7,11 @@ module attrito_continuation_stored_points
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: resized
+  use attrito_solve_rigid_drift, only: mean_share
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
   use attrito_continuation_arc, only: hermite
-  use attrito_continuation_tangent, only: tangent_type, mean_share
+  use attrito_continuation_tangent, only: tangent_type
   implicit none
   private
   public :: stored_points_type

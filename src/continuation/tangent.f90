@@ -18,10 +18,7 @@ module attrito_continuation_tangent
   use attrito_solve_solver, only: solver_type
   implicit none
   private
-  public :: tangent_type, find_tangent, tangent_of_evaluation, frequency_tangent, reverse, share_of_harmonics, mean_share
-
-  !> Share of anything but mean positions in a direction below which it is one of drift, and its frequency's sign is rounding
-  real(wp), parameter :: mean_share = 1.0e-3_wp ! guess
+  public :: tangent_type, find_tangent, tangent_of_evaluation, frequency_tangent, reverse, share_of_harmonics
 
   type :: tangent_type
     !> Scaled motion [2 H + 1, rows], what periodic sliders do along it [2, contacts], and scaled frequency

@@ -11,6 +11,7 @@ module attrito_integrate_averaged_periods
   use attrito_core_trigonometric, only: harmonics_at
   use attrito_model_contacts, only: contacts_type
   use attrito_model_structure, only: structure_type, damping_loss_factor, damping_ratio
+  use attrito_solve_rigid_drift, only: steps_repeat, alike_in_time, least_in_time
   use attrito_solve_time_integrator, only: time_integrator_type, excitation_type, periods_type
   use attrito_integrate_loading, only: loading_type, new_loading, new_profile
   use attrito_integrate_schemes, only: scheme_type, new_scheme, start_scheme, step_scheme, scheme_exponential
@@ -25,9 +26,6 @@ module attrito_integrate_averaged_periods
   !> Steps a period, unless harmonics ask for more
   integer, parameter :: fewest_steps = 64, steps_per_harmonic = 8 ! guess
 
-  !> How much the steps of periods may differ that all drift alike, relative to them, and the least step of a drift, relative to the
-  !> motion
-  real(wp), parameter :: alike = 0.01_wp, least_drift = 1.0e-5_wp ! guess
   !> Relative error of each step's equilibrium: sliders of contacts that come to rest keep it
   real(wp), parameter :: near_enough = 1.0e-13_wp ! derived
 
@@ -155,12 +153,9 @@ contains
       steps(:, period) = ends(:, period) - ends(:, period - 1)
     end do
     associate (last => steps(:, ubound(steps, 2)))
-      first_harmonic = norm2(periods%motion(2:3, :))
-      periods%change = norm2(last)/max(first_harmonic, tiny(1.0_wp))
-      periods%is_drifting = periods%change > least_drift
-      do period = 0, ubound(steps, 2)
-        if (norm2(steps(:, period) - steps(:, period - 1)) > alike*norm2(last)) periods%is_drifting = .false.
-      end do
+      first_harmonic = max(norm2(periods%motion(2:3, :)), tiny(1.0_wp))
+      periods%change = norm2(last)/first_harmonic
+      periods%is_drifting = steps_repeat(steps, alike_in_time, least_in_time*first_harmonic)
     end associate
   end subroutine compare_ends
 end module attrito_integrate_averaged_periods

@@ -5,14 +5,14 @@ module attrito_solve_mean_regularisation
   use attrito_solve_sliders, only: none_holds, none_sticks
   use attrito_solve_solver, only: solver_type
   use attrito_solve_strategy_outcome, only: strategy_outcome_type
-  use attrito_solve_mean_springs, only: apply_springs, remove_springs, mean_increments_type
+  use attrito_solve_mean_springs, only: apply_springs, remove_springs
+  use attrito_solve_rigid_drift, only: repeated_means_type, alike_in_mean
   implicit none
   private
   public :: can_regularise, solve_with_springs, find_drift
 
-  !> Steps at most, and how much the last two may differ: rounding and the tolerance left some 1e-6 where it was measured
+  !> Steps at most
   integer, parameter :: most_steps = 8 ! guess
-  real(wp), parameter :: alike = 1.0e-3_wp ! guess
 
 contains
 
@@ -52,7 +52,7 @@ contains
     logical, intent(in) :: early_stop
     !> Counts iterations on; converged: to a solution without springs
     type(strategy_outcome_type), intent(inout) :: outcome
-    type(mean_increments_type) :: increments
+    type(repeated_means_type) :: means
     integer :: i
 
     outcome%converged = .false.
@@ -60,9 +60,9 @@ contains
       call solve_with_springs(solver, omega, early_stop)
       outcome%iterations = outcome%iterations + solver%report%iterations
       if (.not. solver%report%converged) return
-      call increments%add(solver%context%balance%response(:, 0))
+      call means%add(real(solver%context%balance%response(:, 0), wp))
       if (is_free(solver)) then
-        if (.not. increments%is_repeated(alike)) cycle
+        if (.not. means%do_repeat(alike_in_mean)) cycle
         outcome%is_drifting = .true.
         return
       end if

@@ -1,4 +1,4 @@
-!> Springs on the mean position of a body that only friction holds, and the increments of the mean as they are relaxed.
+!> Springs on the mean position of a body that only friction holds.
 !>
 !> $$ r(d, \omega) = \frac{\epsilon}{1 + \epsilon} B (\hat q_0 - q_0), \qquad \hat q_0 \leftarrow q_0 $$
 !>
@@ -7,27 +7,18 @@
 !> they do not, and no orbit of the excitation's period is near. Springs on the mean position alone, a part epsilon of the stuck
 !> system's stiffness, make the system regular. They are relaxed: each solve begins where the one before left the body (a proximal
 !> point method). Where contacts hold, such steps shrink and end at a solution without springs. Where none holds, each step repeats
-!> the last one: the springs need the same force at any position of the body, and without them it drifts.
+!> the last one: the springs need the same force at any position of the body, and without them it drifts
+!> (`attrito_solve_rigid_drift`).
 !> Source: Rockafellar 1976, doi:10.1137/0314056 (proximal points).
 module attrito_solve_mean_springs
   use attrito_core_kinds, only: wp
   use attrito_newton_newton_context, only: newton_context_type
   implicit none
   private
-  public :: apply_springs, remove_springs, mean_increments_type
+  public :: apply_springs, remove_springs
 
   !> Stiffness of the springs, part of the stuck system's
   real(wp), parameter :: stiffness = 1.0e-3_wp ! guess
-  !> Steps that are rounding, relative to the mean
-  real(wp), parameter :: rounding = 1.0e-12_wp ! derived
-
-  !> The mean after the last solve, and its last two steps
-  type :: mean_increments_type
-    complex(wp), allocatable, private :: mean(:), step(:), before(:)
-  contains
-    procedure :: add
-    procedure :: is_repeated
-  end type mean_increments_type
 
 contains
 
@@ -55,27 +46,4 @@ contains
     call context%balance%remove_mean_springs()
     call context%forget()
   end subroutine remove_springs
-
-  !> Add the mean after one more solve.
-  pure subroutine add(self, mean)
-    class(mean_increments_type), intent(inout) :: self
-    !> Of the response [n]
-    complex(wp), intent(in) :: mean(:)
-
-    if (allocated(self%step)) self%before = self%step
-    if (allocated(self%mean)) self%step = mean - self%mean
-    self%mean = mean
-  end subroutine add
-
-  !> Is the last step equal to the one before?
-  pure logical function is_repeated(self, alike)
-    class(mean_increments_type), intent(in) :: self
-    !> Difference, relative to the step, that does not count
-    real(wp), intent(in) :: alike
-
-    is_repeated = .false.
-    if (.not. allocated(self%before)) return
-    is_repeated = norm2(abs(self%step - self%before)) <= alike*norm2(abs(self%step)) &
-              .and. norm2(abs(self%step)) > rounding*norm2(abs(self%mean))
-  end function is_repeated
 end module attrito_solve_mean_springs

@@ -10,7 +10,8 @@ module attrito_solve_newton_strategies
   use attrito_newton_newton, only: newton_type, newton_controls_type, newton_report_type
   use attrito_balance_unknowns, only: unknowns_type
   use attrito_solve_sliders, only: none_holds
-  use attrito_solve_mean_springs, only: apply_springs, remove_springs, mean_increments_type
+  use attrito_solve_mean_springs, only: apply_springs, remove_springs
+  use attrito_solve_rigid_drift, only: repeated_means_type, alike_in_solve
   implicit none
   private
   public :: solve_briefly, solve_persistently
@@ -19,10 +20,8 @@ module attrito_solve_newton_strategies
   integer, parameter :: brief_iterations = 8 ! guess
   real(wp), parameter :: brief_progress = 1.0e-2_wp ! guess
 
-  !> Steps of the mean, with springs relaxed, after which a body is taken to drift, and how much its last steps may differ: a guess,
-  !> which only decides whether other strategies are tried
+  !> Solves with springs on the mean, relaxed in between
   integer, parameter :: most_regularised = 3 ! guess
-  real(wp), parameter :: alike = 0.5_wp ! guess
   !> Iterations without such springs that follow
   integer, parameter :: free_iterations = 3 ! guess
 
@@ -151,7 +150,7 @@ contains
     type(newton_report_type), intent(inout) :: report
     !> Does the body drift?
     logical, intent(out) :: is_drifting
-    type(mean_increments_type) :: increments
+    type(repeated_means_type) :: means
     integer :: i, iterations, linear_iterations
     logical :: has_springs
 
@@ -168,8 +167,8 @@ contains
         call remove_springs(context)
         call count_on(report, iterations, linear_iterations)
         if (.not. (report%converged .and. none_holds(context%balance))) return
-        call increments%add(context%balance%response(:, 0))
-        is_drifting = increments%is_repeated(alike)
+        call means%add(real(context%balance%response(:, 0), wp))
+        is_drifting = means%do_repeat(alike_in_solve)
         if (is_drifting) return
       end do
     end associate

@@ -8,6 +8,7 @@
 module attrito_solve_time_integration_start
   use attrito_core_kinds, only: wp
   use attrito_solve_mean_regularisation, only: find_drift
+  use attrito_solve_rigid_drift, only: windows_in_a_row
   use attrito_solve_time_integrator, only: excitation_type, periods_type
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
@@ -21,8 +22,7 @@ module attrito_solve_time_integration_start
   integer, parameter :: attempts_in_motion = 12, full_attempt = 3, attempts_lost = 3, attempts_from_rest = 4 ! guess
   !> Periods averaged at first, and after how many windows they double: the mean of an irregular motion needs longer windows
   integer, parameter :: periods_averaged = 5, attempts_alike = 4 ! guess
-  !> Successive windows with drift after which the body is taken to drift; change over a period of a motion that has settled
-  integer, parameter :: attempts_drifting = 3 ! guess
+  !> Change over a period of a motion that has settled
   real(wp), parameter :: settled = 1.0e-3_wp ! guess
   !> Binary digits of the largest number of a state that time integration starts from
   integer, parameter :: digits_at_start = 34 ! derived
@@ -92,7 +92,7 @@ contains
       if (.not. outcome%converged .and. (was_drifting .or. .not. early_stop)) call find_drift(solver, omega, early_stop, outcome)
       if (outcome%converged .or. (was_drifting .and. outcome%is_drifting)) exit
       drifting = merge(drifting + 1, 0, periods%is_drifting)
-      if (drifting == attempts_drifting) outcome%is_drifting = .true.
+      if (drifting == windows_in_a_row) outcome%is_drifting = .true.
       if (outcome%is_drifting .and. attempt >= attempts_lost) exit
     end do
     outcome%no_periodic_solution = outcome%is_drifting &

@@ -1,0 +1,105 @@
+!> Rigid-body drift: mean friction forces do not balance, and a body that no contact holds moves on. All tests for it are here.
+!>
+!> *Steps that repeat.* Friction is the same at any position of a body. What moves it once moves it again, by the same amount, while
+!> the steps of a body that contacts hold shrink. With positions x_k, the last of which is x_n, it drifts if
+!>
+!> $$ |s_k - s_{k-1}| \le \alpha |s_n| \quad (k = n - m + 2 \dots n), \qquad |s_n| > \beta X, \qquad s_k = x_k - x_{k-1} $$
+!>
+!> *A branch of mean positions.* Along a branch the stepper chooses the lengths of steps: they are alike where a body is held, too.
+!> The direction of a step decides instead, scaled and of unit length: nothing but mean positions changes if
+!>
+!> $$ \sqrt{ |t_{h > 0}|^2 + t_\omega^2 } < \gamma $$
+!>
+!> | x_k | m | alpha | beta | X | decides after |
+!> |---|---|---|---|---|---|
+!> | ends of the periods of a window of motion in time | 7 or more | 0.01 | 1e-5 | first harmonic | 3 windows in a row |
+!> | means of solutions with springs on them that are relaxed | 2 | 1e-3 | 1e-12 | mean | the first time |
+!> | the same within one solve, only to end it early | 2 | 0.5 | 1e-12 | mean | the first time |
+!> | points of a branch, by gamma: 0.5 where no contact holds, else 1e-3 | | | | | 6 steps in a row |
+module attrito_solve_rigid_drift
+  use attrito_core_kinds, only: wp
+  implicit none
+  private
+  public :: steps_repeat, repeated_means_type, moves_mean_alone
+  public :: alike_in_time, least_in_time, windows_in_a_row, alike_in_mean, alike_in_solve, mean_share, branch_steps_in_a_row
+
+  !> alpha: steps of motion in time; of relaxed means, where rounding and the tolerance left some 1e-6; of the few within one solve,
+  !> which only decide whether other strategies are tried
+  real(wp), parameter :: alike_in_time = 1.0e-2_wp, alike_in_mean = 1.0e-3_wp, alike_in_solve = 0.5_wp ! guess
+  !> beta, for motion in time
+  real(wp), parameter :: least_in_time = 1.0e-5_wp ! guess
+  !> beta, for means: shorter steps are rounding
+  real(wp), parameter :: least_in_mean = 1.0e-12_wp ! derived
+  !> Successive windows of motion in time, and successive steps along a branch, after which a body is taken to drift
+  integer, parameter :: windows_in_a_row = 3, branch_steps_in_a_row = 6 ! guess
+  !> gamma. Past the end of a branch on which contacts hold, friction no longer balances over the period; in a direction with a
+  !> smaller share the sign of the frequency is rounding
+  real(wp), parameter :: mean_share = 1.0e-3_wp ! guess
+  !> gamma where every contact slips: friction then balances at single frequencies, and rounding makes a branch of these
+  real(wp), parameter :: free_share = 0.5_wp ! guess
+
+  !> Means of successive solutions with springs, of which the last three count
+  type :: repeated_means_type
+    real(wp), allocatable, private :: mean(:)
+    !> The step before the last, and the last [n, 2]
+    real(wp), allocatable, private :: steps(:, :)
+    integer, private :: count = 0
+  contains
+    procedure :: add
+    procedure :: do_repeat
+  end type repeated_means_type
+
+contains
+
+  !> Is every step as the one before, and the last one not too short?
+  pure logical function steps_repeat(steps, alike, least)
+    !> Steps of a body's position [n, at least 2]
+    real(wp), intent(in) :: steps(:, :)
+    !> alpha; and beta X, which the last step exceeds
+    real(wp), intent(in) :: alike, least
+    real(wp) :: last
+    integer :: k
+
+    last = norm2(steps(:, size(steps, 2)))
+    steps_repeat = last > least
+    do k = 2, size(steps, 2)
+      steps_repeat = steps_repeat .and. norm2(steps(:, k) - steps(:, k - 1)) <= alike*last
+    end do
+  end function steps_repeat
+
+  !> Add the mean of one more solution.
+  pure subroutine add(self, mean)
+    class(repeated_means_type), intent(inout) :: self
+    !> Mean position [n]
+    real(wp), intent(in) :: mean(:)
+
+    if (self%count == 0) then
+      allocate (self%steps(size(mean), 2), source=0.0_wp)
+    else
+      self%steps(:, 1) = self%steps(:, 2)
+      self%steps(:, 2) = mean - self%mean
+    end if
+    self%mean = mean
+    self%count = self%count + 1
+  end subroutine add
+
+  !> Was the last step the same as the one before?
+  pure logical function do_repeat(self, alike)
+    class(repeated_means_type), intent(in) :: self
+    !> alpha
+    real(wp), intent(in) :: alike
+
+    do_repeat = self%count > 2
+    if (do_repeat) do_repeat = steps_repeat(self%steps, alike, least_in_mean*norm2(self%mean))
+  end function do_repeat
+
+  !> Does a step along a branch change hardly more than mean positions?
+  pure logical function moves_mean_alone(share, none_holds)
+    !> Part of the step's direction that is anything but mean positions, 0 to 1
+    real(wp), intent(in) :: share
+    !> Does every contact slip or open in the period?
+    logical, intent(in) :: none_holds
+
+    moves_mean_alone = share < merge(free_share, mean_share, none_holds)
+  end function moves_mean_alone
+end module attrito_solve_rigid_drift
