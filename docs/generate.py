@@ -10,6 +10,7 @@ from pathlib import Path
 
 import api_reference
 import constants_reference
+import strategies_reference
 
 from attrito.job import reference as job_reference
 
@@ -19,6 +20,7 @@ MADE = {
     "job.md": job_reference.as_markdown,
     "python.md": api_reference.as_markdown,
     "constants.md": constants_reference.as_markdown,
+    "method.md": strategies_reference.as_markdown,
 }
 
 

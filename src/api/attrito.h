@@ -213,7 +213,8 @@ void attrito_begin_branch(void *handle, double start, double stop, int way, int 
 int attrito_start_from_motion(void *handle, int coefficients, const double *coordinates, const double *slider,
     double omega, double level);
 
-/* Describe the interface in words, a line each: `names OF name=number ...` of an enumeration, `size OF bytes` of a structure.
+/* Describe the interface in words, a line each: `names OF name=number ...` of an enumeration, `size OF bytes` of a structure,
+ * `row OF cell | cell ...` of a table that documentation shows.
  * Returns the room that the text takes with the null character at its end; what does not fit is left out. */
 int attrito_describe(int length, char *text);
 

@@ -13,7 +13,7 @@ module attrito_api_describe
   use attrito_peak_amplitude, only: half_range, first_harmonic
   use attrito_peak_condition, only: parameter_level, parameter_preload
   use attrito_reduce_report, only: step_names
-  use attrito_solve_strategies, only: strategy_names
+  use attrito_solve_strategy_table, only: strategy_type, strategies
   use attrito_stability_examination, only: by_monodromy, by_hill, balanced_orbit, exact_orbit, automatic_orbit
   use attrito_stability_multipliers, only: kind_names
   use attrito_stability_verdict, only: unstable, stable, indeterminate
@@ -36,7 +36,8 @@ module attrito_api_describe
 
 contains
 
-  !> Describe the interface in words, a line each: `names OF name=number ...` of an enumeration, `size OF bytes` of a structure.
+  !> Describe the interface in words, a line each: `names OF name=number ...` of an enumeration, `size OF bytes` of a structure,
+  !> `row OF cell | cell ...` of a table that documentation shows.
   !> Returns the room that the text takes with the null character at its end; what does not fit is left out.
   integer(c_int) function attrito_describe(length, text) bind(c)
     !> Room for the message, characters
@@ -45,17 +46,19 @@ contains
     character(kind=c_char), intent(out) :: text(length)
     character(:), allocatable :: whole
 
-    whole = enumerations()//sizes()
+    whole = enumerations()//sizes()//rows_of_strategies()
     call say(whole, text)
     attrito_describe = len(whole) + 1
   end function attrito_describe
 
   !> Every enumeration that crosses as a number.
-  pure function enumerations() result(text)
+  function enumerations() result(text)
     character(:), allocatable :: text
+    type(strategy_type), allocatable :: table(:)
 
+    table = strategies()
     text = counted('outcomes', outcome_names)// &
-           counted('strategies', strategy_names)// &
+           counted('strategies', table%name)// &
            counted('states', state_names)// &
            counted('laws', law_names)// &
            counted('multiplier_kinds', kind_names)// &
@@ -112,6 +115,20 @@ contains
            sized('reduce_options', c_sizeof(reduction_options))// &
            sized('reduce_report', c_sizeof(reduction_report))
   end function sizes
+
+  !> The table of fallback strategies.
+  function rows_of_strategies() result(text)
+    character(:), allocatable :: text
+    type(strategy_type), allocatable :: table(:)
+    integer :: i
+
+    table = strategies()
+    text = ''
+    do i = 1, size(table)
+      text = text//'row strategies '//trim(table(i)%name)//' | '//trim(table(i)%path)//' | '//trim(table(i)%place)//' | '// &
+             trim(table(i)%cost)//end_of_line
+    end do
+  end function rows_of_strategies
 
   !> The line of an enumeration whose names are counted from 0.
   pure function counted(enumeration, names) result(line)

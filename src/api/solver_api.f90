@@ -18,7 +18,8 @@ module attrito_api_solver
   use attrito_linear_references, only: reference_type, new_reference
   use attrito_linear_stuck_system, only: new_receptance
   use attrito_continuation_sweep, only: new_sweep
-  use attrito_solve_strategies, only: solve_by_strategy, strategy_names
+  use attrito_solve_strategies, only: solve_by_strategy
+  use attrito_solve_strategy_table, only: strategy_type, strategies
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_rebalancing, only: field_type, rebalance
   use attrito_solve_solver, only: solver_options_type, new_solver
@@ -272,17 +273,19 @@ contains
     type(point_type), intent(out) :: point
     type(session_type), pointer :: session
     type(snapshot_type) :: before
+    type(strategy_type), allocatable :: table(:)
     logical :: is_drifting, no_periodic_solution
     integer :: number
 
     session => session_of(handle)
-    number = findloc(strategy_names == text_of(strategy), .true., 1)
+    table = strategies()
+    number = findloc(table%name == text_of(strategy), .true., 1)
     attrito_solve_by_strategy = merge(0, 1, number > 0)
     if (number == 0) return
     before = snapshot_of(session%solver)
     is_drifting = session%solver%is_drifting
     no_periodic_solution = session%solver%no_periodic_solution
-    call solve_by_strategy(session%solver, number, omega)
+    call solve_by_strategy(session%solver, table(number), omega)
     session%solver%omega = omega
     call report_point(session%solver, 0, session%accuracy%errors, no_tolerance, session%point)
     call restore(session%solver, before)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import os
 import re
@@ -25,6 +24,8 @@ from attrito.job.checks import integer, listing, number, takes, term
 from attrito.job.reading import read_job
 from attrito.job.reference import as_job, as_text, tables
 from attrito.job.schema import ARRAYS, TABLES
+from attrito.library import loading
+from attrito.library.description import describe
 from attrito.library.names import STRATEGIES
 from attrito.plots.response import level_map
 from attrito.studies.design import read_study
@@ -234,12 +235,13 @@ def test_pages_and_sources_are_in_plain_words():
     assert not found
 
 
-def test_the_table_of_fallback_strategies_is_that_of_the_code():
-    for path in ("docs/method.md", "src/solve/strategies.f90"):
-        lines = [line.removeprefix("!> ") for line in (ROOT / path).read_text().splitlines()]
-        first = next(i for i, line in enumerate(lines) if line.startswith("| strategy |")) + 2
-        rows = itertools.takewhile(lambda line: line.startswith("| "), lines[first:])
-        assert tuple(row.split("`")[1] for row in rows) == STRATEGIES, path
+def test_the_table_of_fallback_strategies_has_all_of_them_in_their_order_and_whole_words():
+    rows = describe(loading.load()).rows["strategies"]
+    assert tuple(row[0] for row in rows) == STRATEGIES
+    room = int(re.search(r"character\((\d+)\) :: path", (ROOT / "src/solve/strategy_table.f90").read_text())[1])
+    for name, *words in rows:
+        assert len(words) == 3 and all(0 < len(cell) < room for cell in words), name
+        assert f"| `{name}` | {' | '.join(words)} |" in (ROOT / "docs/method.md").read_text()
 
 
 def test_the_version_has_a_heading_in_the_changelog():
