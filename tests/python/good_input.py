@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import matrix_writers as write
+import meshio
 import numpy as np
 import scipy.io
 import scipy.sparse as sparse
+from gmsh_writer import POINTS, TAGS, gmsh
 from jobs import attrito, blocks, wedge, write_blocks, write_job
 
 LAWS = ("friction_coefficient", "normal_stiffness")
@@ -28,7 +30,7 @@ class Source:
 
 def sources(folder: Path) -> list[Source]:
     """Good input of every kind, made in a folder."""
-    found = [*_jobs(folder), *_matrices(folder), *_decks(folder)]
+    found = [*_jobs(folder), *_matrices(folder), *_decks(folder), *_meshes(folder), *_superelements(folder)]
     return [*found, *_stored(folder)]
 
 
@@ -110,6 +112,46 @@ def _decks(folder: Path) -> list[Source]:
     ]  # fmt: skip
 
 
+def _meshes(folder: Path) -> list[Source]:
+    """Meshes of gmsh and of meshio beside matrices."""
+    place = folder / "meshes"
+    place.mkdir()
+    scipy.io.mmwrite(place / "K.mtx", sparse.csr_matrix(np.diag([4.0, 3.0])), symmetry="symmetric")
+    (place / "rows.dof").write_text(f"{TAGS[0]}.1\n{TAGS[19]}.3\n")
+    (place / "places.dof").write_text("1.1\n20.3\n")
+    found = []
+    for version, binary in (("2.2", False), ("2.2", True), ("4.1", False), ("4.1", True)):
+        name = f"mesh{version[0]}{'b' * binary}.msh"
+        (place / name).write_bytes(gmsh(version, binary))
+        found.append((name, "rows.dof", "bytes" if binary else "text"))
+    for name, kind in (("mesh.med", "hdf5"), ("mesh.vtu", "text"), ("mesh.vtk", "bytes")):
+        meshio.write_points_cells(place / name, POINTS, [("hexahedron20", np.arange(20)[None])])
+        found.append((name, "places.dof", kind))
+    matrices = ("import", "out.h5", "--stiffness", "K.mtx", "--mass", "K.mtx")
+    return [Source(place, (*matrices, "--dofs", dofs, "--mesh", name), name, kind) for name, dofs, kind in found]
+
+
+def _superelements(folder: Path) -> list[Source]:
+    """Reduced models of Nastran and Abaqus, with generalised coordinates."""
+    place = folder / "superelements"
+    place.mkdir()
+    matrix = sparse.csr_matrix(np.array([[4.0, -1.0, 0.5], [-1.0, 3.0, 0.0], [0.5, 0.0, 9.0]]))
+    write.write_dmig(place / "job.pch", {"KAAX": matrix, "MAAX": matrix}, np.array([7, 7, 1001]), np.array([1, 2, 0]))
+    write.write_op4_text(place / "job.op4", {"KAA": matrix, "MAA": matrix}, "dense")
+    (place / "job.aset").write_text(
+        "GRID           7              1.      2.      3.\nEXTRN          7      12    1001       0\n"
+    )
+    values = ", ".join(str(value) for value in matrix.toarray()[np.tril_indices(3)])
+    blocks = "".join(f"*MATRIX, TYPE={kind}\n{values}\n" for kind in ("STIFFNESS", "MASS"))
+    (place / "sub.mtx").write_text(f"*USER ELEMENT, NODES=2, LINEAR\n** ELEMENT NODES\n** 7, -1\n1, 2\n2, 1\n{blocks}")
+    nastran = ("import", "out.h5", "--nastran")
+    return [
+        Source(place, (*nastran, "job.pch"), "job.pch", "text"),
+        *(Source(place, (*nastran, "job.op4", "--dofs", "job.aset"), name, "text") for name in ("job.op4", "job.aset")),
+        Source(place, ("import", "out.h5", "--abaqus", "sub.mtx"), "sub.mtx", "text"),
+    ]
+
+
 def _stored(folder: Path) -> list[Source]:
     """What the program itself has written: model, reduced model, result and journal."""
     place = folder / "stored"
@@ -130,6 +172,11 @@ def _stored(folder: Path) -> list[Source]:
                 ("table",), ("table", "--contacts"), ("plot",), ("plot", "--loops"), ("plot", "--map"), ("export",),
                 ("report",),
             )
+            for kind in ("hdf5", "bytes")
+        ),
+        *(
+            Source(place, ("export", name, "--matrices", "abaqus", "-o", "out"), name, kind)
+            for name in ("model.h5", "rom.h5")
             for kind in ("hdf5", "bytes")
         ),
         Source(folder / "cut", ("table", f"{result}.partial"), f"{result}.partial", "bytes"),

@@ -8,6 +8,7 @@ from attrito.cli import commands
 from attrito.library.names import REFERENCES
 from attrito.support.version import __version__
 
+MATRICES = ("matrix-market", "matlab", "dmig", "abaqus")
 Parsers = argparse._SubParsersAction
 
 
@@ -209,9 +210,13 @@ def _verify(parsers: Parsers) -> None:
 
 
 def _export(parsers: Parsers) -> None:
-    one = parsers.add_parser("export", help="motion of the whole structure at points -> VTU or XDMF, animated")
-    one.add_argument("result", help="result file")
-    one.add_argument("-o", "--output", help="file to write (default: shape.vtu, shape.xdmf, ... beside the result)")
+    one = parsers.add_parser("export", help="motion of the whole structure -> VTU or XDMF; matrices of a model")
+    one.add_argument("result", help="result file; with --matrices a model or a reduced model")
+    one.add_argument(
+        "-o", "--output", help="file to write (default: shape.vtu, ... beside the result); of matrices: base of names"
+    )
+    one.add_argument("--matrices", choices=MATRICES, help="matrices of model.h5 or rom.h5, with a table of dofs")
+    one.add_argument("--model", metavar="FILE", help="with --matrices of rom.h5: its model (default: as its job says)")
     one.add_argument(
         "--points", "--point", type=_numbers, metavar="LIST", help="points, as 12,30 (default: the largest amplitude)"
     )

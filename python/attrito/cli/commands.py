@@ -196,8 +196,14 @@ def report(options: argparse.Namespace) -> None:
 
 
 def export(options: argparse.Namespace) -> None:
-    """Motion of the whole structure at points of a result -> VTU or XDMF."""
+    """Motion of the whole structure at points of a result -> VTU or XDMF; or matrices of a model."""
     from mpi4py import MPI
+
+    if options.matrices:
+        _export_matrices(options)
+        return
+    if options.model:
+        raise InputError(Fault("export", "--model", options.model, "--matrices with it"))
 
     from attrito.export.export import Options, export_point
     from attrito.model.model_file import read_model
@@ -220,6 +226,19 @@ def export(options: argparse.Namespace) -> None:
             written, notes = export_point(result, point, model, place, rom, how, comm)
             if comm.rank == 0:
                 print("\n".join([written, *(f"  {note}" for note in notes)]))
+
+
+def _export_matrices(options: argparse.Namespace) -> None:
+    """Matrices of a model or a reduced model, by the first rank."""
+    from mpi4py import MPI
+
+    from attrito.export.matrices import export_matrices
+    from attrito.support.parallel import on_root
+
+    def write() -> None:
+        print("\n".join(export_matrices(options.result, options.matrices, options.output, options.model)))
+
+    on_root(MPI.COMM_WORLD, write)
 
 
 def info(options: argparse.Namespace) -> None:

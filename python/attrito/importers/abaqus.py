@@ -3,13 +3,15 @@
 `FORMAT=MATRIX INPUT` (the default) and `FORMAT=LABELS`: lines `row node, dof, column node, dof, value`.
 `FORMAT=COORDINATE`: lines `row, column, value`, numbers from 1, without names. A symmetric matrix may be stored as one
 triangle or as both. Nodes below zero are those that Abaqus made itself (internal nodes of elements and connectors,
-Lagrange multipliers): their dofs are generalised coordinates, -(10 n + dof) of the node -n. The diagonal of a held dof
-is 1e36; the importer takes those dofs out.
+Lagrange multipliers): their dofs are generalised coordinates, -(10 n + dof) of the node -n. So are dofs 1 of nodes
+that a comment `** GENERALISED COORDINATES: NODES 2001 TO 2020` names, as attrito exports them. The diagonal of a held
+dof is 1e36; the importer takes those dofs out.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +29,7 @@ LARGEST = 2**31 - 1
 # Dofs of an internal node
 _MOST_INTERNAL = 9
 COMMENT = ord("*")
+_GENERALISED = re.compile(r"\*\*GENERALISEDCOORDINATES:NODES(\d+)TO(\d+)")
 # The value has a point or an exponent: three whole numbers are the sizes of a Matrix Market file without its header.
 _ENTRY = re.compile(rb"(-?\d+[\s,]+){2}((-?\d+[\s,]+){2})?(?=[-+\d]*[.ED])[-+.\dED]+[\s,]*")
 
@@ -47,8 +50,9 @@ def read_abaqus(path: str | Path, key: str, numbers: DofNumbers) -> Source:
     path = str(path)
     entries = Entries(path, key)
     columns, size = None, 0
+    generalised: list[tuple[int, int]] = []
     for block in read_text(path):
-        lines = _data_lines(block)
+        lines = _data_lines(block, generalised)
         if len(lines) == 0:
             continue
         if columns is None:
@@ -58,7 +62,10 @@ def read_abaqus(path: str | Path, key: str, numbers: DofNumbers) -> Source:
         found = block.entries(lines, columns)
         if found is not None and (columns == 3 or found[0][1::2].max() <= DIRECTIONS):
             whole, value = found
-            row, column = (numbers.numbers(*whole[k : k + 2]) for k in (0, 2)) if columns == 5 else whole - 1
+            if columns == 5:
+                row, column = (numbers.numbers(*_placed(*whole[k : k + 2], generalised)) for k in (0, 2))
+            else:
+                row, column = whole - 1
             size = max(size, int(row.max()) + 1, int(column.max()) + 1)
             entries.add(row, column, value)
             continue
@@ -67,7 +74,8 @@ def read_abaqus(path: str | Path, key: str, numbers: DofNumbers) -> Source:
         if len(lines) == 0:
             continue
         if columns == 5:
-            row, column = (dof_numbers(block, lines, table[:, k : k + 2], numbers) for k in (0, 2))
+            names = (table[:, k : k + 2] for k in (0, 2))
+            row, column = (dof_numbers(block, lines, name, numbers, generalised) for name in names)
         else:
             row, column = (integers(block, lines, table[:, k], (1, LARGEST), INTERNAL_ROWS) - 1 for k in (0, 1))
             size = max(size, int(row.max()) + 1, int(column.max()) + 1)
@@ -79,17 +87,33 @@ def read_abaqus(path: str | Path, key: str, numbers: DofNumbers) -> Source:
     return Source(path, key, entries=entries, storage="either", numbers=numbers)
 
 
-def _data_lines(block: Block) -> np.ndarray:
+def _data_lines(block: Block, generalised: list[tuple[int, int]]) -> np.ndarray:
+    """Lines of numbers; ranges of nodes that comments name are added to `generalised`."""
     initials = block.initials()
     for index in np.flatnonzero(initials == COMMENT):
         line = "".join(block.line(index).upper().split())
         # *ELEMENT MATRIX OUTPUT writes files of this kind, too.
         if not line.startswith(("**", "*MATRIXINPUT", "*MATRIXASSEMBLE")):
             raise block.fault(index, "a global matrix, of *MATRIX OUTPUT")
+        if found := _GENERALISED.match(line):
+            generalised.append((int(found[1]), int(found[2])))
     return np.flatnonzero((initials != COMMENT) & (initials != ord("\n")))
 
 
-def dof_numbers(block: Block, lines: np.ndarray, names: np.ndarray, numbers: DofNumbers) -> np.ndarray:
+def _placed(node: np.ndarray, dof: np.ndarray, generalised: Sequence[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes and directions; dof 1 of nodes in ranges is a generalised coordinate."""
+    for first, last in generalised:
+        dof = np.where((dof == 1) & (node >= first) & (node <= last), 0, dof)
+    return node, dof
+
+
+def dof_numbers(
+    block: Block,
+    lines: np.ndarray,
+    names: np.ndarray,
+    numbers: DofNumbers,
+    generalised: Sequence[tuple[int, int]] = (),
+) -> np.ndarray:
     """Number of each dof of a table `[n, 2]` of nodes and dofs; faults quote one of `lines`, `[n]`."""
     node = integers(block, lines, names[:, 0], (-LARGEST // 16, 2**53), NODES)
     if not node.all():
@@ -97,4 +121,4 @@ def dof_numbers(block: Block, lines: np.ndarray, names: np.ndarray, numbers: Dof
     expected = "dofs 1 to 6: displacements and rotations (8 is a pressure, 11 a temperature)"
     inside = node < 0
     dof = integers(block, lines, names[:, 1], (1, _MOST_INTERNAL if inside.all() else DIRECTIONS), expected)
-    return numbers.numbers(np.where(inside, 10 * node - dof, node), np.where(inside, 0, dof))
+    return numbers.numbers(*_placed(np.where(inside, 10 * node - dof, node), np.where(inside, 0, dof), generalised))
