@@ -445,8 +445,9 @@ typedef struct {
 
 /* Reduce model.h5 to rom.h5; collective. */
 int attrito_reduce(int comm, const char *model_path, const char *rom_path, const char *folder, int boundary_count,
-    const int *boundary, int n, int vector_count, const double *vectors, const attrito_reduce_options *options,
-    attrito_listener listener, attrito_reduce_report *report, int length, char *message);
+    const int *boundary, int n, int vector_count, const double *vectors, int recovered_count, const int *recovered,
+    const attrito_reduce_options *options, attrito_listener listener, attrito_reduce_report *report, int length,
+    char *message);
 
 typedef struct {
     int verdict;

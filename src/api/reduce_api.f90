@@ -31,7 +31,8 @@ contains
 
   !> Reduce model.h5 to rom.h5; collective.
   integer(c_int) function attrito_reduce(comm, model_path, rom_path, folder, boundary_count, boundary, n, vector_count, vectors, &
-                                         options, listener, report, length, message) result(status) bind(c)
+                                         recovered_count, recovered, options, listener, report, length, message) &
+    result(status) bind(c)
     !> Fortran handle of the communicator
     integer(c_int), value :: comm
     !> model.h5 and rom.h5; end with a null character
@@ -46,6 +47,10 @@ contains
     integer(c_int), value :: n, vector_count
     !> Vectors to correct for, a column each
     real(c_double), intent(in) :: vectors(n, vector_count)
+    !> Dofs, from 0, ascending, whose motion is to be recovered, the same on every rank; a negative count: all
+    integer(c_int), value :: recovered_count
+    !> Dofs to recover
+    integer(c_int), intent(in) :: recovered(max(recovered_count, 0))
     !> How many modes, and how
     type(options_type), intent(in) :: options
     !> Called with progress: void f(const char *text, int done, int total), a sentence where total is 0; may be null
@@ -56,16 +61,18 @@ contains
     integer(c_int), value :: length
     !> Room for what is said
     character(kind=c_char), intent(out) :: message(length)
+    type(reduction_options_type) :: how
     type(reduction_report_type) :: found
     type(error_type), allocatable :: error
 
-    call reduce_model(comm, text_of(model_path), text_of(rom_path), text_of(folder), boundary, vectors, reduction_options_type( &
-                      modes=options%modes, max_frequency_hz=options%max_frequency_hz, error_target=options%error_target, &
-                      top_frequency_hz=options%top_frequency_hz, block_size=options%block_size, &
-                      block_vectors=options%block_vectors, &
-                      tolerance=options%tolerance, check_inertia=options%check_inertia /= 0, &
-                      ordering=joined(options%ordering), out_of_core=joined(options%out_of_core), &
-                      memory_megabytes=options%memory_megabytes, eigensolver=joined(options%eigensolver)), &
+    how = reduction_options_type( &
+      modes=options%modes, max_frequency_hz=options%max_frequency_hz, error_target=options%error_target, &
+      top_frequency_hz=options%top_frequency_hz, block_size=options%block_size, block_vectors=options%block_vectors, &
+      tolerance=options%tolerance, check_inertia=options%check_inertia /= 0, ordering=joined(options%ordering), &
+      out_of_core=joined(options%out_of_core), memory_megabytes=options%memory_megabytes, &
+      eigensolver=joined(options%eigensolver))
+    if (recovered_count >= 0) how%recovered = recovered
+    call reduce_model(comm, text_of(model_path), text_of(rom_path), text_of(folder), boundary, vectors, how, &
                       new_progress(listener), found, error)
     report = c_report(found)
     status = report_error(error, message)

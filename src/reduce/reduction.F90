@@ -159,7 +159,8 @@ contains
     type(error_type), allocatable, intent(out) :: error
 
     call work%begin(step_write)
-    call write_rom(path, work%split, model, basis_blocks(work), work%store, modes, quality, work%report, error)
+    call write_rom(path, work%split, model, basis_blocks(work), work%store, modes, quality, work%report, &
+                   work%options%recovered, error)
     call work%finish(step_write)
   end subroutine take_writing_step
 

@@ -37,6 +37,8 @@ module attrito_reduce_report
     character(4) :: out_of_core = 'auto'
     !> Memory that the ranks of a machine may take together in megabytes; 0: what is free
     real(wp) :: memory_megabytes = 0.0_wp
+    !> Dofs, from 0, ascending, whose motion the reduced model is to give back; not allocated: all
+    integer, allocatable :: recovered(:)
   end type reduction_options_type
 
   type :: reduction_report_type

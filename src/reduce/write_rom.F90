@@ -29,7 +29,7 @@ module attrito_reduce_write_rom
 contains
 
   !> Write the whole file.
-  subroutine write_rom(path, split, model, blocks, store, modes, quality, report, error)
+  subroutine write_rom(path, split, model, blocks, store, modes, quality, report, recovered, error)
     !> Where
     character(*), intent(in) :: path
     !> Boundary, and the ranks
@@ -46,17 +46,22 @@ contains
     type(quality_type), intent(in) :: quality
     !> Counts and times
     type(reduction_report_type), intent(in) :: report
+    !> Dofs, from 0, ascending, whose rows of the basis are kept; not allocated: all
+    integer, allocatable, intent(in) :: recovered(:)
     !> The disk is full, or the path cannot be written
     type(error_type), allocatable, intent(out) :: error
     type(hdf5_file_type) :: file
+    integer :: kept
 
+    kept = split%n
+    if (allocated(recovered)) kept = size(recovered)
     call create_file(file, split%ranks%handle, path, error, &
-                     numbers=numbers_of(split%n, size(model%mass, 1), size(model%vectors, 2), size(quality%receptance)))
+                     numbers=numbers_of(split%n, kept, size(model%mass, 1), size(model%vectors, 2), size(quality%receptance)))
     if (.not. allocated(error)) call write_root(file, error)
     if (.not. allocated(error)) call write_matrices(file, model, error)
     if (.not. allocated(error)) call write_coordinates(file, split, modes, report, error)
-    if (.not. allocated(error)) call write_basis(file, split, blocks, store, error)
-    if (.not. allocated(error)) call create_spread(file, split, '/vectors/full', size(model%vectors, 2), &
+    if (.not. allocated(error)) call write_basis(file, split, blocks, store, recovered, error)
+    if (.not. allocated(error)) call create_spread(file, split%n, '/vectors/full', size(model%vectors, 2), &
       'loads and monitors on the full model, one a row', 'as given', error)
     if (.not. allocated(error) .and. size(model%vectors, 2) > 0) &
       call write_block(file, '/vectors/full', [0, split%first - 1], model%vectors, error)
@@ -68,16 +73,25 @@ contains
   end subroutine write_rom
 
   !> How many numbers the file holds: rows over all dofs, in whole chunks; reduced matrices; what is known of the quality.
-  pure integer(int64) function numbers_of(n, coordinates, vectors, receptances)
-    !> Dofs of the full model, coordinates of the reduced one, loads and monitors
-    integer, intent(in) :: n, coordinates, vectors
+  pure integer(int64) function numbers_of(n, kept, coordinates, vectors, receptances)
+    !> Dofs of the full model, those in the basis, coordinates of the reduced model, loads and monitors
+    integer, intent(in) :: n, kept, coordinates, vectors
     !> Numbers of the receptances, and as many of their errors
     integer, intent(in) :: receptances
-    integer(int64) :: m, chunk
+    integer(int64) :: m
 
     m = coordinates
-    chunk = max(1, min(n, longest_chunk))
-    numbers_of = (m + vectors)*((n + chunk - 1)/chunk)*chunk + 3*m**2 + m*(vectors + 6) + 2*receptances
+    numbers_of = m*in_chunks(kept) + vectors*in_chunks(n) + 3*m**2 + m*(vectors + 6) + 2*receptances
+  contains
+    !> A row of so many numbers, in whole chunks.
+    pure integer(int64) function in_chunks(width)
+      !> Numbers of the row
+      integer, intent(in) :: width
+      integer(int64) :: chunk
+
+      chunk = max(1, min(width, longest_chunk))
+      in_chunks = (width + chunk - 1)/chunk*chunk
+    end function in_chunks
   end function numbers_of
 
   subroutine write_root(file, error)
@@ -151,8 +165,8 @@ contains
       'estimate of what they lack', 'as given', error)
   end subroutine write_quality
 
-  !> The basis, block by block from where the steps left it.
-  subroutine write_basis(file, split, blocks, store, error)
+  !> The basis, block by block from where the steps left it: the columns, or those of their rows that are to be recovered.
+  subroutine write_basis(file, split, blocks, store, recovered, error)
     !> HDF5 file that is open
     type(hdf5_file_type), intent(in) :: file
     !> Interior and boundary dofs, and this rank's share of them
@@ -161,30 +175,45 @@ contains
     type(block_type), intent(in) :: blocks(:)
     !> Store of columns, in memory or on disk
     type(column_store_type), intent(in) :: store
+    !> Dofs, from 0, ascending, whose rows of the basis are kept; not allocated: all
+    integer, allocatable, intent(in) :: recovered(:)
     !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     real(wp), allocatable :: columns(:, :)
-    integer :: i, row
+    integer, allocatable :: own(:)
+    integer :: i, row, kept, first
 
-    call create_spread(file, split, '/recovery/basis', sum(blocks%last - blocks%first + 1), &
+    kept = split%n
+    first = split%first - 1
+    if (allocated(recovered)) then
+      kept = size(recovered)
+      first = count(recovered < split%first - 1)
+      own = pack(recovered, recovered >= split%first - 1 .and. recovered < split%first - 1 + split%rows()) - (split%first - 1) + 1
+      call write_array(file, '/recovery/dof', int(recovered, int64), &
+                       'dofs of the full model, from 0, that the basis gives the motion of', '1', error)
+      if (allocated(error)) return
+    end if
+    call create_spread(file, kept, '/recovery/basis', sum(blocks%last - blocks%first + 1), &
                        'basis: one row a coordinate, q_full = basis^T q', 'user length per coordinate', error)
+    if (kept == 0) return
     row = 0
     do i = 1, size(blocks)
       if (allocated(error)) return
       allocate (columns(split%rows(), blocks(i)%columns()))
       call store%get(split, blocks(i), columns, error)
-      if (.not. allocated(error)) call write_block(file, '/recovery/basis', [row, split%first - 1], columns, error)
+      if (allocated(own)) columns = columns(own, :)
+      if (.not. allocated(error)) call write_block(file, '/recovery/basis', [row, first], columns, error)
       row = row + blocks(i)%columns()
       deallocate (columns)
     end do
   end subroutine write_basis
 
-  !> A dataset of vectors whose rows are spread over the ranks, one vector a row.
-  subroutine create_spread(file, split, name, count, description, unit, error)
+  !> A dataset of vectors over dofs, one vector a row.
+  subroutine create_spread(file, width, name, count, description, unit, error)
     !> HDF5 file that is open
     type(hdf5_file_type), intent(in) :: file
-    !> Interior and boundary dofs, and this rank's share of them
-    type(split_type), intent(in) :: split
+    !> Number of dofs
+    integer, intent(in) :: width
     !> Name of the dataset
     character(*), intent(in) :: name
     !> Number of vectors
@@ -194,11 +223,10 @@ contains
     !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
 
-    if (count == 0) then
-      call create_array(file, name, 'real64', [0, split%n], description, unit, error)
+    if (min(count, width) == 0) then
+      call create_array(file, name, 'real64', [count, width], description, unit, error)
     else
-      call create_array(file, name, 'real64', [count, split%n], description, unit, error, &
-                        chunk=[1, min(split%n, longest_chunk)])
+      call create_array(file, name, 'real64', [count, width], description, unit, error, chunk=[1, min(width, longest_chunk)])
     end if
   end subroutine create_spread
 

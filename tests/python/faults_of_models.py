@@ -284,6 +284,16 @@ MESH = [
         ("job.toml: [reduction] boundary[1] = 'tipp': expected a node set or node of the model: bottom, empty, held,",),
     ),
     Case(
+        "an unknown set among those to recover",
+        put("reduction", recovery=["tip", "tipp"]),
+        ("job.toml: [reduction] recovery[1] = 'tipp': expected a node set of the model: bottom, empty, held,",),
+    ),
+    Case(
+        "an unknown word for what to recover",
+        put("reduction", recovery="some"),
+        ('job.toml: [reduction] recovery = \'some\': expected one of "all", "monitors", "none", or a list',),
+    ),
+    Case(
         "more modes than interior dofs",
         put("reduction", modes=500),
         ("job.toml: [reduction] modes = 500: expected at most 27, the number of interior dofs",),

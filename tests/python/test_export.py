@@ -116,6 +116,46 @@ def test_the_rom_basis_recovers_the_full_field(tmp_path):
         assert full_field(result, 0, model.size, tmp_path / "rom.h5") == pytest.approx(basis.T @ reduced)
 
 
+def rom_of_some(tmp_path, model, kept, basis) -> str:
+    """A reduced model that gives back the motion of some dofs; its boundary are the first three."""
+    with h5py.File(tmp_path / "rom.h5", "w") as rom:
+        rom["recovery/basis"], rom["recovery/dof"] = basis, np.array(kept, dtype=np.int64)
+        rom["boundary/dof"] = np.arange(3)
+    return str(tmp_path / "rom.h5")
+
+
+def test_motion_that_is_not_recovered_is_open_and_that_of_the_boundary_is_known(tmp_path):
+    model = synthetic.joint("C3D8")
+    random = np.random.default_rng(2)
+    kept = [5, 9, 30]
+    basis, reduced = random.normal(size=(37, len(kept))), random.normal(size=(37, 5))
+    rom = rom_of_some(tmp_path, model, kept, basis)
+    with Result(one_point(tmp_path, model, reduced)) as result:
+        field = full_field(result, 0, model.size, rom)
+        assert field[kept] == pytest.approx(basis.T @ reduced, rel=1e-14)
+        assert np.array_equal(field[:3], reduced[:3])
+        assert np.isnan(np.delete(field, [0, 1, 2, *kept], axis=0)).all()
+        # Ranks have a part of the dofs each.
+        parts = [full_field(result, 0, model.size, rom, part) for part in (slice(0, 8), slice(8, model.size))]
+        assert np.concatenate(parts) == pytest.approx(field, rel=1e-13, nan_ok=True)
+
+
+def test_elements_are_drawn_whose_nodes_all_are_recovered(tmp_path):
+    model = synthetic.joint("C3D8")
+    (_, connectivity), *_ = model.elements.values()
+    kept = np.flatnonzero(np.isin(model.dof_node, connectivity[:2]))
+    rom = rom_of_some(tmp_path, model, kept, np.random.default_rng(2).normal(size=(7, len(kept))))
+    whole = [np.isin(nodes, connectivity[:2]).all() for nodes in connectivity]
+    with Result(one_point(tmp_path, model, np.ones((7, 3)))) as result:
+        path, notes = export_point(result, 0, model, tmp_path / "shape.vtu", rom)
+        (cells,) = meshio.read(path).cells
+        assert len(cells.data) == sum(whole) < len(whole)
+        assert any("[reduction] recovery" in note for note in notes)
+        none = rom_of_some(tmp_path, model, kept[:4], np.zeros((7, 4)))
+        with pytest.raises(InputError, match="recovery/dof"):
+            export_point(result, 0, model, tmp_path / "shape.vtu", none)
+
+
 def test_a_reduced_result_without_its_basis_or_with_another_one_is_a_fault(tmp_path):
     model = synthetic.joint("C3D8")
     with h5py.File(tmp_path / "rom.h5", "w") as rom:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 
@@ -52,6 +53,15 @@ def test_reduced_matrices_are_projections_and_exactly_symmetric(free):
         assert np.array_equal(rom[name][:], rom[name][:].T)
     assert worst(rom["vectors/reduced"][:], rom["vectors/full"][:] @ basis) < 1e-13
     assert np.array_equal(rom["vectors/full"][:], unit(free, 100, 50))
+
+
+@pytest.mark.parametrize("dofs", [[], [7], [160, 3, 90, 91]])
+def test_the_basis_holds_the_dofs_whose_motion_is_asked_for(free, dofs):
+    _, whole = free.reduce(modes=3)
+    _, part = free.reduce(modes=3, recovered=dofs)
+    assert part["recovery/dof"][:].tolist() == sorted(dofs)
+    assert np.array_equal(part["recovery/basis"][:], whole["recovery/basis"][:][:, sorted(dofs)])
+    assert np.array_equal(part["stiffness"][:], whole["stiffness"][:])
 
 
 def test_modes_and_corrections_are_orthonormal_in_mass(free):
@@ -228,23 +238,28 @@ def test_a_model_without_mass_is_told_with_the_dataset(free):
 
 
 ON_RANKS = """
+import json
 import sys
 from mpi4py import MPI
 import numpy as np
 from attrito.support.errors import InputError
 from attrito.library.reduction import reduce_model
 model, rom, modes, boundary, n = *sys.argv[1:3], int(sys.argv[3]), int(sys.argv[4]), int(sys.argv[5])
+recovered = json.loads(sys.argv[6])
 vectors = np.eye(n)[[100, 50]] if MPI.COMM_WORLD.rank == 0 else None
 try:
-    reduce_model(MPI.COMM_WORLD, model, rom, np.arange(boundary), vectors, modes=modes)
+    reduce_model(MPI.COMM_WORLD, model, rom, np.arange(boundary), vectors, recovered=recovered, modes=modes)
 except InputError as error:
     print(error, flush=True)
 """
 
 
-def reduce_on_ranks(case: Case, ranks: int, modes: int, boundary: int) -> subprocess.CompletedProcess:
+def reduce_on_ranks(
+    case: Case, ranks: int, modes: int, boundary: int, recovered: list[int] | None = None
+) -> subprocess.CompletedProcess:
     """Reduce under mpirun, onto the first dofs."""
-    arguments = [case.folder / "model.h5", case.folder / f"rom{ranks}.h5", modes, boundary, len(case.mass)]
+    size, kept = len(case.mass), json.dumps(recovered)
+    arguments = [case.folder / "model.h5", case.folder / f"rom{ranks}.h5", modes, boundary, size, kept]
     command = ["mpirun", "-n", str(ranks), sys.executable, "-c", ON_RANKS, *map(str, arguments)]
     return subprocess.run(command, env=clean_environment(), capture_output=True, text=True, timeout=TIMEOUT)
 
@@ -262,6 +277,18 @@ def test_one_two_and_four_ranks_give_the_same_model(held, boundary):
     for i in (1, 2):
         assert worst(frequencies[i] / frequencies[0], 1.0) < 1e-10
         assert worst(bases[i], bases[0]) < 1e-7
+
+
+@pytest.mark.parametrize("dofs", [[5, 6, 50], [40, 100, 150]])
+def test_ranks_may_have_none_of_the_dofs_that_are_recovered(held, dofs):
+    bases = []
+    for ranks in (1, 4):
+        ran = reduce_on_ranks(held, ranks, 10, 36, dofs)
+        assert ran.returncode == 0, ran.stderr
+        with h5py.File(held.folder / f"rom{ranks}.h5") as rom:
+            bases.append(rom["recovery/basis"][:])
+            assert rom["recovery/dof"][:].tolist() == dofs
+    assert bases[0].shape[1] == 3 and worst(bases[1], bases[0]) < 1e-7
 
 
 def test_two_ranks_agree_on_a_failure(free):

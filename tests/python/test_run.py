@@ -269,6 +269,23 @@ def test_a_reduced_model_is_made_once(tmp_path):
     assert "reducing 81 dofs" in run(tmp_path, job).stdout
 
 
+@pytest.mark.parametrize("asked, dofs", [("monitors", 3), ("none", 0), (["tip"], 3)])
+def test_a_reduced_model_gives_back_the_motion_that_is_asked_for(tmp_path, asked, dofs):
+    write_blocks(tmp_path / "model.h5")
+    run(tmp_path, blocks())
+    whole = table(tmp_path)
+    job = blocks()
+    job["reduction"]["recovery"] = asked
+    job["output"]["file"] = "part.h5"
+    # Another file, the same reduced model.
+    assert "this one is rom." in run(tmp_path, job).stdout
+    assert table(tmp_path, result="part.h5") == whole
+    (path,) = tmp_path.glob("rom.*.h5")
+    with h5py.File(path) as rom:
+        assert len(rom["recovery/dof"]) == rom["recovery/basis"].shape[1] == dofs
+    assert f"motion of {dofs} dofs" in attrito(tmp_path, "info", path.name).stdout
+
+
 @pytest.mark.parametrize("asked", [{"modes": 0}, {"max_frequency_hz": 1.0}])
 def test_a_reduced_model_without_modes_inside_goes_through_every_command(tmp_path, asked):
     write_blocks(tmp_path / "model.h5")

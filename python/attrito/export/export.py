@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import h5py
 import numpy as np
 from mpi4py import MPI
 
@@ -112,6 +113,18 @@ def export_point(
     part = everywhere(comm, lambda: full_field(result, point, dofs, rom_file, own))
     field = np.concatenate(comm.allgather(part)) if comm.size > 1 else part
     cells, notes = mesh_cells(model)
+    known = ~np.isnan(field[:, 0])
+    if not known.all():
+        moves = model.translates
+        unknown = model.rows_of(moves)[~known[moves]]
+        cells, left_out = _cells_of(cells, ~np.isin(np.arange(len(model.node_ids)), unknown))
+        if not cells:
+            expected = 'the motion of all nodes of some element: [reduction] recovery = "all", or a list of node sets'
+            raise InputError(Fault(rom_file, "/recovery/dof", f"{np.count_nonzero(known)} of {dofs} dofs", expected))
+        notes.append(
+            f"{left_out} elements are not drawn: [reduction] recovery leaves out the motion of some of their nodes"
+        )
+        field = np.nan_to_num(field)
     contact = contact_fields(result, point, model)
     base = str(Path(path).with_suffix(""))
     read = [result.path, result.attribute("model_file"), *([] if rom_file is None else [rom_file])]
@@ -177,8 +190,15 @@ def _write(
     return f"{base}.pvd"
 
 
+def _cells_of(cells: list[tuple[str, np.ndarray]], known: np.ndarray) -> tuple[list[tuple[str, np.ndarray]], int]:
+    """Cells whose nodes all are known, and the number of the others."""
+    kept = [(name, nodes[known[nodes].all(axis=1)]) for name, nodes in cells]
+    left_out = sum(len(nodes) for _, nodes in cells) - sum(len(nodes) for _, nodes in kept)
+    return [(name, nodes) for name, nodes in kept if len(nodes)], left_out
+
+
 def full_field(result: Result, point: int, dofs: int, rom_file: str | None, part: slice = slice(None)) -> np.ndarray:
-    """Fourier coefficients [n, nk] on the full model's dofs, `basis^T q`, or on a part of them."""
+    """Fourier coefficients [n, nk] on the full model's dofs, `basis^T q`, or on a part of them; NaN: not recovered."""
     coordinates = result.dataset("/points/coordinates")[point]
     if rom_file is None:
         if len(coordinates) != dofs:
@@ -186,19 +206,34 @@ def full_field(result: Result, point: int, dofs: int, rom_file: str | None, part
             raise InputError(Fault(result.path, "/points/coordinates", f"{len(coordinates)} coordinates", expected))
         return coordinates[part]
     with stored(rom_file, "a rom.h5 of `attrito reduce`") as rom:
-        basis = rom["/recovery/basis"]
         made_with = result.attribute("rom_fingerprint")
         if made_with and str(rom.attrs.get("fingerprint", "")) != made_with:
             expected = f"the reduced model that {result.path} was made with: run its job again"
             raise InputError(Fault(rom_file, "fingerprint", "of another reduction", expected))
-        if basis.shape != (len(coordinates), dofs):
-            expected = f"{len(coordinates)} x {dofs} to match {result.path} and the model"
+        basis = rom["/recovery/basis"]
+        kept = rom["/recovery/dof"][:] if "recovery/dof" in rom else None
+        width = dofs if kept is None else len(kept)
+        if basis.shape != (len(coordinates), width):
+            expected = f"{len(coordinates)} x {width} to match {result.path} and the model"
             raise InputError(Fault(rom_file, "/recovery/basis", " x ".join(map(str, basis.shape)), expected))
-        # A few rows at a time: the basis of a large model need not fit into memory.
-        field = np.zeros((len(range(dofs)[part]), coordinates.shape[1]))
-        for begin in range(0, len(coordinates), ROWS):
-            field += basis[begin : begin + ROWS, part].T @ coordinates[begin : begin + ROWS]
+        if kept is None:
+            return _recovered(basis, coordinates, part)
+        first, last = range(dofs)[part].start, range(dofs)[part].stop
+        field = np.full((last - first, coordinates.shape[1]), np.nan)
+        boundary = rom["/boundary/dof"][:]
+        here = (boundary >= first) & (boundary < last)
+        field[boundary[here] - first] = coordinates[: len(boundary)][here]
+        columns = slice(*np.searchsorted(kept, [first, last]))
+        field[kept[columns] - first] = _recovered(basis, coordinates, columns)
         return field
+
+
+def _recovered(basis: h5py.Dataset, coordinates: np.ndarray, part: slice) -> np.ndarray:
+    """`basis^T q` of a part of the columns; a few rows at a time, for a large basis need not fit into memory."""
+    field = np.zeros((len(range(basis.shape[1])[part]), coordinates.shape[1]))
+    for begin in range(0, len(coordinates), ROWS):
+        field += basis[begin : begin + ROWS, part].T @ coordinates[begin : begin + ROWS]
+    return field
 
 
 def node_motion(field: np.ndarray, model: Model) -> Motion:

@@ -121,6 +121,12 @@ TABLES: dict[str, dict[str, Key]] = {
         "memory_gb": Key(
             number(0, above=True), None, "that the ranks of a machine may take together; absent: what is free"
         ),
+        "recovery": Key(
+            either(choice("all", "monitors", "none"), listing(text, 1)),
+            "all",
+            "nodes whose motion `rom.h5` gives back to `attrito export`, beside those of the boundary: all, those of"
+            " monitors, none, or a list of node sets. With thousands of boundary dofs all take gigabytes",
+        ),
         "boundary": Key(listing(node_reference), [], "node sets or node ids kept besides the contact nodes"),
         "file": Key(
             text,

@@ -71,6 +71,7 @@ def reduce_model(
     boundary: ArrayLike,
     vectors: ArrayLike | None = None,
     *,
+    recovered: ArrayLike | None = None,
     modes: int | None = None,
     max_frequency_hz: float | None = None,
     error_target: float | None = None,
@@ -96,6 +97,7 @@ def reduce_model(
     model_path, rom_path : docs/files.md; `rom_path` is written over
     boundary : dofs to keep, from 0, the same on every rank; in any order
     vectors : `[nv, n]`, loads and monitors; rank 0's are taken. Those that act inside get a static correction each.
+    recovered : dofs whose motion can be had from that of the reduced model, from 0, the same on every rank; None: all
     modes : number of fixed-interface modes, or
     max_frequency_hz : keep all up to this one, or
     error_target : double their number until natural frequencies and point receptances are estimated to be this near
@@ -118,6 +120,7 @@ def reduce_model(
     if sum(given is not None for given in (modes, max_frequency_hz, error_target)) != 1:
         raise TypeError("give one of modes, max_frequency_hz and error_target")
     dofs = np.unique(np.asarray(boundary, dtype=np.intc))
+    kept = np.zeros(0, dtype=np.intc) if recovered is None else np.unique(np.asarray(recovered, dtype=np.intc))
     block = np.zeros((0, 0)) if vectors is None or comm.rank else np.atleast_2d(np.asarray(vectors, dtype=float))
     block = np.ascontiguousarray(block)
     count = comm.bcast(len(block))
@@ -153,6 +156,8 @@ def reduce_model(
         block.shape[1],
         count,
         pointer(block),
+        -1 if recovered is None else len(kept),
+        pointer(kept),
         ctypes.byref(options),
         listen,
         ctypes.byref(report),

@@ -130,6 +130,7 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
             *[c_char_p] * 3,
             *(c_int, Integers),
             *(c_int, c_int, Doubles),
+            *(c_int, Integers),
             POINTER(RawReduction),
             LISTENER,
             POINTER(RawReductionReport),

@@ -38,9 +38,11 @@ def _reduced_model(file: h5py.File) -> list[str]:
     kinds = np.bincount(file["coordinates/kind"][:], minlength=3)
     reduction = file["reduction"].attrs
     lines = [
-        f"reduced model of {file['recovery/basis'].shape[1]} dofs: {kinds[0]} boundary dofs, {kinds[1]} fixed-interface"
+        f"reduced model of {file['vectors/full'].shape[1]} dofs: {kinds[0]} boundary dofs, {kinds[1]} fixed-interface"
         f" modes, {kinds[2]} static corrections"
     ]
+    if "recovery/dof" in file:
+        lines.append(f"motion of {len(file['recovery/dof'])} dofs and of the boundary's can be recovered")
     if kinds[1]:
         counted = reduction["modes_below_shift"]
         proof = f"inertia counts {counted} below {reduction['shift_hz']:.6g} Hz" if counted >= 0 else "not counted"

@@ -40,12 +40,13 @@ def build_scene(job: Job) -> Scene:
         for i, monitor in enumerate(job["output"]["monitors"])
     }
     boundary = places.boundary(contacts)
+    recovered = places.recovered(monitors)
     places.faults += spin_faults(job, model)
     if places.faults:
         raise InputError(*places.faults)
     soften(job, model)
     check_finite(job, contacts, static, harmonic, monitors)
-    return Scene(model, contacts, static, harmonic, monitors, load_path_of(job, list(static)), boundary)
+    return Scene(model, contacts, static, harmonic, monitors, load_path_of(job, list(static)), boundary, recovered)
 
 
 def check_finite(

@@ -76,6 +76,30 @@ class DofResolver:
             keep.append(np.flatnonzero(np.isin(self.model.dof_node, np.concatenate(nodes))))
         return np.unique(np.concatenate(keep)).astype(np.int64)
 
+    def recovered(self, monitors: dict[str, np.ndarray]) -> np.ndarray | None:
+        """Dofs whose motion the reduced model is to give back, beside the boundary's; None: of all.
+
+        Of monitors `[n]` all dofs of their nodes.
+        """
+        asked = self.job["reduction"]["recovery"]
+        if asked == "all":
+            return None
+        dofs = np.zeros(0, dtype=np.int64)
+        nodes = np.zeros(0, dtype=np.int64)
+        if asked == "monitors":
+            dofs = np.flatnonzero(np.any(list(monitors.values()), axis=0)) if monitors else dofs
+            nodes = nodes if self.model.dof_node is None else self.model.dof_node[dofs]
+        elif asked != "none":
+            for i, name in enumerate(asked):
+                if name not in self.model.node_sets:
+                    expected = "a node set of the model: " + (", ".join(self.model.node_sets) or "none")
+                    self.add(f"[reduction] recovery[{i}]", name, expected)
+                    continue
+                nodes = np.concatenate([nodes, self.model.node_sets[name]])
+        if self.model.dof_node is not None:
+            dofs = np.union1d(dofs, np.flatnonzero(np.isin(self.model.dof_node, nodes)))
+        return dofs.astype(np.int64)
+
     def add(self, key: str, value: object, expected: str) -> None:
         """One more fault."""
         self.faults.append(self.job.fault(key, value, expected))

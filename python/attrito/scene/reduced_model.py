@@ -154,7 +154,7 @@ def _make(
     softened = any(load["spin_softening"] for load in job["load"])
     own = job["model"]["file"] is None
 
-    def prepare() -> tuple[str, str, np.ndarray]:
+    def prepare() -> tuple[str, str, np.ndarray, np.ndarray | None]:
         work = held[0].work
         source = f"{work}.softened" if softened else model_path(job, path)
         if own or softened:
@@ -162,9 +162,9 @@ def _make(
         _check_unfinished(f"{work}.partial")
         say(f"reducing {scene.model.size} dofs onto {len(scene.boundary)} boundary dofs and {_modes_in_words(job)}")
         scene.model.stiffness = scene.model.mass = scene.model.damping = None
-        return source, f"{work}.partial", scene.boundary
+        return source, f"{work}.partial", scene.boundary, scene.recovered
 
-    source, partial, boundary = on_root(comm, prepare)
+    source, partial, boundary, recovered = on_root(comm, prepare)
     vectors = None if comm.rank else np.array(list(_vectors(scene).values()))
     by_error = keys["modes"] == "auto"
     try:
@@ -174,6 +174,7 @@ def _make(
             partial,
             boundary,
             vectors,
+            recovered=recovered,
             modes=None if by_error else keys["modes"],
             max_frequency_hz=keys["max_frequency_hz"],
             error_target=keys["error"] if by_error else None,
@@ -339,6 +340,8 @@ def _fingerprint(job: Job, scene: Scene) -> str:
     digest.update(json.dumps([keys["modes"], keys["max_frequency_hz"]]).encode())
     if keys["modes"] == "auto":
         digest.update(json.dumps([keys["error"], excited_hz(job)]).encode())
+    if scene.recovered is not None:
+        digest.update(b"recovery" + scene.recovered.tobytes())
     return digest.hexdigest()
 
 

@@ -42,6 +42,7 @@ class Scene:
     monitors : vectors by name, each `[n]`
     load_path : factors on the static loads at the corners, `[corners, loads]`
     boundary : dofs that a reduction keeps, ascending
+    recovered : other dofs whose motion a reduced model is to give back, ascending; None: of all
     """
 
     model: Model
@@ -51,3 +52,4 @@ class Scene:
     monitors: dict[str, np.ndarray]
     load_path: np.ndarray
     boundary: np.ndarray
+    recovered: np.ndarray | None = None
