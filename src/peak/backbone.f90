@@ -94,8 +94,8 @@ contains
     end associate
   end subroutine leading_mode
 
-  !> Turn the solver, at its static solution, to a mode's backbone, and find the point of an amplitude: from where contacts still stick,
-  !> or a small one. The solver serves nothing else from then on.
+  !> Turn the solver, at its static solution, to a mode's backbone, and find the point of an amplitude: from where contacts still
+  !> stick, or a small one. The solver serves nothing else from then on.
   subroutine begin_backbone(solver, mode, problem, amplitude, self)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
