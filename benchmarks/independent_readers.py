@@ -227,7 +227,7 @@ def bulk_data(path: Path) -> MeshParts:
     model = BDF(log=_silent())
     model.read_bdf(str(path), validate=False, xref=False, punch="BEGIN BULK" not in path.read_text().upper())
     ids = np.array(sorted(model.nodes))
-    points = np.array([model.nodes[k].xyz for k in ids.tolist()])
+    points = np.array([model.nodes[k].get_position_no_xref(model) for k in ids.tolist()])
     parts: dict[int, list[list[int]]] = {}
     for element in model.elements.values():
         if element.type in ("CTETRA", "CHEXA"):

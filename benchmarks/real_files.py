@@ -22,6 +22,7 @@ from pathlib import Path
 
 import independent_readers as independent
 import numpy as np
+from scipy.linalg import eigh
 from scipy.sparse import csr_matrix
 
 from attrito.importers import import_model, read_matrix, read_mesh
@@ -144,8 +145,13 @@ def model(files: list[Path], read_other: Callable[[Path], independent.Matrices],
         return "refused", str(error)
     names = options.get("names", ["", ""])
     sources = [given.get("stiffness", given.get("nastran_file")), given.get("mass", given.get("nastran_file"))]
-    for key, name, source in zip(("stiffness", "mass"), names, sources, strict=True):
-        other = read_other(source)[name]
+    others = [read_other(source)[name] for name, source in zip(names, sources, strict=True)]
+    if options.get("compare") == "frequencies":
+        # Dofs are turned to global directions, which the other reader does not do.
+        if far := spectral_difference([found.stiffness, found.mass], others):
+            return "DIFFERENT", far
+        return "equal", f"model of {found.size} dofs, {int(np.sum(found.dof_direction == 0))} of them generalised"
+    for key, other in zip(("stiffness", "mass"), others, strict=True):
         if far := difference(getattr(found, key), other):
             return "DIFFERENT", f"{key}: {far}"
     return "equal", f"model of {found.size} dofs, {found.stiffness.nnz} entries of stiffness"
@@ -158,6 +164,21 @@ def difference(found: csr_matrix, other: csr_matrix) -> str:
     away = abs(found - other)
     scale = abs(other).max()
     return "" if away.max() <= SINGLE * scale else f"entries differ by {away.max() / scale:.1e} of the largest"
+
+
+def spectral_difference(found: list[csr_matrix], others: list[csr_matrix]) -> str:
+    """In words; "" where the eigenvalues of (M, K + s M) are the same; rows without entries are left out."""
+    values = []
+    shift = abs(others[0]).max() / abs(others[1]).max()
+    for stiffness, mass in (found, others):
+        k, m = stiffness.toarray(), mass.toarray()
+        used = np.flatnonzero(abs(k).sum(axis=0) + abs(m).sum(axis=0))
+        k, m = k[np.ix_(used, used)], m[np.ix_(used, used)]
+        values.append(eigh(m, k + shift * m, eigvals_only=True))
+    if len(values[0]) != len(values[1]):
+        return f"{len(values[0])} modes, the other reader has {len(values[1])}"
+    away = abs(values[0] - values[1]).max() / abs(values[1]).max()
+    return "" if away < 1e-12 else f"eigenvalues differ by {away:.1e}"
 
 
 def mesh(file: Path, read_other: Callable[[Path], independent.MeshParts]) -> tuple[str, str]:

@@ -412,13 +412,13 @@ MESHES = {
         "two_springs_mesh.bdf",
         replaced("GRID,1000,0,", "GRID,1000,3,"),
         "line 9, GRID",
-        "basic coordinate system",
+        "coordinate system 3: CORD1 or CORD2",
     ),
     "Nastran: rotated displacements": (
         "two_springs_mesh.bdf",
         replaced("10.-1,0", "10.-1,5"),
         "line 9, GRID",
-        "basic coordinate system",
+        "coordinate system 5: CORD1 or CORD2",
     ),
     "Nastran: a coordinate that is none": (
         "two_springs_mesh.bdf",

@@ -19,6 +19,11 @@ LABELS = {"UX": 1, "UY": 2, "UZ": 3, "ROTX": 4, "ROTY": 5, "ROTZ": 6}
 _CARDS = ("ASET", "ASET1", "USET", "EXTRN")
 
 
+def names_cards(path: str | Path) -> bool:
+    """Whether a file names dofs by cards of Nastran."""
+    return any(line.upper().startswith(_CARDS) for line in Path(path).read_text().splitlines())
+
+
 def read_dof_file(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
     """Node id `[n]` and direction `[n]` (1 to 6) of each row."""
     path = str(path)
@@ -78,10 +83,7 @@ def _mapping(path: str, words: list[list[str]]) -> tuple[np.ndarray, np.ndarray]
 def _sets(path: str) -> tuple[np.ndarray, np.ndarray]:
     found: list[tuple[int, int]] = []
     external: list[tuple[int, int]] = []
-    rotated: list[Card] = []
     for card in read_cards(path):
-        if card.name == "GRID" and card.fields[5:6] not in ([], [""], ["0"]):
-            rotated.append(card)
         if card.name == "ASET1":
             found += [(node, part) for node in whole_numbers(card, 1) for part in _components(card, card.fields[0])]
         elif card.name in ("ASET", "USET", "EXTRN"):
@@ -94,12 +96,6 @@ def _sets(path: str) -> tuple[np.ndarray, np.ndarray]:
                     (external if card.name == "EXTRN" else found).extend(dofs)
     # What EXTRN lists are all points of a superelement; ASET cards beside it list the same.
     found = sorted(external or found)
-    known = {node for node, _ in found}
-    for card in rotated:
-        if card.fields[0].isdecimal() and int(card.fields[0]) in known:
-            raise InputError(
-                card.fault("displacements in the basic coordinate system (CD, the last field, blank or 0)")
-            )
     table = np.array(found, np.int64).reshape(-1, 2)
     return table[:, 0], table[:, 1].astype(np.int8)
 

@@ -25,6 +25,7 @@ class Mesh:
     files : every file read, the deck first
     constraints : keywords, with their line, that make dofs depend on others
     skipped : what was not read, in words
+    axes : of nodes that move along axes of their own their directions 1, 2, 3 as rows `[3, 3]`, by id
     """
 
     node_ids: np.ndarray
@@ -34,6 +35,7 @@ class Mesh:
     files: list[Path] = field(default_factory=list)
     constraints: list[str] = field(default_factory=list)
     skipped: list[str] = field(default_factory=list)
+    axes: dict[int, np.ndarray] = field(default_factory=dict)
 
 
 def new_mesh(path: str, ids: np.ndarray, coordinates: np.ndarray) -> Mesh:

@@ -10,14 +10,16 @@ import numpy as np
 
 from attrito.importers.calculix import read_calculix
 from attrito.importers.check import check_matrices, massless
-from attrito.importers.dof_file import read_dof_file
+from attrito.importers.dof_file import names_cards, read_dof_file
 from attrito.importers.dof_numbers import DofNumbers
 from attrito.importers.fe_jobs import abaqus_matrices, nastran_matrices
 from attrito.importers.matrices import Matrices, assemble
 from attrito.importers.matrix import open_matrix, split_name
 from attrito.importers.mesh import Mesh, read_mesh
+from attrito.importers.nastran_mesh import read_axes
 from attrito.importers.prestress import check_holdings, hold
 from attrito.importers.source import Source
+from attrito.importers.turning import turn
 from attrito.job.checks import DIRECTIONS
 from attrito.model.model import Model
 from attrito.model.model_file import write_model
@@ -119,6 +121,8 @@ def _model(
     where = {name: source.path for name, source in read.items()}
     parts = assemble(read, numbers, known_dofs, str(dofs or ""))
     matrices = parts.matrices
+    nodes = None if mesh is None else read_mesh(mesh, skip=not str(where["stiffness"]).endswith(".sti"))
+    turned = _turned(parts, dofs, mesh, nodes)
     faults = check_matrices(
         matrices["stiffness"], matrices["mass"], matrices.get("damping"), where, lambda dof: dof_label(dof, parts)
     )
@@ -130,7 +134,6 @@ def _model(
     if parts.node is not None and len(parts.node) != size:
         expected = f"one for each of the {size} rows of the stiffness"
         faults.append(Fault(str(dofs), "file", f"{len(parts.node)} dofs", expected))
-    nodes = None if mesh is None else read_mesh(mesh, skip=not str(where["stiffness"]).endswith(".sti"))
     if nodes is not None:
         faults += _stray_nodes(parts.node, parts.direction, str(dofs or where["stiffness"]), str(mesh), nodes)
     if faults:
@@ -146,7 +149,18 @@ def _model(
     write_model(output, model, list(dict.fromkeys(files)))
     resists = resisted_rotation(model)
     warnings = [] if resists is None else [f"warning: {resists}"]
-    return model, _notes(model) + held + parts.notes + _mesh_notes(nodes) + warnings
+    return model, _notes(model) + turned + held + parts.notes + _mesh_notes(nodes) + warnings
+
+
+def _turned(parts: Matrices, dofs: str | Path | None, mesh: str | Path | None, nodes: Mesh | None) -> list[str]:
+    """Matrices turned to global directions where grid points move along axes of their own; a note on that."""
+    if parts.node is None or any(matrix.shape != (len(parts.node),) * 2 for matrix in parts.matrices.values()):
+        return []
+    axes = {} if dofs is None or not names_cards(dofs) else read_axes(dofs)
+    count = turn(
+        parts.matrices, parts.node, parts.direction, axes | ({} if nodes is None else nodes.axes), str(mesh or dofs)
+    )
+    return [f"{count} nodes with displacements along axes of their own (CD): turned to x, y, z"] if count else []
 
 
 def dof_label(dof: int, parts: Matrices) -> str:

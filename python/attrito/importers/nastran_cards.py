@@ -48,7 +48,7 @@ def read_cards(path: str | Path, including: tuple[Path, ...] = ()) -> Iterator[C
             yield from _included(path, number, text, including)
             continue
         name, fields = _fields(text, "*" in text.replace(",", " ")[:8])
-        card = Card(name.rstrip("*").upper(), fields, str(path), number)
+        card = Card(name.rstrip("*").rstrip().upper(), fields, str(path), number)
     if card is not None:
         yield card
 

@@ -219,7 +219,7 @@ def _kinds(block: Block, cards: np.ndarray) -> np.ndarray:
     dmig = np.char.startswith(upper, b"DMIG")
     kind = np.zeros(len(cards), np.int8)
     kind[dmig] = _SMALL
-    kind[dmig & np.char.startswith(upper, b"DMIG*")] = _LARGE
+    kind[dmig & (np.char.find(start, b"*") >= 0)] = _LARGE
     # A comma among the first characters: free fields.
     kind[dmig & (np.char.find(start, b",") >= 0)] = _FREE
     return kind

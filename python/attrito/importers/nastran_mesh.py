@@ -1,7 +1,7 @@
 """Mesh and node sets of Nastran's bulk data.
 
-`GRID` in the basic coordinate system, `CTETRA` (4 or 10 grid points) and `CHEXA` (8 or 20); `SET1` n is the node set
-`set_n`. Nastran counts the upright edges of a brick before those of its top, CalculiX after them.
+`GRID` in any coordinate system, `CTETRA` (4 or 10 grid points) and `CHEXA` (8 or 20); `SET1` n is the node set `set_n`.
+Nastran counts the upright edges of a brick before those of its top, CalculiX after them.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ import numpy as np
 
 from attrito.importers.mesh_data import Mesh, check_nodes, new_mesh
 from attrito.importers.nastran_cards import Card, read_cards, whole_numbers
+from attrito.importers.nastran_systems import CARDS, Systems
 from attrito.support.errors import InputError
 
 # Grid points may all be in files that INCLUDE names.
 _BULK = re.compile(rb"^(GRID[*, \t]|BEGIN\s+BULK|CEND\b|ENDDATA\b)", re.IGNORECASE | re.MULTILINE)
 _KINDS = {("CTETRA", 4): "C3D4", ("CTETRA", 10): "C3D10", ("CHEXA", 8): "C3D8", ("CHEXA", 20): "C3D20"}
 _ORDER = {"C3D20": [*range(12), *range(16, 20), *range(12, 16)]}
-_REAL = re.compile(r"([-+]?\d*\.?\d*)[EeDd]?([-+]?\d*)")
 
 
 def is_nastran_mesh(start: bytes) -> bool:
@@ -30,15 +30,18 @@ def is_nastran_mesh(start: bytes) -> bool:
 def read_nastran_mesh(path: str | Path) -> Mesh:
     """Read the mesh; other elements are left out, and listed in `Mesh.skipped`."""
     path = Path(path)
-    ids, points, files = [], [], {path: None}
+    files = {path: None}
+    placed: list[Card] = []
     elements: dict[str, list[tuple[int, list[int]]]] = {}
     sets: list[Card] = []
     skipped: dict[str, int] = {}
     for card in read_cards(path):
         files[Path(card.path)] = None
         if card.name == "GRID":
-            ids.append(_whole(card, card.fields[0]))
-            points.append(_point(card))
+            _whole(card, card.fields[0])
+            placed.append(card)
+        elif card.name == "GRDSET" or card.name in CARDS:
+            placed.append(card)
         elif card.name == "SET1":
             sets.append(card)
         elif card.name in ("CTETRA", "CHEXA"):
@@ -49,11 +52,13 @@ def read_nastran_mesh(path: str | Path) -> Mesh:
             elements.setdefault(kind, []).append((_whole(card, card.fields[0]), nodes))
         elif re.fullmatch(r"C[A-Z]+\d*R?", card.name) and not card.name.startswith(("CORD", "CEND")):
             skipped[card.name] = skipped.get(card.name, 0) + 1
-    mesh = new_mesh(str(path), np.array(ids, np.int64), np.array(points, float).reshape(-1, 3))
+    ids, points, axes = _points(placed)
+    mesh = new_mesh(str(path), ids, points)
+    mesh.axes = axes
     for kind, found in elements.items():
         nodes = np.array([nodes for _, nodes in found], np.int64)
         mesh.elements[kind] = (np.array([k for k, _ in found], np.int64), nodes[:, _ORDER.get(kind, slice(None))])
-    known = set(ids)
+    known = set(ids.tolist())
     for card in sets:
         name, nodes = f"set_{_whole(card, card.fields[0])}", np.array(whole_numbers(card, 1, known), np.int64)
         mesh.node_sets[name] = np.union1d(mesh.node_sets.get(name, nodes), nodes)
@@ -63,21 +68,23 @@ def read_nastran_mesh(path: str | Path) -> Mesh:
     return mesh
 
 
-def _point(card: Card) -> list[float]:
-    """Coordinates; fields are id, system of the position, x, y, z, system of the displacement."""
-    fields = [*card.fields, *[""] * 6][:6]
-    if fields[1] not in ("", "0") or fields[5] not in ("", "0"):
-        raise InputError(card.fault("position and displacements in the basic coordinate system (CP and CD blank or 0)"))
-    return [_real(card, word) for word in fields[2:5]]
+def read_axes(path: str | Path) -> dict[int, np.ndarray]:
+    """Directions of the grid points in a file that move along axes of their own, as rows `[3, 3]`, by id."""
+    cards = [card for card in read_cards(path) if card.name in ("GRID", "GRDSET", *CARDS)]
+    return _points(cards)[2]
 
 
-def _real(card: Card, word: str) -> float:
-    """A real number, whose exponent may lack its letter; a blank is zero."""
-    found = _REAL.fullmatch(word)
-    try:
-        return float(f"{found[1] or 0}e{found[2] or 0}")
-    except (TypeError, ValueError):
-        raise InputError(card.fault("real coordinates")) from None
+def _points(cards: list[Card]) -> tuple[np.ndarray, np.ndarray, dict[int, np.ndarray]]:
+    """Ids, coordinates `[N, 3]` and, where they are not global, directions of grid points."""
+    systems = Systems(cards)
+    grids = [card for card in cards if card.name == "GRID"]
+    ids = np.array([_whole(card, card.fields[0]) for card in grids], np.int64)
+    points = np.array([systems.place(card) for card in grids]).reshape(-1, 3)
+    axes = {}
+    for number, card, place in zip(ids.tolist(), grids, points, strict=True):
+        if (found := systems.directions(card, place)) is not None:
+            axes[number] = found
+    return ids, points, axes
 
 
 def _whole(card: Card, word: str) -> int:

@@ -106,4 +106,5 @@ def refuse(path: str, key: str, value: object, expected: str) -> InputError:
 def no_such_matrix(path: str, key: str, name: str | None, found: str) -> InputError:
     """Which names there are, where one that is not there, or none, was given."""
     value = "no name" if name is None else name
+    found = "".join(letter if letter.isprintable() else "?" for letter in found)
     return refuse(path, key, value, f"one matrix of the file, named after it and a colon, FILE:NAME; it holds: {found}")
