@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import resource
+
 import meshio
 import numpy as np
 import pytest
@@ -134,6 +136,18 @@ def test_what_meshio_cannot_read_is_refused_in_one_line(tmp_path):
             read_mesh(tmp_path / name)
         assert len(str(caught.value).splitlines()) == 1
         assert f"a mesh that meshio can read as {(tmp_path / name).suffix}" in str(caught.value)
+
+
+@pytest.mark.parametrize("ending", [".vtk", ".vtu", ".med", ".mesh", ".exo"])
+def test_gigabytes_of_zeros_are_no_mesh_and_are_not_read_to_their_end(ending, tmp_path):
+    path = tmp_path / f"mesh{ending}"
+    with path.open("wb") as file:
+        file.truncate(1 << 33)
+    # Reading them would take all of the memory that is allowed here, or seconds.
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(InputError, match="a mesh that meshio can read as"):
+        read_mesh(path)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 1 << 18
 
 
 def test_a_mesh_of_gmsh_goes_with_matrices(tmp_path):

@@ -22,6 +22,10 @@ from attrito.support.errors import Fault, InputError
 # Modules of meshio by the ending of a file
 READERS = {".med": "med", ".vtk": "vtk", ".vtu": "vtu", ".xdmf": "xdmf", ".xmf": "xdmf", ".e": "exodus",
            ".exo": "exodus", ".ex2": "exodus", ".mesh": "medit", ".meshb": "medit", ".vol": "netgen"}  # fmt: skip
+# What such files begin with: of gigabytes of something else meshio would look for the end of the first line.
+_HDF5, _TEXT = b"\x89HDF", b""
+_STARTS = {"med": (_HDF5,), "vtk": (b"# vtk",), "vtu": (b"<",), "xdmf": (b"<",), "exodus": (_HDF5, b"CDF"),
+           "medit": (_TEXT, b"\1\0\0\0"), "netgen": (_TEXT,)}  # fmt: skip
 _SOLIDS = {"tetra": "C3D4", "hexahedron": "C3D8", "tetra10": "C3D10", "hexahedron20": "C3D20"}
 _FLAT = ("vertex", "line", "triangle", "quad", "polygon")
 # The nodes of a solid's mirror image: two corners of the base are exchanged, and edges with them.
@@ -41,14 +45,19 @@ def is_meshio_mesh(path: str | Path) -> bool:
 def read_meshio_mesh(path: str | Path) -> Mesh:
     """Read the mesh; what is no tetrahedron or brick is left out, and solids among that are listed."""
     path = Path(path)
-    module = importlib.import_module(f"meshio.{READERS[path.suffix.lower()]}")
+    kind = READERS[path.suffix.lower()]
+    expected = f"a mesh that meshio can read as {path.suffix.lower()}"
+    with path.open("rb") as file:
+        start = file.read(1 << 12).lstrip()
+    if not any(b"\0" not in start if begin == _TEXT else start.startswith(begin) for begin in _STARTS[kind]):
+        raise InputError(Fault(str(path), "file", start[:20].decode(errors="replace"), expected))
+    module = importlib.import_module(f"meshio.{kind}")
     try:
         # `meshio.read` would end the program on a file it cannot read, and its readers print warnings.
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
             read = module.read(str(path))
     except (Exception, SystemExit) as error:
         said = " ".join(str(error).split()) or type(error).__name__
-        expected = f"a mesh that meshio can read as {path.suffix.lower()}"
         raise InputError(Fault(str(path), "file", said, expected)) from error
     points = np.zeros((len(read.points), 3))
     points[:, : np.shape(read.points)[1]] = read.points
