@@ -127,7 +127,7 @@ contains
     integer :: harmonics, iterations
 
     harmonics = max(self%fewest_harmonics, short_series)
-    if (.not. self%choose_harmonics .or. solver%options%harmonics <= harmonics .or. solver%no_periodic_solution) return
+    if (.not. self%choose_harmonics .or. solver%options%harmonics <= harmonics .or. solver%evidence%no_periodic_solution) return
     iterations = solver%report%iterations
     call solver%set_resolution(harmonics, max(self%fewest_samples, 6*harmonics + 2))
     call solve_by_strategies(solver, omega)

@@ -19,6 +19,7 @@ module attrito_api_solver
   use attrito_linear_stuck_system, only: new_receptance
   use attrito_continuation_sweep, only: new_sweep
   use attrito_solve_strategies, only: solve_by_strategy
+  use attrito_solve_strategy_outcome, only: evidence_type
   use attrito_solve_strategy_table, only: strategy_type, strategies
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_rebalancing, only: field_type, rebalance
@@ -256,7 +257,7 @@ contains
     call session%accuracy%solve_at(session%solver, omega)
     session%solver%omega = omega
     call report_point(session%solver, branch, session%accuracy%errors, session%accuracy%tolerance, session%point)
-    if (.not. (session%solver%report%converged .or. session%solver%is_drifting)) session%solver%omega = before
+    if (.not. (session%solver%report%converged .or. session%solver%evidence%is_drifting)) session%solver%omega = before
     point = point_of(session%point)
   end subroutine attrito_solve_at
 
@@ -274,7 +275,7 @@ contains
     type(session_type), pointer :: session
     type(snapshot_type) :: before
     type(strategy_type), allocatable :: table(:)
-    logical :: is_drifting, no_periodic_solution
+    type(evidence_type) :: evidence
     integer :: number
 
     session => session_of(handle)
@@ -283,14 +284,12 @@ contains
     attrito_solve_by_strategy = merge(0, 1, number > 0)
     if (number == 0) return
     before = snapshot_of(session%solver)
-    is_drifting = session%solver%is_drifting
-    no_periodic_solution = session%solver%no_periodic_solution
+    evidence = session%solver%evidence
     call solve_by_strategy(session%solver, table(number), omega)
     session%solver%omega = omega
     call report_point(session%solver, 0, session%accuracy%errors, no_tolerance, session%point)
     call restore(session%solver, before)
-    session%solver%is_drifting = is_drifting
-    session%solver%no_periodic_solution = no_periodic_solution
+    session%solver%evidence = evidence
     point = point_of(session%point)
   end function attrito_solve_by_strategy
 

@@ -6,7 +6,7 @@ module attrito_continuation_branch_seeds
   use attrito_core_kinds, only: wp
   use attrito_solve_strategies, only: solve_by_strategies
   use attrito_solve_solver, only: solver_type
-  use attrito_solve_strategy_outcome, only: strategy_outcome_type
+  use attrito_solve_strategy_outcome, only: evidence_type, strategy_outcome_type
   use attrito_solve_time_integration_start, only: has_time_integrator, solve_from_time_integration
   use attrito_solve_homotopy, only: follow_homotopy, homotopy_type
   implicit none
@@ -38,8 +38,7 @@ contains
     solver%motion(2:, :) = 0.0_wp
     solver%all_stick = .false.
     call solver%set_slider(solver%static_slider)
-    solver%is_drifting = .false.
-    solver%no_periodic_solution = .false.
+    solver%evidence = evidence_type()
     call solve_by_strategies(solver, omega)
     found = solver%report%converged
   end subroutine start_cold
@@ -57,11 +56,10 @@ contains
     found = .false.
     if (.not. has_time_integrator(solver)) return
     solver%motion(2:, :) = factor*solver%motion(2:, :)
-    outcome%is_drifting = solver%is_drifting
-    call solve_from_time_integration(solver, omega, strategy_outcome_type(), outcome)
+    outcome%evidence%is_drifting = solver%evidence%is_drifting
+    call solve_from_time_integration(solver, omega, evidence_type(), outcome)
     found = outcome%converged
-    solver%is_drifting = .false.
-    solver%no_periodic_solution = .false.
+    solver%evidence = evidence_type()
   end subroutine start_in_motion
 
   !> From the solution at static loads times a factor.

@@ -259,7 +259,7 @@ contains
       call begin_past(self, solver)
     else
       solver%report%converged = .false.
-      solver%no_periodic_solution = .false.
+      solver%evidence%no_periodic_solution = .false.
       solver%omega = solver%omega + smallest_step*self%range%width()
       self%on_branch = .false.
     end if

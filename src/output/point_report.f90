@@ -79,7 +79,7 @@ contains
       report%findings%solved = solver%report%converged .and. is_finite(report)
       report%findings%settled = solver%report%defect <= accepted_defect
       report%findings%within_tolerance = errors%are_within(tolerance)
-      report%findings%no_periodic_solution = solver%no_periodic_solution
+      report%findings%no_periodic_solution = solver%evidence%no_periodic_solution
       report%errors = errors
       report%series = solver%options%harmonics
       report%samples = solver%options%samples

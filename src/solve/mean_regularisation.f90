@@ -63,7 +63,7 @@ contains
       call means%add(real(solver%context%balance%response(:, 0), wp))
       if (is_free(solver)) then
         if (.not. means%do_repeat(alike_in_mean)) cycle
-        outcome%is_drifting = .true.
+        outcome%evidence%is_drifting = .true.
         return
       end if
       call solve_free(solver, omega, outcome)

@@ -17,6 +17,7 @@ module attrito_solve_solver
   use attrito_newton_two_level_factors, only: two_level_factors_type
   use attrito_balance_unknowns, only: unknowns_type
   use attrito_solve_newton_strategies, only: solve_briefly, solve_persistently
+  use attrito_solve_strategy_outcome, only: evidence_type
   use attrito_solve_time_integrator, only: time_integrator_type
   use attrito_solve_scales, only: find_scales
   use attrito_solve_sliders, only: found_moving, keep_sliders, largest_defect, none_moves
@@ -62,9 +63,8 @@ module attrito_solve_solver
     type(newton_report_type) :: report
     !> Did every contact stick at the last point that converged?
     logical :: all_stick = .false.
-    !> Of the last point that was not found, for the next: no periodic motion is near, by the balance with springs on its mean or by
-    !> time integration; a body drifts without bound
-    logical :: no_periodic_solution = .false., is_drifting = .false.
+    !> Of the last point, for the next: none where it was found
+    type(evidence_type) :: evidence
     !> Source of starts that no earlier point leads to; not allocated: there is none
     class(time_integrator_type), allocatable :: time_integrator
     !> Fallback strategies that comparisons leave out: bit k for the k-th (`attrito_solve_strategies`)
@@ -387,8 +387,8 @@ contains
       call store%keep(self%static_slider)
       call store%keep(self%omega)
       call store%keep(self%all_stick)
-      call store%keep(self%no_periodic_solution)
-      call store%keep(self%is_drifting)
+      call store%keep(self%evidence%no_periodic_solution)
+      call store%keep(self%evidence%is_drifting)
       call store%keep(context%motion_scale)
       call store%keep(context%frequency_scale)
       call store%keep(context%tolerance)

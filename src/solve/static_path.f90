@@ -11,7 +11,7 @@ module attrito_solve_static_path
   use attrito_solve_mean_regularisation, only: can_regularise, find_drift
   use attrito_solve_sliders, only: closed_contacts
   use attrito_solve_solver, only: solver_type
-  use attrito_solve_strategy_outcome, only: strategy_outcome_type
+  use attrito_solve_strategy_outcome, only: evidence_type, strategy_outcome_type
   implicit none
   private
   public :: follow_static_path, load_homotopy_type
@@ -45,8 +45,7 @@ contains
 
     solver%motion = 0.0_wp
     solver%omega = omega
-    solver%is_drifting = .false.
-    solver%no_periodic_solution = .false.
+    solver%evidence = evidence_type()
     call solver%set_slider(0.0_wp*solver%static_slider)
     from = 0.0_wp
     if (allocated(solver%context%balance%frozen_mean)) deallocate (solver%context%balance%frozen_mean)
@@ -86,7 +85,7 @@ contains
     type(strategy_outcome_type) :: outcome
 
     if (can_regularise(solver)) call find_drift(solver, omega, .false., outcome)
-    drifts = outcome%is_drifting
+    drifts = outcome%evidence%is_drifting
   end function drifts
 
   subroutine solve_loads(self, solver, t, converged)

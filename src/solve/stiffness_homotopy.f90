@@ -12,7 +12,7 @@ module attrito_solve_stiffness_homotopy
   use attrito_newton_newton, only: newton_report_type
   use attrito_balance_stuck_response, only: linear_motion
   use attrito_solve_solver, only: solver_type, new_solver
-  use attrito_solve_strategy_outcome, only: strategy_outcome_type
+  use attrito_solve_strategy_outcome, only: evidence_type, strategy_outcome_type
   use attrito_solve_time_integration_start, only: has_time_integrator, solve_from_time_integration
   use attrito_solve_homotopy, only: follow_homotopy, homotopy_type
   implicit none
@@ -110,7 +110,7 @@ contains
       if (start == from_stuck_response) softer%motion = linear_motion(softer%context%balance)
       if (start == from_time_integration) then
         allocate (softer%time_integrator, source=solver%time_integrator)
-        call solve_from_time_integration(softer, omega, strategy_outcome_type(), outcome)
+        call solve_from_time_integration(softer, omega, evidence_type(), outcome)
         converged = outcome%converged
         solver%report%iterations = outcome%iterations
       else

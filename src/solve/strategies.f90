@@ -8,7 +8,7 @@ module attrito_solve_strategies
   use attrito_core_kinds, only: wp
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
-  use attrito_solve_strategy_outcome, only: strategy_outcome_type
+  use attrito_solve_strategy_outcome, only: evidence_type, strategy_outcome_type
   use attrito_solve_strategy_table, only: search_type, strategy_type, strategies
   implicit none
   private
@@ -30,10 +30,8 @@ contains
     logical :: is_stuck
 
     search%omega = omega
-    search%previous%is_drifting = solver%is_drifting
-    search%previous%no_periodic_solution = solver%no_periodic_solution
-    solver%is_drifting = .false.
-    solver%no_periodic_solution = .false.
+    search%previous = solver%evidence
+    solver%evidence = evidence_type()
     call solver%solve_stuck_at(omega, is_stuck)
     if (is_stuck) return
     before = snapshot_of(solver)
@@ -42,12 +40,12 @@ contains
       if (btest(solver%left_out, i) .or. .not. is_tried(table(i), solver, search)) cycle
       call table(i)%solve(solver, search)
       if (search%outcome%converged) exit
-      if (search%outcome%is_drifting .and. .not. allocated(drifted%motion)) drifted = snapshot_of(solver)
+      if (search%outcome%evidence%is_drifting .and. .not. allocated(drifted%motion)) drifted = snapshot_of(solver)
       call restore(solver, before)
       if (is_enough(table(i), search)) exit
     end do
     call take_outcome(solver, search%outcome)
-    if (solver%is_drifting) then
+    if (solver%evidence%is_drifting) then
       call restore(solver, drifted)
       call remove_drift(solver, before)
       solver%omega = omega
@@ -103,9 +101,9 @@ contains
     !> What is looked for, and what was found so far
     type(search_type), intent(in) :: search
 
-    associate (previous => search%previous, outcome => search%outcome)
-      is_enough = outcome%is_drifting .and. (previous%is_drifting .or. strategy%drift_ends)
-      is_enough = is_enough .or. (previous%no_periodic_solution .and. outcome%no_periodic_solution .and. strategy%no_orbit_ends)
+    associate (before => search%previous, now => search%outcome%evidence)
+      is_enough = now%is_drifting .and. (before%is_drifting .or. strategy%drift_ends)
+      is_enough = is_enough .or. (before%no_periodic_solution .and. now%no_periodic_solution .and. strategy%no_orbit_ends)
     end associate
   end function is_enough
 
@@ -116,8 +114,11 @@ contains
     !> Of the strategies that were tried
     type(strategy_outcome_type), intent(in) :: outcome
 
-    solver%is_drifting = outcome%is_drifting .and. .not. outcome%converged
-    solver%no_periodic_solution = solver%is_drifting .or. (outcome%no_periodic_solution .and. .not. outcome%converged)
+    solver%evidence = evidence_type()
+    if (.not. outcome%converged) then
+      solver%evidence%is_drifting = outcome%evidence%is_drifting
+      solver%evidence%no_periodic_solution = outcome%evidence%is_drifting .or. outcome%evidence%no_periodic_solution
+    end if
     ! The last step of a homotopy that was given up may have converged, at another parameter.
     solver%report%converged = outcome%converged
     solver%report%iterations = outcome%iterations

@@ -7,7 +7,7 @@ module attrito_solve_strategy_table
   use attrito_solve_mean_regularisation, only: can_regularise, find_drift
   use attrito_solve_solver, only: solver_type
   use attrito_solve_stiffness_homotopy, only: can_soften, solve_by_stiffness
-  use attrito_solve_strategy_outcome, only: strategy_outcome_type
+  use attrito_solve_strategy_outcome, only: evidence_type, strategy_outcome_type
   use attrito_solve_time_integration_start, only: has_time_integrator, solve_from_time_integration
   implicit none
   private
@@ -20,8 +20,10 @@ module attrito_solve_strategy_table
   type :: search_type
     !> Target, rad/s
     real(wp) :: omega = 0.0_wp
-    !> Of the point before, and of this one by all strategies so far
-    type(strategy_outcome_type) :: previous, outcome
+    !> Of the point before
+    type(evidence_type) :: previous
+    !> Of all strategies so far
+    type(strategy_outcome_type) :: outcome
   end type search_type
 
   type :: strategy_type
@@ -47,11 +49,11 @@ module attrito_solve_strategy_table
     end function is_possible_at
 
     pure logical function is_worth_while_after(solver, previous)
-      import :: solver_type, strategy_outcome_type
+      import :: solver_type, evidence_type
       !> Solver of points: its motion, sliders, angular frequency and balance
       type(solver_type), intent(in) :: solver
       !> Of the point before: where the body drifted, that is no solution
-      type(strategy_outcome_type), intent(in) :: previous
+      type(evidence_type), intent(in) :: previous
     end function is_worth_while_after
 
     !> From the solver's present point. Where it fails the solver is left anywhere; where the body drifts, at the drifting motion.
@@ -123,7 +125,7 @@ contains
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     !> Of the point before
-    type(strategy_outcome_type), intent(in) :: previous
+    type(evidence_type), intent(in) :: previous
 
     another_follows = .not. previous%is_drifting .and. (has_time_integrator(solver) .or. can_regularise(solver))
   end function another_follows
@@ -133,7 +135,7 @@ contains
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     !> Of the point before
-    type(strategy_outcome_type), intent(in) :: previous
+    type(evidence_type), intent(in) :: previous
 
     drift_is_likely = previous%is_drifting .or. .not. has_time_integrator(solver)
   end function drift_is_likely
@@ -166,7 +168,7 @@ contains
 
     call find_drift(solver, search%omega, .false., search%outcome)
     ! The drift that was followed has ended: solutions beyond are looked for as at a first point.
-    if (.not. search%outcome%is_drifting) search%previous%no_periodic_solution = .false.
+    if (.not. search%outcome%evidence%is_drifting) search%previous%no_periodic_solution = .false.
   end subroutine relax_springs
 
   subroutine solve_from_means_in_time(solver, search)

@@ -12,7 +12,7 @@ module attrito_solve_time_integration_start
   use attrito_solve_time_integrator, only: excitation_type, periods_type
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
-  use attrito_solve_strategy_outcome, only: strategy_outcome_type
+  use attrito_solve_strategy_outcome, only: evidence_type, strategy_outcome_type
   implicit none
   private
   public :: has_time_integrator, solve_from_time_integration
@@ -47,16 +47,16 @@ contains
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
     !> Of the point before
-    type(strategy_outcome_type), intent(in) :: previous
+    type(evidence_type), intent(in) :: previous
     !> What was found at this point so far, and by this
     type(strategy_outcome_type), intent(inout) :: outcome
     type(snapshot_type) :: before
     logical :: few
 
     before = snapshot_of(solver)
-    few = previous%no_periodic_solution .or. outcome%is_drifting
+    few = previous%no_periodic_solution .or. outcome%evidence%is_drifting
     call run_and_solve(solver, omega, merge(attempts_lost, attempts_in_motion, few), previous%is_drifting, outcome)
-    if (outcome%converged .or. previous%no_periodic_solution .or. previous%is_drifting .or. outcome%is_drifting) return
+    if (outcome%converged .or. previous%no_periodic_solution .or. previous%is_drifting .or. outcome%evidence%is_drifting) return
     call restore(solver, before)
     solver%motion(2:, :) = 0.0_wp
     call run_and_solve(solver, omega, attempts_from_rest, previous%is_drifting, outcome)
@@ -85,17 +85,17 @@ contains
       call move_on(solver, omega, periods_averaged*2**((attempt - 1)/attempts_alike), periods)
       outcome%converged = .false.
       if (.not. periods%moved) exit
-      early_stop = modulo(attempt, full_attempt) /= 0 .or. outcome%is_drifting
+      early_stop = modulo(attempt, full_attempt) /= 0 .or. outcome%evidence%is_drifting
       call solver%solve_at(omega, early_stop)
       outcome%iterations = outcome%iterations + solver%report%iterations
       outcome%converged = solver%report%converged
       if (.not. outcome%converged .and. (was_drifting .or. .not. early_stop)) call find_drift(solver, omega, early_stop, outcome)
-      if (outcome%converged .or. (was_drifting .and. outcome%is_drifting)) exit
+      if (outcome%converged .or. (was_drifting .and. outcome%evidence%is_drifting)) exit
       drifting = merge(drifting + 1, 0, periods%is_drifting)
-      if (drifting == windows_in_a_row) outcome%is_drifting = .true.
-      if (outcome%is_drifting .and. attempt >= attempts_lost) exit
+      if (drifting == windows_in_a_row) outcome%evidence%is_drifting = .true.
+      if (outcome%evidence%is_drifting .and. attempt >= attempts_lost) exit
     end do
-    outcome%no_periodic_solution = outcome%is_drifting &
+    outcome%evidence%no_periodic_solution = outcome%evidence%is_drifting &
                                    .or. (.not. outcome%converged .and. periods%moved .and. periods%change > settled)
   end subroutine run_and_solve
 

@@ -7,6 +7,7 @@ program test_averaged_periods
   use attrito_model_structure, only: damping_loss_factor, damping_ratio
   use attrito_continuation_sweep, only: sweep_type, new_sweep
   use attrito_solve_strategies, only: solve_by_strategies
+  use attrito_solve_strategy_outcome, only: evidence_type
   use attrito_solve_time_integrator, only: excitation_type, periods_type
   use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
   use attrito_solve_static_path, only: follow_static_path
@@ -200,7 +201,7 @@ contains
     allocate (solver%time_integrator, source=new_averaged_periods(scene%structure, scene%contacts))
     call solver%set_scales(0.9_wp, 1.1_wp)
     call solve_by_strategies(solver, 1.0_wp)
-    call check(error, solver%is_drifting, 'it is held: the test is void')
+    call check(error, solver%evidence%is_drifting, 'it is held: the test is void')
     call check(error, all(solver%context%balance%periodic), 'its slider no longer follows it')
     call solver%destroy()
   end subroutine drifting_in_space
@@ -218,7 +219,7 @@ contains
     call solver%set_scales(0.9_wp, 1.1_wp)
     call solve_by_strategies(solver, 1.0_wp)
     call check(error, .not. solver%report%converged, 'it is held')
-    call check(error, solver%is_drifting .and. solver%no_periodic_solution, 'it is not said to drift')
+    call check(error, solver%evidence%is_drifting .and. solver%evidence%no_periodic_solution, 'it is not said to drift')
     call check(error, solver%report%iterations < 200, 'what is not there is looked for too long')
     force = mean_friction(solver)
     call check(error, abs(force) > 1.0e-2_wp*scene%contacts%law(1)%friction_coefficient, 'friction balances after all')
@@ -226,14 +227,13 @@ contains
     ! Its march loses digits of the motion's size, ten at most, not of the shift.
     call check_close(error, mean_friction(solver), force, 1.0e-12_wp, 'mean friction somewhere else')
     call solve_by_strategies(solver, 1.02_wp)
-    call check(error, solver%is_drifting, 'a little beyond it is not said to drift')
+    call check(error, solver%evidence%is_drifting, 'a little beyond it is not said to drift')
     call check(error, solver%report%iterations <= 20, 'a little beyond it is looked for as long')
-    solver%is_drifting = .false.
-    solver%no_periodic_solution = .false.
+    solver%evidence = evidence_type()
     sweep = new_sweep(solver, 0.9_wp, 1.1_wp, 0, 300)
     do while (.not. sweep%finished)
       call sweep%advance(solver)
-      call check(error, solver%is_drifting .and. .not. solver%report%converged, 'it does not drift all along a sweep')
+      call check(error, solver%evidence%is_drifting .and. .not. solver%report%converged, 'it does not drift all along a sweep')
     end do
     call check(error, sweep%reached_stop, 'the sweep does not reach its stop')
     call solver%destroy()
