@@ -70,9 +70,6 @@ module attrito_balance_harmonic_balance
     !> Factors on the loads
     real(wp), allocatable :: static_factors(:)
     real(wp) :: level = 1.0_wp
-    !> Part of their springs that contacts keep in the Newton step when they slip or open: 0 is Newton's method; more holds a motion
-    !> that nothing but friction holds, at the price of a linear rate
-    real(wp) :: stiffening = 0.0_wp
     !> Sliders at the start of the march, in pairs, one an element [width, contacts]; contacts with two tangents whose slider is to be
     !> where a period leaves it
     real(wp), allocatable :: slider(:, :)

@@ -5,7 +5,7 @@
 module attrito_continuation_between
   use attrito_core_kinds, only: wp
   use attrito_newton_border, only: constraint_type
-  use attrito_newton_linearised_step, only: change_of_deviation, solve_linearised
+  use attrito_newton_linearised_step, only: change_of_deviation, solve_linearised, stiffened
   use attrito_newton_newton_context, only: least_stiffening
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_balance_set_aside, only: evaluation_type, set_aside, take_up
@@ -99,9 +99,8 @@ contains
       do i = 1, size(balance%forces)
         if (balance%forces(i)%periodic) right%slider(:, i) = balance%forces(i)%moved
       end do
-      balance%stiffening = least_stiffening
-      call solve_linearised(balance, constraint, right, context%linear, moved, iterations, status, context%preconditioner)
-      balance%stiffening = 0.0_wp
+      call solve_linearised(balance, constraint, right, stiffened(context%linear, least_stiffening), moved, iterations, status, &
+                            context%preconditioner)
       if (status /= 0) return
       allocate (response, mold=balance%response)
       call balance%respond_to_deviation(change_of_deviation(balance, right, moved), response)

@@ -10,7 +10,7 @@ module attrito_continuation_tangent
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_newton_border, only: constraint_type, inner_product
-  use attrito_newton_linearised_step, only: solve_linearised, change_of_deviation
+  use attrito_newton_linearised_step, only: solve_linearised, change_of_deviation, stiffened
   use attrito_newton_newton_context, only: least_stiffening
   use attrito_balance_stuck_response, only: recover_loaded
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
@@ -107,9 +107,8 @@ contains
       end if
       constraint%frequency = towards%omega/context%frequency_scale
       right%omega = 1.0_wp
-      balance%stiffening = least_stiffening
-      call solve_linearised(balance, constraint, right, context%linear, step, iterations, status, context%preconditioner)
-      balance%stiffening = 0.0_wp
+      call solve_linearised(balance, constraint, right, stiffened(context%linear, least_stiffening), step, iterations, status, &
+                            context%preconditioner)
       if (status /= 0) return
       allocate (rate, mold=balance%response)
       call balance%respond_to_deviation(change_of_deviation(balance, right, step), rate)

@@ -2,7 +2,8 @@
 !>
 !> $$ D = (1 - s) \, dg/dd, $$
 !>
-!> s being what contacts keep of their springs. All ways to solve the condensed system take it from here.
+!> s being what contacts that slip or open keep of their springs: 0 is Newton's method; more holds a motion that nothing but friction
+!> holds, at the price of a linear rate. All ways to solve the condensed system take it from here.
 module attrito_newton_active_jacobian
   use attrito_core_kinds, only: wp
   use attrito_balance_harmonic_balance, only: balance_type
@@ -19,17 +20,19 @@ module attrito_newton_active_jacobian
 contains
 
   !> Of an active contact, by its place among these.
-  pure function jacobian_of(balance, contact) result(self)
+  pure function jacobian_of(balance, contact, stiffening) result(self)
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     !> Place of the contact among the active ones
     integer, intent(in) :: contact
+    !> s
+    real(wp), intent(in) :: stiffening
     type(contact_jacobian_type) :: self
     integer :: i
 
     associate (forces => balance%forces(balance%active%contacts(contact)))
       self%rows = pack([(i, i=1, size(forces%active))], forces%active)
-      self%values = (1.0_wp - balance%stiffening)*forces%jacobian(self%rows, :)
+      self%values = (1.0_wp - stiffening)*forces%jacobian(self%rows, :)
     end associate
   end function jacobian_of
 

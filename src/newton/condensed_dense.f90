@@ -32,11 +32,13 @@ module attrito_newton_condensed_dense
 contains
 
   !> Solve for y and omega; the balance holds the Jacobian of its last evaluation.
-  subroutine solve_by_elimination(balance, border, rho, last, y, omega, status)
+  subroutine solve_by_elimination(balance, border, stiffening, rho, last, y, omega, status)
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     !> Row and column of the constraint
     type(border_type), intent(in) :: border
+    !> Part of their springs that contacts keep
+    real(wp), intent(in) :: stiffening
     !> Right-hand side of the balance [2 H + 1, active rows], and sigma - p^T rho
     real(wp), intent(in) :: rho(:, :), last
     !> D delta d [2 H + 1, active rows] and step of omega
@@ -49,7 +51,7 @@ contains
 
     call list_active(balance, mine, all)
     n = size(all)
-    call assemble_rows(balance, mine, all, rho, transposed_rows)
+    call assemble_rows(balance, stiffening, mine, all, rho, transposed_rows)
     call balance%ranks%gather_columns(transposed_rows, everyone)
     row = 0.0_wp*rho
     if (border%has_motion) row = border%row_at(balance%active%contact_rows)
@@ -137,9 +139,11 @@ contains
   end subroutine list_active
 
   !> This rank's rows of the dense system, as columns: [n + 2, mine], the last two being (D b) and (D rho).
-  subroutine assemble_rows(balance, mine, all, rho, transposed_rows)
+  subroutine assemble_rows(balance, stiffening, mine, all, rho, transposed_rows)
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
+    !> Part of their springs that contacts keep
+    real(wp), intent(in) :: stiffening
     !> Active entries of this rank; active entries of all ranks
     type(entry_type), intent(in) :: mine(:), all(:)
     !> Right-hand side over contact rows
@@ -159,7 +163,7 @@ contains
     column = 0
     offset = offset_of_rank(mine, all)
     do contact = 1, size(balance%active%contacts)
-      jacobian = jacobian_of(balance, contact)
+      jacobian = jacobian_of(balance, contact, stiffening)
       associate (first => balance%active%first(contact), own => balance%active%rows(contact), count => size(jacobian%rows))
         call receptance_to(blocks, all, first - 1, own, k, receptance)
         receptance(:, n + 1) = reshape(by_omega(:, first:first + own - 1), [k*own])

@@ -79,11 +79,13 @@ module attrito_newton_condensed_krylov
 contains
 
   !> Solve for y and omega; the balance holds the Jacobian of its last evaluation.
-  subroutine solve_by_krylov(balance, border, rho, last, options, factors, y, omega, iterations, status)
+  subroutine solve_by_krylov(balance, border, stiffening, rho, last, options, factors, y, omega, iterations, status)
     !> Harmonic balance, whose last evaluation this changes
     type(balance_type), target, intent(inout) :: balance
     !> Row and column of the constraint
     type(border_type), intent(in) :: border
+    !> Part of their springs that contacts keep
+    real(wp), intent(in) :: stiffening
     !> Right-hand side of the balance [2 H + 1, active rows], and sigma - p^T rho
     real(wp), intent(in) :: rho(:, :), last
     !> How to solve
@@ -106,11 +108,11 @@ contains
     omega = 0.0_wp
     iterations = 0
     status = 0
-    context%system = new_condensed_operator(balance, border, options%tolerance)
+    context%system = new_condensed_operator(balance, border, stiffening, options%tolerance)
     right = context%system%multiply_jacobian(rho)
     do
-      anew = .not. factors%serve(balance)
-      if (anew) call factors%make(balance, options%low_modes, status)
+      anew = .not. factors%serve(balance, stiffening)
+      if (anew) call factors%make(balance, options%low_modes, stiffening, status)
       if (status /= 0) return
       call new_two_level(context%system, factors, context%preconditioner)
       call run(context, options%tolerance, min(options%max_iterations, factors%patience()), right, &

@@ -40,18 +40,20 @@ module attrito_newton_condensed_operator
 contains
 
   !> Of the balance's last evaluation, which the operator points to.
-  function new_condensed_operator(balance, border, tolerance) result(self)
+  function new_condensed_operator(balance, border, stiffening, tolerance) result(self)
     !> Harmonic balance, whose last evaluation this changes
     type(balance_type), target, intent(inout) :: balance
     !> Row and column of the constraint
     type(border_type), intent(in) :: border
+    !> Part of their springs that contacts keep
+    real(wp), intent(in) :: stiffening
     !> What products may leave out of a mode, relative to it
     real(wp), intent(in) :: tolerance
     type(condensed_operator_type) :: self
 
     self%balance => balance
     call balance%split%prepare(balance%receptance, balance%ranks, places_of_rows(balance), tolerance)
-    call gather_jacobian(self)
+    call gather_jacobian(self, stiffening)
     self%column = self%multiply_jacobian(change_with_omega(balance))
     self%has_row = border%has_motion
     if (self%has_row) then
@@ -79,15 +81,17 @@ contains
   end subroutine weigh_constraint
 
   !> D where it is not zero.
-  subroutine gather_jacobian(self)
+  subroutine gather_jacobian(self, stiffening)
     type(condensed_operator_type), intent(inout) :: self
+    !> Part of their springs that contacts keep
+    real(wp), intent(in) :: stiffening
     integer :: i, k
 
     k = self%balance%coefficients()
     associate (active => self%balance%active)
       allocate (self%blocks(size(active%contacts)))
       do i = 1, size(active%contacts)
-        self%blocks(i) = jacobian_of(self%balance, i)
+        self%blocks(i) = jacobian_of(self%balance, i, stiffening)
       end do
       self%unknowns = [(k*(active%first(i) - 1) + self%blocks(i)%rows, i=1, size(active%contacts))]
     end associate

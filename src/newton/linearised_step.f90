@@ -20,15 +20,28 @@ module attrito_newton_linearised_step
   use attrito_balance_work, only: step_work
   implicit none
   private
-  public :: linear_options_type, solve_linearised, apply_linearised, change_of_deviation
+  public :: linear_options_type, stiffened, solve_linearised, apply_linearised, change_of_deviation
 
   type :: linear_options_type
     !> Active unknowns up to which the system is formed and eliminated
     integer :: dense_limit = 400
     type(krylov_options_type) :: krylov
+    !> Part of their springs that contacts keep in the step (`attrito_newton_active_jacobian`)
+    real(wp) :: stiffening = 0.0_wp
   end type linear_options_type
 
 contains
+
+  !> The same for a step in which contacts keep a part of their springs.
+  pure type(linear_options_type) function stiffened(options, part)
+    !> How to solve
+    type(linear_options_type), intent(in) :: options
+    !> Part of their springs
+    real(wp), intent(in) :: part
+
+    stiffened = options
+    stiffened%stiffening = part
+  end function stiffened
 
   !> Solve for the step; the balance holds the Jacobian of its last evaluation.
   subroutine solve_linearised(balance, constraint, right, options, step, iterations, status, kept)
@@ -65,11 +78,11 @@ contains
     allocate (y, mold=rho)
     active = active_unknowns(balance)
     if (active <= options%dense_limit) then
-      call solve_by_elimination(balance, border, rho, last, y, step%omega, status)
+      call solve_by_elimination(balance, border, options%stiffening, rho, last, y, step%omega, status)
     else if (present(kept)) then
-      call solve_by_krylov(balance, border, rho, last, options%krylov, kept, y, step%omega, iterations, status)
+      call solve_by_krylov(balance, border, options%stiffening, rho, last, options%krylov, kept, y, step%omega, iterations, status)
     else
-      call solve_by_krylov(balance, border, rho, last, options%krylov, own, y, step%omega, iterations, status)
+      call solve_by_krylov(balance, border, options%stiffening, rho, last, options%krylov, own, y, step%omega, iterations, status)
     end if
     balance%work = balance%work + step_work(active, size(rho, 1), size(response, 1), iterations)/balance%ranks%ranks
     if (status /= 0) return

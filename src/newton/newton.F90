@@ -11,7 +11,7 @@ module attrito_newton_newton
   use attrito_core_kinds, only: wp
   use attrito_newton_border, only: constraint_type, inner_product
   use attrito_newton_convergence, only: has_diverged, is_converged, worse_of
-  use attrito_newton_linearised_step, only: solve_linearised, apply_linearised
+  use attrito_newton_linearised_step, only: solve_linearised, apply_linearised, stiffened
   use attrito_newton_newton_context, only: context_handle_type, newton_context_type, least_stiffening
 #if PETSC_VERSION_LT(3, 23, 0)
   use attrito_newton_newton_context, only: MatCreateShell, MatShellGetContext, PCShellSetContext, PCShellGetContext
@@ -172,10 +172,9 @@ contains
     self%context%constraint = constraint
     self%context%linear_iterations = 0
     self%context%last_norm = sqrt(huge(1.0_wp))
+    self%context%first_stiffening = controls%stiffening
     self%context%stiffening = controls%stiffening
-    self%context%balance%stiffening = controls%stiffening
     call run(self, unknowns, controls, report, ierr)
-    self%context%balance%stiffening = 0.0_wp
     report%linear_iterations = self%context%linear_iterations
     if (ierr /= 0) then
       report%converged = .false.
@@ -358,13 +357,11 @@ contains
     !> Residual relative to the last from which on its fall counts as stalled, and as growth
     real(wp), parameter :: stalls = 0.5_wp, grows = 1.5_wp ! guess
 
-    associate (stiffening => context%balance%stiffening)
-      if (norm > grows*context%last_norm) then
-        stiffening = context%stiffening
-      else if (norm > stalls*context%last_norm) then
-        stiffening = 0.1_wp*stiffening
-      end if
-    end associate
+    if (norm > grows*context%last_norm) then
+      context%stiffening = context%first_stiffening
+    else if (norm > stalls*context%last_norm) then
+      context%stiffening = 0.1_wp*context%stiffening
+    end if
     context%last_norm = norm
   end subroutine adapt_stiffening
 
@@ -444,8 +441,8 @@ contains
     PetscCall(load(context, x, right, ierr))
     right%omega = right%omega/context%frequency_scale
     do attempt = 1, 2
-      call solve_linearised(context%balance, context%constraint, right, context%linear, step, iterations, status, &
-                            context%preconditioner)
+      call solve_linearised(context%balance, context%constraint, right, stiffened(context%linear, context%stiffening), step, &
+                            iterations, status, context%preconditioner)
       context%linear_iterations = context%linear_iterations + iterations
       if (status /= 0) step = room(context)
       PetscCall(store(context, y, step, ierr))
@@ -456,8 +453,8 @@ contains
       ! Nearly singular. If nothing helps, no part of this step leads anywhere, and none at all ends the line search at once.
       PetscCall(VecSet(y, zero, ierr))
       deallocate (context%step%motion)
-      if (context%balance%stiffening >= least_stiffening) exit
-      context%balance%stiffening = least_stiffening
+      if (context%stiffening >= least_stiffening) exit
+      context%stiffening = least_stiffening
     end do
   end subroutine apply_inverse
 

@@ -34,8 +34,8 @@ module attrito_newton_newton_context
     integer :: petsc_error = 0
     !> Iterations of GMRES since the solve began
     integer :: linear_iterations = 0
-    !> Springs that contacts keep at first, and norm of the residual at the last Jacobian
-    real(wp) :: stiffening = 0.0_wp, last_norm = 0.0_wp
+    !> Part of their springs that contacts keep at first, and now; norm of the residual at the last Jacobian
+    real(wp) :: first_stiffening = 0.0_wp, stiffening = 0.0_wp, last_norm = 0.0_wp
     !> The last step that was solved for, and the right-hand side that it answers
     type(unknowns_type) :: step, right
     !> Where the balance was last evaluated

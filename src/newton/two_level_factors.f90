@@ -53,13 +53,15 @@ module attrito_newton_two_level_factors
 contains
 
   !> Do they serve the balance's last evaluation?
-  pure logical function serve(self, balance)
+  pure logical function serve(self, balance, stiffening)
     class(two_level_factors_type), intent(in) :: self
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
+    !> Part of their springs that contacts keep
+    real(wp), intent(in) :: stiffening
 
     serve = allocated(self%coarse) .and. self%changes == balance%changes .and. self%excess < worth &
-            .and. abs(self%stiffening - balance%stiffening) < other_springs
+            .and. abs(self%stiffening - stiffening) < other_springs
   end function serve
 
   !> Iterations after which it is better to make them anew; no limit to those just made.
@@ -108,12 +110,14 @@ contains
   end function places_of
 
   !> Make them for the balance's last evaluation.
-  subroutine make(self, balance, low, status)
+  subroutine make(self, balance, low, stiffening, status)
     class(two_level_factors_type), intent(inout) :: self
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     !> Lowest modes in the coarse system
     integer, intent(in) :: low
+    !> Part of their springs that contacts keep
+    real(wp), intent(in) :: stiffening
     !> 0, or not: singular, and they are void
     integer, intent(out) :: status
     real(wp), allocatable :: shapes(:, :)
@@ -121,7 +125,7 @@ contains
     self%contacts = balance%active%contacts
     self%low = min(low, balance%receptance%common_modes())
     self%changes = balance%changes
-    self%stiffening = balance%stiffening
+    self%stiffening = stiffening
     self%usual = -1
     self%excess = 0
     shapes = balance%receptance%mode_shapes(1, self%low, places_of_rows(balance))
@@ -161,7 +165,7 @@ contains
     allocate (self%blocks(size(balance%active%contacts)))
     do i = 1, size(balance%active%contacts)
       call receive_locally(self, balance, i, local)
-      jacobian = jacobian_of(balance, i)
+      jacobian = jacobian_of(balance, i, self%stiffening)
       associate (block => self%blocks(i))
         block%rows = jacobian%rows
         if (allocated(product)) deallocate (product)

@@ -13,7 +13,7 @@ module attrito_peak_condition
   use attrito_core_kinds, only: wp
   use attrito_newton_border, only: constraint_type
   use attrito_balance_harmonic_balance, only: balance_type
-  use attrito_newton_linearised_step, only: solve_linearised
+  use attrito_newton_linearised_step, only: solve_linearised, stiffened
   use attrito_newton_newton_context, only: least_stiffening
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_solve_solver, only: solver_type
@@ -233,9 +233,8 @@ contains
       step = right
       call solve_linearised(context%balance, problem%border, right, context%linear, step, iterations, status)
       if (status == 0) return
-      context%balance%stiffening = least_stiffening
-      call solve_linearised(context%balance, problem%border, right, context%linear, step, iterations, status)
-      context%balance%stiffening = 0.0_wp
+      call solve_linearised(context%balance, problem%border, right, stiffened(context%linear, least_stiffening), step, iterations, &
+                            status)
     end associate
   end subroutine solve
 

@@ -298,22 +298,20 @@ contains
     integer :: i, status
 
     call prepare(0.0_wp, balance, motion)
-    call check(error, .not. factors%serve(balance), 'nothing serves')
-    call factors%make(balance, 4, status)
+    call check(error, .not. factors%serve(balance, 0.0_wp), 'nothing serves')
+    call factors%make(balance, 4, 0.0_wp, status)
     do i = 1, 20
       call factors%count(10)
     end do
-    call check(error, status == 0 .and. factors%serve(balance), 'what takes the usual iterations is given up')
+    call check(error, status == 0 .and. factors%serve(balance, 0.0_wp), 'what takes the usual iterations is given up')
     call factors%count(10 + (factors%patience() - 10)/2)
-    call check(error, factors%serve(balance), 'it is given up too early')
+    call check(error, factors%serve(balance, 0.0_wp), 'it is given up too early')
     call factors%count(factors%patience())
-    call check(error, .not. factors%serve(balance), 'it is not given up')
-    call factors%make(balance, 4, status)
-    balance%stiffening = 0.1_wp
-    call check(error, .not. factors%serve(balance), 'it serves other springs')
-    balance%stiffening = 0.0_wp
+    call check(error, .not. factors%serve(balance, 0.0_wp), 'it is not given up')
+    call factors%make(balance, 4, 0.0_wp, status)
+    call check(error, .not. factors%serve(balance, 0.1_wp), 'it serves other springs')
     balance%changes = balance%changes + 1
-    call check(error, .not. factors%serve(balance), 'it serves other contacts')
+    call check(error, .not. factors%serve(balance, 0.0_wp), 'it serves other contacts')
     call balance%destroy()
   end subroutine worn_preconditioner
 
@@ -355,7 +353,7 @@ contains
     call solve_linearised(balance, random_constraint(), right, linear_options_type(dense_limit=0, krylov=krylov_options_type( &
                           tolerance=1.0e-13_wp, low_modes=2, max_iterations=2)), step, iterations, status, kept)
     call check(error, status == 0 .and. iterations == 2, 'it is not handed out')
-    call check(error, .not. kept%serve(balance), 'its preconditioner is kept')
+    call check(error, .not. kept%serve(balance, 0.0_wp), 'its preconditioner is kept')
     call balance%destroy()
   end subroutine unfinished
 
