@@ -61,14 +61,16 @@ module attrito_accuracy_error_control
 contains
 
   !> Errors of the solver's present point, and the point on a longer series.
-  subroutine estimate(self, solver, finer)
+  subroutine estimate(self, solver, solved, finer)
     class(error_control_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Is its present point a solution? If not, there are no errors
+    logical, intent(in) :: solved
     !> Point by the finer balance, to first order
     type(finer_point_type), intent(out) :: finer
 
-    call self%estimator%estimate(solver, self%tolerance, self%errors, finer)
+    call self%estimator%estimate(solver, solved, self%tolerance, self%errors, finer)
   end subroutine estimate
 
   !> Save or load what the next point depends on.
@@ -158,7 +160,7 @@ contains
     iterations = solver%report%iterations
     self%next_harmonics = 0
     do attempt = 0, most_refinements
-      call self%estimate(solver, finer)
+      call self%estimate(solver, solver%report%converged, finer)
       if (.not. (solver%report%converged .and. self%errors%are_known())) exit
       if (.not. (self%choose_harmonics .or. self%choose_samples)) exit
       if (allocated(shorter) .and. .not. self%estimator%is_sure) call compare(self, solver, shorter)

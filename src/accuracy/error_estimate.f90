@@ -57,10 +57,12 @@ module attrito_accuracy_error_estimate
 contains
 
   !> Errors of the solver's present point. None where every contact sticks: that is linear.
-  subroutine estimate(self, solver, tolerance, errors, finer)
+  subroutine estimate(self, solver, solved, tolerance, errors, finer)
     class(error_estimate_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Is its present point a solution?
+    logical, intent(in) :: solved
     !> That is asked for; `no_tolerance` where none is
     real(wp), intent(in) :: tolerance
     !> By harmonics and samples; that of the modes stays
@@ -77,7 +79,7 @@ contains
     self%is_sure = .true.
     self%is_stiff = .false.
     self%unsettled = 0
-    if (.not. solver%report%converged) return
+    if (.not. solved) return
     associate (balance => solver%context%balance)
       if (solver%all_stick .and. size(solver%structure%harmonic_load, 2) <= balance%coefficients()) return
       sampled = count(balance%forces%state >= state_slipping .and. .not. goes_by_events(balance%law, balance%quadrature%by_events))

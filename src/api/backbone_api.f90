@@ -2,6 +2,7 @@
 module attrito_api_backbone
   use, intrinsic :: iso_c_binding
   use attrito_accuracy_point_errors, only: point_errors_type, no_tolerance
+  use attrito_newton_newton, only: newton_report_type
   use attrito_output_point_report, only: report_point
   use attrito_peak_backbone, only: begin_backbone, begin_mode, leading_mode, prepare_mode
   use attrito_peak_condition, only: problem_type
@@ -129,10 +130,12 @@ contains
     integer, intent(in) :: branch
     !> Point of the backbone, reported
     type(backbone_type), intent(out) :: backbone
+    type(newton_report_type) :: ended
 
-    session%solver%report%converged = session%backbone%found
-    session%solver%report%iterations = session%backbone%iterations
-    call report_point(session%solver, branch, point_errors_type(), no_tolerance, session%point)
+    ended = session%solver%report
+    ended%converged = session%backbone%found
+    ended%iterations = session%backbone%iterations
+    call report_point(session%solver, ended, branch, point_errors_type(), no_tolerance, session%point)
     backbone%point = point_of(session%point)
     backbone%modal_amplitude = session%backbone%amplitude
     backbone%excitation = session%backbone%excitation

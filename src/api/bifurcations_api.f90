@@ -125,7 +125,8 @@ contains
     point%multiplier = multiplier
     call restore(session%solver, place)
     call session%solver%context%balance%evaluate(place%motion, place%omega, status)
-    call report_point(session%solver, session%sweep%branch, session%accuracy%errors, session%accuracy%tolerance, point%point)
+    call report_point(session%solver, session%solver%report, session%sweep%branch, session%accuracy%errors, &
+                      session%accuracy%tolerance, point%point)
     call session%solver%context%forget()
   end function bifurcation_at
 

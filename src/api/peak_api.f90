@@ -4,6 +4,7 @@ module attrito_api_peak
   use attrito_core_kinds, only: wp
   use attrito_core_trigonometric, only: resized
   use attrito_accuracy_finer_balance, only: finer_point_type
+  use attrito_newton_newton, only: newton_report_type
   use attrito_output_point_report, only: report_point
   use attrito_peak_condition, only: problem_type, value_of
   use attrito_peak_curve, only: follow_parameter
@@ -148,12 +149,14 @@ contains
     integer, intent(in) :: branch
     !> Peak, reported
     type(peak_type), intent(out) :: peak
+    type(newton_report_type) :: ended
     type(finer_point_type) :: finer
 
-    session%solver%report%converged = session%peak%found
-    session%solver%report%iterations = session%peak%iterations
-    call session%accuracy%estimate(session%solver, finer)
-    call report_point(session%solver, branch, session%accuracy%errors, session%accuracy%tolerance, session%point)
+    ended = session%solver%report
+    ended%converged = session%peak%found
+    ended%iterations = session%peak%iterations
+    call session%accuracy%estimate(session%solver, ended%converged, finer)
+    call report_point(session%solver, ended, branch, session%accuracy%errors, session%accuracy%tolerance, session%point)
     peak%point = point_of(session%point)
     peak%evaluations = session%solver%context%balance%evaluations
     peak%parameter = value_of(session%peak%problem, session%solver)

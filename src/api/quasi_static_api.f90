@@ -3,6 +3,7 @@ module attrito_api_quasi_static
   use, intrinsic :: iso_c_binding
   use attrito_core_kinds, only: wp
   use attrito_accuracy_point_errors, only: point_errors_type, no_tolerance
+  use attrito_newton_newton, only: newton_report_type
   use attrito_output_point_report, only: report_point
   use attrito_peak_quasi_static, only: begin_quasi_static
   use attrito_api_session, only: session_type, session_of
@@ -46,14 +47,17 @@ contains
     integer(c_int), value :: steps, settling, branch
     !> The cycle, reported as a point
     type(quasi_static_type), intent(out) :: cycle
+    type(newton_report_type) :: ended
     type(session_type), pointer :: session
 
     session => session_of(handle)
     associate (mode => session%quasi_static)
       call mode%cycle_at(session%solver, load, steps, settling)
-      session%solver%report%converged = mode%found
-      session%solver%report%iterations = mode%iterations
-      call report_point(session%solver, branch, point_errors_type(), no_tolerance, session%point)
+      ended = session%solver%report
+      ended%converged = mode%found
+      ended%iterations = mode%iterations
+      ended%defect = mode%defect
+      call report_point(session%solver, ended, branch, point_errors_type(), no_tolerance, session%point)
       cycle%point = point_of(session%point)
       cycle%load = mode%load
       cycle%amplitude = mode%amplitude

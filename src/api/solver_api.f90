@@ -195,7 +195,7 @@ contains
 
     session => session_of(handle)
     call follow_static_path(session%solver, path, steps, omega, error)
-    call report_point(session%solver, 0, session%accuracy%errors, no_tolerance, session%point)
+    call report_point(session%solver, session%solver%report, 0, session%accuracy%errors, no_tolerance, session%point)
     point = point_of(session%point)
     attrito_follow_static_path = report_error(error, message)
   end function attrito_follow_static_path
@@ -229,8 +229,8 @@ contains
     session%moduli(1) = session%moduli(2)
     session%moduli(2) = moduli_type()
     call session%accuracy%advance(session%sweep, session%solver)
-    call report_point(session%solver, session%sweep%branch, session%accuracy%errors, session%accuracy%tolerance, &
-                      session%point)
+    call report_point(session%solver, session%solver%report, session%sweep%branch, session%accuracy%errors, &
+                      session%accuracy%tolerance, session%point)
     call session%point%take_curve(session%sweep%stepper%here, session%sweep%stepper%path)
     point = point_of(session%point)
     point%finished = merge(1, 0, session%sweep%finished)
@@ -256,7 +256,8 @@ contains
     before = session%solver%omega
     call session%accuracy%solve_at(session%solver, omega)
     session%solver%omega = omega
-    call report_point(session%solver, branch, session%accuracy%errors, session%accuracy%tolerance, session%point)
+    call report_point(session%solver, session%solver%report, branch, session%accuracy%errors, session%accuracy%tolerance, &
+                      session%point)
     if (.not. (session%solver%report%converged .or. session%solver%evidence%is_drifting)) session%solver%omega = before
     point = point_of(session%point)
   end subroutine attrito_solve_at
@@ -287,7 +288,7 @@ contains
     evidence = session%solver%evidence
     call solve_by_strategy(session%solver, table(number), omega)
     session%solver%omega = omega
-    call report_point(session%solver, 0, session%accuracy%errors, no_tolerance, session%point)
+    call report_point(session%solver, session%solver%report, 0, session%accuracy%errors, no_tolerance, session%point)
     call restore(session%solver, before)
     session%solver%evidence = evidence
     point = point_of(session%point)

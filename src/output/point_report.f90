@@ -6,6 +6,7 @@ module attrito_output_point_report
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_accuracy_point_errors, only: point_errors_type
   use attrito_continuation_curve_point, only: curve_point_type
+  use attrito_newton_newton, only: newton_report_type
   use attrito_solve_solver, only: solver_type
   use attrito_contact_state, only: state_stuck, state_open
   use attrito_output_findings, only: findings_type
@@ -47,9 +48,11 @@ module attrito_output_point_report
 contains
 
   !> Report the solver's present point.
-  subroutine report_point(solver, branch, errors, tolerance, report)
+  subroutine report_point(solver, ended, branch, errors, tolerance, report)
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> How the search for this point ended
+    type(newton_report_type), intent(in) :: ended
     !> Number of the branch
     integer, intent(in) :: branch
     !> Estimated for this point
@@ -65,9 +68,9 @@ contains
       report%frequency_hz = solver%omega/two_pi
       report%level = balance%level
       report%branch = branch
-      report%iterations = solver%report%iterations
-      report%linear_iterations = solver%report%linear_iterations
-      report%residual = solver%report%residual
+      report%iterations = ended%iterations
+      report%linear_iterations = ended%linear_iterations
+      report%residual = ended%residual
       report%harmonics = monitored(balance, merge(balance%highest_load(), balance%receptance%harmonics, solver%all_stick))
       allocate (report%amplitude(monitors))
       do i = 1, monitors
@@ -76,8 +79,8 @@ contains
       end do
       report%mean = report%harmonics(1, :)
       call count_states(balance, report)
-      report%findings%solved = solver%report%converged .and. is_finite(report)
-      report%findings%settled = solver%report%defect <= accepted_defect
+      report%findings%solved = ended%converged .and. is_finite(report)
+      report%findings%settled = ended%defect <= accepted_defect
       report%findings%within_tolerance = errors%are_within(tolerance)
       report%findings%no_periodic_solution = solver%evidence%no_periodic_solution
       report%errors = errors

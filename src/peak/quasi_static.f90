@@ -54,6 +54,8 @@ module attrito_peak_quasi_static
     !> Was there an equilibrium everywhere? Newton's iterations that it took
     logical :: found = .false.
     integer :: iterations = 0
+    !> What the last cycle misses of closing, relative to the motion's scale
+    real(wp) :: defect = 0.0_wp
     !> M phi in generalised coordinates [n]; norm of the contacts' motion that a unit of load gives the mode
     real(wp), allocatable, private :: reader(:)
     real(wp), private :: motion_per_load = 0.0_wp
@@ -164,9 +166,8 @@ contains
         do i = 1, size(balance%slider, 2)
           defect = max(defect, norm2(history%slider(:, i, steps) - history%slider(:, i, 0)))
         end do
-        defect = balance%ranks%largest(defect)/context%motion_scale
-        solver%report%defect = defect
-        if (defect <= max(closed, closed_tolerances*context%tolerance)) exit
+        self%defect = balance%ranks%largest(defect)/context%motion_scale
+        if (self%defect <= max(closed, closed_tolerances*context%tolerance)) exit
       end do
     end associate
   end subroutine follow_cycles

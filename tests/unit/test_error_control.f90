@@ -33,7 +33,7 @@ contains
       call solve_wedge(merge(3, 9, i == 1), solver, error)
       if (allocated(error)) return
       amplitude(i) = norm2(solver%motion(2:3, 1))
-      if (i == 1) call control%estimate(solver, point)
+      if (i == 1) call control%estimate(solver, solver%report%converged, point)
       call solver%destroy()
     end do
     call check(error, control%errors%are_known(), 'no error is given')
@@ -89,7 +89,7 @@ contains
     motion = solver%motion
     solver%context%constraint%motion = 0.0_wp*solver%motion
     solver%context%constraint%frequency = 0.0_wp
-    call control%estimate(solver, point)
+    call control%estimate(solver, solver%report%converged, point)
     call check(error, .not. control%errors%are_known(), 'an error is given')
     call check(error, .not. allocated(point%monitors), 'monitors of a finer balance are given')
     call check(error, all(abs(solver%motion - motion) <= 0.0_wp) .and. solver%report%converged, 'the point does not stay')
