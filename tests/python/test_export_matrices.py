@@ -173,6 +173,18 @@ def test_a_full_model_goes_out_and_comes_in_again(kind, folder, tmp_path, monkey
     assert lower.max() <= (digits + 1e-15) * abs(written.stiffness).max()
 
 
+def test_a_reduced_model_that_recovers_little_has_all_of_its_matrices(rom, capfd, tmp_path, monkeypatch):
+    text = (rom.parent / "job.toml").read_text().replace("modes = 6", "modes = 6\nrecovery = 'monitors'")
+    (tmp_path / "job.toml").write_text(text)
+    (tmp_path / "model.h5").write_bytes((rom.parent / "model.h5").read_bytes())
+    done = attrito_here(tmp_path, capfd, "reduce", "job.toml")
+    assert done.returncode == 0, done.stderr
+    with h5py.File(tmp_path / "rom.h5") as file:
+        assert "recovery/dof" in file
+    monkeypatch.chdir(tmp_path)
+    assert export_matrices("rom.h5", "dmig", None, None)[1].startswith("rom.dof: 8 rows")
+
+
 def test_dofs_without_names_are_points_from_1(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     model, _ = elastic_block((1, 1, 1), (1.0, 1.0, 1.0))

@@ -99,7 +99,7 @@ def _of_rom(file: h5py.File, path: str, model: str | None) -> Matrices:
     if given is None:
         raise InputError(Fault(path, "model", "not found", "the model that it was made of: --model model.h5"))
     read = read_model(given, matrices=False)
-    dofs = file["recovery/basis"].shape[1]
+    dofs = file["vectors/full"].shape[1]
     if read.size != dofs:
         raise InputError(Fault(given, "dofs", read.size, f"{dofs}, those of the model that {path} was made of"))
     node, direction = _names(read, boundary, rows - len(boundary))
