@@ -69,7 +69,7 @@ contains
     type(multiplier_type), intent(in) :: found(:), of_balance(:)
 
     between_folding = may_fold(found) .and. may_fold(of_balance)
-    if (between_folding) between_folding = nearest_to_fold(of_balance)/nearest_to_fold(found) < 0.5_wp
+    if (between_folding) between_folding = nearest_to_fold(of_balance)*nearest_to_fold(found) < 0.5_wp*nearest_to_fold(found)**2
   end function between_folding
 
   !> The real multiplier nearest to 1, less 1.

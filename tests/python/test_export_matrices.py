@@ -207,7 +207,7 @@ def test_internal_coordinates_of_abaqus_get_numbers_that_nastran_can_have(tmp_pa
     assert read.dof_node.tolist() == [2005, 3001] and read.stiffness.diagonal().tolist() == [2.0, 3.0]
 
 
-def test_faults_of_an_export_are_told(rom, tmp_path, capfd, monkeypatch):
+def test_faults_of_an_export_name_what_was_expected(rom, tmp_path, capfd, monkeypatch):
     folder = rom.parent
     (tmp_path / "rom.h5").write_bytes(rom.read_bytes())
     faults = {

@@ -14,7 +14,7 @@ program test_stability
   use attrito_stability_examine, only: by_monodromy, by_hill
   use attrito_stability_hill, only: hill_multipliers
   use attrito_stability_event_orbit, only: event_orbit_type
-  use attrito_stability_multipliers, only: multiplier_type, kind_stuck, multipliers_of, in_modes
+  use attrito_stability_multipliers, only: multiplier_type, kind_floquet, kind_stuck, multipliers_of, in_modes
   use attrito_stability_reduced, only: reduce_to
   use attrito_stability_shooting, only: shoot
   use attrito_stability_start, only: loading_of, start_of
@@ -325,6 +325,10 @@ contains
     call check(error, .not. between_folding(other, other), 'at the unstable orbit')
     other(1)%value = 1.0_wp - 0.6_wp*sqrt(a)
     call check(error, between_folding(node, other), 'at 0.65 and 1.35 of half the distance between both')
+    other(4)%kind = kind_floquet
+    other(4)%value = 1.0_wp
+    call check(error, .not. between_folding(other, other), 'at the fold')
+    other(4)%kind = kind_stuck
     ! A truncated series may leave multipliers that mean nothing.
     other(1)%value = 1.33_wp
     call check(error, .not. between_folding(node, other), 'far from a fold')

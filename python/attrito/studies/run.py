@@ -131,7 +131,7 @@ def _solve_batch(
     comm: Comm, job: Job, base: Scene | None, rom: Rom | None, study: Study, values: np.ndarray
 ) -> list[list[dict]]:
     """Peaks of the samples of one batch, `[samples][values of the parameter]`, or modes, `[samples][amplitudes]`."""
-    with LOCATED[study.of](comm, base, rom) as located:
+    with contextlib.closing(LOCATED[study.of](comm, base, rom)) as located:
         jobs = [study.changed(job, row) for row in values]
         return [located.of(changed, study.stops(changed)) for changed in jobs]
 

@@ -7,58 +7,26 @@ no other sample.
 from __future__ import annotations
 
 import contextlib
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import Any
 
 from attrito.job.job import Job
-from attrito.library.reduced_scene import ReducedScene
-from attrito.library.session import Options, Solver
+from attrito.library.session import Solver
 from attrito.modes.mode_point import ModePoint
 from attrito.modes.nonlinear import Tracker, chosen_mode, contact_work, new_tracker, series_of_mode
 from attrito.modes.scene_at_rest import come_to_rest
-from attrito.scene.build import build_scene, with_numbers_of
-from attrito.scene.reduced_model import Rom, reduced_scene
-from attrito.scene.scene import Scene
-from attrito.scene.solver_options import solver_options
+from attrito.studies.samples import Samples
 from attrito.support.errors import NumericsError
-from attrito.support.parallel import on_root
-
-if TYPE_CHECKING:
-    from mpi4py.MPI import Comm
 
 
-class SampleModes:
-    """Follows the modes of jobs that differ in numbers, one after another; used in a `with` block, as `SamplePeaks` is.
-
-    Parameters
-    ----------
-    comm : group of ranks
-    base : scene of a job that the others differ from in contacts' laws, load path and damping alone, on rank 0; None
-        where each is to be built anew
-    rom : the reduced model of them all, on rank 0, where they have one
-    """
-
-    def __init__(self, comm: Comm, base: Scene | None, rom: Rom | None = None):
-        self._comm, self._base, self._rom = comm, base, rom
-
-    def __enter__(self) -> SampleModes:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Every session is closed with its sample."""
+class SampleModes(Samples):
+    """Follows the modes of samples; every session is closed with its sample."""
 
     def of(self, job: Job, amplitudes: list[float]) -> list[dict[str, Any]]:
         """The mode of a job at its amplitudes; from the one on at which it is lost, `not_converged`."""
-
-        def scene_of() -> tuple[ReducedScene, np.ndarray, Options]:
-            scene = build_scene(job) if self._base is None else with_numbers_of(job, self._base)
-            return reduced_scene(job, scene, self._rom), scene.load_path, series_of_mode(solver_options(job, self._rom))
-
-        reduced, load_path, options = on_root(self._comm, scene_of)
+        reduced, load_path, options = self.scene_of(job)
         found: list[dict[str, Any]] = []
         tangent: dict[str, float | None] = {"tangent_hz": None, "tangent_damping_ratio": None}
-        with Solver(self._comm, reduced, options) as solver:
+        with Solver(self._comm, reduced, series_of_mode(options)) as solver:
             # No static equilibrium, or the mode is lost
             with contextlib.suppress(NumericsError):
                 come_to_rest(solver, job, load_path)

@@ -18,12 +18,10 @@ from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Point, Solver
 from attrito.peaks.fixed_series import fixed_series, is_enough
 from attrito.peaks.run import begin
-from attrito.scene.build import build_scene, with_numbers_of
-from attrito.scene.reduced_model import Rom, reduced_scene
+from attrito.scene.reduced_model import Rom
 from attrito.scene.scene import Scene
-from attrito.scene.solver_options import solver_options
+from attrito.studies.samples import Samples
 from attrito.support.errors import NumericsError
-from attrito.support.parallel import on_root
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -34,19 +32,11 @@ METHODS = ("near", "tracked", "swept")
 SWEEP_POINTS = 60
 
 
-class SamplePeaks:
-    """Solves jobs that differ in numbers, one after another; close it, or use it in a `with` block.
-
-    Parameters
-    ----------
-    comm : group of ranks
-    base : scene of a job that the others differ from in contacts' laws, load path and damping alone, on rank 0; None
-        where each is to be built anew
-    rom : the reduced model of them all, on rank 0, where they have one
-    """
+class SamplePeaks(Samples):
+    """Locates the peaks of samples; modes and session are kept where they are the same."""
 
     def __init__(self, comm: Comm, base: Scene | None, rom: Rom | None = None):
-        self._comm, self._base, self._rom = comm, base, rom
+        super().__init__(comm, base, rom)
         self._solver: Solver | None = None
         self._options: Options | None = None
         # Which of the series the last sample took
@@ -54,22 +44,15 @@ class SamplePeaks:
         # By place among the values of the parameter
         self._starts: dict[int, Start] = {}
 
-    def __enter__(self) -> SamplePeaks:
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
+        """End the session."""
         if self._solver is not None:
             self._solver.close()
 
     def of(self, job: Job, values: list[float]) -> list[dict[str, Any]]:
         """The peaks of a job at values of its parameter."""
-
-        def scene_of() -> tuple[ReducedScene, np.ndarray, list[Options]]:
-            scene = build_scene(job) if self._base is None else with_numbers_of(job, self._base)
-            options = solver_options(job, self._rom)
-            return reduced_scene(job, scene, self._rom), scene.load_path, fixed_series(options)
-
-        reduced, load_path, series = on_root(self._comm, scene_of)
+        reduced, load_path, options = self.scene_of(job)
+        series = fixed_series(options)
         while True:
             self._take(reduced, series[self._length])
             found = self._find(job, reduced, load_path, values)
