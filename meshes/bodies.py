@@ -35,7 +35,7 @@ class Scene:
     ----------
     coordinates : [N, 3], mm; the node's id is its row + 1
     elements : connectivity [E, 10] by body, rows of `coordinates`, CalculiX order
-    touching : for a pair of bodies the rows of their nodes that coincide, ascending in those of the first
+    touching : for a pair of bodies meshed together the rows of nodes that coincide, ascending in those of the first
     node_sets : rows of `coordinates` by name
     """
 
@@ -86,6 +86,16 @@ def part_bodies(mesh: meshio.Mesh, names: list[str]) -> Scene:
     return Scene(np.concatenate(points), elements, touching, {})
 
 
+def joined(scenes: list[Scene]) -> Scene:
+    """Bodies meshed each by itself as one scene; their nodes coincide by chance only."""
+    elements: dict[str, np.ndarray] = {}
+    first = 0
+    for scene in scenes:
+        elements |= {name: first + cells for name, cells in scene.elements.items()}
+        first += len(scene.coordinates)
+    return Scene(np.concatenate([scene.coordinates for scene in scenes]), elements, {}, {})
+
+
 def write_inp(path: Path, scene: Scene, title: str) -> None:
     """Write the mesh in CalculiX's format."""
     lines = [f"** {title}; mm, t, s", "*NODE"]
@@ -113,7 +123,7 @@ def make_model(
     out: Path,
     name: str,
     title: str,
-    script: str,
+    script: str | dict[str, str],
     bodies: list[str],
     node_sets: Callable[[Scene], dict[str, np.ndarray]],
     steps: dict[str, str],
@@ -126,7 +136,7 @@ def make_model(
     ----------
     out, name : folder, and first part of the names in it
     title : comment of the mesh file
-    script : gmsh script with a physical volume for each of `bodies`
+    script : gmsh script with a physical volume for each of `bodies`; or one a body, whose meshes then do not match
     node_sets : finds the node sets of a scene
     steps : CalculiX jobs by name, from their boundary conditions on
     products : what to keep: CalculiX's file (`matrices.sti`) -> its name in `out`
@@ -136,7 +146,8 @@ def make_model(
     sections = "".join(f"*SOLID SECTION, ELSET={body}, MATERIAL=steel\n" for body in bodies)
     decks = {job: f"*INCLUDE, INPUT={name}.inp\n{STEEL}{sections}{text}" for job, text in steps.items()}
     caller = Path(sys.argv[0]).read_text() if Path(sys.argv[0]).is_file() else ""
-    sources = [script, *decks.values(), repr(sorted(products.items())), caller, Path(__file__).read_text()]
+    scripts = {"": script} if isinstance(script, str) else script
+    sources = [*scripts.values(), *decks.values(), repr(sorted(products.items())), caller, Path(__file__).read_text()]
     stamp = hashlib.sha256("\0".join(sources).encode()).hexdigest()
     stamp_file = out / f"{name}.stamp"
     kept = [out / product for product in (f"{name}.inp", *products.values(), *loads)]
@@ -147,7 +158,8 @@ def make_model(
     stamp_file.unlink(missing_ok=True)
     with tempfile.TemporaryDirectory(dir=out) as scratch:
         folder = Path(scratch)
-        scene = part_bodies(mesh_bodies(script, folder), bodies)
+        meshed = [part_bodies(mesh_bodies(text, folder), [body] if body else bodies) for body, text in scripts.items()]
+        scene = meshed[0] if isinstance(script, str) else joined(meshed)
         scene.node_sets.update(node_sets(scene))
         write_inp(folder / f"{name}.inp", scene, title)
         for job, deck in decks.items():
