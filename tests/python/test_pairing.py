@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import synthetic
 
-from attrito.model.pairing import contact_rows, pair_sets
+from attrito.model.pairing import pair_sets
+from attrito.model.pairs import contact_rows
 from attrito.model.surfaces import FACES, element_family, nodal_surface, set_faces, tangent_frames
 from attrito.support.errors import InputError
 

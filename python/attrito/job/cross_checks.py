@@ -23,6 +23,7 @@ def cross_check(job: Job, earlier: list[Fault], excited: bool = True) -> list[Fa
     # Nor do the keys of a table that is missing.
     checks = (
         _check_model,
+        _check_contact_sets,
         _check_loads,
         _check_excitation if excited else _check_band_of_reduction,
         _check_balance,
@@ -66,6 +67,21 @@ def _check_model(job: Job) -> list[Fault]:
         faults.append(job.fault("[reduction] error", reduction["error"], 'no such key but with modes = "auto"'))
     if not job["contact"] and not job["contact_set"]:
         faults.append(job.fault("contact", "missing", "at least one [[contact]] or [[contact_set]]"))
+    return faults
+
+
+def _check_contact_sets(job: Job) -> list[Fault]:
+    faults = []
+    for i, keys in enumerate(job["contact_set"]):
+        place, points, gap = f"contact_set[{i}]", keys["points"], keys["gap"]
+        if keys["pairing"] == "node" and points is not None:
+            faults.append(job.fault(f"{place} points", points, 'no such key but with pairing = "face"'))
+        if keys["b"] == "ground" and points == "cut":
+            faults.append(job.fault(f"{place} points", points, '"node" or "gauss": the ground has no edges to cut at'))
+        if keys["b"] == "ground" and gap == "geometry":
+            faults.append(job.fault(f"{place} gap", gap, "a number: the ground has no place in the mesh"))
+        if keys["gap_file"] is not None and gap == "geometry":
+            faults.append(job.fault(f"{place} gap", gap, "a number, to which gap_file adds"))
     return faults
 
 

@@ -85,6 +85,9 @@ def files_by_key(job: Job) -> dict[str, str]:
             # `FILE:NAME` is one matrix of a file of several.
             whole = Path(job.file(name)).exists() or ":" not in name
             taken[f"[model] {key}"] = job.file(name if whole else name.rpartition(":")[0])
+    for i, contacts in enumerate(job["contact_set"]):
+        if contacts["gap_file"] is not None:
+            taken[f"contact_set[{i}] gap_file"] = job.file(contacts["gap_file"])
     for i, load in enumerate(job["load"]):
         named = {key: load[key] for key in ("file", "cosine", "sine") if isinstance(load[key], str)}
         taken |= {f"load[{i}] {key}": job.file(name) for key, name in named.items()}

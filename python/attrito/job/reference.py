@@ -15,7 +15,7 @@ PURPOSES = {
     "damping": "At most one kind; besides, a model may have its own damping matrix.",
     "reduction": "Absent: the matrices as they are. Else `modes` or `max_frequency_hz`.",
     "contact": "A contact between dofs. At least one `[[contact]]` or `[[contact_set]]`.",
-    "contact_set": "Node-to-node contacts between two node sets, or between one and the ground.",
+    "contact_set": "Contacts between two node sets, nodes on nodes or on faces, or between one and the ground.",
     "load": "At least one of kind `harmonic`.",
     "static": "How the static loads are applied, and which bounds are found for points that are not unique.",
     "balance": "The harmonic balance.",

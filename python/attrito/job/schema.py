@@ -346,12 +346,33 @@ ARRAYS: dict[str, dict[str, Key]] = {
     "contact_set": {
         "a": Key(text, None, "node set of one side", required=True),
         "b": Key(text, None, 'node set of the other; may be `"ground"`', required=True),
-        "tolerance": Key(number(0), None, "largest distance of the two nodes of a pair", required=True),
+        "pairing": Key(
+            choice("node", "face"),
+            "node",
+            "nodes of a with nodes of b, or points of a with the faces of b, whose mesh need not match"
+            " ([method.md](method.md#contact-on-faces))",
+        ),
+        "points": Key(
+            choice("node", "gauss", "cut"),
+            None,
+            'with `pairing = "face"`: nodes of a (when absent), Gauss points of its faces, or of its faces cut at the'
+            " edges of b's",
+        ),
+        "tolerance": Key(
+            number(0), None, "largest distance of the two nodes of a pair, or of a point and its face", required=True
+        ),
         "tangents": Key(integer(1, 2), 2, "1: slides along one direction, the first tangent"),
         "stiffness_per": Key(
             choice("area", "node"), "area", "stiffness and preload are per tributary area of the pair, or per pair"
         ),
         **LAW,
+        "gap": Key(
+            either(number(), choice("geometry")),
+            0.0,
+            'N = max(preload + kn (v - gap), 0), v the approach of the two sides; `"geometry"`: as the mesh has it,'
+            " below 0 where the sides overlap",
+        ),
+        "gap_file": Key(text, None, "added to `gap`: a text file of `node, gap` for nodes of a"),
     },
     "load": {
         "name": Key(text, None, "for `load_path`"),

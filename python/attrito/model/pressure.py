@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from attrito.model.surfaces import MONOMIALS, REFERENCE_NODES
+from attrito.model.face_shapes import quadrature, shapes
 
 
 def pressure_forces(points: np.ndarray, faces: np.ndarray, pressure: np.ndarray) -> np.ndarray:
@@ -27,34 +27,10 @@ def pressure_forces(points: np.ndarray, faces: np.ndarray, pressure: np.ndarray)
     forces `[N, 3]`, user force
     """
     count = faces.shape[1]
-    place, weight = _quadrature(count)
-    shape, along_r, along_s = _shapes(count, *place.T)
+    place, weight = quadrature(count)
+    shape, along_r, along_s = (shapes(count, *place.T, *derivative) for derivative in ((0, 0), (1, 0), (0, 1)))
     x = points[faces]
     area = np.cross(np.einsum("gi,fid->fgd", along_r, x), np.einsum("gi,fid->fgd", along_s, x))
     forces = np.zeros_like(points)
     np.add.at(forces, faces, -np.einsum("f,g,gi,fgd->fid", pressure, weight, shape, area))
     return forces
-
-
-def _shapes(count: int, r: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Shape functions and their derivatives along r and s at points, `[points, count]` each."""
-    node_r, node_s = np.array(REFERENCE_NODES[count], dtype=float).T
-    p, q = np.array(MONOMIALS[count]).T
-    to_shape = np.linalg.inv(node_r[:, None] ** p * node_s[:, None] ** q)
-    r, s = r[:, None], s[:, None]
-    value = r**p * s**q
-    along_r = p * r ** np.maximum(p - 1, 0) * s**q
-    along_s = q * r**p * s ** np.maximum(q - 1, 0)
-    return value @ to_shape, along_r @ to_shape, along_s @ to_shape
-
-
-def _quadrature(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points `[points, 2]` and weights: degree 4 on triangles (the square's rule collapsed), 5 on quadrilaterals."""
-    x, w = np.polynomial.legendre.leggauss(3)
-    if count in (4, 8):
-        r, s = np.meshgrid(x, x)
-        return np.column_stack([r.ravel(), s.ravel()]), np.outer(w, w).ravel()
-    # r = a, s = (1 - a) b on 0..1 in a and b; the Jacobian 1 - a takes one degree.
-    a, b = np.meshgrid((x + 1) / 2, (x + 1) / 2)
-    weight = np.outer(w, w) / 4 * (1 - a)
-    return np.column_stack([a.ravel(), ((1 - a) * b).ravel()]), weight.ravel()

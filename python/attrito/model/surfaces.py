@@ -6,6 +6,8 @@ import re
 
 import numpy as np
 
+from attrito.model.face_shapes import REFERENCE_NODES, corners, shapes
+
 # Faces of the solid elements in CalculiX node order from 0, corners anticlockwise seen from outside, then the
 # mid-side nodes of the edges 0-1, 1-2, ...
 FACES: dict[str, tuple[tuple[int, ...], ...]] = {
@@ -28,20 +30,6 @@ FACETS: dict[int, tuple[tuple[int, ...], ...]] = {
     4: ((0, 1, 2, 3),),
     6: ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
     8: ((0, 4, 7), (4, 1, 5), (5, 2, 6), (6, 3, 7), (4, 5, 6, 7)),
-}
-
-# Where the nodes of a face stand in (r, s), and the powers of r and s its shape functions are made of.
-REFERENCE_NODES: dict[int, tuple[tuple[float, float], ...]] = {
-    3: ((0, 0), (1, 0), (0, 1)),
-    4: ((-1, -1), (1, -1), (1, 1), (-1, 1)),
-    6: ((0, 0), (1, 0), (0, 1), (0.5, 0), (0.5, 0.5), (0, 0.5)),
-    8: ((-1, -1), (1, -1), (1, 1), (-1, 1), (0, -1), (1, 0), (0, 1), (-1, 0)),
-}
-MONOMIALS: dict[int, tuple[tuple[int, int], ...]] = {
-    3: ((0, 0), (1, 0), (0, 1)),
-    4: ((0, 0), (1, 0), (0, 1), (1, 1)),
-    6: ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)),
-    8: ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (2, 1), (1, 2)),
 }
 
 
@@ -104,27 +92,15 @@ def nodal_surface(points: np.ndarray, faces: list[np.ndarray]) -> tuple[np.ndarr
     """
     area, direction = np.zeros(len(points)), np.zeros((len(points), 3))
     for block in faces:
-        along_r, along_s, reference_area = _face_derivatives(block.shape[1])
+        count = block.shape[1]
+        nodes = np.array(REFERENCE_NODES[count], dtype=float).T
+        along_r, along_s = shapes(count, *nodes, 1, 0), shapes(count, *nodes, 0, 1)
+        reference_area = 0.5 if corners(count) == 3 else 4.0
         x = points[block]
         np.add.at(direction, block, reference_area * np.cross(along_r @ x, along_s @ x))
-        for facet in map(list, FACETS[block.shape[1]]):
+        for facet in map(list, FACETS[count]):
             np.add.at(area, block[:, facet], _facet_areas(x[:, facet]))
     return area, direction
-
-
-def _face_derivatives(count: int) -> tuple[np.ndarray, np.ndarray, float]:
-    """Derivatives of the shape functions of a face at its own nodes.
-
-    Returns
-    -------
-    d N_j / dr and d N_j / ds at node i, [count, count] each, and the area of the reference face
-    """
-    r, s = np.array(REFERENCE_NODES[count]).T
-    p, q = np.array(MONOMIALS[count]).T
-    to_shape = np.linalg.inv(r[:, None] ** p * s[:, None] ** q)
-    along_r = p * r[:, None] ** np.maximum(p - 1, 0) * s[:, None] ** q
-    along_s = q * r[:, None] ** p * s[:, None] ** np.maximum(q - 1, 0)
-    return along_r @ to_shape, along_s @ to_shape, 0.5 if count in (3, 6) else 4.0
 
 
 def _facet_areas(x: np.ndarray) -> np.ndarray:

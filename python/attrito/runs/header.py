@@ -29,6 +29,7 @@ UNITS = {
     "preload": "user force",
     "area": "user area",
     "position": "user length",
+    "clearance": "user length",
 }
 
 

@@ -15,10 +15,13 @@ from attrito.importers import check_matrices, read_matrices
 from attrito.job.job import Job
 from attrito.job.laws import RULES
 from attrito.library.names import LAWS
+from attrito.model.face_sets import pair_faces
 from attrito.model.model import Model
 from attrito.model.model_file import read_model
-from attrito.model.pairing import contact_rows, pair_sets
+from attrito.model.pairing import pair_sets
+from attrito.model.pairs import contact_rows
 from attrito.scene.dofs import DofResolver
+from attrito.scene.gap_file import read_gaps
 from attrito.scene.loads import build_loads, soften, spin_faults
 from attrito.scene.scene import Contacts, Scene
 from attrito.support.errors import InputError
@@ -141,7 +144,8 @@ def _contacts(job: Job, model: Model, places: DofResolver) -> Contacts:
     tables = np.repeat(np.arange(len(blocks)), [block.count for block in blocks])
     laws = {"tangents": np.concatenate([block.tangents for block in blocks])}
     notes = [note for block in blocks for note in block.notes]
-    found = Contacts(laws, csr_matrix(vstack([block.rows for block in blocks])), where, tables, notes)
+    gaps = np.concatenate([block.gaps for block in blocks])
+    found = Contacts(laws, csr_matrix(vstack([block.rows for block in blocks])), where, tables, gaps, notes)
     return replace(found, laws=laws_of(job, found))
 
 
@@ -150,8 +154,10 @@ def laws_of(job: Job, contacts: Contacts) -> dict[str, np.ndarray]:
     given = [*job["contact"], *job["contact_set"]]
     laws = {"tangents": contacts.laws["tangents"]}
     for name in LAW_KEYS:
-        values = [np.nan if keys[name] is None else _least_pressed(keys[name]) for keys in given]
+        values = [np.nan if keys[name] is None else _one_number(keys[name]) for keys in given]
         laws[name] = np.array(values, dtype=float)[contacts.tables]
+    by_geometry = np.array([keys["gap"] == "geometry" for keys in given])[contacts.tables]
+    laws["gap"] = np.where(by_geometry, contacts.places["clearance"], laws["gap"]) + contacts.gaps
     by_area = np.array([keys.get("stiffness_per") == "area" for keys in given])[contacts.tables]
     for name in ("tangential_stiffness", "normal_stiffness", "preload"):
         laws[name][by_area] *= contacts.places["area"][by_area]
@@ -168,18 +174,19 @@ def laws_of(job: Job, contacts: Contacts) -> dict[str, np.ndarray]:
     return laws | {"law": kinds, "law_numbers": padded}
 
 
-def _least_pressed(value: Any) -> float:
-    """A number, or of a table by pressure the friction coefficient at the least."""
-    return value[0][1] if isinstance(value, list) else value
+def _one_number(value: Any) -> float:
+    """A number; of a table by pressure the friction coefficient at the least; 0 for what the geometry decides."""
+    return 0.0 if isinstance(value, str) else value[0][1] if isinstance(value, list) else value
 
 
 @dataclass
 class _Block:
-    """Contacts of one table of the job."""
+    """Contacts of one table of the job; `gaps` are those of a file."""
 
     tangents: np.ndarray
     rows: csr_matrix
     places: dict[str, np.ndarray]
+    gaps: np.ndarray
     notes: list[str] = field(default_factory=list)
 
     @property
@@ -191,13 +198,21 @@ def _explicit(rows: list[np.ndarray]) -> _Block:
     where: dict[str, np.ndarray] = {"set": np.array(["explicit"], dtype=object)}
     where |= {name: np.array([-1], dtype=np.int64) for name in ("node_a", "node_b")}
     where |= {"area": np.full(1, np.nan), "position": np.full((1, 3), np.nan), "frame": np.full((1, 3, 3), np.nan)}
-    return _Block(np.array([len(rows) - 1], dtype=np.int32), csr_matrix(np.array(rows)), where)
+    where["clearance"] = np.full(1, np.nan)
+    return _Block(np.array([len(rows) - 1], dtype=np.int32), csr_matrix(np.array(rows)), where, np.zeros(1))
 
 
 def _paired(job: Job, model: Model, keys: dict[str, Any], place: str) -> _Block:
     if not model.has_mesh:
         raise InputError(job.fault(f"{place} a", keys["a"], "a model with a mesh: node sets need one"))
-    pairs = pair_sets(model, keys["a"], keys["b"], keys["tolerance"], keys["tangents"], job.path, place)
+    sets = model, keys["a"], keys["b"], keys["tolerance"], keys["tangents"]
+    if keys["pairing"] == "node":
+        pairs = pair_sets(*sets, job.path, place)
+    else:
+        pairs = pair_faces(*sets, keys["points"] or "node", job.path, place)
+    gaps = np.zeros(len(pairs.area))
+    if keys["gap_file"] is not None:
+        gaps = read_gaps(job.file(keys["gap_file"]), model, pairs)
     count = len(pairs.node_a)
     where = {
         "set": np.full(count, f"{keys['a']} - {keys['b']}", dtype=object),
@@ -206,6 +221,7 @@ def _paired(job: Job, model: Model, keys: dict[str, Any], place: str) -> _Block:
         "area": pairs.area,
         "position": pairs.position,
         "frame": pairs.frame,
+        "clearance": pairs.clearance,
     }
     tangents = np.full(count, keys["tangents"], dtype=np.int32)
-    return _Block(tangents, contact_rows(pairs, model), where, [f"{place}: {note}" for note in pairs.notes])
+    return _Block(tangents, contact_rows(pairs, model), where, gaps, [f"{place}: {note}" for note in pairs.notes])

@@ -64,6 +64,11 @@ class DofResolver:
         """Dofs to keep: those of contacts, all of a contact's nodes, and of the nodes that the job names."""
         keep = [np.unique(contacts.rows.indices)]
         nodes = [contacts.places["node_a"], contacts.places["node_b"]]
+        if self.model.dof_node is not None:
+            # Contacts on faces have several nodes a side; one dof of each is in their rows.
+            explicit = len(self.job["contact"])
+            paired = np.repeat(contacts.tables >= explicit, contacts.laws["tangents"] + 1)
+            nodes.append(self.model.dof_node[np.unique(contacts.rows[paired].indices)])
         for i, name in enumerate(self.job["reduction"]["boundary"]):
             key = f"[reduction] boundary[{i}]"
             if isinstance(name, str) and name in self.model.node_sets:

@@ -14,14 +14,16 @@ from attrito.model.model import Model
 class Contacts:
     """Contacts on the full model: laws `[nc]`, rows of B `[rows, n]` (each contact's tangents before its normal).
 
-    `places` holds what is known of where they are: `set`, `node_a`, `node_b`, `area`, `position`, `frame`. `tables`:
-    which of the job's [[contact]] and [[contact_set]], in this order, each comes from.
+    `places` holds what is known of where they are: `set`, `node_a`, `node_b`, `area`, `position`, `frame`, `clearance`.
+    `tables`: which of the job's [[contact]] and [[contact_set]], in this order, each comes from. `gaps`: what files add
+    to the gap of each, `[nc]`, user length.
     """
 
     laws: dict[str, np.ndarray]
     rows: csr_matrix
     places: dict[str, np.ndarray]
     tables: np.ndarray
+    gaps: np.ndarray
     notes: list[str] = field(default_factory=list)
 
     @property
