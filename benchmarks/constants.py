@@ -3,9 +3,9 @@
     .venv/bin/python benchmarks/constants.py --scenes 200 --seed 1 --output benchmarks/constants.csv
     .venv/bin/python benchmarks/constants.py --scenes 200 --seed 1 --output benchmarks/constants.csv --only accuracy
 
-Constants are those that a declaration in `src/` calls a guess (docs/constants_reference.py). For each a copy of the
-library is built with half and with twice the number, and scenes of `campaign_scenes.py` are solved with the part of the
-program that its folder serves:
+Constants are those that a declaration in `src/` calls a guess (docs/constants_reference.py). They are variables of the
+library that constants_library.py builds. Scenes of `campaign_scenes.py` are solved with half and with twice the number,
+by the part of the program that its folder serves:
 
 - `sweep` (continuation): from the first frequency to the last by arc length;
 - `peak` (peak): the largest peak at half the level and at the level, followed from one to the other;
@@ -14,27 +14,37 @@ program that its folder serves:
 
 A row says how many points were lost or gained, how many moved on by more than their estimates, how many verdicts or
 outcomes changed, and the ratio of counted work. docs/constants.md shows the rows. Rows that are there are kept, so that
-the benchmark goes on where it was ended. Constants of `reduce/` and of fixed arrays are not varied here.
+the benchmark goes on where it was ended. Constants of `reduce/` are not varied here.
+
+    .venv/bin/python benchmarks/constants.py --scenes 2000 --seed 2 --together
+
+Constants that changed nothing in the file's rows are varied all at once; where that changes a scene, the half of them
+that does it is looked for, and so on. Those that still change nothing are named: the scenes do not need them.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+import ctypes
+import itertools
 import json
 import os
-import re
-import shutil
+import resource
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 import campaign  # isort: skip (sets the threads of BLAS before numpy is loaded)
 import campaign_scenes
+import constants_library
 import numpy as np
 from campaign_truth import PATH
+from constants_library import Constant
 from mpi4py import MPI
 
 from attrito.library.names import ENGINES, ORBITS
@@ -44,17 +54,13 @@ from attrito.runs.stability import examine_point
 from attrito.support.errors import NumericsError
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "docs"))
-from constants_reference import Constant, collect  # noqa: E402 (a folder of scripts, not a package)
-
 FACTORS = ("0.5", "2")
 PART = {"continuation": "sweep", "peak": "peak", "stability": "verdict", "integrate": "verdict"}
-SKIPPED = ("reduce", "api")
-MOST_POINTS = 80
+MOST_POINTS = 60
 # Amplitudes that differ by less have not moved, whatever their estimates say
 ROUNDING = 1e-6
-# Seconds by the clock after which a scene is ended
-SECONDS = 60.0
+# Seconds of a processor that the unchanged library may take for a scene that is used, and any other for it
+USUAL_SECONDS, MOST_SECONDS = 2.0, 20.0
 
 
 @dataclass(frozen=True)
@@ -146,38 +152,40 @@ def solve(part: str, seed: int, number: int) -> list[Solution]:
             return []
 
 
-def solve_all(library: Path, part: str, seed: int, numbers: list[int]) -> dict[int, list[Solution]]:
-    """Scenes by a library, in a process of its own; a scene that takes too long is left out, and so is what crashes."""
-    found: dict[int, list[Solution]] = {}
-    left = list(numbers)
-    while left:
-        which = ["--seed", str(seed), "--numbers", ",".join(map(str, left))]
-        command = [sys.executable, __file__, "--worker", part, *which]
-        environment = os.environ | {"ATTRITO_LIBRARY": str(library)}
-        with subprocess.Popen(command, stdout=subprocess.PIPE, env=environment, text=True) as worker:
-            found |= dict(_replies(worker))
-        # The one after the last that came is what took too long, or crashed.
-        done = next((index for index, number in enumerate(left) if number not in found), len(left))
-        left = left[done + 1 :]
-    return found
+def solve_all(library: Path, part: str, seed: int, numbers: list[int], varied: dict[str, float] | None = None,
+              seconds: float = MOST_SECONDS) -> dict[int, list[Solution]]:  # fmt: skip
+    """Scenes by a library with some numbers multiplied, in a process of its own.
+
+    What takes more than so many seconds of a processor is left out, and so is what crashes.
+    """
+    task = {"part": part, "seed": seed, "numbers": numbers, "varied": varied or {}, "seconds": seconds}
+    environment = os.environ | {"ATTRITO_LIBRARY": str(library)}
+    command = [sys.executable, __file__, "--worker", json.dumps(task)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, env=environment, text=True) as worker:
+        assert worker.stdout
+        replies = [json.loads(line) for line in worker.stdout]
+    if worker.returncode:
+        raise RuntimeError(f"{part}: worker ended with {worker.returncode}")
+    return {reply["scene"]: [Solution(**one) for one in reply["points"]] for reply in replies}
 
 
-def _replies(worker: subprocess.Popen[str]) -> Iterator[tuple[int, list[Solution]]]:
-    """What a worker writes, until it ends by itself (an alarm ends it after `SECONDS` in one scene)."""
-    assert worker.stdout
-    for line in worker.stdout:
-        reply = json.loads(line)
-        yield reply["scene"], [Solution(**one) for one in reply["points"]]
-
-
-def work(part: str, seed: int, numbers: list[int]) -> None:
-    """The worker: a line of JSON a scene."""
-    import signal
-
-    for number in numbers:
-        signal.alarm(int(SECONDS))
-        points = [asdict(one) for one in solve(part, seed, number)]
-        print(json.dumps({"scene": number, "points": points}), flush=True)
+def work(task: dict[str, Any]) -> None:
+    """The worker: a line of JSON a scene, each in a fork that may neither crash the others nor go on for ever."""
+    library = ctypes.CDLL(os.environ["ATTRITO_LIBRARY"])
+    by_symbol = {constants_library.symbol(one): one for one in constants_library.guesses()}
+    for name, factor in task["varied"].items():
+        constants_library.vary(library, by_symbol[name], factor)
+    for number in task["numbers"]:
+        child = os.fork()
+        if child == 0:
+            whole = int(np.ceil(task["seconds"]))
+            resource.setrlimit(resource.RLIMIT_CPU, (whole, whole))
+            points = [asdict(one) for one in solve(task["part"], task["seed"], number)]
+            print(json.dumps({"scene": number, "points": points}), flush=True)
+            os._exit(0)
+        end = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        if end not in (0, -signal.SIGXCPU, -signal.SIGKILL):
+            print(f"scene {number}: ended with {end}, varied: {task['varied']}", file=sys.stderr)
 
 
 def compare(constant: Constant, factor: str, part: str, before: dict[int, list[Solution]],
@@ -206,82 +214,73 @@ def compare(constant: Constant, factor: str, part: str, before: dict[int, list[S
     return Row(*about, len(before), points, lost, gained, moved, round(ratio, 4), int(same))
 
 
-def varied(constant: Constant, factor: str) -> str | None:
-    """The number as the sources write it, halved or doubled; None where it is not a plain number."""
-    if constant.value.isdigit():
-        number = int(constant.value)
-        return str(2 * number if factor == "2" else max(1, number // 2))
-    plain = re.fullmatch(r"[-0-9.e+]+_wp(/[-0-9.e+]+_wp)?", constant.value)
-    return f"{float(factor)!r}_wp*{constant.value}" if plain and not constant.value.startswith("-") else None
+def rows_of(path: Path) -> list[dict[str, str]]:
+    """Rows that are there."""
+    if not path.exists():
+        return []
+    with path.open() as file:
+        return list(csv.DictReader(file))
 
 
-class Workshop:
-    """A copy of the sources in which the library is built with other numbers."""
+def one_by_one(options: argparse.Namespace, library: Path, chosen: list[Constant]) -> None:
+    """Row by row into the file."""
+    known = {(row["file"], row["name"], row["factor"]) for row in rows_of(options.output)}
+    names = [field.name for field in fields(Row)]
+    if not known:
+        options.output.write_text(",".join(names) + "\n")
+    before: dict[str, dict[int, list[Solution]]] = {}
+    for constant in chosen:
+        folder = constant.file.partition("/")[0]
+        if options.only and folder not in options.only:
+            continue
+        part = PART.get(folder, "list")
+        if part not in before:
+            before[part] = solve_all(library, part, options.seed, list(range(options.scenes)), seconds=USUAL_SECONDS)
+        for factor in FACTORS:
+            if (constant.file, constant.name, factor) in known:
+                continue
+            varied = {constants_library.symbol(constant): float(factor)}
+            after = solve_all(library, part, options.seed, list(before[part]), varied)
+            row = compare(constant, factor, part, before[part], after)
+            with options.output.open("a", newline="") as file:
+                csv.DictWriter(file, names, lineterminator="\n").writerow(asdict(row))
+            print(row, flush=True)
 
-    def __init__(self, place: Path):
-        self._tree = place / "tree"
-        if not self._tree.exists():
-            keep = shutil.ignore_patterns("build", ".git", ".venv")
-            shutil.copytree(ROOT, self._tree, ignore=keep)
-            self._run("cmake", "--preset", "release", "--fresh")
-        self._place = place
 
-    def build(self, name: str) -> Path:
-        """The library as the tree is now, kept under a name."""
-        self._run("cmake", "--build", "--preset", "release", "--target", "attrito")
-        kept = self._place / f"lib{name}.so"
-        shutil.copy(self._tree / "build" / "release" / "libattrito.so", kept)
-        return kept
+def together(options: argparse.Namespace, library: Path, chosen: list[Constant]) -> None:
+    """Which of the constants that changed nothing change nothing in other scenes, either?"""
+    idle: dict[str, set[str]] = {"0.5": set(), "2": set()}
+    for row in rows_of(options.output):
+        if row["same"] == "1" and row["work"] == "1.0":
+            idle[row["factor"]].add(row["file"] + row["name"])
+    for factor, part in itertools.product(FACTORS, sorted(PARTS)):
+        group = [one for one in chosen if one.file + one.name in idle[factor]
+                 and PART.get(one.file.partition("/")[0], "list") == part]  # fmt: skip
+        before = solve_all(library, part, options.seed, list(range(options.scenes)), seconds=USUAL_SECONDS)
+        active = search(library, part, options.seed, before, group, float(factor))
+        left = [f"{one.file} {one.name}" for one in group if one not in active]
+        print(f"{part}, times {factor}: {len(before)} scenes feel {len(active)} of {len(group)}; not", left, flush=True)
 
-    def build_with(self, constant: Constant, number: str) -> Path:
-        """The library with another number."""
-        path = self._tree / "src" / constant.file
-        text = path.read_text()
-        lines = text.split("\n")
-        declared = f"{constant.name} = {constant.value}"
-        lines[constant.line] = lines[constant.line].replace(declared, f"{constant.name} = {number}", 1)
-        try:
-            path.write_text("\n".join(lines))
-            return self.build("variant")
-        finally:
-            path.write_text(text)
 
-    def _run(self, *command: str) -> None:
-        done = subprocess.run(command, cwd=self._tree, capture_output=True, text=True, check=False)
-        if done.returncode:
-            raise RuntimeError(f"{' '.join(command)}: {done.stdout[-2000:]}{done.stderr[-2000:]}")
+def search(library: Path, part: str, seed: int, before: dict[int, list[Solution]], group: list[Constant],
+           factor: float) -> list[Constant]:  # fmt: skip
+    """The constants of a group that change a scene: all of them are varied, then each half of a group that does."""
+    if not group:
+        return []
+    varied = {constants_library.symbol(one): factor for one in group}
+    after = solve_all(library, part, seed, list(before), varied)
+    changed = {number: points for number, points in before.items() if repr(after.get(number)) != repr(points)}
+    if not changed or len(group) == 1:
+        return group if changed else []
+    half = len(group) // 2
+    return [one for some in (group[:half], group[half:]) for one in search(library, part, seed, changed, some, factor)]
 
 
 def main(options: argparse.Namespace) -> None:
-    """Row by row into the file."""
-    known = set()
-    if options.output.exists():
-        with options.output.open() as file:
-            known = {(row["file"], row["name"], row["factor"]) for row in csv.DictReader(file)}
-    else:
-        options.output.write_text(",".join(field.name for field in fields(Row)) + "\n")
-    workshop = Workshop(options.place)
-    plain = workshop.build("plain")
-    numbers = list(range(options.scenes))
-    before: dict[str, dict[int, list[Solution]]] = {}
-    for constant in collect():
-        folder = constant.file.partition("/")[0]
-        if constant.kind != "guess" or folder in SKIPPED or (options.only and folder not in options.only):
-            continue
-        for factor in FACTORS:
-            number = varied(constant, factor)
-            if number is None or (constant.file, constant.name, factor) in known:
-                continue
-            part = PART.get(folder, "list")
-            if part not in before:
-                before[part] = solve_all(plain, part, options.seed, numbers)
-            # What the unchanged library does not solve in time is left to nobody.
-            library = workshop.build_with(constant, number)
-            after = solve_all(library, part, options.seed, list(before[part]))
-            row = compare(constant, factor, part, before[part], after)
-            with options.output.open("a", newline="") as file:
-                csv.DictWriter(file, [field.name for field in fields(Row)], lineterminator="\n").writerow(asdict(row))
-            print(row, flush=True)
+    """Build, then vary."""
+    options.place.mkdir(parents=True, exist_ok=True)
+    library, chosen = constants_library.build(options.place.resolve())
+    (together if options.together else one_by_one)(options, library, chosen)
 
 
 if __name__ == "__main__":
@@ -290,13 +289,11 @@ if __name__ == "__main__":
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--output", type=Path, default=ROOT / "benchmarks" / "constants.csv")
     parser.add_argument("--only", nargs="+", help="folders below src/")
-    parser.add_argument("--place", type=Path, default=Path("build") / "constants", help="where copies are built")
-    parser.add_argument("--worker", choices=PARTS, help=argparse.SUPPRESS)
-    parser.add_argument("--numbers", default="", help=argparse.SUPPRESS)
-    chosen = parser.parse_args()
-    if chosen.worker:
-        work(chosen.worker, chosen.seed, [int(number) for number in chosen.numbers.split(",")])
+    parser.add_argument("--together", action="store_true", help="all that changed nothing at once")
+    parser.add_argument("--place", type=Path, default=Path("build") / "constants", help="where the library is built")
+    parser.add_argument("--worker", help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.worker:
+        work(json.loads(given.worker))
     else:
-        chosen.place = chosen.place.resolve()
-        chosen.place.mkdir(parents=True, exist_ok=True)
-        main(chosen)
+        main(given)

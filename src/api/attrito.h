@@ -316,11 +316,11 @@ void attrito_leave_family(void *handle);
 /* Floating-point operations since the family was entered. */
 double attrito_family_work(void *handle);
 
-/* Remember the present member in a place, 0 or 1. */
-void attrito_keep_member(void *handle, int place);
+/* Remember the present member in a slot, 0 or 1. */
+void attrito_keep_member(void *handle, int slot);
 
 /* Go back to the one remembered there. */
-void attrito_return_to_member(void *handle, int place);
+void attrito_return_to_member(void *handle, int slot);
 
 /* Move the sliders [contacts, width]; 1 if that gave a member, else 0 and nothing has changed. */
 int attrito_solve_member(void *handle, const double *slider);

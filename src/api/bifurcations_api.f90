@@ -77,7 +77,7 @@ contains
      case default  ! crossing_jump
       kind = contact_crossing
     end select
-    session%bifurcations = [session%bifurcations, bifurcation_at(session, kind, crossing%place, crossing%uncertain, &
+    session%bifurcations = [session%bifurcations, bifurcation_at(session, kind, crossing%snapshot, crossing%uncertain, &
                                                                  crossing%multiplier)]
   end subroutine add_crossing
 
@@ -96,7 +96,7 @@ contains
     end associate
     multiplier = cmplx(ieee_value(1.0_wp, ieee_quiet_nan), ieee_value(1.0_wp, ieee_quiet_nan), wp)
     if (turning%smooth) multiplier = 1.0_wp
-    point = bifurcation_at(session, merge(fold, contact_fold, turning%smooth), turning%place, turning%uncertain, multiplier)
+    point = bifurcation_at(session, merge(fold, contact_fold, turning%smooth), turning%snapshot, turning%uncertain, multiplier)
     do i = 1, size(session%bifurcations)
       if (all(session%bifurcations(i)%kind /= [branch_point, contact_crossing])) cycle
       session%bifurcations(i) = point
@@ -106,13 +106,13 @@ contains
   end subroutine add_turning_point
 
   !> A bifurcation at a place, with the monitors there.
-  function bifurcation_at(session, kind, place, uncertain, multiplier) result(point)
+  function bifurcation_at(session, kind, snapshot, uncertain, multiplier) result(point)
     !> Session behind a handle
     type(session_type), intent(inout) :: session
     !> Numbers of the kinds
     integer, intent(in) :: kind
     !> Motion, sliders and frequency to return to
-    type(snapshot_type), intent(in) :: place
+    type(snapshot_type), intent(in) :: snapshot
     !> What is left open of the frequency, Hz
     real(wp), intent(in) :: uncertain
     !> Multiplier that crosses
@@ -123,8 +123,8 @@ contains
     point%kind = kind
     point%uncertain_hz = uncertain/two_pi
     point%multiplier = multiplier
-    call restore(session%solver, place)
-    call session%solver%context%balance%evaluate(place%motion, place%omega, status)
+    call restore(session%solver, snapshot)
+    call session%solver%context%balance%evaluate(snapshot%motion, snapshot%omega, status)
     call report_point(session%solver, session%solver%report, session%sweep%branch, session%accuracy%errors, &
                       session%accuracy%tolerance, point%point)
     call session%solver%context%forget()

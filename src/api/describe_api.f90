@@ -125,7 +125,7 @@ contains
     table = strategies()
     text = ''
     do i = 1, size(table)
-      text = text//'row strategies '//trim(table(i)%name)//' | '//trim(table(i)%path)//' | '//trim(table(i)%place)//' | '// &
+      text = text//'row strategies '//trim(table(i)%name)//' | '//trim(table(i)%path)//' | '//trim(table(i)%condition)//' | '// &
              trim(table(i)%cost)//end_of_line
     end do
   end function rows_of_strategies

@@ -41,28 +41,28 @@ contains
     attrito_family_work = work_of_visits(session%solver, session%family)
   end function attrito_family_work
 
-  !> Remember the present member in a place, 0 or 1.
-  subroutine attrito_keep_member(handle, place) bind(c)
+  !> Remember the present member in a slot, 0 or 1.
+  subroutine attrito_keep_member(handle, slot) bind(c)
     !> Session, see `session_of`
     type(c_ptr), value :: handle
     !> Place of the member, 0 or 1
-    integer(c_int), value :: place
+    integer(c_int), value :: slot
     type(session_type), pointer :: session
 
     session => session_of(handle)
-    call keep_member(session%solver, session%members(place))
+    call keep_member(session%solver, session%members(slot))
   end subroutine attrito_keep_member
 
   !> Go back to the one remembered there.
-  subroutine attrito_return_to_member(handle, place) bind(c)
+  subroutine attrito_return_to_member(handle, slot) bind(c)
     !> Session, see `session_of`
     type(c_ptr), value :: handle
     !> Place of the member, 0 or 1
-    integer(c_int), value :: place
+    integer(c_int), value :: slot
     type(session_type), pointer :: session
 
     session => session_of(handle)
-    call return_to_member(session%solver, session%members(place))
+    call return_to_member(session%solver, session%members(slot))
   end subroutine attrito_return_to_member
 
   !> Move the sliders [contacts, width]; 1 if that gave a member, else 0 and nothing has changed.

@@ -59,8 +59,8 @@ contains
     session => session_of(handle)
     store = writing_store()
     call keep(session, store)
-    session%state = store%numbers(:store%place)
-    attrito_save_state = store%place
+    session%state = store%numbers(:store%position)
+    attrito_save_state = store%position
   end function attrito_save_state
 
   !> The numbers that were saved last.

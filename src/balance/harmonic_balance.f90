@@ -38,7 +38,7 @@ module attrito_balance_harmonic_balance
     !> contacts]
     real(wp), allocatable :: motion(:), capacities(:, :)
     !> The evaluation, by its number, after which the forces of all contacts were those of sticking here
-    integer :: seen = -1
+    integer :: evaluation = -1
   end type stuck_mean_type
 
   !> Mean deviation of the rows that are not active, and what it puts on the generalised coordinates of this rank [n]

@@ -40,7 +40,7 @@ contains
     moving = recover_loaded(self, self%response)
     stuck = self%ranks%largest(merge(0.0_wp, 1.0_wp, stays_stuck(self, moving))) <= 0.0_wp
     if (.not. stuck) return
-    self%kept%seen = self%evaluations
+    self%kept%evaluation = self%evaluations
     call compose_motion(self, self%kept%motion, moving, motion)
   end subroutine evaluate_stuck
 
@@ -129,7 +129,7 @@ contains
     do h = 1, size(self%loaded)
       oscillation_bounds = oscillation_bounds + sqrt(moving(:, 2*h - 1)**2 + moving(:, 2*h)**2)
     end do
-    as_before = self%kept%seen == self%evaluations - 1
+    as_before = self%kept%evaluation == self%evaluations - 1
     changed = .not. as_before
     stays_stuck = .true.
     do i = 1, size(self%law)

@@ -55,13 +55,13 @@ contains
 
   contains
 
-    subroutine clamp_to(place, on_side, regime)
+    subroutine clamp_to(position, on_side, regime)
       !> End of the clamp
-      real(wp), intent(in) :: place
+      real(wp), intent(in) :: position
       !> Which end of the clamp it is; regime: stick, slip or open
       integer, intent(in) :: on_side, regime
 
-      w = place
+      w = position
       origin = j
       side = on_side
       regimes(j) = regime
@@ -74,7 +74,7 @@ contains
     real(wp), intent(in) :: u(:), r(:)
     !> Lower end; upper end
     real(wp), intent(out) :: low, high
-    real(wp) :: place, radius
+    real(wp) :: position, radius
     integer :: before, j
 
     low = -huge(low)
@@ -82,9 +82,9 @@ contains
     before = size(u)
     do j = 1, size(u)
       if (r(before) <= 0.0_wp .and. r(j) > 0.0_wp) then
-        place = landing(u(before), u(j), r(before), r(j))
-        low = place
-        high = place
+        position = landing(u(before), u(j), r(before), r(j))
+        low = position
+        high = position
       end if
       radius = max(r(j), 0.0_wp)
       low = min(max(low, u(j) - radius), u(j) + radius)

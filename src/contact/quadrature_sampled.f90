@@ -38,7 +38,7 @@ module attrito_contact_quadrature_sampled
     !> Slider at the start of the last march, and what that march moves it by
     real(wp) :: start(2) = 0.0_wp, moved_by(2) = 0.0_wp
     !> Two tangents: where the slider can rest, if anywhere, and if it does the derivative of that place [2, 3 k]
-    type(slider_projection_type) :: place
+    type(slider_projection_type) :: nearest
     real(wp), allocatable :: projection_gradient(:, :)
     !> Did the slider move before the last march, has it come to rest since, and does the loop forget its start?
     logical :: moved = .false., rests = .false., forgets = .false.
@@ -119,9 +119,9 @@ contains
     if (law%tangents == 1) then
       call march_line(samples, slider(1))
     else
-      samples%place = project_slider(samples%displacement(:, 1:2), samples%radius, slider)
+      samples%nearest = project_slider(samples%displacement(:, 1:2), samples%radius, slider)
       ! A periodic slider that could rest elsewhere is marched all the same: it rests once it is marched from where it is.
-      if (samples%place%exists .and. (passes > 1 .or. samples%place%count == 0)) then
+      if (samples%nearest%exists .and. (passes > 1 .or. samples%nearest%count == 0)) then
         call rest(fourier, samples, slider)
       else
         call march_disc(fourier, samples, slider, passes)
@@ -165,12 +165,12 @@ contains
     !> Where it was
     real(wp), intent(in) :: slider(2)
 
-    samples%start = samples%place%slider
+    samples%start = samples%nearest%slider
     samples%slider = spread(samples%start, 1, size(samples%radius))
     samples%regimes = regime_stick
-    samples%moved = samples%place%count > 0
+    samples%moved = samples%nearest%count > 0
     samples%rests = .true.
-    samples%projection_gradient = projection_gradient(samples%place, samples%displacement(:, 1:2), samples%radius, fourier%basis, &
+    samples%projection_gradient = projection_gradient(samples%nearest, samples%displacement(:, 1:2), samples%radius, fourier%basis, &
                                                 samples%slope, slider)
   end subroutine rest
 
@@ -194,9 +194,9 @@ contains
     allocate (samples%gradients(3*k + 2, 2, fourier%samples))
     w = slider
     if (passes > 1) then
-      w = samples%place%slider
-      gradient(:3*k, :) = transpose(projection_gradient(samples%place, samples%displacement(:, 1:2), samples%radius, fourier%basis, &
-                                                     samples%slope, slider))
+      w = samples%nearest%slider
+      gradient(:3*k, :) = transpose(projection_gradient(samples%nearest, samples%displacement(:, 1:2), samples%radius, &
+                                                     fourier%basis, samples%slope, slider))
     end if
     do pass = 1, passes
       samples%start = w
@@ -240,7 +240,7 @@ contains
     end if
     forces%slider = samples%start
     forces%moved = samples%moved_by
-    forces%may_stick = samples%place%exists
+    forces%may_stick = samples%nearest%exists
     forces%unique = samples%forgets
     if (.not. any(samples%closed)) then
       forces%state = state_open

@@ -1,4 +1,4 @@
-!> Where a slider with two tangents comes to rest: the place nearest to where it was that every instant of the period holds,
+!> Where a slider with two tangents comes to rest: the point nearest to where it was that every instant of the period holds,
 !>
 !> $$ w = \mathrm{proj}_C (w_0), \qquad C = \bigcap_j \{ w : |u_j - w| \le r_j \} $$
 !>
@@ -15,7 +15,7 @@ module attrito_contact_slider_projection
   type :: slider_projection_type
     !> Is there any?
     logical :: exists = .false.
-    !> The place, or if there is none the nearest in those discs that were taken in before one could not be
+    !> The point, or if there is none the nearest in those discs that were taken in before one could not be
     real(wp) :: slider(2) = 0.0_wp
     !> Samples whose discs hold it there, and how many there are (0: it stays)
     integer :: holds(2) = 0, count = 0
@@ -23,23 +23,23 @@ module attrito_contact_slider_projection
 
 contains
 
-  !> The nearest place to a slider in the discs of all samples.
-  function project_slider(u, r, slider) result(place)
+  !> The nearest point to a slider in the discs of all samples.
+  function project_slider(u, r, slider) result(nearest)
     !> Centres [J, 2] and radii [J]
     real(wp), intent(in) :: u(:, :), r(:), slider(2)
-    type(slider_projection_type) :: place
+    type(slider_projection_type) :: nearest
     real(wp) :: rounding, beyond
     integer :: j, round
     logical :: held
 
-    place%slider = slider
+    nearest%slider = slider
     if (any(r <= 0.0_wp)) return
     rounding = 1.0e-12_wp*maxval(r) + 8.0_wp*epsilon(1.0_wp)*maxval(abs(u))
     do round = 1, 4*size(r)
-      call most_violated(u, r, place%slider, j, beyond)
-      place%exists = beyond <= rounding
-      if (place%exists) return
-      call take_in(u, r, slider, j, rounding, place, held)
+      call most_violated(u, r, nearest%slider, j, beyond)
+      nearest%exists = beyond <= rounding
+      if (nearest%exists) return
+      call take_in(u, r, slider, j, rounding, nearest, held)
       if (.not. held) return
     end do
   end function project_slider
@@ -59,40 +59,40 @@ contains
     beyond = out_of(j)
   end subroutine most_violated
 
-  !> The nearest place in the discs so far and another one, which holds it, if there is any.
-  subroutine take_in(u, r, slider, j, rounding, place, held)
+  !> The nearest point in the discs so far and another one, which holds it, if there is any.
+  subroutine take_in(u, r, slider, j, rounding, nearest, held)
     !> Centres of the discs; radii of the discs; slider that is projected; distance that counts as none
     real(wp), intent(in) :: u(:, :), r(:), slider(2), rounding
     !> Number of the sample whose disc it is
     integer, intent(in) :: j
     !> Projection of the slider onto what all discs admit
-    type(slider_projection_type), intent(inout) :: place
+    type(slider_projection_type), intent(inout) :: nearest
     !> Is the structure held?
     logical, intent(out) :: held
     type(slider_projection_type) :: best, trial
-    real(wp) :: distance, nearest, corners(2, 2)
+    real(wp) :: distance, least, corners(2, 2)
     integer :: i, side, known(3)
     logical :: meet
 
-    known = [place%holds, j]
-    nearest = huge(1.0_wp)
-    best = place
+    known = [nearest%holds, j]
+    least = huge(1.0_wp)
+    best = nearest
     trial%holds = [j, 0]
     trial%count = 1
     trial%slider = pull(u(j, :), r(j), slider)
     call consider()
-    do i = 1, place%count
-      trial%holds = [place%holds(i), j]
+    do i = 1, nearest%count
+      trial%holds = [nearest%holds(i), j]
       trial%count = 2
-      call intersect(u(place%holds(i), :), r(place%holds(i)), u(j, :), r(j), corners, meet)
+      call intersect(u(nearest%holds(i), :), r(nearest%holds(i)), u(j, :), r(j), corners, meet)
       if (.not. meet) cycle
       do side = 1, 2
         trial%slider = corners(:, side)
         call consider()
       end do
     end do
-    held = nearest < huge(1.0_wp)
-    place = best
+    held = least < huge(1.0_wp)
+    nearest = best
 
   contains
 
@@ -105,13 +105,13 @@ contains
         if (norm2(u(known(k), :) - trial%slider) > r(known(k)) + rounding) return
       end do
       distance = norm2(trial%slider - slider)
-      if (distance >= nearest) return
-      nearest = distance
+      if (distance >= least) return
+      least = distance
       best = trial
     end subroutine consider
   end subroutine take_in
 
-  !> The nearest place in one disc.
+  !> The nearest point in one disc.
   pure function pull(centre, radius, slider) result(w)
     !> Centre of the disc; radius of the disc; slider that is projected
     real(wp), intent(in) :: centre(2), radius, slider(2)
@@ -145,9 +145,9 @@ contains
 
   !> Its derivative by the coefficients of (u1, u2, v) [2, 3 k]:
   !> held by one disc, e from w to its centre, dw = (I - (r/|u - w_0|)(I - e e^T)) du - e dr; by two, e_i . dw = e_i . du_i - dr_i.
-  function projection_gradient(place, u, r, basis, slope, slider) result(gradient)
+  function projection_gradient(nearest, u, r, basis, slope, slider) result(gradient)
     !> Projection of the slider onto what all discs admit
-    type(slider_projection_type), intent(in) :: place
+    type(slider_projection_type), intent(in) :: nearest
     !> Centres of the discs; radii of the discs
     real(wp), intent(in) :: u(:, :), r(:)
     !> Motion at the samples per unit coefficient [k, J], and dr/dv [J]
@@ -162,23 +162,24 @@ contains
 
     k = size(basis, 1)
     gradient = 0.0_wp
-    do i = 1, place%count
-      e(:, i) = u(place%holds(i), :) - place%slider
+    do i = 1, nearest%count
+      e(:, i) = u(nearest%holds(i), :) - nearest%slider
       e(:, i) = e(:, i)/norm2(e(:, i))
     end do
     determinant = 0.0_wp
-    if (place%count == 2) determinant = e(1, 1)*e(2, 2) - e(2, 1)*e(1, 2)
+    if (nearest%count == 2) determinant = e(1, 1)*e(2, 2) - e(2, 1)*e(1, 2)
     if (abs(determinant) > parallel) then
       ! Columns of the inverse of the matrix with rows e_1, e_2.
       columns = reshape([e(2, 2), -e(1, 2), -e(2, 1), e(1, 1)], [2, 2])/determinant
       do i = 1, 2
-        call add(columns(:, i), e(:, i), slope(place%holds(i)), basis(:, place%holds(i)))
+        call add(columns(:, i), e(:, i), slope(nearest%holds(i)), basis(:, nearest%holds(i)))
       end do
-    else if (place%count > 0) then
-      i = place%count
+    else if (nearest%count > 0) then
+      i = nearest%count
       across = [-e(2, i), e(1, i)]
-      call add(e(:, i), e(:, i), slope(place%holds(i)), basis(:, place%holds(i)))
-      call add((1.0_wp - r(place%holds(i))/norm2(u(place%holds(i), :) - slider))*across, across, 0.0_wp, basis(:, place%holds(i)))
+      call add(e(:, i), e(:, i), slope(nearest%holds(i)), basis(:, nearest%holds(i)))
+      call add((1.0_wp - r(nearest%holds(i))/norm2(u(nearest%holds(i), :) - slider))*across, across, 0.0_wp, &
+               basis(:, nearest%holds(i)))
     end if
 
   contains

@@ -6,7 +6,7 @@
 module attrito_continuation_curve_point
   use attrito_core_kinds, only: wp, pi
   use attrito_core_state_store, only: state_store_type
-  use attrito_core_trigonometric, only: extreme_places, value_at
+  use attrito_core_trigonometric, only: extreme_angles, value_at
   implicit none
   private
   public :: curve_point_type, new_curve_point
@@ -32,47 +32,47 @@ contains
     !> Change of the angular frequency and of the coefficients along the branch
     real(wp), intent(in), optional :: omega_rate, monitors_rate(:, :)
     type(curve_point_type) :: self
-    real(wp) :: places(2)
+    real(wp) :: angles(2)
     integer :: m
 
     self%omega = omega
     allocate (self%amplitude(size(monitors, 2)), self%amplitude_rate(size(monitors, 2)), source=0.0_wp)
     if (present(omega_rate)) self%omega_rate = omega_rate
     do m = 1, size(monitors, 2)
-      places = places_of(monitors(:, m))
-      self%amplitude(m) = half_difference(monitors(:, m), places)
-      if (present(monitors_rate)) self%amplitude_rate(m) = half_difference(monitors_rate(:, m), places)
+      angles = angles_of(monitors(:, m))
+      self%amplitude(m) = half_difference(monitors(:, m), angles)
+      if (present(monitors_rate)) self%amplitude_rate(m) = half_difference(monitors_rate(:, m), angles)
     end do
   end function new_curve_point
 
   !> Angles of the least and the largest value; in closed form where only the first harmonic is there.
-  pure function places_of(coefficients) result(places)
+  pure function angles_of(coefficients) result(angles)
     !> [a_0, a_c1, a_s1, ...]
     real(wp), intent(in) :: coefficients(:)
-    real(wp) :: places(2)
+    real(wp) :: angles(2)
     integer :: last
 
     last = findloc(abs(coefficients) > 0.0_wp, .true., 1, back=.true.)
     if (last <= 1) then
-      places = 0.0_wp
+      angles = 0.0_wp
     else if (last <= 3) then
-      places(2) = atan2(coefficients(3), coefficients(2))
-      places(1) = places(2) + pi
+      angles(2) = atan2(coefficients(3), coefficients(2))
+      angles(1) = angles(2) + pi
     else
-      places = extreme_places(coefficients(:last + modulo(last + 1, 2)))
+      angles = extreme_angles(coefficients(:last + modulo(last + 1, 2)))
     end if
-  end function places_of
+  end function angles_of
 
   !> Half of what a series changes by between two angles.
-  pure real(wp) function half_difference(coefficients, places)
+  pure real(wp) function half_difference(coefficients, angles)
     !> [a_0, a_c1, a_s1, ...]
     real(wp), intent(in) :: coefficients(:)
     !> Angles
-    real(wp), intent(in) :: places(2)
+    real(wp), intent(in) :: angles(2)
     real(wp) :: low(3), high(3)
 
-    low = value_at(coefficients, places(1))
-    high = value_at(coefficients, places(2))
+    low = value_at(coefficients, angles(1))
+    high = value_at(coefficients, angles(2))
     half_difference = 0.5_wp*(high(1) - low(1))
   end function half_difference
 

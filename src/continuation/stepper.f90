@@ -52,7 +52,7 @@ module attrito_continuation_stepper
     !> Error of the drawn curve that is accepted
     real(wp) :: tolerance = default_tolerance
     !> Length of the next step
-    real(wp) :: size = first_step
+    real(wp) :: size = 0.0_wp
     !> Sign of the last step's change of frequency: 1 or -1
     real(wp) :: direction = 1.0_wp
     !> The last step that was accepted

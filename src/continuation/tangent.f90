@@ -188,18 +188,18 @@ contains
   end subroutine normalise
 
   !> The direction of growing or falling frequency, 1 or -1, at fixed motion.
-  pure function frequency_tangent(solver, way) result(tangent)
+  pure function frequency_tangent(solver, direction) result(tangent)
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     !> 1: growing frequency, -1: falling
-    real(wp), intent(in) :: way
+    real(wp), intent(in) :: direction
     type(tangent_type) :: tangent
 
     allocate (tangent%motion, mold=solver%motion)
     allocate (tangent%slider, mold=solver%context%balance%slider)
     tangent%motion = 0.0_wp
     tangent%slider = 0.0_wp
-    tangent%omega = way
+    tangent%omega = direction
   end function frequency_tangent
 
   !> The opposite direction along the branch.

@@ -22,7 +22,7 @@ module attrito_continuation_turning_point
 
   type :: turning_point_type
     !> Where the frequency is extreme, of what was solved
-    type(snapshot_type) :: place
+    type(snapshot_type) :: snapshot
     !> How much farther the frequency may go, rad/s; at most the step if a solve in between failed
     real(wp) :: uncertain = 0.0_wp
     !> Does the tangent turn without a jump?
@@ -49,15 +49,15 @@ contains
     slope = [start%omega, end%omega]
     bracket%weight = slope
     length = abs(step_length(solver, step))
-    self%place = step%from
-    if ((step%to%omega - step%from%omega)*start%omega > 0.0_wp) self%place = step%to
+    self%snapshot = step%from
+    if ((step%to%omega - step%from%omega)*start%omega > 0.0_wp) self%snapshot = step%to
     do try = 1, most_tries
       s = bracket%trial(try)
       call step%solve_part(solver, s, converged)
       if (.not. converged) exit
       call find_tangent(solver, start, tangent, status)
       if (status /= 0) exit
-      if ((solver%omega - self%place%omega)*start%omega > 0.0_wp) self%place = snapshot_of(solver)
+      if ((solver%omega - self%snapshot%omega)*start%omega > 0.0_wp) self%snapshot = snapshot_of(solver)
       side = merge(1, 2, tangent%omega*start%omega > 0.0_wp)
       call bracket%take(side, s, tangent%omega)
       slope(side) = tangent%omega

@@ -1,4 +1,4 @@
-!> A change of sign enclosed between two places, by secants and halvings:
+!> A change of sign enclosed between two abscissas, by secants and halvings:
 !>
 !> $$ x = x_1 + \frac{f_1}{f_1 - f_2} (x_2 - x_1), \qquad f_1 f_2 < 0 $$
 !>
@@ -19,7 +19,7 @@ module attrito_core_secant
 
   type :: bracket_type
     !> Both ends, and the function there, halved where an end has stayed
-    real(wp) :: place(2) = [0.0_wp, 1.0_wp], weight(2) = 0.0_wp
+    real(wp) :: abscissa(2) = [0.0_wp, 1.0_wp], weight(2) = 0.0_wp
   contains
     procedure :: trial
     procedure :: take
@@ -39,19 +39,19 @@ contains
     if (modulo(number, to_one_halving) /= 0 .and. self%weight(1)*self%weight(2) < 0.0_wp) then
       share = within(secant_share(self%weight), off_ends)
     end if
-    trial = self%place(1) + share*self%width()
+    trial = self%abscissa(1) + share*self%width()
   end function trial
 
-  !> Move an end to a place that was looked at.
-  pure subroutine take(self, side, place, value)
+  !> Move an end to an abscissa at which the function is known.
+  pure subroutine take(self, side, abscissa, value)
     class(bracket_type), intent(inout) :: self
     !> The end: 1 or 2
     integer, intent(in) :: side
-    !> The place, and the function there
-    real(wp), intent(in) :: place, value
+    !> The abscissa, and the function there
+    real(wp), intent(in) :: abscissa, value
 
     self%weight(3 - side) = 0.5_wp*self%weight(3 - side)
-    self%place(side) = place
+    self%abscissa(side) = abscissa
     self%weight(side) = value
   end subroutine take
 
@@ -59,7 +59,7 @@ contains
   pure real(wp) function width(self)
     class(bracket_type), intent(in) :: self
 
-    width = self%place(2) - self%place(1)
+    width = self%abscissa(2) - self%abscissa(1)
   end function width
 
   !> Part of the way from the first end to the second at which the secant vanishes.

@@ -12,7 +12,7 @@ module attrito_core_state_store
     !> What was put down
     real(wp), allocatable :: numbers(:)
     !> Numbers in use, or already read
-    integer :: place = 0
+    integer :: position = 0
     logical :: reading = .false.
     !> Reading: more was asked for than there is, or what is there is no size of an array
     logical :: broken = .false.
@@ -55,7 +55,7 @@ contains
   pure logical function is_read(self)
     class(state_store_type), intent(in) :: self
 
-    is_read = self%reading .and. .not. self%broken .and. self%place == size(self%numbers)
+    is_read = self%reading .and. .not. self%broken .and. self%position == size(self%numbers)
   end function is_read
 
   subroutine keep_real(self, value)
@@ -185,7 +185,7 @@ contains
       call self%keep(extent(i))
     end do
     if (.not. self%reading) return
-    if (any(extent < -1) .or. product(real(max(extent, 0), wp)) > size(self%numbers) - self%place) self%broken = .true.
+    if (any(extent < -1) .or. product(real(max(extent, 0), wp)) > size(self%numbers) - self%position) self%broken = .true.
     if (self%broken) extent = -1
   end subroutine keep_shape
 
@@ -195,15 +195,15 @@ contains
     real(wp), intent(inout) :: values(:)
     integer :: last
 
-    last = self%place + size(values)
+    last = self%position + size(values)
     if (self%reading) then
       if (last > size(self%numbers)) self%broken = .true.
       if (self%broken) return
-      values = self%numbers(self%place + 1:last)
+      values = self%numbers(self%position + 1:last)
     else
       if (last > size(self%numbers)) self%numbers = [self%numbers, spread(0.0_wp, 1, max(last, size(self%numbers)))]
-      self%numbers(self%place + 1:last) = values
+      self%numbers(self%position + 1:last) = values
     end if
-    self%place = last
+    self%position = last
   end subroutine keep_numbers
 end module attrito_core_state_store

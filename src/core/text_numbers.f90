@@ -47,32 +47,32 @@ contains
     !> First line with a field that is no finite number, or with too many; 0: none
     integer, intent(out) :: bad
     integer :: line, field
-    integer(int64) :: place, start
+    integer(int64) :: position, start
     logical :: found
 
     bad = 0
     table = ieee_value(1.0_wp, ieee_quiet_nan)
     do line = 1, size(first)
-      place = first(line)
+      position = first(line)
       do field = 1, size(table, 1) + 1
-        call skip_blanks(text, place, last(line))
-        if (place > last(line)) exit
+        call skip_blanks(text, position, last(line))
+        if (position > last(line)) exit
         found = field <= size(table, 1)
-        if (found .and. text(place) /= ",") then
-          start = place
-          do while (place <= last(line))
-            if (text(place) == "," .or. is_blank(text(place))) exit
-            place = place + 1
+        if (found .and. text(position) /= ",") then
+          start = position
+          do while (position <= last(line))
+            if (text(position) == "," .or. is_blank(text(position))) exit
+            position = position + 1
           end do
-          call read_number(text, start, place - 1, table(field, line), found)
+          call read_number(text, start, position - 1, table(field, line), found)
         end if
         if (.not. found) then
           bad = line
           return
         end if
-        call skip_blanks(text, place, last(line))
-        if (place <= last(line)) then
-          if (text(place) == ",") place = place + 1
+        call skip_blanks(text, position, last(line))
+        if (position <= last(line)) then
+          if (text(position) == ",") position = position + 1
         end if
       end do
     end do
@@ -92,27 +92,27 @@ contains
     !> First line that holds anything else; 0: none
     integer, intent(out) :: bad
     integer :: line, field
-    integer(int64) :: place, start
+    integer(int64) :: position, start
     logical :: found
 
     bad = 0
     do line = 1, size(first)
-      place = first(line)
+      position = first(line)
       do field = 1, size(whole, 2)
-        call read_whole(text, place, last(line), whole(line, field), found)
+        call read_whole(text, position, last(line), whole(line, field), found)
         if (.not. found) exit
       end do
       if (found) then
-        call skip_blanks(text, place, last(line))
-        start = place
-        do while (place <= last(line))
-          if (text(place) == "," .or. is_blank(text(place))) exit
-          place = place + 1
+        call skip_blanks(text, position, last(line))
+        start = position
+        do while (position <= last(line))
+          if (text(position) == "," .or. is_blank(text(position))) exit
+          position = position + 1
         end do
-        found = place > start
-        if (found) call read_number(text, start, place - 1, values(line), found)
-        call skip_blanks(text, place, last(line))
-        found = found .and. place > last(line)
+        found = position > start
+        if (found) call read_number(text, start, position - 1, values(line), found)
+        call skip_blanks(text, position, last(line))
+        found = found .and. position > last(line)
       end if
       if (.not. found) then
         bad = line
@@ -122,12 +122,12 @@ contains
   end subroutine read_entries
 
   !> A whole number above zero and the separator after it: blanks, or a comma among them.
-  pure subroutine read_whole(text, place, last, whole, found)
+  pure subroutine read_whole(text, position, last, whole, found)
     !> Characters of the file
     character, intent(in) :: text(*)
     !> Where it is looked for; then what follows the separator
-    integer(int64), intent(inout) :: place
-    !> Place of the last character
+    integer(int64), intent(inout) :: position
+    !> Position of the last character
     integer(int64), intent(in) :: last
     !> Whole number that the characters spell
     integer(int32), intent(out) :: whole
@@ -138,26 +138,26 @@ contains
     integer :: digit
 
     whole = 0
-    call skip_blanks(text, place, last)
-    start = place
-    do while (place <= last)
-      digit = iachar(text(place)) - iachar("0")
-      if (digit < 0 .or. digit > 9 .or. place - start >= most_digits) exit
+    call skip_blanks(text, position, last)
+    start = position
+    do while (position <= last)
+      digit = iachar(text(position)) - iachar("0")
+      if (digit < 0 .or. digit > 9 .or. position - start >= most_digits) exit
       whole = 10*whole + digit
-      place = place + 1
+      position = position + 1
     end do
-    start = place
-    call skip_blanks(text, place, last)
-    found = whole > 0 .and. place <= last
+    start = position
+    call skip_blanks(text, position, last)
+    found = whole > 0 .and. position <= last
     if (.not. found) return
-    if (text(place) == ",") then
-      place = place + 1
+    if (text(position) == ",") then
+      position = position + 1
     else
-      found = place > start
+      found = position > start
     end if
   end subroutine read_whole
 
-  !> Fields of lines at fixed places, as Fortran formats and Nastran write them, side by side without separators.
+  !> Fields of lines at fixed positions, as Fortran formats and Nastran write them, side by side without separators.
   subroutine read_columns(text, first, last, begin, width, table, bad)
     !> Characters of the file
     character, intent(in) :: text(*)
@@ -197,28 +197,28 @@ contains
   subroutine read_number(text, left, right, number, found)
     !> Characters of the file
     character, intent(in) :: text(*)
-    !> Place of the first character of the number; place of the last character of the number
+    !> Position of the first character of the number; position of the last character of the number
     integer(int64), intent(in) :: left, right
     !> Number that the characters spell
     real(wp), intent(inout) :: number
     !> Is there a number?
     logical, intent(out) :: found
-    integer(int64) :: place, mantissa
+    integer(int64) :: position, mantissa
     integer :: digits, decimals, exponent, shift, spelled
-    logical :: negative, point, lost, sure
+    logical :: negative, point, lost, is_exact
     character :: letter
 
     found = .false.
-    place = left
-    negative = text(place) == "-"
-    if (negative .or. text(place) == "+") place = place + 1
+    position = left
+    negative = text(position) == "-"
+    if (negative .or. text(position) == "+") position = position + 1
     mantissa = 0
     digits = 0
     decimals = 0
     point = .false.
     lost = .false.
-    do while (place <= right)
-      letter = text(place)
+    do while (position <= right)
+      letter = text(position)
       if (letter >= "0" .and. letter <= "9") then
         digits = digits + 1
         if (mantissa < eighteen_digits/10) then
@@ -232,32 +232,32 @@ contains
       else
         exit
       end if
-      place = place + 1
+      position = position + 1
     end do
     if (digits == 0) return
-    spelled = int(place - left)
-    call read_exponent(text, place, right, exponent, found)
+    spelled = int(position - left)
+    call read_exponent(text, position, right, exponent, found)
     if (.not. found) return
     shift = exponent - decimals
     if (mantissa < fifteen_digits .and. abs(shift) <= 22 .and. .not. lost) then
       number = real(mantissa, wp)
       if (shift >= 0) number = number*powers(shift)
       if (shift < 0) number = number/powers(-shift)
-      sure = .true.
+      is_exact = .true.
     else if (abs(shift) <= ubound(powers, 1) .and. .not. lost) then
-      call scale_by_power(mantissa, shift, number, sure)
+      call scale_by_power(mantissa, shift, number, is_exact)
     else
-      sure = .false.
+      is_exact = .false.
     end if
-    if (sure) then
+    if (is_exact) then
       if (negative) number = -number
     else
       call read_by_library(text, left, spelled, exponent, number, found)
     end if
   end subroutine read_number
 
-  !> m 10^k to twice the digits of a double; `sure` if its rounding to one cannot be wrong.
-  pure subroutine scale_by_power(mantissa, shift, number, sure)
+  !> m 10^k to twice the digits of a double; `is_exact` if its rounding to one cannot be wrong.
+  pure subroutine scale_by_power(mantissa, shift, number, is_exact)
     !> Below 2^62
     integer(int64), intent(in) :: mantissa
     !> At most 44, either sign
@@ -265,7 +265,7 @@ contains
     !> Number that the characters spell
     real(wp), intent(out) :: number
     !> Is the rounding beyond doubt?
-    logical, intent(out) :: sure
+    logical, intent(out) :: is_exact
     !> More than the two products, or the two quotients, leave out, relative
     real(wp), parameter :: uncertainty = 2.0_wp**(-98) ! derived
     real(wp) :: high, low, factor, rest, product, error, margin
@@ -286,7 +286,7 @@ contains
     margin = abs(product)*uncertainty
     ! What is left of the sum after rounding, moved either way, must still round to the same.
     rest = (product - number) + error
-    sure = number + (rest + margin) == number .and. number + (rest - margin) == number
+    is_exact = number + (rest + margin) == number .and. number + (rest - margin) == number
   end subroutine scale_by_power
 
   !> a b = product + error, exactly.
@@ -311,36 +311,36 @@ contains
   pure subroutine read_exponent(text, begin, right, exponent, found)
     !> Characters of the file
     character, intent(in) :: text(*)
-    !> Place at which the exponent begins; place of the last character of the number
+    !> Position at which the exponent begins; position of the last character of the number
     integer(int64), intent(in) :: begin, right
     !> Power of ten
     integer, intent(out) :: exponent
     !> Is there a number?
     logical, intent(out) :: found
-    integer(int64) :: place
+    integer(int64) :: position
     logical :: negative
 
     exponent = 0
     found = begin > right
     if (found) return
-    place = begin
-    select case (text(place))
+    position = begin
+    select case (text(position))
      case ("e", "E", "d", "D")
-      place = place + 1
+      position = position + 1
      case default
       ! A bare sign follows, or nothing that belongs to a number.
     end select
-    if (place > right) return
-    negative = text(place) == "-"
-    if (negative .or. text(place) == "+") then
-      place = place + 1
-    else if (place == begin) then
+    if (position > right) return
+    negative = text(position) == "-"
+    if (negative .or. text(position) == "+") then
+      position = position + 1
+    else if (position == begin) then
       return
     end if
-    if (place > right .or. right - place > 6) return
-    do place = place, right
-      if (text(place) < "0" .or. text(place) > "9") return
-      exponent = 10*exponent + (iachar(text(place)) - iachar("0"))
+    if (position > right .or. right - position > 6) return
+    do position = position, right
+      if (text(position) < "0" .or. text(position) > "9") return
+      exponent = 10*exponent + (iachar(text(position)) - iachar("0"))
     end do
     if (negative) exponent = -exponent
     found = .true.
@@ -350,7 +350,7 @@ contains
   subroutine read_by_library(text, left, spelled, exponent, number, found)
     !> Characters of the file
     character, intent(in) :: text(*)
-    !> Place of the first character of the number
+    !> Position of the first character of the number
     integer(int64), intent(in) :: left
     !> Characters up to the exponent; power of ten
     integer, intent(in) :: spelled, exponent
@@ -402,17 +402,17 @@ contains
                     //achar(iachar("0") + mod(rest/10, 10))//achar(iachar("0") + mod(rest, 10))
   end subroutine write_exponent
 
-  pure subroutine skip_blanks(text, place, last)
+  pure subroutine skip_blanks(text, position, last)
     !> Characters of the file
     character, intent(in) :: text(*)
     !> Place of a character
-    integer(int64), intent(inout) :: place
-    !> Place of the last character
+    integer(int64), intent(inout) :: position
+    !> Position of the last character
     integer(int64), intent(in) :: last
 
-    do while (place <= last)
-      if (.not. is_blank(text(place))) return
-      place = place + 1
+    do while (position <= last)
+      if (.not. is_blank(text(position))) return
+      position = position + 1
     end do
   end subroutine skip_blanks
 

@@ -3,7 +3,7 @@ module attrito_core_trigonometric
   use attrito_core_kinds, only: wp, two_pi
   implicit none
   private
-  public :: harmonics_at, basis_at, value_at, extrema, extreme_places, resized, to_complex, to_real
+  public :: harmonics_at, basis_at, value_at, extrema, extreme_angles, resized, to_complex, to_real
 
   !> Harmonics that are carried on at a time, each of which waits for none of the others
   integer, parameter :: stride = 4 ! conventional
@@ -153,7 +153,7 @@ contains
     real(wp), intent(in) :: coefficients(:)
     !> [lowest, highest]
     real(wp) :: range(2)
-    real(wp) :: jet(3), places(2)
+    real(wp) :: jet(3), angles(2)
     integer :: i, used
 
     ! Harmonics that are zero, as most are where every contact sticks, are left out.
@@ -162,30 +162,30 @@ contains
       range = coefficients(1) + norm2(coefficients(2:used))*[-1.0_wp, 1.0_wp]
       return
     end if
-    places = extreme_places(coefficients(:used))
+    angles = extreme_angles(coefficients(:used))
     do i = 1, 2
-      jet = value_at(coefficients(:used), places(i))
+      jet = value_at(coefficients(:used), angles(i))
       range(i) = jet(1)
     end do
   end function extrema
 
   !> Where the smallest and the largest value over the period are: those of a grid, each polished by Newton's method on x' = 0 where
   !> it is the least or greatest of its neighbours (two that are nearly equal may change places).
-  pure function extreme_places(coefficients) result(places)
+  pure function extreme_angles(coefficients) result(angles)
     !> [a_0, a_c1, a_s1, ...]
     real(wp), intent(in) :: coefficients(:)
     !> Angles of [lowest, highest]
-    real(wp) :: places(2)
+    real(wp) :: angles(2)
     real(wp) :: grid(16*size(coefficients)), range(2)
     integer :: j
 
     call sample(coefficients, grid)
-    places = [theta_of(minloc(grid, 1)), theta_of(maxloc(grid, 1))]
+    angles = [theta_of(minloc(grid, 1)), theta_of(maxloc(grid, 1))]
     range = [minval(grid), maxval(grid)]
     do j = 1, size(grid)
       associate (before => grid(modulo(j - 2, size(grid)) + 1), after => grid(modulo(j, size(grid)) + 1))
-        if (grid(j) <= min(before, after)) call keep_better(j, -1.0_wp, range(1), places(1))
-        if (grid(j) >= max(before, after)) call keep_better(j, 1.0_wp, range(2), places(2))
+        if (grid(j) <= min(before, after)) call keep_better(j, -1.0_wp, range(1), angles(1))
+        if (grid(j) >= max(before, after)) call keep_better(j, 1.0_wp, range(2), angles(2))
       end associate
     end do
 
@@ -199,13 +199,13 @@ contains
     end function theta_of
 
     !> Take the extremum beside a grid point if it goes farther than what there is.
-    pure subroutine keep_better(sample, side, value, place)
+    pure subroutine keep_better(sample, side, value, angle)
       !> Number of the grid point
       integer, intent(in) :: sample
       !> -1: smallest, 1: largest
       real(wp), intent(in) :: side
       !> Extreme value so far; angle at which it is
-      real(wp), intent(inout) :: value, place
+      real(wp), intent(inout) :: value, angle
       real(wp) :: theta, local(3), step
       integer :: iteration
 
@@ -221,9 +221,9 @@ contains
       local = value_at(coefficients, theta)
       if (side*(local(1) - value) < 0.0_wp) return
       value = local(1)
-      place = theta
+      angle = theta
     end subroutine keep_better
-  end function extreme_places
+  end function extreme_angles
 
   !> Values at equally spaced angles, an even number of them from 0: half a period on odd harmonics have changed their sign.
   pure subroutine sample(coefficients, values)

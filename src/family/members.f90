@@ -319,16 +319,16 @@ contains
     complex(wp), intent(in) :: response(:, :)
     type(description_type), intent(inout) :: self
     real(wp) :: stiffness
-    integer :: i, row, place
+    integer :: i, row, component
 
     associate (balance => solver%context%balance)
       allocate (self%force(balance%coefficients(), 3, size(solver%contacts%law)), source=0.0_wp)
       do i = 1, size(balance%law)
         associate (law => balance%law(i))
           do row = 1, law%tangents + 1
-            place = merge(3, row, row > law%tangents)
+            component = merge(3, row, row > law%tangents)
             stiffness = merge(law%normal_stiffness, law%tangential_stiffness, row > law%tangents)
-            self%force(:, place, balance%first_contact - 1 + i) = deviation(:, law%first_row + row - 1) &
+            self%force(:, component, balance%first_contact - 1 + i) = deviation(:, law%first_row + row - 1) &
                                                                   + stiffness*motion(:, law%first_row + row - 1)
           end do
         end associate

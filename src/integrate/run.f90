@@ -172,7 +172,7 @@ contains
       orbit%reason = reason_diverged
       orbit%amplitude = huge(1.0_wp)
     end if
-    if (.not. (converged .and. finite) .or. steady%seen < 2) return
+    if (.not. (converged .and. finite) .or. steady%periods < 2) return
     orbit%period = steady%period
     orbit%defect = steady%defect(max(1, steady%period))
     if (orbit%cycles >= 2) then

@@ -20,7 +20,7 @@ module attrito_integrate_steady
     !> States at the starts of the last periods, newest last: motion and rate over omega [2 m, 0:multiples], sliders [2 nc, 0:...]
     real(wp), allocatable :: motion(:, :), slider(:, :)
     !> Periods compared so far
-    integer :: seen = 0
+    integer :: periods = 0
     !> Period recognised, 0: none yet
     integer :: period = 0
     !> Defects of each multiple at the last comparison [multiples], delta_1 of every cycle [cycles]
@@ -78,15 +78,15 @@ contains
       self%amplitude = max(self%amplitude, norm2(state%motion))
       contact_amplitude = max(contact_amplitude, maxval(abs(matmul(state%motion, system%rows))))
     end if
-    self%seen = self%seen + 1
-    do k = 1, min(last, self%seen - 1)
+    self%periods = self%periods + 1
+    do k = 1, min(last, self%periods - 1)
       self%defect(k) = max(norm2(self%motion(:m, last) - self%motion(:m, last - k)), &
                            norm2(self%motion(m + 1:, last) - self%motion(m + 1:, last - k)))
       self%defect(k) = relative(self%defect(k), self%amplitude)
       self%defect(k) = max(self%defect(k), relative(maxval(abs(self%slider(:, last) - self%slider(:, last - k))), &
                                                     contact_amplitude))
     end do
-    if (self%seen > 1) self%history(state%cycle) = self%defect(1)
+    if (self%periods > 1) self%history(state%cycle) = self%defect(1)
     call recognise(self)
   end subroutine compare
 
@@ -111,9 +111,9 @@ contains
     integer, intent(in) :: cycles
     integer :: half, window
 
-    half = max(1, (cycles + cycles - self%seen)/2)
-    window = max(1, min(10, self%seen/4))
-    is_settling = self%seen < 4
+    half = max(1, (cycles + cycles - self%periods)/2)
+    window = max(1, min(10, self%periods/4))
+    is_settling = self%periods < 4
     if (.not. is_settling) is_settling = maxval(self%history(cycles - window + 1:cycles)) < &
       0.5_wp*maxval(self%history(half:min(half + window - 1, cycles)))
   end function is_settling
@@ -128,7 +128,7 @@ contains
     real(wp) :: largest(4), rise(3)
     integer :: part, quarter, first
 
-    quarter = min(cycles/8, self%seen/4)
+    quarter = min(cycles/8, self%periods/4)
     is_diverging = .false.
     if (quarter < 1) return
     do part = 1, 4

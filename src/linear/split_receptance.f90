@@ -261,17 +261,17 @@ contains
     !> Numbers to look for; ascending list of numbers
     integer, intent(in) :: members(:), list(:)
     integer :: places(size(members))
-    integer :: i, place
+    integer :: i, position
 
     places = 0
-    place = 1
+    position = 1
     do i = 1, size(members)
-      do while (place < size(list))
-        if (list(place) >= members(i)) exit
-        place = place + 1
+      do while (position < size(list))
+        if (list(position) >= members(i)) exit
+        position = position + 1
       end do
-      if (place > size(list)) exit
-      if (list(place) == members(i)) places(i) = place
+      if (position > size(list)) exit
+      if (list(position) == members(i)) places(i) = position
     end do
   end function places
 

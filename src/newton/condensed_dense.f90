@@ -18,7 +18,7 @@ module attrito_newton_condensed_dense
   !> An active entry of D's rows
   type :: entry_type
     !> Row of B among all ranks', coefficient in it; place of the row among the active ones of its rank, if that is this one
-    integer :: row = 0, coefficient = 0, place = 0
+    integer :: row = 0, coefficient = 0, local_row = 0
   end type entry_type
 
   !> Receptance at one harmonic
@@ -55,7 +55,8 @@ contains
     call balance%ranks%gather_columns(transposed_rows, everyone)
     row = 0.0_wp*rho
     if (border%has_motion) row = border%row_at(balance%active%contact_rows)
-    call balance%ranks%gather_columns(reshape([(row(mine(i)%coefficient, mine(i)%place), i=1, size(mine))], [1, size(mine)]), bottom)
+    call balance%ranks%gather_columns( &
+      reshape([(row(mine(i)%coefficient, mine(i)%local_row), i=1, size(mine))], [1, size(mine)]), bottom)
     allocate (solution(n + 1, 1), source=0.0_wp)
     status = 0
     if (balance%ranks%is_root()) then
@@ -258,7 +259,7 @@ contains
     integer :: i
 
     do i = 1, size(mine)
-      field(mine(i)%coefficient, mine(i)%place) = solution(i)
+      field(mine(i)%coefficient, mine(i)%local_row) = solution(i)
     end do
   end subroutine scatter
 end module attrito_newton_condensed_dense

@@ -25,7 +25,7 @@ module attrito_newton_two_level
     !> Coefficients a row
     integer :: coefficients = 0
     !> Place of every active contact among those that the factors know, 0 for none
-    integer, allocatable :: place(:)
+    integer, allocatable :: block_of(:)
     !> Modes at the active rows [low, rows]
     real(sp), allocatable :: shapes(:, :)
     !> Preconditioned column of omega [k, rows], and what is left of the corner
@@ -50,7 +50,7 @@ contains
     self%factors => factors
     self%coefficients = system%balance%coefficients()
     associate (active => system%balance%active)
-      self%place = factors%places_of(active%contacts)
+      self%block_of = factors%places_of(active%contacts)
       self%shapes = real(system%balance%receptance%mode_shapes(1, factors%low, places_of_rows(system%balance)), sp)
     end associate
     allocate (self%column, mold=system%column)
@@ -113,10 +113,10 @@ contains
     real(sp) :: product(3*self%coefficients)
     integer :: i, start
 
-    do i = 1, size(self%place)
-      if (self%place(i) == 0) cycle
+    do i = 1, size(self%block_of)
+      if (self%block_of(i) == 0) cycle
       start = self%coefficients*(self%system%balance%active%first(i) - 1)
-      associate (block => self%factors%blocks(self%place(i)))
+      associate (block => self%factors%blocks(self%block_of(i)))
         associate (n => size(block%rows))
           call times_vector(block%inverse, field(start + block%rows), product(:n))
           field(start + block%rows) = product(:n)
@@ -135,10 +135,10 @@ contains
     real(sp) :: product(3*self%coefficients)
     integer :: i, start
 
-    do i = 1, size(self%place)
-      if (self%place(i) == 0) cycle
+    do i = 1, size(self%block_of)
+      if (self%block_of(i) == 0) cycle
       start = self%coefficients*(self%system%balance%active%first(i) - 1)
-      associate (block => self%factors%blocks(self%place(i)))
+      associate (block => self%factors%blocks(self%block_of(i)))
         associate (n => size(block%rows))
           call times_vector(block%stiffness, field(start + 1:start + size(block%stiffness, 2)), product(:n))
           y(start + block%rows) = y(start + block%rows) - product(:n)

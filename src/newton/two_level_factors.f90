@@ -351,19 +351,19 @@ contains
     !> E U by coefficient of the row, that of the mode, mode, and row [k, k, low, carriers], zeros to begin with
     real(sp), intent(inout) :: stacked(:, :, :, :)
     real(sp), allocatable :: carried(:, :)
-    integer :: coefficient(size(block%rows)), place(size(block%rows)), places(0:size(shapes, 2) - 1), i, j, b, k, n, row
+    integer :: coefficient(size(block%rows)), position(size(block%rows)), places(0:size(shapes, 2) - 1), i, j, b, k, n, row
 
     k = size(stacked, 1)
     n = size(block%rows)
     places(carriers) = [(i, i=1, size(carriers))]
     coefficient = modulo(block%rows - 1, k) + 1
-    place = places((block%rows - 1)/k)
+    position = places((block%rows - 1)/k)
     ! E as [(row, b), row'], b a coefficient, to [(row, b), mode]
     carried = matmul(reshape(block%stiffness, [n*k, size(shapes, 2)]), transpose(shapes))
     do j = 1, size(shapes, 1)
       do b = 1, k
         do row = 1, n
-          stacked(coefficient(row), b, j, place(row)) = carried(row + (b - 1)*n, j)
+          stacked(coefficient(row), b, j, position(row)) = carried(row + (b - 1)*n, j)
         end do
       end do
     end do

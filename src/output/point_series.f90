@@ -236,7 +236,7 @@ contains
     !> Coefficients, rows t1, t2, n [2 H + 1, 3, contacts]
     real(wp), allocatable, intent(out) :: motion(:, :, :), force(:, :, :)
     real(wp), allocatable :: recovered(:, :)
-    integer :: i, k, n, row, place
+    integer :: i, k, n, row, component
 
     associate (balance => solver%context%balance)
       n = size(balance%law)
@@ -247,9 +247,9 @@ contains
       do i = 1, n
         associate (law => balance%law(i), forces => balance%forces(i))
           do row = 1, law%tangents + 1
-            place = merge(3, row, row > law%tangents)
-            motion(:, place, i) = recovered(:, law%first_row + row - 1)
-            force(:, place, i) = forces%deviation(:k, row) + motion(:, place, i) &
+            component = merge(3, row, row > law%tangents)
+            motion(:, component, i) = recovered(:, law%first_row + row - 1)
+            force(:, component, i) = forces%deviation(:k, row) + motion(:, component, i) &
                                  *merge(law%normal_stiffness, law%tangential_stiffness, row > law%tangents)
           end do
           numbers(i, 1:2) = [force(1, 3, i), least_normal_force(law, motion(:, 3, i))]

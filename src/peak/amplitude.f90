@@ -7,7 +7,7 @@
 !> $$ \partial A = \tfrac12 (e_+ - e_-), \qquad \partial^2 A = \tfrac12 \left( -e'_+ e'^T_+ / x''_+ + e'_- e'^T_- / x''_- \right). $$
 module attrito_peak_amplitude
   use attrito_core_kinds, only: wp
-  use attrito_core_trigonometric, only: basis_at, extreme_places, value_at
+  use attrito_core_trigonometric, only: basis_at, extreme_angles, value_at
   implicit none
   private
   public :: amplitude_type, amplitude_of, half_range, first_harmonic
@@ -43,17 +43,17 @@ contains
     !> Fourier coefficients
     real(wp), intent(in) :: coefficients(:)
     type(amplitude_type), intent(inout) :: self
-    real(wp) :: places(2), jet(3), slope(size(coefficients)), part
+    real(wp) :: angles(2), jet(3), slope(size(coefficients)), part
     integer :: i, n
 
-    places = extreme_places(coefficients)
+    angles = extreme_angles(coefficients)
     do i = 1, 2
       part = merge(-0.5_wp, 0.5_wp, i == 1)
-      jet = value_at(coefficients, places(i))
+      jet = value_at(coefficients, angles(i))
       self%value = self%value + part*jet(1)
-      self%gradient = self%gradient + part*basis_at(places(i), size(coefficients)/2)
+      self%gradient = self%gradient + part*basis_at(angles(i), size(coefficients)/2)
       if (abs(jet(3)) <= tiny(1.0_wp)) cycle
-      slope = slopes_at(places(i), size(coefficients))
+      slope = slopes_at(angles(i), size(coefficients))
       do n = 1, size(coefficients)
         self%curvature(:, n) = self%curvature(:, n) - part*slope(n)/jet(3)*slope
       end do

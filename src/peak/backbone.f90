@@ -235,23 +235,23 @@ contains
   end subroutine hold_mode
 
   !> The linear mode about where the structure is at rest, at the amplitude given there.
-  function linear(self, solver) result(place)
+  function linear(self, solver) result(base)
     type(backbone_type), intent(in) :: self
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
-    type(base_point_type) :: place
+    type(base_point_type) :: base
     real(wp), allocatable :: shape(:)
     integer :: first
 
-    place = self%rest
+    base = self%rest
     first = solver%context%balance%first_row
     if (allocated(self%shape)) then
       shape = self%shape
     else
       shape = solver%stuck%modes(:, self%mode)
     end if
-    place%motion(2:, :) = 0.0_wp
-    place%motion(2, :) = place%amplitude*matmul(shape, solver%contacts%directions(:, first:first + size(place%motion, 2) - 1))
+    base%motion(2:, :) = 0.0_wp
+    base%motion(2, :) = base%amplitude*matmul(shape, solver%contacts%directions(:, first:first + size(base%motion, 2) - 1))
   end function linear
 
   !> Follow to an amplitude, in as many steps as it takes; the solver stays at the last point found.
@@ -290,25 +290,25 @@ contains
   end subroutine go_to
 
   !> On the line through the last two points, harmonics taken by amplitude; along the last one where that line would be long.
-  function predicted(self, amplitude) result(place)
+  function predicted(self, amplitude) result(base)
     type(backbone_type), intent(in) :: self
     !> Modulus of the mode's coordinate
     real(wp), intent(in) :: amplitude
-    type(base_point_type) :: place
+    type(base_point_type) :: base
     real(wp) :: part
 
-    place = self%last
-    place%amplitude = amplitude
-    place%motion(2:, :) = amplitude/self%last%amplitude*self%last%motion(2:, :)
+    base = self%last
+    base%amplitude = amplitude
+    base%motion(2:, :) = amplitude/self%last%amplitude*self%last%motion(2:, :)
     if (.not. allocated(self%before%motion)) return
     associate (a => self%last%amplitude, b => self%before%amplitude)
       part = log(amplitude/a)
       if (abs(part) > farthest_line*abs(log(a/b))) return
       part = part/log(a/b)
-      place%motion = place%motion + part*(self%last%motion - self%before%motion)
-      place%motion(2:, :) = (1.0_wp + part)*amplitude/a*self%last%motion(2:, :) - part*amplitude/b*self%before%motion(2:, :)
-      place%omega = place%omega + part*(self%last%omega - self%before%omega)
-      place%excitation = place%excitation + part*(self%last%excitation - self%before%excitation)
+      base%motion = base%motion + part*(self%last%motion - self%before%motion)
+      base%motion(2:, :) = (1.0_wp + part)*amplitude/a*self%last%motion(2:, :) - part*amplitude/b*self%before%motion(2:, :)
+      base%omega = base%omega + part*(self%last%omega - self%before%omega)
+      base%excitation = base%excitation + part*(self%last%excitation - self%before%excitation)
     end associate
   end function predicted
 
@@ -465,18 +465,18 @@ contains
   end function base_point_of
 
   !> Put the solver there, with residuals relative to the linear mode of that amplitude.
-  subroutine start_from(self, solver, place)
+  subroutine start_from(self, solver, base)
     type(backbone_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Point of the backbone from which the next is sought
-    type(base_point_type), intent(in) :: place
+    type(base_point_type), intent(in) :: base
 
-    self%amplitude = place%amplitude
-    self%excitation = place%excitation
-    call restore(solver, place%snapshot_type)
-    call solver%set_loads(solver%context%balance%static_factors, place%amplitude)
-    call solver%context%balance%receptance%excite(place%excitation)
-    call solver%set_scales(place%omega, place%omega)
+    self%amplitude = base%amplitude
+    self%excitation = base%excitation
+    call restore(solver, base%snapshot_type)
+    call solver%set_loads(solver%context%balance%static_factors, base%amplitude)
+    call solver%context%balance%receptance%excite(base%excitation)
+    call solver%set_scales(base%omega, base%omega)
   end subroutine start_from
 end module attrito_peak_backbone

@@ -33,7 +33,7 @@ module attrito_peak_climb
 
   !> A point of the response, its tangent turned the way that is followed, the slope along it
   type :: branch_seed_type
-    type(snapshot_type) :: place
+    type(snapshot_type) :: snapshot
     type(tangent_type) :: tangent
     real(wp) :: slope = 0.0_wp, amplitude = 0.0_wp
     !> Of the tangent's scaled length per relative change of the motion
@@ -102,7 +102,7 @@ contains
     type(direction_type) :: direction
     integer :: status
 
-    here%place = snapshot_of(solver)
+    here%snapshot = snapshot_of(solver)
     call find_tangent(solver, towards, here%tangent, status)
     looked = status == 0
     if (.not. looked) return
@@ -147,16 +147,16 @@ contains
       iterations = iterations + solver%report%iterations
       solved = solver%report%converged .and. error <= accepted_error
       if (solved) exit
-      call restore(solver, here%place)
+      call restore(solver, here%snapshot)
       length = 0.5_wp*length
       if (length < shortest_step*here%unit) exit
     end do
-    if (.not. solved) call leap(solver, here, length, iterations, solved)
+    if (.not. solved) call step_over(solver, here, length, iterations, solved)
     if (solved) call look_around(problem, solver, here%tangent, next, solved)
   end subroutine step_up
 
   !> Where no step along the tangent is solved, however short: to a frequency beyond, with all that Newton's method can do.
-  subroutine leap(solver, here, length, iterations, solved)
+  subroutine step_over(solver, here, length, iterations, solved)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Point of the response with its tangent and slope
@@ -171,14 +171,14 @@ contains
 
     length = first_leap/max(abs(here%tangent%omega), tiny(1.0_wp))
     do i = 1, most_leaps
-      call solver%solve_at(here%place%omega + length*solver%context%frequency_scale*here%tangent%omega)
+      call solver%solve_at(here%snapshot%omega + length*solver%context%frequency_scale*here%tangent%omega)
       iterations = iterations + solver%report%iterations
       solved = solver%report%converged
       if (solved) exit
-      call restore(solver, here%place)
+      call restore(solver, here%snapshot)
       length = 2.0_wp*length
     end do
-  end subroutine leap
+  end subroutine step_over
 
   !> Along the tangent and in the plane across it. `error`: from prediction to correction, relative to the motion.
   subroutine take_step(solver, here, length, error)
@@ -196,9 +196,9 @@ contains
     associate (context => solver%context, tangent => here%tangent)
       solver%motion = solver%motion + length*context%motion_scale*tangent%motion
       solver%omega = solver%omega + length*context%frequency_scale*tangent%omega
-      associate (periodic => spread(here%place%periodic, 1, size(tangent%slider, 1)))
-        call solver%set_slider(here%place%slider + length*context%motion_scale*merge(tangent%slider, 0.0_wp, periodic), &
-                               here%place%periodic)
+      associate (periodic => spread(here%snapshot%periodic, 1, size(tangent%slider, 1)))
+        call solver%set_slider(here%snapshot%slider + length*context%motion_scale*merge(tangent%slider, 0.0_wp, periodic), &
+                               here%snapshot%periodic)
       end associate
       constraint%motion = tangent%motion/context%motion_scale
       constraint%frequency = tangent%omega/context%frequency_scale
@@ -246,14 +246,14 @@ contains
     real(wp) :: s
     integer :: try
 
-    call step%take(rising%place, solver, rising%tangent)
+    call step%take(rising%snapshot, solver, rising%tangent)
     ends = [arc_end_type(0.0_wp, 0.0_wp, rising%slope), arc_end_type(1.0_wp, log(falling%amplitude/rising%amplitude), falling%slope)]
     ends%slope = length*ends%slope
     best = ends(1)
-    highest = rising%place
+    highest = rising%snapshot
     if (ends(2)%height > 0.0_wp) then
       best = ends(2)
-      highest = falling%place
+      highest = falling%snapshot
     end if
     do try = 1, most_points
       found = gain_of(falling) <= accepted_gain .or. gain_between(ends, best) <= accepted_gain
@@ -267,7 +267,7 @@ contains
       end = arc_end_type(s, log(at%amplitude/rising%amplitude), length*at%slope)
       if (end%height > best%height) then
         best = end
-        highest = at%place
+        highest = at%snapshot
       end if
       if (gain_of(at) <= accepted_gain) exit
       ends(merge(1, 2, at%slope > 0.0_wp)) = end

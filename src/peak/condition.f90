@@ -275,33 +275,33 @@ contains
     real(wp), intent(out) :: second(3)
     !> 0: done; else it could not be evaluated
     integer, intent(out) :: status
-    type(direction_type) :: ways(3), follow
+    type(direction_type) :: directions(3), follow
     complex(wp), allocatable :: bent(:, :), curved(:, :, :)
     type(unknowns_type) :: right
     integer :: i
 
-    ways = [self%newton, self%along, self%by_parameter]
+    directions = [self%newton, self%along, self%by_parameter]
     status = 0
     second = 0.0_wp
     associate (balance => solver%context%balance)
-      call bend_forces(balance, solver%motion, self%along%step, ways, curved)
+      call bend_forces(balance, solver%motion, self%along%step, directions, curved)
       right = new_unknowns(shape(solver%motion), shape(balance%slider))
-      do i = 1, size(ways)
-        bent = curved(:, :, i) + second_response(balance, self%along, ways(i))
+      do i = 1, size(directions)
+        bent = curved(:, :, i) + second_response(balance, self%along, directions(i))
         right%motion = balance%recover(bent)
         follow = direction_type()
         call solve(problem, solver, right, follow%step, status)
         if (status /= 0) return
         call respond(balance, follow)
         second(i) = dot_product(balance%monitors%row_of(problem%monitor, self%along%response), &
-                                matmul(self%amplitude%curvature, balance%monitors%row_of(problem%monitor, ways(i)%response))) &
+                                matmul(self%amplitude%curvature, balance%monitors%row_of(problem%monitor, directions(i)%response))) &
                     + dot_product(self%amplitude%gradient, balance%monitors%row_of(problem%monitor, bent + follow%response))
       end do
     end associate
   end subroutine differentiate_slope
 
   !> Responses to D'[t] x [n, 0:H, ways].
-  subroutine bend_forces(balance, motion, along, ways, curved)
+  subroutine bend_forces(balance, motion, along, directions, curved)
     !> Harmonic balance, whose last evaluation this changes
     type(balance_type), intent(inout) :: balance
     !> Coefficients of relative displacement, by harmonic and row
@@ -309,32 +309,32 @@ contains
     !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(in) :: along
     !> Change of the unknowns and of the response
-    type(direction_type), intent(in) :: ways(:)
+    type(direction_type), intent(in) :: directions(:)
     !> Responses to the second derivative of the forces
     complex(wp), allocatable, intent(out) :: curved(:, :, :)
-    real(wp) :: deviation(size(along%motion, 1), size(along%motion, 2), size(ways))
+    real(wp) :: deviation(size(along%motion, 1), size(along%motion, 2), size(directions))
     integer :: i
 
-    call differentiate_twice(balance, motion, along, [(ways(i)%step, i=1, size(ways))], deviation)
-    allocate (curved(size(balance%response, 1), 0:balance%receptance%harmonics, size(ways)))
-    do i = 1, size(ways)
+    call differentiate_twice(balance, motion, along, [(directions(i)%step, i=1, size(directions))], deviation)
+    allocate (curved(size(balance%response, 1), 0:balance%receptance%harmonics, size(directions)))
+    do i = 1, size(directions)
       call balance%respond_to_deviation(deviation(:, :, i), curved(:, :, i))
     end do
   end subroutine bend_forces
 
   !> Second derivative of the response along t and a way, forces' own second derivative left out [n, 0:H].
-  function second_response(balance, along, way) result(response)
+  function second_response(balance, along, other) result(response)
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     !> Change of the unknowns and of the response
-    type(direction_type), intent(in) :: along, way
+    type(direction_type), intent(in) :: along, other
     complex(wp), allocatable :: response(:, :)
     complex(wp), allocatable :: shifted(:, :), twice(:, :), inertia(:, :)
 
     allocate (response, shifted, twice, inertia, mold=balance%response)
-    associate (receptance => balance%receptance, tau => along%step%omega, xi => way%step%omega)
+    associate (receptance => balance%receptance, tau => along%step%omega, xi => other%step%omega)
       ! Loads that grow with the parameter, too, turn with omega.
-      call receptance%respond_derivative(xi*along%deviation + tau*(way%response - xi*derivative_of(balance)), shifted)
+      call receptance%respond_derivative(xi*along%deviation + tau*(other%response - xi*derivative_of(balance)), shifted)
       call receptance%respond_derivative(derivative_of(balance), twice)
       call receptance%respond_inertia(balance%response, inertia)
       response = shifted + tau*xi*(2.0_wp*twice + inertia)

@@ -51,11 +51,11 @@ module attrito_peak_curve
     integer :: iterations = 0
     real(wp), private :: step = first_step
     !> Was the last peak not reached by a step along the curve?
-    logical, private :: leapt = .false.
+    logical, private :: stepped_over = .false.
     !> Unit tangent of the curve, and the way it was followed last
     type(direction_type), private :: tangent
     !> How it changes from step to step, per length, once two are known
-    type(direction_type), private :: bend
+    type(direction_type), private :: bending
   contains
     procedure :: advance
     procedure :: go_to
@@ -95,7 +95,7 @@ contains
     self%problem%parameter = parameter
     self%step = first_step
     if (allocated(self%tangent%step%motion)) deallocate (self%tangent%step%motion)
-    if (allocated(self%bend%step%motion)) deallocate (self%bend%step%motion)
+    if (allocated(self%bending%step%motion)) deallocate (self%bending%step%motion)
     call self%correct_here(solver)
   end subroutine follow_parameter
 
@@ -168,8 +168,8 @@ contains
     before = base_point_of(self, solver)
     call turn_towards(self, solver, stop)
     call step_along(self, solver, before, stop, iterations, reached)
-    self%leapt = .not. self%found
-    if (self%leapt) call leap(self, solver, before, stop, iterations, reached)
+    self%stepped_over = .not. self%found
+    if (self%stepped_over) call step_over(self, solver, before, stop, iterations, reached)
     self%iterations = iterations
   end subroutine advance
 
@@ -196,7 +196,7 @@ contains
     if (stuck) accepted = accepted_at_kink
     iterations = 0
     do
-      call aim(self, solver, before, stop, stuck, length, plane, reached)
+      call solve_in_plane(self, solver, before, stop, stuck, length, plane, reached)
       self%found = .false.
       if (leads_on(before%parameter, value_of(self%problem, solver), stop)) then
         call correct_from(self, solver, plane, error)
@@ -210,7 +210,7 @@ contains
       call go_back(self, solver, before)
       reached = .false.
       ! Beyond a kink steps along the curve are mostly solved again at once, or not at all.
-      if (self%step < smallest_step .or. self%leapt) return
+      if (self%step < smallest_step .or. self%stepped_over) return
     end do
     if (.not. reached .and. passed(before%parameter, value_of(self%problem, solver), stop)) then
       call set_value(self%problem, solver, stop)
@@ -229,7 +229,7 @@ contains
   end subroutine step_along
 
   !> The peak at a value of the parameter farther on, wherever it is.
-  subroutine leap(self, solver, before, stop, iterations, reached)
+  subroutine step_over(self, solver, before, stop, iterations, reached)
     type(curve_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
@@ -259,7 +259,7 @@ contains
     end if
     if (allocated(self%tangent%step%motion)) deallocate (self%tangent%step%motion)
     call find_tangent(self, solver, 0.0_wp)
-  end subroutine leap
+  end subroutine step_over
 
   !> Is a value beyond another on the way to a third?
   pure logical function leads_on(from, to, stop)
@@ -270,7 +270,7 @@ contains
   end function leads_on
 
   !> Predict a step, just to the end if it leads beyond, and say where to correct it: in a plane, or at the value that it has come to.
-  subroutine aim(self, solver, before, stop, stuck, length, plane, reached)
+  subroutine solve_in_plane(self, solver, before, stop, stuck, length, plane, reached)
     type(curve_type), intent(in) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
@@ -296,7 +296,7 @@ contains
       call set_value(self%problem, solver, stop)
     end if
     if (stuck .or. reached .or. climbs(solver)) plane = plane_type(value=value_of(self%problem, solver))
-  end subroutine aim
+  end subroutine solve_in_plane
 
   !> The peak at a value of the parameter, from the one before with all that there is: the strategies, climbing, and a sweep.
   subroutine search(self, solver, before, value, iterations)
@@ -364,10 +364,10 @@ contains
       solver%motion = before%motion + length*step%motion
       solver%omega = before%omega + length*step%omega
       parameter = before%parameter + length*self%tangent%parameter
-      if (allocated(self%bend%step%motion)) then
-        solver%motion = solver%motion + 0.5_wp*length**2*self%bend%step%motion
-        solver%omega = solver%omega + 0.5_wp*length**2*self%bend%step%omega
-        parameter = parameter + 0.5_wp*length**2*self%bend%parameter
+      if (allocated(self%bending%step%motion)) then
+        solver%motion = solver%motion + 0.5_wp*length**2*self%bending%step%motion
+        solver%omega = solver%omega + 0.5_wp*length**2*self%bending%step%omega
+        parameter = parameter + 0.5_wp*length**2*self%bending%parameter
       end if
       call solver%set_slider(before%slider + length*step%slider, before%periodic)
       call set_value(self%problem, solver, parameter)
@@ -448,12 +448,12 @@ contains
       if (allocated(self%tangent%step%motion)) then
         if (along_last(self, solver, tangent) < 0.0_wp) call reverse(tangent)
       end if
-      if (allocated(self%bend%step%motion)) deallocate (self%bend%step%motion)
+      if (allocated(self%bending%step%motion)) deallocate (self%bending%step%motion)
       if (length > 0.0_wp .and. allocated(self%tangent%step%motion)) then
-        self%bend%step%motion = (tangent%step%motion - self%tangent%step%motion)/length
-        self%bend%step%slider = 0.0_wp*tangent%step%slider
-        self%bend%step%omega = (tangent%step%omega - self%tangent%step%omega)/length
-        self%bend%parameter = (tangent%parameter - self%tangent%parameter)/length
+        self%bending%step%motion = (tangent%step%motion - self%tangent%step%motion)/length
+        self%bending%step%slider = 0.0_wp*tangent%step%slider
+        self%bending%step%omega = (tangent%step%omega - self%tangent%step%omega)/length
+        self%bending%parameter = (tangent%parameter - self%tangent%parameter)/length
       end if
       self%tangent = tangent
     end associate

@@ -20,13 +20,13 @@ module attrito_peak_second_derivative
 contains
 
   !> D'[t] x at the balance's last evaluation [2 H + 1, rows, ways].
-  subroutine differentiate_twice(balance, motion, along, ways, deviation)
+  subroutine differentiate_twice(balance, motion, along, directions, deviation)
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     !> Where it was evaluated [2 H + 1, rows]
     real(wp), intent(in) :: motion(:, :)
     !> Coefficients of contact rows and the angular frequency
-    type(unknowns_type), intent(in) :: along, ways(:)
+    type(unknowns_type), intent(in) :: along, directions(:)
     !> Deviation of contact forces from those of their springs
     real(wp), intent(out) :: deviation(:, :, :)
     real(wp), allocatable :: columns(:, :), product(:, :)
@@ -38,14 +38,14 @@ contains
       associate (law => balance%law(i), forces => balance%forces(i), first => balance%law(i)%first_row)
         if (.not. allocated(forces%jacobian)) cycle
         last = first + law%tangents
-        columns = reshape([(ways(n)%motion(:, first:last), n=1, size(ways))], [k*(law%tangents + 1), size(ways)])
+        columns = reshape([(directions(n)%motion(:, first:last), n=1, size(directions))], [k*(law%tangents + 1), size(directions)])
         allocate (product, mold=columns)
         if (goes_by_events(law, balance%quadrature%by_events)) then
           call sum_elements(balance, motion(:, first:last), i, along%motion(:, first:last), columns, product)
         else
           product = difference(balance, motion, i, along, columns)
         end if
-        do n = 1, size(ways)
+        do n = 1, size(directions)
           deviation(:, first:last, n) = reshape(product(:, n), [k, law%tangents + 1])
         end do
         deallocate (product)

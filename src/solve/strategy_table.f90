@@ -30,7 +30,7 @@ module attrito_solve_strategy_table
     !> Its name in files and messages
     character(26) :: name = ''
     !> Start and path of Newton's method; where it is tried; what it costs at most
-    character(112) :: path = '', place = '', cost = ''
+    character(112) :: path = '', condition = '', cost = ''
     !> If it fails: is a drift that was found up to then the last word, and is motion in time without a periodic solution?
     logical :: drift_ends = .true., no_orbit_ends = .false.
     !> Is everything there that it needs? Not associated: it needs nothing
@@ -75,47 +75,47 @@ contains
     table = [ &
             strategy_type('newton_early_stop', &
                           path='the point before; given up after eight iterations that gain less than a hundredfold', &
-                          place='unless the body drifted at the point before', &
+                          condition='unless the body drifted at the point before', &
                           cost='30 iterations', &
                           drift_ends=.false., is_worth_while=another_follows, solve=solve_early_stop), &
             strategy_type('mean_regularisation', &
                           path='the point before, with springs on the mean that are relaxed', &
-                          place='coupled; after a drift, or where there is no time integration', &
+                          condition='coupled; after a drift, or where there is no time integration', &
                           cost='eight solves with springs, nine without', &
                           drift_ends=.false., is_possible=can_regularise, is_worth_while=drift_is_likely, solve=relax_springs), &
             strategy_type('time_integration', &
                           path='means of periods integrated in time; every third start with springs on the mean', &
-                          place='coupled; up to 400 rows of contacts; no parallel elements', &
+                          condition='coupled; up to 400 rows of contacts; no parallel elements', &
                           cost='16 windows of 10 to 25 periods, a solve from each', &
                           no_orbit_ends=.true., is_possible=has_time_integrator, solve=solve_from_means_in_time), &
             strategy_type('regularised_level_homotopy', &
                           path='the static solution; the level of the loads in steps, with springs on the mean', &
-                          place='coupled', &
+                          condition='coupled', &
                           cost='some 60 iterations, then as `mean_regularisation`', &
                           is_possible=can_regularise, solve=solve_by_regularised_level), &
             strategy_type('newton', &
                           path='the point before; to the end', &
-                          place='always', &
+                          condition='always', &
                           cost='30 iterations; as many with springs on the mean, and with stiffened steps', &
                           solve=solve_here), &
             strategy_type('stuck_response', &
                           path='the linear response with every contact stuck', &
-                          place='always', &
+                          condition='always', &
                           cost='as `newton`', &
                           solve=solve_from_stuck), &
             strategy_type('frequency_homotopy', &
                           path='the point before; the frequency in steps', &
-                          place='always', &
+                          condition='always', &
                           cost='some 200 iterations', &
                           solve=solve_by_frequency), &
             strategy_type('level_homotopy', &
                           path='the static solution; the level of the loads in steps', &
-                          place='always', &
+                          condition='always', &
                           cost='some 200 iterations', &
                           solve=solve_by_level), &
             strategy_type('stiffness_homotopy', &
                           path='contacts a hundred or 10^4 times softer, then stiffer by half decades', &
-                          place='coupled; up to 300 coordinates', &
+                          condition='coupled; up to 300 coordinates', &
                           cost='200 iterations from each of six starts; each stiffness has its own stuck system', &
                           is_possible=can_soften, solve=solve_by_softer_contacts)]
   end function strategies

@@ -47,7 +47,7 @@ module attrito_stability_crossing
     integer :: kind = crossing_jump
     !> Of the upper half plane
     complex(wp) :: multiplier = 0.0_wp
-    type(snapshot_type) :: place
+    type(snapshot_type) :: snapshot
     !> What is left of the step there, rad/s
     real(wp) :: uncertain = 0.0_wp
     !> Does the larger number lie outside beyond it?
@@ -57,7 +57,7 @@ module attrito_stability_crossing
   !> One end of what is left of a step
   type :: end_type
     real(wp) :: part = 0.0_wp
-    type(snapshot_type) :: place
+    type(snapshot_type) :: snapshot
     type(moduli_type) :: moduli
   end type end_type
 
@@ -138,7 +138,7 @@ contains
       if (outside(a%moduli) == outside(end%moduli)) return
       b = end
       call close_in(solver, system, one_orbit, step, a, b)
-      on_branch = distance(solver, a%place, b%place) <= same_branch
+      on_branch = distance(solver, a%snapshot, b%snapshot) <= same_branch
       if (on_branch) found = [found, crossing_between(a, b)]
       a = b
     end do
@@ -209,7 +209,7 @@ contains
         call bracket%take(2, new%part, value)
       end if
       if (abs(value) < on_circle .or. bracket%width() < least_part .or. &
-          abs(b%place%omega - a%place%omega) < accuracy*a%place%omega .and. abs(value) < jump) return
+          abs(b%snapshot%omega - a%snapshot%omega) < accuracy*a%snapshot%omega .and. abs(value) < jump) return
       watched = min(outside(a%moduli), outside(b%moduli)) + 1
     end do
   end subroutine close_in
@@ -231,7 +231,7 @@ contains
 
     call step%solve_part(solver, self%part, solved)
     if (.not. solved) return
-    self%place = snapshot_of(solver)
+    self%snapshot = snapshot_of(solver)
     call examine(solver, system, options, examination)
     call moduli_of(solver, examination, self%moduli)
     solved = size(self%moduli%value) > 0
@@ -260,12 +260,12 @@ contains
     before = logarithm(a%moduli, watched)
     after = logarithm(b%moduli, watched)
     self%loses = after > before
-    self%uncertain = abs(b%place%omega - a%place%omega)
+    self%uncertain = abs(b%snapshot%omega - a%snapshot%omega)
     associate (nearer => merge(1, 2, abs(before) < abs(after)))
-      self%place = a%place
+      self%snapshot = a%snapshot
       self%multiplier = a%moduli%value(watched)
       if (nearer == 2) then
-        self%place = b%place
+        self%snapshot = b%snapshot
         self%multiplier = b%moduli%value(watched)
       end if
     end associate

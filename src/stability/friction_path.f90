@@ -37,7 +37,7 @@ module attrito_stability_friction_path
     !> Where the period begins
     type(friction_type) :: start
     !> Places in samples at which a regime begins, ascending, and the regimes
-    real(wp), allocatable :: places(:)
+    real(wp), allocatable :: instants(:)
     integer, allocatable :: regimes(:)
     !> Does the slider come back?
     logical :: periodic = .false.
@@ -107,48 +107,48 @@ contains
     !> State of a contact at an instant
     type(friction_type), intent(inout) :: state
     type(path_type), intent(inout) :: self
-    real(wp) :: place, reached
+    real(wp) :: instant, reached
     integer :: before
 
-    if (allocated(self%places)) deallocate (self%places, self%regimes)
-    allocate (self%places(0), self%regimes(0))
+    if (allocated(self%instants)) deallocate (self%instants, self%regimes)
+    allocate (self%instants(0), self%regimes(0))
     self%periodic = .true.
-    place = 0.0_wp
-    do while (place < motion%samples())
+    instant = 0.0_wp
+    do while (instant < motion%samples())
       before = state%regime
       select case (state%regime)
        case (regime_stick)
-        call stick(law, motion, place, state, reached)
+        call stick(law, motion, instant, state, reached)
        case (regime_slip)
-        call slip(law, motion, place, state, reached)
+        call slip(law, motion, instant, state, reached)
        case default
-        call fly(law, motion, place, state, reached)
+        call fly(law, motion, instant, state, reached)
       end select
-      place = reached
+      instant = reached
       if (state%regime == before) cycle
-      self%places = [self%places, place]
+      self%instants = [self%instants, instant]
       self%regimes = [self%regimes, state%regime]
-      self%periodic = count(self%places > place - 1.0_wp) <= most_switches
+      self%periodic = count(self%instants > instant - 1.0_wp) <= most_switches
       if (.not. self%periodic) return
     end do
   end subroutine march
 
-  !> The sample after a place.
-  pure real(wp) function next_sample(place)
+  !> The sample after an instant.
+  pure real(wp) function next_sample(instant)
     !> Number of the sample, with parts
-    real(wp), intent(in) :: place
+    real(wp), intent(in) :: instant
 
-    next_sample = floor(place) + 1.0_wp
+    next_sample = floor(instant) + 1.0_wp
   end function next_sample
 
   !> Stick to the next sample, or until the displacement leaves the disc.
-  pure subroutine stick(law, motion, place, state, reached)
+  pure subroutine stick(law, motion, instant, state, reached)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
     !> Motion of the contacts at the samples of a period
     type(sampled_motion_type), intent(in) :: motion
     !> Number of the sample, with parts
-    real(wp), intent(in) :: place
+    real(wp), intent(in) :: instant
     !> State of a contact at an instant
     type(friction_type), intent(inout) :: state
     !> Defect that is left
@@ -157,10 +157,10 @@ contains
     real(wp) :: ends(2), middle
     integer :: i
 
-    reached = next_sample(place)
+    reached = next_sample(instant)
     here = motion%at_contact(law, reached)
     if (outside(here) <= 4.0_wp*epsilon(1.0_wp)*(sum(abs(here%u)) + abs(here%pressed))) return
-    ends = [place, reached]
+    ends = [instant, reached]
     do i = 1, halvings
       middle = 0.5_wp*sum(ends)
       ends(merge(2, 1, outside(motion%at_contact(law, middle)) > 0.0_wp)) = middle
@@ -181,13 +181,13 @@ contains
   end subroutine stick
 
   !> Slip to the next sample, or until the contact opens or the slider comes to rest.
-  pure subroutine slip(law, motion, place, state, reached)
+  pure subroutine slip(law, motion, instant, state, reached)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
     !> Motion of the contacts at the samples of a period
     type(sampled_motion_type), intent(in) :: motion
     !> Number of the sample, with parts
-    real(wp), intent(in) :: place
+    real(wp), intent(in) :: instant
     !> State of a contact at an instant
     type(friction_type), intent(inout) :: state
     !> Defect that is left
@@ -197,11 +197,11 @@ contains
     real(wp) :: ends(2), middle
     integer :: i
 
-    from = motion%at_contact(law, place)
-    reached = next_sample(place)
+    from = motion%at_contact(law, instant)
+    reached = next_sample(instant)
     here = motion%at_contact(law, reached)
     if (.not. here%closed) then
-      reached = lift_off(law, motion, place, reached)
+      reached = lift_off(law, motion, instant, reached)
       state%regime = regime_open
       state%slider = here%u
       return
@@ -209,7 +209,7 @@ contains
     turned = turn_over(law, from, here, state%direction)
     if (slip_rate(law, here, turned%e) < 0.0_wp) then
       state%regime = regime_stick
-      ends = [place, reached]
+      ends = [instant, reached]
       do i = 1, halvings
         middle = 0.5_wp*sum(ends)
         here = motion%at_contact(law, middle)
@@ -223,23 +223,23 @@ contains
   end subroutine slip
 
   !> Open to the next sample, or until the contact lands.
-  pure subroutine fly(law, motion, place, state, reached)
+  pure subroutine fly(law, motion, instant, state, reached)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
     !> Motion of the contacts at the samples of a period
     type(sampled_motion_type), intent(in) :: motion
     !> Number of the sample, with parts
-    real(wp), intent(in) :: place
+    real(wp), intent(in) :: instant
     !> State of a contact at an instant
     type(friction_type), intent(inout) :: state
     !> Defect that is left
     real(wp), intent(out) :: reached
     type(at_contact_type) :: here
 
-    reached = next_sample(place)
+    reached = next_sample(instant)
     here = motion%at_contact(law, reached)
     if (here%closed) then
-      reached = lift_off(law, motion, reached, place)
+      reached = lift_off(law, motion, reached, instant)
       here = motion%at_contact(law, reached)
       state%regime = merge(regime_stick, regime_slip, norm2(here%u_rate) <= law%friction_coefficient*here%pressed_rate)
       state%direction = unit(here%u_rate, state%direction)
@@ -247,13 +247,13 @@ contains
     state%slider = here%u
   end subroutine fly
 
-  !> Where N vanishes, from a closed place towards an open one.
-  pure real(wp) function lift_off(law, motion, closed, open) result(place)
+  !> Where N vanishes, from a closed instant towards an open one.
+  pure real(wp) function lift_off(law, motion, closed, open) result(instant)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
     !> Motion of the contacts at the samples of a period
     type(sampled_motion_type), intent(in) :: motion
-    !> Place at which the contact is closed; place at which it is open
+    !> Instant at which the contact is closed; instant at which it is open
     real(wp), intent(in) :: closed, open
     type(at_contact_type) :: here
     real(wp) :: ends(2)
@@ -261,12 +261,12 @@ contains
 
     ends = [closed, open]
     do i = 1, halvings
-      place = 0.5_wp*sum(ends)
-      here = motion%at_contact(law, place)
-      ends(merge(1, 2, here%closed)) = place
+      instant = 0.5_wp*sum(ends)
+      here = motion%at_contact(law, instant)
+      ends(merge(1, 2, here%closed)) = instant
     end do
     ! The later of both: never where the step began.
-    place = maxval(ends)
+    instant = maxval(ends)
   end function lift_off
 
   !> e . u' - r', the rate of a slider that slips.
@@ -281,7 +281,7 @@ contains
     slip_rate = dot_product(direction, here%u_rate) - law%friction_coefficient*here%pressed_rate
   end function slip_rate
 
-  !> How the direction of slip turns between two places, with its derivatives; `by_slider` is by the angle at the first.
+  !> How the direction of slip turns between two instants, with its derivatives; `by_slider` is by the angle at the first.
   pure function turn_over(law, from, to, direction) result(turned)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law

@@ -14,10 +14,10 @@ module attrito_stability_in_time
   real(wp), parameter :: perturbation = 1.0e-6_wp ! guess
   integer, parameter :: perturbations = 6, periods = 400 ! guess
   !> Factors by which all have shrunk in the end, by which one is gone before, by which one has grown
-  real(wp), parameter :: gone = 1.0e-1_wp, forgotten = 1.0e-3_wp, far = 1.0e3_wp ! guess
+  real(wp), parameter :: decayed = 1.0e-1_wp, vanished = 1.0e-3_wp, grown = 1.0e3_wp ! guess
   !> Where sliders stay where a perturbation has put them, motion comes to another member of a family: change over a period, part of
   !> the perturbation, of one that has come there, and how far from the orbit that may be
-  real(wp), parameter :: arrived = 1.0e-6_wp, beside = 1.0e1_wp ! guess
+  real(wp), parameter :: arrived = 1.0e-6_wp, near_orbit = 1.0e1_wp ! guess
 
 contains
 
@@ -44,10 +44,10 @@ contains
       do cycle = 1, periods
         before = state
         call march_freely(system, loading, state, range)
-        if (distance(start) > far*perturbation*range) return
-        if (distance(start) < forgotten*perturbation*range .or. has_arrived()) exit
+        if (distance(start) > grown*perturbation*range) return
+        if (distance(start) < vanished*perturbation*range .or. has_arrived()) exit
       end do
-      if (distance(start) < gone*perturbation*range .or. has_arrived()) died = died + 1
+      if (distance(start) < decayed*perturbation*range .or. has_arrived()) died = died + 1
     end do
     verdict = merge(stable, indeterminate, died == perturbations)
 
@@ -63,7 +63,7 @@ contains
     !> Has the motion come to a member of the orbit's family?
     logical function has_arrived()
 
-      has_arrived = distance(before) < arrived*perturbation*range .and. distance(start) < beside*perturbation*range
+      has_arrived = distance(before) < arrived*perturbation*range .and. distance(start) < near_orbit*perturbation*range
     end function has_arrived
   end function decide_in_time
 

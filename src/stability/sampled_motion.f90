@@ -17,7 +17,7 @@ module attrito_stability_sampled_motion
     procedure :: at_contact
   end type sampled_motion_type
 
-  !> A contact at a place: tangential displacement, normal force over k_t (negative: what is missing to contact), and their rates
+  !> A contact at an instant: tangential displacement, normal force over k_t (negative: what is missing to contact), and their rates
   type :: at_contact_type
     real(wp) :: u(2) = 0.0_wp, pressed = 0.0_wp
     real(wp) :: u_rate(2) = 0.0_wp, pressed_rate = 0.0_wp
@@ -52,19 +52,19 @@ contains
     end do
   end function motion_of_harmonics
 
-  !> What a contact feels at a place.
-  pure function at_contact(self, law, place) result(here)
+  !> What a contact feels at an instant, in samples.
+  pure function at_contact(self, law, instant) result(here)
     class(sampled_motion_type), intent(in) :: self
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
     !> Number of the sample, with parts
-    real(wp), intent(in) :: place
+    real(wp), intent(in) :: instant
     type(at_contact_type) :: here
     real(wp) :: value(3), rate(3), x, weights(4), slopes(4)
     integer :: j, n
 
-    j = min(int(place), self%samples() - 1)
-    x = place - j
+    j = min(int(instant), self%samples() - 1)
+    x = instant - j
     ! Of both displacements, then of both rates.
     weights = [(1.0_wp - x)**2*(1.0_wp + 2.0_wp*x), x**2*(3.0_wp - 2.0_wp*x), x*(1.0_wp - x)**2, -x**2*(1.0_wp - x)]
     slopes = [-6.0_wp*x*(1.0_wp - x), 6.0_wp*x*(1.0_wp - x), (1.0_wp - x)*(1.0_wp - 3.0_wp*x), x*(3.0_wp*x - 2.0_wp)]

@@ -50,9 +50,9 @@ contains
     allocate (places(0), self%stuck(size(law)), self%closed(size(law)))
     do i = 1, size(law)
       paths(i) = follow_path(law(i), motion, slider(:, i))
-      places = [places, paths(i)%places]
+      places = [places, paths(i)%instants]
       self%closed(i) = paths(i)%start%regime /= regime_open .and. all(paths(i)%regimes /= regime_open)
-      self%stuck(i) = paths(i)%start%regime == regime_stick .and. size(paths(i)%places) == 0
+      self%stuck(i) = paths(i)%start%regime == regime_stick .and. size(paths(i)%instants) == 0
     end do
     self%periodic = all(paths%periodic)
     places = merged(places, motion%samples())
@@ -91,8 +91,8 @@ contains
       from = to
       to = motion%at_contact(law, places(step))
       before = regime
-      do while (next <= size(path%places))
-        if (path%places(next) > places(step - 1)) exit
+      do while (next <= size(path%instants))
+        if (path%instants(next) > places(step - 1)) exit
         regime = path%regimes(next)
         next = next + 1
       end do

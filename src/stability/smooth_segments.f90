@@ -143,12 +143,12 @@ contains
     type(interval_type), intent(in) :: intervals(:)
     type(orbit_segments_type), intent(inout) :: self
     real(wp), allocatable :: times(:)
-    integer :: contacts, i, j, place(size(self%stuck))
+    integer :: contacts, i, j, current(size(self%stuck))
 
     contacts = size(self%stuck)
     times = distinct(ends)
     allocate (self%segment(size(times) - 1))
-    place = [(findloc(owner, i, 1), i=1, contacts)]
+    current = [(findloc(owner, i, 1), i=1, contacts)]
     do j = 1, size(self%segment)
       associate (segment => self%segment(j))
         segment%from = times(j)
@@ -176,16 +176,16 @@ contains
       logical, intent(in) :: first
       integer :: before
 
-      before = place(contact)
-      do while (intervals(place(contact))%to <= segment%from)
-        place(contact) = place(contact) + 1
+      before = current(contact)
+      do while (intervals(current(contact))%to <= segment%from)
+        current(contact) = current(contact) + 1
       end do
-      associate (interval => intervals(place(contact)))
+      associate (interval => intervals(current(contact)))
         segment%regime(contact) = interval%regime
         segment%side(contact) = merge(interval%side, 0, interval%regime == regime_slip)
         if (interval%regime /= regime_stick) return
         segment%by_normal(contact) = interval%by_normal
-        if (first .or. place(contact) == before) return
+        if (first .or. current(contact) == before) return
         ! A rest that a cut between does not disturb goes on.
         segment%rests(contact) = intervals(before)%regime /= regime_stick .or. &
                                  abs(interval%origin - intervals(before)%origin) > 0.0_wp

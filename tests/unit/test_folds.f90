@@ -154,7 +154,7 @@ contains
     do i = 1, 2
       call check(error, found(i)%smooth, 'a smooth fold is taken for one of contact')
       ! Located to 1e-8 of the frequency, from points that are solved to 1e-10 of the response.
-      call check_close(error, found(i)%place%omega, expected(i), 2.0e-8_wp*expected(i), 'fold')
+      call check_close(error, found(i)%snapshot%omega, expected(i), 2.0e-8_wp*expected(i), 'fold')
       call check(error, found(i)%uncertain <= 1.0e-8_wp*expected(i), 'it is not located as it should be')
     end do
   end subroutine turning_points
@@ -230,7 +230,7 @@ contains
       ! It is brought to 1 within 1e-3 at least (beyond, it would be a jump), for near a fold it goes like the root of the distance.
       call check_close(error, abs(crossings(1)%multiplier - 1.0_wp), 0.0_wp, 1.0e-3_wp, 'multiplier')
       ! On the balance's own orbit both are one place, located to 1e-8 and 1e-9 of the frequency.
-      call check_close(error, crossings(1)%place%omega, found(i)%place%omega, 2.0e-8_wp, 'crossing at the fold')
+      call check_close(error, crossings(1)%snapshot%omega, found(i)%snapshot%omega, 2.0e-8_wp, 'crossing at the fold')
     end do
     call solver%destroy()
   end subroutine crossing_at_fold

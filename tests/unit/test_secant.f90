@@ -51,7 +51,7 @@ contains
     type(error_type), allocatable, intent(out) :: error
     type(bracket_type) :: bracket
 
-    bracket = bracket_type(place=[2.0_wp, 6.0_wp], weight=[-1.0_wp, 3.0_wp])
+    bracket = bracket_type(abscissa=[2.0_wp, 6.0_wp], weight=[-1.0_wp, 3.0_wp])
     call check_close(error, bracket%trial(1), 3.0_wp, 1.0e-15_wp, 'trial')
     call check_close(error, secant_share([-1.0_wp, 3.0_wp]), 0.25_wp, 0.0_wp, 'share')
   end subroutine line
@@ -61,8 +61,8 @@ contains
     type(bracket_type) :: bracket
 
     bracket = enclosed(smooth, 14)
-    call check(error, bracket%place(1) <= root .and. bracket%place(2) >= root, 'the zero is lost')
-    call check(error, min(-value(smooth, bracket%place(1)), value(smooth, bracket%place(2)))*bracket%width() < 1.0e-8_wp, &
+    call check(error, bracket%abscissa(1) <= root .and. bracket%abscissa(2) >= root, 'the zero is lost')
+    call check(error, min(-value(smooth, bracket%abscissa(1)), value(smooth, bracket%abscissa(2)))*bracket%width() < 1.0e-8_wp, &
                'more is left open')
   end subroutine close_in
 
@@ -71,7 +71,7 @@ contains
     type(bracket_type) :: bracket
 
     bracket = enclosed(one_sided, 40)
-    call check(error, bracket%place(1) <= root .and. bracket%place(2) >= root, 'the zero is lost')
+    call check(error, bracket%abscissa(1) <= root .and. bracket%abscissa(2) >= root, 'the zero is lost')
     call check(error, bracket%width() < 1.0e-3_wp, 'an end stays where it is')
   end subroutine flat
 
@@ -80,7 +80,7 @@ contains
     type(bracket_type) :: bracket
 
     bracket = enclosed(jump, 30)
-    call check(error, bracket%place(1) <= root .and. bracket%place(2) >= root, 'the jump is lost')
+    call check(error, bracket%abscissa(1) <= root .and. bracket%abscissa(2) >= root, 'the jump is lost')
     call check(error, bracket%width() <= 0.5_wp**10, 'the jump is not halved')
   end subroutine jumps
 
