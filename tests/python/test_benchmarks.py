@@ -14,6 +14,7 @@ import contact_harmonics
 import evidence
 import kills
 import numpy as np
+import pairing
 import pytest
 import scenes
 from jobs import TIMEOUT
@@ -230,3 +231,13 @@ def test_runs_that_are_killed_lose_no_point_and_end_as_if_they_had_not_been(tmp_
     found = kills.kill_and_go_on(tmp_path, "run", times, ranks, size=10, seed=3)
     assert found["kills"] == times
     assert (found["lost"], found["unreadable"], found["different"]) == (0, 0, 0)
+
+
+def test_pairing_measures_every_kind_of_contact():
+    found = {
+        points: pairing.measure((("C3D10", "C3D20"), (4, 5), points)) for points in ("pair", "node", "gauss", "cut")
+    }
+    assert all(one["nodes"] == [81, 96] and one["nonzeros"] > 0 and one["memory_mb"] >= 0 for one in found.values())
+    # Nodes of 4 x 4 pairs of triangles, and three points in each of these.
+    assert found["node"]["contacts"] == 81 and found["gauss"]["contacts"] == 96
+    assert 4 <= found["pair"]["contacts"] < 81 and found["cut"]["contacts"] > 96

@@ -29,16 +29,17 @@ def unlike_joint(
     shape: Callable[[np.ndarray], np.ndarray] = flat,
     gap: float = 0.0,
     turn: np.ndarray | None = None,
+    layers: tuple[int, int] = (1, 1),
     **options,
 ) -> Model:
-    """Unit boxes of `counts` cells a side and one layer: sets `top` (of the lower) and `bottom`, `gap` apart.
+    """Unit boxes of `counts` cells a side and some layers: sets `top` (of the lower) and `bottom`, `gap` apart.
 
     `shape` is applied after that, then the rotation `turn`.
     """
     raised = [np.zeros(3), np.array([0.0, 0.0, 1.0 + gap])]
     bodies, meets = [], []
-    for kind, count, up, level in zip(kinds, counts, raised, (1.0, 1.0 + gap), strict=True):
-        body = synthetic.block(kind, (count, count, 1), shape=lambda points, up=up: points + up)
+    for kind, count, deep, up, level in zip(kinds, counts, layers, raised, (1.0, 1.0 + gap), strict=True):
+        body = synthetic.block(kind, (count, count, deep), shape=lambda points, up=up: points + up)
         meets.append(np.abs(body.points[:, 2] - level) < 1e-9)
         place = shape(body.points)
         bodies.append(synthetic.Body(kind, place if turn is None else place @ turn.T, body.connectivity))

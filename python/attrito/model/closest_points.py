@@ -20,8 +20,9 @@ from scipy.spatial import cKDTree
 from attrito.model.face_shapes import REFERENCE_NODES, corners, shapes
 
 NEWTON_STEPS = 25
-# Faces tried first; how far a face bulges beyond the sphere of its nodes; a step (reference face) that ends Newton
-FIRST, BULGE, SMALL_STEP = 2, 1.1, 1e-14
+# Faces tried first; how far a face bulges beyond the sphere of its nodes; the step (reference face) after which
+# Newton's method, whose next one is its square, has nothing left to find
+FIRST, BULGE, SMALL_STEP = 2, 1.1, 1e-9
 # How far from the reference face Newton's method may go before the edges take over
 BEYOND = 0.5
 # Points and faces tried at a time: some 100 MB

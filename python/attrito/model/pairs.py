@@ -89,8 +89,9 @@ def can_move(motion: csr_matrix, model: Model) -> np.ndarray:
 
 def held_nodes(motion: csr_matrix, model: Model) -> np.ndarray:
     """Ids of the nodes of one side's rows that have no free dof."""
-    nodes = model.node_ids[np.unique(motion.indices // 3)]
-    return nodes[~np.isin(nodes, model.dof_node)]
+    taking_part = np.zeros(len(model.node_ids), dtype=bool)
+    taking_part[motion.indices // 3] = True
+    return np.sort(model.node_ids[taking_part & ~np.isin(model.node_ids, model.dof_node)])
 
 
 def node_rows(model: Model, ids: np.ndarray) -> np.ndarray:
