@@ -25,6 +25,8 @@ from constants_reference import NUMBER, Constant, collect  # noqa: E402 (a folde
 
 # What no solution of a reduced scene passes through
 SKIPPED = ("reduce", "api")
+# Above any count that a constant could have
+LARGEST_COUNT = 2**30
 
 
 def symbol(constant: Constant) -> str:
@@ -38,7 +40,7 @@ def vary(library: ctypes.CDLL, constant: Constant, factor: float) -> None:
     count = constant.value.count(",") + 1 if constant.value.startswith("[") else 1
     numbers = (kind * count).in_dll(library, symbol(constant))
     for index, number in enumerate(numbers):
-        numbers[index] = number * factor if constant.is_real else max(1, int(number * factor))
+        numbers[index] = number * factor if constant.is_real else min(max(1, int(number * factor)), LARGEST_COUNT)
 
 
 def guesses() -> list[Constant]:

@@ -380,15 +380,6 @@ def test_faulty_dof_files_are_told_with_their_place(twin, tmp_path):
 
 
 MESHES = {
-    "ANSYS: a rotated node": (
-        "two_springs.cdb",
-        replaced(
-            f"{1.0:.13E}".replace("E+0", "E+00") + "\n       12",
-            "1.0000000000000E+000" + " 0.0000000000000E+000" * 2 + " 4.5000000000000E+001\n       12",
-        ),
-        "line 6",
-        "not rotated",
-    ),
     "ANSYS: no format of nodes": ("two_springs.cdb", replaced("(3i9,6e21.13e3)", "3i9"), "line 3", "Fortran format"),
     "ANSYS: a node that is not there": (
         "two_springs.cdb",
@@ -467,12 +458,6 @@ MESHES = {
         lambda text: text + "*INSTANCE, NAME=A\n1., 0., 0.\n",
         "*INSTANCE = 'A'",
         "noPartsInputFile",
-    ),
-    "Abaqus: rotated dofs": (
-        "two_springs.inp",
-        lambda text: text + "*TRANSFORM, NSET=Base\n0,1,0,1,0,0\n",
-        "*TRANSFORM = 'Base'",
-        "along x, y, z",
     ),
 }
 

@@ -15,6 +15,7 @@ from itertools import accumulate, takewhile
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from attrito.importers.mesh_data import Mesh, check_nodes, new_mesh
 from attrito.importers.text import Block, whole_text
@@ -69,10 +70,12 @@ def read_ansys_mesh(path: str | Path) -> Mesh:
     mesh, elements, surfaces = None, [], 0
     types: dict[int, int] = {}
     sets: dict[str, int] = {}
+    axes: dict[int, np.ndarray] = {}
     for line in keywords:
         words = [word.strip() for word in block.line(line).upper().split(",")]
         if words[0] == "NBLOCK":
-            ids, points = _nodes(block, line)
+            ids, points, turned = _nodes(block, line)
+            axes |= turned
             if mesh is not None:
                 ids, points = np.append(mesh.node_ids, ids), np.concatenate([mesh.coordinates, points])
             mesh = new_mesh(block.path, ids, points)
@@ -91,7 +94,7 @@ def read_ansys_mesh(path: str | Path) -> Mesh:
     if surfaces:
         mesh.skipped.append(f"elements on surfaces ({surfaces} lines in blocks without the solid key)")
     mesh.node_sets = {name: _component(block, line, mesh.node_ids) for name, line in sets.items()}
-    mesh.files = [Path(path)]
+    mesh.files, mesh.axes = [Path(path)], axes
     check_nodes(block.path, mesh)
     return mesh
 
@@ -124,17 +127,19 @@ def _section(block: Block, line: int, what: str) -> tuple[_Format, np.ndarray]:
     return form, np.arange(line + 2, end)
 
 
-def _nodes(block: Block, line: int) -> tuple[np.ndarray, np.ndarray]:
+def _nodes(block: Block, line: int) -> tuple[np.ndarray, np.ndarray, dict[int, np.ndarray]]:
+    """Ids, coordinates, and the directions 1, 2, 3 of nodes that are rotated (NROTAT)."""
     form, lines = _section(block, line, "nodes")
     if form.reals < 3:
         raise block.fault(line + 1, "the format of nodes, such as (3i9,6e21.13e3)")
     places = [form.integers[0], *form.numbers]
     # Numbers left out at the end of a line are zeros.
     table = np.nan_to_num(block.columns(lines, places, "node, coordinates and rotations"))
-    rotated = np.flatnonzero(np.any(table[:, 4:] != 0.0, axis=1))
-    if len(rotated) > 0:
-        raise block.fault(lines[rotated[0]], "nodes that are not rotated (NROTAT): dofs along global x, y, z")
-    return table[:, 0].astype(np.int64), table[:, 1:4]
+    rotated = table[np.any(table[:, 4:7] != 0.0, axis=1)]
+    # About z by THXY, then about the new x by THYZ, then about the newest y by THZX, in degrees.
+    about = Rotation.from_euler("ZXY", rotated[:, 4:7], degrees=True).as_matrix() if len(rotated) else rotated
+    axes = {int(row[0]): turned.T for row, turned in zip(rotated, about, strict=True)}
+    return table[:, 0].astype(np.int64), table[:, 1:4], axes
 
 
 def _elements(block: Block, line: int) -> list[tuple[int, int, np.ndarray]]:

@@ -40,11 +40,17 @@ def read_deck_mesh(path: str | Path, skip: bool = False) -> Mesh:
     Parameters
     ----------
     path : the deck
-    skip : leave out elements of other types, and say so in `Mesh.skipped`, instead of raising a fault
+    skip : the matrices are not CalculiX's. Elements of other types are left out, and listed in `Mesh.skipped`, instead
+        of raising a fault; `*TRANSFORM` raises one, for CalculiX alone keeps dofs along x, y, z at such nodes
     """
     path = Path(path)
     blocks = list(read_blocks(path))
     _refuse_assembly(blocks)
+    transforms = [block for block in blocks if block.keyword == "TRANSFORM"]
+    if transforms and skip:
+        raise InputError(
+            transforms[0].fault(transforms[0].parameters.get("NSET", ""), "dofs along x, y, z at every node")
+        )
     node_blocks = [block for block in blocks if block.keyword == "NODE"]
     element_blocks = [block for block in blocks if block.keyword == "ELEMENT" and block.data]
     if not node_blocks or not element_blocks:
@@ -68,6 +74,9 @@ def read_deck_mesh(path: str | Path, skip: bool = False) -> Mesh:
     mesh.skipped = [f"elements of type {_element_type(block)}, line {block.line}" for block in others]
     mesh.node_sets = _node_sets(blocks, node_ids)
     mesh.constraints = [f"*{block.keyword}, line {block.line}" for block in blocks if block.keyword in CONSTRAINTS]
+    if any(block.keyword == "BOUNDARY" for block in blocks):
+        # A support along axes of its own is an equation between dofs along x, y, z.
+        mesh.constraints += [f"*BOUNDARY at nodes of *TRANSFORM, line {block.line}" for block in transforms]
     mesh.files = list(dict.fromkeys([path, *(block.file for block in blocks)]))
     return mesh
 
@@ -79,9 +88,6 @@ def _refuse_assembly(blocks: list[Block]) -> None:
     for block in [*instances[1:], *parts[1:], *(block for block in instances[:1] if block.data)]:
         expected = "a deck of one part that stays where it is, or without parts (in Abaqus/CAE: noPartsInputFile=ON)"
         raise InputError(block.fault(block.parameters.get("NAME", ""), expected))
-    for block in blocks:
-        if block.keyword == "TRANSFORM":
-            raise InputError(block.fault(block.parameters.get("NSET", ""), "dofs along x, y, z at every node"))
 
 
 def _read_with_meshio(nodes: list[list[str]], element_blocks: list[Block], path: Path) -> meshio.Mesh:

@@ -13,6 +13,7 @@ from attrito.importers.check import check_matrices, massless
 from attrito.importers.dof_file import names_cards, read_dof_file
 from attrito.importers.dof_numbers import DofNumbers
 from attrito.importers.fe_jobs import abaqus_matrices, nastran_matrices
+from attrito.importers.first_look import first_look
 from attrito.importers.matrices import Matrices, assemble
 from attrito.importers.matrix import open_matrix, split_name
 from attrito.importers.mesh import Mesh, read_mesh
@@ -61,7 +62,8 @@ def import_model(
 
     Returns
     -------
-    the model, and notes for the user: numbers of dofs and nodes, total mass, node sets with their sizes
+    the model, and notes for the user: numbers of dofs and nodes, total mass, extents, first natural
+    frequencies, node sets with their sizes
     """
     check_holdings(holds, spin_hz, geometric_stiffness is not None)
     jobs = {"calculix": calculix_job, "abaqus": abaqus_job, "nastran": nastran_file}
@@ -149,7 +151,7 @@ def _model(
     write_model(output, model, list(dict.fromkeys(files)))
     resists = resisted_rotation(model)
     warnings = [] if resists is None else [f"warning: {resists}"]
-    return model, _notes(model) + turned + held + parts.notes + _mesh_notes(nodes) + warnings
+    return model, _notes(model) + first_look(model) + turned + held + parts.notes + _mesh_notes(nodes) + warnings
 
 
 def _turned(parts: Matrices, dofs: str | Path | None, mesh: str | Path | None, nodes: Mesh | None) -> list[str]:

@@ -238,7 +238,7 @@ def write(
                 "Time integration of a structure with friction contacts; see docs/files.md of attrito"
             )
             file.attrs["references"] = REFERENCES
-            file.attrs["job"] = json.dumps(job.tables)
+            file.attrs.update(job.attributes)
             file.attrs["job_file"] = str(Path(job.path).resolve())
         if "integration" in file:
             del file["integration"]

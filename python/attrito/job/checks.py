@@ -11,6 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from attrito.support.units import units_of
+
 Check = Callable[[Any], Any]
 
 # Integers cross to the library as 32 bits.
@@ -67,6 +69,13 @@ def text(value: Any) -> str:
     if not isinstance(value, str) or not value.strip() or not value.isprintable():
         raise ValueError("a text of printable characters")
     return value
+
+
+def unit_set(value: Any) -> str:
+    """Names of a consistent set of units."""
+    name = text(value)
+    units_of(name)
+    return name
 
 
 def boolean(value: Any) -> bool:

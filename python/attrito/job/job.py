@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +28,11 @@ class Job:
 
     def __getitem__(self, table: str) -> Any:
         return self.tables[table]
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """What a file that is made from the job says of it at its root, before anything else is written."""
+        return {"job": json.dumps(self.tables), "units": self["model"]["units"] or ""}
 
     def file(self, name: str) -> str:
         """A file name of the job: relative ones are relative to the folder of the job file."""
@@ -81,7 +87,7 @@ def files_by_key(job: Job) -> dict[str, str]:
     """The job file and all that it names to be read, by the key that names it."""
     taken = {"the job": os.path.normpath(job.path)}
     for key, name in job["model"].items():
-        if isinstance(name, str):
+        if isinstance(name, str) and key != "units":
             # `FILE:NAME` is one matrix of a file of several.
             whole = Path(job.file(name)).exists() or ":" not in name
             taken[f"[model] {key}"] = job.file(name if whole else name.rpartition(":")[0])

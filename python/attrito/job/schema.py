@@ -27,6 +27,7 @@ from attrito.job.checks import (
     term,
     terms,
     text,
+    unit_set,
 )
 from attrito.library.names import EIGENSOLVERS, LAWS, ORDERINGS
 
@@ -83,6 +84,12 @@ TABLES: dict[str, dict[str, Key]] = {
         ),
         "stiffness": Key(matrix, None, "likewise"),
         "damping": Key(matrix, None, "likewise, viscous; may be left out"),
+        "units": Key(
+            unit_set,
+            None,
+            'length, mass and time of the model, such as `"mm, t, s"`: names of units in files, pictures and reports;'
+            " nothing is converted",
+        ),
     },
     "damping": {
         "rayleigh": Key(listing(number(0), 2, 2), None, "`[alpha, beta]`: C = alpha M + beta K"),

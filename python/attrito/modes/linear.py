@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -75,7 +74,7 @@ def _write(
         file.attrs["attrito_version"] = __version__
         file.attrs["description"] = f"Linear modes, {state}: {MEANINGS[state]}; see docs/modes.md of attrito"
         file.attrs["references"] = "Craig & Bampton 1968, doi:10.2514/3.4741"
-        file.attrs["job"] = json.dumps(job.tables)
+        file.attrs.update(job.attributes)
         file.attrs["job_file"] = str(Path(job.path).resolve()) if Path(job.path).is_file() else ""
         file.attrs["model_file"] = "" if model is None else str(Path(model).resolve())
         file.attrs["rom_file"] = "" if rom is None else str(Path(rom).resolve())

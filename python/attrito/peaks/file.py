@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -105,7 +104,7 @@ def write(
         file.attrs["attrito_version"] = __version__
         file.attrs["description"] = "A resonance peak followed in a parameter; see docs/peaks.md of attrito"
         file.attrs["references"] = REFERENCES
-        file.attrs["job"] = json.dumps(job.tables)
+        file.attrs.update(job.attributes)
         file.attrs["warnings"] = "\n".join(warnings)
         file.attrs["parameter"] = keys["parameter"]
         file.attrs["amplitude"] = keys["amplitude"]

@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from attrito.library.names import OUTCOMES
 from attrito.peaks.curve import KINDS
 from attrito.peaks.file import read_backbone, read_peaks, smooth_curve
-from attrito.plots.style import BRANCH_COLOURS, STYLE, plain_text
+from attrito.plots.style import BRANCH_COLOURS, STYLE, plain_text, with_unit
+from attrito.support.units import axis_unit
 
 STUCK_COLOUR = "#8a8a8a"
 BACKBONE_COLOUR = BRANCH_COLOURS[2]
@@ -53,7 +54,8 @@ def peak_curve(path: str) -> Figure:
         upper.set_xscale("log")
         upper.set_ylim(bottom=0.0)
         name = plain_text(str(attributes["monitor"]))
-        upper.set_ylabel(f"Peak of {name} by level" if parameter == "level" else f"Peak of {name}")
+        peak = f"Peak of {name} by level" if parameter == "level" else f"Peak of {name}"
+        upper.set_ylabel(with_unit(peak, axis_unit("user length", str(attributes.get("units", "")))))
         lower.set_ylabel("Frequency (Hz)")
         figure.axes[-1].set_xlabel(f"{parameter.capitalize()} factor")
         upper.legend(loc="best")

@@ -6,7 +6,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from attrito.plots.style import BRANCH_COLOURS, LIMIT_COLOUR, Look
+from attrito.plots.style import BRANCH_COLOURS, LIMIT_COLOUR, Look, with_unit
 from attrito.results.result import Result
 
 # Of the largest damping ratio: what is drawn of others
@@ -45,5 +45,5 @@ def mode_curve(result: Result, look: Look | None = None) -> Figure:
             lower.legend(loc="best")
         upper.set_xscale("log")
         lower.set_ylabel("Damping ratio")
-        lower.set_xlabel(r"Amplitude Q")
+        lower.set_xlabel(with_unit("Amplitude Q", result.unit("/points/amplitude")))
     return figure

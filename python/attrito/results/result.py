@@ -15,6 +15,7 @@ from attrito.results.journal import is_journal
 from attrito.results.result_file import fill_result
 from attrito.support.errors import Fault, InputError
 from attrito.support.hdf5_reading import UNREADABLE, as_text, check_datasets, spoilt
+from attrito.support.units import axis_unit
 
 # Formats of the files of `attrito linear-modes` and `attrito mode`, which are read as results are
 LINEAR_MODES, MODE = "attrito linear modes", "attrito mode"
@@ -114,10 +115,7 @@ class Result:
 
     def unit(self, path: str) -> str:
         """Unit of a dataset for an axis label: `length, user units`; empty for pure numbers."""
-        unit = as_text(self.dataset(path).attrs.get("unit", "1"))
-        if unit == "1":
-            return ""
-        return f"{unit.removeprefix('user ')}, user units" if unit.startswith("user ") else unit
+        return axis_unit(as_text(self.dataset(path).attrs.get("unit", "1")))
 
     def attribute(self, name: str) -> str:
         """A root attribute as text; empty if absent."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -58,7 +57,7 @@ def first_record(
         "attrito_version": __version__,
         "description": "Steady response of a structure with friction contacts; see docs/files.md of attrito",
         "references": REFERENCES,
-        "job": json.dumps(job.tables),
+        **job.attributes,
         "job_file": str(Path(job.path).resolve()) if Path(job.path).is_file() else "",
         "model_file": _absolute(model_path(job, rom_file)),
         "rom_file": _absolute(rom_file),

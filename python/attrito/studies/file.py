@@ -19,6 +19,7 @@ from attrito.studies.picture import QUANTILES, picture_of_modes, picture_of_peak
 from attrito.studies.sample_peaks import METHODS
 from attrito.support.atomic_files import whole_hdf5
 from attrito.support.hdf5_writing import described
+from attrito.support.units import axis_unit
 from attrito.support.version import __version__
 
 
@@ -90,7 +91,8 @@ def write_study(
         file.attrs["description"] = (
             f"Resonance {study.of} over samples of a job's values; see docs/studies.md of attrito"
         )
-        file.attrs["job"], file.attrs["study"] = json.dumps(job.tables), json.dumps(study.as_table())
+        file.attrs.update(job.attributes)
+        file.attrs["study"] = json.dumps(study.as_table())
         file.attrs["parameter"] = job["peak"]["parameter"] if study.of == "peaks" else "amplitude"
         file.attrs["warnings"] = "\n".join(warnings)
 
@@ -114,10 +116,13 @@ def write_study(
             quantiles = np.nanquantile(numbers[name], QUANTILES, axis=0)
             put(f"quantiles/{name}", quantiles, "over the samples, by quantile and parameter", kind.numbers[name][1])
         put("quantiles/probability", np.array(QUANTILES), "of the quantiles", "1")
+    units = job.attributes["units"]
     if study.of == "peaks":
-        figure = picture_of_peaks(study, stops, values, numbers["amplitude"], job["peak"]["parameter"])
+        unit = axis_unit(kind.numbers["amplitude"][1], units)
+        figure = picture_of_peaks(study, stops, values, numbers["amplitude"], job["peak"]["parameter"], unit)
     else:
-        figure = picture_of_modes(stops, numbers["frequency_hz"], numbers["damping_ratio"])
+        unit = axis_unit(kind.parameter_unit, units)
+        figure = picture_of_modes(stops, numbers["frequency_hz"], numbers["damping_ratio"], unit)
     save(figure, study.picture)
     names = ("not_converged", "above_tolerance")
     return {name: int((outcome == OUTCOMES.index(name)).any(axis=1).sum()) for name in names}

@@ -6,7 +6,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from attrito.plots.style import BRANCH_COLOURS, STYLE, plain_text
+from attrito.plots.style import BRANCH_COLOURS, STYLE, plain_text, with_unit
 from attrito.studies.design import Study
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
@@ -17,15 +17,16 @@ LEAST = 1e-4
 
 
 def picture_of_peaks(
-    study: Study, stops: list[float], values: np.ndarray, amplitude: np.ndarray, parameter: str
+    study: Study, stops: list[float], values: np.ndarray, amplitude: np.ndarray, parameter: str, unit: str
 ) -> Figure:
     """Quantile bands of the peak: over the parameter, if there are several values, else over each quantity."""
     with matplotlib.rc_context(STYLE):
+        label = with_unit("Amplitude of the peak", unit)
         if len(stops) > 1:
             figure = Figure(figsize=(6.4, 4.2), constrained_layout=True)
             axes = figure.subplots()
             _bands(axes, np.array(stops), np.nanquantile(amplitude, QUANTILES, axis=0))
-            axes.set(xlabel=f"{parameter.capitalize()} factor", ylabel="Amplitude of the peak")
+            axes.set(xlabel=f"{parameter.capitalize()} factor", ylabel=label)
             axes.legend()
             return figure
         count = len(study.vary)
@@ -37,12 +38,12 @@ def picture_of_peaks(
             parts = np.array_split(order, min(max(1, len(order) // FEWEST), MOST_PARTS))
             middle = np.array([np.median(column[part]) for part in parts])
             _bands(axes, middle, np.array([np.quantile(amplitude[part, 0], QUANTILES) for part in parts]).T)
-            axes.set(xlabel=plain_text(vary.name), ylabel="Amplitude of the peak")
+            axes.set(xlabel=plain_text(vary.name), ylabel=label)
         axes.legend()
     return figure
 
 
-def picture_of_modes(amplitudes: list[float], frequency_hz: np.ndarray, damping_ratio: np.ndarray) -> Figure:
+def picture_of_modes(amplitudes: list[float], frequency_hz: np.ndarray, damping_ratio: np.ndarray, unit: str) -> Figure:
     """Quantile bands of frequency and damping ratio of the contacts `[samples, amplitudes]` over the amplitude."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(6.4, 5.6), constrained_layout=True)
@@ -52,7 +53,7 @@ def picture_of_modes(amplitudes: list[float], frequency_hz: np.ndarray, damping_
         upper.set_ylabel("Frequency (Hz)")
         upper.ticklabel_format(axis="y", useOffset=False)
         upper.legend()
-        lower.set(xscale="log", xlabel="Amplitude Q", ylabel="Damping ratio of the contacts")
+        lower.set(xscale="log", xlabel=with_unit("Amplitude Q", unit), ylabel="Damping ratio of the contacts")
         largest = np.nanmax(damping_ratio, initial=0.0)
         if largest > 0.0:
             lower.set_yscale("log", nonpositive="clip")

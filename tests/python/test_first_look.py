@@ -1,0 +1,70 @@
+"""What an import says of a model so that a wrong unit is seen: extents, centre of gravity, natural frequencies."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from elastic import DENSITY, elastic_block
+from scipy.linalg import eigh
+
+from attrito.importers.first_look import centre_of_gravity, first_look, natural_frequencies
+from attrito.model.model import Model
+
+SIZE = (0.12, 0.03, 0.02)
+
+
+def block(fixed=lambda points: np.zeros(len(points), bool)) -> Model:
+    """A block of steel whose dofs belong to nodes 3, 5, 7, ..., the last ones first."""
+    model, points = elastic_block((6, 2, 2), SIZE, fixed=fixed)
+    ids = 3 + 2 * np.arange(len(points))[::-1]
+    model.node_ids, model.coordinates = ids, points + [1.0, 2.0, 3.0]
+    model.dof_node, model.dof_direction = np.repeat(ids, 3), np.tile([1, 2, 3], len(points))
+    return model
+
+
+def test_the_centre_of_gravity_of_a_block_is_its_middle_and_its_extents_are_its_size():
+    model = block()
+    assert centre_of_gravity(model) == pytest.approx(np.array([1.0, 2.0, 3.0]) + np.array(SIZE) / 2, rel=1e-12)
+    assert first_look(model)[0] == "extents along x, y, z: 0.12 x 0.03 x 0.02; centre of gravity: 1.06, 2.015, 3.01"
+    along_x = (model.dof_direction == 1).astype(float)
+    assert along_x @ model.mass @ along_x == pytest.approx(DENSITY * np.prod(SIZE), rel=1e-12)
+
+
+def test_natural_frequencies_of_a_floating_body_are_those_of_dense_matrices_after_six_rigid_body_modes():
+    model = block()
+    exact = np.sqrt(eigh(model.stiffness.toarray(), model.mass.toarray(), eigvals_only=True)[6:9]) / (2 * np.pi)
+    found = natural_frequencies(model, 9)
+    assert found[:6].tolist() == [0.0] * 6
+    assert found[6:] == pytest.approx(exact, rel=1e-8)
+    said = ", ".join(f"{f:.5g}" for f in exact)
+    assert first_look(model)[1] == f"natural frequencies without contacts: {said} Hz and 6 rigid-body modes"
+
+
+def test_a_held_body_has_no_rigid_body_modes_and_dofs_without_mass_follow():
+    model = block(lambda points: points[:, 0] < 1e-9)
+    model.damping = None
+    last = model.size - 1
+    model.mass = model.mass.tolil()
+    model.mass[last], model.mass[:, last] = 0.0, 0.0
+    model.mass = model.mass.tocsr()
+    # Condensed: the massless dof moves as the others make it.
+    stiffness, mass = model.stiffness.toarray(), model.mass.toarray()
+    follows = -stiffness[last, :last] / stiffness[last, last]
+    condensed = stiffness[:last, :last] + np.outer(stiffness[:last, last], follows)
+    exact = np.sqrt(eigh(condensed, mass[:last, :last], eigvals_only=True)[:3]) / (2 * np.pi)
+    assert natural_frequencies(model, 3) == pytest.approx(exact, rel=1e-8)
+    assert first_look(model)[1].endswith(" Hz")
+
+
+def test_a_large_model_is_not_held_up_and_numbered_dofs_have_no_extents(monkeypatch):
+    model = block()
+    monkeypatch.setattr("attrito.importers.first_look.MOST_DOFS", 100)
+    assert first_look(model)[1].startswith("natural frequencies: not computed here above 100 dofs")
+    bare = Model(model.stiffness, model.mass)
+    assert len(first_look(bare)) == 1
+
+
+def test_a_structure_without_stiffness_anywhere_is_said_to_have_no_natural_frequencies():
+    model = block()
+    model.stiffness = 0.0 * model.stiffness
+    assert first_look(model)[1].startswith("natural frequencies: not found (")

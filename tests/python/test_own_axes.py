@@ -1,0 +1,114 @@
+"""Nodes whose dofs have axes of their own: ANSYS's rotated nodes, CalculiX's `*TRANSFORM`."""
+
+from __future__ import annotations
+
+import subprocess
+
+import matrix_writers as write
+import numpy as np
+import pytest
+from scipy import sparse
+
+from attrito.importers import import_model
+from attrito.support.errors import InputError
+
+
+def rotated_axes(xy: float, yz: float, zx: float) -> np.ndarray:
+    """ANSYS's nodal directions as rows, as its theory manual writes them."""
+    (c1, c2, c3), (s1, s2, s3) = np.cos(np.radians([xy, yz, zx])), np.sin(np.radians([xy, yz, zx]))
+    return np.array(
+        [
+            [c1 * c3 - s1 * s2 * s3, s1 * c3 + c1 * s2 * s3, -c2 * s3],
+            [-s1 * c2, c1 * c2, s2],
+            [c1 * s3 + s1 * s2 * c3, s1 * s3 - c1 * s2 * c3, c2 * c3],
+        ]
+    )
+
+
+ANGLES = [(90.0, 0.0, 0.0), (30.0, 0.0, 0.0), (0.0, 50.0, 0.0), (0.0, 0.0, -70.0), (30.0, 50.0, -70.0)]
+
+
+@pytest.mark.parametrize("angles", ANGLES)
+def test_dofs_of_rotated_ansys_nodes_are_turned_to_global_axes(angles, tmp_path):
+    rng = np.random.default_rng(3)
+    local = np.diag([50.0, 60.0, 70.0, 55.0, 65.0, 75.0]) + rng.uniform(-1, 1, (6, 6))
+    local = local + local.T
+    node, direction = np.repeat([7, 12], 3), np.tile([1, 2, 3], 2)
+    write.write_mapping(tmp_path / "rows.mapping", node, direction)
+    for name, matrix in (("K", local), ("M", local / 2)):
+        write.write_harwell_boeing(tmp_path / f"{name}.hb", sparse.csr_matrix(matrix))
+    fields = [f"{7:9d}{0:9d}{0:9d}", *(f"{x:21.13E}" for x in (1.0, 2.0, 3.0, *angles))]
+    lines = [
+        "NBLOCK,6,SOLID,       12,        2",
+        "(3i9,6e21.13e2)",
+        "".join(fields),
+        f"{12:9d}{0:9d}{0:9d}{1.0:21.13E}",
+    ]
+    (tmp_path / "mesh.cdb").write_text("\n".join([*lines, "N,R5.3,LOC,       -1,"]) + "\n")
+    model, notes = import_model(
+        tmp_path / "model.h5",
+        stiffness=tmp_path / "K.hb",
+        mass=tmp_path / "M.hb",
+        dofs=tmp_path / "rows.mapping",
+        mesh=tmp_path / "mesh.cdb",
+    )
+    turning = np.eye(6)
+    turning[:3, :3] = rotated_axes(*angles)
+    # Harwell-Boeing has some thirteen digits.
+    assert model.stiffness.toarray() == pytest.approx(turning.T @ local @ turning, abs=1e-9)
+    assert model.mass.toarray() == pytest.approx(turning.T @ local @ turning / 2, abs=1e-9)
+    assert any("1 nodes with displacements along axes of their own" in note for note in notes)
+
+
+BODY = """*NODE, NSET=ALL
+1,0,0,0
+2,1,0,0
+3,1,1,0
+4,0,1,0
+5,0,0,2
+6,1,0,2
+7,1,1,2
+8,0,1,2
+*ELEMENT,TYPE=C3D8,ELSET=E
+1,1,2,3,4,5,6,7,8
+*MATERIAL,NAME=S
+*ELASTIC
+210000,0.3
+*DENSITY
+7.8e-9
+*SOLID SECTION,ELSET=E,MATERIAL=S
+"""
+TRANSFORM = "*TRANSFORM,NSET=ALL,TYPE=R\n0.8,0.6,0,-0.6,0.8,0\n"
+STEP = "*STEP\n*FREQUENCY,SOLVER=MATRIXSTORAGE\n1\n*END STEP\n"
+
+
+def imported(folder, deck: str):
+    folder.mkdir()
+    (folder / "job.inp").write_text(deck)
+    subprocess.run(["ccx", "-i", "job"], cwd=folder, check=True, capture_output=True)
+    return import_model(folder / "model.h5", calculix_job=folder / "job", mesh=folder / "job.inp")
+
+
+def test_calculix_keeps_dofs_along_x_y_z_at_nodes_of_transform(tmp_path):
+    plain, _ = imported(tmp_path / "plain", BODY + STEP)
+    turned, notes = imported(tmp_path / "turned", BODY + TRANSFORM + STEP)
+    assert (plain.stiffness != turned.stiffness).nnz == 0 and (plain.mass != turned.mass).nnz == 0
+    assert not any("depend on others" in note for note in notes)
+
+
+def test_a_support_along_axes_of_transform_is_said_to_be_an_equation(tmp_path):
+    model, notes = imported(tmp_path / "held", BODY + TRANSFORM + "*BOUNDARY\n2,2,2\n" + STEP)
+    # One displacement of node 2 depends on the other.
+    assert model.size == 23
+    assert any("*BOUNDARY at nodes of *TRANSFORM, line 18" in note and "depend on others" in note for note in notes)
+
+
+def test_transform_beside_matrices_of_another_program_is_refused(tmp_path):
+    node, direction = np.repeat(np.arange(1, 9), 3), np.tile([1, 2, 3], 8)
+    for name in ("STIF", "MASS"):
+        write.write_abaqus_coordinate(tmp_path / f"{name}.mtx", sparse.eye(24).tocsr())
+    write.write_dofs(tmp_path / "rows.dof", node, direction)
+    (tmp_path / "job.inp").write_text(BODY + TRANSFORM)
+    files = {"stiffness": tmp_path / "STIF.mtx", "mass": tmp_path / "MASS.mtx", "dofs": tmp_path / "rows.dof"}
+    with pytest.raises(InputError, match=r"\*TRANSFORM = 'ALL': expected dofs along x, y, z at every node"):
+        import_model(tmp_path / "model.h5", **files, mesh=tmp_path / "job.inp")
