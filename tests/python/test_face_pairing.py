@@ -249,7 +249,7 @@ def test_sets_that_look_the_same_way_are_a_fault():
     model = unlike_joint(("C3D8", "C3D8"), (2, 3), lambda points: points * [1, 1, 0.5])
     ids = model.node_ids[np.abs(model.coordinates[:, 2] - 1.0) < 1e-9]
     model.node_sets["bottom"] = np.sort(ids)
-    with pytest.raises(InputError, match="; none does at any distance"):
+    with pytest.raises(InputError, match="; none near by does"):
         pair_faces(model, "top", "bottom", 1.0, 2, "node", *JOB)
 
 

@@ -4,9 +4,10 @@ On one face x(r, s) the closest point makes |x(r, s) - p| / 2 squared least over
 
     (x - p) . x_r = 0,   (x - p) . x_s = 0,
 
-by Newton's method; where that leaves the face, the least along its edges, likewise. Which faces are tried: first those
-whose centres are nearest; with the distance d found on them, then all whose bounding sphere (centre c, radius R) has
-|p - c| <= d + R, so that none nearer is missed. Only faces that look at the point's own surface count, n_p . n < 0.
+by Newton's method; where that leaves the face, the least along its edges, likewise. Only faces that look at the point's
+own surface count, n_p . n < 0. Which faces are tried: first those whose centres are nearest; with the distance d found
+on them, then all whose bounding sphere (centre c, radius R) has |p - c| <= d + R, so that none nearer is missed. A point
+at which none of its 32 nearest faces looks has no partner.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ NEWTON_STEPS = 25
 # Faces tried first; how far a face bulges beyond the sphere of its nodes; the step (reference face) after which
 # Newton's method, whose next one is its square, has nothing left to find
 FIRST, BULGE, SMALL_STEP = 2, 1.1, 1e-9
+# Faces tried where none of the first looks at the point: the other side of a thin body is nearer
+MORE = 32
 # How far from the reference face Newton's method may go before the edges take over
 BEYOND = 0.5
 # Points and faces tried at a time: some 100 MB
@@ -99,31 +102,33 @@ def closest_points(points: np.ndarray, normals: np.ndarray, faces: Faces, farthe
     ----------
     points, normals : `[n, 3]`, normals of the points' own surface
     faces : the surface
-    farthest : where the faces nearest by do not look at a point, how far others are looked for; distances beyond
-        are upper bounds
+    farthest : how far faces are looked for beside those nearest by; distances beyond are upper bounds
     """
     count = len(points)
     best = Closest(np.full(count, -1), np.zeros((count, 2)), np.full((count, 3), np.nan), np.full(count, np.inf))
     centres, radii = faces.spheres()
     if not len(centres) or not count:
         return best
-    first = min(FIRST, len(centres))
-    _, nearest = cKDTree(centres).query(points, first)
-    nearest = nearest.reshape(count, first)
-    _improve(best, points, normals, faces, np.repeat(np.arange(count), first), nearest.ravel())
+    everything = cKDTree(centres)
+    for many in (min(FIRST, len(centres)), min(MORE, len(centres))):
+        lost = np.flatnonzero(best.face < 0)
+        for part in np.array_split(lost, -(-len(lost) * many // BLOCK) or 1):
+            _, nearest = everything.query(points[part], many)
+            _improve(best, points, normals, faces, np.repeat(part, many), nearest.ravel())
     # Faces of like size share a tree, so that a few big ones do not widen the search among many small ones.
     size = np.floor(np.log2(np.maximum(radii, 1e-300)))
+    seen = np.flatnonzero(best.face >= 0)
     for one in np.unique(size):
         mine = np.flatnonzero(size == one)
         tree = cKDTree(centres[mine])
-        for part in np.array_split(np.arange(count), -(-count // BLOCK)):
+        for part in np.array_split(seen, -(-len(seen) // BLOCK) or 1):
             reach = np.minimum(best.distance[part], farthest) + radii[mine].max()
             found = tree.query_ball_point(points[part], reach, return_sorted=False)
             point = np.repeat(part, [len(near) for near in found])
             face = mine[np.concatenate([*found, []]).astype(int)]
             apart = np.linalg.norm(points[point] - centres[face], axis=1)
             keep = apart <= np.minimum(best.distance[point], farthest) + radii[face]
-            keep &= (nearest[point] != face[:, None]).all(axis=1)
+            keep &= best.face[point] != face
             _improve(best, points, normals, faces, point[keep], face[keep])
     return best
 

@@ -72,8 +72,8 @@ def pair_faces(model: Model, a: str, b: str, tolerance: float, tangents: int, ki
     if not paired.any():
         expected = f"a distance within which faces of {b} look at those of {a}"
         own = face_gauss_points(side_a)
-        nearest = closest_points(own.position, own.normal, side_b).distance.min()
-        expected += f"; the closest are {nearest:.4g} apart" if np.isfinite(nearest) else "; none does at any distance"
+        nearest = closest_points(own.position, own.normal, side_b, 0.0).distance.min()
+        expected += f"; the closest are {nearest:.4g} apart" if np.isfinite(nearest) else "; none near by does"
         raise InputError(Fault(file, f"{key}.tolerance", tolerance, expected))
     lost = points.only(~paired)
     points = points.only(paired)
