@@ -6,8 +6,8 @@ On one face x(r, s) the closest point makes |x(r, s) - p| / 2 squared least over
 
 by Newton's method; where that leaves the face, the least along its edges, likewise. Only faces that look at the point's
 own surface count, n_p . n < 0. Which faces are tried: first those whose centres are nearest; with the distance d found
-on them, then all whose bounding sphere (centre c, radius R) has |p - c| <= d + R, so that none nearer is missed. A point
-at which none of its 32 nearest faces looks has no partner.
+on them, then all whose bounding sphere (centre c, radius R) has |p - c| <= d + R, so that none nearer is missed. A
+point at which none of its 32 nearest faces looks has no partner.
 """
 
 from __future__ import annotations
