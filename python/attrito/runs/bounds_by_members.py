@@ -79,10 +79,14 @@ class _Budget:
         self._programs += model.work - before
         return found
 
-    def check(self) -> None:
-        """Raise Ended where nothing is left, or the run is to stop."""
-        if self._family.is_interrupted() or self._family.work() + self._programs > self._work:
+    def check(self, ahead: float = 0.0) -> None:
+        """Raise Ended where nothing is left, or not the work ahead, or the run is to stop."""
+        if self._family.is_interrupted() or self.spent() + ahead > self._work:
             raise Ended
+
+    def spent(self) -> float:
+        """Operations so far."""
+        return self._family.work() + self._programs
 
 
 class _Extremes:
@@ -197,8 +201,11 @@ class Search:
         """The linear model at the member that the family stands at; None where no slider is free, or it is singular."""
         moves = [(int(i), t) for i in np.flatnonzero(member.free) for t in range(self._laws["tangents"][i])]
         changes = []
-        for move in moves:
-            budget.check()
+        before = budget.spent()
+        for done, move in enumerate(moves):
+            # One change costs what another does: a model that cannot be finished is not begun.
+            each = (budget.spent() - before) / done if done else 0.0
+            budget.check((len(moves) - done) * each)
             changes.append(family.differentiate(*move))
         if not moves or any(change is None for change in changes):
             return None
@@ -225,12 +232,11 @@ def least_room(member: Member, laws: dict[str, np.ndarray]) -> float:
     room = np.inf
     coefficients = member.force.shape[2]
     basis = basis_at(2.0 * np.pi * np.arange(INSTANTS) / INSTANTS, coefficients)
+    friction = cone_coefficients(laws)
     for contact in np.flatnonzero(member.free):
         t1, t2, n = member.force[contact] @ basis.T
-        friction = cone_coefficients(laws)[contact]
         angles = np.pi * np.arange(ROOM_DIRECTIONS) / ROOM_DIRECTIONS if laws["tangents"][contact] == 2 else np.zeros(1)
-        for angle in angles:
-            along = np.cos(angle) * t1 + np.sin(angle) * t2
-            room = min(room, -(along - friction * n).max() - (-along - friction * n).max())
-        room = min(room, n.min())
+        along = np.cos(angles)[:, None] * t1 + np.sin(angles)[:, None] * t2
+        limit = friction[contact] * n
+        room = min(room, *(-(along - limit).max(axis=1) - (-along - limit).max(axis=1)), n.min())
     return float(room)
