@@ -17,8 +17,10 @@ import numpy as np
 import pairing
 import pytest
 import scenes
+import unlike_plates
 from jobs import TIMEOUT
 
+from attrito.job.reading import read_job
 from attrito.library.names import NO_SOLUTION
 from attrito.library.session import Options
 from attrito_verification.scene_grid.scenes import Family, frequencies
@@ -241,3 +243,12 @@ def test_pairing_measures_every_kind_of_contact():
     # Nodes of 4 x 4 pairs of triangles, and three points in each of these.
     assert found["node"]["contacts"] == 81 and found["gauss"]["contacts"] == 96
     assert 4 <= found["pair"]["contacts"] < 81 and found["cut"]["contacts"] > 96
+
+
+def test_jobs_of_unlike_plates_are_the_lap_joint_s_with_other_contacts(tmp_path):
+    for points in ("pair", "node", "gauss"):
+        (tmp_path / "job.toml").write_text(unlike_plates.job_of(points))
+        job = read_job(tmp_path / "job.toml")
+        pairs, own = job["contact_set"][0], "node" if points == "pair" else "face"
+        assert pairs["pairing"] == own and pairs["points"] == (None if points == "pair" else points)
+        assert job["static"]["bounds"] == "none" and job["output"]["file"] == f"{points}.h5"
