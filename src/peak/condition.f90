@@ -231,7 +231,8 @@ contains
 
     associate (context => solver%context)
       step = right
-      call solve_linearised(context%balance, problem%border, right, context%linear, step, iterations, status)
+      call solve_linearised(context%balance, problem%border, right, context%linear, step, iterations, status, &
+                            context%preconditioner)
       if (status == 0) return
       call solve_linearised(context%balance, problem%border, right, stiffened(context%linear, least_stiffening), step, iterations, &
                             status)

@@ -49,6 +49,8 @@ module attrito_peak_curve
     !> Was it found? Newton's steps that it took
     logical :: found = .false.
     integer :: iterations = 0
+    !> Is the next peak looked for farther on where no step along the curve is solved?
+    logical :: may_step_over = .true.
     real(wp), private :: step = first_step
     !> Was the last peak not reached by a step along the curve?
     logical, private :: stepped_over = .false.
@@ -91,12 +93,17 @@ contains
     type(solver_type), intent(inout) :: solver
     !> Parameter that is followed, or its value
     integer, intent(in) :: parameter
+    integer :: status
 
     self%problem%parameter = parameter
     self%step = first_step
     if (allocated(self%tangent%step%motion)) deallocate (self%tangent%step%motion)
     if (allocated(self%bending%step%motion)) deallocate (self%bending%step%motion)
-    call self%correct_here(solver)
+    ! The peak stays where it is; at a corner Newton's method would not come back to it.
+    call linearise(self%problem, solver, self%point, status)
+    self%found = status == 0
+    self%iterations = 0
+    if (self%found) call find_tangent(self, solver, 0.0_wp)
   end subroutine follow_parameter
 
   !> The peak near where the solver stands, its parameter held.
@@ -169,7 +176,7 @@ contains
     call turn_towards(self, solver, stop)
     call step_along(self, solver, before, stop, iterations, reached)
     self%stepped_over = .not. self%found
-    if (self%stepped_over) call step_over(self, solver, before, stop, iterations, reached)
+    if (self%stepped_over .and. self%may_step_over) call step_over(self, solver, before, stop, iterations, reached)
     self%iterations = iterations
   end subroutine advance
 
@@ -398,6 +405,7 @@ contains
       call climb_here(self, solver)
     else
       call correct(self%problem, solver, plane, self%point, self%iterations, self%found)
+      self%found = self%found .and. is_in_band(self, solver)
     end if
     moved = solver%motion - moved
     moved(1, :) = 0.0_wp
@@ -420,10 +428,22 @@ contains
     integer :: status
 
     call climb(self%problem, solver, self%iterations, self%found)
+    self%found = self%found .and. is_in_band(self, solver)
     if (.not. self%found) return
     call linearise(self%problem, solver, self%point, status)
     self%found = status == 0
   end subroutine climb_here
+
+  !> Does the solver's frequency lie in the band in which the peak is looked for?
+  pure logical function is_in_band(self, solver)
+    type(curve_type), intent(in) :: self
+    !> Solver of points: its motion, sliders, angular frequency and balance
+    type(solver_type), intent(in) :: solver
+    !> Of a frequency at an end of the band
+    real(wp), parameter :: rounding = 1.0e-12_wp ! derived
+
+    is_in_band = solver%omega >= minval(self%band)*(1.0_wp - rounding) .and. solver%omega <= maxval(self%band)*(1.0_wp + rounding)
+  end function is_in_band
 
   !> Tangent of the curve of peaks, psi'[t] sigma + psi'[d_p] pi = 0, the way the last one went.
   subroutine find_tangent(self, solver, length)

@@ -1,7 +1,8 @@
 !> The peak that a curve of peaks begins at.
 !>
 !> At the linear peak's frequency the level is lowered until all contacts stick, or is small; the peak there is followed to the level
-!> that is asked for. Where that fails the response is swept at this level.
+!> that is asked for. Where no step along that way is solved the response is swept at this level, which costs less than a search at
+!> every level in between; such searches are the last resort.
 module attrito_peak_first_peak
   use attrito_core_kinds, only: wp
   use attrito_solve_strategies, only: solve_by_strategies
@@ -29,9 +30,11 @@ contains
     !> Angular frequency, rad/s; those that the peak lies between
     real(wp), intent(in) :: omega, band(2)
     type(curve_type), intent(out) :: self
-    type(snapshot_type) :: start
-    real(wp) :: target
+    type(snapshot_type) :: start, last
+    type(curve_type) :: way
+    real(wp) :: target, level
     integer :: i
+    logical :: begun
     logical :: sticks
 
     self%problem = problem
@@ -47,12 +50,25 @@ contains
     end do
     if (.not. sticks) call solve_by_strategies(solver, omega)
     if (solver%report%converged) call self%find_near(solver)
-    if (self%found) call self%go_to(solver, target)
-    if (self%found) return
+    begun = self%found
+    if (begun) then
+      self%may_step_over = .false.
+      call self%go_to(solver, target)
+      self%may_step_over = .true.
+      if (self%found) return
+    end if
+    way = self
+    last = snapshot_of(solver)
+    level = solver%context%balance%level
     call restore(solver, start)
     solver%omega = omega
     call set_value(self%problem, solver, target)
     call self%sweep_here(solver)
+    if (self%found .or. .not. begun) return
+    self = way
+    call set_value(self%problem, solver, level)
+    call restore(solver, last)
+    call self%go_to(solver, target)
   end subroutine begin_curve
 
   !> The peak of the solver's loads near a motion, sliders as they are: by Newton's method, or climbed to.

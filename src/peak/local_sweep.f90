@@ -17,6 +17,8 @@ module attrito_peak_local_sweep
   !> Half the width of swept ranges, in turn, parts of the frequency; the whole band is swept after them
   real(wp), parameter :: half_widths(2) = [0.03_wp, 0.1_wp] ! guess
   integer, parameter :: most_points = 300 ! conventional
+  !> Newton's iterations after which a range is given up: a usual one takes 100 to 500, a frequency without a solution a thousand
+  integer, parameter :: most_iterations = 2000 ! guess
 
 contains
 
@@ -52,6 +54,8 @@ contains
       call restore(solver, highest)
       call climb(problem, solver, used, found)
       iterations = iterations + used
+      ! Uphill of the range there may be no peak in the band.
+      found = found .and. solver%omega >= minval(band) .and. solver%omega <= maxval(band)
       if (found) return
     end do
   end subroutine sweep_for_peak
@@ -79,7 +83,7 @@ contains
     largest = -1.0_wp
     inside = .false.
     sweep = new_sweep(solver, ends(1), ends(2), 1, most_points)
-    do while (.not. sweep%finished)
+    do while (.not. sweep%finished .and. iterations < most_iterations)
       call sweep%advance(solver)
       iterations = iterations + solver%report%iterations
       if (.not. solver%report%converged) cycle

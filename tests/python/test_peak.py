@@ -9,6 +9,8 @@ from types import SimpleNamespace
 import h5py
 import jobs
 import numpy as np
+import peaks
+import peaks_scenes
 import pytest
 from bench_library import evaluations
 from figures import marks
@@ -301,3 +303,19 @@ def test_a_peak_arrives_where_contacts_begin_to_slip_one_after_another(keys):
         swept = max(point.amplitude[0] for point in solver.solve_at(nearby.tolist(), one.level, 0))
     # The nearest of these frequencies is 2.5e-4 off at most: 3 % of half the bandwidth, half of whose square is 5e-4.
     assert swept == pytest.approx(one.amplitude, rel=5e-4) and swept <= one.amplitude * (1.0 + 1e-6)
+
+
+@pytest.mark.parametrize("way", ["level_up", "preload_down"])
+def test_a_peak_of_a_strip_that_is_partly_open_at_rest_arrives_within_its_band(way):
+    # Three of twelve contacts are open at rest, so that the stuck resonance is none of this strip: from there Newton's
+    # method came to a peak at 5338 Hz, beyond the band. Downwards in preload the first peak is at a corner.
+    scene = peaks_scenes.make(1, 6)
+    job = peaks.keys_of(scene, way)
+    with Solver(MPI.COMM_SELF, scene.reduced, Options(harmonics=5, by_events=True)) as solver:
+        solver.follow_static_path(peaks.PATH, 10, scene.band_hz[0])
+        assert solver.closed_contacts().sum() == 9, "the test is void unless contacts are open at rest"
+        found = list(follow(solver, job, scene.reduced, peaks.PATH))
+    assert all(one.converged for one in found)
+    assert [found[0].peak.parameter, found[-1].peak.parameter] == [job["peak"]["start"], job["peak"]["stop"]]
+    low, high = scene.band_hz
+    assert all(low <= one.peak.frequency_hz <= high for one in found)

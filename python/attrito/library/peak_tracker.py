@@ -86,18 +86,18 @@ class PeakTracker:
         self.parameter = PARAMETERS[0]
 
     def linear_peak_hz(self) -> float:
-        """The largest peak of the linear response, contacts stuck, in the band, Hz."""
+        """The largest peak of the linear response in the band, contacts open or stuck as they are at rest, Hz."""
         low, high = self._band
-        natural = self._solver.linear_response("stuck", np.array([low]), NATURAL_FREQUENCIES)[1]
+        natural = self._solver.linear_response("tangent", np.array([low]), NATURAL_FREQUENCIES)[1]
         grid = np.unique(np.concatenate([np.linspace(low, high, LINEAR_POINTS), natural]))
         grid = grid[(grid >= low) & (grid <= high)]
-        amplitude = self._solver.linear_response("stuck", grid, 0)[0][self._monitor]
+        amplitude = self._solver.linear_response("tangent", grid, 0)[0][self._monitor]
         largest = int(np.nanargmax(amplitude))
         if largest in (0, len(grid) - 1):
             raise NumericsError(f"the linear response has no peak between {low:g} and {high:g} Hz to begin with")
 
         def minus(frequency: float) -> float:
-            return -float(self._solver.linear_response("stuck", np.array([frequency]), 0)[0][self._monitor, 0])
+            return -float(self._solver.linear_response("tangent", np.array([frequency]), 0)[0][self._monitor, 0])
 
         bounds = (grid[largest - 1], grid[largest + 1])
         found = minimize_scalar(minus, bounds=bounds, method="bounded", options={"xatol": 1e-9 * grid[largest]})

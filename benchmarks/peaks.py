@@ -1,0 +1,364 @@
+"""Peaks of random scenes, followed in level and in preload, up and down: do they arrive, are they the peaks of sweeps?
+
+    .venv/bin/python benchmarks/peaks.py --scenes 100 --seed 1 --output peaks.csv
+    .venv/bin/python benchmarks/peaks.py --seed 1 --first 17 --scenes 1 --runs level_up --verbose
+
+Scenes are those of `peaks_scenes.py`. Each is followed four times by what `attrito peak` runs, with as many
+harmonics as that begins with. A run arrives if its last peak is at `stop`, or if it says by which `ending` there
+is no peak farther on. Values asked for are held against two references with the same harmonics and samples:
+
+- *dense*: frequencies listed from the followed peak outwards, SPAN to either side or to the nearest minimum, each
+  starting from the one before; the largest amplitude among them, refined by golden sections, from the sliders of the
+  followed peak;
+- *swept*: a new session at that level and preload, swept up and down; the higher of both peaks, refined likewise.
+
+The first must be the value to 1e-4. The second may differ: where the peak is not unique (sliders keep the way there),
+where solutions coexist, and where the response has another, higher peak; these are counted apart. Cost is counted work
+(`src/balance/work.f90`) of a run without its static path, by value and by peak, in sweeps at the run's values.
+
+JSON on standard output; `--output` keeps a row a run, with the number of its scene.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import multiprocessing
+import os
+import time
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+
+import common  # isort: skip (sets the threads of BLAS before numpy is loaded)
+import numpy as np
+import peaks_scenes
+from mpi4py import MPI
+from scipy.optimize import minimize_scalar
+
+from attrito.library.session import Options, Point, Solver
+from attrito.peaks.curve import Found
+from attrito.peaks.run import follow
+from attrito.support.errors import NumericsError
+
+PATH = np.array([[0.0], [1.0]])
+STATIC_STEPS = 20
+RUNS = ("level_up", "level_down", "preload_up", "preload_down")
+# Values asked for besides both ends, as parts of the range of the logarithm
+VALUES = (0.5,)
+# Relative, of an amplitude
+EQUAL = 1e-4
+# Frequencies to either side of the followed peak, and how far they reach, part of it
+DENSE, SPAN = 20, 0.03
+# Largest difference of frequencies of what counts as the same peak, relative
+SAME_PEAK = 0.02
+MOST_POINTS = 1000
+# A run is ended where it takes so many times its limit, checks included
+WHOLE = 4.0
+
+
+@dataclass
+class Value:
+    """A value asked for, and what it is held against; errors are relative differences of the amplitude."""
+
+    parameter: float
+    frequency_hz: float
+    unique: bool
+    dense_error: float
+    swept_error: float
+    swept_hz: float
+    sweep_work: float
+    sweep_points: int
+
+    @property
+    def kind(self) -> str:
+        """What the new sweep found instead."""
+        if abs(self.swept_error) <= EQUAL:
+            return "equal"
+        if abs(self.swept_hz / self.frequency_hz - 1.0) > SAME_PEAK:
+            return "higher elsewhere" if self.swept_error > 0.0 else "lower elsewhere"
+        if not self.unique:
+            return "not unique"
+        return "coexisting, higher" if self.swept_error > 0.0 else "coexisting, lower"
+
+
+@dataclass
+class Run:
+    """One way along a range."""
+
+    scene: int
+    kind: str
+    way: str
+    start: float
+    stop: float
+    arrived: bool = False
+    came_to: float = np.nan
+    ending: str = ""
+    out_of_time: bool = False
+    peaks: int = 0
+    evaluations: int = 0
+    work: float = 0.0
+    seconds: float = 0.0
+    values: list[Value] = field(default_factory=list)
+
+    @property
+    def sweeps(self) -> float:
+        """Work in sweeps, by value; NaN where no sweep tells."""
+        works = [value.sweep_work for value in self.values]
+        return self.work / float(np.sum(works)) if works else np.nan
+
+
+def keys_of(scene: peaks_scenes.Scene, way: str) -> dict:
+    """What `follow` asks of a job."""
+    parameter, direction = way.split("_")
+    low, high = scene.levels if parameter == "level" else scene.preloads
+    values = [low * (high / low) ** part for part in VALUES]
+    ends = (low, high) if direction == "up" else (high, low)
+    peak = {"parameter": parameter, "start": ends[0], "stop": ends[1], "values": values, "level": scene.level}
+    peak |= {"monitor": None, "amplitude": "half_range", "near_hz": None, "optimum": False, "max_points": MOST_POINTS}
+    sweep = {"frequencies_hz": None, "start_hz": scene.band_hz[0], "stop_hz": scene.band_hz[1]}
+    return {"peak": peak, "sweep": sweep, "static": {"steps": STATIC_STEPS}}
+
+
+@dataclass(frozen=True)
+class Task:
+    """A scene to be followed one way, by these options; `limit`: seconds of the processor, where it is given up."""
+
+    seed: int
+    number: int
+    way: str
+    check: bool
+    limit: float
+    options: Options
+
+    def scene(self) -> peaks_scenes.Scene:
+        """The scene."""
+        return peaks_scenes.make(self.seed, self.number)
+
+
+def new_run(task: Task) -> Run:
+    """A run that has found nothing yet."""
+    keys = keys_of(task.scene(), task.way)["peak"]
+    return Run(task.number, task.scene().kind, task.way, keys["start"], keys["stop"])
+
+
+def run(task: Task) -> Run:
+    """Follow a scene's peak one way, and check its values."""
+    scene, done = task.scene(), new_run(task)
+    job = keys_of(scene, task.way)
+    keys = job["peak"]
+    started = time.process_time()
+    found: list[Found] = []
+    states: list[np.ndarray] = []
+    with Solver(MPI.COMM_SELF, scene.reduced, task.options) as solver:
+        try:
+            for one in follow(solver, job, scene.reduced, PATH):
+                found.append(one)
+                states.append(solver.save_state())
+                if time.process_time() - started > task.limit:
+                    done.out_of_time = True
+                    break
+        except NumericsError as error:
+            done.ending = str(error)
+        done.work = (found[-1].peak.point.work if found else solver.static_work) - solver.static_work
+    done.seconds = time.process_time() - started
+    solved = [one for one in found if one.converged]
+    done.peaks = len(solved)
+    if found:
+        done.evaluations = found[-1].peak.evaluations
+    if solved:
+        done.came_to = solved[-1].peak.parameter
+        done.arrived = found[-1].converged and abs(done.came_to / keys["stop"] - 1.0) <= 1e-12
+    if task.check:
+        for one, state in zip(found, states, strict=True):
+            # What has taken long already is checked at its end alone.
+            late = time.process_time() - started > task.limit and one is not found[-1]
+            if one.converged and one.kind == "value" and not late:
+                done.values.append(check_value(scene, task.options, one, state, keys["parameter"]))
+    return done
+
+
+def check_value(scene: peaks_scenes.Scene, options: Options, found: Found, state: np.ndarray, parameter: str) -> Value:
+    """Hold a peak against listed frequencies and against sweeps."""
+    peak = found.peak
+    preload = peak.parameter if parameter == "preload" else 1.0
+    reference = dense(scene, options, found, state, preload)
+    sweeps = [swept(scene, options, peak.level, preload, way) for way in (1, -1)]
+    amplitude, at, work, points = max(sweeps)
+    return Value(
+        peak.parameter,
+        peak.frequency_hz,
+        peak.point.unique,
+        reference / peak.amplitude - 1.0,
+        amplitude / peak.amplitude - 1.0,
+        at,
+        # Of either way: which is the cheaper is not known beforehand.
+        0.5 * sum(sweep[2] for sweep in sweeps),
+        points,
+    )
+
+
+def dense(scene: peaks_scenes.Scene, options: Options, found: Found, state: np.ndarray, preload: float) -> float:
+    """Largest amplitude near a followed peak, whose sliders and motion are the start to either side."""
+    peak = found.peak
+    best, nearest = -np.inf, (np.empty(0), peak.frequency_hz)
+    with Solver(MPI.COMM_SELF, scene.reduced, options) as solver:
+        solver.follow_static_path(PATH * preload, STATIC_STEPS, scene.band_hz[0])
+        for way in (1.0, -1.0):
+            solver.load_state(state)
+            offsets = way * SPAN * np.linspace(0.0, 1.0, DENSE + 1) ** 2
+            least = np.inf
+            for point in solver.solve_at((peak.frequency_hz * (1.0 + offsets)).tolist(), peak.level, 0):
+                if not point.is_solved:
+                    continue
+                least = min(least, point.amplitude[0])
+                if least < (1.0 - EQUAL) * peak.amplitude and point.amplitude[0] > (1.0 + EQUAL) * least:
+                    # Beyond a minimum begins another peak.
+                    break
+                if point.amplitude[0] > best:
+                    best, nearest = point.amplitude[0], (solver.save_state(), point.frequency_hz)
+        reach = peak.frequency_hz * SPAN / DENSE
+        return max(best, refined(solver, nearest, peak.level, (nearest[1] - reach, nearest[1] + reach))[0])
+
+
+def swept(
+    scene: peaks_scenes.Scene, options: Options, level: float, preload: float, way: int
+) -> tuple[float, float, float, int]:
+    """Highest peak of a sweep, its frequency, the sweep's work and points; the work of refining it is not counted."""
+    points: list[Point] = []
+    states: list[np.ndarray] = []
+    with Solver(MPI.COMM_SELF, scene.reduced, options) as solver:
+        ends = scene.band_hz[::way]
+        solver.follow_static_path(PATH * preload, STATIC_STEPS, ends[0])
+        for point in solver.sweep(*ends, level, 0, MOST_POINTS):
+            points.append(point)
+            states.append(solver.save_state())
+        work = points[-1].work - solver.static_work
+        amplitudes = [point.amplitude[0] if point.is_solved else -np.inf for point in points]
+        best = int(np.argmax(amplitudes))
+        if best in (0, len(points) - 1):
+            return float(amplitudes[best]), points[best].frequency_hz, work, len(points)
+        neighbours = sorted(points[i].frequency_hz for i in (best - 1, best + 1))
+        at = points[best].frequency_hz
+        bracket = (min(neighbours[0], at), max(neighbours[1], at))
+        found = refined(solver, (states[best], at), level, bracket)
+    return *max(found, (float(amplitudes[best]), at)), work, len(points)
+
+
+def refined(
+    solver: Solver, start: tuple[np.ndarray, float], level: float, bracket: tuple[float, float]
+) -> tuple[float, float]:
+    """Largest amplitude within a bracket and its frequency, every point from the same start."""
+
+    def minus(frequency: float) -> float:
+        solver.load_state(start[0])
+        (point,) = solver.solve_at([frequency], level, 0)
+        return -float(point.amplitude[0]) if point.is_solved else 0.0
+
+    found = minimize_scalar(minus, bounds=bracket, method="bounded", options={"xatol": 1e-7 * bracket[1]})
+    return -float(found.fun), float(found.x)
+
+
+def main() -> None:
+    """Follow all scenes; JSON."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--scenes", type=int, default=100)
+    parser.add_argument("--first", type=int, default=0, help="number of the first scene")
+    parser.add_argument("--runs", nargs="*", default=RUNS, choices=RUNS)
+    parser.add_argument("--unchecked", action="store_true", help="do not sweep: arrival alone")
+    parser.add_argument("--harmonics", type=int, default=5)
+    parser.add_argument("--samples", type=int, default=128)
+    parser.add_argument("--limit", type=float, default=60.0, help="seconds of the processor a run")
+    parser.add_argument("--output", help="CSV, one row a value")
+    parser.add_argument("--verbose", action="store_true", help="print every value")
+    arguments = parser.parse_args()
+    numbers = range(arguments.first, arguments.first + arguments.scenes)
+    options = Options(arguments.harmonics, arguments.samples, by_events=True)
+    tasks = [
+        Task(arguments.seed, number, way, not arguments.unchecked, arguments.limit, options)
+        for number in numbers
+        for way in arguments.runs
+    ]
+    runs: list[Run] = []
+    for one in results(tasks, WHOLE * arguments.limit):
+        runs.append(one)
+        common.progress(
+            f"{one.scene} {one.kind} {one.way}: {'arrived' if one.arrived else one.ending or 'lost'} "
+            f"{one.came_to:.4g} of {one.start:.4g}...{one.stop:.4g}, {one.peaks} peaks, "
+            f"{one.evaluations} evaluations, {one.sweeps:.2f} sweeps a value, {one.seconds:.1f} s"
+        )
+        for value in one.values if arguments.verbose else ():
+            common.progress(f"    {value} {value.kind}")
+    if arguments.output:
+        write(arguments.output, runs)
+    common.report({"arguments": vars(arguments), **summary(runs)})
+
+
+def results(tasks: list[Task], seconds: float) -> Iterable[Run]:
+    """Runs in turn, in a process that is ended with a run that takes so many seconds of the processor."""
+    context = multiprocessing.get_context("spawn")
+    pool = context.Pool(1)
+    used = pool.apply(time.process_time)
+    for task in tasks:
+        (worker,) = multiprocessing.active_children()
+        waiting = pool.apply_async(run, (task,))
+        while not waiting.ready() and processor_seconds(worker.pid) - used < seconds:
+            waiting.wait(1.0)
+        if waiting.ready():
+            yield waiting.get()
+        else:
+            pool.terminate()
+            pool.join()
+            pool = context.Pool(1)
+            yield replace(new_run(task), out_of_time=True)
+        used = pool.apply(time.process_time)
+    pool.terminate()
+
+
+def processor_seconds(process: int | None) -> float:
+    """What a process has used."""
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def write(path: str, runs: list[Run]) -> None:
+    """A row a value, or one for a run without."""
+    rows = []
+    for one in runs:
+        about = asdict(one)
+        del about["values"]
+        rows += [about | asdict(value) | {"found": value.kind} for value in one.values] or [about]
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    with open(path, "w", newline="") as file:
+        writer = csv.DictWriter(file, names)
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def summary(runs: list[Run]) -> dict:
+    """Counts and costs by kind of scene and of all."""
+    found = {}
+    for kind in ["all", *sorted({one.kind for one in runs})]:
+        own = [one for one in runs if kind in ("all", one.kind)]
+        values = [value for one in own for value in one.values]
+        missed = {one.scene for one in own if not (one.arrived or one.ending)}
+        found[kind] = {
+            "scenes": len({one.scene for one in own}),
+            "scenes that arrive": len({one.scene for one in own} - missed),
+            "runs": len(own),
+            "runs that arrive": sum(one.arrived for one in own),
+            "runs with another ending": dict(Counter(one.ending for one in own if not one.arrived)),
+            "values": len(values),
+            "equal to dense listed frequencies": sum(abs(value.dense_error) <= EQUAL for value in values),
+            "against new sweeps": dict(Counter(value.kind for value in values)),
+            "peaks a run, median": float(np.median([one.peaks for one in own])),
+            "sweeps a value, median": float(np.nanmedian([one.sweeps for one in own])) if values else None,
+            "seconds": float(sum(one.seconds for one in own)),
+        }
+    return found
+
+
+if __name__ == "__main__":
+    main()
