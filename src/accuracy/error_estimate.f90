@@ -51,6 +51,7 @@ module attrito_accuracy_error_estimate
     real(wp), private :: stiffness_ratio = -1.0_wp
   contains
     procedure :: estimate
+    procedure :: look_finer
     procedure :: destroy
   end type error_estimate_type
 
@@ -70,9 +71,9 @@ contains
     !> The point on the longer series, to first order
     type(finer_point_type), intent(out) :: finer
     type(second_step_type) :: second
-    real(wp) :: sampled, error, difference, threshold
+    real(wp) :: error, difference
     real(wp), allocatable :: own(:, :)
-    integer :: harmonics, samples, status
+    integer :: status
 
     errors%harmonics = 0.0_wp
     errors%samples = 0.0_wp
@@ -82,25 +83,11 @@ contains
     if (.not. solved) return
     associate (balance => solver%context%balance)
       if (solver%all_stick .and. size(solver%structure%harmonic_load, 2) <= balance%coefficients()) return
-      sampled = count(balance%forces%state >= state_slipping .and. .not. goes_by_events(balance%law, balance%quadrature%by_events))
-      call balance%ranks%sum(sampled)
-      threshold = unsettled_share*min(tolerance, nominal_tolerance)
-      harmonics = self%resonances%highest(solver, longer_series(balance%receptance%harmonics), threshold)
-      samples = balance%quadrature%fourier%samples
-      if (sampled > 0.0_wp) samples = densification*samples
-      if (any_sampled(solver)) samples = max(samples, 8*((2*harmonics + 9)/8))
-      call prepare(self%longer, solver, harmonics, samples)
-      if (sampled > 0.0_wp) then
-        call prepare(self%denser, solver, balance%receptance%harmonics, samples)
-        call self%longer%correct(solver, finer, status, self%denser)
-      else
-        call self%longer%correct(solver, finer, status)
-      end if
+      call self%look_finer(solver, tolerance, finer, second, status)
       error = ieee_value(error, ieee_quiet_nan)
       if (status == 0) then
         own = own_monitors(solver)
         error = relative_change(own, finer%monitors)
-        call step_again(self%longer, solver, finer, threshold, second)
         self%unsettled = second%unsettled
         self%is_sure = allocated(second%monitors) .and. second%unsettled == 0
         if (allocated(second%monitors)) then
@@ -119,6 +106,42 @@ contains
       errors%harmonics = error - errors%samples
     end associate
   end subroutine estimate
+
+  !> The solver's present point as a longer series and denser samples would have it: to first order, and after a second step. The
+  !> equation that picked the point holds.
+  subroutine look_finer(self, solver, tolerance, first, second, status)
+    class(error_estimate_type), intent(inout) :: self
+    !> Solver of points, at a solution
+    type(solver_type), intent(inout) :: solver
+    !> Relative error that is asked for; `no_tolerance` where none is
+    real(wp), intent(in) :: tolerance
+    !> The point, to first order
+    type(finer_point_type), intent(out) :: first
+    !> The point after a second step, if the first was solved
+    type(second_step_type), intent(out) :: second
+    !> 0, or not: the linearised step is singular
+    integer, intent(out) :: status
+    real(wp) :: sampled, threshold
+    integer :: harmonics, samples
+
+    associate (balance => solver%context%balance)
+      sampled = count(balance%forces%state >= state_slipping .and. .not. goes_by_events(balance%law, balance%quadrature%by_events))
+      call balance%ranks%sum(sampled)
+      threshold = unsettled_share*min(tolerance, nominal_tolerance)
+      harmonics = self%resonances%highest(solver, longer_series(balance%receptance%harmonics), threshold)
+      samples = balance%quadrature%fourier%samples
+      if (sampled > 0.0_wp) samples = densification*samples
+      if (any_sampled(solver)) samples = max(samples, 8*((2*harmonics + 9)/8))
+      call prepare(self%longer, solver, harmonics, samples)
+      if (sampled > 0.0_wp) then
+        call prepare(self%denser, solver, balance%receptance%harmonics, samples)
+        call self%longer%correct(solver, first, status, self%denser)
+      else
+        call self%longer%correct(solver, first, status)
+      end if
+    end associate
+    if (status == 0) call step_again(self%longer, solver, first, threshold, second)
+  end subroutine look_finer
 
   !> The stiffness of a contact over that of the structure, all other contacts stuck, the greatest of all rows. With R the stuck
   !> system's flexibility at a row and k the row's spring, the structure alone has 1/R - k there, so the ratio is k R/(1 - k R).

@@ -25,6 +25,8 @@ module attrito_accuracy_second_step
   type :: second_step_type
     !> Coefficients of the monitors after it [2 K + 1, monitors]; not allocated where the step is singular
     real(wp), allocatable :: monitors(:, :)
+    !> Response that these belong to [n, 0:K]
+    complex(wp), allocatable :: response(:, :)
     !> The highest harmonic beyond H whose motion has not settled; 0: all have
     integer :: unsettled = 0
   end type second_step_type
@@ -75,6 +77,7 @@ contains
       response(:, :harmonics) = response(:, :harmonics) + added
       call add_frequency(response, moved%omega)
       second%monitors = balance%monitors%motion_of(response)
+      second%response = response
     end associate
 
   contains

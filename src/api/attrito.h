@@ -173,6 +173,10 @@ void attrito_restart_backbone(void *handle, double amplitude, int branch, attrit
 /* Followed to another amplitude. */
 void attrito_backbone_at(void *handle, double amplitude, int branch, attrito_backbone *backbone);
 
+/* Relative errors of the last point by harmonics and by samples, of frequency, negative damping or monitors, whichever is the
+ * largest; NaN where they are not known. */
+void attrito_mode_errors(void *handle, double *harmonics, double *samples);
+
 typedef struct {
     int kind;
     double frequency_hz;

@@ -6,6 +6,7 @@ module attrito_api_backbone
   use attrito_output_point_report, only: report_point
   use attrito_peak_backbone, only: begin_backbone, begin_mode, leading_mode, prepare_mode
   use attrito_peak_condition, only: problem_type
+  use attrito_peak_mode_error, only: estimate_mode_errors
   use attrito_api_session, only: session_type, session_of
   use attrito_api_solver, only: point_type, point_of
   implicit none
@@ -122,6 +123,22 @@ contains
     call session%backbone%go_to(session%solver, amplitude)
     call describe(session, branch, backbone)
   end subroutine attrito_backbone_at
+
+  !> Relative errors of the last point by harmonics and by samples, of frequency, negative damping or monitors, whichever is the
+  !> largest; NaN where they are not known.
+  subroutine attrito_mode_errors(handle, harmonics, samples) bind(c)
+    !> Session, see `session_of`
+    type(c_ptr), value :: handle
+    !> By harmonics; by samples
+    real(c_double), intent(out) :: harmonics, samples
+    type(session_type), pointer :: session
+    type(point_errors_type) :: errors
+
+    session => session_of(handle)
+    call estimate_mode_errors(session%mode_estimator, session%solver, session%backbone, errors)
+    harmonics = errors%harmonics
+    samples = errors%samples
+  end subroutine attrito_mode_errors
 
   subroutine describe(session, branch, backbone)
     !> Session behind a handle

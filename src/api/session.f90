@@ -7,6 +7,7 @@ module attrito_api_session
   use attrito_model_contacts, only: contact_type, contacts_type
   use attrito_model_structure, only: structure_type
   use attrito_accuracy_error_control, only: error_control_type
+  use attrito_accuracy_error_estimate, only: error_estimate_type
   use attrito_continuation_sweep, only: sweep_type
   use attrito_continuation_stored_points, only: stored_points_type
   use attrito_family_members, only: family_type, member_type
@@ -47,9 +48,10 @@ module attrito_api_session
     !> While other members of the last point's family are visited: the point, and two of them to return to
     type(family_type) :: family
     type(member_type) :: members(0:1)
-    !> A peak that is followed; a mode's backbone; a mode loaded quasi-statically
+    !> A peak that is followed; a mode's backbone, and finer balances that estimate its errors; a mode loaded quasi-statically
     type(curve_type) :: peak
     type(backbone_type) :: backbone
+    type(error_estimate_type) :: mode_estimator
     type(quasi_static_type) :: quasi_static
     !> The linear system in time, once it is asked for, and what was found of the last point's stability
     type(system_type), allocatable :: in_time

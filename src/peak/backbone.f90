@@ -72,6 +72,8 @@ module attrito_peak_backbone
     procedure :: go_to
     procedure :: is_prepared
     procedure :: keep
+    procedure :: coordinate
+    procedure :: find_changes
   end type backbone_type
 
 contains
@@ -329,7 +331,7 @@ contains
       call solver%solve_at(solver%omega, early_stop=.true.)
       self%iterations = self%iterations + solver%report%iterations
       if (.not. solver%report%converged) exit
-      missing = self%amplitude - coordinate(self, solver%context%balance%response)
+      missing = self%amplitude - self%coordinate(solver%context%balance%response)
       self%found = abs(missing) <= solver%context%tolerance*self%amplitude
       if (self%found) exit
       call step_towards(self, solver, missing, from, status)
@@ -339,7 +341,7 @@ contains
 
   !> c(X_1).
   pure complex(wp) function coordinate(self, response)
-    type(backbone_type), intent(in) :: self
+    class(backbone_type), intent(in) :: self
     !> Coordinates of the response, by harmonic
     complex(wp), intent(in) :: response(:, 0:)
 
@@ -358,16 +360,10 @@ contains
     !> 0, or not: singular, or too far
     integer, intent(out) :: status
     type(direction_type) :: by_omega, by_excitation
-    complex(wp) :: slopes(2)
-    real(wp) :: determinant, change(2)
+    real(wp) :: change(2)
 
-    call find_directions(self, solver, by_omega, by_excitation, status)
+    call self%find_changes(solver, missing, by_omega, by_excitation, change, status)
     if (status /= 0) return
-    slopes = [coordinate(self, by_omega%response), coordinate(self, by_excitation%response)]
-    determinant = aimag(conjg(slopes(1))*slopes(2))
-    status = merge(0, 1, abs(determinant) > 0.0_wp)
-    if (status /= 0) return
-    change = [aimag(conjg(missing)*slopes(2)), aimag(conjg(slopes(1))*missing)]/determinant
     status = merge(0, 1, abs(change(1)) <= longest_change*solver%omega)
     if (status /= 0) return
     solver%motion = solver%motion + change(1)*by_omega%step%motion + change(2)*by_excitation%step%motion
@@ -379,9 +375,35 @@ contains
     end associate
   end subroutine step_towards
 
+  !> Changes of omega and xi after which c has what is missing of it, to first order.
+  subroutine find_changes(self, solver, missing, by_omega, by_excitation, change, status)
+    class(backbone_type), intent(in) :: self
+    !> Solver of points, at a solution
+    type(solver_type), intent(inout) :: solver
+    !> What is missing of the coordinate
+    complex(wp), intent(in) :: missing
+    !> What a unit of omega, and one of xi, change of the solution
+    type(direction_type), intent(out) :: by_omega, by_excitation
+    !> Of omega and xi
+    real(wp), intent(out) :: change(2)
+    !> 0, or not: singular
+    integer, intent(out) :: status
+    complex(wp) :: slopes(2)
+    real(wp) :: determinant
+
+    change = 0.0_wp
+    call find_directions(self, solver, by_omega, by_excitation, status)
+    if (status /= 0) return
+    slopes = [self%coordinate(by_omega%response), self%coordinate(by_excitation%response)]
+    determinant = aimag(conjg(slopes(1))*slopes(2))
+    status = merge(0, 1, abs(determinant) > 0.0_wp)
+    if (status /= 0) return
+    change = [aimag(conjg(missing)*slopes(2)), aimag(conjg(slopes(1))*missing)]/determinant
+  end subroutine find_changes
+
   !> What a unit of omega, and one of xi, change of the solution, of which the balance holds the Jacobian.
   subroutine find_directions(self, solver, by_omega, by_excitation, status)
-    type(backbone_type), intent(in) :: self
+    class(backbone_type), intent(in) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Change of the unknowns and of the response

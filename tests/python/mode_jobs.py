@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from jobs import Job, attrito, table, write_job
+from jobs import Job, attrito, table, wedge, write_job
 
 K, KT, LIMIT, MASS = 1.0e5, 6.0e4, 20.0, 2.0
 
@@ -31,6 +31,15 @@ def rubbing(harmonics: int = 1, stop: float = 2.0e-2) -> Job:
         "mode": {"start": 1.0e-4, "stop": stop, "points": 12},
         "output": {"file": "result.h5"},
     }
+
+
+def weakly_damped_wedge() -> Job:
+    """The paper's wedge with a tenth of its damping, from where the contact sticks to where it slips."""
+    job = wedge()
+    job["model"]["damping"] = (2 * np.pi * np.eye(2)).tolist()
+    job["balance"] = {"harmonics": 7}
+    job["mode"] = {"start": 1.0e-6, "stop": 3.0e-3, "points": 18}
+    return job
 
 
 def follow(folder: Path, job: Job) -> list[dict[str, float]]:

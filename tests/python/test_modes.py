@@ -5,8 +5,8 @@ from __future__ import annotations
 import h5py
 import numpy as np
 import pytest
-from jobs import Job, attrito, chain, table, wedge, write_job
-from mode_jobs import KT, LIMIT, MASS, K, follow, rubbing
+from jobs import attrito, chain, table, write_job
+from mode_jobs import KT, LIMIT, MASS, K, follow, rubbing, weakly_damped_wedge
 from mpi4py import MPI
 
 from attrito.modes.nonlinear import mode_job
@@ -60,15 +60,6 @@ def marched_work(motion: np.ndarray, kt: float, kn: float, mu: float, steps: int
             slider = min(max(slider, u[i] - reach[i]), u[i] + reach[i])
             forces[i] = kt * (u[i] - slider)
     return float(np.sum(0.5 * (forces[1:] + forces[:-1]) * np.diff(u)))
-
-
-def weakly_damped_wedge() -> Job:
-    """The paper's wedge with a tenth of its damping, from where the contact sticks to where it slips."""
-    job = wedge()
-    job["model"]["damping"] = (2 * np.pi * np.eye(2)).tolist()
-    job["balance"] = {"harmonics": 7}
-    job["mode"] = {"start": 1.0e-6, "stop": 3.0e-3, "points": 18}
-    return job
 
 
 def test_dissipation_is_that_of_a_loop_marched_in_time(tmp_path):

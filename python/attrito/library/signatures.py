@@ -108,6 +108,7 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "attrito_prepare_mode": (None, (HANDLE, Doubles, c_double)),
     "attrito_begin_backbone": (None, (HANDLE, c_int, c_int, c_int, c_double, c_int, POINTER(RawBackbone))),
     "attrito_backbone_at": (None, (HANDLE, c_double, c_int, POINTER(RawBackbone))),
+    "attrito_mode_errors": (None, (HANDLE, Doubles, Doubles)),
     "attrito_restart_backbone": (None, (HANDLE, c_double, c_int, POINTER(RawBackbone))),
     "attrito_begin_quasi_static": (None, (HANDLE, Doubles, c_double)),
     "attrito_quasi_static_at": (None, (HANDLE, c_double, c_int, c_int, c_int, POINTER(RawQuasiStatic))),

@@ -15,14 +15,15 @@ class ModePoint:
 
     Parameters
     ----------
-    point : without an estimate of its error; its level has no meaning
+    point : its level has no meaning, and neither has its own estimate
     amplitude : Q, zero to peak of phi^T M q_1, user length times root of user mass; quasi-static: half the loop's range
     kinetic : sum over h of h^2 q_h^H M q_h, of zero-to-peak amplitudes; quasi-static: Q^2
     structural_ratio : damping ratio of the structure alone
     drive : what keeps the motion up, by the names of their series: xi, rad per time; quasi-static: amplitude of the
         load, and area of the loop
     iterations : of Newton's method on the way here
-    estimate : relative error of the contacts' work; NaN: not estimated
+    error_harmonics, error_samples : parts of the estimated relative error, see `SERIES` in `nonlinear.py`; NaN: not
+        estimated
     contact_work : of each contact a period, user energy, at the root `[nc]`; None: that of the balance
     """
 
@@ -32,8 +33,15 @@ class ModePoint:
     structural_ratio: float
     drive: dict[str, float]
     iterations: int
-    estimate: float = np.nan
+    error_harmonics: float = np.nan
+    error_samples: float = np.nan
     contact_work: np.ndarray | None = None
+
+    @property
+    def estimate(self) -> float:
+        """Estimated relative error; NaN: not estimated."""
+        parts = [part for part in (self.error_harmonics, self.error_samples) if not np.isnan(part)]
+        return sum(parts) if parts else np.nan
 
     @property
     def converged(self) -> bool:

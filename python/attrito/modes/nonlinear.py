@@ -57,6 +57,12 @@ SERIES = {
     "loop_area": ("area of the loop of load and Q, by trapezoids: what the contacts' work adds up to", "user energy"),
 }
 
+# What the estimate is of, by the method; NaN: not estimated
+ERRORS = {
+    "epmc": "relative error of frequency, negative damping or monitors by the series, the largest; NaN: not estimated",
+    "quasi_static": "relative error of the contacts' work; NaN: not estimated",
+}
+
 
 def mode_job(comm: Comm, path: str | Job, picture: str | None = None, resume: bool = False) -> str:
     """Follow the mode that a job asks for: file, table on standard output, picture. Returns the file's path.
@@ -233,8 +239,8 @@ def _record(comm: Comm, recorder: Recorder, one: ModePoint) -> float:
         ended = Series("int32", "how the point ended: index into the attribute names", "1", tuple(OUTCOMES))
         recorder.add("/points/outcome", ended, np.array(OUTCOMES.index(one.point.outcome)))
         for name in ("estimate", "error_harmonics", "error_samples", "error_modes"):
-            known = one.estimate if name in ("estimate", "error_samples") and one.converged else np.nan
-            error = Series("real64", "relative error of the contacts' work; NaN: not estimated", "1")
+            known = getattr(one, name, np.nan) if one.converged else np.nan
+            error = Series("real64", ERRORS["quasi_static" if one.contact_work is not None else "epmc"], "1")
             recorder.add(f"/points/{name}", error, np.array(known))
         return values["damping_ratio"]
 

@@ -81,7 +81,7 @@ class QuasiStaticTracker:
             cycle.structural_ratio,
             {"load": load, "loop_area": abs(cycle.area)},
             trials,
-            estimate=error,
+            error_samples=error,
             contact_work=work,
         )
 

@@ -68,9 +68,11 @@ class ModeTracker:
         missed = not abs(found / amplitude - 1.0) <= AMPLITUDE_TOLERANCE
         if missed and point.is_solved:
             point = point._replace(outcome="not_converged")
-        return ModePoint(
-            point, amplitude, raw.kinetic, raw.structural_ratio, {"excitation": raw.excitation}, iterations
-        )
+        errors = np.full(2, np.nan)
+        if point.is_solved:
+            self._solver.call("attrito_mode_errors", pointer(errors[:1]), pointer(errors[1:]))
+        drive = {"excitation": raw.excitation}
+        return ModePoint(point, amplitude, raw.kinetic, raw.structural_ratio, drive, iterations, *errors.tolist())
 
     def _solve(self, amplitude: float) -> RawBackbone:
         """At the coordinate at which the amplitude is expected: on the line through what is known, in logarithms."""

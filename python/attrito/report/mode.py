@@ -15,6 +15,11 @@ METHODS = {
     "quasi_static": "cycles of quasi-static loading by the tangent mode's inertia forces",
 }
 
+ERRORS = {
+    "epmc": "of frequency, negative damping or monitors, by harmonics and samples",
+    "quasi_static": "of the contacts' work, from the steps of a cycle",
+}
+
 
 def mode_glance(view: View) -> list[tuple[str, bool]]:
     """What to know first of a mode, one sentence each, and whether it is a warning."""
@@ -24,10 +29,10 @@ def mode_glance(view: View) -> list[tuple[str, bool]]:
         return [("No point was solved.", True), *warned]
     amplitude, damping = result.array("/points/amplitude"), result.array("/points/damping_ratio")
     frequency, tangent = view.frequency[solved], float(result.attribute("tangent_hz"))
-    method = METHODS.get(str(result.attribute("method")), str(result.attribute("method")))
+    kind = str(result.attribute("method"))
     largest = int(solved[np.nanargmax(damping[solved])])
     lines = [
-        (f"Tangent mode {result.attribute('mode')}, followed by {method}.", False),
+        (f"Tangent mode {result.attribute('mode')}, followed by {METHODS[kind]}.", False),
         (
             f"{len(solved)} points, Q from {amplitude[solved].min():.4g} to {amplitude[solved].max():.4g}:"
             f" {frequency.min():.6g} to {frequency.max():.6g} Hz, tangent {tangent:.6g} Hz.",
@@ -42,9 +47,9 @@ def mode_glance(view: View) -> list[tuple[str, bool]]:
     estimate = result.array("/points/estimate")[solved]
     if np.isfinite(estimate).any():
         worst = float(np.nanmax(estimate))
-        lines.append((f"Estimated error of the contacts' work, from the steps of a cycle: at most {worst:.1e}.", False))
-    else:
-        lines.append(("What harmonics and samples leave out is not estimated for modes.", False))
+        lines.append((f"Estimated error {ERRORS[kind]}: at most {worst:.1e}.", False))
+    if unknown := int(np.isnan(estimate).sum()):
+        lines.append((f"At {unknown} points the error is not known.", True))
     return lines + warned
 
 
