@@ -75,6 +75,34 @@ def test_dissipation_is_that_of_a_loop_marched_in_time(tmp_path):
     assert rows[-1]["dissipated_energy"] == pytest.approx(work, rel=1e-4)
 
 
+def test_dissipation_is_that_of_forced_motion_integrated_in_time(tmp_path):
+    # Loads xi M q' of the last point's own motion, all harmonics, keep that motion up: event by event, without a balance.
+    job = weakly_damped_wedge()
+    job["balance"] = {"harmonics": 25}
+    job["mode"] |= {"start": 3.0e-4, "points": 4}
+    rows = follow(tmp_path, job)
+    with h5py.File(tmp_path / "result.mode.h5") as file:
+        motion, xi = file["points/coordinates"][-1], file["points/excitation"][-1]
+    frequency = rows[-1]["frequency_hz"]
+    # The mass is the unit matrix.
+    assert job["model"]["mass"] == [[1.0, 0.0], [0.0, 1.0]]
+    job["load"] = [load for load in job["load"] if load["kind"] == "static"]
+    for h in range(1, 26):
+        rate = xi * h * 2 * np.pi * frequency
+        cosine, sine = rate * motion[:, 2 * h], -rate * motion[:, 2 * h - 1]
+        load = {"cosine": [[i, float(cosine[i])] for i in (0, 1)], "sine": [[i, float(sine[i])] for i in (0, 1)]}
+        job["load"].append({"kind": "harmonic", "harmonic": h} | load)
+    job["integrate"] = {"frequency_hz": frequency, "cycles": 4000}
+    done = attrito(tmp_path, "integrate", write_job(tmp_path, job))
+    assert done.returncode == 0, done.stdout + done.stderr
+    with h5py.File(tmp_path / job["output"]["file"]) as file:
+        work = file["integration/contacts/dissipated_energy"][:].sum()
+        slips = (file["integration/contacts/history/regime"][:] == 1).any()
+    assert slips, "the test is void unless the contact slips"
+    # 25 harmonics leave out some (7/25)^3 of the 3e-4 that 7 do.
+    assert rows[-1]["dissipated_energy"] == pytest.approx(work, rel=1e-4)
+
+
 def test_the_mode_predicts_forced_resonances_of_a_lightly_damped_wedge(tmp_path):
     job = weakly_damped_wedge()
     # So that slip damps by less than 1 %, too.
