@@ -76,7 +76,7 @@ def test_dissipation_is_that_of_a_loop_marched_in_time(tmp_path):
 
 
 def test_dissipation_is_that_of_forced_motion_integrated_in_time(tmp_path):
-    # Loads xi M q' of the last point's own motion, all harmonics, keep that motion up: event by event, without a balance.
+    # Loads xi M q' of the last point's own motion, all harmonics, keep it up: event by event, without a balance.
     job = weakly_damped_wedge()
     job["balance"] = {"harmonics": 25}
     job["mode"] |= {"start": 3.0e-4, "points": 4}
