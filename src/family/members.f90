@@ -17,14 +17,11 @@ module attrito_family_members
   use attrito_balance_work, only: residual_work
   use attrito_contact_state, only: state_stuck, state_shaken_down
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
-  use attrito_solve_solver, only: solver_type
+  use attrito_solve_solver, only: accepted_defect, solver_type
   implicit none
   private
   public :: family_type, member_type, description_type, enter_family, leave_family, keep_member, return_to_member, solve_member, &
             describe_member, differentiate_member, work_of_visits
-
-  !> Sliders that still move by more than this part of the motion a period do not make a member
-  real(wp), parameter :: accepted_defect = 1.0e-6_wp ! guess
 
   !> A solved point, and the report of its solve
   type :: member_type

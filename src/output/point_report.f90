@@ -7,15 +7,12 @@ module attrito_output_point_report
   use attrito_accuracy_point_errors, only: point_errors_type
   use attrito_continuation_curve_point, only: curve_point_type
   use attrito_newton_newton, only: newton_report_type
-  use attrito_solve_solver, only: solver_type
+  use attrito_solve_solver, only: accepted_defect, solver_type
   use attrito_contact_state, only: state_stuck, state_open
   use attrito_output_findings, only: findings_type
   implicit none
   private
   public :: point_report_type, report_point, monitored
-
-  !> Sliders that still move by more than this part of the motion a period leave the point indeterminate
-  real(wp), parameter :: accepted_defect = 1.0e-6_wp ! guess
 
   type :: point_report_type
     real(wp) :: frequency_hz = 0.0_wp, level = 1.0_wp

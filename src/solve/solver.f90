@@ -23,10 +23,12 @@ module attrito_solve_solver
   use attrito_solve_sliders, only: found_moving, keep_sliders, largest_defect, none_moves
   implicit none
   private
-  public :: solver_type, solver_options_type, new_solver
+  public :: solver_type, solver_options_type, new_solver, accepted_defect
 
   !> Norm of the residual beyond which nothing counts as converged
   real(wp), parameter :: loosest_tolerance = 1.0e-6_wp ! guess
+  !> Sliders that still move by more than this part of the motion a period are not settled: the point is indeterminate, and no member
+  real(wp), parameter :: accepted_defect = 1.0e-6_wp ! guess
 
   type :: solver_options_type
     integer :: harmonics = 5
