@@ -254,7 +254,7 @@ def together(options: argparse.Namespace, library: Path, chosen: list[Constant])
     """What constants that changed nothing change in other scenes, into the rows' notes."""
     rows = rows_of(options.output)
     idle = [row for row in rows if row["same"] == "1" and row["work"] == "1.0"]
-    for part in PARTS:
+    for part in options.parts:
         group = [one for one in chosen if any(is_of(row, one) and row["part"] == part for row in idle)]
         before = solve_all(library, part, options.seed, list(range(options.scenes)), seconds=USUAL_SECONDS)
         met = search(library, part, options.seed, before, group, OUT_OF_REACH)
@@ -305,6 +305,7 @@ if __name__ == "__main__":
     parser.add_argument("--output", type=Path, default=ROOT / "benchmarks" / "constants.csv")
     parser.add_argument("--only", nargs="+", help="folders below src/")
     parser.add_argument("--together", action="store_true", help="all that changed nothing at once")
+    parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS), help="with --together")
     parser.add_argument("--place", type=Path, default=Path("build") / "constants", help="where the library is built")
     parser.add_argument("--worker", help=argparse.SUPPRESS)
     given = parser.parse_args()
