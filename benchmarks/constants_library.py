@@ -16,7 +16,6 @@ import re
 import shutil
 import subprocess
 import sys
-from collections import defaultdict
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -62,8 +61,8 @@ def build(place: Path) -> tuple[Path, list[Constant]]:
     fixed: set[str] = set()
     while True:
         chosen = [one for one in guesses() if symbol(one) not in fixed]
-        for file, constants in _by_file(chosen).items():
-            text = instrumented((ROOT / "src" / file).read_text(), constants)
+        for file in sorted({one.file for one in chosen}):
+            text = instrumented((ROOT / "src" / file).read_text(), [one for one in chosen if one.file == file])
             path = tree / "src" / file
             if path.read_text() != text:
                 path.write_text(text)
@@ -83,7 +82,8 @@ def instrumented(text: str, constants: list[Constant]) -> str:
     lines = text.split("\n")
     implicit = next(number for number, line in enumerate(lines) if line.strip() == "implicit none")
     head = []
-    for line, group in _by_line(constants).items():
+    for line in sorted({one.line for one in constants}):
+        group = [one for one in constants if one.line == line]
         declared, _, kind = lines[line].partition("::")
         head += [_variable(declared, kind, one, text) for one in group]
         kept = [one for one in _declared(text, line) if one.name not in {other.name for other in group}]
@@ -117,25 +117,11 @@ def _refused(said: str, chosen: list[Constant]) -> set[str]:
     for place, report in re.findall(r"src/(\S+):\d+:\d+:\n\n(.*?Error:[^\n]*)", said, re.DOTALL):
         here = {one.name: symbol(one) for one in chosen if one.file == place}
         named = {here[name] for name in re.findall(r"‘(\w+)’", report.rpartition("Error:")[2]) if name in here}
-        if place not in refused or (named and "constant" in report):
-            refused[place] = refused.get(place, set()) | (
-                named or (set(here.values()) if place not in refused else set())
-            )
+        if place not in refused:
+            refused[place] = named or set(here.values())
+        elif "constant" in report:
+            refused[place] |= named
     return set().union(*refused.values())
-
-
-def _by_file(constants: list[Constant]) -> dict[str, list[Constant]]:
-    found: dict[str, list[Constant]] = defaultdict(list)
-    for one in constants:
-        found[one.file].append(one)
-    return found
-
-
-def _by_line(constants: list[Constant]) -> dict[int, list[Constant]]:
-    found: dict[int, list[Constant]] = defaultdict(list)
-    for one in constants:
-        found[one.line].append(one)
-    return found
 
 
 def _run(tree: Path, *command: str, check: bool = True) -> subprocess.CompletedProcess[str]:
