@@ -279,16 +279,37 @@ def is_of(row: dict[str, str], constant: Constant) -> bool:
 
 def search(library: Path, part: str, seed: int, before: dict[int, list[Solution]], group: list[Constant],
            factor: float) -> list[Constant]:  # fmt: skip
-    """The constants of a group that change a scene: all of them are varied, then each half of a group that does."""
-    if not group:
+    """The constants of a group that change a scene.
+
+    All are varied in all scenes. The first one that changes names some; the others are varied again where any changed.
+    """
+    found: list[Constant] = []
+    changed = before
+    while changed and (left := [one for one in group if one not in found]):
+        changed = changed_by(library, part, seed, changed, left, factor)
+        first = dict(itertools.islice(changed.items(), 1))
+        found += named_by(library, part, seed, first, left, factor)
+        changed = {number: points for number, points in changed.items() if number not in first}
+    return found
+
+
+def named_by(library: Path, part: str, seed: int, scene: dict[int, list[Solution]], group: list[Constant],
+             factor: float) -> list[Constant]:  # fmt: skip
+    """The constants of a group that change one scene: each half is varied, and so on where that changes the scene."""
+    if not scene or not group or not changed_by(library, part, seed, scene, group, factor):
         return []
+    half = len(group) // 2
+    if half == 0:
+        return group
+    return [one for some in (group[:half], group[half:]) for one in named_by(library, part, seed, scene, some, factor)]
+
+
+def changed_by(library: Path, part: str, seed: int, before: dict[int, list[Solution]], group: list[Constant],
+               factor: float) -> dict[int, list[Solution]]:  # fmt: skip
+    """The scenes that change, not bit for bit the same, where all constants of a group are varied."""
     varied = {constants_library.symbol(one): factor for one in group}
     after = solve_all(library, part, seed, list(before), varied)
-    changed = {number: points for number, points in before.items() if repr(after.get(number)) != repr(points)}
-    if not changed or len(group) == 1:
-        return group if changed else []
-    half = len(group) // 2
-    return [one for some in (group[:half], group[half:]) for one in search(library, part, seed, changed, some, factor)]
+    return {number: points for number, points in before.items() if repr(after.get(number)) != repr(points)}
 
 
 def main(options: argparse.Namespace) -> None:
