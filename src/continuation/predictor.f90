@@ -34,7 +34,7 @@ module attrito_continuation_predictor
     real(wp), allocatable :: motion(:, :)
     real(wp) :: omega = 0.0_wp
     type(constraint_type) :: constraint
-    !> Straight way there
+    !> Straight way there, means left out
     real(wp) :: length = 0.0_wp
   end type prediction_type
 
@@ -123,7 +123,7 @@ contains
     type(solver_type), intent(in) :: solver
     !> Tangent of the branch there
     type(tangent_type), intent(in) :: tangent
-    !> Length of the step
+    !> Length of the step, means left out
     real(wp), intent(in) :: length
     !> May the last arc be followed?
     logical, intent(in) :: by_arc
@@ -133,8 +133,8 @@ contains
     real(wp) :: omega, weights(4)
 
     associate (context => solver%context)
-      prediction%motion = solver%motion + length*context%motion_scale*tangent%motion
-      prediction%omega = solver%omega + length*context%frequency_scale*tangent%omega
+      prediction%motion = solver%motion + length*tangent%reach()*context%motion_scale*tangent%motion
+      prediction%omega = solver%omega + length*tangent%reach()*context%frequency_scale*tangent%omega
       prediction%length = length
       if (by_arc .and. self%length > 0.0_wp .and. length <= farthest*self%length .and. tangent%share > mean_share) then
         weights = hermite(1.0_wp + length/self%length)

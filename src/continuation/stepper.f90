@@ -51,7 +51,7 @@ module attrito_continuation_stepper
   type :: stepper_type
     !> Error of the drawn curve that is accepted
     real(wp) :: tolerance = default_tolerance
-    !> Length of the next step
+    !> Length of the next step, means left out
     real(wp) :: size = 0.0_wp
     !> Sign of the last step's change of frequency: 1 or -1
     real(wp) :: direction = 1.0_wp
@@ -200,7 +200,7 @@ contains
     if (allocated(prediction%motion)) self%size = max(prediction%length, smallest_step)
     do
       if (.not. allocated(prediction%motion)) then
-        self%size = min(self%size, largest_in_frequency/max(abs(self%tangent%omega), tiny(1.0_wp)))
+        self%size = min(self%size, largest_in_frequency/max(self%tangent%reach()*abs(self%tangent%omega), tiny(1.0_wp)))
         call self%predictor%predict(solver, self%tangent, self%size, by_arc, prediction)
       end if
       call correct(self, solver, prediction, failures < most_brief, distance)
@@ -264,7 +264,7 @@ contains
     associate (context => solver%context, balance => solver%context%balance)
       solver%motion = prediction%motion
       solver%omega = prediction%omega
-      balance%slider = balance%slider + self%size*context%motion_scale*self%tangent%slider
+      balance%slider = balance%slider + self%size*self%tangent%reach()*context%motion_scale*self%tangent%slider
       call solver%solve_with(prediction%constraint, early_stop)
       ! The mean may jump from point to point as sliders shake down, however small the step: it does not control the step.
       moved = solver%motion - prediction%motion

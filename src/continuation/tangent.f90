@@ -15,6 +15,7 @@ module attrito_continuation_tangent
   use attrito_balance_stuck_response, only: recover_loaded
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_continuation_curve_point, only: curve_point_type, new_curve_point
+  use attrito_solve_rigid_drift, only: mean_share
   use attrito_solve_solver, only: solver_type
   implicit none
   private
@@ -27,10 +28,18 @@ module attrito_continuation_tangent
     !> Part of it that is anything but mean positions
     real(wp) :: share = 1.0_wp
   contains
+    procedure :: reach
     procedure :: keep
   end type tangent_type
 
 contains
+
+  !> How far along the tangent, means included, a step goes whose length without them is one; one where means alone change.
+  pure real(wp) function reach(self)
+    class(tangent_type), intent(in) :: self
+
+    reach = merge(1.0_wp/self%share, 1.0_wp, self%share > mean_share)
+  end function reach
 
   !> Save to a store, or load from it.
   subroutine keep(self, store)

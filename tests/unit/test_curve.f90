@@ -5,7 +5,9 @@ program test_curve
   use attrito_continuation_arc, only: arc_type, arc_length, hermite, hermite_slope
   use attrito_continuation_between, only: estimate_between
   use attrito_continuation_curve_point, only: curve_point_type, new_curve_point
+  use attrito_continuation_predictor, only: predictor_type, prediction_type
   use attrito_continuation_sweep, only: sweep_type, new_sweep
+  use attrito_continuation_tangent, only: tangent_type
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
   use attrito_solve_static_path, only: follow_static_path
@@ -22,6 +24,7 @@ program test_curve
                       test('the amplitude of a series changes as its difference quotient', rates), &
                       test('tangents of a sweep are difference quotients of solved points', tangents), &
                       test('the estimate of a point between is what is solved there', middles), &
+                      test('a step has the length that is asked for where means move further than anything else', lengths), &
                       test('a finer curve has more points', finer)])
 
 contains
@@ -219,6 +222,35 @@ contains
     call check(error, compared > 3, 'hardly a step slips: the test is void')
     call solver%destroy()
   end subroutine middles
+
+  !> Steps are as long as the drawn curve asks for, whose length leaves means out. A tangent of unit length, nine tenths of it means.
+  subroutine lengths(error)
+    type(error_type), allocatable, intent(out) :: error
+    real(wp), parameter :: asked = 0.01_wp, harmonics = sqrt(0.19_wp)
+    type(solver_type) :: solver
+    type(sweep_type) :: sweep
+    type(tangent_type) :: tangent
+    type(predictor_type) :: predictor
+    type(prediction_type) :: ahead
+    real(wp), allocatable :: moved(:, :)
+
+    call begin_sweep(solver, sweep, error)
+    call sweep%advance(solver)
+    allocate (tangent%motion, tangent%slider, mold=solver%motion)
+    tangent%motion = 0.0_wp
+    tangent%motion(1, 1) = 0.9_wp
+    tangent%motion(2, 1) = 0.8_wp*harmonics
+    tangent%omega = 0.6_wp*harmonics
+    tangent%share = harmonics
+    call predictor%predict(solver, tangent, asked, .true., ahead)
+    associate (context => solver%context)
+      moved = (ahead%motion - solver%motion)/context%motion_scale
+      call check_close(error, hypot(norm2(moved(2:, :)), (ahead%omega - solver%omega)/context%frequency_scale), asked, &
+                       1.0e-12_wp*asked, 'length without means')
+      call check_close(error, moved(1, 1), 0.9_wp/harmonics*asked, 1.0e-12_wp, 'mean')
+    end associate
+    call solver%destroy()
+  end subroutine lengths
 
   subroutine finer(error)
     type(error_type), allocatable, intent(out) :: error
