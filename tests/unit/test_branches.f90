@@ -183,8 +183,9 @@ contains
     type(error_type), allocatable, intent(out) :: error
     type(point_type), allocatable :: points(:)
 
-    ! A stop as stiff as the spring, reached at a tenth of the resonant amplitude F / (2 zeta). Each sample that begins to touch bends the
-    ! branch: with 2048 of them near the fold by 2e-7 of omega, which is a fold itself; with so many by less than is looked for, 1e-8.
+    ! A stop as stiff as the spring, reached at a tenth of the resonant amplitude F / (2 zeta). Each sample that begins to touch
+    ! bends the branch: with 2048 of them near the fold by 2e-7 of omega, which is a fold itself; with so many by less than is
+    ! looked for, 1e-8.
     call follow(error, one_sided_oscillator(1.0_wp, 0.5_wp, 0.0_wp, 0.01_wp), &
                 solver_options_type(harmonics=7, samples=16384), 0.1_wp, 0.8_wp, 1.6_wp, points)
     call check(error, turns(points) == 2, 'omega does not turn twice')

@@ -156,8 +156,8 @@ TABLES: dict[str, dict[str, Key]] = {
         "bounds": Key(
             choice("auto", "sampled", "none"),
             "auto",
-            "of points that are not unique: exact where they can be, else sampled by at most the work that the point"
-            " itself took (`not_examined` where that does not suffice); sampled whatever they cost; or none",
+            "of points that are not unique: exact where they can be, else sampled for at most as long as the point"
+            " took, by counted work (`not_examined` where that does not suffice); sampled whatever they cost; or none",
         ),
     },
     "balance": {

@@ -55,7 +55,7 @@ DIRECTIONS = ("t1", "t2", "n")
 class Sampler:
     """Visits the families of points as they are solved, and keeps what it found at the root.
 
-    With "auto" a point's visits end once they have done as much work as the point itself took (`/points/work`).
+    With "auto" a point's visits end once they have taken as long, by counted work, as the point (`/points/work`).
 
     Parameters
     ----------
