@@ -95,14 +95,17 @@ class _Budget:
         if self._family.is_interrupted() or self.spent() + ahead > self._work:
             raise Ended
 
-    def afforded(self, items: Sequence[T]) -> Iterator[T]:
-        """Items, until the rest of them, each at the cost of the last one, is more than what is left: Ended."""
-        last = 0.0
+    def afforded(self, items: Sequence[T], again: int = 0) -> Iterator[T]:
+        """Items, until the rest of them, each at the cost of the last one, is more than what is left: Ended.
+
+        `again`: how often as many of the same kind follow.
+        """
+        cost = 0.0
         for done, item in enumerate(items):
-            self.check((len(items) - done) * last)
+            self.check(((1 + again) * len(items) - done) * cost)
             before = self.spent()
             yield item
-            last = self.spent() - before
+            cost = self.spent() - before
 
     def spent(self) -> float:
         """Operations so far, in those of the solver."""
@@ -146,8 +149,10 @@ class Search:
             if not least_room(shown, self._laws) >= error * scale_of(shown):
                 raise Ended
             budget.check()
-            model = self._model(family, shown, budget)
-            for group in _groups(shown):
+            groups = _groups(shown)
+            # Where contacts slip, the least and the greatest value both need a model at the member found first.
+            model = self._model(family, shown, budget, 2 * len(groups[0]))
+            for group in groups:
                 for quantity in budget.afforded(group):
                     for side in (1.0, -1.0) if model is not None else ():
                         self._climb(family, model, quantity, side, hull, budget)
@@ -219,10 +224,13 @@ class Search:
             part *= 0.5
         return 0.0, part, None
 
-    def _model(self, family: Family, member: Member, budget: _Budget) -> LinearFamily | None:
-        """The linear model at the member that the family stands at; None where no slider is free, or it is singular."""
+    def _model(self, family: Family, member: Member, budget: _Budget, others: int = 0) -> LinearFamily | None:
+        """The linear model at the member that the family stands at; None where no slider is free, or it is singular.
+
+        `others`: models that follow if this one is made.
+        """
         moves = [(int(i), t) for i in np.flatnonzero(member.free) for t in range(self._laws["tangents"][i])]
-        changes = [family.differentiate(*move) for move in budget.afforded(moves)]
+        changes = [family.differentiate(*move) for move in budget.afforded(moves, others)]
         if not moves or any(change is None for change in changes):
             return None
         return LinearFamily(member, moves, changes, self._laws)
