@@ -337,6 +337,19 @@ int attrito_describe_member(void *handle, double *force, double *monitors, doubl
 /* Change of the member described last with component `tangent` (from 0) of -k_t w of a contact (from 0); 0, or not: singular. */
 int attrito_differentiate_member(void *handle, int contact, int tangent, double *force, double *monitors);
 
+/* Be at a static state that is known: displacements of the coordinates [m], sliders [contacts, width]; static loads act in full. */
+int attrito_take_static_state(void *handle, const double *displacements, const double *slider, double omega,
+    attrito_point *point, char *message, int length);
+
+/* Evaluate all contacts at a motion of the coordinates [m, coefficients], with so many samples, from sliders [contacts, width]; the
+ * session's point is this motion, solved for or not. */
+void attrito_evaluate_motion(void *handle, int coefficients, int samples, const double *coordinates,
+    const double *slider, double omega, double level, int branch, attrito_point *point);
+
+/* The relative change of the monitors' amplitudes, to first order, by a force on the coordinates [coefficients, m] at the present
+ * point; 0, or not: the linearised step is singular. */
+int attrito_change_by_force(void *handle, int coefficients, const double *force, double *change);
+
 typedef struct {
     attrito_point point;
     double parameter;

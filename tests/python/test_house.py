@@ -22,7 +22,7 @@ FLOORS = (
     ("library", "model"),
     ("job",),
     ("importers",),
-    ("scene",),
+    ("scene", "patches"),
     ("results",),
     ("runs", "integration", "plots", "export"),
     ("peaks", "report"),

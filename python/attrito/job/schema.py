@@ -187,6 +187,13 @@ TABLES: dict[str, dict[str, Key]] = {
             "a period, of contacts that go by samples; the error falls like samples^-2 ([method.md](method.md)). Where"
             " samples are chosen, the fewest. Absent: 128, or 6 H + 2 where that is more",
         ),
+        "contacts": Key(
+            choice("all", "auto"),
+            "all",
+            'contacts that are solved for: all, or, `"auto"`, patches of the pairs of a contact set, as many as the'
+            " tolerance, 0.01 unless given, needs at each point; results are of all pairs"
+            " ([method.md](method.md#fewer-contacts))",
+        ),
         "residual_tolerance": Key(number(1e-14, 1e-3), 1e-10, "norm of the residual relative to the stuck response"),
         "max_iterations": Key(integer(1), 30, "of Newton's method"),
     },

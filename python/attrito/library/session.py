@@ -174,6 +174,47 @@ class Solver:
         self.static_work, self.static_states = raw.work, tuple(raw.states)
         return self._monitors(raw.harmonic_count)[0][:, 0]
 
+    def take_static_state(self, displacements: np.ndarray, slider: np.ndarray, frequency_hz: float) -> None:
+        """Be at a static state that is known, `[m]` and `[nc, width]`, instead of following a path to it.
+
+        All static loads act in full.
+        """
+        raw = RawPoint()
+        state = (pointer(np.ascontiguousarray(values, dtype=float)) for values in (displacements, slider))
+        self._call("attrito_take_static_state", *state, omega(frequency_hz), ctypes.byref(raw))
+
+    def evaluate_motion(self, coordinates: np.ndarray, slider: np.ndarray, like: Point) -> Point:
+        """Evaluate all contacts at a motion `[m, 2 H + 1]` that is not solved for; it is then the solver's point.
+
+        Parameters
+        ----------
+        coordinates, slider : the motion, and sliders to start from `[nc, width]`
+        like : whose frequency, level, branch and samples
+        """
+        raw = RawPoint()
+        self._library.attrito_evaluate_motion(
+            self._handle,
+            coordinates.shape[1],
+            like.samples,
+            pointer(np.ascontiguousarray(coordinates, dtype=float)),
+            pointer(np.ascontiguousarray(slider, dtype=float)),
+            omega(like.frequency_hz),
+            like.level,
+            like.branch,
+            ctypes.byref(raw),
+        )
+        return self.point_of(raw)
+
+    def change_by_force(self, force: np.ndarray) -> float:
+        """Relative change of the monitors' amplitudes at the present point by a force `[m, 2 H + 1]`, to first order.
+
+        NaN where the linearised step is singular.
+        """
+        change = np.zeros(1)
+        rows = np.ascontiguousarray(force.T, dtype=float)
+        status = self._library.attrito_change_by_force(self._handle, len(rows), pointer(rows), pointer(change))
+        return float(change[0]) if status == 0 else math.nan
+
     def sweep(self, start_hz: float, stop_hz: float, level: float, branch: int, max_points: int) -> Iterator[Point]:
         """Follow the branch from one frequency to another, a point at a time."""
         self.set_excitation(start_hz, stop_hz, level, branch, max_points)

@@ -77,6 +77,13 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "attrito_seek": (c_int, (HANDLE, c_int, c_double, c_double)),
     "attrito_begin_branch": (None, (HANDLE, c_double, c_double, c_int, c_int, c_int)),
     "attrito_start_from_motion": (c_int, (HANDLE, c_int, Doubles, Doubles, c_double, c_double)),
+    # Patches of contacts
+    "attrito_take_static_state": (c_int, (HANDLE, Doubles, Doubles, c_double, POINTER(RawPoint), *MESSAGE)),
+    "attrito_evaluate_motion": (
+        None,
+        (HANDLE, c_int, c_int, Doubles, Doubles, c_double, c_double, c_int, POINTER(RawPoint)),
+    ),
+    "attrito_change_by_force": (c_int, (HANDLE, c_int, Doubles, Doubles)),
     # Members of a family
     "attrito_enter_family": (None, (HANDLE,)),
     "attrito_leave_family": (None, (HANDLE,)),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from attrito.job.fewer_contacts import take_all_contacts
 from attrito.job.job import Job, mode_path
 from attrito.library.names import OUTCOMES
 from attrito.library.reduced_scene import ReducedScene
@@ -259,6 +260,7 @@ def _first_record(comm: Comm, job: Job, scene: Scene, prepared: Prepared) -> Rec
 
 def check_mode(job: Job) -> None:
     """Faults between the keys of `[mode]` and the rest of the job."""
+    take_all_contacts(job, "mode")
     keys = job["mode"]
     if "mode" not in job.given:
         raise InputError(job.fault("[mode]", "missing", "this table, with start and stop"))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import brentq
 
+from attrito.job.fewer_contacts import take_all_contacts
 from attrito.job.job import Job, peak_path
 from attrito.library.peak_tracker import Peak, PeakTracker
 from attrito.library.reduced_scene import ReducedScene
@@ -242,6 +243,7 @@ def _missed(job: Job, found: list[Found]) -> str:
 
 
 def _check(job: Job) -> None:
+    take_all_contacts(job, "peak")
     keys = job["peak"]
     faults = [
         job.fault(f"[peak] {name}", "missing", "a value of the parameter to follow the peak from and to")

@@ -35,7 +35,8 @@ class Finder:
 
     def __init__(self, solver: Solver, job: Job, progress: Progress):
         self._solver, self._progress = solver, progress
-        self._looks = job["continuation"]["locate"]
+        # Of all contacts: patches have other folds, and are refined on the way.
+        self._looks = job["continuation"]["locate"] and job["balance"]["contacts"] == "all"
         self._how = METHODS[job["stability"]["method"]], ORBITS[job["stability"]["orbit"]]
         self._points = 0
         self._last: list[Bifurcation] = []

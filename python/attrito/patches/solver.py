@@ -1,0 +1,387 @@
+"""A solver whose pairs are merged into patches while it solves, and which reports all pairs.
+
+Each point is solved for with patches. Its motion moves all pairs; their forces at that motion, evaluated once, are what
+the balance of all pairs lacks there,
+
+    phi_h = f_h - Z_h q_h - B^T lambda_h(B q),    Z_h = K - (h omega)^2 M + i h omega C,
+
+and what phi changes of the monitors, to first order with the patches' Jacobian, is the estimated error by patches.
+Where it is above its part of the tolerance, the patches that phi works on most are split and the point is solved again.
+See docs/method.md, "Fewer contacts".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from attrito.library.names import OUTCOMES, STATES
+from attrito.library.reduced_scene import ReducedScene
+from attrito.library.series import Series
+from attrito.library.session import Options, Point, Solver, StoredPoint
+from attrito.patches.merged_scene import MergedScene, Merger, StaticState
+from attrito.patches.partition import first_partition, kinds_of, refined
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+# Part of the tolerance that patches may take
+PATCHES_SHARE, LEAST_SHARE = 0.5, 0.2
+# Times that the patches of a point are refined at most
+MOST_REFINEMENTS = 30
+# Times that large patches are halved where none of a frequency's points is found
+MOST_FAILURES = 3
+# What a point is reported by pairs, rather than by patches
+OF_PAIRS = ("/contacts/", "/points/coordinates", "/points/unique")
+
+Heard = dict[str, tuple[Series, np.ndarray]]
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where pairs are: table of the job `[nc]`, position `[nc, 3]`, normal `[nc, 3]`; nan where they have none."""
+
+    tables: np.ndarray
+    positions: np.ndarray
+    normals: np.ndarray
+
+
+def places_of(tables: np.ndarray, places: dict[str, np.ndarray]) -> Places:
+    """Of a scene's contacts."""
+    return Places(tables, places["position"], places["frame"][:, 2])
+
+
+@dataclass(frozen=True)
+class _Sweep:
+    """What a sweep was begun with."""
+
+    start_hz: float
+    stop_hz: float
+    level: float
+    branch: int
+    max_points: int
+
+
+class PatchedSolver(Solver):
+    """A session of all pairs, which follows static paths and reports, and one of their patches, which solves.
+
+    Parameters
+    ----------
+    comm, scene, options : as of a `Solver`; on one process
+    places : of the contacts
+    tolerance : relative error of the amplitude that a point may have
+    band_hz : lowest and highest frequency that is asked for
+    partition : patches to keep to `[nc]`; None: chosen, and refined
+    """
+
+    def __init__(
+        self,
+        comm: Comm,
+        scene: ReducedScene,
+        options: Options,
+        places: Places,
+        tolerance: float,
+        band_hz: tuple[float, float],
+        partition: np.ndarray | None = None,
+    ):
+        super().__init__(comm, scene, options)
+        self._comm, self._places, self._tolerance = comm, places, tolerance
+        self._band = 2.0 * np.pi * band_hz[0], 2.0 * np.pi * band_hz[1] * options.harmonics
+        self._given = partition
+        self._partition: np.ndarray | None = partition
+        self._merger: Merger | None = None
+        self._merged: MergedScene | None = None
+        self._patches: Solver | None = None
+        self._static: StaticState | None = None
+        # Of all pairs, at the start of the next point
+        self._sliders = np.zeros((len(scene.laws["tangents"]), self.slider_width))
+        self._sweep_of_point = _Sweep(*band_hz, 1.0, 0, 0)
+        self._path, self._taken, self._last_hz = 0.0, 0, band_hz[0]
+        # What is reported of the last point, and of the static solution
+        self._heard: Heard = {}
+        self._outcome = "converged"
+        self.refinements = 0
+
+    @property
+    def partition(self) -> np.ndarray:
+        """The patch of each pair, `[nc]`, after the static path."""
+        return self._partition
+
+    def follow_static_path(self, path: np.ndarray, steps: int, frequency_hz: float) -> np.ndarray:
+        """Of all pairs; they are merged at the solution."""
+        means = super().follow_static_path(path, steps, frequency_hz)
+        displacements = super().coordinates()[:, 0]
+        self._heard = self._hear(super().report_point)
+        self._sliders = self._heard["/contacts/slider"][1].copy()
+        load = path[-1] @ self._scene.static if len(path) else np.zeros(len(displacements))
+        state = StaticState(displacements, self._sliders, self.closed_contacts(), load)
+        if self._static is None or not _same(self._static, state):
+            self._static = state
+            stuck = self.linear_modes("stuck", len(displacements)) if self._scene.damping_kind == "ratio" else None
+            self._merger = Merger(self._scene, state, stuck, self._band)
+            if self._given is None:
+                laws, at = self._scene.laws, self._places
+                kinds = kinds_of(laws, at.tables, state.closed, at.positions)
+                self._partition = first_partition(kinds, state.closed, at.positions, at.normals)
+        self._begin_patches(self._partition)
+        return means
+
+    def _begin_patches(self, partition: np.ndarray, harmonics: int = 0, samples: int = 0) -> None:
+        """A session of these patches at the static solution; harmonics and samples of the options where not given."""
+        if self._patches is not None:
+            self._patches.close()
+        self._partition = partition
+        self._merged = self._merger.merge(partition)
+        options = self._options
+        if harmonics:
+            options = replace(options, harmonics=harmonics, samples=samples)
+        self._patches = Solver(self._comm, self._merged.scene, options)
+        displacements = self._merged.reduce(self._static.displacements)
+        slider = self._merged.means(self._static.slider)
+        self._patches.take_static_state(displacements, slider, self._band[0] / (2.0 * np.pi))
+        sweep = self._sweep_of_point
+        self._patches.set_excitation(sweep.start_hz, sweep.stop_hz, sweep.level, sweep.branch, sweep.max_points)
+
+    def set_excitation(
+        self, start_hz: float, stop_hz: float, level: float, branch: int = 0, max_points: int = 0
+    ) -> None:
+        """As of a `Solver`."""
+        self._sweep_of_point = _Sweep(start_hz, stop_hz, level, branch, max_points)
+        self._path, self._taken, self._last_hz = 0.0, 0, start_hz
+        self._patches.set_excitation(start_hz, stop_hz, level, branch, max_points)
+
+    def solve_at(self, frequencies_hz: list[float], level: float, branch: int) -> Iterator[Point]:
+        """As of a `Solver`."""
+        self.set_excitation(min(frequencies_hz), max(frequencies_hz), level, branch)
+        yield from self.go_on_at(frequencies_hz, branch)
+
+    def go_on_at(self, frequencies_hz: list[float], branch: int) -> Iterator[Point]:
+        """As of a `Solver`."""
+        for frequency in frequencies_hz:
+            self.refinements, iterations, failures = 0, 0, 0
+            before = self._merged.expand(self._patches.coordinates())
+            while True:
+                point = next(self._patches.go_on_at([frequency], branch))
+                iterations += point.iterations
+                if not point.is_solved and failures < MOST_FAILURES and self._halve_patches():
+                    failures += 1
+                    if self._taken:
+                        self._start(before, self._last_hz)
+                    continue
+                point, finer = self._judged(point._replace(iterations=iterations))
+                if finer is None:
+                    break
+                self._start_again(point, finer)
+            self._last_hz, self._taken = frequency, self._taken + 1
+            yield point
+
+    def _halve_patches(self) -> bool:
+        """Halve the large patches, where the solver finds no point; False if there are none."""
+        if self._given is not None:
+            return False
+        alike = np.zeros(len(self._partition), dtype=int)
+        finer = refined(self._partition, np.ones(len(alike)), alike, self._places.positions)
+        if np.array_equal(finer, self._partition):
+            return False
+        self._begin_patches(finer)
+        return True
+
+    def go_on(self) -> Iterator[Point]:
+        """As of a `Solver`: where patches are refined the branch is followed on from the same point."""
+        points = self._patches.go_on()
+        self.refinements, iterations = 0, 0
+        while True:
+            point = next(points, None)
+            if point is None:
+                return
+            iterations += point.iterations
+            path = float(self._report_of_patches()["/points/path"][1])
+            point, finer = self._judged(point._replace(iterations=iterations))
+            if finer is not None:
+                way = self._way(point)
+                if self._start_again(point, finer):
+                    self._path += np.nan_to_num(path)
+                    sweep = self._sweep_of_point
+                    left = sweep.max_points - self._taken if sweep.max_points else 0
+                    points = self._patches.follow(sweep.start_hz, sweep.stop_hz, sweep.branch, left, way)
+                    continue
+            self._last_hz, self._taken = point.frequency_hz, self._taken + 1
+            yield point
+            if point.finished:
+                return
+            self.refinements, iterations = 0, 0
+
+    def _way(self, point: Point) -> int:
+        """Whether frequency grows (1) or falls (-1) along the branch here."""
+        ahead = point.frequency_hz - self._last_hz
+        if ahead == 0.0:
+            ahead = self._sweep_of_point.stop_hz - self._sweep_of_point.start_hz
+        return 1 if ahead > 0.0 else -1
+
+    def _start_again(self, point: Point, partition: np.ndarray) -> bool:
+        """Solve a point again with other patches; False if that fails: the solver is then at their static solution."""
+        coordinates = self._merged.expand(self._patches.coordinates())
+        self._begin_patches(partition, (coordinates.shape[1] - 1) // 2, point.samples)
+        self.refinements += 1
+        return self._start(coordinates, point.frequency_hz)
+
+    def _start(self, coordinates: np.ndarray, frequency_hz: float) -> bool:
+        """Solve the patches at a motion of the model `[m, nk]`, which is then their point; False if that fails."""
+        motion, slider = self._merged.reduce(coordinates), self._merged.means(self._sliders)
+        return self._patches.start_from(StoredPoint(frequency_hz, motion, slider), self._sweep_of_point.level)
+
+    def _judged(self, point: Point) -> tuple[Point, np.ndarray | None]:
+        """A point of the patches with its error, and finer patches if that is too large; it is noted if not."""
+        if not point.is_solved:
+            self._note_unsolved(point)
+            return point, None
+        error, indicated, states = self._examine(point)
+        accepted = error <= self._accepted(point.estimate)
+        if not accepted and self._given is None and self.refinements < MOST_REFINEMENTS:
+            finer = refined(self._partition, indicated, states, self._places.positions)
+            if not np.array_equal(finer, self._partition):
+                return point, finer
+        estimate = point.estimate + error
+        outcome = point.outcome
+        if outcome == "converged" and not estimate <= self._tolerance and self._options.accepted_error > 0.0:
+            outcome = "above_tolerance"
+        counts = np.bincount(states, minlength=len(STATES))
+        point = point._replace(estimate=estimate, outcome=outcome, states=tuple(int(count) for count in counts))
+        self._sliders = self._heard["/contacts/slider"][1].copy()
+        self._note(point, error)
+        return point, None
+
+    def _accepted(self, others: float) -> float:
+        """The error that patches may have beside that of other causes; where these leave nothing, a small part."""
+        most, least = PATCHES_SHARE * self._tolerance, LEAST_SHARE * self._tolerance
+        return max(min(most, self._tolerance - np.nan_to_num(others)), least)
+
+    def _examine(self, point: Point) -> tuple[float, np.ndarray, np.ndarray]:
+        """Error of a point by its patches, what each pair's force lacks `[nc]`, and states of pairs `[nc]`."""
+        merged, merger = self._merged, self._merger
+        motion = self._patches.coordinates()
+        of_patches = self._report_of_patches()
+        self.evaluate_motion(merged.expand(motion), self._sliders, point)
+        self._heard = self._hear(super().report_point)
+        contact, component = merger.contact, merger.component
+        force = self._heard["/contacts/force"][1][contact, component]
+        displacement = merged.rows @ motion
+        lacking = force - self._assumed(of_patches, displacement)
+        error = self._patches.change_by_force(self._unbalanced(point, motion, force))
+        # The motion itself weighs, as the dual solution does at a resonance.
+        work = _complex(lacking) * np.conj(_complex(displacement))
+        indicated = np.zeros(len(merged.partition), dtype=complex)
+        np.add.at(indicated, contact, work.sum(axis=1))
+        self._heard |= {name: what for name, what in of_patches.items() if not name.startswith(OF_PAIRS)}
+        return error, indicated, self._heard["/contacts/state"][1].astype(int)
+
+    def _assumed(self, of_patches: Heard, displacement: np.ndarray) -> np.ndarray:
+        """Forces of all pairs' rows that the patches stand for, `[rows, nk]`."""
+        merged, merger = self._merged, self._merger
+        contact = merger.contact
+        patch = merged.partition[contact]
+        own = merged.share[contact, None] * of_patches["/contacts/force"][1][patch, merger.component]
+        beside = merger.beside(displacement, merged)
+        return own + beside
+
+    def _unbalanced(self, point: Point, motion: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """phi in the coordinates that are solved, `[n, nk]`."""
+        merged, scene = self._merged, self._merged.scene
+        omega = 2.0 * np.pi * point.frequency_hz
+        result = -merged.stiffness @ motion - merged.rows.T @ force
+        inertia = scene.mass @ motion
+        damping = scene.damping_value * inertia if scene.damping_kind == "mass" else np.zeros_like(motion)
+        if merged.damping is not None:
+            damping = merged.damping @ motion
+        for h in range(1, motion.shape[1] // 2 + 1):
+            cosine, sine = 2 * h - 1, 2 * h
+            result[:, [cosine, sine]] += (h * omega) ** 2 * inertia[:, [cosine, sine]]
+            result[:, cosine] -= h * omega * damping[:, sine]
+            result[:, sine] += h * omega * damping[:, cosine]
+        result[:, 0] += merged.load
+        loaded = min(len(scene.harmonic), motion.shape[1])
+        result[:, :loaded] += point.level * scene.harmonic[:loaded].T
+        return result
+
+    def _hear(self, report: Callable) -> Heard:
+        heard: Heard = {}
+        report(lambda path, what, values: heard.update({path: (what, values)}))
+        return heard
+
+    def _report_of_patches(self) -> Heard:
+        return self._hear(self._patches.report_point)
+
+    def _note(self, point: Point, error: float) -> None:
+        """What is reported of a point beside what both sessions do."""
+        what = Series("real64", "part of the estimate: pairs merged into patches", "1")
+        self._heard["/points/error_contacts"] = what, np.array(error)
+        what = Series("int32", "patches that pairs were merged into", "1")
+        self._heard["/points/patches"] = what, np.array(int(self._partition.max()) + 1)
+        values = {"estimate": point.estimate, "outcome": OUTCOMES.index(point.outcome), "iterations": point.iterations}
+        values["path"] = float(self._heard["/points/path"][1]) + self._path
+        for name, value in values.items():
+            what, before = self._heard[f"/points/{name}"]
+            self._heard[f"/points/{name}"] = what, np.array(value, dtype=before.dtype)
+        self._outcome = point.outcome
+
+    def _note_unsolved(self, point: Point) -> None:
+        """Of a point without a solution nothing is known of pairs."""
+        blank = {
+            name: (what, np.full_like(values, -1 if what.kind == "int32" else np.nan))
+            for name, (what, values) in self._heard.items()
+            if name.startswith(OF_PAIRS)
+        }
+        of_patches = self._report_of_patches()
+        self._heard = blank | {name: what for name, what in of_patches.items() if not name.startswith(OF_PAIRS)}
+        self._note(point, np.nan)
+
+    def report_point(self, hear: Callable[[str, Series, np.ndarray], None] | None) -> None:
+        """As of a `Solver`, of all pairs."""
+        for path, (what, values) in self._heard.items():
+            hear(path, what, values)
+
+    def outcome(self) -> str:
+        """As of a `Solver`."""
+        return self._outcome
+
+    def save_state(self) -> np.ndarray:
+        """As of a `Solver`."""
+        sweep = self._sweep_of_point
+        numbers = [sweep.start_hz, sweep.stop_hz, sweep.level, sweep.branch, sweep.max_points]
+        numbers += [self._path, self._taken, self._last_hz, self._patches.coefficients]
+        state = self._partition, self._sliders.ravel(), numbers, self._patches.save_state()
+        return np.concatenate([np.asarray(part, dtype=float) for part in state])
+
+    def load_state(self, numbers: np.ndarray) -> bool:
+        """As of a `Solver`."""
+        count, width = self._sliders.shape
+        ends = np.cumsum([count, count * width, 9])
+        if len(numbers) < ends[-1]:
+            return False
+        partition, sliders, rest, patches = np.split(numbers, ends)
+        self._sweep_of_point = _Sweep(rest[0], rest[1], rest[2], int(rest[3]), int(rest[4]))
+        self._path, self._taken, self._last_hz = rest[5], int(rest[6]), rest[7]
+        self._begin_patches(partition.astype(np.int64))
+        self._sliders = sliders.reshape(count, width).copy()
+        self._patches.coefficients = int(rest[8])
+        return self._patches.load_state(patches)
+
+    def close(self) -> None:
+        """Give everything back."""
+        if self._patches is not None:
+            self._patches.close()
+            self._patches = None
+        super().close()
+
+
+def _complex(coefficients: np.ndarray) -> np.ndarray:
+    """Harmonics from 1 of rows `[rows, 2 H + 1]` as complex numbers `[rows, H]`."""
+    return coefficients[:, 1::2] - 1j * coefficients[:, 2::2]
+
+
+def _same(a: StaticState, b: StaticState) -> bool:
+    names = "displacements", "slider", "closed", "load"
+    return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in names)
