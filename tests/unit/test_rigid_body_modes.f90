@@ -2,7 +2,7 @@
 program test_rigid_body_modes
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
-  use attrito_core_lapack, only: null_space
+  use attrito_core_lapack, only: null_space, solve_dense
   use attrito_model_contacts, only: new_contacts
   use attrito_model_structure, only: damping_ratio
   use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
@@ -21,6 +21,8 @@ program test_rigid_body_modes
                       test('of a structure that buckles they are told from what it does not resist', buckling), &
                       test('they are those that its stiffness makes nothing of, the first of them those that slide', found), &
                       test('what mean forces lack along them is the residual''s part there, at any motion', balance_of_forces), &
+                      test('of forces that balance but for rounding nothing is missing, but for a millionth something is', &
+                           rounding_of_forces), &
                       test('a body slides back by what it has slid, and by nothing else', sliding_back)])
 
 contains
@@ -128,6 +130,40 @@ contains
     end associate
     call solver%destroy()
   end subroutine balance_of_forces
+
+  !> Two static loads are chosen such that nothing is missing at some motion; then a part of them is.
+  subroutine rounding_of_forces(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_type) :: scene
+    type(solver_type) :: solver
+    real(wp) :: matrix(2, 2), factors(2, 1), missing(3)
+    real(wp), parameter :: parts(3) = [0.0_wp, 1.0e-10_wp, 1.0e-6_wp]
+    integer :: i, status, info
+
+    scene = free_frame()
+    scene%structure%static_loads = reshape(noise(2*coordinates, 31), [coordinates, 2])
+    solver = solver_of(scene)
+    associate (balance => solver%context%balance)
+      solver%motion = reshape(noise(size(solver%motion), 21), shape(solver%motion))
+      call solver%set_loads([0.0_wp, 0.0_wp], 0.0_wp)
+      call balance%evaluate(solver%motion, omega, status)
+      ! Without loads s = -(contacts' forces along the free motions) = -(K_c B Z)^T r_0.
+      factors(:, 1) = matmul(balance%residual(1, :), balance%free%held_rows)
+      matrix = balance%free%static_loads
+      call solve_dense(matrix, factors, info)
+      call check(error, info == 0 .and. all(abs(factors) > 0.01_wp), 'the loads do not span the motions: the test is void')
+      if (allocated(error)) return
+      do i = 1, size(parts)
+        call solver%set_loads((1.0_wp + parts(i))*factors(:, 1), 0.0_wp)
+        call balance%evaluate(solver%motion, omega, status)
+        missing(i) = balance%imbalance(solver%motion(1, :))
+      end do
+      call check_close(error, missing, [0.0_wp, 0.0_wp, parts(3)*norm2(matmul(balance%free%static_loads, factors(:, 1)))], &
+                       rounding, 'what is missing')
+      call check(error, missing(3) > 1.0e3_wp*rounding .and. all(missing(:2) <= 0.0_wp), 'rounding counts, or nothing does')
+    end associate
+    call solver%destroy()
+  end subroutine rounding_of_forces
 
   subroutine sliding_back(error)
     type(error_type), allocatable, intent(out) :: error
