@@ -73,6 +73,20 @@ SIZES = {
 }
 
 
+def size_of(text: str) -> MeshSize:
+    """A named size, or edges as a part of those of `default`: "0.5" halves them."""
+    if text in SIZES:
+        return SIZES[text]
+    try:
+        part = float(text)
+    except ValueError:
+        part = np.nan
+    if not 0.0 < part <= 2.0:
+        raise argparse.ArgumentTypeError(f"expected one of {', '.join(SIZES)}, or a number above 0 up to 2")
+    usual = SIZES["default"]
+    return MeshSize(usual.plate * part, usual.overlap * part, round(usual.around / part))
+
+
 ENDS = {"lower": (OVERLAP / 2 - LENGTH, -THICKNESS), "upper": (-OVERLAP / 2, 0.0)}  # x and z of a corner
 
 
@@ -192,11 +206,12 @@ def bolt(scene: Scene) -> str:
 def main() -> None:
     """Command line: mesh, matrices and bolt, unless they are there already."""
     parser = argparse.ArgumentParser(description="A bolted lap joint: mesh, CalculiX matrices and the bolt's pressure.")
-    parser.add_argument("--size", choices=SIZES, default="default", help="size of the mesh")
+    sizes = f"{', '.join(SIZES)}, or edges over those of default"
+    parser.add_argument("--size", type=size_of, default="default", help=sizes)
     parser.add_argument("--out", type=Path, default=Path("out/lap_joint"), help="folder for the results")
     parser.add_argument("--ratio", type=float, default=1.0, help="of the plates' element sizes; 1: nodes coincide")
     arguments = parser.parse_args()
-    script = scripts(SIZES[arguments.size], arguments.ratio)
+    script = scripts(arguments.size, arguments.ratio)
     title = "A bolted lap joint of two plates"
     loads = {"bolt.inp": bolt}
     make_model(arguments.out, "lap_joint", title, script, BODIES, node_sets, STEPS, PRODUCTS, loads)

@@ -87,6 +87,21 @@ def test_a_scene_with_another_job_s_numbers_keeps_its_gaps(tmp_path, boxes):
     assert with_numbers_of(other, scene).contacts.laws["gap"] == pytest.approx(2.25)
 
 
+@pytest.mark.parametrize(("pairing", "contacts"), [("node", 4), ("face", 9)])
+def test_the_log_says_how_long_pairing_took_and_what_memory_its_rows_take(tmp_path, boxes, pairing, contacts):
+    read = read_job(described(tmp_path, "", pairing=pairing, tolerance=0.06), tmp_path)
+    pairs = build_scene(read).contacts
+    said = re.fullmatch(
+        r"contact_set\[0\]: (\d+) contacts paired in (\S+) s; their rows take (\S+) MB, memory so far at most (\d+) MB",
+        pairs.notes[-1],
+    )
+    assert int(said[1]) == contacts == len(pairs.tables)
+    # Values of 8 bytes, columns and offsets of 4.
+    held = 12 * pairs.rows.nnz + 4 * (3 * contacts + 1)
+    assert float(said[3]) == pytest.approx(held / 1e6, abs=0.005)
+    assert float(said[2]) >= 0.0 and float(said[4]) > 10.0
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

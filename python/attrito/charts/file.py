@@ -23,7 +23,13 @@ SERIES = {
     "events in time": "time integration by located events",
     "epmc": "periodic motion (EPMC), H fixed",
     "quasi_static": "cycles of quasi-static loading",
+    "points": "points of contact on faces",
+    "meshes": "the same structure on another mesh",
 }
+# Points that a way may be charted by: stability is not examined, and the error is what is charted
+SOLVED = ("converged", "above_tolerance")
+# As the estimate has it: `attrito_accuracy_error_control`
+LEAST_SHARE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -40,6 +46,8 @@ class Way:
     samples: int = 0
     modes: int = 0
     steps: int = 0
+    contacts: int = 0
+    frequency_hz: float = np.nan
     tolerance: float = 0.0
     error: float = np.nan
     estimate: float = np.nan
@@ -87,6 +95,8 @@ COLUMNS = {
     "samples": ("samples a period; 0: none needed", "1"),
     "modes": ("fixed-interface modes, where they are varied", "1"),
     "steps": ("steps a period of time integration", "1"),
+    "contacts": ("contacts, where they are varied", "1"),
+    "frequency_hz": ("frequency of the peak, where each way has its own", "Hz"),
     "tolerance": ("relative error accepted, where that chooses", "1"),
     "error": (
         "relative error against the reference: of the peak's amplitude, or of a mode's frequency and damping",

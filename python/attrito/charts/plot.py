@@ -10,8 +10,11 @@ from matplotlib.figure import Figure
 from attrito.charts.file import SERIES, Chart, Way
 from attrito.plots.style import BRANCH_COLOURS, STYLE
 
-MARKERS = dict(zip(SERIES, ("o", "s", "^", "v", "D", "x", "+", "P", "s", "D"), strict=True))
-COLOURS = dict(zip(SERIES, ("#000000", *BRANCH_COLOURS, "#000000", *BRANCH_COLOURS[:2]), strict=True))
+MARKERS = dict(zip(SERIES, ("o", "s", "^", "v", "D", "x", "+", "P", "s", "D", "o", "s"), strict=True))
+HUES = ("#000000", *BRANCH_COLOURS, "#000000", *BRANCH_COLOURS[:2], *BRANCH_COLOURS[:2])
+COLOURS = dict(zip(SERIES, HUES, strict=True))
+# Ways of these are few, and each has its label beside its mark
+LABELLED = ("points", "meshes")
 # Errors are drawn down to here; what is nearer cannot be distinguished from the reference
 LEAST_ERROR = 1e-9
 
@@ -28,20 +31,26 @@ def picture(chart: Chart) -> Figure:
             for series, label in SERIES.items():
                 _draw(axes, [way for way in chart.ways if way.series == series], cost, series, label)
             _mark(axes, chart, cost)
-            axes.axhline(chart.reference.estimate, color="#8a8a8a", linestyle=":", linewidth=1.0, label="reference")
+            if np.isfinite(chart.reference.estimate):
+                axes.axhline(chart.reference.estimate, color="#8a8a8a", linestyle=":", linewidth=1.0, label="reference")
             axes.set(xscale="log", yscale="log", xlabel="Processor time (s)" if cost == "seconds" else "Counted work")
         panels[0].set_ylabel(chart.quantity)
-        errors = [way.error for way in chart.ways if np.isfinite(way.error)] + [chart.reference.estimate]
+        errors = [error for error in (*(way.error for way in chart.ways), chart.reference.estimate) if error == error]
         panels[0].set_ylim(bottom=max(min(errors), LEAST_ERROR) / 3, top=2.0)
-        figure.suptitle(
-            f"{chart.title}; reference: {chart.reference.harmonics} harmonics, error {chart.reference.estimate:.0e}",
-            fontsize=9.5,
-        )
+        figure.suptitle(_title(chart), fontsize=9.5)
         entries: dict[str, object] = {}
         for axes in panels:
             entries |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
         panels[1].legend(entries.values(), entries.keys(), loc="upper left", bbox_to_anchor=(1.01, 1.0))
     return figure
+
+
+def _title(chart: Chart) -> str:
+    """Where ways were compared, and with what, where the title of the chart leaves that open."""
+    reference = chart.reference
+    if np.isnan(reference.estimate):
+        return chart.title
+    return f"{chart.title}; reference: {reference.harmonics} harmonics, error {reference.estimate:.0e}"
 
 
 def _draw(axes: Axes, ways: list[Way], cost: str, series: str, label: str) -> None:
@@ -59,6 +68,11 @@ def _draw(axes: Axes, ways: list[Way], cost: str, series: str, label: str) -> No
         markerfacecolor="none" if series != "tolerance" else None,
         label=label,
     )
+    for way in ways if series in LABELLED else ():
+        place = getattr(way, cost), max(way.error, LEAST_ERROR)
+        if np.isfinite(place).all():
+            text = f"{way.label}: {way.contacts}"
+            axes.annotate(text, place, (0, 7), textcoords="offset points", ha="center", fontsize=8)
 
 
 def _mark(axes: Axes, chart: Chart, cost: str) -> None:

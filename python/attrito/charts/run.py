@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from attrito.charts.file import Chart, Way
+from attrito.charts.file import LEAST_SHARE, SOLVED, Chart, Way
 from attrito.job.defaults import TOLERANCE
 from attrito.job.job import Job
 from attrito.job.reading import read_job
@@ -44,13 +44,9 @@ STEPS = (32, 64, 128, 256, 512, 1024)
 MODE_PARTS = (0.0, 0.1, 0.25, 0.5, 0.75)
 SCHEMES = ("central_difference", "newmark", "hht", "generalised_alpha", "event")
 CYCLES = 400
-# Points that a way may be charted by: stability is not examined, and the error is what is charted
-SOLVED = ("converged", "above_tolerance")
 # What is estimated for the reference; with two tangents samples limit it
 REFERENCE = {1: 1e-9, 2: 1e-5}
 POINTS = 5
-# As the estimate has it: `attrito_accuracy_error_control`
-LEAST_SHARE = 1e-3
 # Shorter runs are repeated, and the least of the times is taken
 SHORT = 0.2
 

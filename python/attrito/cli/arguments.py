@@ -78,8 +78,14 @@ def _chart(parsers: Parsers) -> None:
     one.add_argument(
         "--seconds", type=float, default=20.0, help="a series ends where a run of it takes longer (default: 20)"
     )
-    one.add_argument(
-        "--mode", action="store_true", help="of the job's nonlinear mode, by both methods, not of its peak"
+    of = one.add_mutually_exclusive_group()
+    of.add_argument("--mode", action="store_true", help="of the job's nonlinear mode, by both methods, not of its peak")
+    of.add_argument(
+        "--contacts",
+        nargs="*",
+        metavar="JOB",
+        help="of the kinds of points on the job's faces, and of other jobs: the same structure on other meshes, whose"
+        " last one is what the peaks are compared with (without any: cut faces)",
     )
     one.set_defaults(work=commands.chart)
 

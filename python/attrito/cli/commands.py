@@ -67,22 +67,27 @@ def chart(options: argparse.Namespace) -> None:
     from attrito.support.overwrite_check import check_spared
 
     picture_path = str(Path(options.output).with_suffix(".png"))
-    check_spared(
-        "chart", "-o", [options.output, picture_path], files_read(read_job(options.job, excited=not options.mode))
-    )
+    jobs = [read_job(path, excited=not options.mode) for path in (options.job, *(options.contacts or []))]
+    check_spared("chart", "-o", [options.output, picture_path], [file for job in jobs for file in files_read(job)])
     with writing_alone(MPI.COMM_SELF, options.output, makes_folder=False):
         _chart(options, picture_path)
 
 
 def _chart(options: argparse.Namespace, picture_path: str) -> None:
+    from attrito.charts.contacts import chart_contacts
     from attrito.charts.file import table, write
     from attrito.charts.modes import chart_mode
     from attrito.charts.plot import picture
     from attrito.charts.run import chart_job
     from attrito.plots.style import save
 
-    charted = chart_mode if options.mode else chart_job
-    found = charted(options.job, options.seconds, lambda text: print(text, file=sys.stderr, flush=True))
+    def say(text: str) -> None:
+        print(text, file=sys.stderr, flush=True)
+
+    if options.contacts is not None:
+        found = chart_contacts(options.job, options.contacts, say)
+    else:
+        found = (chart_mode if options.mode else chart_job)(options.job, options.seconds, say)
     write(found, options.output, str(Path(options.job).resolve()))
     save(picture(found), picture_path)
     sys.stdout.write(table(found))

@@ -10,6 +10,12 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
 
+def peak_megabytes() -> float:
+    """The most that this process has held in memory so far."""
+    # Linux counts kilobytes.
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+
+
 class Stages:
     """Wall time by stage on this rank, from now on; what is between two stages belongs to the second."""
 
@@ -31,5 +37,4 @@ class Stages:
 
     def peak_megabytes(self) -> list[float]:
         """The most that each rank held in memory. Collective."""
-        # Linux counts kilobytes.
-        return self._comm.allgather(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0)
+        return self._comm.allgather(peak_megabytes())
