@@ -52,6 +52,7 @@ module attrito_linear_receptance
     procedure :: respond_inertia
     procedure :: respond_excitation
     procedure :: uncoupled_modes
+    procedure :: without_springs
     procedure :: apply_mean_springs
     procedure :: excite
     procedure :: lift_mode
@@ -305,6 +306,17 @@ contains
 
     allocate (stiffness(0), mass(0), damping(0))
   end subroutine uncoupled_modes
+
+  !> The receptance of the structure without some of the contacts' springs, in modes that its damping is taken not to couple; not
+  !> allocated where there is none such, as where a body is free without them.
+  subroutine without_springs(self, rows, springs, opened)
+    class(receptance_type), intent(in) :: self
+    !> Rows of B, from 1, and their springs
+    integer, intent(in) :: rows(:)
+    real(wp), intent(in) :: springs(:)
+    !> For as many harmonics, set to no frequency
+    class(receptance_type), allocatable, intent(out) :: opened
+  end subroutine without_springs
 
   !> Let the damping be C - excitation M from the next frequency that is set on: 0 is the structure itself.
   subroutine excite(self, excitation)

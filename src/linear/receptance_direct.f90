@@ -7,6 +7,9 @@ module attrito_linear_receptance_direct
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: factor_complex, solve_factored_complex
   use attrito_model_structure, only: structure_type, damping_viscous, damping_mass, damping_loss_factor
+  use attrito_linear_opened_modes, only: find_opened_modes
+  use attrito_linear_receptance, only: receptance_type
+  use attrito_linear_receptance_modal, only: new_receptance_modal
   use attrito_linear_receptance_real, only: receptance_real_type
   implicit none
   private
@@ -32,6 +35,7 @@ module attrito_linear_receptance_direct
     procedure :: mode_shapes
     procedure :: low_stiffness
     procedure :: remainder
+    procedure :: without_springs
   end type receptance_direct_type
 
 contains
@@ -229,4 +233,22 @@ contains
       end do
     end do
   end subroutine remainder
+
+  !> Structural damping counts as the viscous one that is equal at a mode's own frequency.
+  subroutine without_springs(self, rows, springs, opened)
+    class(receptance_direct_type), intent(in) :: self
+    !> Rows of B, from 1, and their springs
+    integer, intent(in) :: rows(:)
+    real(wp), intent(in) :: springs(:)
+    !> For as many harmonics, set to no frequency
+    class(receptance_type), allocatable, intent(out) :: opened
+    real(wp), allocatable :: modes(:, :), modal_mass(:), damping(:)
+    integer :: i, status
+
+    call find_opened_modes(self%stuck_stiffness, self%mass, self%directions(:, rows), springs, modes, modal_mass, status)
+    if (status /= 0) return
+    damping = sum(modes*matmul(self%viscous, modes), 1) + sqrt(modal_mass)*sum(modes*matmul(self%structural, modes), 1)
+    opened = new_receptance_modal([(1.0_wp, i=1, size(modal_mass))], modal_mass, damping, modes, self%directions, self%harmonics)
+    opened%lowest = self%lowest
+  end subroutine without_springs
 end module attrito_linear_receptance_direct

@@ -3,6 +3,8 @@
 !> $$ X_{hr} = F_{hr} / (k_r - (h \omega)^2 m_r + i h \omega c_r), \qquad c_r = 2 \zeta \omega_r m_r \text{ or } \alpha m_r $$
 module attrito_linear_receptance_modal
   use attrito_core_kinds, only: wp
+  use attrito_linear_opened_modes, only: find_opened_modes
+  use attrito_linear_receptance, only: receptance_type
   use attrito_linear_receptance_real, only: receptance_real_type
   implicit none
   private
@@ -25,6 +27,7 @@ module attrito_linear_receptance_modal
     procedure :: low_stiffness
     procedure :: remainder
     procedure :: uncoupled_modes
+    procedure :: without_springs
   end type receptance_modal_type
 
 contains
@@ -193,6 +196,37 @@ contains
     mass = self%modal_mass
     damping = damping_of(self)
   end subroutine uncoupled_modes
+
+  subroutine without_springs(self, rows, springs, opened)
+    class(receptance_modal_type), intent(in) :: self
+    !> Rows of B, from 1, and their springs
+    integer, intent(in) :: rows(:)
+    real(wp), intent(in) :: springs(:)
+    !> For as many harmonics, set to no frequency
+    class(receptance_type), allocatable, intent(out) :: opened
+    real(wp), allocatable :: modes(:, :), modal_mass(:)
+    integer :: i, status
+
+    call find_opened_modes(diagonal(self%modal_stiffness), diagonal(self%modal_mass), self%directions(:, rows), springs, modes, &
+                           modal_mass, status)
+    if (status /= 0) return
+    opened = new_receptance_modal([(1.0_wp, i=1, size(modal_mass))], modal_mass, matmul(self%modal_damping, modes**2), modes, &
+                                  self%directions, self%harmonics)
+    opened%lowest = self%lowest
+  end subroutine without_springs
+
+  !> A diagonal matrix.
+  pure function diagonal(values) result(matrix)
+    !> What stands on it [n]
+    real(wp), intent(in) :: values(:)
+    real(wp) :: matrix(size(values), size(values))
+    integer :: i
+
+    matrix = 0.0_wp
+    do i = 1, size(values)
+      matrix(i, i) = values(i)
+    end do
+  end function diagonal
 
   subroutine remainder(self, low, rows, blocks)
     class(receptance_modal_type), intent(in) :: self

@@ -1,7 +1,7 @@
 #include <petsc/finclude/petscksp.h>
 #include "petsc_compatibility.h"
-!> The condensed linear system of a Newton step solved by flexible GMRES, the system applied as a product and preconditioned on two
-!> levels.
+!> The condensed linear system of a Newton step solved by flexible GMRES, the system applied as a product and preconditioned by the tangent
+!> reference or on two levels.
 !>
 !> Spread over ranks as the contacts are; unknowns are y where D is not zero, as it is zero elsewhere, and, the root's last, omega.
 !> Source: Saad & Schultz 1986, doi:10.1137/0907058; Saad 1993, doi:10.1137/0914028; Balay et al., PETSc users manual, chapter KSP.
@@ -11,8 +11,10 @@ module attrito_newton_condensed_krylov
   use attrito_newton_border, only: border_type
   use attrito_newton_condensed_operator, only: condensed_operator_type, new_condensed_operator
   use attrito_balance_harmonic_balance, only: balance_type
-  use attrito_newton_two_level, only: two_level_type, new_two_level
-  use attrito_newton_two_level_factors, only: two_level_factors_type
+  use attrito_newton_preconditioner, only: preconditioner_type
+  use attrito_newton_preconditioners, only: preconditioners_type
+  use attrito_newton_tangent_preconditioner, only: new_tangent_preconditioner
+  use attrito_newton_two_level, only: new_two_level
   implicit none
   private
   public :: krylov_options_type, solve_by_krylov
@@ -28,7 +30,7 @@ module attrito_newton_condensed_krylov
   !> What PETSc's callbacks see
   type :: system_type
     type(condensed_operator_type) :: system
-    type(two_level_type) :: preconditioner
+    class(preconditioner_type), allocatable :: preconditioner
   end type system_type
 
 #if PETSC_VERSION_LT(3, 23, 0)
@@ -79,7 +81,7 @@ module attrito_newton_condensed_krylov
 contains
 
   !> Solve for y and omega; the balance holds the Jacobian of its last evaluation.
-  subroutine solve_by_krylov(balance, border, stiffening, rho, last, options, factors, y, omega, iterations, status)
+  subroutine solve_by_krylov(balance, border, stiffening, rho, last, options, kept, y, omega, iterations, status)
     !> Harmonic balance, whose last evaluation this changes
     type(balance_type), target, intent(inout) :: balance
     !> Row and column of the constraint
@@ -90,41 +92,116 @@ contains
     real(wp), intent(in) :: rho(:, :), last
     !> How to solve
     type(krylov_options_type), intent(in) :: options
-    !> Of the preconditioner; made anew where they do not serve any more
-    type(two_level_factors_type), target, intent(inout) :: factors
+    !> What preconditioners are made of; made anew where it does not serve any more
+    type(preconditioners_type), target, intent(inout) :: kept
     !> D delta d [2 H + 1, active rows] and step of omega
     real(wp), intent(out) :: y(:, :), omega
-    !> Newton iterations
+    !> Of GMRES
     integer, intent(out) :: iterations
     !> 0, or not: singular
     integer, intent(out) :: status
     type(system_type), target :: context
     real(wp), allocatable :: right(:, :)
-    logical :: anew, converged
-    integer :: count
-    PetscErrorCode :: ierr
+    logical :: converged, serves
 
     y = 0.0_wp
     omega = 0.0_wp
     iterations = 0
-    status = 0
     context%system = new_condensed_operator(balance, border, stiffening, options%tolerance)
     right = context%system%multiply_jacobian(rho)
+    call kept%reference%prepare(balance, stiffening, serves)
+    if (serves) then
+      call solve_by_tangent(context, options, right, last, kept, y, omega, iterations, converged, status)
+      if (converged .or. status /= 0) return
+      call kept%reference%forget()
+    end if
+    call solve_on_two_levels(context, options, stiffening, right, last, kept, y, omega, iterations, status)
+  end subroutine solve_by_krylov
+
+  !> Preconditioned by the tangent reference, which has been made ready.
+  subroutine solve_by_tangent(context, options, right, last, kept, y, omega, iterations, converged, status)
+    !> What PETSc's callbacks see
+    type(system_type), target, intent(inout) :: context
+    !> How to solve
+    type(krylov_options_type), intent(in) :: options
+    !> Right-hand side over contact rows; sigma - p^T rho
+    real(wp), intent(in) :: right(:, :), last
+    !> What preconditioners are made of
+    type(preconditioners_type), target, intent(inout) :: kept
+    !> D delta d [2 H + 1, active rows] and step of omega
+    real(wp), intent(inout) :: y(:, :), omega
+    !> Of GMRES, added to
+    integer, intent(inout) :: iterations
+    !> Did the solve converge?
+    logical, intent(out) :: converged
+    !> 0, or PETSc has failed
+    integer, intent(out) :: status
+    logical :: anew
+    integer :: count
+    PetscErrorCode :: ierr
+
+    converged = .false.
+    status = 0
     do
-      anew = .not. factors%serve(balance, stiffening)
-      if (anew) call factors%make(balance, options%low_modes, stiffening, status)
-      if (status /= 0) return
-      call new_two_level(context%system, factors, context%preconditioner)
-      call run(context, options%tolerance, min(options%max_iterations, factors%patience()), right, &
+      anew = .not. kept%left_over%serve(context%system%balance)
+      if (anew) call kept%left_over%make(context%system%balance, kept%reference, status)
+      associate (balance => context%system%balance)
+        if (anew) balance%work = balance%work + kept%left_over%flops/balance%ranks%ranks
+      end associate
+      if (status /= 0) then
+        ! Two levels may do, or say that it is singular.
+        status = 0
+        return
+      end if
+      call new_tangent_preconditioner(context%system, kept%reference, kept%left_over, context%preconditioner)
+      call run(context, options%tolerance, min(options%max_iterations, kept%left_over%patience()), right, &
                context%system%weight*last, y, omega, count, converged, ierr)
       status = merge(0, 1, ierr == 0)
       iterations = iterations + count
-      call factors%count(count)
-      if (.not. converged) call factors%discard()
+      call kept%left_over%count(count)
+      if (.not. converged) call kept%left_over%discard()
+      if (converged .or. anew .or. status /= 0) return
+    end do
+  end subroutine solve_by_tangent
+
+  !> Preconditioned on two levels.
+  subroutine solve_on_two_levels(context, options, stiffening, right, last, kept, y, omega, iterations, status)
+    !> What PETSc's callbacks see
+    type(system_type), target, intent(inout) :: context
+    !> How to solve
+    type(krylov_options_type), intent(in) :: options
+    !> Part of their springs that contacts keep
+    real(wp), intent(in) :: stiffening
+    !> Right-hand side over contact rows; sigma - p^T rho
+    real(wp), intent(in) :: right(:, :), last
+    !> What preconditioners are made of
+    type(preconditioners_type), target, intent(inout) :: kept
+    !> D delta d [2 H + 1, active rows] and step of omega
+    real(wp), intent(inout) :: y(:, :), omega
+    !> Of GMRES, added to
+    integer, intent(inout) :: iterations
+    !> 0, or not: singular
+    integer, intent(out) :: status
+    logical :: anew, converged
+    integer :: count
+    PetscErrorCode :: ierr
+
+    status = 0
+    do
+      anew = .not. kept%two_level%serve(context%system%balance, stiffening)
+      if (anew) call kept%two_level%make(context%system%balance, options%low_modes, stiffening, status)
+      if (status /= 0) return
+      call new_two_level(context%system, kept%two_level, context%preconditioner)
+      call run(context, options%tolerance, min(options%max_iterations, kept%two_level%patience()), right, &
+               context%system%weight*last, y, omega, count, converged, ierr)
+      status = merge(0, 1, ierr == 0)
+      iterations = iterations + count
+      call kept%two_level%count(count)
+      if (.not. converged) call kept%two_level%discard()
       ! A step short of its tolerance, with factors just made, is still the best one known: Newton's line search judges it.
       if (converged .or. anew .or. status /= 0) return
     end do
-  end subroutine solve_by_krylov
+  end subroutine solve_on_two_levels
 
   !> Create the solver, solve and give everything back; `last` has the weight of the system's constraint.
   subroutine run(context, tolerance, most, right, last, y, omega, iterations, converged, ierr)

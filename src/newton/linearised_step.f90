@@ -15,7 +15,7 @@ module attrito_newton_linearised_step
   use attrito_newton_condensed_dense, only: solve_by_elimination
   use attrito_newton_condensed_krylov, only: krylov_options_type, solve_by_krylov
   use attrito_balance_harmonic_balance, only: balance_type
-  use attrito_newton_two_level_factors, only: two_level_factors_type
+  use attrito_newton_preconditioners, only: preconditioners_type
   use attrito_balance_unknowns, only: unknowns_type
   use attrito_balance_work, only: step_work
   implicit none
@@ -59,10 +59,10 @@ contains
     integer, intent(out) :: iterations
     !> 0, or not: singular
     integer, intent(out) :: status
-    !> Of GMRES's preconditioner, if they are to serve more than one step
-    type(two_level_factors_type), optional, intent(inout) :: kept
+    !> Of GMRES, if they are to serve more than one step
+    type(preconditioners_type), optional, intent(inout) :: kept
     type(border_type) :: border
-    type(two_level_factors_type) :: own
+    type(preconditioners_type) :: own
     real(wp), allocatable :: rho(:, :), y(:, :)
     complex(wp), allocatable :: response(:, :), to_y(:, :)
     real(wp) :: last

@@ -6,7 +6,7 @@ module attrito_newton_newton_context
   use attrito_newton_border, only: constraint_type
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_newton_linearised_step, only: linear_options_type
-  use attrito_newton_two_level_factors, only: two_level_factors_type
+  use attrito_newton_preconditioners, only: preconditioners_type
   use attrito_balance_unknowns, only: unknowns_type
   implicit none
   private
@@ -28,8 +28,8 @@ module attrito_newton_newton_context
     !> Norm of the scaled residual that counts as converged in this range of frequency
     real(wp) :: tolerance = 1.0e-10_wp
     type(linear_options_type) :: linear
-    !> GMRES's preconditioner, from one step to the next
-    type(two_level_factors_type) :: preconditioner
+    !> Of GMRES, from one step to the next
+    type(preconditioners_type) :: preconditioner
     !> PETSc's code of an error in a solve that it could not carry out; 0: none so far
     integer :: petsc_error = 0
     !> Iterations of GMRES since the solve began

@@ -14,13 +14,13 @@ module attrito_newton_two_level
   use attrito_core_lapack, only: times_vector
   use attrito_newton_active_jacobian, only: places_of_rows
   use attrito_newton_condensed_operator, only: condensed_operator_type
+  use attrito_newton_preconditioner, only: preconditioner_type
   use attrito_newton_two_level_factors, only: two_level_factors_type
   implicit none
   private
   public :: two_level_type, new_two_level
 
-  type :: two_level_type
-    type(condensed_operator_type), pointer :: system => null()
+  type, extends(preconditioner_type) :: two_level_type
     type(two_level_factors_type), pointer :: factors => null()
     !> Coefficients a row
     integer :: coefficients = 0
@@ -28,24 +28,23 @@ module attrito_newton_two_level
     integer, allocatable :: block_of(:)
     !> Modes at the active rows [low, rows]
     real(sp), allocatable :: shapes(:, :)
-    !> Preconditioned column of omega [k, rows], and what is left of the corner
-    real(wp), allocatable :: column(:, :)
-    real(wp) :: corner = 1.0_wp
   contains
-    procedure :: apply
-    procedure, private :: apply_inverse
+    procedure :: apply_inverse
   end type two_level_type
 
 contains
 
   !> For a system, with factors at hand.
-  subroutine new_two_level(system, factors, self)
+  subroutine new_two_level(system, factors, preconditioner)
     !> Linearised system on the active contacts
     type(condensed_operator_type), target, intent(in) :: system
     !> Factors of this frequency
     type(two_level_factors_type), target, intent(in) :: factors
-    type(two_level_type), intent(out) :: self
+    !> Ready to be applied
+    class(preconditioner_type), allocatable, intent(out) :: preconditioner
+    type(two_level_type), allocatable :: self
 
+    allocate (self)
     self%system => system
     self%factors => factors
     self%coefficients = system%balance%coefficients()
@@ -53,30 +52,11 @@ contains
       self%block_of = factors%places_of(active%contacts)
       self%shapes = real(system%balance%receptance%mode_shapes(1, factors%low, places_of_rows(system%balance)), sp)
     end associate
-    allocate (self%column, mold=system%column)
-    call self%apply_inverse(system%column, self%column)
-    self%corner = system%corner + system%product_with_row(self%column)
-    if (.not. abs(self%corner) > 0.0_wp) self%corner = 1.0_wp
+    call self%take_border()
+    call move_alloc(self, preconditioner)
   end subroutine new_two_level
 
-  !> Inverse of the approximate system times (residual, last).
-  subroutine apply(self, residual, last, y, omega)
-    class(two_level_type), intent(in) :: self
-    !> Residual over contact rows
-    real(wp), intent(in), contiguous :: residual(:, :)
-    !> Scalar that belongs to the constraint
-    real(wp), intent(in) :: last
-    !> Vector that takes the product
-    real(wp), intent(out), contiguous :: y(:, :)
-    !> Change of the angular frequency
-    real(wp), intent(out) :: omega
-
-    call self%apply_inverse(residual, y)
-    omega = (last + self%system%product_with_row(y))/self%corner
-    y = y - self%column*omega
-  end subroutine apply
-
-  !> The same without the border.
+  !> Approximate inverse of I + D R times a residual.
   subroutine apply_inverse(self, residual, y)
     class(two_level_type), intent(in) :: self
     !> Residual over contact rows

@@ -14,7 +14,6 @@ module attrito_solve_solver
   use attrito_balance_set_up, only: new_balance, set_resolution, take_contacts
   use attrito_balance_stuck_response, only: evaluate_stuck
   use attrito_linear_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
-  use attrito_newton_two_level_factors, only: two_level_factors_type
   use attrito_balance_unknowns, only: unknowns_type
   use attrito_solve_newton_strategies, only: solve_briefly, solve_persistently
   use attrito_solve_strategy_outcome, only: evidence_type
@@ -395,8 +394,7 @@ contains
       call store%keep(context%frequency_scale)
       call store%keep(context%tolerance)
       call balance%keep(store)
-      ! Made anew by the next point, whether this process solves it or another.
-      context%preconditioner = two_level_factors_type()
+      call context%preconditioner%keep(store)
       if (allocated(context%step%motion)) deallocate (context%step%motion)
       call context%forget()
     end associate

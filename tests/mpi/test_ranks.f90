@@ -26,6 +26,7 @@ program test_ranks
                       test('shares cover all items once, in order', shares), &
                       test('columns and integers are gathered in the order of ranks', gathering), &
                       test('a point with four contacts is the same on all ranks as on one', point_of_modes), &
+                      test('a point by GMRES on all ranks, open contacts taken out, is that of elimination on one', point_of_open), &
                       test('a point with coupled damping is the same on all ranks as on one', point_of_factors), &
                       test('a point by GMRES on all ranks, high modes summed, is that of elimination on one', point_of_sums), &
                       test('ranks without a contact take part and agree', idle_ranks), &
@@ -144,6 +145,27 @@ contains
     call damp(scene, damping_ratio, 0.04_wp)
     call compare_point(error, scene, .true.)
   end subroutine point_of_sums
+
+  !> The first rank of four has a contact that stays open, and another one.
+  subroutine point_of_open(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_type) :: scene
+    type(solver_type) :: together, alone
+
+    scene = rubbing_frame()
+    scene%contacts%law([1, 4])%gap = 100.0_wp
+    call damp(scene, damping_ratio, 0.04_wp)
+    call prepare(scene, everyone(), together, error)
+    call prepare(scene, only_me(), alone, error)
+    together%context%linear%dense_limit = 0
+    call solve_by_strategies(together, omega)
+    call check(error, allocated(together%context%preconditioner%reference%receptance), 'none is taken out: the test is void')
+    call solve_by_strategies(alone, omega)
+    call check(error, any(alone%context%balance%forces%slip > 0.1_wp), 'nothing slips: the test is void')
+    call compare(error, together, alone)
+    call together%destroy()
+    call alone%destroy()
+  end subroutine point_of_open
 
   subroutine point_of_factors(error)
     type(error_type), allocatable, intent(out) :: error

@@ -11,6 +11,7 @@ program test_linearised_step
   use attrito_linear_receptance, only: receptance_type
   use attrito_balance_set_up, only: new_balance
   use attrito_linear_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
+  use attrito_newton_preconditioners, only: preconditioners_type
   use attrito_newton_two_level_factors, only: two_level_factors_type
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_contact_state, only: state_stuck
@@ -259,7 +260,7 @@ contains
     type(error_type), allocatable, intent(out) :: error
     real(wp), parameter :: krylov_tolerance = 1.0e-4_wp
     type(balance_type) :: balance
-    type(two_level_factors_type) :: kept
+    type(preconditioners_type) :: kept
     type(linear_options_type) :: by_gmres
     type(unknowns_type) :: right, step, back
     real(wp) :: motion(k, rows)
@@ -272,17 +273,17 @@ contains
       balance%slider = 0.0_wp
       if (i == 2) motion = 0.3_wp*motion
       call balance%evaluate(motion, omega, status)
-      call kept%discard()
+      call kept%two_level%discard()
       right = random_right(balance)
       step = right
       back = right
       call solve_linearised(balance, random_constraint(), right, by_gmres, step, iterations, status, kept)
-      known = kept%contacts
+      known = kept%two_level%contacts
       motion = motion*merge(0.3_wp, 1.5_wp, i == 1)
       call balance%evaluate(motion, 1.02_wp*omega, status)
       call check(error, size(known) /= size(balance%active%contacts), 'the same contacts move: the test is void')
       call solve_linearised(balance, random_constraint(), right, by_gmres, step, iterations, status, kept)
-      call check(error, status == 0 .and. size(known) == size(kept%contacts), 'it was made anew: the test is void')
+      call check(error, status == 0 .and. size(known) == size(kept%two_level%contacts), 'it was made anew: the test is void')
       call apply_linearised(balance, random_constraint(), step, back)
       call check_close(error, packed(back), packed(right), 2.0_wp*krylov_tolerance*norm2(packed(step)), 'the step put back')
       call balance%destroy()
@@ -342,7 +343,7 @@ contains
   subroutine unfinished(error)
     type(error_type), allocatable, intent(out) :: error
     type(balance_type) :: balance
-    type(two_level_factors_type) :: kept
+    type(preconditioners_type) :: kept
     type(unknowns_type) :: right, step
     real(wp) :: motion(k, rows)
     integer :: iterations, status
@@ -353,7 +354,7 @@ contains
     call solve_linearised(balance, random_constraint(), right, linear_options_type(dense_limit=0, krylov=krylov_options_type( &
                           tolerance=1.0e-13_wp, low_modes=2, max_iterations=2)), step, iterations, status, kept)
     call check(error, status == 0 .and. iterations == 2, 'it is not handed out')
-    call check(error, .not. kept%serve(balance, 0.0_wp), 'its preconditioner is kept')
+    call check(error, .not. kept%two_level%serve(balance, 0.0_wp), 'its preconditioner is kept')
     call balance%destroy()
   end subroutine unfinished
 

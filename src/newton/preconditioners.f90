@@ -1,0 +1,32 @@
+!> What the preconditioners of GMRES are made of, kept from one linear system to the next.
+module attrito_newton_preconditioners
+  use attrito_core_state_store, only: state_store_type
+  use attrito_newton_tangent_factors, only: tangent_factors_type
+  use attrito_newton_tangent_reference, only: tangent_reference_type
+  use attrito_newton_two_level_factors, only: two_level_factors_type
+  implicit none
+  private
+  public :: preconditioners_type
+
+  type :: preconditioners_type
+    type(two_level_factors_type) :: two_level
+    !> Where most of what moves is open
+    type(tangent_reference_type) :: reference
+    type(tangent_factors_type) :: left_over
+  contains
+    procedure :: keep
+  end type preconditioners_type
+
+contains
+
+  !> Save or load what the next point depends on. Factors are made anew by it, whether this process solves it or another.
+  subroutine keep(self, store)
+    class(preconditioners_type), intent(inout) :: self
+    !> Numbers that a point leaves for the next, written or read in turn
+    type(state_store_type), intent(inout) :: store
+
+    self%two_level = two_level_factors_type()
+    self%left_over = tangent_factors_type()
+    call self%reference%keep(store)
+  end subroutine keep
+end module attrito_newton_preconditioners
