@@ -1,10 +1,14 @@
 """The lap joint with matching and with unlike meshes: peak and its frequency under refinement.
 
-    .venv/bin/python benchmarks/unlike_plates.py [--folder out/unlike_plates] [--cases coarse-1-pair coarse-1.7-node]
+    .venv/bin/python benchmarks/unlike_plates.py --picture docs/unlike_plates.png [--folder out/unlike_plates]
+    .venv/bin/python benchmarks/unlike_plates.py --cases 1.4-1.7-gauss 0.7-1-pair --band 136 138
 
-`meshes/lap_joint.py` makes the plates, node on node or meshed 1 : 1.7, in its sizes; `input/lap_joint.toml` is swept
-about its peak, without bounds. A case is the size, the ratio, and `pair` for node pairs, or the points on faces.
-Results that are there are not made again. `off` is the peak over that of the last case, less 1. JSON on stdout.
+`meshes/lap_joint.py` makes the plates, node on node or meshed 1 : 1.7; `input/lap_joint.toml` is swept about its peak,
+without bounds. A case is size-ratio-points: the size of the mesh, the upper plate's where the ratio is not 1; the
+ratio; and `pair` for node pairs, or the points on faces. Results that are there are not made again.
+
+Meshes are compared at the geometric mean of both plates' element edges, that of the default mesh being 1. `off` is the
+peak over that of the last case, less 1. JSON on stdout.
 """
 
 from __future__ import annotations
@@ -17,11 +21,26 @@ import sys
 from pathlib import Path
 
 import h5py
+import matplotlib
 import numpy as np
+from matplotlib.figure import Figure
+
+from attrito.plots.style import BRANCH_COLOURS, STYLE, save
 
 ROOT = Path(__file__).resolve().parent.parent
-BAND = "start_hz = 130.0\nstop_hz = 142.0"
-CASES = ("coarse-1-pair", "coarse-1.7-node", "coarse-1.7-gauss", "default-1-pair")
+BAND = (136.0, 141.0)
+CASES = (
+    *("2-1.7-node", "1.4-1.7-node", "1-1.7-node", "2-1.7-gauss", "1.4-1.7-gauss", "2-1.7-cut"),
+    *("2-1-pair", "1.4-1-pair", "1-1-pair", "0.7-1-pair"),
+)
+KINDS = {
+    "pair": ("matching, node pairs", "o-", "#000000"),
+    "node": ("1 : 1.7, nodes on faces", "s-", BRANCH_COLOURS[0]),
+    "gauss": ("1 : 1.7, Gauss points", "^-", BRANCH_COLOURS[1]),
+    "cut": ("1 : 1.7, cut faces", "D", BRANCH_COLOURS[2]),
+}
+# What is allowed between the two kinds of meshes
+ALLOWED = 0.01
 
 
 def model_of(folder: Path, size: str, ratio: float) -> None:
@@ -36,13 +55,13 @@ def attrito(folder: Path, *arguments: str) -> None:
     subprocess.run([sys.executable, "-m", "attrito.cli", *arguments], cwd=folder, check=True, stdout=sys.stderr)
 
 
-def job_of(points: str) -> str:
+def job_of(points: str, band: tuple[float, float] = BAND) -> str:
     """The lap joint's job with contacts of a kind, swept about its peak."""
     face = "tolerance = 1e-6" if points == "pair" else f'pairing = "face"\npoints = "{points}"\ntolerance = 1e-3'
     text = re.sub(r"\.\./out/\w+/", "", (ROOT / "input/lap_joint.toml").read_text())
     changes = {
         r"tolerance = .*": face,
-        r"start_hz = .*\nstop_hz = .*": BAND,
+        r"start_hz = .*\nstop_hz = .*": f"start_hz = {band[0]}\nstop_hz = {band[1]}",
         r"result\.h5": f"{points}.h5",
         r"modes = 20": f'modes = 20\nfile = "rom_{points}.h5"',
         r"\[static\]": '[static]\nbounds = "none"',
@@ -51,6 +70,20 @@ def job_of(points: str) -> str:
         text, count = re.subn(old, new, text)
         assert count == 1, old
     return text
+
+
+def run_case(folder: Path, case: str, band: tuple[float, float]) -> dict[str, object]:
+    """Mesh, reduce and sweep one case, as far as that is not done, and read its peak."""
+    size, ratio, points = case.split("-")
+    own = folder / f"{size}_{ratio}"
+    result = own / f"{points}.h5"
+    if not result.exists():
+        if not (own / "model.h5").exists():
+            model_of(own.resolve(), size, float(ratio))
+        (own / f"{points}.toml").write_text(job_of(points, band))
+        attrito(own, "run", f"{points}.toml")
+    mean = float(size) / float(ratio) ** 0.5
+    return {"case": case, "points": points, "mean_size": round(mean, 4)} | peak_of(result)
 
 
 def peak_of(path: Path) -> dict[str, float]:
@@ -62,9 +95,28 @@ def peak_of(path: Path) -> dict[str, float]:
             "contacts": len(file["contacts/parameters/area"]),
             "peak": float(amplitude[top]),
             "frequency_hz": float(file["points/frequency_hz"][top]),
+            "stuck_hz": float(file["linear/stuck/natural_hz"][0]),
             "tangent_hz": float(file["linear/tangent/natural_hz"][0]),
             "inside": bool(0 < top < len(amplitude) - 1),
         }
+
+
+def picture(found: list[dict]) -> Figure:
+    """Peak and frequency against the mean size of the mesh, a line a kind of contact; the band of what is allowed."""
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(9.6, 3.8), constrained_layout=True)
+        panels = figure.subplots(1, 2)
+        for axes, key, label in zip(panels, ("peak", "frequency_hz"), ("Peak (mm)", "Its frequency (Hz)"), strict=True):
+            for points, (name, look, colour) in KINDS.items():
+                own = sorted((row["mean_size"], row[key]) for row in found if row["points"] == points)
+                if own:
+                    axes.plot(*zip(*own, strict=True), look, color=colour, markersize=5, label=name)
+            axes.set(xlabel="Element edge, mean of both plates (default mesh: 1)", ylabel=label)
+            axes.set_xlim(left=0.0)
+        last = found[-1]["peak"]
+        panels[0].axhspan(last * (1 - ALLOWED), last * (1 + ALLOWED), color="#e6e6e6", label="1 % about the last case")
+        panels[0].legend(loc="best")
+    return figure
 
 
 def main() -> None:
@@ -72,20 +124,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Peak of the lap joint with matching and unlike meshes.")
     parser.add_argument("--folder", type=Path, default=Path("out/unlike_plates"), help="for models and results")
     parser.add_argument("--cases", nargs="+", default=CASES, help="size-ratio-points, the last one the truth")
+    parser.add_argument("--band", nargs=2, type=float, default=BAND, help="to sweep, Hz")
+    parser.add_argument("--picture", type=Path, help="file to draw")
     arguments = parser.parse_args()
-    found: list[dict] = []
-    for case in arguments.cases:
-        size, ratio, points = case.split("-")
-        folder = arguments.folder / f"{size}_{ratio}"
-        result = folder / f"{points}.h5"
-        if not result.exists():
-            if not (folder / "model.h5").exists():
-                model_of(folder.resolve(), size, float(ratio))
-            (folder / f"{points}.toml").write_text(job_of(points))
-            attrito(folder, "run", f"{points}.toml")
-        found.append({"case": case} | peak_of(result))
+    found = [run_case(arguments.folder, case, tuple(arguments.band)) for case in arguments.cases]
     for row in found:
         row["off"] = row["peak"] / found[-1]["peak"] - 1
+    if arguments.picture:
+        save(picture(found), str(arguments.picture))
     print(json.dumps(found, indent=1))
 
 

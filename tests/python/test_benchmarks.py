@@ -282,9 +282,35 @@ def test_pairing_measures_every_kind_of_contact():
 
 
 def test_jobs_of_unlike_plates_are_the_lap_joint_s_with_other_contacts(tmp_path):
-    for points in ("pair", "node", "gauss"):
+    for points in ("pair", "node", "gauss", "cut"):
         (tmp_path / "job.toml").write_text(unlike_plates.job_of(points))
         job = read_job(tmp_path / "job.toml")
         pairs, own = job["contact_set"][0], "node" if points == "pair" else "face"
         assert pairs["pairing"] == own and pairs["points"] == (None if points == "pair" else points)
         assert job["static"]["bounds"] == "none" and job["output"]["file"] == f"{points}.h5"
+        assert (job["sweep"]["start_hz"], job["sweep"]["stop_hz"]) == unlike_plates.BAND
+
+
+def test_unlike_plates_are_meshed_swept_and_drawn(tmp_path):
+    picture = tmp_path / "plates.png"
+    arguments = ("--folder", str(tmp_path), "--cases", "2-1.7-node", "2-1-pair", "--picture", str(picture))
+    found = run("unlike_plates.py", *arguments, "--band", "120", "121")
+    assert [row["case"] for row in found] == ["2-1.7-node", "2-1-pair"]
+    assert [row["mean_size"] for row in found] == [pytest.approx(2 / 1.7**0.5, abs=1e-4), 2.0]
+    # Side a's nodes that have a face before them, and all pairs; the lower plate is the finer one.
+    assert found[0]["contacts"] > 1.5 * found[1]["contacts"] > 50
+    assert all(row["frequency_hz"] == 121.0 and not row["inside"] for row in found)
+    assert all(136.0 < row["tangent_hz"] < row["stuck_hz"] < 150.0 for row in found)
+    assert found[1]["off"] == 0.0 and found[0]["off"] == pytest.approx(found[0]["peak"] / found[1]["peak"] - 1)
+    # Far below it a mode answers with 1 / (its frequency^2 - the frequency^2); the rest moves alike on both meshes.
+    flexible = [1.0 / (row["tangent_hz"] ** 2 - 121.0**2) for row in found]
+    assert found[0]["peak"] / found[1]["peak"] == pytest.approx(flexible[0] / flexible[1], rel=0.05)
+    assert picture.stat().st_size > 0
+    peak, frequency = unlike_plates.picture(found).axes
+    drawn = {line.get_label(): line.get_xydata().tolist() for line in peak.lines}
+    assert drawn["matching, node pairs"] == [[2.0, found[1]["peak"]]]
+    assert drawn["1 : 1.7, nodes on faces"] == [[found[0]["mean_size"], found[0]["peak"]]]
+    assert [line.get_ydata()[0] for line in frequency.lines] == [121.0, 121.0]
+    # What is there is not made again.
+    (tmp_path / "2_1" / "model.h5").unlink()
+    assert run("unlike_plates.py", *arguments) == found
