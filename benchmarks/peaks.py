@@ -38,7 +38,7 @@ from mpi4py import MPI
 from scipy.optimize import minimize_scalar
 
 from attrito.library.session import Options, Point, Solver
-from attrito.peaks.curve import Found
+from attrito.peaks.curve import REASONS, Found
 from attrito.peaks.run import follow
 from attrito.support.errors import NumericsError
 
@@ -167,6 +167,8 @@ def run(task: Task) -> Run:
     done.peaks = len(solved)
     if found:
         done.evaluations = found[-1].peak.evaluations
+    if found and not found[-1].converged and found[-1].peak.ending in REASONS:
+        done.ending = found[-1].peak.ending
     if solved:
         done.came_to = solved[-1].peak.parameter
         done.arrived = found[-1].converged and abs(done.came_to / keys["stop"] - 1.0) <= 1e-12

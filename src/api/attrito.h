@@ -357,6 +357,7 @@ typedef struct {
     double slope;
     double curvature;
     int evaluations;
+    int ending;
 } attrito_peak;
 
 /* Find the peak of a monitor (from 0) at a level, near an angular frequency; sweeps go from start to stop. The static path has been

@@ -24,6 +24,7 @@ module attrito_api_describe
   use attrito_api_integrate, only: scene_type, run_options_type => options_type, run_report_type => report_type
   use attrito_api_message, only: say
   use attrito_api_peak, only: peak_type
+  use attrito_peak_endings, only: ending_names
   use attrito_api_reduce, only: reduction_options_type => options_type, reduction_report_type => report_type
   use attrito_api_session, only: contact_law_type
   use attrito_api_quasi_static, only: quasi_static_type
@@ -59,6 +60,7 @@ contains
     table = strategies()
     text = counted('outcomes', outcome_names)// &
            counted('strategies', table%name)// &
+           counted('endings', ending_names)// &
            counted('states', state_names)// &
            counted('laws', law_names)// &
            counted('multiplier_kinds', kind_names)// &

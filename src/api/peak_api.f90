@@ -8,6 +8,7 @@ module attrito_api_peak
   use attrito_output_point_report, only: report_point
   use attrito_peak_condition, only: problem_type, value_of
   use attrito_peak_curve, only: follow_parameter
+  use attrito_peak_endings, only: ending_none, ending_not_found
   use attrito_peak_first_peak, only: begin_curve, begin_curve_near
   use attrito_api_session, only: session_type, session_of
   use attrito_api_solver, only: point_type, point_of
@@ -19,8 +20,8 @@ module attrito_api_peak
     type(point_type) :: point
     !> Value of the parameter; amplitude of the monitor, how it changes with the parameter along the peaks, and with omega twice
     real(c_double) :: parameter, amplitude, slope, curvature
-    !> Evaluations of the balance since the session began
-    integer(c_int) :: evaluations
+    !> Evaluations of the balance since the session began; why there is no peak, as endings are counted
+    integer(c_int) :: evaluations, ending
   end type peak_type
 
 contains
@@ -159,6 +160,8 @@ contains
     call report_point(session%solver, ended, branch, session%accuracy%errors, session%accuracy%tolerance, session%point)
     peak%point = point_of(session%point)
     peak%evaluations = session%solver%context%balance%evaluations
+    peak%ending = session%peak%ending
+    if (.not. session%peak%found .and. peak%ending == ending_none) peak%ending = ending_not_found
     peak%parameter = value_of(session%peak%problem, session%solver)
     peak%amplitude = 0.0_wp
     peak%slope = 0.0_wp

@@ -25,8 +25,8 @@ module attrito_balance_harmonic_balance
   private
   public :: balance_type, stuck_mean_type
 
-  !> Part of the forces that free motions bear which rounding of these motions and of the stuck modes leaves unbalanced: 3e-13 to 2e-11
-  !> on joints with 460 to 1600 coordinates; a body that drifts leaves the part of a force that nothing holds
+  !> Part of the forces that free motions bear which rounding of these motions and of the stuck modes leaves unbalanced: 3e-13 to
+  !> 2e-11 on joints with 460 to 1600 coordinates; a body that drifts leaves the part of a force that nothing holds
   real(wp), parameter :: free_rounding = 1.0e-9_wp ! measured
 
   !> Mean response of the stuck system, and the sliders and static loads that it belongs to

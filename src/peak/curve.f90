@@ -9,15 +9,15 @@
 !> last one, and by a sweep about it where that fails (attrito_peak_local_sweep). The peak may jump there.
 module attrito_peak_curve
   use attrito_core_kinds, only: wp
-  use attrito_newton_border, only: inner_product
   use attrito_solve_strategies, only: solve_by_strategies
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
   use attrito_peak_climb, only: climb
   use attrito_peak_local_sweep, only: sweep_for_peak
-  use attrito_peak_condition, only: problem_type, direction_type, linearisation_type, linearise, value_of, set_value, &
-                                    scale_of_motion
-  use attrito_peak_corrector, only: plane_type, correct, combine, scaled, height, relative_size, frequency_weight
+  use attrito_peak_condition, only: problem_type, linearisation_type, linearise, value_of, set_value
+  use attrito_peak_corrector, only: plane_type, correct, relative_size
+  use attrito_peak_curve_tangent, only: curve_tangent_type
+  use attrito_peak_endings, only: ending_none, ending_not_found
   implicit none
   private
   public :: curve_type, follow_parameter
@@ -32,6 +32,8 @@ module attrito_peak_curve
   real(wp), parameter :: first_step = 0.1_wp, smallest_step = 3.0e-3_wp, largest_step = 0.7_wp ! guess
   !> Relative changes of the parameter, in turn, to where the next peak is looked for if no step along the curve is solved
   real(wp), parameter :: leaps(3) = [0.05_wp, 0.1_wp, 0.2_wp] ! guess
+  !> Where peaks farther on are climbed to one after another, the next one is looked for twice as far, up to this
+  real(wp), parameter :: largest_leap = 0.4_wp ! guess
   integer, parameter :: most_steps = 400 ! conventional
 
   !> A peak to return to: the solver's point, the parameter's value and the scale of motions there
@@ -51,13 +53,14 @@ module attrito_peak_curve
     integer :: iterations = 0
     !> Is the next peak looked for farther on where no step along the curve is solved?
     logical :: may_step_over = .true.
+    !> One of `ending_...`: why there is no next peak
+    integer :: ending = ending_none
     real(wp), private :: step = first_step
+    !> Relative change of the parameter to where the next peak is looked for first
+    real(wp), private :: leap = leaps(1)
     !> Was the last peak not reached by a step along the curve?
     logical, private :: stepped_over = .false.
-    !> Unit tangent of the curve, and the way it was followed last
-    type(direction_type), private :: tangent
-    !> How it changes from step to step, per length, once two are known
-    type(direction_type), private :: bending
+    type(curve_tangent_type), private :: tangent
   contains
     procedure :: advance
     procedure :: go_to
@@ -97,13 +100,12 @@ contains
 
     self%problem%parameter = parameter
     self%step = first_step
-    if (allocated(self%tangent%step%motion)) deallocate (self%tangent%step%motion)
-    if (allocated(self%bending%step%motion)) deallocate (self%bending%step%motion)
+    call self%tangent%forget()
     ! The peak stays where it is; at a corner Newton's method would not come back to it.
     call linearise(self%problem, solver, self%point, status)
     self%found = status == 0
     self%iterations = 0
-    if (self%found) call find_tangent(self, solver, 0.0_wp)
+    if (self%found) call self%tangent%find(self%problem, solver, self%point, 0.0_wp)
   end subroutine follow_parameter
 
   !> The peak near where the solver stands, its parameter held.
@@ -114,7 +116,7 @@ contains
     real(wp) :: error
 
     call correct_from(self, solver, plane_type(value=value_of(self%problem, solver)), error)
-    if (self%found) call find_tangent(self, solver, 0.0_wp)
+    if (self%found) call self%tangent%find(self%problem, solver, self%point, 0.0_wp)
   end subroutine correct_here
 
   !> Follow to a value of the parameter, in as many steps as it takes; it was not found if the curve is lost on the way.
@@ -138,28 +140,6 @@ contains
     self%iterations = iterations
   end subroutine go_to
 
-  !> Go on towards a value of the parameter: the tangent points to greater or smaller ones.
-  subroutine turn_towards(self, solver, value)
-    type(curve_type), intent(inout) :: self
-    !> Solver of points: its motion, sliders, angular frequency and balance
-    type(solver_type), intent(in) :: solver
-    !> Value of the parameter
-    real(wp), intent(in) :: value
-
-    if (.not. allocated(self%tangent%step%motion)) call find_tangent(self, solver, 0.0_wp)
-    if (self%tangent%parameter*(value - value_of(self%problem, solver)) < 0.0_wp) call reverse(self%tangent)
-  end subroutine turn_towards
-
-  subroutine reverse(direction)
-    !> Change of the unknowns and of the response
-    type(direction_type), intent(inout) :: direction
-
-    direction%step%motion = -direction%step%motion
-    direction%step%slider = -direction%step%slider
-    direction%step%omega = -direction%step%omega
-    direction%parameter = -direction%parameter
-  end subroutine reverse
-
   !> The next peak towards a value of the parameter, or just there; the solver stays where it was if there is none.
   subroutine advance(self, solver, stop, reached)
     class(curve_type), intent(inout) :: self
@@ -173,9 +153,12 @@ contains
     integer :: iterations
 
     before = base_point_of(self, solver)
-    call turn_towards(self, solver, stop)
+    if (.not. self%tangent%is_known()) call self%tangent%find(self%problem, solver, self%point, 0.0_wp)
+    call self%tangent%turn_towards(self%problem, solver, stop)
     call step_along(self, solver, before, stop, iterations, reached)
     self%stepped_over = .not. self%found
+    self%ending = merge(ending_none, ending_not_found, self%found)
+    if (self%found) self%leap = leaps(1)
     if (self%stepped_over .and. self%may_step_over) call step_over(self, solver, before, stop, iterations, reached)
     self%iterations = iterations
   end subroutine advance
@@ -230,7 +213,7 @@ contains
         return
       end if
     end if
-    call find_tangent(self, solver, merge(0.0_wp, length, stuck))
+    call self%tangent%find(self%problem, solver, self%point, merge(0.0_wp, length, stuck))
     ! A step cut short by its end says little of the next.
     if (.not. reached) self%step = min(self%step*min(max(sqrt(aimed/max(error, 1.0e-12_wp)), 0.4_wp), 2.0_wp), largest_step)
   end subroutine step_along
@@ -248,25 +231,49 @@ contains
     integer, intent(inout) :: iterations
     !> Has it come to the end?
     logical, intent(out) :: reached
-    real(wp) :: value
+    real(wp) :: leap, value
     integer :: i
+    logical :: climbed
 
-    do i = 1, size(leaps)
-      value = before%parameter*(1.0_wp + leaps(i))**sign(1.0_wp, stop - before%parameter)
-      reached = passed(before%parameter, value, stop)
-      if (reached) value = stop
-      call search(self, solver, before, value, iterations)
-      if (self%found .or. reached) exit
+    leap = self%leap
+    climbed = .false.
+    do while (leap > leaps(1) .and. .not. climbed)
+      call look_ahead(before%parameter, leap, stop, value, reached)
+      call climb_to(self, solver, before, value, .true., iterations)
+      climbed = self%found
+      if (.not. climbed) leap = max(0.5_wp*leap, leaps(1))
     end do
+    if (.not. climbed) then
+      do i = 1, size(leaps)
+        call look_ahead(before%parameter, leaps(i), stop, value, reached)
+        call search(self, solver, before, value, iterations, climbed)
+        if (self%found .or. reached) exit
+      end do
+    end if
+    self%leap = merge(min(2.0_wp*leap, largest_leap), leaps(1), climbed)
     reached = reached .and. self%found
     self%step = first_step
     if (.not. self%found) then
       call go_back(self, solver, before)
       return
     end if
-    if (allocated(self%tangent%step%motion)) deallocate (self%tangent%step%motion)
-    call find_tangent(self, solver, 0.0_wp)
+    call self%tangent%forget()
+    call self%tangent%find(self%problem, solver, self%point, 0.0_wp)
   end subroutine step_over
+
+  !> The value of the parameter that is so far ahead, or the last one.
+  pure subroutine look_ahead(from, leap, stop, value, reached)
+    !> Value to go on from; relative change; value to end at
+    real(wp), intent(in) :: from, leap, stop
+    !> Where to look
+    real(wp), intent(out) :: value
+    !> Is that the end?
+    logical, intent(out) :: reached
+
+    value = from*(1.0_wp + leap)**sign(1.0_wp, stop - from)
+    reached = passed(from, value, stop)
+    if (reached) value = stop
+  end subroutine look_ahead
 
   !> Is a value beyond another on the way to a third?
   pure logical function leads_on(from, to, stop)
@@ -295,18 +302,18 @@ contains
     logical, intent(out) :: reached
 
     length = self%step
-    call predict(self, solver, before, length, plane)
+    call self%tangent%predict(self%problem, solver, before, before%parameter, length, plane)
     reached = passed(before%parameter, value_of(self%problem, solver), stop)
     if (reached) then
-      length = min(length, abs((stop - before%parameter)/self%tangent%parameter))
-      call predict(self, solver, before, length, plane)
+      length = min(length, self%tangent%length_to(before%parameter, stop))
+      call self%tangent%predict(self%problem, solver, before, before%parameter, length, plane)
       call set_value(self%problem, solver, stop)
     end if
     if (stuck .or. reached .or. climbs(solver)) plane = plane_type(value=value_of(self%problem, solver))
   end subroutine solve_in_plane
 
   !> The peak at a value of the parameter, from the one before with all that there is: the strategies, climbing, and a sweep.
-  subroutine search(self, solver, before, value, iterations)
+  subroutine search(self, solver, before, value, iterations, climbed)
     type(curve_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
@@ -316,21 +323,46 @@ contains
     real(wp), intent(in) :: value
     !> Counts on
     integer, intent(inout) :: iterations
+    !> Was it found without a sweep?
+    logical, intent(out) :: climbed
 
-    call go_back(self, solver, before)
-    call set_value(self%problem, solver, value)
-    call solve_by_strategies(solver, solver%omega)
-    iterations = iterations + solver%report%iterations
-    self%iterations = 0
-    self%found = .false.
-    if (solver%report%converged) call climb_here(self, solver)
-    iterations = iterations + self%iterations
-    if (self%found) return
+    call climb_to(self, solver, before, value, .false., iterations)
+    climbed = self%found
+    if (climbed) return
     call go_back(self, solver, before)
     call set_value(self%problem, solver, value)
     call self%sweep_here(solver)
     iterations = iterations + self%iterations
   end subroutine search
+
+  !> The peak uphill from the motion of the one before, at a value of the parameter.
+  subroutine climb_to(self, solver, before, value, briefly, iterations)
+    type(curve_type), intent(inout) :: self
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> Peak to go on from
+    type(base_point_type), intent(in) :: before
+    !> Value of the parameter
+    real(wp), intent(in) :: value
+    !> By Newton's method alone, ended early?
+    logical, intent(in) :: briefly
+    !> Counts on
+    integer, intent(inout) :: iterations
+
+    call go_back(self, solver, before)
+    call set_value(self%problem, solver, value)
+    if (briefly) then
+      call solver%solve_at(solver%omega, early_stop=.true.)
+    else
+      call solve_by_strategies(solver, solver%omega)
+    end if
+    iterations = iterations + solver%report%iterations
+    self%iterations = 0
+    self%found = .false.
+    if (solver%report%converged) call climb_here(self, solver)
+    iterations = iterations + self%iterations
+    if (self%found) self%ending = ending_none
+  end subroutine climb_to
 
   !> The largest peak about the solver's frequency.
   subroutine sweep_here(self, solver)
@@ -339,7 +371,7 @@ contains
     type(solver_type), intent(inout) :: solver
     integer :: status
 
-    call sweep_for_peak(self%problem, solver, self%band, self%iterations, self%found)
+    call sweep_for_peak(self%problem, solver, self%band, self%iterations, self%found, self%ending)
     if (.not. self%found) return
     call linearise(self%problem, solver, self%point, status)
     self%found = status == 0
@@ -352,39 +384,6 @@ contains
 
     passed = (value - from)*(to - value) >= 0.0_wp .and. abs(to - from) > 0.0_wp
   end function passed
-
-  !> Go along the tangent, and as it turned over the last step; the plane across it stands there.
-  subroutine predict(self, solver, before, length, plane)
-    type(curve_type), intent(in) :: self
-    !> Solver of points, which this moves
-    type(solver_type), intent(inout) :: solver
-    !> Peak to go on from
-    type(base_point_type), intent(in) :: before
-    !> Length of the step
-    real(wp), intent(in) :: length
-    !> Linear condition on motion, frequency and parameter
-    type(plane_type), intent(out) :: plane
-    real(wp) :: scale, parameter
-
-    scale = scale_of_motion(solver)
-    associate (step => self%tangent%step)
-      solver%motion = before%motion + length*step%motion
-      solver%omega = before%omega + length*step%omega
-      parameter = before%parameter + length*self%tangent%parameter
-      if (allocated(self%bending%step%motion)) then
-        solver%motion = solver%motion + 0.5_wp*length**2*self%bending%step%motion
-        solver%omega = solver%omega + 0.5_wp*length**2*self%bending%step%omega
-        parameter = parameter + 0.5_wp*length**2*self%bending%parameter
-      end if
-      call solver%set_slider(before%slider + length*step%slider, before%periodic)
-      call set_value(self%problem, solver, parameter)
-      plane%motion = step%motion/scale**2
-      plane%motion(1, :) = 0.0_wp
-      plane%omega = step%omega*(frequency_weight/before%omega)**2
-      plane%parameter = self%tangent%parameter/before%parameter**2
-    end associate
-    plane%value = height(self%problem, solver, plane)
-  end subroutine predict
 
   !> Correct, and tell how far the corrector went from the prediction, relative.
   subroutine correct_from(self, solver, plane, error)
@@ -444,53 +443,6 @@ contains
 
     is_in_band = solver%omega >= minval(self%band)*(1.0_wp - rounding) .and. solver%omega <= maxval(self%band)*(1.0_wp + rounding)
   end function is_in_band
-
-  !> Tangent of the curve of peaks, psi'[t] sigma + psi'[d_p] pi = 0, the way the last one went.
-  subroutine find_tangent(self, solver, length)
-    type(curve_type), intent(inout) :: self
-    !> Solver of points: its motion, sliders, angular frequency and balance
-    type(solver_type), intent(in) :: solver
-    !> Of the step since the last one; 0 where there was none
-    real(wp), intent(in) :: length
-    type(direction_type) :: tangent
-    real(wp), allocatable :: harmonics(:, :)
-    real(wp) :: size_of_it
-
-    associate (point => self%point, problem => self%problem, context => solver%context)
-      tangent = combine(point, 0.0_wp, -point%slope_parameter, point%slope_along)
-      harmonics = tangent%step%motion
-      harmonics(1, :) = 0.0_wp
-      size_of_it = relative_size(solver, harmonics, tangent%step%omega, tangent%parameter/value_of(problem, solver))
-      tangent = scaled(tangent, 1.0_wp/size_of_it)
-      associate (periodic => spread(context%balance%periodic, 1, size(tangent%step%slider, 1)))
-        tangent%step%slider = merge(tangent%step%slider, 0.0_wp, periodic)
-      end associate
-      if (allocated(self%tangent%step%motion)) then
-        if (along_last(self, solver, tangent) < 0.0_wp) call reverse(tangent)
-      end if
-      if (allocated(self%bending%step%motion)) deallocate (self%bending%step%motion)
-      if (length > 0.0_wp .and. allocated(self%tangent%step%motion)) then
-        self%bending%step%motion = (tangent%step%motion - self%tangent%step%motion)/length
-        self%bending%step%slider = 0.0_wp*tangent%step%slider
-        self%bending%step%omega = (tangent%step%omega - self%tangent%step%omega)/length
-        self%bending%parameter = (tangent%parameter - self%tangent%parameter)/length
-      end if
-      self%tangent = tangent
-    end associate
-  end subroutine find_tangent
-
-  !> Inner product, as the size of steps is measured, of a tangent with the last one.
-  real(wp) function along_last(self, solver, tangent)
-    type(curve_type), intent(in) :: self
-    !> Solver of points: its motion, sliders, angular frequency and balance
-    type(solver_type), intent(in) :: solver
-    !> Change of the unknowns and of the response
-    type(direction_type), intent(in) :: tangent
-
-    along_last = inner_product(solver%context%balance, self%tangent%step%motion(2:, :), tangent%step%motion(2:, :)) &
-                 /scale_of_motion(solver)**2 + self%tangent%step%omega*tangent%step%omega*(frequency_weight/solver%omega)**2 &
-                 + self%tangent%parameter*tangent%parameter/value_of(self%problem, solver)**2
-  end function along_last
 
   !> d^2 A/d omega^2 along the frequency response: negative at a maximum.
   real(wp) function curvature(self)

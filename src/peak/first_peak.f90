@@ -1,8 +1,8 @@
 !> The peak that a curve of peaks begins at.
 !>
-!> At the linear peak's frequency the level is lowered until all contacts stick, or is small; the peak there is followed to the level
-!> that is asked for. Where no step along that way is solved the response is swept at this level, which costs less than a search at
-!> every level in between; such searches are the last resort.
+!> At the linear peak's frequency the level is lowered until all contacts stick, or but a few, or it is small; the peak there is
+!> followed to the level that is asked for. Where no step along that way is solved the response is swept at this level, which costs
+!> less than a search at every level in between; such searches are the last resort.
 module attrito_peak_first_peak
   use attrito_core_kinds, only: wp
   use attrito_solve_strategies, only: solve_by_strategies
@@ -17,6 +17,8 @@ module attrito_peak_first_peak
   !> Levels to begin at, from one to the next
   real(wp), parameter :: level_ratio = 0.25_wp ! guess
   integer, parameter :: most_levels = 7 ! conventional
+  !> Part of the contacts that are not open which may slip at the level to begin at: some at the edge of contact slip at any level
+  real(wp), parameter :: few = 0.1_wp ! guess
 
 contains
 
@@ -34,8 +36,7 @@ contains
     type(curve_type) :: way
     real(wp) :: target, level
     integer :: i
-    logical :: begun
-    logical :: sticks
+    logical :: begun, solved, sticks
 
     self%problem = problem
     self%band = band
@@ -44,11 +45,11 @@ contains
     call set_border(self%problem, solver)
     target = solver%context%balance%level
     do i = 1, most_levels
-      call solve_sticking(solver, omega, sticks)
-      if (sticks .or. i == most_levels) exit
+      call solve_sticking(solver, omega, sticks, solved)
+      if (solved .or. i == most_levels) exit
       call set_value(self%problem, solver, level_ratio*solver%context%balance%level)
     end do
-    if (.not. sticks) call solve_by_strategies(solver, omega)
+    if (.not. solved) call solve_by_strategies(solver, omega)
     if (solver%report%converged) call self%find_near(solver)
     begun = self%found
     if (begun) then
@@ -90,26 +91,42 @@ contains
     call self%find_near(solver)
   end subroutine begin_curve_near
 
-  !> Solve where all contacts stick, if they do once sliders that stood at their limit have moved.
-  subroutine solve_sticking(solver, omega, sticks)
+  !> Solve where all contacts stick, or but a few, once sliders that stood at their limit have moved.
+  subroutine solve_sticking(solver, omega, sticks, solved)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
-    !> Do all contacts stick?
-    logical, intent(out) :: sticks
+    !> Do all contacts stick? Is it solved, and do no more than a few of them slip?
+    logical, intent(out) :: sticks, solved
     type(snapshot_type) :: before
 
     call solver%solve_stuck_at(omega, sticks)
+    solved = sticks
     if (sticks) return
     before = snapshot_of(solver)
     call solver%solve_at(omega, early_stop=.true.)
     sticks = solver%report%converged .and. solver%all_stick
-    if (sticks) return
+    solved = sticks
+    if (solver%report%converged .and. .not. sticks) solved = share_of_slipping(solver) <= few
+    if (solved) return
     call restore(solver, before)
     ! Lower loads may leave them stuck.
     solver%all_stick = .true.
   end subroutine solve_sticking
+
+  !> Part of the contacts that are not open all over the period which slip.
+  real(wp) function share_of_slipping(solver) result(share)
+    !> Solver of points: its motion, sliders, angular frequency and balance
+    type(solver_type), intent(in) :: solver
+    real(wp) :: counts(2)
+
+    associate (forces => solver%context%balance%forces)
+      counts = [count(forces%open < 1.0_wp .and. forces%slip > 0.0_wp), count(forces%open < 1.0_wp)]
+    end associate
+    call solver%context%balance%ranks%sum(counts)
+    share = counts(1)/max(counts(2), 1.0_wp)
+  end function share_of_slipping
 
   !> The border that belongs to a frequency.
   subroutine set_border(problem, solver)

@@ -22,6 +22,7 @@ from attrito.library.peak_tracker import PeakTracker
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
 from attrito.peaks import run as peaking
+from attrito.peaks.curve import Found, ending_of
 from attrito.peaks.file import read_peaks
 from attrito.peaks.run import begin, follow
 from attrito.support.errors import NumericsError
@@ -319,3 +320,73 @@ def test_a_peak_of_a_strip_that_is_partly_open_at_rest_arrives_within_its_band(w
     assert [found[0].peak.parameter, found[-1].peak.parameter] == [job["peak"]["start"], job["peak"]["stop"]]
     low, high = scene.band_hz
     assert all(low <= one.peak.frequency_hz <= high for one in found)
+
+
+def test_a_peak_that_leaves_the_band_ends_there_and_the_file_says_so(tmp_path, capfd):
+    made = jobs.peak_of_wedge()
+    made["peak"]["values"] = []
+    made["sweep"]["stop_hz"] = 125.0
+    done = jobs.attrito_here(tmp_path, capfd, "peak", jobs.write_job(tmp_path, made))
+    # That is no failure: there is no peak to be found.
+    assert done.returncode == 0, done.stderr
+    data, attributes = read_peaks(str(tmp_path / "result.peaks.h5"))
+    assert attributes["ending"] == "leaves_band"
+    last = data["level"][data["amplitude"] > 0.0][-1]
+    # Without the band's limit the peak is at 125.75 Hz at level 10.8 and at 123.8 Hz at 12.7.
+    assert 10.7 < last < 12.7
+    words = (
+        f"the curve ends: there is no peak beyond level {last:g}, since the response is largest at an end of the band"
+    )
+    assert attributes["ending_in_words"].startswith(words)
+    assert words in done.stdout + done.stderr
+
+
+def held_by_friction(stiffness: float, push: float) -> ReducedScene:
+    """A mass that rubs along x; a force beside the one that shakes it varies what presses it."""
+    laws = {"tangents": np.ones(1, dtype=np.int32), "gap": np.zeros(1), "preload": np.zeros(1)}
+    laws |= {
+        "tangential_stiffness": np.ones(1),
+        "normal_stiffness": np.ones(1),
+        "friction_coefficient": np.full(1, 0.5),
+    }
+    harmonic = np.array([[0.0, 0.0], [1.0, push], [0.0, 0.0]])
+    mass, damping = np.eye(2), 0.05 * np.eye(2)
+    press, monitor = np.array([[0.0, 1.0]]), np.array([[1.0, 0.0]])
+    springs = np.diag([stiffness, 1.0])
+    return ReducedScene(mass, springs, "viscous", 0.0, damping, laws, np.eye(2), press, harmonic, monitor, ["x"])
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "push", "low", "ending"), [(0.0, 0.3, 0.05, "no_periodic_motion"), (1.0, 0.0, 0.19, "leaves_band")]
+)
+def test_a_curve_ends_where_a_body_drifts_or_the_peak_leaves_the_band(stiffness, push, low, ending):
+    scene = held_by_friction(stiffness, push)
+    job = curve_job(start=0.01, stop=3.0, values=[])
+    job |= {"sweep": {"frequencies_hz": None, "start_hz": low, "stop_hz": 0.3}}
+    with Solver(MPI.COMM_SELF, scene, Options(harmonics=5, by_events=True)) as solver:
+        found = list(follow(solver, job, scene, np.array([[0.0], [1.0]])))
+    assert all(one.peak.ending == "none" for one in found[:-1])
+    assert (found[-1].converged, found[-1].peak.ending) == (False, ending)
+    if stiffness > 0.0:
+        # Slipping, the peak goes from sqrt(2)/(2 pi) = 0.225 Hz towards 1/(2 pi) = 0.159 Hz, below the band.
+        assert low <= found[-2].peak.frequency_hz < 1.005 * low
+    else:
+        # Sticking, the friction force is 20 times the level at resonance, mu N = 0.25 when it is largest: from 0.0125
+        # on it slips, and as the normal force varies more on one way than on the other it is carried along.
+        assert 0.0120 < found[-2].peak.parameter <= 0.0125
+
+
+def test_an_ending_is_that_of_the_last_peak():
+    def peak(parameter: float, outcome: str = "converged", why: str = "none") -> Found:
+        return Found(SimpleNamespace(parameter=parameter, outcome=outcome, ending=why), "step")
+
+    assert ending_of([peak(1.0), peak(2.0)], "level", 2.0).kind == "stop"
+    limited = ending_of([peak(1.0)], "level", 2.0)
+    assert (limited.kind, limited.words) == ("max_points", "[peak] max_points was reached at level 1")
+    lost = ending_of([peak(1.0), peak(1.0, "not_converged", "not_found")], "preload", 2.0)
+    assert (lost.kind, lost.is_physical) == ("not_found", False)
+    assert lost.words == "the peak is lost beyond preload 1: no point of the curve was found there"
+    none = ending_of([peak(0.5, "not_converged", "not_found")], "level", 2.0)
+    assert none.words == "the peak is lost from the start: no point of the curve was found there"
+    drifts = ending_of([peak(1.0), peak(1.0, "not_converged", "no_periodic_motion")], "level", 2.0)
+    assert drifts.is_physical and "beyond level 1" in drifts.words and "a body drifts" in drifts.words

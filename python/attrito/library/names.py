@@ -47,6 +47,8 @@ REFERENCES = ("stuck", "frictionless", "tangent")
 # Of peaks: whose amplitude, and in what they are followed
 AMPLITUDES = ("half_range", "first_harmonic")
 PARAMETERS = ("level", "preload")
+# Why a curve of peaks ends
+ENDINGS = ("none", "not_found", "leaves_band", "no_periodic_motion")
 
 # Of integration in time, and why its motion has not converged
 SCHEMES = ("event", "central_difference", "newmark", "hht", "generalised_alpha", "exponential")
@@ -86,6 +88,7 @@ ENUMERATIONS: dict[str, tuple[str, ...] | dict[str, int]] = {
     "references": REFERENCES,
     "amplitudes": AMPLITUDES,
     "parameters": PARAMETERS,
+    "endings": ENDINGS,
     "schemes": SCHEMES,
     "reasons": REASONS,
     "reduction_steps": REDUCTION_STEPS,

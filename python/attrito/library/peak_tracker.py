@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from attrito.library.names import AMPLITUDES, PARAMETERS
+from attrito.library.names import AMPLITUDES, ENDINGS, PARAMETERS
 from attrito.library.session import Point, Solver
 from attrito.library.structures import RawPeak, omega, pointer
 from attrito.support.errors import NumericsError
@@ -32,6 +32,7 @@ class Peak:
     slope : its derivative by the parameter along the peaks
     curvature : its second derivative by angular frequency along the frequency response; negative at a maximum
     evaluations : of the balance, since the session began
+    ending : a name of `ENDINGS`, why there is no peak
     """
 
     point: Point
@@ -41,6 +42,7 @@ class Peak:
     slope: float
     curvature: float
     evaluations: int
+    ending: str
 
     @property
     def frequency_hz(self) -> float:
@@ -160,4 +162,5 @@ class PeakTracker:
         raw = RawPeak()
         self._solver.call(name, *arguments, ctypes.byref(raw))
         numbers = (raw.parameter, raw.point.level, raw.amplitude, raw.slope, raw.curvature, raw.evaluations)
-        return Peak(self._solver.point_of(raw.point), *numbers), bool(raw.point.finished)
+        ending = ENDINGS[raw.ending]
+        return Peak(self._solver.point_of(raw.point), *numbers, ending), bool(raw.point.finished)

@@ -57,7 +57,7 @@ class RawPeak(ctypes.Structure):
     _fields_ = [
         ("point", RawPoint),
         *_all(c_double, "parameter", "amplitude", "slope", "curvature"),
-        ("evaluations", c_int),
+        *_all(c_int, "evaluations", "ending"),
     ]
 
 

@@ -70,6 +70,51 @@ class Found:
         return self.peak.outcome != "not_converged"
 
 
+# Why there is no peak farther on, where the reason is physical
+REASONS = {
+    "leaves_band": "the response is largest at an end of the band of [sweep] there",
+    "no_periodic_motion": (
+        "about it there is no motion of the loads' period there: mean friction cannot balance the mean forces, "
+        "and a body drifts"
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a curve of peaks ends.
+
+    Parameters
+    ----------
+    kind : `stop`, `max_points`, or a name of `ENDINGS`
+    words : a sentence
+    """
+
+    kind: str
+    words: str
+
+    @property
+    def is_physical(self) -> bool:
+        """Whether there is no peak to be found farther on."""
+        return self.kind in REASONS
+
+
+def ending_of(found: list[Found], parameter: str, stop: float) -> Ending:
+    """How a curve that was followed to a value of its parameter has ended."""
+    last = found[-1]
+    if last.converged:
+        if abs(last.peak.parameter - stop) <= 1e-12 * stop:
+            return Ending("stop", "it has come to its stop")
+        return Ending("max_points", f"[peak] max_points was reached at {parameter} {last.peak.parameter:g}")
+    known = [one.peak.parameter for one in found if one.converged]
+    where = f"beyond {parameter} {known[-1]:g}" if known else f"at {parameter} {last.peak.parameter:g}"
+    kind = last.peak.ending
+    if kind in REASONS:
+        return Ending(kind, f"the curve ends: there is no peak {where}, since {REASONS[kind]}")
+    where = where if known else "from the start"
+    return Ending("not_found", f"the peak is lost {where}: no point of the curve was found there")
+
+
 def elasticity(peak: Peak, parameter: str) -> float:
     """Relative change of the peak per relative change of the parameter: of amplitude per level, or of amplitude."""
     return peak.slope * peak.parameter / peak.amplitude - (1.0 if parameter == "level" else 0.0)

@@ -12,7 +12,7 @@ from scipy.interpolate import CubicHermiteSpline
 from attrito.job.job import Job
 from attrito.library.names import OUTCOMES, STATES
 from attrito.library.reduced_scene import ReducedScene
-from attrito.peaks.curve import KINDS, Found, elasticity
+from attrito.peaks.curve import KINDS, Found, elasticity, ending_of
 from attrito.support.atomic_files import whole_hdf5
 from attrito.support.errors import Fault, InputError
 from attrito.support.hdf5_reading import stored
@@ -108,6 +108,9 @@ def write(
         file.attrs["warnings"] = "\n".join(warnings)
         file.attrs["parameter"] = keys["parameter"]
         file.attrs["amplitude"] = keys["amplitude"]
+        ending = ending_of(found, keys["parameter"], keys["stop"])
+        file.attrs["ending"] = ending.kind
+        file.attrs["ending_in_words"] = ending.words
         file.attrs["monitor"] = keys["monitor"] or scene.monitor_names[0]
 
         def put(name: str, values: np.ndarray, description: str, unit: str = "1", names: tuple = ()) -> None:

@@ -16,7 +16,7 @@ from attrito.library.peak_tracker import Peak, PeakTracker
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
 from attrito.peaks.backbone import BackboneTracker, follow_backbone, leading_mode
-from attrito.peaks.curve import Backbone, Found, elasticity
+from attrito.peaks.curve import Backbone, Ending, Found, elasticity, ending_of
 from attrito.peaks.file import table, write
 from attrito.peaks.fixed_series import fixed_series, is_enough
 from attrito.peaks.plot import peak_curve
@@ -93,6 +93,8 @@ def _follow_and_show(
         save(peak_curve(file), place)
         return place
 
+    if (ending := _ending(job, found)).is_physical:
+        progress.say(ending.words)
     progress.say(f"{file}, {on_root(comm, show)}")
     return broken or _missed(job, found)
 
@@ -228,15 +230,15 @@ def _band(job: Job) -> list[float]:
     return sweep["frequencies_hz"] or [sweep["start_hz"], sweep["stop_hz"]]
 
 
-def _missed(job: Job, found: list[Found]) -> str:
+def _ending(job: Job, found: list[Found]) -> Ending:
     keys = job["peak"]
-    last = found[-1]
-    if not last.converged:
-        known = [one.peak.parameter for one in found if one.converged]
-        where = f"beyond {keys['parameter']} {known[-1]:g}" if known else "from the start"
-        return f"the peak is lost {where}: no point of the curve was found there"
-    if abs(last.peak.parameter - keys["stop"]) > 1e-12 * keys["stop"]:
-        return f"[peak] max_points was reached at {keys['parameter']} {last.peak.parameter:g}"
+    return ending_of(found, keys["parameter"], keys["stop"])
+
+
+def _missed(job: Job, found: list[Found]) -> str:
+    ending = _ending(job, found)
+    if ending.kind != "stop" and not ending.is_physical:
+        return ending.words
     if above := sum(one.peak.outcome == "above_tolerance" for one in found):
         return f"the estimated error of {above} peak(s) is above [balance] tolerance = {job['balance']['tolerance']:g}"
     return ""
