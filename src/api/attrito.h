@@ -350,6 +350,9 @@ void attrito_evaluate_motion(void *handle, int coefficients, int samples, const 
  * point; 0, or not: the linearised step is singular. */
 int attrito_change_by_force(void *handle, int coefficients, const double *force, double *change);
 
+/* Length of the sweep's next step; another, if that is greater than zero. */
+double attrito_step_size(void *handle, double size);
+
 typedef struct {
     attrito_point point;
     double parameter;

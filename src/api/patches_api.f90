@@ -95,6 +95,19 @@ contains
     attrito_change_by_force = status
   end function attrito_change_by_force
 
+  !> Length of the sweep's next step; another, if that is greater than zero.
+  real(c_double) function attrito_step_size(handle, size) bind(c)
+    !> Session, see `session_of`
+    type(c_ptr), value :: handle
+    !> Length of the step in the sweep's own scale
+    real(c_double), value :: size
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    if (size > 0.0_c_double) session%sweep%stepper%size = size
+    attrito_step_size = session%sweep%stepper%size
+  end function attrito_step_size
+
   !> Sliders of this rank's contacts, of those of all [width, contacts].
   function own_sliders(session, slider) result(own)
     !> Session, as the handle stands for

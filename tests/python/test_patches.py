@@ -16,6 +16,8 @@ from attrito.job.fewer_contacts import take_all_contacts
 from attrito.job.reading import read_job
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
+from attrito.modes.patched import PatchedModeTracker
+from attrito.modes.tracker import ModeTracker
 from attrito.patches.partition import first_partition, halves, kinds_of, numbered, refined
 from attrito.patches.solver import PatchedSolver, Places
 from attrito.support.errors import InputError
@@ -93,8 +95,7 @@ def solve(solver, frequencies, level=1.0):
     points, reports = [], []
     for point in solver.solve_at(list(frequencies), level, 0):
         points.append(point)
-        reports.append({})
-        solver.report_point(lambda path, _, values, to=reports[-1]: to.update({path: values}))
+        reports.append(reported(solver))
     return means, points, reports
 
 
@@ -166,7 +167,7 @@ def test_patches_are_refined_until_the_error_is_within_the_tolerance_and_the_est
     count = len(places.tables)
     assert max(point.states[2] for point in points) > count // 3, "the test is void unless many pairs slip"
     found = {}
-    for tolerance in (0.2, 0.02):
+    for tolerance in (0.1, 0.001):
         _, merged, reports = of_patches(scene, places, frequencies, tolerance=tolerance)
         errors = abs(amplitudes(merged) / amplitudes(points) - 1.0)
         estimates = np.array([report["/points/error_contacts"] for report in reports])
@@ -174,7 +175,43 @@ def test_patches_are_refined_until_the_error_is_within_the_tolerance_and_the_est
         assert np.all(estimates <= 0.5 * tolerance)
         assert np.all(estimates >= errors / 3.0 - 1e-6)
         found[tolerance] = reports[-1]["/points/patches"]
-    assert found[0.2] < found[0.02] < count
+    assert found[0.1] < found[0.001] < count
+
+
+def test_a_mode_followed_with_patches_is_that_of_all_pairs():
+    scene, places = block()
+    band = 1587.0, 1587.0
+    with (
+        Solver(MPI.COMM_SELF, scene, OPTIONS) as solver,
+        PatchedSolver(MPI.COMM_SELF, scene, OPTIONS, places, 0.01, band) as merged,
+    ):
+        for one in (solver, merged):
+            one.follow_static_path(FULL, 1, 700.0)
+        modes = solver.linear_modes("tangent", 2)
+        frequency_hz = float(modes.natural_hz[0])
+        trackers = ModeTracker(solver, scene, modes.shapes[0], frequency_hz), PatchedModeTracker(merged, frequency_hz)
+        slips, patches, damping = [], [], []
+        for amplitude in (1e-5, 1.15e-5, 1.3e-5, 1.4e-5, 1.5e-5):
+            whole, coarse = (tracker.at(amplitude) for tracker in trackers)
+            assert whole.converged and coarse.converged
+            error = abs(coarse.point.frequency_hz / whole.point.frequency_hz - 1.0)
+            assert error <= min(3.0 * coarse.error_contacts + 1e-6, 0.01)
+            reports = [reported(one) for one in (solver, merged)]
+            work = [np.nansum(report["/contacts/dissipated_energy"]) for report in reports]
+            ratios = [one.damping_ratio(own) for one, own in zip((whole, coarse), work, strict=True)]
+            assert reports[1]["/points/error_dissipation"] <= 0.025
+            assert ratios[1] == pytest.approx(ratios[0], rel=0.05, abs=1e-12)
+            slips.append(whole.point.states[2])
+            patches.append(int(reports[1]["/points/patches"]))
+            damping.append(ratios[0])
+    assert max(slips) >= 8 and max(damping) > 0.005, "the test is void unless contacts slip and damp"
+    assert patches[0] < max(patches) < len(places.tables)
+
+
+def reported(solver):
+    report = {}
+    solver.report_point(lambda path, _, values: report.update({path: values}))
+    return report
 
 
 def test_only_pairs_alike_are_merged():
@@ -188,12 +225,12 @@ def test_only_pairs_alike_are_merged():
 
 
 def test_first_patches_are_small_compact_and_nearly_plane():
-    angle = np.linspace(0.0, np.pi, 40)
+    angle = np.linspace(0.0, np.pi, 400)
     normals = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
-    partition = first_partition(np.zeros(40, dtype=int), np.full(40, True), 5.0 * normals, normals)
+    partition = first_partition(np.zeros(400, dtype=int), 5.0 * normals, normals)
     for patch in range(partition.max() + 1):
         pairs = np.flatnonzero(partition == patch)
-        assert len(pairs) <= 8 and np.array_equal(pairs, np.arange(pairs[0], pairs[0] + len(pairs)))
+        assert len(pairs) <= 64 and np.array_equal(pairs, np.arange(pairs[0], pairs[0] + len(pairs)))
         assert (normals[pairs] @ normals[pairs].T).min() >= 0.95
 
 
@@ -270,7 +307,7 @@ def test_what_patches_do_not_give_is_refused_by_name(tmp_path, table, key, value
     assert f'{expected} [balance] contacts = "auto"' in answer.stderr
 
 
-@pytest.mark.parametrize("command", ["peak", "mode", "study"])
+@pytest.mark.parametrize("command", ["peak", "study"])
 def test_commands_that_do_not_merge_say_so(tmp_path, command):
     write_blocks(tmp_path / "model.h5")
     job = read_job(tmp_path / write_job(tmp_path, merging(blocks())))

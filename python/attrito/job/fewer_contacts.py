@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from attrito.job.job import Job
 from attrito.support.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
 
 
 def check_contacts(job: Job) -> list[Fault]:
@@ -29,6 +34,12 @@ def check_contacts(job: Job) -> list[Fault]:
             table, key = place.strip("[").split("] ")
             found.append(job.fault(place, job[table][key], expected))
     return found
+
+
+def check_one_process(comm: Comm, job: Job) -> None:
+    """Refuse to merge contacts on several processes."""
+    if comm.size > 1:
+        raise InputError(job.fault("[balance] contacts", "auto", f'"all" on {comm.size} processes, or one process'))
 
 
 def take_all_contacts(job: Job, command: str) -> None:

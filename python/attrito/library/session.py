@@ -248,6 +248,11 @@ class Solver:
         """How many numbers the sliders of a contact take."""
         return slider_width(self._scene.laws)
 
+    def step_size(self, size: float = 0.0) -> float:
+        """The length of a sweep's next step, in the sweep's own scale; another, if one is given."""
+        length: float = self._library.attrito_step_size(self._handle, size)
+        return length
+
     def start_from(self, point: StoredPoint, level: float) -> bool:
         """Solve at a point of a result, from its motion; it is then the solver's point."""
         return bool(

@@ -83,6 +83,7 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
         None,
         (HANDLE, c_int, c_int, Doubles, Doubles, c_double, c_double, c_int, POINTER(RawPoint)),
     ),
+    "attrito_step_size": (c_double, (HANDLE, c_double)),
     "attrito_change_by_force": (c_int, (HANDLE, c_int, Doubles, Doubles)),
     # Members of a family
     "attrito_enter_family": (None, (HANDLE,)),

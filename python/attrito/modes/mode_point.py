@@ -22,8 +22,8 @@ class ModePoint:
     drive : what keeps the motion up, by the names of their series: xi, rad per time; quasi-static: amplitude of the
         load, and area of the loop
     iterations : of Newton's method on the way here
-    error_harmonics, error_samples : parts of the estimated relative error, see `SERIES` in `nonlinear.py`; NaN: not
-        estimated
+    error_harmonics, error_samples, error_contacts : parts of the estimated relative error, see `SERIES` in
+        `nonlinear.py`; NaN: not estimated
     contact_work : of each contact a period, user energy, at the root `[nc]`; None: that of the balance
     """
 
@@ -36,11 +36,13 @@ class ModePoint:
     error_harmonics: float = np.nan
     error_samples: float = np.nan
     contact_work: np.ndarray | None = None
+    error_contacts: float = np.nan
 
     @property
     def estimate(self) -> float:
         """Estimated relative error; NaN: not estimated."""
-        parts = [part for part in (self.error_harmonics, self.error_samples) if not np.isnan(part)]
+        all_parts = self.error_harmonics, self.error_samples, self.error_contacts
+        parts = [part for part in all_parts if not np.isnan(part)]
         return sum(parts) if parts else np.nan
 
     @property

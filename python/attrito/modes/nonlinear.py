@@ -15,10 +15,12 @@ from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series
 from attrito.library.session import LinearModes, Options, Solver
 from attrito.modes.mode_point import ModePoint
+from attrito.modes.patched import PatchedModeTracker
 from attrito.modes.quasi_static import QuasiStaticTracker
 from attrito.modes.scene_at_rest import Prepared, prepare, solver_at_rest
 from attrito.modes.table import table
 from attrito.modes.tracker import ModeTracker
+from attrito.patches.solver import PatchedSolver
 from attrito.peaks.fixed_series import fixed_series
 from attrito.plots.modes import mode_curve
 from attrito.plots.style import save
@@ -43,7 +45,7 @@ REFERENCES = (
     "Craig & Bampton 1968, doi:10.2514/3.4741"
 )
 # What finds points, by the method
-Tracker = ModeTracker | QuasiStaticTracker
+Tracker = ModeTracker | PatchedModeTracker | QuasiStaticTracker
 # Of modes that are looked through for the one meant
 LISTED = 40
 # Of a file of a mode, beside the series of a result
@@ -205,6 +207,8 @@ def _follow(comm: Comm, job: Job, tracker: Tracker, recorder: Recorder, place: R
 def new_tracker(job: Job, solver: Solver, scene: ReducedScene, modes: LinearModes, index: int) -> Tracker:
     """By the job's method, of the tangent mode of an index; the solver solves the scene."""
     shape, frequency_hz = modes.shapes[index], modes.natural_hz[index]
+    if isinstance(solver, PatchedSolver):
+        return PatchedModeTracker(solver, frequency_hz)
     if job["mode"]["method"] == "epmc":
         return ModeTracker(solver, scene, shape, frequency_hz)
     return QuasiStaticTracker(solver, len(scene.laws["tangents"]), shape, frequency_hz, job["mode"]["steps"])
@@ -260,7 +264,8 @@ def _first_record(comm: Comm, job: Job, scene: Scene, prepared: Prepared) -> Rec
 
 def check_mode(job: Job) -> None:
     """Faults between the keys of `[mode]` and the rest of the job."""
-    take_all_contacts(job, "mode")
+    if job["mode"]["method"] == "quasi_static":
+        take_all_contacts(job, 'mode with method = "quasi_static"')
     keys = job["mode"]
     if "mode" not in job.given:
         raise InputError(job.fault("[mode]", "missing", "this table, with start and stop"))

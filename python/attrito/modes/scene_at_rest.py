@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from attrito.job.fewer_contacts import check_one_process
 from attrito.job.job import Job
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
+from attrito.patches.solver import PatchedSolver, Places, places_of
 from attrito.runs.progress import Progress
 from attrito.scene import cautions
 from attrito.scene.reduced_model import Rom, make_rom, reduced_scene
@@ -32,12 +34,14 @@ class Prepared:
     rom, reduced : the reduced model, if there is one, and the scene in its coordinates; on rank 0 alone `rom` is there
     load_path : factors on the static loads, `[corners, loads]`
     options : of the solver
+    places : of the contacts, on rank 0 alone
     """
 
     rom: Rom | None
     reduced: ReducedScene
     load_path: np.ndarray
     options: Options
+    places: Places | None = None
 
 
 def prepare(comm: Comm, job: Job, scene: Scene | None, progress: Progress) -> Prepared:
@@ -49,18 +53,31 @@ def prepare(comm: Comm, job: Job, scene: Scene | None, progress: Progress) -> Pr
         comm, lambda: (reduced_scene(job, scene, rom), scene.load_path, solver_options(job, rom))
     )
     progress.warn(on_root(comm, lambda: cautions.of_damping(reduced)))
-    return Prepared(rom, reduced, load_path, options)
+    places = None if scene is None else places_of(scene.contacts.tables, scene.contacts.places)
+    return Prepared(rom, reduced, load_path, options, places)
 
 
 @contextmanager
 def solver_at_rest(comm: Comm, job: Job, prepared: Prepared, progress: Progress) -> Iterator[Solver]:
     """A solver that has followed the static load path. Collective."""
-    with Solver(comm, prepared.reduced, prepared.options) as solver:
+    with _new_solver(comm, job, prepared) as solver:
         try:
             progress.static(come_to_rest(solver, job, prepared.load_path))
         finally:
             progress.warn(cautions.of_static_solution(solver.static_states))
         yield solver
+
+
+def _new_solver(comm: Comm, job: Job, prepared: Prepared) -> Solver:
+    """Of all contacts, or one that merges them."""
+    if job["balance"]["contacts"] == "all":
+        return Solver(comm, prepared.reduced, prepared.options)
+    check_one_process(comm, job)
+    keys = job["mode"]
+    with Solver(comm, prepared.reduced, prepared.options) as solver:
+        stuck = solver.linear_modes("stuck", keys["number"] or 1).natural_hz
+    band = keys["near_hz"] or stuck[0], keys["near_hz"] or stuck[-1]
+    return PatchedSolver(comm, prepared.reduced, prepared.options, prepared.places, job["balance"]["tolerance"], band)
 
 
 def come_to_rest(solver: Solver, job: Job, load_path: np.ndarray) -> np.ndarray:

@@ -10,14 +10,12 @@ import numpy as np
 
 from attrito.library.names import LAWS
 
-# Pairs of a closed patch, and of an open one, to begin with
-CLOSED_SIZE, OPEN_SIZE = 8, 64
+# Pairs of a patch to begin with, at most: while nothing slips the size costs nothing
+FIRST_SIZE = 64
 # Largest angle between the normals of a patch: its cosine
 ALIGNED = 0.95
 # Part of the whole indicated error that the patches to be split make up
-MARKED = 0.7
-# A patch is split in so many where its pairs do not move alike
-PIECES = 2
+MARKED = 0.5
 
 
 def kinds_of(laws: dict[str, np.ndarray], tables: np.ndarray, closed: np.ndarray, places: np.ndarray) -> np.ndarray:
@@ -41,16 +39,15 @@ def kinds_of(laws: dict[str, np.ndarray], tables: np.ndarray, closed: np.ndarray
     return numbered(numbers)
 
 
-def first_partition(kinds: np.ndarray, closed: np.ndarray, places: np.ndarray, normals: np.ndarray) -> np.ndarray:
+def first_partition(kinds: np.ndarray, places: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """Compact patches of each kind, halved across their longest side until they are small and nearly plane."""
     parts: list[np.ndarray] = []
     for kind in np.unique(kinds):
         waiting = [np.flatnonzero(kinds == kind)]
         while waiting:
             pairs = waiting.pop()
-            most = CLOSED_SIZE if closed[pairs[0]] else OPEN_SIZE
             turned = (normals[pairs] @ normals[pairs].T).min(initial=1.0) < ALIGNED
-            if len(pairs) > 1 and (len(pairs) > most or turned):
+            if len(pairs) > 1 and (len(pairs) > FIRST_SIZE or turned):
                 waiting += halves(pairs, normals[pairs] if turned else places[pairs])
             else:
                 parts.append(pairs)

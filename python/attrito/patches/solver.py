@@ -30,6 +30,14 @@ if TYPE_CHECKING:
 
 # Part of the tolerance that patches may take
 PATCHES_SHARE, LEAST_SHARE = 0.5, 0.2
+# Error of the contacts' dissipation that is accepted, in units of the tolerance
+DAMPING_SHARE = 2.5
+# Contacts that lose less than this part of what the loads put in are measured against it
+LEAST_LOSS = 0.1
+# Part of the step along a branch that is kept where patches are refined
+STEP_KEPT = 0.5
+# Part of the loads' work that an error of the dissipation is taken to change the amplitude by, at least
+PART_OF_LOSS = 1.0 / 3.0
 # Times that the patches of a point are refined at most
 MOST_REFINEMENTS = 30
 # Times that large patches are halved where none of a frequency's points is found
@@ -52,6 +60,34 @@ class Places:
 def places_of(tables: np.ndarray, places: dict[str, np.ndarray]) -> Places:
     """Of a scene's contacts."""
     return Places(tables, places["position"], places["frame"][:, 2])
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A point with its errors by patches: of amplitude or frequency, and of what the contacts dissipate."""
+
+    point: Point
+    error: float
+    error_dissipation: float
+
+
+@dataclass(frozen=True)
+class _Comparison:
+    """All pairs at a point of the patches.
+
+    Parameters
+    ----------
+    force : of all rows `[rows, nk]`
+    indicated : of each pair, complex: what its force lacks, times its motion, all harmonics `[nc]`
+    states : of each pair `[nc]`
+    work, missing_work : of all pairs a period, and by how much that is more than the patches'
+    """
+
+    force: np.ndarray
+    indicated: np.ndarray
+    states: np.ndarray
+    work: float
+    missing_work: float
 
 
 @dataclass(frozen=True)
@@ -104,6 +140,22 @@ class PatchedSolver(Solver):
         self._heard: Heard = {}
         self._outcome = "converged"
         self.refinements = 0
+        self.on_new_patches: Callable[[], None] | None = None
+
+    @property
+    def patches(self) -> Solver:
+        """The session of the patches."""
+        return self._patches
+
+    @property
+    def scene_of_patches(self) -> ReducedScene:
+        """What it solves."""
+        return self._merged.scene
+
+    def change_patches(self, partition: np.ndarray) -> None:
+        """Go on with other patches, at the static solution."""
+        self.refinements += 1
+        self._begin_patches(partition)
 
     @property
     def partition(self) -> np.ndarray:
@@ -125,7 +177,7 @@ class PatchedSolver(Solver):
             if self._given is None:
                 laws, at = self._scene.laws, self._places
                 kinds = kinds_of(laws, at.tables, state.closed, at.positions)
-                self._partition = first_partition(kinds, state.closed, at.positions, at.normals)
+                self._partition = first_partition(kinds, at.positions, at.normals)
         self._begin_patches(self._partition)
         return means
 
@@ -201,18 +253,28 @@ class PatchedSolver(Solver):
             path = float(self._report_of_patches()["/points/path"][1])
             point, finer = self._judged(point._replace(iterations=iterations))
             if finer is not None:
-                way = self._way(point)
+                way, step = self._way(point), self._patches.step_size()
                 if self._start_again(point, finer):
                     self._path += np.nan_to_num(path)
                     sweep = self._sweep_of_point
                     left = sweep.max_points - self._taken if sweep.max_points else 0
-                    points = self._patches.follow(sweep.start_hz, sweep.stop_hz, sweep.branch, left, way)
+                    points = self._followed(way, left, STEP_KEPT * step)
                     continue
             self._last_hz, self._taken = point.frequency_hz, self._taken + 1
             yield point
             if point.finished:
                 return
             self.refinements, iterations = 0, 0
+
+    def _followed(self, way: int, left: int, step: float) -> Iterator[Point]:
+        """The branch from the patches' present point on, that point first."""
+        sweep = self._sweep_of_point
+        points = self._patches.follow(sweep.start_hz, sweep.stop_hz, sweep.branch, left, way)
+        present = next(points)
+        # Before the point is reported: a run may end there, and go on from what was saved.
+        self._patches.step_size(step)
+        yield present
+        yield from points
 
     def _way(self, point: Point) -> int:
         """Whether frequency grows (1) or falls (-1) along the branch here."""
@@ -238,20 +300,44 @@ class PatchedSolver(Solver):
         if not point.is_solved:
             self._note_unsolved(point)
             return point, None
-        error, indicated, states = self._examine(point)
-        accepted = error <= self._accepted(point.estimate)
-        if not accepted and self._given is None and self.refinements < MOST_REFINEMENTS:
-            finer = refined(self._partition, indicated, states, self._places.positions)
+        found = self._compare(point)
+        motion = self._patches.coordinates()
+        loss = max(self._input(point, motion), np.finfo(float).tiny)
+        error = self._patches.change_by_force(self._unbalanced(point, motion, found.force))
+        error = max(error, PART_OF_LOSS * abs(found.missing_work) / loss)
+        verdict = Verdict(point, error, abs(found.missing_work) / max(found.work, LEAST_LOSS * loss))
+        return self._concluded(verdict, found, self._accepted(point.estimate))
+
+    def judge_mode(self, point: Point, kinetic: float, structural_ratio: float) -> tuple[Verdict, np.ndarray | None]:
+        """The same of a point of a mode whose kinetic sum and damping ratio by the structure are given."""
+        if not point.is_solved:
+            self._note_unsolved(point)
+            return Verdict(point, np.nan, np.nan), None
+        found = self._compare(point)
+        energy = (2.0 * np.pi * point.frequency_hz) ** 2 * kinetic
+        # Pairs may cancel by chance to first order, and so may what is in phase and what is in quadrature.
+        error = float(np.abs(found.indicated).sum()) / (2.0 * energy)
+        loss = found.work + 2.0 * np.pi * structural_ratio * energy
+        verdict = Verdict(point, error, abs(found.missing_work) / max(found.work, LEAST_LOSS * loss))
+        point, finer = self._concluded(verdict, found, PATCHES_SHARE * self._tolerance)
+        return replace(verdict, point=point), finer
+
+    def _concluded(self, verdict: Verdict, found: _Comparison, accepted: float) -> tuple[Point, np.ndarray | None]:
+        """The point as it is reported, which is noted; or finer patches, if its errors are above what is accepted."""
+        within = verdict.error <= accepted and verdict.error_dissipation <= DAMPING_SHARE * self._tolerance
+        if not within and self._given is None and self.refinements < MOST_REFINEMENTS:
+            finer = refined(self._partition, found.indicated, found.states, self._places.positions)
             if not np.array_equal(finer, self._partition):
-                return point, finer
-        estimate = point.estimate + error
-        outcome = point.outcome
+                return verdict.point, finer
+        estimate = np.nan_to_num(verdict.point.estimate) + verdict.error
+        outcome = verdict.point.outcome
         if outcome == "converged" and not estimate <= self._tolerance and self._options.accepted_error > 0.0:
             outcome = "above_tolerance"
-        counts = np.bincount(states, minlength=len(STATES))
-        point = point._replace(estimate=estimate, outcome=outcome, states=tuple(int(count) for count in counts))
+        counts = np.bincount(found.states, minlength=len(STATES))
+        states = tuple(int(count) for count in counts)
+        point = verdict.point._replace(estimate=estimate, outcome=outcome, states=states)
         self._sliders = self._heard["/contacts/slider"][1].copy()
-        self._note(point, error)
+        self._note(point, verdict.error, verdict.error_dissipation)
         return point, None
 
     def _accepted(self, others: float) -> float:
@@ -259,24 +345,36 @@ class PatchedSolver(Solver):
         most, least = PATCHES_SHARE * self._tolerance, LEAST_SHARE * self._tolerance
         return max(min(most, self._tolerance - np.nan_to_num(others)), least)
 
-    def _examine(self, point: Point) -> tuple[float, np.ndarray, np.ndarray]:
-        """Error of a point by its patches, what each pair's force lacks `[nc]`, and states of pairs `[nc]`."""
+    def _compare(self, point: Point) -> _Comparison:
+        """All pairs at a point of the patches."""
         merged, merger = self._merged, self._merger
         motion = self._patches.coordinates()
         of_patches = self._report_of_patches()
         self.evaluate_motion(merged.expand(motion), self._sliders, point)
         self._heard = self._hear(super().report_point)
-        contact, component = merger.contact, merger.component
-        force = self._heard["/contacts/force"][1][contact, component]
+        contact = merger.contact
+        force = self._heard["/contacts/force"][1][contact, merger.component]
         displacement = merged.rows @ motion
         lacking = force - self._assumed(of_patches, displacement)
-        error = self._patches.change_by_force(self._unbalanced(point, motion, force))
         # The motion itself weighs, as the dual solution does at a resonance.
         work = _complex(lacking) * np.conj(_complex(displacement))
         indicated = np.zeros(len(merged.partition), dtype=complex)
         np.add.at(indicated, contact, work.sum(axis=1))
+        losses = [float(np.nansum(one["/contacts/dissipated_energy"][1])) for one in (self._heard, of_patches)]
         self._heard |= {name: what for name, what in of_patches.items() if not name.startswith(OF_PAIRS)}
-        return error, indicated, self._heard["/contacts/state"][1].astype(int)
+        states = self._heard["/contacts/state"][1].astype(int)
+        return _Comparison(force, indicated, states, losses[0], losses[0] - losses[1])
+
+    def _input(self, point: Point, motion: np.ndarray) -> float:
+        """Work of the harmonic loads a period: what contacts and structure lose."""
+        loads = point.level * self._merged.scene.harmonic
+        loaded = min((len(loads) - 1) // 2, motion.shape[1] // 2)
+        return float(
+            sum(
+                np.pi * h * (loads[2 * h - 1] @ motion[:, 2 * h] - loads[2 * h] @ motion[:, 2 * h - 1])
+                for h in range(1, loaded + 1)
+            )
+        )
 
     def _assumed(self, of_patches: Heard, displacement: np.ndarray) -> np.ndarray:
         """Forces of all pairs' rows that the patches stand for, `[rows, nk]`."""
@@ -314,10 +412,12 @@ class PatchedSolver(Solver):
     def _report_of_patches(self) -> Heard:
         return self._hear(self._patches.report_point)
 
-    def _note(self, point: Point, error: float) -> None:
+    def _note(self, point: Point, error: float, error_dissipation: float) -> None:
         """What is reported of a point beside what both sessions do."""
         what = Series("real64", "part of the estimate: pairs merged into patches", "1")
         self._heard["/points/error_contacts"] = what, np.array(error)
+        what = Series("real64", "estimated error by patches of what all contacts dissipate", "1")
+        self._heard["/points/error_dissipation"] = what, np.array(error_dissipation)
         what = Series("int32", "patches that pairs were merged into", "1")
         self._heard["/points/patches"] = what, np.array(int(self._partition.max()) + 1)
         values = {"estimate": point.estimate, "outcome": OUTCOMES.index(point.outcome), "iterations": point.iterations}
@@ -336,7 +436,7 @@ class PatchedSolver(Solver):
         }
         of_patches = self._report_of_patches()
         self._heard = blank | {name: what for name, what in of_patches.items() if not name.startswith(OF_PAIRS)}
-        self._note(point, np.nan)
+        self._note(point, np.nan, np.nan)
 
     def report_point(self, hear: Callable[[str, Series, np.ndarray], None] | None) -> None:
         """As of a `Solver`, of all pairs."""
@@ -366,6 +466,8 @@ class PatchedSolver(Solver):
         self._path, self._taken, self._last_hz = rest[5], int(rest[6]), rest[7]
         self._begin_patches(partition.astype(np.int64))
         self._sliders = sliders.reshape(count, width).copy()
+        if self.on_new_patches is not None:
+            self.on_new_patches()
         self._patches.coefficients = int(rest[8])
         return self._patches.load_state(patches)
 

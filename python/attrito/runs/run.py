@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from attrito.job.fewer_contacts import check_one_process
 from attrito.job.job import Job, rom_path
 from attrito.job.reading import read_job
 from attrito.library.reduced_scene import ReducedScene
@@ -254,8 +255,7 @@ def _solver(comm: Comm, job: Job, scene: Scene | None, reduced: ReducedScene, op
     """Of all contacts, or one that merges them."""
     if job["balance"]["contacts"] == "all":
         return Solver(comm, reduced, options)
-    if comm.size > 1:
-        raise InputError(job.fault("[balance] contacts", "auto", f'"all" on {comm.size} processes, or one process'))
+    check_one_process(comm, job)
     places = places_of(scene.contacts.tables, scene.contacts.places)
     return PatchedSolver(comm, reduced, options, places, job["balance"]["tolerance"], band_hz(job))
 
