@@ -311,6 +311,15 @@ def test_unlike_plates_are_meshed_swept_and_drawn(tmp_path):
     assert drawn["matching, node pairs"] == [[2.0, found[1]["peak"]]]
     assert drawn["1 : 1.7, nodes on faces"] == [[found[0]["mean_size"], found[0]["peak"]]]
     assert [line.get_ydata()[0] for line in frequency.lines] == [121.0, 121.0]
+    assert [row["off_matching"] for row in found] == [None, 0.0]
     # What is there is not made again.
     (tmp_path / "2_1" / "model.h5").unlink()
     assert run("unlike_plates.py", *arguments) == found
+
+
+def test_unlike_plates_are_held_against_matching_ones_of_the_same_edge():
+    pairs = [{"points": "pair", "mean_size": size, "peak": peak} for size, peak in ((2.0, 1.4), (1.0, 1.2))]
+    found = [{"points": "gauss", "mean_size": 1.5, "peak": 1.313}, *pairs]
+    unlike_plates.compare(found)
+    assert found[0]["off_matching"] == pytest.approx(0.01) and found[0]["off"] == pytest.approx(1.313 / 1.2 - 1)
+    assert [row["off_matching"] for row in found[1:]] == [0.0, 0.0]

@@ -36,7 +36,12 @@ def picture(chart: Chart) -> Figure:
             axes.set(xscale="log", yscale="log", xlabel="Processor time (s)" if cost == "seconds" else "Counted work")
         panels[0].set_ylabel(chart.quantity)
         errors = [error for error in (*(way.error for way in chart.ways), chart.reference.estimate) if error == error]
-        panels[0].set_ylim(bottom=max(min(errors), LEAST_ERROR) / 3, top=2.0)
+        few = all(way.series in LABELLED for way in chart.ways)
+        panels[0].set_ylim(bottom=max(min(errors), LEAST_ERROR) / 3, top=3.0 * max(errors) if few else 2.0)
+        if few:
+            # Room for the labels beside the marks
+            for axes in panels:
+                axes.set_xlim(right=5.0 * axes.get_xlim()[1])
         figure.suptitle(_title(chart), fontsize=9.5)
         entries: dict[str, object] = {}
         for axes in panels:
@@ -72,7 +77,7 @@ def _draw(axes: Axes, ways: list[Way], cost: str, series: str, label: str) -> No
         place = getattr(way, cost), max(way.error, LEAST_ERROR)
         if np.isfinite(place).all():
             text = f"{way.label}: {way.contacts}"
-            axes.annotate(text, place, (0, 7), textcoords="offset points", ha="center", fontsize=8)
+            axes.annotate(text, place, (7, -3), textcoords="offset points", fontsize=8)
 
 
 def _mark(axes: Axes, chart: Chart, cost: str) -> None:
