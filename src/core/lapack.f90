@@ -19,6 +19,17 @@ module attrito_core_lapack
       !> Matrix C of the operation
       real(wp), intent(inout) :: c(ldc, *)
     end subroutine dgemm
+    subroutine sgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
+      import :: sp
+      !> Transposed or not
+      character, intent(in) :: transa, transb
+      !> Rows, columns, or inner dimension; leading dimension of a; leading dimension of b; leading dimension of c
+      integer, intent(in) :: m, n, k, lda, ldb, ldc
+      !> Factor on the product; factor on what is there before; matrix A of the operation; matrix B, or right-hand sides
+      real(sp), intent(in) :: alpha, beta, a(lda, *), b(ldb, *)
+      !> Matrix C of the operation
+      real(sp), intent(inout) :: c(ldc, *)
+    end subroutine sgemm
     subroutine dgemv(trans, m, n, alpha, a, lda, x, incx, beta, y, incy)
       import :: wp
       !> Transposed or not
@@ -189,6 +200,12 @@ module attrito_core_lapack
     end subroutine zgesvd
   end interface
 
+  !> a^T b, which matmul of a transpose is slower than
+  interface transposed_product
+    module procedure transposed_product_single
+    module procedure transposed_product_double
+  end interface transposed_product
+
   !> y = a x
   interface times_vector
     module procedure times_vector_single
@@ -209,8 +226,19 @@ contains
     call dgemm('N', 'T', m, n, k, 1.0_wp, a, m, b, n, 0.0_wp, c, m)
   end subroutine multiply_by_transpose
 
-  !> a^T b, which matmul of a transpose is slower than.
-  function transposed_product(a, b) result(c)
+  function transposed_product_single(a, b) result(c)
+    !> [n, p]
+    real(sp), intent(in), contiguous :: a(:, :)
+    !> [n, q]
+    real(sp), intent(in), contiguous :: b(:, :)
+    real(sp) :: c(size(a, 2), size(b, 2))
+
+    c = 0.0_sp
+    if (size(c) == 0 .or. size(a, 1) == 0) return
+    call sgemm('T', 'N', size(a, 2), size(b, 2), size(a, 1), 1.0_sp, a, size(a, 1), b, size(b, 1), 0.0_sp, c, size(a, 2))
+  end function transposed_product_single
+
+  function transposed_product_double(a, b) result(c)
     !> [n, p]
     real(wp), intent(in), contiguous :: a(:, :)
     !> [n, q]
@@ -220,7 +248,7 @@ contains
     c = 0.0_wp
     if (size(c) == 0 .or. size(a, 1) == 0) return
     call dgemm('T', 'N', size(a, 2), size(b, 2), size(a, 1), 1.0_wp, a, size(a, 1), b, size(b, 1), 0.0_wp, c, size(a, 2))
-  end function transposed_product
+  end function transposed_product_double
 
   !> a^T b for few columns of b, one by one: faster than a product of matrices while they are fewer than some eight.
   function product_with_few(a, b) result(c)

@@ -8,6 +8,9 @@ module attrito_reduce_dense_block
   private
   public :: wrap_block, multiply_block, multiply_transposed_block, put_vector, take_vector
 
+  !> Vectors that are multiplied together: PETSc has a loop of its own for so many
+  integer, parameter :: most_together = 16 ! derived
+
 contains
 
   !> A dense PETSc matrix on top of an array, which must outlive it; the caller destroys it.
@@ -45,29 +48,75 @@ contains
     PetscCall(MatCreateDense(comm, size(block, 1), PETSC_DECIDE, n, vectors, block, matrix, ierr))
   end subroutine wrap_rows
 
-  !> Sparse matrix times a block of vectors.
+  !> Sparse matrix times a block of vectors, some of them together: an entry of the matrix is read once for all of these, which are
+  !> interlaced.
   subroutine multiply_block(matrix, block, product, ierr)
     !> Sparse
     type(tMat), intent(in) :: matrix
     !> This rank's rows, spread as the columns of the matrix
-    real(wp), intent(in), contiguous, target :: block(:, :)
+    real(wp), intent(in), contiguous :: block(:, :)
     !> This rank's rows, spread as those of the matrix
-    real(wp), intent(out), contiguous, target :: product(:, :)
+    real(wp), intent(out), contiguous :: product(:, :)
     !> PETSc's error code
     PetscErrorCode, intent(out) :: ierr
-    type(tMat) :: factor, result
-    PetscScalar, pointer :: values(:, :)
+    type(tMat) :: interlaced
+    type(tVec) :: x, y
+    PetscScalar, pointer :: values(:)
+    PetscInt :: together
+    integer :: first, last
 
     ierr = 0
     if (size(block, 2) == 0) return
-    PetscCall(wrap_block(matrix, block, factor, ierr))
-    PetscCall(MatMatMult(matrix, factor, MAT_INITIAL_MATRIX, PETSC_DEFAULT_REAL, result, ierr))
-    PetscCall(MatDenseGetArray(result, values, ierr))
-    product = values(:size(product, 1), :size(product, 2))
-    PetscCall(MatDenseRestoreArray(result, values, ierr))
-    PetscCall(MatDestroy(result, ierr))
-    PetscCall(MatDestroy(factor, ierr))
+    together = min(most_together, size(block, 2))
+    PetscCall(MatCreateMAIJ(matrix, together, interlaced, ierr))
+    PetscCall(MatCreateVecs(interlaced, x, y, ierr))
+    do first = 1, size(block, 2), together
+      last = min(first + together - 1, size(block, 2))
+      PetscCall(VecGetArray(x, values, ierr))
+      call interlace(block(:, first:last), values)
+      PetscCall(VecRestoreArray(x, values, ierr))
+      PetscCall(MatMult(interlaced, x, y, ierr))
+      PetscCall(VecGetArrayRead(y, values, ierr))
+      call take_apart(values, product(:, first:last))
+      PetscCall(VecRestoreArrayRead(y, values, ierr))
+    end do
+    PetscCall(VecDestroy(x, ierr))
+    PetscCall(VecDestroy(y, ierr))
+    PetscCall(MatDestroy(interlaced, ierr))
   end subroutine multiply_block
+
+  !> Vectors side by side, row by row, and zeros where there is room for more.
+  pure subroutine interlace(block, values)
+    !> [rows, vectors]
+    real(wp), intent(in), contiguous :: block(:, :)
+    !> [vectors or more times rows]
+    real(wp), intent(out) :: values(:)
+    integer :: room, row, i
+
+    room = size(values)/max(size(block, 1), 1)
+    do row = 1, size(block, 1)
+      do i = 1, size(block, 2)
+        values((row - 1)*room + i) = block(row, i)
+      end do
+      values((row - 1)*room + size(block, 2) + 1:row*room) = 0.0_wp
+    end do
+  end subroutine interlace
+
+  !> The vectors one by one.
+  pure subroutine take_apart(values, block)
+    !> [vectors or more times rows]
+    real(wp), intent(in) :: values(:)
+    !> [rows, vectors]
+    real(wp), intent(out), contiguous :: block(:, :)
+    integer :: room, row, i
+
+    room = size(values)/max(size(block, 1), 1)
+    do row = 1, size(block, 1)
+      do i = 1, size(block, 2)
+        block(row, i) = values((row - 1)*room + i)
+      end do
+    end do
+  end subroutine take_apart
 
   !> Transpose of a sparse matrix times a block of vectors.
   subroutine multiply_transposed_block(matrix, block, product, ierr)

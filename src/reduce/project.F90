@@ -8,13 +8,17 @@
 !>
 !> A T of a stiffness is small beside its terms wherever T moves neighbours alike, as constraint modes of a long body do: rounding of
 !> the terms would leave the lowest frequencies uncertain by some 1e-10, differently on each number of ranks. So A and T may come as
-!> sums of slices of few bits, whose leading product is exact in any order of summation.
+!> sums of slices of few bits, whose leading product is exact in any order of summation. Of constraint modes the interior rows of
+!> A T are then a residual, small enough to be multiplied in single precision:
+!>
+!> $$ \tilde K = K_{bb} + K_{bi} \Psi + \Psi^T (K_{ib} + K_{ii} \Psi) $$
+!>
 !> Source: Ozaki, Ogita, Oishi & Rump 2012, doi:10.1007/s11075-011-9478-1.
 module attrito_reduce_project
   use petscmat
   use attrito_core_communicator, only: communicator_type
   use attrito_core_errors, only: error_type
-  use attrito_core_kinds, only: wp
+  use attrito_core_kinds, only: sp, wp
   use attrito_core_lapack, only: transposed_product
   use attrito_core_petsc_session, only: raise_petsc
   use attrito_reduce_column_store, only: block_type, column_store_type
@@ -26,6 +30,9 @@ module attrito_reduce_project
   private
   public :: projected_type, project_matrices, project_vectors
 
+  !> Part of the largest number of A T below which single precision leaves less of a residual than double of the rest
+  real(wp), parameter :: light = 1.0e-10_wp ! derived
+
   !> A matrix of the full model and its projection
   type :: projected_type
     !> Symmetric, as a sum of slices
@@ -34,6 +41,8 @@ module attrito_reduce_project
     real(wp), allocatable :: reduced(:, :)
     !> This rank's rows of A T for the columns of a panel
     real(wp), allocatable, private :: product(:, :)
+    !> Interior rows of the first of these columns, where they are light
+    real(sp), allocatable, private :: residual(:, :)
   end type projected_type
 
 contains
@@ -127,7 +136,32 @@ contains
       end do
       deallocate (columns)
     end do
+    do k = 1, size(matrices)
+      call set_residual(split, offsets(first:last + 1) - offsets(first), matrices(k))
+    end do
   end subroutine multiply_panel
+
+  !> Interior rows of the first blocks of a panel in which they are light.
+  subroutine set_residual(split, offsets, matrix)
+    !> Interior and boundary dofs, and this rank's share of them
+    type(split_type), intent(in) :: split
+    !> Where the columns of each block begin in the panel, and where the last ends
+    integer, intent(in) :: offsets(:)
+    !> With its product
+    type(projected_type), intent(inout) :: matrix
+    real(wp) :: largest
+    integer :: i, columns
+
+    columns = 0
+    do i = 1, size(offsets) - 1
+      associate (block => matrix%product(:, offsets(i) + 1:offsets(i + 1)))
+        largest = split%ranks%largest(maxval([0.0_wp, maxval(abs(block))]))
+        if (split%ranks%largest(maxval([0.0_wp, maxval(abs(block(split%interior_rows, :)))])) > light*largest) exit
+      end associate
+      columns = offsets(i + 1)
+    end do
+    matrix%residual = real(matrix%product(split%interior_rows, :columns), sp)
+  end subroutine set_residual
 
   !> T^T (A T) for the columns of a panel and all columns up to its end.
   subroutine project_panel(split, blocks, store, offsets, first, last, matrices, error)
@@ -144,20 +178,44 @@ contains
     !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     real(wp), allocatable :: columns(:, :)
-    integer :: i, k, from
+    integer :: i, k, skipped
 
     do i = 1, last
       allocate (columns(split%rows(), blocks(i)%columns()))
       call store%get(split, blocks(i), columns, error)
       if (allocated(error)) return
-      from = max(first, i)
+      skipped = offsets(max(first, i)) - offsets(first)
       do k = 1, size(matrices)
-        matrices(k)%reduced(offsets(i) + 1:offsets(i + 1), offsets(from) + 1:offsets(last + 1)) = &
-          transposed_product(columns, matrices(k)%product(:, offsets(from) - offsets(first) + 1:))
+        call project_columns(split, columns, matrices(k), skipped, &
+                             matrices(k)%reduced(offsets(i) + 1:offsets(i + 1), offsets(first) + 1:offsets(last + 1)))
       end do
       deallocate (columns)
     end do
   end subroutine project_panel
+
+  !> Some columns of T, transposed, times those of A T in a panel but the first few.
+  subroutine project_columns(split, columns, matrix, skipped, reduced)
+    !> Interior and boundary dofs, and this rank's share of them
+    type(split_type), intent(in) :: split
+    !> Of T, this rank's rows
+    real(wp), intent(in), contiguous :: columns(:, :)
+    !> With its product
+    type(projected_type), intent(in) :: matrix
+    !> Columns of the panel that are left out
+    integer, intent(in) :: skipped
+    !> Of the projection, all columns of the panel
+    real(wp), intent(inout) :: reduced(:, :)
+    integer :: heavy
+
+    heavy = max(skipped, size(matrix%residual, 2))
+    reduced(:, heavy + 1:) = transposed_product(columns, matrix%product(:, heavy + 1:))
+    if (heavy == skipped) return
+    reduced(:, skipped + 1:heavy) = transposed_product(columns(split%boundary_rows, :), &
+                                                       matrix%product(split%boundary_rows, skipped + 1:heavy))
+    reduced(:, skipped + 1:heavy) = reduced(:, skipped + 1:heavy) &
+                                    + transposed_product(real(columns(split%interior_rows, :), sp), &
+                                                         matrix%residual(:, skipped + 1:heavy))
+  end subroutine project_columns
 
   !> A T, the products of smaller slices first.
   subroutine multiply_slices(ranks, slices, block, product, ierr)
@@ -183,16 +241,16 @@ contains
       leading(:, i) = leading_bits(block(:, i), ranks%largest(maxval([0.0_wp, abs(block(:, i))])))
     end do
     product = 0.0_wp
-    do i = size(slices), 1, -1
-      call multiply_block(slices(i), block - leading, part, ierr)
+    do i = size(slices), 2, -1
+      call multiply_block(slices(i), block, part, ierr)
       if (ierr /= 0) return
       product = product + part
     end do
-    do i = size(slices), 1, -1
-      call multiply_block(slices(i), leading, part, ierr)
-      if (ierr /= 0) return
-      product = product + part
-    end do
+    call multiply_block(slices(1), block - leading, part, ierr)
+    if (ierr /= 0) return
+    product = product + part
+    call multiply_block(slices(1), leading, part, ierr)
+    product = product + part
   end subroutine multiply_slices
 
   !> Project loads and monitors: T^T f.
