@@ -57,6 +57,8 @@ module attrito_reduce_error_indicator
   integer, parameter :: most_modes = 60, most_responses = 8 ! conventional
   !> Eigenvalues below this part of the largest one count as rigid motions, which a reduction keeps
   real(wp), parameter :: rigid = 1.0e-12_wp ! derived
+  !> Least distance between natural frequencies, part of them, half way between which receptances are examined
+  real(wp), parameter :: wide = 0.01_wp ! guess
   !> Largest ratio of the series that is believed
   real(wp), parameter :: largest_ratio = 0.95_wp ! guess
 
@@ -178,6 +180,18 @@ contains
     end do
   end subroutine examine_modes
 
+  !> Gaps between natural frequencies, the number of the mode before each. Between two close ones, as two blades have that are alike,
+  !> what both do may cancel: there is nothing that an error could be a part of.
+  pure function wide_gaps(frequency_hz) result(before)
+    !> Ascending, Hz
+    real(wp), intent(in) :: frequency_hz(:)
+    integer, allocatable :: before(:)
+    integer :: i
+
+    before = pack([(i, i=1, size(frequency_hz) - 1)], &
+                  [(frequency_hz(i + 1) > (1.0_wp + wide)*frequency_hz(i), i=1, size(frequency_hz) - 1)])
+  end function wide_gaps
+
   !> Receptances half way between natural modes, where nothing is near infinite.
   subroutine examine_responses(split, examined, quality, error)
     !> Interior and boundary dofs, and this rank's share of them
@@ -190,15 +204,17 @@ contains
     type(error_type), allocatable, intent(out) :: error
     real(wp), allocatable :: matrix(:, :), answer(:, :), forces(:, :), delta(:, :)
     real(wp) :: lambda
+    integer, allocatable :: before(:)
     integer :: i, k, count, vectors, info
 
     vectors = size(examined%vectors, 2)
-    count = min(most_responses, max(size(quality%frequency_hz) - 1, 0))
+    before = wide_gaps(quality%frequency_hz)
+    count = min(most_responses, size(before))
     if (vectors == 0) count = 0
     allocate (quality%response_hz(count), quality%receptance(vectors, vectors, count), &
               quality%receptance_error(vectors, vectors, count))
     do i = 1, count
-      k = 1 + ((i - 1)*(size(quality%frequency_hz) - 1))/count
+      k = before(1 + ((i - 1)*size(before))/count)
       quality%response_hz(i) = 0.5_wp*(quality%frequency_hz(k) + quality%frequency_hz(k + 1))
       lambda = (two_pi*quality%response_hz(i))**2
       matrix = examined%reduced_stiffness - lambda*examined%reduced_mass

@@ -18,11 +18,13 @@ from elastic import elastic_block, rigid_motions
 from jobs import TIMEOUT, attrito, clean_environment, wait_for
 from mpi4py import MPI
 from reduced import Case, make_case, unit, worst
-from scipy.linalg import eigh
+from scipy.linalg import block_diag, eigh
+from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import eigsh
 
 from attrito.library.names import EIGENSOLVERS
 from attrito.library.reduction import reduce_model
+from attrito.model.model import Model
 from attrito.model.model_file import read_model
 from attrito.runs.progress import Progress
 from attrito.scene.reduced_model import receptance_errors
@@ -171,6 +173,25 @@ def test_the_estimated_error_of_a_monitor_is_within_a_factor_ten_of_the_truth(he
     assert ratio.min() > 0.1
     assert ratio.max() < 10.0
     assert receptance_errors(receptance, estimate).shape == (2, 2)
+
+
+def test_errors_of_two_bodies_that_are_nearly_alike_are_not_held_against_what_cancels(held, tmp_path):
+    twins = tmp_path / "twins"
+    twins.mkdir()
+    matrices = [
+        csr_matrix(block_diag(one, factor * one)) for one, factor in ((held.stiffness, 1.0004), (held.mass, 1.0))
+    ]
+    points = np.vstack([held.points, held.points])
+    case = make_case(twins, Model(*matrices, 0.0 * matrices[1]), points)
+    left, right = unit(case, 100, 100 + len(held.mass))
+    _, rom = case.reduce(vectors=np.array([left - right]), modes=12)
+    _, single = held.reduce(vectors=unit(held, 100), modes=6)
+    # Half way between a mode of the one and that of the other their difference vanishes, its error does not.
+    errors = [
+        receptance_errors(file["quality/receptance"][:], file["quality/receptance_error"][:]) for file in (rom, single)
+    ]
+    assert len(rom["quality/response_hz"][:]) == len(single["quality/response_hz"][:])
+    assert errors[0] == pytest.approx(errors[1], rel=0.1)
 
 
 @pytest.mark.parametrize("target", [1e-2, 1e-4])
