@@ -1,12 +1,13 @@
 !> Factors of the contacts that the tangent reference leaves over, I + D' R' on the rows where D' is not zero, in single precision:
 !> a preconditioner's.
 !>
-!> They are kept from step to step until iterations of GMRES in excess of their first solve have cost as much as making them anew.
-!> Every rank has the rows of all.
+!> They are kept from step to step until iterations of GMRES in excess of their first solve have cost as much as making them anew
+!> (`attrito_newton_kept_factors`). Every rank has the rows of all.
 module attrito_newton_tangent_factors
   use attrito_core_kinds, only: sp, wp
   use attrito_core_lapack_single, only: factor_single, solve_factored_single
   use attrito_newton_active_jacobian, only: contact_jacobian_type
+  use attrito_newton_kept_factors, only: kept_factors_type
   use attrito_newton_tangent_reference, only: tangent_reference_type
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_linear_receptance, only: receptance_type
@@ -27,7 +28,7 @@ module attrito_newton_tangent_factors
     real(sp), allocatable :: values(:, :)
   end type block_type
 
-  type :: tangent_factors_type
+  type, extends(kept_factors_type) :: tangent_factors_type
     !> D' by contact, of this rank, ascending
     type(block_type), allocatable :: blocks(:)
     !> Unknowns of other ranks before this one's, and those of all
@@ -36,16 +37,9 @@ module attrito_newton_tangent_factors
     real(wp) :: flops = 0.0_wp
     real(sp), allocatable, private :: factors(:, :)
     integer, allocatable, private :: pivots(:)
-    !> Contacts and series they were made for; iterations in excess after which to make them anew
-    integer, private :: changes = 0, worth = 0
-    !> Iterations of GMRES with them: at first, and beyond that since
-    integer, private :: usual = -1, excess = 0
   contains
     procedure :: make
     procedure :: serve
-    procedure :: patience
-    procedure :: count
-    procedure :: discard
     procedure :: solve
   end type tangent_factors_type
 
@@ -57,33 +51,8 @@ contains
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
 
-    serve = allocated(self%factors) .and. self%changes == balance%changes .and. self%excess < self%worth
+    serve = allocated(self%factors) .and. self%pays(balance%changes)
   end function serve
-
-  !> Iterations after which it is better to make them anew; no limit to those just made.
-  pure integer function patience(self)
-    class(tangent_factors_type), intent(in) :: self
-
-    patience = huge(patience)
-    if (self%usual >= 0) patience = self%usual + self%worth
-  end function patience
-
-  !> Take note of the iterations of a solve.
-  pure subroutine count(self, iterations)
-    class(tangent_factors_type), intent(inout) :: self
-    !> Of GMRES
-    integer, intent(in) :: iterations
-
-    if (self%usual < 0) self%usual = iterations
-    self%excess = self%excess + max(iterations - self%usual, 0)
-  end subroutine count
-
-  !> Never to be used again.
-  pure subroutine discard(self)
-    class(tangent_factors_type), intent(inout) :: self
-
-    if (allocated(self%factors)) deallocate (self%factors)
-  end subroutine discard
 
   !> Make them for the balance's last evaluation.
   subroutine make(self, balance, reference, status)
@@ -110,14 +79,11 @@ contains
     if (allocated(self%pivots)) deallocate (self%pivots)
     allocate (self%pivots(size(entries)))
     call factor_single(self%factors, self%pivots, status)
-    if (status /= 0) call self%discard()
-    self%changes = balance%changes
-    self%usual = -1
-    self%excess = 0
     associate (n => real(self%unknowns, wp), coordinates => size(balance%response, 1))
       self%flops = 2.0_wp/3.0_wp*n**3 + 4.0_wp*n**2*coordinates/balance%coefficients()
     end associate
-    self%worth = worth_of(self, balance)
+    call self%begin(balance%changes, worth_of(self, balance))
+    if (status /= 0) call self%discard()
   end subroutine make
 
   !> D' of this rank's contacts, all rows of B of these, and the unknowns: numbers of rows and coefficients in one.

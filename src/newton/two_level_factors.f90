@@ -10,6 +10,7 @@ module attrito_newton_two_level_factors
   use attrito_core_kinds, only: sp, wp
   use attrito_core_lapack, only: invert
   use attrito_newton_active_jacobian, only: contact_jacobian_type, jacobian_of, places_of_rows
+  use attrito_newton_kept_factors, only: kept_factors_type
   use attrito_balance_harmonic_balance, only: balance_type
   implicit none
   private
@@ -28,7 +29,7 @@ module attrito_newton_two_level_factors
     real(sp), allocatable :: inverse(:, :), stiffness(:, :)
   end type block_type
 
-  type :: two_level_factors_type
+  type, extends(kept_factors_type) :: two_level_factors_type
     !> Contacts that are known, by their place among this rank's, ascending
     integer, allocatable :: contacts(:)
     !> A^-1 and E by contact
@@ -36,17 +37,11 @@ module attrito_newton_two_level_factors
     !> Inverse of the coarse system [k low, k low], of so many modes
     integer :: low = 0
     real(sp), allocatable :: coarse(:, :)
-    !> What they were made for: contacts and series of then, springs kept
-    integer, private :: changes = 0
+    !> Part of the springs kept in the step they were made for
     real(wp), private :: stiffening = 0.0_wp
-    !> Iterations of GMRES with them: at first, and beyond that since
-    integer, private :: usual = -1, excess = 0
   contains
     procedure :: make
     procedure :: serve
-    procedure :: patience
-    procedure :: count
-    procedure :: discard
     procedure :: places_of
   end type two_level_factors_type
 
@@ -60,34 +55,8 @@ contains
     !> Part of their springs that contacts keep
     real(wp), intent(in) :: stiffening
 
-    serve = allocated(self%coarse) .and. self%changes == balance%changes .and. self%excess < worth &
-            .and. abs(self%stiffening - stiffening) < other_springs
+    serve = allocated(self%coarse) .and. self%pays(balance%changes) .and. abs(self%stiffening - stiffening) < other_springs
   end function serve
-
-  !> Iterations after which it is better to make them anew; no limit to those just made.
-  pure integer function patience(self)
-    class(two_level_factors_type), intent(in) :: self
-
-    patience = huge(patience)
-    if (self%usual >= 0) patience = self%usual + worth
-  end function patience
-
-  !> Take note of the iterations of a solve.
-  pure subroutine count(self, iterations)
-    class(two_level_factors_type), intent(inout) :: self
-    !> Newton iterations
-    integer, intent(in) :: iterations
-
-    if (self%usual < 0) self%usual = iterations
-    self%excess = self%excess + max(iterations - self%usual, 0)
-  end subroutine count
-
-  !> Never to be used again.
-  pure subroutine discard(self)
-    class(two_level_factors_type), intent(inout) :: self
-
-    self%excess = worth
-  end subroutine discard
 
   !> Places of contacts among those that are known, 0 for none; both ascend.
   pure function places_of(self, contacts) result(places)
@@ -124,10 +93,8 @@ contains
 
     self%contacts = balance%active%contacts
     self%low = min(low, balance%receptance%common_modes())
-    self%changes = balance%changes
     self%stiffening = stiffening
-    self%usual = -1
-    self%excess = 0
+    call self%begin(balance%changes, worth)
     shapes = balance%receptance%mode_shapes(1, self%low, places_of_rows(balance))
     call new_blocks(self, balance, status)
     call agree(balance, status)

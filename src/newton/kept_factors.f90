@@ -1,0 +1,69 @@
+!> Factors that precondition one linear system after another, and are kept while that pays: until iterations of GMRES in excess of
+!> those of their first solve add up to what making them anew is worth, contacts have moved to other ranks, or the series' length has
+!> changed.
+module attrito_newton_kept_factors
+  implicit none
+  private
+  public :: kept_factors_type
+
+  type, abstract :: kept_factors_type
+    !> Contacts and series they were made for; iterations in excess after which to make them anew
+    integer, private :: changes = 0, worth = 0
+    !> Iterations of GMRES with them: at first, and beyond that since
+    integer, private :: usual = -1, excess = 0
+  contains
+    procedure :: begin
+    procedure :: pays
+    procedure :: patience
+    procedure :: count
+    procedure :: discard
+  end type kept_factors_type
+
+contains
+
+  !> They are made anew.
+  pure subroutine begin(self, changes, worth)
+    class(kept_factors_type), intent(inout) :: self
+    !> The balance's count of changes; iterations in excess after which to make them anew
+    integer, intent(in) :: changes, worth
+
+    self%changes = changes
+    self%worth = worth
+    self%usual = -1
+    self%excess = 0
+  end subroutine begin
+
+  !> Does it pay to keep them?
+  pure logical function pays(self, changes)
+    class(kept_factors_type), intent(in) :: self
+    !> The balance's count of changes
+    integer, intent(in) :: changes
+
+    pays = self%changes == changes .and. self%excess < self%worth
+  end function pays
+
+  !> Iterations after which it is better to make them anew; no limit to those just made.
+  pure integer function patience(self)
+    class(kept_factors_type), intent(in) :: self
+
+    patience = huge(patience)
+    if (self%usual >= 0) patience = self%usual + self%worth
+  end function patience
+
+  !> Take note of the iterations of a solve.
+  pure subroutine count(self, iterations)
+    class(kept_factors_type), intent(inout) :: self
+    !> Of GMRES
+    integer, intent(in) :: iterations
+
+    if (self%usual < 0) self%usual = iterations
+    self%excess = self%excess + max(iterations - self%usual, 0)
+  end subroutine count
+
+  !> Never to be used again.
+  pure subroutine discard(self)
+    class(kept_factors_type), intent(inout) :: self
+
+    self%excess = self%worth
+  end subroutine discard
+end module attrito_newton_kept_factors
