@@ -353,7 +353,7 @@ def summary(runs: list[Run]) -> dict:
             "runs that arrive": sum(one.arrived for one in own),
             "runs with another ending": dict(Counter(one.ending for one in own if not one.arrived)),
             "values": len(values),
-            "equal to dense listed frequencies": sum(abs(value.dense_error) <= EQUAL for value in values),
+            "equal to dense listed frequencies": sum(bool(abs(value.dense_error) <= EQUAL) for value in values),
             "against new sweeps": dict(Counter(value.kind for value in values)),
             "peaks a run, median": float(np.median([one.peaks for one in own])),
             "sweeps a value, median": float(np.nanmedian([one.sweeps for one in own])) if values else None,

@@ -13,7 +13,8 @@ import accuracy
 import campaign_scenes
 import numpy as np
 import scenes
-from scipy.sparse import block_diag, csc_matrix
+from scipy.linalg import solve_triangular
+from scipy.sparse import block_diag, coo_matrix, csc_matrix
 
 from attrito.library.reduced_scene import ReducedScene
 
@@ -23,12 +24,15 @@ KINDS = {
     "strip, 2 tangents": 0.07,
     "block, 1 tangent": 0.2,
     "block, 2 tangents": 0.05,
-    "joint, 1 tangent": 0.23,
+    "joint, 1 tangent": 0.12,
+    "bolted joint, 1 tangent": 0.11,
     "wedge, 1 tangent": 0.15,
     "wedge, 2 tangents": 0.1,
 }
 # Of strips and plates, m
 LENGTH, THICKNESS, WIDTH = 0.12, 0.006, 0.008
+# Diameter of a bolt, m
+BOLT = 0.004
 # Modes of the stuck structure that are kept
 MODES = 40
 # Ends of the band, parts of the stuck natural frequency
@@ -60,7 +64,7 @@ def make(seed: int, number: int) -> Scene:
     """The scene of a seed and a number."""
     random = np.random.default_rng([seed, number])
     kind = str(random.choice(list(KINDS), p=list(KINDS.values())))
-    structure, tangents = kind.split(",")[0], int(kind.split()[1])
+    structure, tangents = kind.split(",")[0], int(kind.split()[-2])
     scene = structure_of(random, structure, tangents)
     stuck = scenes.stuck_system(scene)
     first = float(stuck.frequencies_hz[0])
@@ -71,7 +75,7 @@ def make(seed: int, number: int) -> Scene:
     scene = accuracy.loaded(scene, threshold)
     low = 10 ** random.uniform(-1.0, 0.0)
     # Far beyond, what friction alone holds is not held.
-    levels = (low, low * 10 ** (random.uniform(0.7, 1.5) if structure == "joint" else random.uniform(1.0, 2.0)))
+    levels = (low, low * 10 ** (random.uniform(0.7, 1.5) if structure.endswith("joint") else random.uniform(1.0, 2.0)))
     least = 10 ** random.uniform(-1.3, -0.3)
     preloads = (least, least * 10 ** random.uniform(1.0, 2.0))
     level = 10 ** random.uniform(-0.3, 0.7)
@@ -84,7 +88,7 @@ def structure_of(random: np.random.Generator, structure: str, tangents: int) -> 
         return accuracy.wedge(random).scene if tangents == 1 else campaign_scenes.wedge_in_space(random)
     if structure == "block":
         return accuracy.block(random, tangents).scene
-    return strip(random, tangents) if structure == "strip" else joint(random)
+    return strip(random, tangents) if structure == "strip" else joint(random, bolted=structure == "bolted joint")
 
 
 def strip(random: np.random.Generator, tangents: int) -> ReducedScene:
@@ -110,10 +114,11 @@ def strip(random: np.random.Generator, tangents: int) -> ReducedScene:
     return structure_on(random, grid.stiffness, grid.mass, held, contacts, tangents, press, shake, monitor)
 
 
-def joint(random: np.random.Generator) -> ReducedScene:
+def joint(random: np.random.Generator, *, bolted: bool) -> ReducedScene:
     """Two plates that overlap, the lower one clamped at its end; pressed together in the middle of the overlap.
 
-    Contact alone holds the upper one. Plates bend in their plane, so that the overlap opens at its ends.
+    Contact alone holds the upper one, or a bolt too, whose shank bends. Plates bend in their plane, so that the overlap
+    opens at its ends.
     """
     count = int(random.integers(10, 17))
     overlap = int(random.integers(4, count - 3))
@@ -135,7 +140,22 @@ def joint(random: np.random.Generator) -> ReducedScene:
     shake[tip] = monitor[tip] = 1.0
     held = grid.dofs(grid.number[0], 0)[:, None] + np.arange(2)
     stiffness, mass = (block_diag([matrix, matrix]).tocsc() for matrix in (grid.stiffness, grid.mass))
-    return structure_on(random, stiffness, mass, held, contacts, 1, press, shake, monitor)
+    if bolted:
+        # Clamped in both plates it would be the stiffest; washers and play make it softer.
+        shank = 12.0 * scenes.YOUNG * np.pi / 64.0 * BOLT**4 / (2.0 * THICKNESS) ** 3 * 10 ** random.uniform(-2.5, -1.0)
+        ends = [
+            size + grid.dofs(grid.number[overlap // 2, 1], 0)[0],
+            grid.dofs(grid.number[-overlap - 1 + overlap // 2, 1], 0)[0],
+        ]
+        stiffness += coo_matrix(
+            (shank * np.array([1.0, 1.0, -1.0, -1.0]), (np.tile(ends, 2), [*ends, *ends[::-1]])), stiffness.shape
+        )
+    # Contact alone holds the upper plate: without these motions a truncated basis would hold it too.
+    rigid = np.zeros((3, 2 * size))
+    along, across = (size + grid.dofs(np.arange(len(grid.points)), axis) for axis in (0, 1))
+    rigid[0, along] = rigid[1, across] = 1.0
+    rigid[2, along], rigid[2, across] = -grid.points[:, 1], grid.points[:, 0]
+    return structure_on(random, stiffness, mass, held, contacts, 1, press, shake, monitor, rigid)
 
 
 def structure_on(
@@ -148,12 +168,16 @@ def structure_on(
     press: np.ndarray,
     shake: np.ndarray,
     monitor: np.ndarray,
+    rigid: np.ndarray | None = None,
 ) -> ReducedScene:
-    """In modes of the stuck system, with random laws, force and damping; `held`: dofs that do not move."""
+    """In modes of the stuck system, with random laws, force and damping.
+
+    `held`: dofs that do not move; `rigid` `[motions, n]`: of bodies that only contact holds, kept besides the modes.
+    """
     free = np.setdiff1d(np.arange(len(press)), held)
     rows, contacts = directions[:, free], len(directions) // (tangents + 1)
     # Of springs against which a strip of this size deflects as the plate does
-    bending = 2.1e11 * WIDTH * THICKNESS**3 / (4.0 * (LENGTH / 2) ** 3)
+    bending = scenes.YOUNG * WIDTH * THICKNESS**3 / (4.0 * (LENGTH / 2) ** 3)
     normal = bending * 10 ** random.uniform(1.0, 2.5)
     tangential = bending * 10 ** random.uniform(0.0, 1.5)
     laws = scenes.equal_laws(contacts, tangents, tangential, normal, random.uniform(0.1, 0.7))
@@ -161,6 +185,9 @@ def structure_on(
     inner = stiffness[free][:, free].toarray(), mass[free][:, free].toarray()
     stuck = inner[0] + rows.T @ (springs[:, None] * rows)
     basis = scenes.lowest_modes(csc_matrix(stuck), csc_matrix(inner[1]), min(MODES, len(free) - 1))
+    if rigid is not None:
+        basis = np.hstack([rigid[:, free].T, basis])
+        basis = solve_triangular(np.linalg.cholesky(basis.T @ inner[1] @ basis), basis.T, lower=True).T
     reduced_stiffness, reduced_mass = (basis.T @ matrix @ basis for matrix in inner)
     force = 10 ** random.uniform(0.0, 3.0)
     return ReducedScene(

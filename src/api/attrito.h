@@ -361,6 +361,7 @@ typedef struct {
     double curvature;
     int evaluations;
     int ending;
+    int at_corner;
 } attrito_peak;
 
 /* Find the peak of a monitor (from 0) at a level, near an angular frequency; sweeps go from start to stop. The static path has been

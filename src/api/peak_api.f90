@@ -6,6 +6,7 @@ module attrito_api_peak
   use attrito_accuracy_finer_balance, only: finer_point_type
   use attrito_newton_newton, only: newton_report_type
   use attrito_output_point_report, only: report_point
+  use attrito_solve_strategy_outcome, only: evidence_type
   use attrito_peak_condition, only: problem_type, value_of
   use attrito_peak_curve, only: follow_parameter
   use attrito_peak_endings, only: ending_none, ending_not_found
@@ -20,8 +21,8 @@ module attrito_api_peak
     type(point_type) :: point
     !> Value of the parameter; amplitude of the monitor, how it changes with the parameter along the peaks, and with omega twice
     real(c_double) :: parameter, amplitude, slope, curvature
-    !> Evaluations of the balance since the session began; why there is no peak, as endings are counted
-    integer(c_int) :: evaluations, ending
+    !> Evaluations of the balance since the session began; why there is no peak, as endings are counted; is it a corner?
+    integer(c_int) :: evaluations, ending, at_corner
   end type peak_type
 
 contains
@@ -153,6 +154,8 @@ contains
     type(newton_report_type) :: ended
     type(finer_point_type) :: finer
 
+    ! Why there is no peak is its ending, and no property of the point where the solver was left.
+    if (.not. session%peak%found) session%solver%evidence = evidence_type()
     ended = session%solver%report
     ended%converged = session%peak%found
     ended%iterations = session%peak%iterations
@@ -162,6 +165,7 @@ contains
     peak%evaluations = session%solver%context%balance%evaluations
     peak%ending = session%peak%ending
     if (.not. session%peak%found .and. peak%ending == ending_none) peak%ending = ending_not_found
+    peak%at_corner = merge(1, 0, session%peak%found .and. session%peak%at_corner)
     peak%parameter = value_of(session%peak%problem, session%solver)
     peak%amplitude = 0.0_wp
     peak%slope = 0.0_wp

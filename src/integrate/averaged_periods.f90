@@ -25,6 +25,10 @@ module attrito_integrate_averaged_periods
   integer, parameter :: periods_before = 5 ! guess
   !> Steps a period, unless harmonics ask for more
   integer, parameter :: fewest_steps = 64, steps_per_harmonic = 8 ! guess
+  !> How much finer steps are taken, and how often, where a period changes the motion by more than this part of its first harmonic:
+  !> it grows by the scheme, not by what moves
+  integer, parameter :: most_tries = 3 ! conventional
+  real(wp), parameter :: finer = 1.4_wp, largest_change = 1.0_wp ! guess
 
   !> Relative error of each step's equilibrium: sliders of contacts that come to rest keep it
   real(wp), parameter :: near_enough = 1.0e-13_wp ! derived
@@ -78,13 +82,36 @@ contains
                            matmul(velocity, self%system%weighted)/self%system%clock, slider)
   end subroutine set_state
 
-  !> Integrate over some periods in which transients fade, and average over some more.
+  !> Integrate over some periods in which transients fade, and average over some more. Steps that resonate with a stiff mode grow
+  !> without bounds: then other ones are taken.
   subroutine average_over(self, excitation, harmonics, count, periods)
     class(averaged_periods_type), intent(inout) :: self
     !> Loads of the motion in time
     type(excitation_type), intent(in) :: excitation
     !> Highest harmonic, H; number of roots or periods
     integer, intent(in) :: harmonics, count
+    !> Averages over periods of the motion in time
+    type(periods_type), intent(out) :: periods
+    type(state_type) :: start
+    integer :: steps, try
+
+    start = self%state
+    steps = max(fewest_steps, steps_per_harmonic*harmonics)
+    do try = 1, most_tries
+      self%state = start
+      call average_by(self, excitation, harmonics, steps, count, periods)
+      if (periods%moved .and. periods%change <= largest_change) return
+      steps = nint(steps*finer)
+    end do
+  end subroutine average_over
+
+  !> The same in so many steps a period.
+  subroutine average_by(self, excitation, harmonics, steps, count, periods)
+    class(averaged_periods_type), intent(inout) :: self
+    !> Loads of the motion in time
+    type(excitation_type), intent(in) :: excitation
+    !> Highest harmonic, H; steps a period; number of periods
+    integer, intent(in) :: harmonics, steps, count
     !> Averages over periods of the motion in time
     type(periods_type), intent(out) :: periods
     type(loading_type) :: loading
@@ -97,7 +124,7 @@ contains
       loading = new_loading(excitation%omega, system%clock, matmul(system%static_loads, excitation%static_factors), &
                             excitation%level*system%harmonic_load, new_profile(reshape([real(wp) ::], [2, 0])), &
                             new_profile(reshape([real(wp) ::], [2, 0])))
-      call new_scheme(system, scheme_exponential, max(fewest_steps, steps_per_harmonic*harmonics), loading%period, -1.0_wp, scheme)
+      call new_scheme(system, scheme_exponential, steps, loading%period, -1.0_wp, scheme)
       scheme%implicit%tolerance = near_enough
       self%state%cycle = 0
       call start_scheme(scheme, system, loading, self%state)
@@ -110,7 +137,7 @@ contains
       periods%motion = periods%motion*2.0_wp/(count*scheme%steps)
     end associate
     call compare_ends(ends, periods)
-  end subroutine average_over
+  end subroutine average_by
 
   !> One period; coefficients are added up, to be divided by half the number of steps.
   subroutine move_one_period(self, scheme, loading, adds, periods)

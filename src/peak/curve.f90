@@ -51,6 +51,8 @@ module attrito_peak_curve
     !> Was it found? Newton's steps that it took
     logical :: found = .false.
     integer :: iterations = 0
+    !> Is it a corner of the response, where the amplitude rises on one side and falls on the other?
+    logical :: at_corner = .false.
     !> Is the next peak looked for farther on where no step along the curve is solved?
     logical :: may_step_over = .true.
     !> One of `ending_...`: why there is no next peak
@@ -247,7 +249,7 @@ contains
       do i = 1, size(leaps)
         call look_ahead(before%parameter, leaps(i), stop, value, reached)
         call search(self, solver, before, value, iterations, climbed)
-        if (self%found .or. reached) exit
+        if (self%found .or. reached .or. self%ending /= ending_not_found) exit
       end do
     end if
     self%leap = merge(min(2.0_wp*leap, largest_leap), leaps(1), climbed)
@@ -371,7 +373,7 @@ contains
     type(solver_type), intent(inout) :: solver
     integer :: status
 
-    call sweep_for_peak(self%problem, solver, self%band, self%iterations, self%found, self%ending)
+    call sweep_for_peak(self%problem, solver, self%band, self%iterations, self%found, self%at_corner, self%ending)
     if (.not. self%found) return
     call linearise(self%problem, solver, self%point, status)
     self%found = status == 0
@@ -403,6 +405,7 @@ contains
     if (climbs(solver)) then
       call climb_here(self, solver)
     else
+      self%at_corner = .false.
       call correct(self%problem, solver, plane, self%point, self%iterations, self%found)
       self%found = self%found .and. is_in_band(self, solver)
     end if
@@ -426,7 +429,7 @@ contains
     type(solver_type), intent(inout) :: solver
     integer :: status
 
-    call climb(self%problem, solver, self%iterations, self%found)
+    call climb(self%problem, solver, self%iterations, self%found, self%at_corner)
     self%found = self%found .and. is_in_band(self, solver)
     if (.not. self%found) return
     call linearise(self%problem, solver, self%point, status)

@@ -10,6 +10,7 @@ module attrito_peak_first_peak
   use attrito_solve_solver, only: solver_type
   use attrito_peak_condition, only: problem_type, set_value, parameter_level
   use attrito_peak_curve, only: curve_type
+  use attrito_peak_endings, only: ending_not_found
   implicit none
   private
   public :: begin_curve, begin_curve_near
@@ -65,7 +66,7 @@ contains
     solver%omega = omega
     call set_value(self%problem, solver, target)
     call self%sweep_here(solver)
-    if (self%found .or. .not. begun) return
+    if (self%found .or. self%ending /= ending_not_found .or. .not. begun) return
     self = way
     call set_value(self%problem, solver, level)
     call restore(solver, last)

@@ -1,7 +1,8 @@
 !> The largest peak of a frequency response about a frequency, loads held, by a sweep: where no peak can be climbed to from nearby.
 !>
 !> The swept range becomes wider until the amplitude is largest within it, not at an end. A point of the sweep lies at every peak,
-!> from which the peak is climbed to (`attrito_peak_climb`).
+!> from which the peak is climbed to (`attrito_peak_climb`). Where the amplitude is largest beside frequencies without a periodic
+!> motion there is no peak: mean friction does not balance the mean forces there, and a body drifts.
 module attrito_peak_local_sweep
   use attrito_core_kinds, only: wp
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
@@ -23,16 +24,26 @@ module attrito_peak_local_sweep
 
   !> What a sweep has shown of a range
   type :: range_type
-    !> Is the amplitude largest within it? Or at an end of it, all points solved
-    logical :: inside = .false., at_end = .false.
-    !> Are there frequencies without periodic motion?
+    !> Is the amplitude largest within it? At an end of it, all frequencies between solved? Beside frequencies that are not solved?
+    logical :: inside = .false., at_end = .false., at_gap = .false.
+    !> Is there no periodic motion at these?
     logical :: drifts = .false.
   end type range_type
+
+  !> The highest point of a sweep, and how the sweep ended
+  type :: highest_type
+    type(snapshot_type) :: snapshot
+    real(wp) :: amplitude = -1.0_wp
+    !> Is it the first point, or as high as the last one that was solved?
+    logical :: first = .false., last = .false.
+    !> Was the stop reached without a frequency that is not solved? Is there no periodic motion where it ended?
+    logical :: reached_stop = .false., drifts = .false.
+  end type highest_type
 
 contains
 
   !> From the solver's sliders to the largest peak about its frequency. The solver is at the peak, or anywhere if there is none.
-  subroutine sweep_for_peak(problem, solver, band, iterations, found, ending)
+  subroutine sweep_for_peak(problem, solver, band, iterations, found, at_corner, ending)
     !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
     !> Solver of points, which this moves
@@ -41,17 +52,18 @@ contains
     real(wp), intent(in) :: band(2)
     !> Newton's iterations of all points
     integer, intent(out) :: iterations
-    !> Is there a peak?
-    logical, intent(out) :: found
-    !> One of `ending_...`: why there is none, from the sweep of the whole band
+    !> Is there a peak? Is it a corner?
+    logical, intent(out) :: found, at_corner
+    !> One of `ending_...`: why there is none
     integer, intent(out) :: ending
-    type(snapshot_type) :: start, highest
+    type(snapshot_type) :: start
     type(range_type) :: range
     real(wp) :: ends(2)
     integer :: i, used
 
     iterations = 0
     found = .false.
+    at_corner = .false.
     ending = ending_not_found
     start = snapshot_of(solver)
     do i = 1, size(half_widths) + 1
@@ -59,17 +71,16 @@ contains
       ends = [minval(band), maxval(band)]
       if (i <= size(half_widths)) ends = min(max(start%omega*(1.0_wp + half_widths(i)*[-1, 1]), ends(1)), ends(2))
       if (ends(1) >= ends(2)) cycle
-      call find_highest(problem, solver, ends, highest, range, used)
+      call find_highest(problem, solver, ends, range, used)
       iterations = iterations + used
       call solver%set_scales(minval(band), maxval(band))
-      if (range%inside) then
-        call restore(solver, highest)
-        call climb(problem, solver, used, found)
+      if (range%inside .or. (range%at_gap .and. .not. range%drifts)) then
+        call climb(problem, solver, used, found, at_corner)
         iterations = iterations + used
         ! Uphill of the range there may be no peak in the band.
         found = found .and. solver%omega >= minval(band) .and. solver%omega <= maxval(band)
       end if
-      if (found) exit
+      if (found .or. (range%at_gap .and. range%drifts)) exit
     end do
     if (found) then
       ending = ending_none
@@ -80,42 +91,73 @@ contains
     end if
   end subroutine sweep_for_peak
 
-  !> The point of a sweep at which the amplitude is largest, and where that is in its range.
-  subroutine find_highest(problem, solver, ends, highest, range, iterations)
+  !> To the point of a range at which the amplitude is largest: by a sweep from one end to the other or to a frequency that is not
+  !> solved, and then by one from the other end, so that of frequencies without a solution but the outermost are tried.
+  subroutine find_highest(problem, solver, ends, range, iterations)
+    !> Whose peak it is, and in what it is followed
+    type(problem_type), intent(in) :: problem
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> Least and greatest angular frequency, rad/s
+    real(wp), intent(in) :: ends(2)
+    type(range_type), intent(out) :: range
+    !> Newton's iterations of all points
+    integer, intent(out) :: iterations
+    type(snapshot_type) :: start
+    type(highest_type) :: sweeps(2)
+    integer :: higher
+
+    iterations = 0
+    start = snapshot_of(solver)
+    call sweep_to_gap(problem, solver, ends(1), ends(2), sweeps(1), iterations)
+    if (.not. sweeps(1)%reached_stop) then
+      call restore(solver, start)
+      call sweep_to_gap(problem, solver, ends(2), ends(1), sweeps(2), iterations)
+    end if
+    higher = maxloc(sweeps%amplitude, 1)
+    range%drifts = any(sweeps%drifts)
+    associate (highest => sweeps(higher))
+      if (highest%amplitude < 0.0_wp) return
+      range%inside = .not. (highest%first .or. highest%last)
+      range%at_gap = highest%last .and. .not. highest%reached_stop
+      range%at_end = .not. (range%inside .or. range%at_gap .or. range%drifts)
+      call restore(solver, highest%snapshot)
+    end associate
+  end subroutine find_highest
+
+  !> A sweep up to its stop or to the first frequency that is not solved.
+  subroutine sweep_to_gap(problem, solver, from, to, highest, iterations)
     !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Angular frequencies to begin and to end at, rad/s
-    real(wp), intent(in) :: ends(2)
-    !> That point
-    type(snapshot_type), intent(out) :: highest
-    type(range_type), intent(out) :: range
-    !> Newton's iterations of all points
-    integer, intent(out) :: iterations
+    real(wp), intent(in) :: from, to
+    type(highest_type), intent(out) :: highest
+    !> Counts on
+    integer, intent(inout) :: iterations
+    !> Of amplitudes where nothing but the mean position changes any more
+    real(wp), parameter :: rounding = 1.0e-6_wp ! guess
     type(sweep_type) :: sweep
     type(amplitude_type) :: amplitude
     real(wp), allocatable :: monitors(:, :)
-    real(wp) :: largest
-    logical :: all_solved
 
-    iterations = 0
-    largest = -1.0_wp
-    all_solved = .true.
-    sweep = new_sweep(solver, ends(1), ends(2), 1, most_points)
+    sweep = new_sweep(solver, from, to, 1, most_points)
     do while (.not. sweep%finished .and. iterations < most_iterations)
       call sweep%advance(solver)
       iterations = iterations + solver%report%iterations
-      all_solved = all_solved .and. solver%report%converged
-      range%drifts = range%drifts .or. solver%evidence%no_periodic_solution
-      if (.not. solver%report%converged) cycle
+      if (.not. solver%report%converged) then
+        highest%drifts = solver%evidence%no_periodic_solution
+        return
+      end if
       monitors = solver%context%balance%monitors%motion_of(solver%context%balance%response)
       amplitude = amplitude_of(monitors(:, problem%monitor), problem%measure)
-      if (amplitude%value <= largest) cycle
-      largest = amplitude%value
-      call highest%take(solver)
-      range%inside = sweep%points > 1 .and. .not. sweep%finished
+      highest%last = amplitude%value >= (1.0_wp - rounding)*highest%amplitude
+      if (amplitude%value <= highest%amplitude) cycle
+      highest%amplitude = amplitude%value
+      highest%first = sweep%points == 1
+      call highest%snapshot%take(solver)
     end do
-    range%at_end = all_solved .and. sweep%reached_stop .and. .not. range%inside
-  end subroutine find_highest
+    highest%reached_stop = sweep%reached_stop
+  end subroutine sweep_to_gap
 end module attrito_peak_local_sweep

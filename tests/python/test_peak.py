@@ -18,6 +18,7 @@ from mpi4py import MPI
 from rubbing_mass import DAMPING, element, jenkins
 from scipy.optimize import brentq, minimize_scalar
 
+from attrito.library.integrator import Integrator, Run
 from attrito.library.peak_tracker import PeakTracker
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
@@ -246,7 +247,10 @@ def test_an_uncoupled_balance_cannot_follow_the_preload(tmp_path, capfd):
 
 def test_a_peak_that_jumps_has_no_optimum_between(monkeypatch):
     # Back from beyond the jump the tracker stays on the other curve, whose slope has one sign at both ends.
-    tracker = SimpleNamespace(parameter="level", at=lambda value: SimpleNamespace(parameter=value, outcome="converged"))
+    def smooth(value: float) -> SimpleNamespace:
+        return SimpleNamespace(parameter=value, outcome="converged", at_corner=False)
+
+    tracker = SimpleNamespace(parameter="level", at=smooth)
     monkeypatch.setattr(peaking, "elasticity", lambda peak, parameter: peak.parameter)
     assert peaking.locate_optimum(tracker, tracker.at(1.0), tracker.at(2.0)) is None
     monkeypatch.setattr(peaking, "elasticity", lambda peak, parameter: peak.parameter - 1.5)
@@ -320,6 +324,49 @@ def test_a_peak_of_a_strip_that_is_partly_open_at_rest_arrives_within_its_band(w
     assert [found[0].peak.parameter, found[-1].peak.parameter] == [job["peak"]["start"], job["peak"]["stop"]]
     low, high = scene.band_hz
     assert all(low <= one.peak.frequency_hz <= high for one in found)
+
+
+def test_a_peak_at_a_corner_is_said_to_be_one_and_falls_on_either_side():
+    scene = peaks_scenes.make(1, 6)
+    job = peaks.keys_of(scene, "preload_down")
+    with Solver(MPI.COMM_SELF, scene.reduced, Options(harmonics=5, by_events=True)) as solver:
+        peak = next(follow(solver, job, scene.reduced, peaks.PATH)).peak
+        state = solver.save_state()
+        falls = []
+        for step in (1e-5, 1e-4, -1e-5, -1e-4):
+            solver.load_state(state)
+            (point,) = solver.solve_at([peak.frequency_hz * (1.0 + step)], peak.level, 0)
+            falls.append(1.0 - point.amplitude[0] / peak.amplitude)
+    assert peak.at_corner and np.isnan(peak.slope) and np.isnan(peak.curvature)
+    # Of a smooth peak ten times the way makes a hundred times the fall. What the peak lacks is 1e-9.
+    assert min(falls) > 1e-8
+    assert 5.0 < falls[1] / falls[0] < 20.0 and 5.0 < falls[3] / falls[2] < 20.0
+
+
+def test_the_peak_of_a_joint_that_friction_alone_holds_ends_where_it_drifts():
+    scene = peaks_scenes.make(1, 36)
+    job = peaks.keys_of(scene, "level_up")
+    options = Options(harmonics=5, by_events=True)
+    with Solver(MPI.COMM_SELF, scene.reduced, options) as solver:
+        # Three motions of the upper plate take no energy but in contacts.
+        natural = solver.linear_response("frictionless", np.array([scene.band_hz[0]]), 3)[1]
+        found = list(follow(solver, job, scene.reduced, peaks.PATH))
+    assert natural[0] < 1.0 < natural[1]
+    assert all(one.converged and not one.peak.at_corner for one in found[:-1])
+    assert found[-1].peak.ending == "no_periodic_motion"
+    last = found[-2].peak
+    # Some contact still holds at the last peak, and at a level farther on motion in time drifts.
+    assert sum(last.point.states[:2]) > 0
+    with Integrator(scene.reduced) as integrator:
+        integrator.start_static(peaks.PATH)
+        ends = []
+        for cycles in (400, 40, 40):
+            choices = Run(last.frequency_hz, 1.05 * last.parameter, "exponential", 256, cycles=cycles)
+            integrator.run(choices)
+            ends.append((scene.reduced.directions @ integrator.state()[0])[::2])
+    steps = np.diff(ends, axis=0)
+    assert np.abs(steps[1]).min() > 1e-3 * last.amplitude
+    np.testing.assert_allclose(steps[1], steps[0], rtol=0.05)
 
 
 def test_a_peak_that_leaves_the_band_ends_there_and_the_file_says_so(tmp_path, capfd):

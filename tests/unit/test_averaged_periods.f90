@@ -22,6 +22,7 @@ program test_averaged_periods
                       test('where every contact sticks they are the linear response to a load of straight pieces', stuck), &
                       test('on an orbit that slips they near it as the square of the step', slipping), &
                       test('a loss factor has a twin in time', lossy), &
+                      test('no stiffness of an open contact makes them grow without bounds', resonating), &
                       test('a stiff wedge is solved at every frequency, from the static solution and from the point before', stiff), &
                       test('a block that friction cannot hold is said to drift', drifting), &
                       test('one that drifts in space is left with the sliders that follow it', drifting_in_space)])
@@ -139,6 +140,42 @@ contains
     call check(error, moved, 'it does not move')
     call solver%destroy()
   end subroutine lossy
+
+  !> A mass on a spring beside a contact that stays open: steps of the scheme are exact for the contact closed, and the force that
+  !> opens it is straight within each. Where the closed natural frequency times the step is near a multiple of pi that is unstable.
+  subroutine resonating(error)
+    type(error_type), allocatable, intent(out) :: error
+    integer, parameter :: steps = 64
+    real(wp), parameter :: spring = 4.0_wp
+    type(scene_type) :: scene
+    type(averaged_periods_type) :: in_time
+    type(periods_type) :: periods
+    real(wp) :: closed
+    logical :: moved
+    integer :: i
+
+    associate (structure => scene%structure)
+      structure%mass = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [2, 2])
+      structure%stiffness = spring*structure%mass
+      allocate (structure%static_loads(2, 1), structure%harmonic_load(2, 3), source=0.0_wp)
+      structure%harmonic_load(2, 2) = 1.0_wp
+      allocate (structure%monitors(2, 0))
+    end associate
+    do i = 1, 19
+      ! At excitation 1: 0.9 pi to 1.1 pi a step.
+      closed = 0.5_wp*steps*(0.89_wp + 0.01_wp*i)
+      scene%contacts = new_contacts([contact_type(tangents=1, tangential_stiffness=1.0_wp, normal_stiffness=closed**2 - spring, &
+                                                  friction_coefficient=0.3_wp, gap=100.0_wp)], scene%structure%mass)
+      call damp(scene, damping_ratio, 0.001_wp)
+      in_time = new_averaged_periods(scene%structure, scene%contacts)
+      call in_time%set_state([0.0_wp, 1.0_wp/3.0_wp], [0.0_wp, 0.0_wp], reshape([0.0_wp, 0.0_wp], [2, 1]), moved)
+      call check(error, moved, 'it is not set')
+      call in_time%average_over(excitation_type(1.0_wp, [1.0_wp], 1.0_wp), 5, 5, periods)
+      call check(error, periods%moved, 'it does not move')
+      ! Straight pieces of a force, closed^2 times the motion, are up to (2 pi/steps)^2/12 of it off: 1 of the free spring's 3.
+      call check(error, maxval(abs(periods%motion(2:, :))) < 0.5_wp, 'it grows')
+    end do
+  end subroutine resonating
 
   !> kn = kt = 3e6, 20 N of preload, 60 N along x: half of these orbits are unstable, and no point before leads to some.
   subroutine stiff(error)

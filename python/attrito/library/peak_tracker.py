@@ -33,6 +33,8 @@ class Peak:
     curvature : its second derivative by angular frequency along the frequency response; negative at a maximum
     evaluations : of the balance, since the session began
     ending : a name of `ENDINGS`, why there is no peak
+    at_corner : whether the amplitude rises to it on one side and falls on the other with a corner, where a contact
+        changes its state; `slope` and `curvature` are NaN there
     """
 
     point: Point
@@ -43,6 +45,7 @@ class Peak:
     curvature: float
     evaluations: int
     ending: str
+    at_corner: bool
 
     @property
     def frequency_hz(self) -> float:
@@ -161,6 +164,16 @@ class PeakTracker:
     def _call(self, name: str, *arguments: object) -> tuple[Peak, bool]:
         raw = RawPeak()
         self._solver.call(name, *arguments, ctypes.byref(raw))
-        numbers = (raw.parameter, raw.point.level, raw.amplitude, raw.slope, raw.curvature, raw.evaluations)
-        ending = ENDINGS[raw.ending]
-        return Peak(self._solver.point_of(raw.point), *numbers, ending), bool(raw.point.finished)
+        at_corner = bool(raw.at_corner)
+        peak = Peak(
+            self._solver.point_of(raw.point),
+            raw.parameter,
+            raw.point.level,
+            raw.amplitude,
+            np.nan if at_corner else raw.slope,
+            np.nan if at_corner else raw.curvature,
+            raw.evaluations,
+            ENDINGS[raw.ending],
+            at_corner,
+        )
+        return peak, bool(raw.point.finished)

@@ -107,7 +107,7 @@ def ending_of(found: list[Found], parameter: str, stop: float) -> Ending:
             return Ending("stop", "it has come to its stop")
         return Ending("max_points", f"[peak] max_points was reached at {parameter} {last.peak.parameter:g}")
     known = [one.peak.parameter for one in found if one.converged]
-    where = f"beyond {parameter} {known[-1]:g}" if known else f"at {parameter} {last.peak.parameter:g}"
+    where = f"beyond {parameter} {known[-1]:g}" if known else "at the start"
     kind = last.peak.ending
     if kind in REASONS:
         return Ending(kind, f"the curve ends: there is no peak {where}, since {REASONS[kind]}")

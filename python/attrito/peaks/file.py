@@ -31,8 +31,14 @@ COLUMNS = {
     "frequency_hz": ("frequency of the peak", "Hz"),
     "amplitude": ("amplitude of the monitor at the peak", "user length"),
     "response": ("amplitude by level", "user length"),
-    "elasticity": ("relative change by relative change of the parameter: of response, or of amplitude (preload)", "1"),
-    "curvature": ("second derivative of the amplitude by frequency; negative at a maximum", "user length/Hz^2"),
+    "elasticity": (
+        "relative change by relative change of the parameter: of response, or of amplitude (preload); NaN at a corner",
+        "1",
+    ),
+    "curvature": (
+        "second derivative of the amplitude by frequency; negative at a maximum, NaN at a corner",
+        "user length/Hz^2",
+    ),
     "residual": ("relative residual of the balance", "1"),
     "estimate": ("estimated relative error by truncation", "1"),
 }
@@ -40,6 +46,7 @@ COUNTS = {
     "iterations": "Newton steps, failed steps included",
     "evaluations": "of the balance since the start, static path included",
     "unique": "1 yes, 0 no, -1 not examined",
+    "corner": "1: the response rises to the peak on one side and falls on the other, with a corner; 0: it is smooth",
 }
 
 # Of a backbone at the peaks' levels, and along it
@@ -80,6 +87,7 @@ def columns(found: list[Found], parameter: str) -> dict[str, np.ndarray]:
             "iterations": peak.point.iterations,
             "evaluations": peak.evaluations,
             "unique": int(peak.point.unique),
+            "corner": int(peak.at_corner),
         }
         for name, value in values.items():
             rows[name].append(value)
@@ -206,7 +214,7 @@ def smooth_curve(parameter: np.ndarray, amplitude: np.ndarray, power: np.ndarray
     Parameters
     ----------
     parameter, amplitude : at the peaks in the order of the curve
-    power : d log(amplitude)/d log(parameter) there
+    power : d log(amplitude)/d log(parameter) there; NaN where the response has a corner
     """
     x, y = np.log(parameter), np.log(amplitude)
     pieces = []
@@ -214,7 +222,9 @@ def smooth_curve(parameter: np.ndarray, amplitude: np.ndarray, power: np.ndarray
         first, last = (i, i + 1) if x[i] < x[i + 1] else (i + 1, i)
         if x[first] == x[last]:
             continue
-        piece = CubicHermiteSpline([x[first], x[last]], [y[first], y[last]], [power[first], power[last]])
+        secant = (y[last] - y[first]) / (x[last] - x[first])
+        slopes = [secant if np.isnan(power[at]) else power[at] for at in (first, last)]
+        piece = CubicHermiteSpline([x[first], x[last]], [y[first], y[last]], slopes)
         at = np.linspace(x[i], x[i + 1], count)
         pieces.append(np.array([at, piece(at)]))
     return np.exp(np.concatenate(pieces, axis=1)) if pieces else np.array([parameter, amplitude])

@@ -173,7 +173,7 @@ def locate_optimum(tracker: PeakTracker, before: Peak, after: Peak) -> Peak | No
         # Once for each value: another way there may lead to another peak.
         if logarithm not in slopes:
             peak = tracker.at(float(np.exp(logarithm)))
-            if peak.outcome == "not_converged":
+            if peak.outcome == "not_converged" or peak.at_corner:
                 raise _LostError
             slopes[logarithm] = elasticity(peak, tracker.parameter)
         return slopes[logarithm]
@@ -198,10 +198,11 @@ def line(found: Found, parameter: str) -> str:
     """One line a peak."""
     peak = found.peak
     stuck, shaken_down, slipping, opened = peak.point.states
+    corner = "  at a corner" if peak.at_corner else ""
     return (
         f"{parameter} {peak.parameter:<10.6g} {peak.frequency_hz:11.6g} Hz  amplitude {peak.amplitude:11.5e}"
         f"  per level {peak.response:11.5e}  stuck {stuck + shaken_down:3d} slipping {slipping:3d} open {opened:3d}"
-        f"  {peak.point.iterations:3d} iterations  {found.kind}  {peak.outcome}"
+        f"  {peak.point.iterations:3d} iterations  {found.kind}  {peak.outcome}{corner}"
     )
 
 
