@@ -9,6 +9,7 @@ module attrito_newton_condensed_krylov
   use petscksp
   use attrito_core_kinds, only: wp
   use attrito_newton_border, only: border_type
+  use attrito_newton_kept_factors, only: kept_factors_type
   use attrito_newton_condensed_operator, only: condensed_operator_type, new_condensed_operator
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_newton_preconditioner, only: preconditioner_type
@@ -137,8 +138,6 @@ contains
     !> 0, or PETSc has failed
     integer, intent(out) :: status
     logical :: anew
-    integer :: count
-    PetscErrorCode :: ierr
 
     converged = .false.
     status = 0
@@ -154,12 +153,7 @@ contains
         return
       end if
       call new_tangent_preconditioner(context%system, kept%reference, kept%left_over, context%preconditioner)
-      call run(context, options%tolerance, min(options%max_iterations, kept%left_over%patience()), right, &
-               context%system%weight*last, y, omega, count, converged, ierr)
-      status = merge(0, 1, ierr == 0)
-      iterations = iterations + count
-      call kept%left_over%count(count)
-      if (.not. converged) call kept%left_over%discard()
+      call run_with(kept%left_over, context, options, right, last, y, omega, iterations, converged, status)
       if (converged .or. anew .or. status /= 0) return
     end do
   end subroutine solve_by_tangent
@@ -183,8 +177,6 @@ contains
     !> 0, or not: singular
     integer, intent(out) :: status
     logical :: anew, converged
-    integer :: count
-    PetscErrorCode :: ierr
 
     status = 0
     do
@@ -192,16 +184,40 @@ contains
       if (anew) call kept%two_level%make(context%system%balance, options%low_modes, stiffening, status)
       if (status /= 0) return
       call new_two_level(context%system, kept%two_level, context%preconditioner)
-      call run(context, options%tolerance, min(options%max_iterations, kept%two_level%patience()), right, &
-               context%system%weight*last, y, omega, count, converged, ierr)
-      status = merge(0, 1, ierr == 0)
-      iterations = iterations + count
-      call kept%two_level%count(count)
-      if (.not. converged) call kept%two_level%discard()
+      call run_with(kept%two_level, context, options, right, last, y, omega, iterations, converged, status)
       ! A step short of its tolerance, with factors just made, is still the best one known: Newton's line search judges it.
       if (converged .or. anew .or. status /= 0) return
     end do
   end subroutine solve_on_two_levels
+
+  !> Solve with a preconditioner made of factors, for as long as they are worth it; those that do not serve are not used again.
+  subroutine run_with(factors, context, options, right, last, y, omega, iterations, converged, status)
+    !> Factors that the preconditioner is made of
+    class(kept_factors_type), intent(inout) :: factors
+    !> What PETSc's callbacks see
+    type(system_type), target, intent(inout) :: context
+    !> How to solve
+    type(krylov_options_type), intent(in) :: options
+    !> Right-hand side over contact rows; sigma - p^T rho
+    real(wp), intent(in) :: right(:, :), last
+    !> D delta d [2 H + 1, active rows] and step of omega
+    real(wp), intent(inout) :: y(:, :), omega
+    !> Of GMRES, added to
+    integer, intent(inout) :: iterations
+    !> Did the solve converge?
+    logical, intent(out) :: converged
+    !> 0, or PETSc has failed
+    integer, intent(out) :: status
+    integer :: count
+    PetscErrorCode :: ierr
+
+    call run(context, options%tolerance, min(options%max_iterations, factors%patience()), right, context%system%weight*last, y, &
+             omega, count, converged, ierr)
+    status = merge(0, 1, ierr == 0)
+    iterations = iterations + count
+    call factors%count(count)
+    if (.not. converged) call factors%discard()
+  end subroutine run_with
 
   !> Create the solver, solve and give everything back; `last` has the weight of the system's constraint.
   subroutine run(context, tolerance, most, right, last, y, omega, iterations, converged, ierr)

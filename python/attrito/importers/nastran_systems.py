@@ -47,6 +47,9 @@ class System:
 
     def position(self, coordinates: np.ndarray) -> np.ndarray:
         """A point `[3]` in the basic system, of its coordinates (angles in degrees)."""
+        if not np.all(np.isfinite(coordinates)):
+            # The message that names its node comes when all are read.
+            return np.full(3, np.nan)
         a, b, c = coordinates
         if self.kind == "C":
             coordinates = np.array([a * np.cos(np.radians(b)), a * np.sin(np.radians(b)), c])

@@ -151,7 +151,9 @@ class Search:
             budget.check()
             groups = _groups(shown)
             # Where contacts slip, the least and the greatest value both need a model at the member found first.
-            model = self._model(family, shown, budget, 2 * len(groups[0]))
+            # Where all stick members are linear in their sliders: one model is that of all.
+            others = 0 if shown.free.all() else 2 * len(groups[0])
+            model = self._model(family, shown, budget, others)
             for group in groups:
                 for quantity in budget.afforded(group):
                     for side in (1.0, -1.0) if model is not None else ():
