@@ -34,7 +34,7 @@ class Scene:
     Parameters
     ----------
     coordinates : [N, 3], mm; the node's id is its row + 1
-    elements : connectivity [E, 10] by body, rows of `coordinates`, CalculiX order
+    elements : connectivity [E, 10] or [E, 20] by body, rows of `coordinates`, CalculiX order
     touching : for a pair of bodies meshed together the rows of nodes that coincide, ascending in those of the first
     node_sets : rows of `coordinates` by name
     """
@@ -102,10 +102,12 @@ def write_inp(path: Path, scene: Scene, title: str) -> None:
     lines += [f"{k}, {x:.12g}, {y:.12g}, {z:.12g}" for k, (x, y, z) in enumerate(scene.coordinates.tolist(), start=1)]
     element = 0
     for body, connectivity in scene.elements.items():
-        lines.append(f"*ELEMENT, TYPE=C3D10, ELSET={body}")
+        lines.append(f"*ELEMENT, TYPE=C3D{connectivity.shape[1]}, ELSET={body}")
         for nodes in (connectivity + 1).tolist():
             element += 1
-            lines.append(", ".join(map(str, [element, *nodes])))
+            # Sixteen numbers a line at most.
+            numbers = list(map(str, [element, *nodes]))
+            lines += [", ".join(part) + "," * (len(numbers) > 16) for part in (numbers[:16], numbers[16:]) if part]
     for name, rows in scene.node_sets.items():
         lines.append(f"*NSET, NSET={name}")
         ids = (rows + 1).tolist()
@@ -123,9 +125,9 @@ def make_model(
     out: Path,
     name: str,
     title: str,
-    script: str | dict[str, str],
+    script: str | dict[str, str] | Scene,
     bodies: list[str],
-    node_sets: Callable[[Scene], dict[str, np.ndarray]],
+    node_sets: Callable[[Scene], dict[str, np.ndarray]] | None,
     steps: dict[str, str],
     products: dict[str, str],
     loads: dict[str, Callable[[Scene], str]] | None = None,
@@ -136,8 +138,9 @@ def make_model(
     ----------
     out, name : folder, and first part of the names in it
     title : comment of the mesh file
-    script : gmsh script with a physical volume for each of `bodies`; or one a body, whose meshes then do not match
-    node_sets : finds the node sets of a scene
+    script : gmsh script with a physical volume for each of `bodies`; or one a body, whose meshes then do not match; or
+        the mesh itself
+    node_sets : finds the node sets of a scene; None where it has them
     steps : CalculiX jobs by name, from their boundary conditions on
     products : what to keep: CalculiX's file (`matrices.sti`) -> its name in `out`
     loads : files of forces: name in `out` -> what writes its text for a scene
@@ -146,8 +149,9 @@ def make_model(
     sections = "".join(f"*SOLID SECTION, ELSET={body}, MATERIAL=steel\n" for body in bodies)
     decks = {job: f"*INCLUDE, INPUT={name}.inp\n{STEEL}{sections}{text}" for job, text in steps.items()}
     caller = Path(sys.argv[0]).read_text() if Path(sys.argv[0]).is_file() else ""
-    scripts = {"": script} if isinstance(script, str) else script
-    sources = [*scripts.values(), *decks.values(), repr(sorted(products.items())), caller, Path(__file__).read_text()]
+    scripts = {"": script} if isinstance(script, str) else {} if isinstance(script, Scene) else script
+    drawn = [script.coordinates.tobytes().hex()] if isinstance(script, Scene) else [*scripts.values()]
+    sources = [*drawn, *decks.values(), repr(sorted(products.items())), caller, Path(__file__).read_text()]
     stamp = hashlib.sha256("\0".join(sources).encode()).hexdigest()
     stamp_file = out / f"{name}.stamp"
     kept = [out / product for product in (f"{name}.inp", *products.values(), *loads)]
@@ -158,9 +162,14 @@ def make_model(
     stamp_file.unlink(missing_ok=True)
     with tempfile.TemporaryDirectory(dir=out) as scratch:
         folder = Path(scratch)
-        meshed = [part_bodies(mesh_bodies(text, folder), [body] if body else bodies) for body, text in scripts.items()]
-        scene = meshed[0] if isinstance(script, str) else joined(meshed)
-        scene.node_sets.update(node_sets(scene))
+        if isinstance(script, Scene):
+            scene = script
+        else:
+            parts = [(mesh_bodies(text, folder), [body] if body else bodies) for body, text in scripts.items()]
+            meshed = [part_bodies(mesh, names) for mesh, names in parts]
+            scene = meshed[0] if isinstance(script, str) else joined(meshed)
+        if node_sets is not None:
+            scene.node_sets.update(node_sets(scene))
         write_inp(folder / f"{name}.inp", scene, title)
         for job, deck in decks.items():
             (folder / f"{job}.inp").write_text(deck)
@@ -173,4 +182,5 @@ def make_model(
 
     sizes = ", ".join(f"{set_name} {len(rows)}" for set_name, rows in scene.node_sets.items())
     elements = sum(len(connectivity) for connectivity in scene.elements.values())
-    print(f"{len(scene.coordinates)} nodes, {elements} C3D10 elements; node sets: {sizes}")
+    kind = next(iter(scene.elements.values())).shape[1]
+    print(f"{len(scene.coordinates)} nodes, {elements} C3D{kind} elements; node sets: {sizes}")

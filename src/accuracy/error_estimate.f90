@@ -156,7 +156,7 @@ contains
 
     ratio = 0.0_wp
     associate (contacts => solver%contacts, stuck => solver%stuck)
-      modes = matmul(transpose(contacts%directions), stuck%modes)
+      modes = matmul(transpose(solver%mean_rows()), stuck%modes)
       do row = 1, size(modes, 1)
         share = contacts%row_stiffness(row)*sum(modes(row, :)**2/stuck%modal_stiffness)
         ratio = max(ratio, share/max(1.0_wp - share, rounding))
@@ -185,7 +185,7 @@ contains
 
     if (finer%harmonics == harmonics .and. finer%quadrature%fourier%samples == samples) return
     call finer%destroy()
-    finer = new_finer_balance(solver%structure, solver%stuck, harmonics, samples, solver%context%balance%quadrature%by_events)
+    finer = new_finer_balance(harmonics, samples, solver%context%balance%quadrature%by_events)
   end subroutine prepare
 
   !> Coefficients of the monitors at the solver's present point [2 H + 1, monitors].

@@ -9,9 +9,7 @@
 module attrito_accuracy_finer_balance
   use attrito_core_kinds, only: wp
   use attrito_core_trigonometric, only: resized, to_complex, to_real
-  use attrito_model_structure, only: structure_type, damping_viscous, damping_loss_factor
   use attrito_newton_linearised_step, only: linear_options_type, solve_linearised, change_of_deviation
-  use attrito_linear_stuck_system, only: stuck_system_type
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_balance_work, only: contact_work, residual_work
@@ -40,9 +38,6 @@ module attrito_accuracy_finer_balance
     integer :: harmonics = 0
     !> Its samples are asked for no gradient
     type(quadrature_type) :: quadrature
-    !> Stiffness of the stuck modes, complex where damping is structural, and their damping [n]
-    complex(wp), allocatable, private :: stiffness(:)
-    real(wp), allocatable, private :: damping(:)
   contains
     procedure :: correct
     procedure :: respond_beyond
@@ -68,11 +63,7 @@ module attrito_accuracy_finer_balance
 contains
 
   !> For so many harmonics and samples.
-  function new_finer_balance(structure, stuck, harmonics, samples, by_events) result(self)
-    !> Mass, stiffness, damping, loads and monitors
-    type(structure_type), intent(in) :: structure
-    !> Linear system with every contact stuck
-    type(stuck_system_type), intent(in) :: stuck
+  function new_finer_balance(harmonics, samples, by_events) result(self)
     !> Highest harmonic, H; samples a period, J
     integer, intent(in) :: harmonics, samples
     !> Are events preferred to samples?
@@ -81,24 +72,7 @@ contains
 
     self%harmonics = harmonics
     self%quadrature = quadrature_type(by_events, fourier=new_fourier(0, samples), grid=new_grid(harmonics))
-    self%stiffness = stuck%modal_stiffness
-    self%damping = stuck%modal_damping
-    if (structure%damping_kind == damping_viscous) self%damping = projected(structure%damping, stuck%modes)
-    if (structure%damping_kind == damping_loss_factor) then
-      self%stiffness = cmplx(stuck%modal_stiffness, structure%damping_value*projected(structure%stiffness, stuck%modes), wp)
-    else
-      where (self%damping <= 0.0_wp) self%damping = 2.0_wp*nominal_ratio*sqrt(stuck%modal_stiffness*stuck%modal_mass)
-    end if
   end function new_finer_balance
-
-  !> x^T A x of every mode: what a matrix that couples them is to each by itself.
-  pure function projected(matrix, modes) result(diagonal)
-    !> Matrix that couples the modes; modes, a column each
-    real(wp), intent(in) :: matrix(:, :), modes(:, :)
-    real(wp) :: diagonal(size(modes, 2))
-
-    diagonal = sum(modes*matmul(matrix, modes), 1)
-  end function projected
 
   !> The solver's present point, corrected.
   subroutine correct(self, solver, point, status, denser)
@@ -171,9 +145,9 @@ contains
     complex(wp), intent(inout) :: response(:, 0:)
     real(wp), allocatable :: forces(:, :)
     complex(wp), allocatable :: columns(:, :)
-    integer :: h, k, loaded
+    integer :: k, loaded
 
-    associate (balance => solver%context%balance, stuck => solver%stuck, lowest => solver%context%balance%receptance%harmonics + 1)
+    associate (balance => solver%context%balance, lowest => solver%context%balance%receptance%harmonics + 1)
       if (self%harmonics < lowest) return
       k = 2*self%harmonics + 1
       forces = -balance%contact_rows%load_of(deviation)
@@ -181,16 +155,8 @@ contains
       loaded = min(size(solver%structure%harmonic_load, 2), k)
       forces(:loaded, :) = forces(:loaded, :) &
                            + balance%level*to_real(balance%receptance%project_loads(solver%structure%harmonic_load(:, :loaded)))
-      if (.not. stuck%uncoupled) forces = matmul(forces, stuck%modes)
       columns = to_complex(forces)
-      do h = lowest, self%harmonics
-        columns(:, h + 1) = columns(:, h + 1)/(self%stiffness + cmplx(-(h*solver%omega)**2*stuck%modal_mass, &
-                                                                      h*solver%omega*self%damping, wp))
-      end do
-      forces = to_real(columns)
-      if (.not. stuck%uncoupled) forces = matmul(forces, transpose(stuck%modes))
-      columns = to_complex(forces)
-      response(:, lowest:) = columns(:, lowest + 1:)
+      call balance%receptance%respond_beyond(solver%omega, nominal_ratio, columns(:, lowest + 1:), response(:, lowest:))
     end associate
   end subroutine respond_beyond
 

@@ -48,6 +48,8 @@ contains
     integer :: r, h, first, last
 
     highest = known
+    ! Not known for a sector, whose harmonics have natural frequencies of their own.
+    if (allocated(solver%structure%sector)) return
     if (solver%stuck%omega(size(solver%stuck%omega)) < known*solver%omega) return
     if (.not. allocated(self%open)) call diagonalise(solver, self%open)
     associate (balance => solver%context%balance, stuck => solver%stuck)

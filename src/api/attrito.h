@@ -83,6 +83,11 @@ void attrito_set_loads(void *handle, int static_count, const double *static_load
 void attrito_set_contacts(void *handle, int count, const attrito_contact_law *laws, int rows,
     const double *directions);
 
+/* The model is one of N equal sectors, q_{j+1}(t) = q_j(t - EO T / N): its boundaries, and its contacts' rows on the next sector
+ * [rows, m], after those on its own. */
+void attrito_set_sector(void *handle, int sectors, int engine_order, int count, const int *lower, const int *upper,
+    int rows, const double *next_directions);
+
 /* Make the session ready to solve. */
 int attrito_prepare(void *handle, const attrito_solver_options *options, char *message, int length);
 
@@ -108,18 +113,6 @@ int attrito_solve_by_strategy(void *handle, const char *strategy, double omega, 
 
 /* Coefficients of the monitors [monitors, 2 H + 1] and their amplitudes at the last point. */
 void attrito_monitors(void *handle, double *harmonics, double *amplitude);
-
-/* Linear response of the monitors of a reference system (`attrito_describe`): amplitudes [monitors, count] at level 1, and the
- * lowest natural frequencies [frequencies] in Hz of that system, elastic modes alone; zeros where there are fewer. `rigid`: its
- * rigid-body modes. */
-int attrito_linear_response(void *handle, int kind, int count, const double *omega, double *amplitude, int frequencies,
-    double *natural_hz, int *rigid, char *message, int length);
-
-/* The lowest modes of a reference system (`attrito_describe`), normalised by mass: natural frequencies in Hz, damping ratios by
- * the structure's own damping (0 of rigid-body modes) [count], shapes [count, m], and how many of them, the first, are rigid-body
- * modes. */
-int attrito_linear_modes(void *handle, int kind, int count, double *natural_hz, double *damping_ratio, double *shapes,
-    int *rigid, char *message, int length);
 
 /* Which contacts the last static path has left closed: 1, or 0 [contacts]. */
 void attrito_closed_contacts(void *handle, int *closed);
@@ -311,6 +304,18 @@ void attrito_integrator_samples(void *handle, double *time, double *monitors, do
 /* Give everything back. */
 void attrito_integrator_destroy(void *handle);
 
+/* Linear response of the monitors of a reference system (`attrito_describe`): amplitudes [monitors, count] at level 1, and the
+ * lowest natural frequencies [frequencies] in Hz of that system, elastic modes alone; zeros where there are fewer. `rigid`: its
+ * rigid-body modes. */
+int attrito_linear_response(void *handle, int kind, int count, const double *omega, double *amplitude, int frequencies,
+    double *natural_hz, int *rigid, char *message, int length);
+
+/* The lowest modes of a reference system (`attrito_describe`), normalised by mass: natural frequencies in Hz, damping ratios by
+ * the structure's own damping (0 of rigid-body modes) [count], shapes [count, m], and how many of them, the first, are rigid-body
+ * modes. */
+int attrito_linear_modes(void *handle, int kind, int count, double *natural_hz, double *damping_ratio, double *shapes,
+    int *rigid, char *message, int length);
+
 /* Begin at the last point. */
 void attrito_enter_family(void *handle);
 
@@ -489,6 +494,9 @@ int attrito_examine(void *handle, int methods, int orbit, int equivalent_viscous
 
 /* Multipliers of the last examination by one engine, 1 or 2: real and imaginary parts, kinds. */
 void attrito_multipliers(void *handle, int method, double *re, double *im, int *kind);
+
+/* Wavenumbers of the same multipliers, of a sector's wheel; -1: none. */
+void attrito_wavenumbers(void *handle, int method, int *wavenumber);
 
 /* Table of numbers [fields, lines] from lines of text, NaN where a field is empty; returns the first line, from 1, that
  * does not hold numbers, or 0. Widths of zero: fields are separated by blanks or commas. */

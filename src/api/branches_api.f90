@@ -133,8 +133,7 @@ contains
     m = size(session%structure%mass, 1)
     associate (solver => session%solver, balance => session%solver%context%balance)
       call solver%set_loads(balance%static_factors, level)
-      solver%motion = resized(solver%contacts%relative_motion(coordinates(:, :m), balance%first_row, balance%rows()), &
-                              size(solver%motion, 1))
+      solver%motion = resized(solver%relative_motion(coordinates(:, :m)), size(solver%motion, 1))
       solver%omega = omega
       solver%all_stick = .false.
       width = size(balance%slider, 1)

@@ -69,7 +69,7 @@ contains
     associate (solver => session%solver, balance => session%solver%context%balance)
       call solver%set_loads(preload*static_factors, level)
       call solver%set_scales(start, stop)
-      motion = solver%contacts%relative_motion(coordinates(:, :size(session%structure%mass, 1)), balance%first_row, balance%rows())
+      motion = solver%relative_motion(coordinates(:, :size(session%structure%mass, 1)))
       call begin_curve_near(solver, problem_type(monitor=monitor + 1, measure=measure, static_factors=static_factors), &
                             resized(motion, size(solver%motion, 1)), omega, [start, stop], session%peak)
     end associate

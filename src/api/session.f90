@@ -17,6 +17,8 @@ module attrito_api_session
   use attrito_peak_curve, only: curve_type
   use attrito_peak_quasi_static, only: quasi_static_type
   use attrito_output_point_report, only: point_report_type
+  use attrito_stability_hill_sector, only: wheel_modes_type
+  use attrito_stability_wheel_monodromy, only: wheel_type
   use attrito_stability_crossing, only: moduli_type
   use attrito_stability_examine, only: examination_type
   implicit none
@@ -57,6 +59,9 @@ module attrito_api_session
     type(system_type), allocatable :: in_time
     type(examination_type) :: examination
     !> Dynamic multipliers of the last two points, none if they were not examined; bifurcations of the step between
+    !> Of a sector: modes of all nodal diameters of its wheel, and the whole wheel, once they are asked for
+    type(wheel_modes_type), allocatable :: waves
+    type(wheel_type), allocatable :: wheel
     type(moduli_type) :: moduli(2)
     type(bifurcation_type), allocatable :: bifurcations(:)
     !> Points of branches while others are sought

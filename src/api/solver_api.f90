@@ -2,21 +2,16 @@
 !>
 !> Arrays are C's: the last index runs fastest, so a Fortran array here has its dimensions the other way round.
 module attrito_api_solver
-  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use, intrinsic :: iso_c_binding
   use attrito_core_communicator, only: new_communicator
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp, two_pi
   use attrito_core_petsc_session, only: start_petsc, stop_petsc
   use attrito_core_trigonometric, only: extrema
+  use attrito_model_sector, only: new_sector
   use attrito_model_contacts, only: contact_type, contacts_type, new_contacts, slider_width
   use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_evaluation, only: sample_forces
-  use attrito_linear_damping, only: damping_form
-  use attrito_linear_projected_rows, only: projected_rows_type
-  use attrito_linear_receptance, only: receptance_type
-  use attrito_linear_references, only: reference_type, new_reference
-  use attrito_linear_stuck_system, only: new_receptance
   use attrito_continuation_sweep, only: new_sweep
   use attrito_solve_strategies, only: solve_by_strategy
   use attrito_solve_strategy_outcome, only: evidence_type
@@ -117,6 +112,26 @@ contains
     session%contacts = new_contacts([(law_of(laws(i)), i=1, count)], reshape(directions(:m*rows), [m, rows]))
   end subroutine attrito_set_contacts
 
+  !> The model is one of N equal sectors, q_{j+1}(t) = q_j(t - EO T / N): its boundaries, and its contacts' rows on the next sector
+  !> [rows, m], after those on its own.
+  subroutine attrito_set_sector(handle, sectors, engine_order, count, lower, upper, rows, next_directions) bind(c)
+    !> Session, see `session_of`
+    type(c_ptr), value :: handle
+    !> N; EO; coordinates of a boundary; how many rows there are
+    integer(c_int), value :: sectors, engine_order, count, rows
+    !> Coordinates of the lower and of the upper boundary, in pairs, from 0
+    integer(c_int), intent(in) :: lower(count), upper(count)
+    !> Directions of contact rows in the next sector's coordinates
+    real(c_double), intent(in) :: next_directions(*)
+    type(session_type), pointer :: session
+    integer :: m
+
+    session => session_of(handle)
+    m = size(session%structure%mass, 1)
+    session%structure%sector = new_sector(int(sectors), int(engine_order), int(lower) + 1, int(upper) + 1, &
+                                          reshape(next_directions(:m*rows), [m, rows]))
+  end subroutine attrito_set_sector
+
   !> Make the session ready to solve.
   integer(c_int) function attrito_prepare(handle, options, message, length) bind(c)
     !> Session, see `session_of`
@@ -147,6 +162,8 @@ contains
     session%accuracy%fewest_samples = options%fewest_samples
     session%accuracy%errors%modes = options%mode_error
     session%curve_tolerance = options%curve_tolerance
+    ! A sector is coupled to its own motion at another time: no march follows it.
+    if (allocated(session%structure%sector)) return
     if (allocated(error) .or. size(session%contacts%directions, 2) > most_rows_in_time) return
     allocate (session%solver%time_integrator, source=new_averaged_periods(session%structure, session%contacts))
   end function attrito_prepare
@@ -169,6 +186,8 @@ contains
     session%contacts = session%solver%contacts
     ! It has the laws of before.
     if (allocated(session%in_time)) deallocate (session%in_time)
+    if (allocated(session%waves)) deallocate (session%waves)
+    if (allocated(session%wheel)) deallocate (session%wheel)
     if (allocated(session%solver%time_integrator)) then
       deallocate (session%solver%time_integrator)
       allocate (session%solver%time_integrator, source=new_averaged_periods(session%structure, session%contacts))
@@ -306,96 +325,6 @@ contains
     harmonics(:size(session%point%harmonics)) = reshape(session%point%harmonics, [size(session%point%harmonics)])
     amplitude(:size(session%point%amplitude)) = session%point%amplitude
   end subroutine attrito_monitors
-
-  !> Linear response of the monitors of a reference system (`attrito_describe`): amplitudes [monitors, count] at level 1, and the
-  !> lowest natural frequencies [frequencies] in Hz of that system, elastic modes alone; zeros where there are fewer. `rigid`: its
-  !> rigid-body modes.
-  integer(c_int) function attrito_linear_response(handle, kind, count, omega, amplitude, frequencies, natural_hz, rigid, message, &
-                                                  length) bind(c)
-    !> Session, see `session_of`
-    type(c_ptr), value :: handle
-    !> Which system; number of items; how many there are; room for the message, characters
-    integer(c_int), value :: kind, count, frequencies, length
-    !> Angular frequency, rad/s
-    real(c_double), intent(in) :: omega(count)
-    !> Amplitudes of the monitors; lowest natural frequencies, Hz
-    real(c_double), intent(out) :: amplitude(count, *), natural_hz(frequencies)
-    !> Rigid-body modes
-    integer(c_int), intent(out) :: rigid
-    !> Room for what is said
-    character(kind=c_char), intent(out) :: message(length)
-    type(session_type), pointer :: session
-    type(reference_type) :: reference
-    class(receptance_type), allocatable :: receptance
-    type(projected_rows_type) :: monitors
-    type(error_type), allocatable :: error
-    complex(wp), allocatable :: load(:, :), response(:, :)
-    real(wp), allocatable :: coefficients(:, :)
-    real(wp) :: range(2)
-    integer :: i, monitor, harmonics, n, status
-
-    session => session_of(handle)
-    call new_reference(session%structure, session%contacts, session%solver%stuck, kind, session%solver%closed, reference, error)
-    attrito_linear_response = report_error(error, message)
-    if (allocated(error)) return
-    rigid = reference%rigid
-    n = min(frequencies, size(reference%system%omega) - rigid)
-    natural_hz = 0.0_wp
-    natural_hz(:n) = reference%system%omega(rigid + 1:rigid + n)/two_pi
-    harmonics = (size(session%structure%harmonic_load, 2) - 1)/2
-    call new_receptance(session%structure, session%contacts, reference%system, harmonics, receptance)
-    ! The mean carries no harmonic load, and without friction it may have no support.
-    receptance%lowest = 1
-    load = receptance%project_loads(session%structure%harmonic_load)
-    monitors = receptance%project_rows(session%structure%monitors)
-    allocate (response, mold=load)
-    do i = 1, count
-      call receptance%set_frequency(omega(i), status)
-      amplitude(i, :size(session%structure%monitors, 2)) = ieee_value(1.0_wp, ieee_quiet_nan)
-      if (status /= 0) cycle
-      call receptance%respond(load, response)
-      coefficients = monitors%motion_of(response)
-      coefficients(1, :) = 0.0_wp
-      do monitor = 1, size(coefficients, 2)
-        range = extrema(coefficients(:, monitor))
-        amplitude(i, monitor) = 0.5_wp*(range(2) - range(1))
-      end do
-    end do
-  end function attrito_linear_response
-
-  !> The lowest modes of a reference system (`attrito_describe`), normalised by mass: natural frequencies in Hz, damping ratios by
-  !> the structure's own damping (0 of rigid-body modes) [count], shapes [count, m], and how many of them, the first, are rigid-body
-  !> modes.
-  integer(c_int) function attrito_linear_modes(handle, kind, count, natural_hz, damping_ratio, shapes, rigid, message, length) bind(c)
-    !> Session, see `session_of`
-    type(c_ptr), value :: handle
-    !> Which system; modes, at most as many as coordinates; room for the message, characters
-    integer(c_int), value :: kind, count, length
-    !> Natural frequencies, Hz; damping ratios; shapes in the coordinates
-    real(c_double), intent(out) :: natural_hz(count), damping_ratio(count), shapes(*)
-    !> Rigid-body modes among them
-    integer(c_int), intent(out) :: rigid
-    !> Room for what is said
-    character(kind=c_char), intent(out) :: message(length)
-    type(session_type), pointer :: session
-    type(reference_type) :: reference
-    type(error_type), allocatable :: error
-    real(wp), allocatable :: vectors(:, :)
-
-    session => session_of(handle)
-    call new_reference(session%structure, session%contacts, session%solver%stuck, kind, session%solver%closed, reference, error)
-    attrito_linear_modes = report_error(error, message)
-    if (allocated(error)) return
-    rigid = min(reference%rigid, int(count))
-    vectors = reference%shapes(int(count))
-    shapes(:size(vectors)) = reshape(vectors, [size(vectors)])
-    associate (omega => reference%system%omega(:count))
-      natural_hz = omega/two_pi
-      damping_ratio = 0.0_wp
-      damping_ratio(rigid + 1:) = damping_form(session%structure, session%solver%stuck, vectors(:, rigid + 1:), omega(rigid + 1:)) &
-                                  /(2.0_wp*omega(rigid + 1:))
-    end associate
-  end function attrito_linear_modes
 
   !> Which contacts the last static path has left closed: 1, or 0 [contacts].
   subroutine attrito_closed_contacts(handle, closed) bind(c)

@@ -62,12 +62,13 @@ contains
     type(solver_type), intent(in) :: solver
     !> Angular frequency, rad/s
     real(wp), intent(in) :: a, b
-    real(wp), allocatable :: omega(:)
+    real(wp), allocatable :: omega(:), at(:)
     integer :: i
 
     allocate (omega(0))
     do i = 1, size(solver%context%balance%loaded)
-      associate (at => solver%stuck%omega/solver%context%balance%loaded(i))
+      associate (harmonic => solver%context%balance%loaded(i))
+        at = solver%stuck%omega_at(harmonic)/harmonic
         omega = [omega, pack(at, (at - a)*(at - b) < 0.0_wp)]
       end associate
     end do

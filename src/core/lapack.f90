@@ -4,7 +4,7 @@ module attrito_core_lapack
   implicit none
   private
   public :: multiply_by_transpose, transposed_product, product_with_few, subtract_product, times_vector
-  public :: solve_dense, invert, factor_complex, solve_factored_complex, symmetric_eigenpairs
+  public :: solve_dense, invert, symmetric_eigenpairs
   public :: eigenvalues_of, complex_eigenvalues_of, singular_values, complex_singular_values, null_space
 
   interface
@@ -81,27 +81,6 @@ module attrito_core_lapack
       !> 0: done; else LAPACK's code
       integer, intent(out) :: info
     end subroutine dgetri
-    subroutine zgetrf(m, n, a, lda, ipiv, info)
-      import :: wp
-      !> Rows, columns, or inner dimension; leading dimension of a
-      integer, intent(in) :: m, n, lda
-      !> Matrix A of the operation
-      complex(wp), intent(inout) :: a(lda, *)
-      !> Row interchanges; 0: done; else LAPACK's code
-      integer, intent(out) :: ipiv(*), info
-    end subroutine zgetrf
-    subroutine zgetrs(trans, n, nrhs, a, lda, ipiv, b, ldb, info)
-      import :: wp
-      !> Transposed or not
-      character, intent(in) :: trans
-      integer, intent(in) :: n, nrhs, lda, ldb, ipiv(*)
-      !> Matrix A of the operation
-      complex(wp), intent(in) :: a(lda, *)
-      !> Matrix B, or right-hand sides
-      complex(wp), intent(inout) :: b(ldb, *)
-      !> 0: done; else LAPACK's code
-      integer, intent(out) :: info
-    end subroutine zgetrs
     subroutine dsygvd(itype, jobz, uplo, n, a, lda, b, ldb, w, work, lwork, iwork, liwork, info)
       import :: wp
       !> What is asked for, see LAPACK; which triangle is given
@@ -334,31 +313,6 @@ contains
     call dgetrf(size(a, 1), size(a, 1), a, size(a, 1), pivots, info)
     if (info == 0) call dgetri(size(a, 1), a, size(a, 1), pivots, work, size(work), info)
   end subroutine invert
-
-  !> LU factors of a complex matrix, in place.
-  subroutine factor_complex(a, pivots, info)
-    !> Matrix [n, n], then its factors
-    complex(wp), intent(inout), contiguous :: a(:, :)
-    !> Row interchanges [n]
-    integer, intent(out), contiguous :: pivots(:)
-    !> 0, or the number of the zero pivot
-    integer, intent(out) :: info
-
-    call zgetrf(size(a, 1), size(a, 1), a, size(a, 1), pivots, info)
-  end subroutine factor_complex
-
-  !> Solve with the factors of `factor_complex`.
-  subroutine solve_factored_complex(factors, pivots, b)
-    !> Factors [n, n]
-    complex(wp), intent(in), contiguous :: factors(:, :)
-    !> Row interchanges [n]
-    integer, intent(in), contiguous :: pivots(:)
-    !> Right-hand sides [n, k], then solutions
-    complex(wp), intent(inout), contiguous :: b(:, :)
-    integer :: info
-
-    call zgetrs('N', size(factors, 1), size(b, 2), factors, size(factors, 1), pivots, b, size(b, 1), info)
-  end subroutine solve_factored_complex
 
   !> All eigenpairs of the symmetric pair k x = lambda m x, with x^T m x = 1, ascending.
   subroutine symmetric_eigenpairs(k, m, eigenvalues, eigenvectors, info)

@@ -3,12 +3,13 @@
 !> $$ d_h = P_h^H x_h, \qquad f_h = P_h \lambda_h, \qquad P_h = (B_h \Phi_h)^H, \qquad h = 0 \ldots H $$
 !>
 !> with displacements q_h = Phi_h x_h. A structure by itself has one real P for all harmonics, and one product serves them all. A
-!> sector of a cyclic structure has a complex P for each nodal diameter, and these repeat after so many harmonics; that of the mean is
-!> real.
+!> sector of a cyclic structure has a complex P for each nodal diameter. These repeat after so many harmonics, the second half of them
+!> are conjugates of the first, and that of the mean is real.
 module attrito_linear_projected_rows
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: product_with_few
   use attrito_core_trigonometric, only: to_complex, to_real
+  use attrito_model_sector, only: first_alike, is_mirrored
   implicit none
   private
   public :: projected_rows_type, new_projected_rows, new_projected_rows_by_harmonic
@@ -17,8 +18,9 @@ module attrito_linear_projected_rows
     private
     !> P, where it is the same for all harmonics [n, rows]
     real(wp), allocatable :: common(:, :)
-    !> P_h, where harmonics differ: that of harmonic h is number modulo(h, period) [n, rows, 0:period - 1]
+    !> P_h, where harmonics differ [n, rows, 0:period/2], and after how many harmonics they repeat
     complex(wp), allocatable :: by_harmonic(:, :, :)
+    integer :: period = 1
   contains
     procedure :: number
     procedure :: load_of
@@ -32,6 +34,7 @@ module attrito_linear_projected_rows
     procedure :: chosen_harmonics_of
     procedure :: part
     procedure, private :: columns_of
+    procedure, private :: column_of
   end type projected_rows_type
 
 contains
@@ -45,12 +48,15 @@ contains
     self%common = columns
   end function new_projected_rows
 
-  !> One P for each harmonic, which repeat after the last.
-  pure function new_projected_rows_by_harmonic(columns) result(self)
-    !> P_h, the first real [n, rows, 0:period - 1]
+  !> One P for each harmonic, which repeat.
+  pure function new_projected_rows_by_harmonic(columns, period) result(self)
+    !> P_h, the first real [n, rows, 0:period/2]
     complex(wp), intent(in) :: columns(:, :, 0:)
+    !> Harmonics after which they repeat; P_{period - h} is the conjugate of P_h
+    integer, intent(in) :: period
     type(projected_rows_type) :: self
 
+    self%period = period
     allocate (self%by_harmonic(size(columns, 1), size(columns, 2), 0:size(columns, 3) - 1), source=columns)
   end function new_projected_rows_by_harmonic
 
@@ -183,7 +189,7 @@ contains
     complex(wp), intent(in) :: response(:)
 
     if (allocated(self%by_harmonic)) then
-      motion = dot_product(self%by_harmonic(:, row, modulo(h, size(self%by_harmonic, 3))), response)
+      motion = dot_product(self%column_of(row, h), response)
     else
       motion = sum(self%common(:, row)*response)
     end if
@@ -245,7 +251,7 @@ contains
     type(projected_rows_type) :: chosen
 
     if (allocated(self%by_harmonic)) then
-      chosen = new_projected_rows_by_harmonic(self%by_harmonic(:, rows, :))
+      chosen = new_projected_rows_by_harmonic(self%by_harmonic(:, rows, :), self%period)
     else
       chosen = new_projected_rows(self%common(:, rows))
     end if
@@ -258,6 +264,18 @@ contains
     integer, intent(in) :: h
     complex(wp) :: columns(size(self%by_harmonic, 1), size(self%by_harmonic, 2))
 
-    columns = self%by_harmonic(:, :, modulo(h, size(self%by_harmonic, 3)))
+    columns = self%by_harmonic(:, :, first_alike(h, self%period))
+    if (is_mirrored(h, self%period)) columns = conjg(columns)
   end function columns_of
+
+  !> One of them [n].
+  pure function column_of(self, row, h) result(column)
+    class(projected_rows_type), intent(in) :: self
+    !> Number of the row; number of the harmonic
+    integer, intent(in) :: row, h
+    complex(wp) :: column(size(self%by_harmonic, 1))
+
+    column = self%by_harmonic(:, row, first_alike(h, self%period))
+    if (is_mirrored(h, self%period)) column = conjg(column)
+  end function column_of
 end module attrito_linear_projected_rows

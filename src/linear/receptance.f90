@@ -42,6 +42,7 @@ module attrito_linear_receptance
     procedure(state_at_start), deferred :: state_at_start
     procedure(respond), deferred :: respond
     procedure(respond_derivative), deferred :: respond_derivative
+    procedure(respond_beyond), deferred :: respond_beyond
     procedure(inertia_of), deferred :: inertia_of
     procedure(block_between), deferred :: block_between
     procedure(common_modes), deferred :: common_modes
@@ -178,6 +179,18 @@ module attrito_linear_receptance
       !> dX/domega [n, 0:h]
       complex(wp), intent(out) :: derivative(:, 0:)
     end subroutine respond_derivative
+
+    !> X_h at harmonics beyond those it answers for, through the modes of the stuck system, each with its own part of the damping.
+    subroutine respond_beyond(self, omega, least_ratio, force, response)
+      import :: receptance_type, wp
+      class(receptance_type), intent(in) :: self
+      !> Angular frequency; damping ratio of modes that have no damping, which keeps their resonances finite
+      real(wp), intent(in) :: omega, least_ratio
+      !> F_h from harmonic H + 1 on [n, harmonics]
+      complex(wp), intent(in) :: force(:, :)
+      !> X_h from harmonic H + 1 on [n, harmonics]
+      complex(wp), intent(out) :: response(:, :)
+    end subroutine respond_beyond
 
     !> M X_h.
     subroutine inertia_of(self, response, product)

@@ -5,7 +5,7 @@
 !> Structural damping acts on K, not on the contact springs, and not at harmonic 0.
 module attrito_linear_receptance_direct
   use attrito_core_kinds, only: wp
-  use attrito_core_lapack, only: factor_complex, solve_factored_complex
+  use attrito_core_lapack_complex, only: factor_complex, solve_factored_complex
   use attrito_model_structure, only: structure_type, damping_viscous, damping_mass, damping_loss_factor
   use attrito_linear_opened_modes, only: find_opened_modes
   use attrito_linear_receptance, only: receptance_type
@@ -22,6 +22,8 @@ module attrito_linear_receptance_direct
     real(wp), allocatable :: modes(:, :)
     !> eta K [m, m]
     real(wp), allocatable :: structural(:, :)
+    !> Stiffness, mass, damping and eta K of each mode by itself [m]
+    real(wp), allocatable, private :: modal_stiffness(:), modal_mass(:), modal_damping(:), modal_loss(:)
     !> Factors of Z_h [m, m, 0:H] and their row interchanges [m, 0:H]
     complex(wp), allocatable, private :: factors(:, :, :)
     integer, allocatable, private :: pivots(:, :)
@@ -30,6 +32,7 @@ module attrito_linear_receptance_direct
     procedure :: set_frequency
     procedure :: respond
     procedure :: respond_derivative
+    procedure :: respond_beyond
     procedure :: inertia_of
     procedure :: block_between
     procedure :: mode_shapes
@@ -63,8 +66,21 @@ contains
       self%basis(i, i) = 1.0_wp
     end do
     self%directions = directions
+    self%modal_stiffness = projected(stuck_stiffness, modes)
+    self%modal_mass = projected(structure%mass, modes)
+    self%modal_damping = projected(self%viscous, modes)
+    self%modal_loss = projected(self%structural, modes)
     call self%set_harmonics(harmonics)
   end function new_receptance_direct
+
+  !> x^T A x of every mode: what a matrix that couples them is to each by itself.
+  pure function projected(matrix, modes) result(diagonal)
+    !> Matrix that couples the modes; modes, a column each
+    real(wp), intent(in) :: matrix(:, :), modes(:, :)
+    real(wp) :: diagonal(size(modes, 2))
+
+    diagonal = sum(modes*matmul(matrix, modes), 1)
+  end function projected
 
   subroutine set_harmonics(self, harmonics)
     class(receptance_direct_type), intent(inout) :: self
@@ -141,6 +157,28 @@ contains
     end do
     call self%respond(force, derivative)
   end subroutine respond_derivative
+
+  subroutine respond_beyond(self, omega, least_ratio, force, response)
+    class(receptance_direct_type), intent(in) :: self
+    !> Angular frequency, rad/s; damping ratio of modes that have no damping
+    real(wp), intent(in) :: omega, least_ratio
+    !> Forces on the coordinates from harmonic H + 1 on
+    complex(wp), intent(in) :: force(:, :)
+    !> Coordinates of the response from harmonic H + 1 on
+    complex(wp), intent(out) :: response(:, :)
+    real(wp) :: damping(size(force, 1))
+    integer :: h, i
+
+    damping = self%modal_damping
+    where (damping + self%modal_loss <= 0.0_wp) damping = 2.0_wp*least_ratio*sqrt(self%modal_stiffness*self%modal_mass)
+    response = matmul(transpose(self%modes), force)
+    do i = 1, size(force, 2)
+      h = self%harmonics + i
+      response(:, i) = response(:, i)/cmplx(self%modal_stiffness - (h*omega)**2*self%modal_mass, &
+                                            h*omega*damping + self%modal_loss, wp)
+    end do
+    response = matmul(self%modes, response)
+  end subroutine respond_beyond
 
   subroutine inertia_of(self, response, product)
     class(receptance_direct_type), intent(in) :: self

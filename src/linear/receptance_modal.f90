@@ -21,6 +21,7 @@ module attrito_linear_receptance_modal
     procedure :: set_frequency
     procedure :: respond
     procedure :: respond_derivative
+    procedure :: respond_beyond
     procedure :: inertia_of
     procedure :: block_between
     procedure :: mode_shapes
@@ -123,6 +124,25 @@ contains
     end do
     call self%respond(force, derivative)
   end subroutine respond_derivative
+
+  subroutine respond_beyond(self, omega, least_ratio, force, response)
+    class(receptance_modal_type), intent(in) :: self
+    !> Angular frequency, rad/s; damping ratio of modes that have no damping
+    real(wp), intent(in) :: omega, least_ratio
+    !> Forces on the coordinates from harmonic H + 1 on
+    complex(wp), intent(in) :: force(:, :)
+    !> Coordinates of the response from harmonic H + 1 on
+    complex(wp), intent(out) :: response(:, :)
+    real(wp) :: damping(size(force, 1))
+    integer :: h, i
+
+    damping = self%modal_damping
+    where (damping <= 0.0_wp) damping = 2.0_wp*least_ratio*sqrt(self%modal_stiffness*self%modal_mass)
+    do i = 1, size(force, 2)
+      h = self%harmonics + i
+      response(:, i) = force(:, i)/(self%modal_stiffness + cmplx(-(h*omega)**2*self%modal_mass, h*omega*damping, wp))
+    end do
+  end subroutine respond_beyond
 
   subroutine inertia_of(self, response, product)
     class(receptance_modal_type), intent(in) :: self

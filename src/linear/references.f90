@@ -6,11 +6,13 @@
 !> the contacts that are open at the static solution are open, the others stick. What a system does not hold moves as a rigid body:
 !> such modes come first, at a frequency of zero but for rounding, and are counted apart.
 !>
-!> A damping ratio is defined on the modes of the stuck system; modes of the tangent system take x^T C x of that damping.
+!> A damping ratio is defined on the modes of the stuck system; modes of the tangent system take x^T C x of that damping. Of a sector
+!> rigid-body modes are those of the nodal diameter of the first harmonic.
 module attrito_linear_references
   use attrito_core_errors, only: error_type, raise
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contacts_type
+  use attrito_model_sector, only: first_alike
   use attrito_model_structure, only: structure_type, damping_ratio
   use attrito_linear_damping, only: damping_form
   use attrito_linear_rigid_body_modes, only: rigid_body_modes
@@ -61,10 +63,51 @@ contains
       call new_spring_system(structure, contacts, closed_springs(contacts, closed), self%system, error)
     end select
     if (allocated(error)) return
+    if (allocated(structure%sector)) then
+      if (kind == reference_tangent .and. structure%damping_kind == damping_ratio) call project_damping(structure, stuck, self%system)
+      self%rigid = size(rigid_body_modes(in_real_form(self%system%diameters(first_alike(1, stuck%period))%stiffness)), 2)/2
+      return
+    end if
     if (kind == reference_tangent .and. structure%damping_kind == damping_ratio) self%system%modal_damping = &
       damping_form(structure, stuck, self%system%modes, self%system%omega)
     self%rigid = size(rigid_body_modes(self%system%stiffness), 2)
   end subroutine new_reference
+
+  !> The stuck modes' damping in the modes of another system of the same sector, at all nodal diameters,
+  !>
+  !> $$ c_s = \sum_r c_r |x_r^H M_n y_s|^2 / m_r^2. $$
+  pure subroutine project_damping(structure, stuck, system)
+    !> The sector
+    type(structure_type), intent(in) :: structure
+    !> Linear system with every contact stuck
+    type(stuck_system_type), intent(in) :: stuck
+    !> Whose modes y take the damping
+    type(stuck_system_type), intent(inout) :: system
+    complex(wp), allocatable :: coordinates(:, :)
+    integer :: h
+
+    do h = 0, ubound(stuck%diameters, 1)
+      associate (from => stuck%diameters(h), to => system%diameters(h))
+        coordinates = matmul(structure%sector%couple(structure%mass, structure%sector%diameter(h)), to%modes)
+        coordinates = matmul(conjg(transpose(from%modes)), coordinates)
+        to%modal_damping = matmul(from%modal_damping/from%modal_mass**2, abs(coordinates)**2)
+      end associate
+    end do
+  end subroutine project_damping
+
+  !> A Hermitian matrix as a symmetric one of twice the size: each of its null vectors counts twice.
+  pure function in_real_form(matrix) result(doubled)
+    !> [n, n]
+    complex(wp), intent(in) :: matrix(:, :)
+    real(wp) :: doubled(2*size(matrix, 1), 2*size(matrix, 1))
+
+    associate (n => size(matrix, 1))
+      doubled(:n, :n) = real(matrix, wp)
+      doubled(n + 1:, :n) = aimag(matrix)
+      doubled(:n, n + 1:) = -aimag(matrix)
+      doubled(n + 1:, n + 1:) = real(matrix, wp)
+    end associate
+  end function in_real_form
 
   !> Stiffness of each row where only some contacts are closed, and stick [rows].
   pure function closed_springs(contacts, closed) result(springs)

@@ -10,6 +10,7 @@ module attrito_linear_rigid_body_modes
   use attrito_core_lapack, only: null_space, solve_dense, symmetric_eigenpairs
   use attrito_model_contacts, only: contacts_type
   use attrito_model_structure, only: structure_type
+  use attrito_linear_sector_mean, only: mean_of_sector
   implicit none
   private
   public :: rigid_body_modes_type, new_rigid_body_modes, rigid_body_modes
@@ -30,8 +31,26 @@ module attrito_linear_rigid_body_modes
 
 contains
 
-  !> Of a structure that contacts hold.
+  !> Of a structure that contacts hold, or of the mean of a sector.
   function new_rigid_body_modes(structure, contacts) result(self)
+    !> Mass, stiffness, damping, loads and monitors
+    type(structure_type), intent(in) :: structure
+    !> All contacts: laws and directions
+    type(contacts_type), intent(in) :: contacts
+    type(rigid_body_modes_type) :: self
+    type(structure_type) :: mean
+    type(contacts_type) :: mean_contacts
+
+    if (allocated(structure%sector)) then
+      call mean_of_sector(structure, contacts, mean, mean_contacts)
+      self = free_motions_of(mean, mean_contacts)
+    else
+      self = free_motions_of(structure, contacts)
+    end if
+  end function new_rigid_body_modes
+
+  !> Of a structure by itself.
+  function free_motions_of(structure, contacts) result(self)
     !> Mass, stiffness, damping, loads and monitors
     type(structure_type), intent(in) :: structure
     !> All contacts: laws and directions
@@ -55,7 +74,7 @@ contains
     motions = matmul(motions, turned)
     self%static_loads = matmul(transpose(motions), structure%static_loads)
     self%mean_load = matmul(structure%harmonic_load(:, 1), motions)
-  end function new_rigid_body_modes
+  end function free_motions_of
 
   !> Motions that a stiffness makes nothing of but rounding [m, count]: scaled to a unit diagonal, so that stiff and soft parts count
   !> alike and stiff contacts beside soft parts do not look like free motions.

@@ -5,16 +5,24 @@
 !> Solved for the largest mu rather than the smallest omega^2, and normalised by stiffness: rounding then is relative to the lowest
 !> mode, not to the highest (1e6 times larger on a blade), and sum x_r x_r^T is the static flexibility to rounding. Where K~ is
 !> singular, as for contacts without friction, the modes are those of (K~, M), normalised by mass.
+!>
+!> Of a sector of a cyclic structure these are the modes of its mean, with nodal diameter 0, and `diameters` has those of each
+!> harmonic.
 module attrito_linear_stuck_system
   use attrito_core_errors, only: error_type, raise, fault_of_input
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: symmetric_eigenpairs
-  use attrito_model_contacts, only: contacts_type, stuck_stiffness, spring_stiffness
+  use attrito_model_contacts, only: contacts_type, stuck_stiffness, stuck_springs, spring_stiffness
+  use attrito_model_sector, only: first_alike
   use attrito_model_structure, only: structure_type, damping_none, damping_ratio, damping_mass
+  use attrito_linear_diameter_modes, only: diameter_modes_type, new_diameter_modes
   use attrito_linear_rigid_body_modes, only: rigid_body_modes
   use attrito_linear_receptance, only: receptance_type
+  use attrito_linear_receptance_cyclic_direct, only: new_receptance_cyclic_direct
+  use attrito_linear_receptance_cyclic_modal, only: new_receptance_cyclic_modal
   use attrito_linear_receptance_direct, only: new_receptance_direct
   use attrito_linear_receptance_modal, only: new_receptance_modal
+  use attrito_linear_sector_mean, only: mean_of_sector
   implicit none
   private
   public :: stuck_system_type, new_stuck_system, new_spring_system, new_receptance
@@ -33,6 +41,13 @@ module attrito_linear_stuck_system
     real(wp), allocatable :: modal_damping(:)
     !> Do these modes stay uncoupled under the structure's damping?
     logical :: uncoupled = .true.
+    !> Of a sector: modes at the nodal diameters of harmonics 0, 1, ... half of those after which they repeat; beyond they are
+    !> conjugates, as N - n is of n
+    type(diameter_modes_type), allocatable :: diameters(:)
+    !> Of a sector: harmonics after which nodal diameters repeat
+    integer :: period = 1
+  contains
+    procedure :: omega_at
   end type stuck_system_type
 
 contains
@@ -48,6 +63,31 @@ contains
     type(stuck_system_type), intent(out) :: self
     !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
+    type(structure_type) :: mean
+    type(contacts_type) :: mean_contacts
+
+    if (allocated(structure%sector)) then
+      call mean_of_sector(structure, contacts, mean, mean_contacts)
+      call modes_when_stuck(mean, mean_contacts, tangential, self, error)
+      if (.not. allocated(error)) call find_diameters(structure, contacts, stuck_springs(contacts, tangential), .not. tangential, &
+                                                      self, error)
+    else
+      call modes_when_stuck(structure, contacts, tangential, self, error)
+    end if
+  end subroutine new_stuck_system
+
+  !> The same of a structure by itself.
+  subroutine modes_when_stuck(structure, contacts, tangential, self, error)
+    !> Mass, stiffness, damping, loads and monitors
+    type(structure_type), intent(in) :: structure
+    !> All contacts: laws and directions
+    type(contacts_type), intent(in) :: contacts
+    !> .false.: contacts closed without friction, which may leave directions free
+    logical, intent(in) :: tangential
+    type(stuck_system_type), intent(inout) :: self
+    !> Allocated: what has failed
+    type(error_type), allocatable, intent(out) :: error
+
     self%stiffness = stuck_stiffness(contacts, structure%stiffness, tangential)
     if (tangential) then
       call modes_by_stiffness(structure%mass, self, error)
@@ -56,7 +96,7 @@ contains
     end if
     if (allocated(error)) return
     call set_damping(structure, self)
-  end subroutine new_stuck_system
+  end subroutine modes_when_stuck
 
   !> The same of a system whose rows have springs of their own, which may leave directions free.
   subroutine new_spring_system(structure, contacts, springs, self, error)
@@ -70,10 +110,62 @@ contains
     !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
 
-    self%stiffness = spring_stiffness(contacts, structure%stiffness, springs)
-    call modes_by_mass(structure%mass, self, error)
-    if (.not. allocated(error)) call set_damping(structure, self)
+    type(structure_type) :: mean
+    type(contacts_type) :: mean_contacts
+
+    call mean_of_sector(structure, contacts, mean, mean_contacts)
+    self%stiffness = spring_stiffness(mean_contacts, mean%stiffness, springs)
+    call modes_by_mass(mean%mass, self, error)
+    if (allocated(error)) return
+    call set_damping(structure, self)
+    if (allocated(structure%sector)) call find_diameters(structure, contacts, springs, .true., self, error)
   end subroutine new_spring_system
+
+  !> Modes of a sector at the nodal diameters of its harmonics.
+  subroutine find_diameters(structure, contacts, springs, may_be_free, self, error)
+    !> The sector: mass, stiffness, damping
+    type(structure_type), intent(in) :: structure
+    !> All contacts: laws and directions
+    type(contacts_type), intent(in) :: contacts
+    !> Stiffness of each row [rows]
+    real(wp), intent(in) :: springs(:)
+    !> May the springs leave motions free?
+    logical, intent(in) :: may_be_free
+    type(stuck_system_type), intent(inout) :: self
+    !> Allocated: what has failed
+    type(error_type), allocatable, intent(out) :: error
+    character(12) :: text
+    integer :: h, status
+
+    associate (sector => structure%sector)
+      self%period = sector%period()
+      allocate (self%diameters(0:self%period/2))
+      self%diameters(0) = diameter_modes_type(cmplx(self%stiffness, kind=wp), cmplx(self%modes, kind=wp), self%modal_stiffness, &
+                                              self%modal_mass, self%modal_damping, self%omega)
+      do h = 1, ubound(self%diameters, 1)
+        call new_diameter_modes(structure, contacts%directions, springs, sector%diameter(h), may_be_free, self%diameters(h), status)
+        if (status == 0) cycle
+        write (text, '(i0)') sector%diameter(h)
+        call raise(error, 'stiffness and mass: with every contact stuck, those of nodal diameter '//trim(text)//' are not'// &
+                   ' positive definite: expected supports or contacts that hold every body', fault_of_input)
+        return
+      end do
+    end associate
+  end subroutine find_diameters
+
+  !> Angular frequencies at a harmonic, ascending [m].
+  pure function omega_at(self, h) result(omega)
+    class(stuck_system_type), intent(in) :: self
+    !> Number of the harmonic
+    integer, intent(in) :: h
+    real(wp), allocatable :: omega(:)
+
+    if (allocated(self%diameters)) then
+      omega = self%diameters(first_alike(h, self%period))%omega
+    else
+      omega = self%omega
+    end if
+  end function omega_at
 
   !> Modal damping of the modes that were found.
   pure subroutine set_damping(structure, self)
@@ -170,7 +262,11 @@ contains
     !> Receptance of the stuck system between contact rows
     class(receptance_type), allocatable, intent(out) :: receptance
 
-    if (stuck%uncoupled) then
+    if (allocated(structure%sector) .and. stuck%uncoupled) then
+      receptance = new_receptance_cyclic_modal(structure%sector, stuck%diameters, contacts%directions, harmonics)
+    else if (allocated(structure%sector)) then
+      receptance = new_receptance_cyclic_direct(structure, stuck%diameters, contacts%directions, harmonics)
+    else if (stuck%uncoupled) then
       receptance = new_receptance_modal(stuck%modal_stiffness, stuck%modal_mass, stuck%modal_damping, stuck%modes, &
                                         contacts%directions, harmonics)
     else

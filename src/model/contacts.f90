@@ -15,7 +15,7 @@ module attrito_model_contacts
   use attrito_contact_law_coulomb_spring, only: coulomb_spring_type
   implicit none
   private
-  public :: contact_type, contacts_type, new_contacts, stuck_stiffness, spring_stiffness, slider_width
+  public :: contact_type, contacts_type, new_contacts, stuck_stiffness, stuck_springs, spring_stiffness, slider_width
 
   !> The law of contacts that are given none
   type(coulomb_spring_type), parameter :: coulomb_spring = coulomb_spring_type()
@@ -243,19 +243,27 @@ contains
     !> .false.: closed without friction, only the normal springs act
     logical, intent(in) :: tangential
     real(wp) :: stuck(size(stiffness, 1), size(stiffness, 1))
+
+    stuck = spring_stiffness(contacts, stiffness, stuck_springs(contacts, tangential))
+  end function stuck_stiffness
+
+  !> Spring of each row of contacts that are closed [rows].
+  pure function stuck_springs(contacts, tangential) result(springs)
+    !> All contacts: laws and directions
+    type(contacts_type), intent(in) :: contacts
+    !> .false.: without friction, only the normal springs act
+    logical, intent(in) :: tangential
     real(wp) :: springs(size(contacts%row_stiffness))
     integer :: i
 
     springs = contacts%row_stiffness
-    if (.not. tangential) then
-      do i = 1, size(contacts%law)
-        associate (law => contacts%law(i))
-          springs(law%first_row:law%first_row + law%tangents - 1) = 0.0_wp
-        end associate
-      end do
-    end if
-    stuck = spring_stiffness(contacts, stiffness, springs)
-  end function stuck_stiffness
+    if (tangential) return
+    do i = 1, size(contacts%law)
+      associate (law => contacts%law(i))
+        springs(law%first_row:law%first_row + law%tangents - 1) = 0.0_wp
+      end associate
+    end do
+  end function stuck_springs
 
   !> Stiffness with a spring on each row, K + B^T K_s B [m, m].
   pure function spring_stiffness(contacts, stiffness, springs) result(sum)

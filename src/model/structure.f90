@@ -5,6 +5,7 @@
 !> A real Fourier series a_0 + sum (a_c cos + a_s sin) is stored as its coefficients [mean, cos 1, sin 1, cos 2, sin 2, ...].
 module attrito_model_structure
   use attrito_core_kinds, only: wp
+  use attrito_model_sector, only: sector_type
   implicit none
   private
   public :: structure_type, damping_none, damping_viscous, damping_ratio, damping_mass, damping_loss_factor
@@ -36,6 +37,8 @@ module attrito_model_structure
     real(wp), allocatable :: harmonic_load(:, :)
     !> Monitors in columns [m, monitors]: monitor = column . q
     real(wp), allocatable :: monitors(:, :)
+    !> Not allocated: a structure by itself. Else all of the above is that of one sector, with both of its boundaries
+    type(sector_type), allocatable :: sector
   end type structure_type
 
 contains

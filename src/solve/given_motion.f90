@@ -37,7 +37,7 @@ contains
     logical :: periodic
 
     associate (balance => solver%context%balance)
-      solver%motion = solver%contacts%relative_motion(coordinates, balance%first_row, balance%rows())
+      solver%motion = solver%relative_motion(coordinates)
       solver%omega = omega
       balance%response = generalised(solver, coordinates)
       call solver%set_slider(slider)

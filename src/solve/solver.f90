@@ -81,6 +81,8 @@ module attrito_solve_solver
     procedure :: set_slider
     procedure :: hold_contacts
     procedure :: change_laws
+    procedure :: mean_rows
+    procedure :: relative_motion
     procedure :: keep
     procedure :: set_resolution => set_resolution_of_solver
     procedure :: destroy
@@ -258,6 +260,31 @@ contains
     self%report = newton_report_type(converged=.true., residual=0.0_wp)
   end subroutine solve_stuck_at
 
+  !> Rows of B that the mean moves along, in columns [n, rows]: those of the stuck system's modes.
+  pure function mean_rows(self) result(rows)
+    class(solver_type), intent(in) :: self
+    real(wp), allocatable :: rows(:, :)
+
+    if (allocated(self%structure%sector)) then
+      rows = self%structure%sector%mean_rows(self%contacts%directions)
+    else
+      rows = self%contacts%directions
+    end if
+  end function mean_rows
+
+  !> Relative displacements of this rank's rows by a motion of the model's coordinates [2 H + 1, rows].
+  pure function relative_motion(self, displacements) result(motion)
+    class(solver_type), intent(in) :: self
+    !> Fourier coefficients of the model's coordinates [2 H + 1, m]
+    real(wp), intent(in) :: displacements(:, :)
+    real(wp), allocatable :: motion(:, :)
+
+    associate (first => self%context%balance%first_row, rows => self%context%balance%rows())
+      motion = self%contacts%relative_motion(displacements, first, rows)
+      if (allocated(self%structure%sector)) motion = motion + self%structure%sector%next_motion(displacements, first, rows)
+    end associate
+  end function relative_motion
+
   !> Scales of residuals and steps between two angular frequencies, and the tolerance that rounding leaves.
   subroutine set_scales(self, omega_a, omega_b)
     class(solver_type), intent(inout) :: self
@@ -266,7 +293,7 @@ contains
     real(wp) :: mean
 
     associate (context => self%context, low => min(omega_a, omega_b), high => max(omega_a, omega_b))
-      call find_scales(context%balance, self%stuck%omega, low, high, context%motion_scale, mean)
+      call find_scales(context%balance, self%stuck%omega_at(1), low, high, context%motion_scale, mean)
       context%frequency_scale = merge(high - low, high, high > low)
       call self%set_motion_scale((context%motion_scale), mean)
     end associate

@@ -13,7 +13,7 @@ module attrito_stability_event_orbit
   use attrito_stability_smooth_segments, only: orbit_segments_type, segments_of_motion, segments_of_trace
   use attrito_stability_monodromy, only: monodromy_of_segments => monodromy
   use attrito_stability_orbit, only: orbit_type
-  use attrito_stability_perturbation, only: memory_of
+  use attrito_stability_perturbation, only: memory_of, memory_type
   use attrito_stability_reduced, only: reduced_type
   implicit none
   private
@@ -107,13 +107,16 @@ contains
     end if
   end subroutine apply_law
 
-  function monodromy(self, reduced) result(matrix)
+  function monodromy(self, reduced, parts, kept) result(matrix)
     class(event_orbit_type), intent(in) :: self
     !> Modes on which stability is examined
     type(reduced_type), intent(in) :: reduced
+    !> Equal parts of the period of which the first is taken; what is remembered at its end
+    integer, intent(in), optional :: parts
+    type(memory_type), intent(in), optional :: kept(:)
     real(wp), allocatable :: matrix(:, :)
 
-    matrix = monodromy_of_segments(reduced, self%segments, self%period)
+    matrix = monodromy_of_segments(reduced, self%segments, self%period, parts, kept)
   end function monodromy
 
   pure function regimes(self, contact) result(list)

@@ -10,7 +10,7 @@ module attrito_stability_hill
   use attrito_stability_multipliers, only: multiplier_type, sorted_multipliers
   implicit none
   private
-  public :: hill_multipliers, too_large
+  public :: hill_multipliers, half_strip, refine, least, finer, most_unknowns, truncation, too_large
 
   !> Smallest and largest modulus of the multipliers that are looked for
   real(wp), parameter :: least = 1.0e-2_wp, greatest = 1.0e3_wp ! conventional
@@ -37,10 +37,8 @@ contains
     type(multiplier_type), allocatable, intent(out) :: multipliers(:)
     !> 0, `too_large`, or another: not found
     integer, intent(out) :: info
-    type(hill_problem_type) :: problem
-    type(ellipse_type) :: ellipse
+    type(hill_problem_type) :: problem, fine
     complex(wp), allocatable :: exponents(:), vectors(:, :), values(:)
-    real(wp) :: low, high, below
     integer :: i
 
     call new_hill_problem(system, orbit, two_pi/period, problem)
@@ -49,16 +47,10 @@ contains
     if (problem%unknowns() > most_unknowns) info = too_large
     if (info /= 0) return
     if (problem%unknowns() > 0) then
-      ! Half a strip says all: the other half is conjugate, and so is what lies beyond. The ellipse goes round the rectangle.
-      low = log(least)/two_pi
-      high = log(greatest)/two_pi
-      below = 0.05_wp
-      ellipse%centre = cmplx(0.5_wp*(low + high), 0.25_wp, wp)
-      ellipse%real_axis = 0.5_wp*(high - low)*sqrt(2.0_wp)
-      ellipse%imaginary_axis = (0.25_wp + below)*sqrt(2.0_wp)
-      call eigenvalues_within(problem, ellipse, 6*size(system%eigenvalues) + 12, exponents, vectors, info)
+      call eigenvalues_within(problem, half_strip(), 6*size(system%eigenvalues) + 12, exponents, vectors, info)
       if (info /= 0) return
-      call refine(system, orbit, two_pi/period, vectors, exponents)
+      call new_hill_problem(system, orbit, two_pi/period, fine, finer)
+      call refine(fine, vectors, exponents)
       do i = 1, size(exponents)
         values = [values, multipliers_from(exponents, i)]
       end do
@@ -68,25 +60,31 @@ contains
                                      sum(system%law%tangents, mask=orbit%stuck))
   end subroutine hill_multipliers
 
+  !> Half a strip of exponents says all: the other half is conjugate, and so is what lies beyond. An ellipse about the rectangle.
+  pure type(ellipse_type) function half_strip()
+    !> Room below the real axis, and above one half
+    real(wp), parameter :: below = 0.05_wp ! guess
+    !> Ends of the strip
+    real(wp), parameter :: low = log(least)/two_pi, high = log(greatest)/two_pi ! derived
+
+    half_strip%centre = cmplx(0.5_wp*(low + high), 0.25_wp, wp)
+    half_strip%real_axis = 0.5_wp*(high - low)*sqrt(2.0_wp)
+    half_strip%imaginary_axis = (0.25_wp + below)*sqrt(2.0_wp)
+  end function half_strip
+
   !> Polish exponents with more harmonics, where those are not too many; one that does not follow stays as it was.
-  subroutine refine(system, orbit, nu, vectors, exponents)
-    !> Linear system in time: mass, damping, stiffness, contacts
-    type(system_type), intent(in) :: system
-    !> Orbit as segments between its events
-    type(orbit_segments_type), intent(in) :: orbit
-    !> Harmonic in which exponents lie
-    real(wp), intent(in) :: nu
+  subroutine refine(problem, vectors, exponents)
+    !> With more harmonics
+    class(hill_problem_type), intent(in) :: problem
     !> Of fewer harmonics, in columns
     complex(wp), intent(in) :: vectors(:, :)
     !> Floquet exponents, 1/s
     complex(wp), intent(inout) :: exponents(:)
-    type(hill_problem_type) :: problem
     complex(wp), allocatable :: start(:, :)
     complex(wp) :: polished
     integer :: i, n, pad, forces
     logical :: good
 
-    call new_hill_problem(system, orbit, nu, problem, finer)
     if (problem%unknowns() > most_unknowns) return
     forces = size(problem%row)
     n = size(vectors, 1)/forces

@@ -12,7 +12,7 @@
 !> with integrals in closed form; a multiplier is e^{2 pi s}. Neither the flow in time nor its monodromy enters.
 module attrito_stability_hill_problem
   use attrito_core_kinds, only: wp, two_pi
-  use attrito_core_lapack, only: factor_complex, solve_factored_complex
+  use attrito_core_lapack_complex, only: factor_complex, solve_factored_complex
   use attrito_model_contacts, only: contact_type
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open
   use attrito_integrate_system, only: system_type
@@ -49,6 +49,7 @@ module attrito_stability_hill_problem
   contains
     procedure :: at => hill_matrix
     procedure :: unknowns => hill_unknowns
+    procedure :: responses
   end type hill_problem_type
 
 contains
@@ -61,7 +62,7 @@ contains
     type(orbit_segments_type), intent(in) :: orbit
     !> Harmonic in which exponents lie
     real(wp), intent(in) :: nu
-    type(hill_problem_type), intent(out) :: self
+    class(hill_problem_type), intent(inout) :: self
     !> So many times as many harmonics as usual
     integer, intent(in), optional :: times
     integer :: i
@@ -71,7 +72,12 @@ contains
     ! As many beyond the fastest mode as below it, at most three times the fewest: faster modes follow at rest.
     self%harmonics = min(max(fewest_harmonics, ceiling(2.0_wp/nu)), 3*fewest_harmonics)
     if (present(times)) self%harmonics = times*self%harmonics
-    allocate (self%row(0), self%row_u(0), self%row_v(0), self%stiffness(0), self%rests(0))
+    self%row = [integer ::]
+    self%row_u = [integer ::]
+    self%row_v = [integer ::]
+    self%stiffness = [real(wp) ::]
+    self%rests = [rest_type ::]
+    if (allocated(self%slip_and_open)) deallocate (self%slip_and_open)
     do i = 1, size(system%law)
       if (orbit%stuck(i)) cycle
       associate (law => system%law(i))
@@ -144,7 +150,7 @@ contains
 
   !> Fourier coefficients of what multiplies u and v in a force while its contact slips or is open.
   pure subroutine integrate_legs(self, orbit, force)
-    type(hill_problem_type), intent(inout) :: self
+    class(hill_problem_type), intent(inout) :: self
     !> Orbit as segments between its events
     type(orbit_segments_type), intent(in) :: orbit
     !> Number of the force
@@ -211,7 +217,7 @@ contains
 
     harmonics = self%harmonics
     n = 2*harmonics + 1
-    response = responses(self, s)
+    response = self%responses(s)
     allocate (matrix(self%unknowns(), self%unknowns()))
     do i = 1, size(self%row)
       call force_by_motion(self, s, i, by_u, by_v)
@@ -229,7 +235,7 @@ contains
 
   !> What every row moves by a unit of each force, R(s) [2 K + 1, forces, rows].
   function responses(self, s) result(response)
-    type(hill_problem_type), intent(in) :: self
+    class(hill_problem_type), intent(in) :: self
     !> Exponent, 1/s, or time
     complex(wp), intent(in) :: s
     complex(wp), allocatable :: response(:, :, :)
@@ -262,7 +268,7 @@ contains
 
   !> One force's harmonics by those of its contact's u and v, G(s) [2 K + 1, 2 K + 1] each.
   pure subroutine force_by_motion(self, s, force, by_u, by_v)
-    type(hill_problem_type), intent(in) :: self
+    class(hill_problem_type), intent(in) :: self
     !> Exponent, 1/s, or time
     complex(wp), intent(in) :: s
     !> Number of the force

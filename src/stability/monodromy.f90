@@ -31,6 +31,9 @@ module attrito_stability_monodromy
   !> Part of a column that a term must be to matter
   real(wp), parameter :: rounding = 1.0e-2_wp*epsilon(1.0_wp) ! derived
 
+  !> Angles that are rounding of the period's
+  real(wp), parameter :: no_angle = 1.0e-12_wp ! derived
+
   !> What contacts add on a segment: acceleration `input_map` (`output_map`^T p) + `held` w, and displacements of rows d = B p -
   !> `by_motion` p - `by_slider` w
   type :: coupling_type
@@ -44,28 +47,41 @@ module attrito_stability_monodromy
 
 contains
 
-  !> What a unit change of each of (motion [m], rate by the clock [m], memory) becomes in a period.
-  function monodromy(reduced, orbit, period) result(matrix)
+  !> What a unit change of each of (motion [m], rate by the clock [m], memory) becomes in a period, or in the first of several equal
+  !> parts of it.
+  function monodromy(reduced, orbit, period, parts, kept) result(matrix)
     !> Modes on which stability is examined
     type(reduced_type), intent(in) :: reduced
     !> Orbit as segments between its events
     type(orbit_segments_type), intent(in) :: orbit
     !> In units of the clock
     real(wp), intent(in) :: period
+    !> How many parts; what is remembered at the end of the first, as at the beginning unless given
+    integer, intent(in), optional :: parts
+    type(memory_type), intent(in), optional :: kept(:)
     real(wp), allocatable :: matrix(:, :)
     type(perturbation_type) :: now
     type(coupling_type) :: coupling
     type(memory_type), allocatable :: memory(:)
-    integer :: i
+    real(wp) :: end
+    integer :: i, last
 
     memory = memory_of(reduced%system%law, orbit%stuck, orbit%segment(1)%regime)
     now = unit_perturbations(size(reduced%system%eigenvalues), size(orbit%stuck), memory)
-    do i = 1, size(orbit%segment)
+    last = size(orbit%segment)
+    end = two_pi
+    if (present(parts)) then
+      end = two_pi/parts
+      ! A switch at the end, where rounding has it on either side, belongs to the next part.
+      last = count(orbit%segment%from < end - no_angle)
+    end if
+    do i = 1, last
       if (i > 1) call reset_sliders(reduced, orbit%segment(i), coupling, now)
       coupling = couple(reduced, orbit%segment(i))
-      call pass(reduced, coupling, orbit%segment(i)%length/two_pi*period, now)
+      call pass(reduced, coupling, min(orbit%segment(i)%length, end - orbit%segment(i)%from)/two_pi*period, now)
     end do
-    call follow_sliders(reduced, orbit%segment(size(orbit%segment)), coupling, now)
+    call follow_sliders(reduced, orbit%segment(last), coupling, now)
+    if (present(kept)) memory = kept
     matrix = matrix_of(now, memory)
   end function monodromy
 

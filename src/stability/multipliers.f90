@@ -30,6 +30,8 @@ module attrito_stability_multipliers
     complex(wp) :: value = 0.0_wp
     !> One of `kind_...`
     integer :: kind = kind_floquet
+    !> Of a wheel's sector, 0 ... N - 1; -1: none
+    integer :: wavenumber = -1
   end type multiplier_type
 
 contains

@@ -80,12 +80,15 @@ module attrito_stability_orbit
       type(loading_type), intent(in) :: loading
     end subroutine apply_law
 
-    !> What a unit change of each of (motion, rate by the clock, memory) becomes in a period.
-    function monodromy(self, reduced) result(matrix)
-      import :: orbit_type, reduced_type, wp
+    !> What a unit change of each of (motion, rate by the clock, memory) becomes in a period, or in the first of several equal parts.
+    function monodromy(self, reduced, parts, kept) result(matrix)
+      import :: orbit_type, reduced_type, memory_type, wp
       class(orbit_type), intent(in) :: self
       !> Modes on which stability is examined
       type(reduced_type), intent(in) :: reduced
+      !> How many parts; what is remembered at the end of the first, as at the beginning unless given
+      integer, intent(in), optional :: parts
+      type(memory_type), intent(in), optional :: kept(:)
       real(wp), allocatable :: matrix(:, :)
     end function monodromy
 

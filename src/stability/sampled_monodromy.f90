@@ -38,30 +38,39 @@ module attrito_stability_sampled_monodromy
     real(wp), allocatable :: stiffness(:, :), constant(:, :)
   end type forces_type
 
+  !> Part of the period that is rounding
+  real(wp), parameter :: no_time = 1.0e-12_wp ! derived
+
 contains
 
-  !> What a unit change of each of (motion [m], rate by the clock [m], memory) becomes in a period.
-  function sampled_monodromy(reduced, steps, period) result(matrix)
+  !> What a unit change of each of (motion [m], rate by the clock [m], memory) becomes in a period, or in the first of several equal
+  !> parts of it, which is to end with a step.
+  function sampled_monodromy(reduced, steps, period, parts, kept) result(matrix)
     !> Modes on which stability is examined
     type(reduced_type), intent(in) :: reduced
     !> What contacts do on the steps of a period
     type(sampled_steps_type), intent(in) :: steps
     !> In units of the clock
     real(wp), intent(in) :: period
+    !> How many parts; what is remembered at the end of the first, as at the beginning unless given
+    integer, intent(in), optional :: parts
+    type(memory_type), intent(in), optional :: kept(:)
     real(wp), allocatable :: matrix(:, :)
     type(memory_type), allocatable :: memory(:)
     type(perturbation_type) :: now
     type(active_type) :: active
     real(wp), allocatable :: displacement(:, :)
     real(wp) :: weights(4, 2, size(reduced%system%eigenvalues)), h, h_of_weights
-    integer :: step
+    integer :: step, last
 
+    last = size(steps%regime, 2)
+    if (present(parts)) last = count(steps%times(1:) <= 1.0_wp/parts + no_time)
     associate (system => reduced%system)
       memory = memory_of(system%law, steps%stuck, steps%regime(:, 1))
       now = unit_perturbations(size(system%eigenvalues), size(steps%stuck), memory)
       active = active_of(reduced, steps)
       h_of_weights = 0.0_wp
-      do step = 1, size(steps%regime, 2)
+      do step = 1, last
         if (step > 1) call change_regimes(system, steps, step - 1, step, active, displacement, now)
         h = period*(steps%times(step) - steps%times(step - 1))
         if (abs(h - h_of_weights) > 1.0e-12_wp*h) then
@@ -70,8 +79,9 @@ contains
         end if
         call step_on(system, steps, step, active, weights, now, displacement)
       end do
-      call change_regimes(system, steps, size(steps%regime, 2), 1, active, displacement, now)
+      call change_regimes(system, steps, last, modulo(last, size(steps%regime, 2)) + 1, active, displacement, now)
     end associate
+    if (present(kept)) memory = kept
     matrix = matrix_of(now, memory)
   end function sampled_monodromy
 

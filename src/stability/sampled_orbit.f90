@@ -8,7 +8,7 @@ module attrito_stability_sampled_orbit
   use attrito_integrate_system, only: system_type
   use attrito_stability_balance_motion, only: balance_motion_type
   use attrito_stability_orbit, only: orbit_type
-  use attrito_stability_perturbation, only: memory_of
+  use attrito_stability_perturbation, only: memory_of, memory_type
   use attrito_stability_reduced, only: reduced_type
   use attrito_stability_sampled_monodromy, only: sampled_monodromy
   use attrito_stability_sampled_motion, only: sampled_motion_type, motion_of_harmonics
@@ -108,13 +108,16 @@ contains
     self%periodic = self%steps%periodic
   end subroutine apply_law
 
-  function monodromy(self, reduced) result(matrix)
+  function monodromy(self, reduced, parts, kept) result(matrix)
     class(sampled_orbit_type), intent(in) :: self
     !> Modes on which stability is examined
     type(reduced_type), intent(in) :: reduced
+    !> Equal parts of the period of which the first is taken; what is remembered at its end
+    integer, intent(in), optional :: parts
+    type(memory_type), intent(in), optional :: kept(:)
     real(wp), allocatable :: matrix(:, :)
 
-    matrix = sampled_monodromy(reduced, self%steps, self%period)
+    matrix = sampled_monodromy(reduced, self%steps, self%period, parts, kept)
   end function monodromy
 
   pure function regimes(self, contact) result(list)

@@ -25,7 +25,7 @@ def elastic_block(
     order, three dofs each.
     """
     body = synthetic.block("C3D8", counts, size)
-    stiffness, mass = _assemble(body.points, body.connectivity)
+    stiffness, mass = assemble_bricks(body.points, body.connectivity)
     free = np.repeat(~fixed(body.points), 3)
     stiffness, mass = (matrix[free][:, free] for matrix in (stiffness, mass))
     return Model(stiffness, mass, 3.0 * mass + 1e-6 * stiffness), body.points[free[::3]]
@@ -40,7 +40,8 @@ def rigid_motions(points: np.ndarray) -> np.ndarray:
     return motions.reshape(-1, 6)
 
 
-def _assemble(points: np.ndarray, connectivity: np.ndarray) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
+def assemble_bricks(points: np.ndarray, connectivity: np.ndarray) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
+    """Stiffness and consistent mass of eight-node bricks, `[3 N, 3 N]`."""
     dofs = (3 * connectivity[:, :, None] + np.arange(3)).reshape(len(connectivity), 24)
     rows, columns = np.repeat(dofs, 24, axis=1).ravel(), np.tile(dofs, (1, 24)).ravel()
     blocks = [_element(points[nodes]) for nodes in connectivity]

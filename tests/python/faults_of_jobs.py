@@ -26,7 +26,7 @@ JOB = [
     Case(
         "an unknown key of a contact",
         put("contact", 0, stiffness=1.0),
-        ("job.toml: contact[0] stiffness = 1.0: expected a known key: normal, tangents, tangential_stiffness,",),
+        ("job.toml: contact[0] stiffness = 1.0: expected a known key: normal, tangents, normal_next,",),
     ),
     Case(
         "a table that is a number",

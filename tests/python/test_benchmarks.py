@@ -323,3 +323,12 @@ def test_unlike_plates_are_held_against_matching_ones_of_the_same_edge():
     unlike_plates.compare(found)
     assert found[0]["off_matching"] == pytest.approx(0.01) and found[0]["off"] == pytest.approx(1.313 / 1.2 - 1)
     assert [row["off_matching"] for row in found[1:]] == [0.0, 0.0]
+
+
+def test_a_wave_breaks_in_motion_of_a_wheel_in_which_it_is_unstable():
+    small, large = run("cyclic.py", "breaking", "--periods", "20")
+    assert (small["verdict"], large["verdict"]) == ("stable", "unstable")
+    assert small["largest_multiplier"] < 0.95 and large["largest_multiplier"] > 1.9
+    # 31 harmonics leave out 1e-6 of the motion; a kick of 1e-6 that doubles each period is seen after twelve.
+    assert small["away"][-1] < 1e-4
+    assert large["away"][-1] > 1e-2

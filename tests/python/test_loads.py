@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 import synthetic
-from elastic import DENSITY, _assemble
+from elastic import DENSITY, assemble_bricks
 from jobs import attrito_here, run, write_job
 from scipy.linalg import eigh
 from scipy.sparse import csr_matrix, diags, identity
@@ -39,7 +39,7 @@ def brick(held=lambda points: np.zeros(len(points), dtype=bool), shape=lambda po
     x = synthetic.block("C3D8", (3, 2, 2), (0.1, 0.04, 0.03)).points[:, 0]
     sets = {"low": lambda points, owner: x < 1e-9, "high": lambda points, owner: x > 0.1 - 1e-9}
     model = synthetic.assemble([body], sets, held, seed)
-    stiffness, mass = _assemble(body.points, body.connectivity)
+    stiffness, mass = assemble_bricks(body.points, body.connectivity)
     row = {node: index for index, node in enumerate(model.node_ids)}
     keep = [3 * row[node] + direction - 1 for node, direction in zip(model.dof_node, model.dof_direction, strict=True)]
     model.stiffness, model.mass = (csr_matrix(matrix[keep][:, keep]) for matrix in (stiffness, mass))

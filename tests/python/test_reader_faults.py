@@ -462,6 +462,7 @@ MESHES = {
 }
 
 
+@pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("twin", MESHES.values(), ids=MESHES)
 def test_faulty_meshes_are_told_with_their_place(twin, tmp_path):
     name, change, place, expected = twin

@@ -9,17 +9,19 @@ program test_cyclic_sector
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_linear_projected_rows, only: projected_rows_type
   use attrito_linear_receptance, only: receptance_type
+  use attrito_linear_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
+  use attrito_model_structure, only: damping_viscous, damping_mass, damping_ratio, damping_loss_factor
   use attrito_newton_border, only: constraint_type
   use attrito_newton_condensed_krylov, only: krylov_options_type
   use attrito_newton_linearised_step, only: linear_options_type, solve_linearised, apply_linearised
   use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
-  use cyclic_sector, only: one_sector, whole_wheel, of_sector, new_sector_receptance
+  use cyclic_sector, only: one_sector, whole_wheel, of_sector
   use scenes, only: scene_type, noise
   use session, only: run_in_session, only_me
   use testing, only: test, check, check_close
   implicit none
 
-  ! The samples of a sector are those of the next one, a third of a period later.
+  ! The samples of a sector are those of the next one, a twelfth of a period or several later.
   integer, parameter :: harmonics = 4, samples = 48, k = 2*harmonics + 1, rows = 5
   real(wp), parameter :: omega = 1.2_wp
   ! Both are solved to 1e-12 in motions of order one; the condition of the systems is below 1e2.
@@ -36,67 +38,71 @@ program test_cyclic_sector
 contains
 
   !> A solver of the wheel, or of one sector of it.
-  function solver_of(whole) result(solver)
-    logical, intent(in) :: whole
+  function solver_of(scene) result(solver)
+    type(scene_type), intent(in) :: scene
     type(solver_type) :: solver
-    type(scene_type) :: scene
     type(error_type), allocatable :: fault
-    real(wp), allocatable :: next(:, :)
 
-    call one_sector(scene, next)
-    if (whole) scene = whole_wheel()
     call new_solver(scene%structure, scene%contacts, only_me(), &
                     solver_options_type(harmonics=harmonics, samples=samples, max_iterations=60, tolerance=1.0e-12_wp), solver, fault)
     if (allocated(fault)) error stop 'the scene is refused'
-    if (.not. whole) call become_sector(scene, next, solver%context%balance)
   end function solver_of
-
-  !> The balance of one sector in the place of that of the structure cut out.
-  subroutine become_sector(scene, next, balance)
-    type(scene_type), intent(in) :: scene
-    real(wp), intent(in) :: next(:, :)
-    type(balance_type), intent(inout) :: balance
-    class(receptance_type), allocatable :: receptance
-
-    call balance%destroy()
-    allocate (receptance, source=new_sector_receptance(scene%structure, scene%contacts, next, harmonics))
-    call new_balance(scene%structure, scene%contacts, receptance, only_me(), samples, balance)
-  end subroutine become_sector
 
   subroutine wave(error)
     type(error_type), allocatable, intent(out) :: error
+    ! Forward, backward, standing, more nodal diameters than a wheel has, all sectors alike, a single sector
+    integer, parameter :: sectors(6) = [3, 6, 4, 4, 3, 1], orders(6) = [1, -2, 2, 7, 3, 0]
+    integer, parameter :: kinds(4) = [damping_viscous, damping_mass, damping_ratio, damping_loss_factor]
+    integer :: i
+
+    do i = 1, size(sectors)
+      call compare(error, sectors(i), orders(i), kinds(1 + modulo(i - 1, size(kinds))))
+      if (allocated(error)) return
+    end do
+  end subroutine wave
+
+  !> The motion of one sector with that of the whole wheel.
+  subroutine compare(error, sectors, engine_order, damping_kind)
+    type(error_type), allocatable, intent(out) :: error
+    integer, intent(in) :: sectors, engine_order, damping_kind
     type(solver_type) :: wheel, sector
     real(wp), allocatable :: q(:, :)
 
-    wheel = solver_of(whole=.true.)
+    wheel = solver_of(whole_wheel(sectors, engine_order, damping_kind))
     call wheel%solve_at(omega)
-    sector = solver_of(whole=.false.)
+    sector = solver_of(one_sector(sectors, engine_order, damping_kind))
     call sector%solve_at(omega)
     call check(error, wheel%report%converged .and. sector%report%converged, 'one of them does not converge')
     if (allocated(error)) return
     associate (one => sector%context%balance, full => wheel%context%balance)
       call check(error, all(one%forces%slip > 0.1_wp .and. one%forces%unique), 'contacts do not slip and forget: the test is void')
       q = full%receptance%displacements(full%response)
-      call check_close(error, one%receptance%displacements(one%response), matmul(q, of_sector(0)), tolerance, 'motion of the sector')
+      call check_close(error, one%receptance%displacements(one%response), matmul(q, of_sector(0, sectors)), tolerance, &
+                       'motion of the sector')
       call check_close(error, sector%motion, wheel%motion(:, :rows), tolerance, 'motion of the contacts')
       call check_close(error, one%monitors%motion_of(one%response), full%monitors%motion_of(full%response), tolerance, 'monitors')
       call check(error, maxval(abs(q(4:5, :))) > 0.01_wp, 'the second harmonic is small: the test is void')
     end associate
     call wheel%destroy()
     call sector%destroy()
-  end subroutine wave
+  end subroutine compare
 
   !> A sector evaluated at a random motion.
-  subroutine prepare(balance, motion)
+  subroutine prepare(balance, motion, damping_kind)
     type(balance_type), intent(out) :: balance
     real(wp), intent(out) :: motion(k, rows)
+    !> One of `damping_...`
+    integer, intent(in) :: damping_kind
     type(scene_type) :: scene
+    type(stuck_system_type) :: stuck
     class(receptance_type), allocatable :: receptance
-    real(wp), allocatable :: next(:, :)
+    type(error_type), allocatable :: fault
     integer :: status
 
-    call one_sector(scene, next)
-    allocate (receptance, source=new_sector_receptance(scene%structure, scene%contacts, next, harmonics))
+    scene = one_sector(3, 1, damping_kind)
+    call new_stuck_system(scene%structure, scene%contacts, .true., stuck, fault)
+    if (allocated(fault)) error stop 'the scene is refused'
+    call new_receptance(scene%structure, scene%contacts, stuck, harmonics, receptance)
     call new_balance(scene%structure, scene%contacts, receptance, only_me(), samples, balance)
     motion = 0.7_wp*reshape(noise(k*rows, 11), [k, rows])
     call balance%evaluate(motion, omega, status)
@@ -112,7 +118,7 @@ contains
     real(wp) :: motion(k, rows)
     integer :: i, iterations, status
 
-    call prepare(balance, motion)
+    call prepare(balance, motion, damping_mass)
     constraint%motion = reshape(noise(k*rows, 12), [k, rows])
     constraint%frequency = 0.8_wp
     do i = 1, 2
@@ -140,7 +146,7 @@ contains
     real(wp) :: motion(k, rows), derivative(k, rows), difference(k, rows)
     integer :: status
 
-    call prepare(balance, motion)
+    call prepare(balance, motion, damping_viscous)
     derivative = balance%residual_omega()
     call balance%evaluate(motion, omega + increment, status)
     difference = balance%residual
@@ -156,7 +162,7 @@ contains
     real(wp) :: motion(k, rows), forces(k, rows), along_mean(rows)
     complex(wp), allocatable :: response(:, :)
 
-    call prepare(balance, motion)
+    call prepare(balance, motion, damping_viscous)
     forces = reshape(noise(k*rows, 21), [k, rows])
     response = random_response(balance)
     associate (own => balance%contact_rows)
@@ -187,7 +193,7 @@ contains
     complex(wp) :: columns(rows, 0:harmonics)
     integer :: h, row
 
-    call prepare(balance, motion)
+    call prepare(balance, motion, damping_viscous)
     response = random_response(balance)
     associate (own => balance%contact_rows)
       all = own%motion_of(response)

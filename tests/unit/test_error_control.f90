@@ -63,7 +63,7 @@ contains
     if (allocated(error)) return
     solver%context%balance%monitors = solver%context%balance%contact_rows%part([1])
     before = norm2(solver%motion(2:3, 1))
-    finer = new_finer_balance(solver%structure, solver%stuck, 3, solver%options%samples, solver%options%by_events)
+    finer = new_finer_balance(3, solver%options%samples, solver%options%by_events)
     call finer%correct(solver, first, status)
     call step_again(finer, solver, first, 1.0e-3_wp, second)
     call check(error, status == 0 .and. allocated(second%monitors), 'a step is singular')

@@ -2,7 +2,7 @@
 program test_tangent_reference
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
-  use attrito_core_lapack, only: factor_complex, solve_factored_complex
+  use attrito_core_lapack_complex, only: factor_complex, solve_factored_complex
   use attrito_core_state_store, only: state_store_type, reading_store, writing_store
   use attrito_model_contacts, only: stuck_stiffness
   use attrito_model_structure, only: damping_viscous, damping_mass, damping_ratio

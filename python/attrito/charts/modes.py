@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from attrito.charts.file import Chart, Way
+from attrito.job.cyclic import take_no_sector
 from attrito.job.job import Job
 from attrito.job.reading import read_job
 from attrito.library.session import Options, Solver
@@ -135,4 +136,5 @@ def chart_mode(path: str | Job, seconds: float = 20.0, say: Callable[[str], None
 
     job = path if isinstance(path, Job) else read_job(path, excited=False)
     check_mode(job)
+    take_no_sector(job, "chart")
     return ModeBench(MPI.COMM_SELF, job, seconds, say).chart()

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from attrito.charts.file import LEAST_SHARE, SOLVED, Chart, Way
+from attrito.job.cyclic import take_no_sector
 from attrito.job.defaults import TOLERANCE
 from attrito.job.job import Job
 from attrito.job.reading import read_job
@@ -271,4 +272,5 @@ def chart_job(path: str | Job, seconds: float = 20.0, say: Callable[[str], None]
     from mpi4py import MPI
 
     job = path if isinstance(path, Job) else read_job(path)
+    take_no_sector(job, "chart")
     return Bench(MPI.COMM_SELF, job, seconds, say).chart()

@@ -238,6 +238,7 @@ def _export(parsers: Parsers) -> None:
         default=0.0,
         help="draw the geometry displaced by this times the displacement (default: 0)",
     )
+    one.add_argument("--wheel", action="store_true", help="all sectors of a wheel, of a job with [cyclic]")
     one.set_defaults(work=commands.export)
 
 

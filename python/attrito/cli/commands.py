@@ -217,7 +217,7 @@ def export(options: argparse.Namespace) -> None:
 
     comm = MPI.COMM_WORLD
     ending = "xdmf" if str(options.output).endswith(".xdmf") else "vtu"
-    how = Options(options.phases, options.format or ending, options.scale)
+    how = Options(options.phases, options.format or ending, options.scale, options.wheel)
     with everywhere(comm, lambda: Result(options.result)) as result:
         points = everywhere(comm, lambda: _points(result, options))
         name = result.attribute("model_file")

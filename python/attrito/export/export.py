@@ -13,6 +13,7 @@ import numpy as np
 from mpi4py import MPI
 
 from attrito.export.mesh_pieces import Snapshot, XdmfSeries, share, write_collection, write_vtu
+from attrito.export.wheel import along_own_axes, wheel_of
 from attrito.model.surfaces import element_family
 from attrito.results.result import LINEAR_MODES, Result
 from attrito.support.errors import Fault, InputError
@@ -45,11 +46,13 @@ class Options:
     phases : instants of a period; None: the coefficients of the motion, once
     format : `vtu` or `xdmf`
     scale : the geometry is the stress-free one plus `scale` times the displacement (at its peak without phases)
+    wheel : all sectors, of a model that is one of them
     """
 
     phases: int | None = None
     format: str = "vtu"
     scale: float = 0.0
+    wheel: bool = False
 
 
 @dataclass(frozen=True)
@@ -113,6 +116,7 @@ def export_point(
     part = everywhere(comm, lambda: full_field(result, point, dofs, rom_file, own))
     field = np.concatenate(comm.allgather(part)) if comm.size > 1 else part
     cells, notes = mesh_cells(model)
+    wheel = everywhere(comm, lambda: wheel_of(result)) if options.wheel else None
     known = ~np.isnan(field[:, 0])
     if not known.all():
         moves = model.translates
@@ -126,6 +130,10 @@ def export_point(
         )
         field = np.nan_to_num(field)
     contact = contact_fields(result, point, model)
+    points, harmonics = model.coordinates, node_harmonics(field, model)
+    if wheel is not None:
+        cells, points, harmonics = wheel.cells(cells, len(points)), wheel.points(points), wheel.harmonics(harmonics)
+        contact = {name: np.tile(values, wheel.sectors) for name, values in contact.items()}
     base = str(Path(path).with_suffix(""))
     read = [result.path, result.attribute("model_file"), *([] if rom_file is None else [rom_file])]
     written = [f"{base}.{ending}" for ending in ENDINGS]
@@ -133,35 +141,41 @@ def export_point(
     with writing_alone(comm, base, makes_folder=False):
         written = everywhere(
             comm,
-            lambda: _write(comm, base, cells, _snapshots(result, point, model, field, options), contact, options),
+            lambda: _write(comm, base, cells, _snapshots(result, point, points, harmonics, options), contact, options),
         )
     return written, notes
 
 
-def _snapshots(result: Result, point: int, model: Model, field: np.ndarray, options: Options) -> Iterator[Snapshot]:
-    """What is drawn: the motion's coefficients once, or the displacement at instants of a period."""
+def _snapshots(
+    result: Result, point: int, points: np.ndarray, harmonics: np.ndarray, options: Options
+) -> Iterator[Snapshot]:
+    """What is drawn: the motion's coefficients once, or the displacement at instants of a period.
+
+    Parameters
+    ----------
+    points, harmonics : of the nodes, `[N, 3]` and `[nk, N, 3]`
+    """
     if options.phases is None and result.attribute("format") == LINEAR_MODES:
-        shape = node_harmonics(field, model)[1]
+        shape = harmonics[1]
         data = {"shape": shape, "amplitude": np.linalg.norm(shape, axis=1)}
-        yield Snapshot(0.0, model.coordinates + options.scale * shape, data)
+        yield Snapshot(0.0, points + options.scale * shape, data)
         return
     if options.phases is None:
-        motion = node_motion(field, model)
+        motion = motion_of(harmonics)
         peak = motion.shape_at(motion.phase)
         data = {"mean": motion.harmonics[0]}
         for harmonic in range(1, (len(motion.harmonics) + 1) // 2):
             data[f"cosine_{harmonic}"] = motion.harmonics[2 * harmonic - 1]
             data[f"sine_{harmonic}"] = motion.harmonics[2 * harmonic]
         data |= {"amplitude": motion.amplitude, "shape_at_peak": peak}
-        yield Snapshot(0.0, model.coordinates + options.scale * peak, data)
+        yield Snapshot(0.0, points + options.scale * peak, data)
         return
-    harmonics = node_harmonics(field, model)
     frequency = float(result.array("/points/frequency_hz")[point])
     period = 1.0 / frequency if frequency > 0.0 else 1.0
     for step in range(options.phases):
         moved = np.tensordot(_fourier(2 * np.pi * step / options.phases, len(harmonics), 0), harmonics, axes=1)
         time = period * step / options.phases
-        yield Snapshot(time, model.coordinates + options.scale * moved, {"displacement": moved})
+        yield Snapshot(time, points + options.scale * moved, {"displacement": moved})
 
 
 def _write(
@@ -199,7 +213,7 @@ def _cells_of(cells: list[tuple[str, np.ndarray]], known: np.ndarray) -> tuple[l
 
 def full_field(result: Result, point: int, dofs: int, rom_file: str | None, part: slice = slice(None)) -> np.ndarray:
     """Fourier coefficients [n, nk] on the full model's dofs, `basis^T q`, or on a part of them; NaN: not recovered."""
-    coordinates = result.dataset("/points/coordinates")[point]
+    coordinates = along_own_axes(result, result.dataset("/points/coordinates")[point])
     if rom_file is None:
         if len(coordinates) != dofs:
             expected = f"{dofs}, as many as the model has dofs, or the rom.h5 that made them"
@@ -237,15 +251,20 @@ def _recovered(basis: h5py.Dataset, coordinates: np.ndarray, part: slice) -> np.
 
 
 def node_motion(field: np.ndarray, model: Model) -> Motion:
-    """Motion of every node; constrained dofs do not move.
+    """Motion of every node from the coefficients `[n, nk]` at the dofs; constrained dofs do not move."""
+    return motion_of(node_harmonics(field, model))
+
+
+def motion_of(harmonics: np.ndarray) -> Motion:
+    """Motion of nodes with coefficients `[nk, N, 3]`.
 
     The peaks are those of the continuous motion: |displacement - mean|^2 is a trigonometric polynomial of twice the
     order, sampled to find the highest hump, then climbed by Newton's method.
     """
-    harmonics = node_harmonics(field, model)
-    amplitude, phase = np.zeros(len(model.node_ids)), np.zeros(len(model.node_ids))
+    count = harmonics.shape[1]
+    amplitude, phase = np.zeros(count), np.zeros(count)
     moving = np.flatnonzero(np.any(harmonics[1:] != 0, axis=(0, 2)))
-    samples = 32 * max(1, field.shape[1] // 2)
+    samples = 32 * max(1, len(harmonics) // 2)
     for block in np.array_split(moving, max(1, len(moving) * samples // BLOCK)):
         amplitude[block], phase[block] = _peaks(harmonics[:, block], samples)
     return Motion(harmonics, amplitude, float(phase[np.argmax(amplitude)]) % (2 * np.pi))

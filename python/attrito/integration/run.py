@@ -16,6 +16,7 @@ import h5py
 import numpy as np
 
 from attrito.integration.attractors import Attractor, State, find_attractors, summary_of, write_attractors
+from attrito.job.cyclic import take_no_sector
 from attrito.job.job import Job
 from attrito.job.laws import RULES, laws_by_samples, laws_in_parallel
 from attrito.job.reading import read_job
@@ -89,6 +90,7 @@ def _integrate(comm: Comm, job: Job, scene: Scene | None, file: str, say: Callab
 
 
 def _check(job: Job) -> None:
+    take_no_sector(job, "integrate")
     keys = job["integrate"]
     faults = []
     if keys["frequency_hz"] is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from attrito.job.cyclic import check_cyclic
 from attrito.job.fewer_contacts import check_contacts
 from attrito.job.job import Job, files_by_key, mode_path, model_path, peak_path, rom_path
 from attrito.job.laws import check_laws, laws_by_samples
@@ -31,6 +32,7 @@ def cross_check(job: Job, earlier: list[Fault], excited: bool = True) -> list[Fa
         _check_stability,
         check_laws,
         check_contacts,
+        check_cyclic,
         _check_monitors,
         _check_inputs,
         _check_outputs,

@@ -17,6 +17,7 @@ PURPOSES = {
     "contact": "A contact between dofs. At least one `[[contact]]` or `[[contact_set]]`.",
     "contact_set": "Contacts between two node sets, nodes on nodes or on faces, or between one and the ground.",
     "load": "At least one of kind `harmonic`.",
+    "cyclic": "The model is one of N equal sectors, under a wave travelling round the wheel ([cyclic.md](cyclic.md)).",
     "static": "How the static loads are applied, and which bounds are found for points that are not unique.",
     "balance": "The harmonic balance.",
     "sweep": "Required: `start_hz` and `stop_hz`, or `frequencies_hz`.",

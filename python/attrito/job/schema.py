@@ -13,6 +13,7 @@ from attrito.job.checks import (
     boolean,
     choice,
     corner,
+    dof,
     either,
     frequency,
     integer,
@@ -142,6 +143,32 @@ TABLES: dict[str, dict[str, Key]] = {
             " `rom.h5` beside the result or, where that is another, `rom.<8 digits>.h5`"
             " ([files.md](files.md#several-jobs-in-a-folder))",
         ),
+    },
+    "cyclic": {
+        "sectors": Key(integer(1), None, "N: how many of them make the wheel", required=True),
+        "engine_order": Key(
+            integer(-1000000, 1000000),
+            None,
+            "EO: above 0 the loads are f_j(t) = f_0(t - j EO T / N) in sector j, below 0 they run the other way round;"
+            " harmonic h has the nodal diameter h EO mod N, running backward if that is above N/2",
+            required=True,
+        ),
+        "lower": Key(
+            either(text, listing(dof)),
+            None,
+            "the boundary to the sector before: a node set, whose nodes, turned by 2 pi / N, are those of `upper`; or"
+            " dofs in axes that turn with the sector; absent with `upper`: sectors meet in contacts alone",
+        ),
+        "upper": Key(
+            either(text, listing(dof)),
+            None,
+            "the boundary to the next sector: a node set, or as many dofs as `lower`, in its order",
+        ),
+        "axis_point": Key(listing(number(), 3, 3), None, "on the axis, of node sets"),
+        "axis_direction": Key(
+            listing(number(), 3, 3), None, "of the axis: the next sector is this one turned by +2 pi / N about it"
+        ),
+        "coriolis": Key(boolean, False, "Coriolis forces, at the speed of the centrifugal load (not yet: false)"),
     },
     "static": {
         "load_path": Key(
@@ -354,12 +381,25 @@ ARRAYS: dict[str, dict[str, Key]] = {
         "tangents": Key(
             listing(listing(term, 1), 1, 2), None, "the relative displacement u along one or two", required=True
         ),
+        "normal_next": Key(
+            terms,
+            None,
+            "with `[cyclic]`, across the boundary: what dofs of the next sector add to `normal`, in its own axes",
+        ),
+        "tangents_next": Key(
+            listing(terms, 1, 2),
+            None,
+            "what they add to `tangents`, as many; may be empty, as a list is that adds none",
+        ),
         **LAW,
         "area": Key(number(0, above=True), None, 'with `law = "pressure"`: the area A that N presses'),
     },
     "contact_set": {
         "a": Key(text, None, "node set of one side", required=True),
         "b": Key(text, None, 'node set of the other; may be `"ground"`', required=True),
+        "across": Key(
+            boolean, False, "with `[cyclic]`: side b is the next sector's, turned by 2 pi / N about the axis"
+        ),
         "pairing": Key(
             choice("node", "face"),
             "node",

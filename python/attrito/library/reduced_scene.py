@@ -2,9 +2,41 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import hashlib
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.sparse import csr_matrix
+
+
+@dataclass(frozen=True)
+class Sector:
+    """One of N equal sectors, q_{j+1}(t) = q_j(t - EO T / N), in axes that turn with the sector.
+
+    Parameters
+    ----------
+    sectors, engine_order : N and EO; above 0 the loads are f_j(t) = f_0(t - j EO T / N)
+    lower, upper : int32 `[k]`, coordinates from 0 of the two boundaries, paired: q_upper of a sector is q_lower of the
+        next one
+    next_directions : rows of B on the next sector's coordinates, `[rows, m]`; zero of contacts inside or to the ground
+    axes : A `[m, m]`, with A p the coordinates along the model's own axes, p those solved, whose upper boundary
+        is along the next sector's; None where they are the same
+    """
+
+    sectors: int
+    engine_order: int
+    lower: np.ndarray
+    upper: np.ndarray
+    next_directions: np.ndarray
+    axes: csr_matrix | None = None
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of all its numbers."""
+        total = hashlib.sha256(f"{self.sectors} {self.engine_order}".encode())
+        for values in (self.lower, self.upper, self.next_directions):
+            total.update(np.ascontiguousarray(values).tobytes())
+        return total.hexdigest()
 
 
 @dataclass(frozen=True)
@@ -20,6 +52,7 @@ class ReducedScene:
     static, harmonic, monitors : `[loads, m]`, `[2 h + 1, m]`, `[monitors, m]`
     monitor_names : their names
     reduction : fingerprint of the reduced model; empty without one
+    sector : None where the model is a whole one
     """
 
     mass: np.ndarray
@@ -34,3 +67,28 @@ class ReducedScene:
     monitors: np.ndarray
     monitor_names: list[str]
     reduction: str = ""
+    sector: Sector | None = None
+
+
+def all_alike(scene: ReducedScene) -> ReducedScene:
+    """What a sector is while all sectors move alike, as at rest: its upper boundary is its own lower one.
+
+    The upper boundary's coordinates are gone; a whole model stays as it is.
+    """
+    if scene.sector is None:
+        return scene
+    tie = np.eye(len(scene.mass))
+    tie[scene.sector.upper, scene.sector.lower] = 1.0
+    tie = np.delete(tie, scene.sector.upper, axis=1)
+    damping = None if scene.damping is None else np.ascontiguousarray(tie.T @ scene.damping @ tie)
+    return replace(
+        scene,
+        mass=np.ascontiguousarray(tie.T @ scene.mass @ tie),
+        stiffness=np.ascontiguousarray(tie.T @ scene.stiffness @ tie),
+        damping=damping,
+        directions=np.ascontiguousarray((scene.directions + scene.sector.next_directions) @ tie),
+        static=np.ascontiguousarray(scene.static @ tie),
+        harmonic=np.ascontiguousarray(scene.harmonic @ tie),
+        monitors=np.ascontiguousarray(scene.monitors @ tie),
+        sector=None,
+    )

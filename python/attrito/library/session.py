@@ -14,7 +14,7 @@ import numpy as np
 from attrito.library import loading
 from attrito.library.kernels import slider_width
 from attrito.library.names import DAMPING_KINDS, NO_SOLUTION, OUTCOMES, REFERENCES, STARTS, STRATEGIES
-from attrito.library.reduced_scene import ReducedScene
+from attrito.library.reduced_scene import ReducedScene, Sector
 from attrito.library.series import Series
 from attrito.library.signatures import SERIES_CALLBACK
 from attrito.library.structures import ERRORS, RawOptions, RawPoint, make_laws, omega, pointer
@@ -145,8 +145,22 @@ class Solver:
         laws = make_laws(scene.laws)
         rows = len(scene.directions)
         self._library.attrito_set_contacts(self._handle, len(laws), laws, rows, pointer(scene.directions))
+        if scene.sector is not None:
+            self._set_sector(scene.sector)
         given = RawOptions(**{name: getattr(options, name) for name, *_ in RawOptions._fields_})
         self._call("attrito_prepare", ctypes.byref(given))
+
+    def _set_sector(self, sector: Sector) -> None:
+        boundaries = (np.ascontiguousarray(dofs, dtype=np.int32) for dofs in (sector.lower, sector.upper))
+        self._library.attrito_set_sector(
+            self._handle,
+            sector.sectors,
+            sector.engine_order,
+            len(sector.lower),
+            *(pointer(dofs) for dofs in boundaries),
+            len(sector.next_directions),
+            pointer(np.ascontiguousarray(sector.next_directions, dtype=float)),
+        )
 
     def take(self, scene: ReducedScene) -> bool:
         """Go on with a scene that differs in friction, gaps and preloads of contacts alone; False if in more.
@@ -466,5 +480,7 @@ def _has_the_modes_of(a: ReducedScene, b: ReducedScene) -> bool:
     plain = ("mass", "stiffness", "damping", "directions", "static", "harmonic", "monitors")
     same = (a.damping_kind, a.damping_value, a.monitor_names) == (b.damping_kind, b.damping_value, b.monitor_names)
     same = same and all(np.array_equal(getattr(a, name), getattr(b, name)) for name in plain)
+    wheels = [None if scene.sector is None else scene.sector.digest for scene in (a, b)]
+    same = same and wheels[0] == wheels[1]
     shared = (a.laws.keys() | b.laws.keys()) - set(FREE_OF_MODES)
     return same and all(np.array_equal(a.laws[name], b.laws[name]) for name in shared)

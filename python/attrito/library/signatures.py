@@ -46,6 +46,7 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "attrito_create": (HANDLE, (c_int, c_int, Doubles, Doubles, c_int, c_double, c_void_p)),
     "attrito_set_loads": (None, (HANDLE, c_int, Doubles, c_int, Doubles, c_int, Doubles)),
     "attrito_set_contacts": (None, (HANDLE, c_int, POINTER(RawLaw), c_int, Doubles)),
+    "attrito_set_sector": (None, (HANDLE, c_int, c_int, c_int, Integers, Integers, c_int, Doubles)),
     "attrito_change_laws": (None, (HANDLE, c_int, POINTER(RawLaw))),
     "attrito_prepare": (c_int, (HANDLE, POINTER(RawOptions), *MESSAGE)),
     "attrito_destroy": (None, (HANDLE,)),
@@ -97,6 +98,7 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     # Stability and bifurcations
     "attrito_examine": (c_int, (HANDLE, c_int, c_int, c_int, POINTER(RawExamination), *MESSAGE)),
     "attrito_multipliers": (None, (HANDLE, c_int, Doubles, Doubles, Integers)),
+    "attrito_wavenumbers": (None, (HANDLE, c_int, Integers)),
     "attrito_find_bifurcations": (c_int, (HANDLE, c_int, c_int)),
     "attrito_bifurcation": (None, (HANDLE, c_int, POINTER(RawBifurcation), Doubles)),
     # Peaks and backbones

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from attrito.job.cyclic import take_no_sector
 from attrito.job.job import Job, linear_modes_path, model_path
 from attrito.job.reading import read_job
 from attrito.library.session import LinearModes
@@ -15,6 +16,7 @@ from attrito.results.result import LINEAR_MODES, Result
 from attrito.runs.linear_references import MEANINGS, in_words
 from attrito.runs.progress import Progress
 from attrito.scene.build import build_scene
+from attrito.scene.reduced_sector import attributes_of_sector, axes_of_sector
 from attrito.support.atomic_files import whole_hdf5
 from attrito.support.csv_text import cell
 from attrito.support.hdf5_writing import described
@@ -43,6 +45,7 @@ def linear_modes_job(comm: Comm, path: str | Job, state: str = "tangent", count:
     """
     progress = Progress(comm)
     job = on_root(comm, lambda: read_job(path, excited=False))
+    on_root(comm, lambda: take_no_sector(job, "linear-modes"))
     scene = on_root_only(comm, lambda: build_scene(job))
     file = linear_modes_path(job)
     with writing_alone(comm, file):
@@ -80,6 +83,9 @@ def _write(
         file.attrs["rom_file"] = "" if rom is None else str(Path(rom).resolve())
         file.attrs["rom_fingerprint"] = prepared.reduced.reduction
         file.attrs["state"] = state
+        file.attrs.update(attributes_of_sector(prepared.reduced.sector))
+        for name, (values, description) in axes_of_sector(prepared.reduced.sector).items():
+            described(file, name, description, data=values)
         file.attrs["warnings"] = "\n".join(warnings)
         described(file, "points/frequency_hz", "natural frequency", "Hz", data=modes.natural_hz)
         ratio = "of the structure's own damping, x^T C x / (2 omega); 0 of rigid-body modes"

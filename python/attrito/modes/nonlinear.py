@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from attrito.job.cyclic import take_no_sector
 from attrito.job.fewer_contacts import take_all_contacts
 from attrito.job.job import Job, mode_path
 from attrito.library.names import OUTCOMES
@@ -264,6 +265,7 @@ def _first_record(comm: Comm, job: Job, scene: Scene, prepared: Prepared) -> Rec
 
 def check_mode(job: Job) -> None:
     """Faults between the keys of `[mode]` and the rest of the job."""
+    take_no_sector(job, "mode")
     if job["mode"]["method"] == "quasi_static":
         take_all_contacts(job, 'mode with method = "quasi_static"')
     keys = job["mode"]

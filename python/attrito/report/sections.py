@@ -10,6 +10,7 @@ import h5py
 import matplotlib
 import numpy as np
 
+from attrito.job.cyclic import nodal_diameter, nodal_diameter_in_words
 from attrito.job.reference import as_job
 from attrito.library.names import REFERENCES
 from attrito.plots.contacts import contact_map, hysteresis, surfaces
@@ -260,6 +261,13 @@ def run(page: Page, view: View) -> None:
     if result.has("/points/coordinates"):
         shape = result.dataset("/points/coordinates").shape
         pairs += [("coordinates", shape[1]), ("harmonics", (shape[2] - 1) // 2)]
+    if result.attribute("sectors"):
+        wheel = int(result.attribute("sectors")), int(result.attribute("engine_order"))
+        words = nodal_diameter_in_words(*wheel)
+        pairs.append(("wheel", f"one of {wheel[0]} sectors, engine order {wheel[1]}: {words}"))
+        highest = dict(pairs).get("harmonics", 1)
+        numbers = ", ".join(str(nodal_diameter(*wheel, h)) for h in range(1, highest + 1))
+        pairs.append((f"nodal diameters of harmonics 1 to {highest}, modulo {wheel[0]}", numbers))
     for kind in REFERENCES:
         if result.has(f"/linear/{kind}/natural_hz"):
             rigid = int(result.attributes(f"/linear/{kind}").get("rigid_body_modes", 0))

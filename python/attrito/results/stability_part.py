@@ -26,6 +26,8 @@ COLUMNS = {
         MULTIPLIER_KINDS,
     ),
 }
+# Of a sector of a wheel alone
+WAVENUMBER = "Bloch wavenumber of the perturbation in the wheel, 0 to N - 1; -1: none, of sliders"
 
 
 def write_stability(file: h5py.File, found: list[dict[str, np.ndarray]]) -> None:
@@ -34,17 +36,19 @@ def write_stability(file: h5py.File, found: list[dict[str, np.ndarray]]) -> None
     Parameters
     ----------
     file : open for writing
-    found : of each point, arrays of its record below `stability/`: `multipliers` `[k, 4]` (engine, real part,
-        imaginary part, kind), `reason` (bytes of a text), and `NUMBERS`
+    found : of each point, arrays of its record below `stability/`: `multipliers` `[k, 5]` (engine, real part,
+        imaginary part, kind, wavenumber), `reason` (bytes of a text), and `NUMBERS`
     """
-    multipliers = [one.get("multipliers", np.empty((0, 4))) for one in found]
+    multipliers = [one.get("multipliers", np.empty((0, 5))) for one in found]
     reasons = [one["reason"].tobytes().decode() if "reason" in one else "" for one in found]
     points = np.repeat(np.arange(len(found)), [len(rows) for rows in multipliers])
     if not len(points) and not any(reasons):
         return
     rows = np.column_stack([points, np.concatenate(multipliers)])
-    for column, (name, (kind, description, names)) in zip(rows.T, COLUMNS.items(), strict=True):
+    for column, (name, (kind, description, names)) in zip(rows.T, COLUMNS.items(), strict=False):
         described(file, f"multipliers/{name}", description, names=names, data=column.astype(kind))
+    if np.any(rows[:, 5] >= 0):
+        described(file, "multipliers/wavenumber", WAVENUMBER, data=rows[:, 5].astype(np.int32))
     largest = np.full(len(found), np.nan)
     decides = rows[:, 4] == MULTIPLIER_KINDS.index("floquet")
     np.fmax.at(largest, points[decides], np.hypot(rows[:, 2], rows[:, 3])[decides])

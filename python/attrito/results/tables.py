@@ -58,7 +58,10 @@ def contact_table(result: Result) -> str:
 
 
 def multiplier_table(result: Result) -> str:
-    """CSV, one line a multiplier: `point, frequency_hz, method, real, imag, kind`; no line if none was computed."""
+    """CSV, one line a multiplier: `point, frequency_hz, method, real, imag, kind`; no line if none was computed.
+
+    Of a sector of a wheel also `wavenumber`, blank for sliders.
+    """
     header = ("method", "real", "imag", "kind")
     point = result.array("/multipliers/point") if result.has("/multipliers/point") else np.empty(0, dtype=int)
     columns: dict[str, Iterable[str]] = {
@@ -71,6 +74,8 @@ def multiplier_table(result: Result) -> str:
             columns[name] = [cell(names[index]) for index in result.array(f"/multipliers/{name}")]
         for name in ("real", "imag"):
             columns[name] = _numbers(result.array(f"/multipliers/{name}"))
+    if result.has("/multipliers/wavenumber"):
+        columns["wavenumber"] = ["" if n < 0 else str(n) for n in result.array("/multipliers/wavenumber")]
     return _csv(columns | _level_column(result, point))
 
 

@@ -14,6 +14,7 @@ from attrito.runs.linear_references import MEANINGS, LinearReference
 from attrito.runs.recorder import digest
 from attrito.scene.friction_margin import Margin, described_margin
 from attrito.scene.reduced_model import Rom, coordinates_fingerprint
+from attrito.scene.reduced_sector import attributes_of_sector, axes_of_sector
 from attrito.scene.scene import Scene
 from attrito.support.version import __version__
 
@@ -63,6 +64,7 @@ def first_record(
         "rom_file": _absolute(rom_file),
         "rom_fingerprint": reduced.reduction,
         "coordinates_fingerprint": coordinates_fingerprint(reduced),
+        **attributes_of_sector(reduced.sector),
     }
     texts: dict[str, list[str]] = {}
     arrays: dict[str, np.ndarray] = {}
@@ -86,6 +88,8 @@ def first_record(
             arrays[name], series[name] = values, Series("", description, unit)
     for key, (value, description) in described_margin(margin).items():
         arrays[f"static/{key}"], series[f"static/{key}"] = value, Series("", description, "1")
+    for key, (value, description) in axes_of_sector(reduced.sector).items():
+        arrays[key], series[key] = value, Series("", description, "1")
     note = {"attributes": attributes, "ranks": ranks, "digest": digest(reduced, scene.load_path), "texts": texts}
     note["group_attributes"] = {"static": {"states": "" if margin is None else ",".join(margin.states)}}
     note["group_attributes"] |= {f"linear/{kind}": {"rigid_body_modes": one.rigid} for kind, one in linear.items()}

@@ -77,4 +77,5 @@ def can_integrate(scene: ReducedScene) -> bool:
     """Whether event-exact integration takes a scene, and soon is done."""
     tangents = scene.laws["tangents"]
     soon = len(tangents) <= MOST_CONTACTS
-    return scene.damping_kind != "loss_factor" and max(tangents) == 1 and are_coulomb(scene.laws) and soon
+    whole = scene.sector is None
+    return whole and scene.damping_kind != "loss_factor" and max(tangents) == 1 and are_coulomb(scene.laws) and soon

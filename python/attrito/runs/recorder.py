@@ -198,6 +198,8 @@ def digest(scene: ReducedScene, load_path: np.ndarray) -> str:
     for values in (scene.mass, scene.stiffness, damping, *laws, scene.directions, scene.static, scene.harmonic,
                    scene.monitors, load_path):  # fmt: skip
         total.update(np.ascontiguousarray(values).tobytes())
+    if scene.sector is not None:
+        total.update(scene.sector.digest.encode())
     return total.hexdigest()
 
 

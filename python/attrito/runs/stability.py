@@ -48,7 +48,13 @@ class Examiner:
     def _note(self, report: RawExamination, reason: str) -> None:
         """Put what was found as `results.stability_part` reads it."""
         rows = [
-            np.column_stack([np.full(count, index), *fetch_multipliers(self._solver, engine, count)])
+            np.column_stack(
+                [
+                    np.full(count, index),
+                    *fetch_multipliers(self._solver, engine, count),
+                    fetch_wavenumbers(self._solver, engine, count),
+                ]
+            )
             for index, (name, engine) in enumerate(ENGINES.items())
             if (count := getattr(report, name))
         ]
@@ -84,3 +90,10 @@ def fetch_multipliers(solver: Solver, engine: int, count: int) -> tuple[np.ndarr
     real, imaginary, kind = np.zeros(count), np.zeros(count), np.zeros(count, dtype=np.int32)
     solver.call("attrito_multipliers", engine, pointer(real), pointer(imaginary), pointer(kind))
     return real, imaginary, kind
+
+
+def fetch_wavenumbers(solver: Solver, engine: int, count: int) -> np.ndarray:
+    """Wavenumbers of the same multipliers in a sector's wheel, at the root; -1 where there is none."""
+    wavenumber = np.zeros(count, dtype=np.int32)
+    solver.call("attrito_wavenumbers", engine, pointer(wavenumber))
+    return wavenumber

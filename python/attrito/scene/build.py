@@ -13,6 +13,7 @@ import numpy as np
 from scipy.sparse import csr_matrix, vstack
 
 from attrito.importers import check_matrices, read_matrices
+from attrito.job.cyclic import is_cyclic, nodal_diameter_in_words
 from attrito.job.job import Job
 from attrito.job.laws import RULES
 from attrito.library.names import LAWS
@@ -21,10 +22,12 @@ from attrito.model.model import Model
 from attrito.model.model_file import read_model
 from attrito.model.pairing import pair_sets
 from attrito.model.pairs import contact_rows
+from attrito.model.sector import beside_the_next, rows_across
 from attrito.scene.dofs import DofResolver
 from attrito.scene.gap_file import read_gaps
 from attrito.scene.loads import build_loads, soften, spin_faults
 from attrito.scene.scene import Contacts, Scene
+from attrito.scene.sector import build_sector, check_mass_of_sector, wheel_axis
 from attrito.support.errors import InputError
 from attrito.support.timing import peak_megabytes
 
@@ -44,14 +47,23 @@ def build_scene(job: Job) -> Scene:
         monitor["name"]: places.vector(monitor["dofs"], f"[output] monitors[{i}]")
         for i, monitor in enumerate(job["output"]["monitors"])
     }
-    boundary = places.boundary(contacts)
+    sector = build_sector(job, model, places)
+    if sector is not None:
+        check_mass_of_sector(job, model, sector, places, STATIC_BY_REDUCTION)
+        wave = nodal_diameter_in_words(sector.sectors, sector.engine_order)
+        paired = f"{len(sector.lower)} dofs of its boundaries paired"
+        contacts.notes.insert(
+            0, f"one of {sector.sectors} sectors, engine order {sector.engine_order}: {wave}; {paired}"
+        )
+    boundary = places.boundary(contacts, sector)
     recovered = places.recovered(monitors)
     places.faults += spin_faults(job, model)
     if places.faults:
         raise InputError(*places.faults)
     soften(job, model)
     check_finite(job, contacts, static, harmonic, monitors)
-    return Scene(model, contacts, static, harmonic, monitors, load_path_of(job, list(static)), boundary, recovered)
+    path = load_path_of(job, list(static))
+    return Scene(model, contacts, static, harmonic, monitors, path, boundary, recovered, sector)
 
 
 def check_finite(
@@ -61,8 +73,11 @@ def check_finite(
     faults = []
     explicit = len(job["contact"])
     row_contact = np.repeat(np.arange(contacts.count), contacts.laws["tangents"] + 1)
-    entries = np.repeat(np.arange(contacts.rows.shape[0]), np.diff(contacts.rows.indptr))
-    spoilt = {"coefficients": row_contact[entries[~np.isfinite(contacts.rows.data)]]}
+    wrong = np.zeros(contacts.rows.shape[0], dtype=bool)
+    for rows in (contacts.rows, contacts.next_rows):
+        if rows is not None:
+            wrong[np.repeat(np.arange(rows.shape[0]), np.diff(rows.indptr))[~np.isfinite(rows.data)]] = True
+    spoilt = {"coefficients": row_contact[wrong]}
     spoilt |= {name: np.flatnonzero(~np.isfinite(contacts.laws[name])) for name in LAW_KEYS}
     for name, where in spoilt.items():
         for table in np.unique(contacts.tables[where]):
@@ -110,7 +125,8 @@ def load_model(job: Job) -> Model:
         parts = read_matrices(sources, "[model] {}", job.path)
         model = Model(parts.matrices["stiffness"], parts.matrices["mass"], parts.matrices.get("damping"))
         model.dof_node, model.dof_direction = parts.node, parts.direction
-    without_mass = "" if "reduction" in job.given else STATIC_BY_REDUCTION
+    # Of a sector's boundaries one may carry the mass of both.
+    without_mass = "" if "reduction" in job.given or is_cyclic(job) else STATIC_BY_REDUCTION
     faults = check_matrices(model.stiffness, model.mass, model.damping, where, without_mass=without_mass)
     if model.damping is not None:
         faults += [
@@ -128,13 +144,15 @@ def _contacts(job: Job, model: Model, places: DofResolver) -> Contacts:
     for i, contact in enumerate(job["contact"]):
         key = f"contact[{i}]"
         named = [*(("tangents", terms) for terms in contact["tangents"]), ("normal", contact["normal"])]
-        rows = []
-        for name, terms in named:
+        beyond = [*(contact["tangents_next"] or [[]] * (len(named) - 1)), contact["normal_next"] or []]
+        rows, next_rows = [], []
+        for (name, terms), more in zip(named, beyond, strict=True):
             earlier = len(places.faults)
             rows.append(places.vector(terms, f"{key} {name}"))
-            if not rows[-1].any() and len(places.faults) == earlier:
+            next_rows.append(places.vector(more, f"{key} {name}_next"))
+            if not rows[-1].any() and not next_rows[-1].any() and len(places.faults) == earlier:
                 places.add(f"{key} {name}", [list(term) for term in terms], "a coefficient that is not zero")
-        blocks.append(_explicit(rows))
+        blocks.append(_explicit(rows, next_rows))
     for i, contact_set in enumerate(job["contact_set"]):
         try:
             blocks.append(_paired(job, model, contact_set, f"contact_set[{i}]"))
@@ -147,7 +165,9 @@ def _contacts(job: Job, model: Model, places: DofResolver) -> Contacts:
     laws = {"tangents": np.concatenate([block.tangents for block in blocks])}
     notes = [note for block in blocks for note in block.notes]
     gaps = np.concatenate([block.gaps for block in blocks])
-    found = Contacts(laws, csr_matrix(vstack([block.rows for block in blocks])), where, tables, gaps, notes)
+    rows = csr_matrix(vstack([block.rows for block in blocks]))
+    next_rows = csr_matrix(vstack([block.next_rows for block in blocks])) if is_cyclic(job) else None
+    found = Contacts(laws, rows, where, tables, gaps, notes, next_rows)
     return replace(found, laws=laws_of(job, found))
 
 
@@ -183,10 +203,11 @@ def _one_number(value: Any) -> float:
 
 @dataclass
 class _Block:
-    """Contacts of one table of the job; `gaps` are those of a file."""
+    """Contacts of one table of the job; `gaps` are those of a file, `next_rows` on the next sector."""
 
     tangents: np.ndarray
     rows: csr_matrix
+    next_rows: csr_matrix
     places: dict[str, np.ndarray]
     gaps: np.ndarray
     notes: list[str] = field(default_factory=list)
@@ -196,19 +217,23 @@ class _Block:
         return len(self.tangents)
 
 
-def _explicit(rows: list[np.ndarray]) -> _Block:
+def _explicit(rows: list[np.ndarray], next_rows: list[np.ndarray]) -> _Block:
     where: dict[str, np.ndarray] = {"set": np.array(["explicit"], dtype=object)}
     where |= {name: np.array([-1], dtype=np.int64) for name in ("node_a", "node_b")}
     where |= {"area": np.full(1, np.nan), "position": np.full((1, 3), np.nan), "frame": np.full((1, 3, 3), np.nan)}
     where["clearance"] = np.full(1, np.nan)
-    return _Block(np.array([len(rows) - 1], dtype=np.int32), csr_matrix(np.array(rows)), where, np.zeros(1))
+    tangents = np.array([len(rows) - 1], dtype=np.int32)
+    return _Block(tangents, csr_matrix(np.array(rows)), csr_matrix(np.array(next_rows)), where, np.zeros(1))
 
 
 def _paired(job: Job, model: Model, keys: dict[str, Any], place: str) -> _Block:
     if not model.has_mesh:
         raise InputError(job.fault(f"{place} a", keys["a"], "a model with a mesh: node sets need one"))
     begun = time.perf_counter()
-    sets = model, keys["a"], keys["b"], keys["tolerance"], keys["tangents"]
+    meeting, rotation = model, None
+    if keys["across"]:
+        meeting, rotation = beside_the_next(model, keys["b"], wheel_axis(job), job["cyclic"]["sectors"])
+    sets = meeting, keys["a"], keys["b"], keys["tolerance"], keys["tangents"]
     if keys["pairing"] == "node":
         pairs = pair_sets(*sets, job.path, place)
     else:
@@ -227,9 +252,13 @@ def _paired(job: Job, model: Model, keys: dict[str, Any], place: str) -> _Block:
         "clearance": pairs.clearance,
     }
     tangents = np.full(count, keys["tangents"], dtype=np.int32)
-    rows = contact_rows(pairs, model)
+    if rotation is None:
+        rows = contact_rows(pairs, model)
+        next_rows = csr_matrix(rows.shape)
+    else:
+        rows, next_rows = rows_across(pairs, model, rotation)
     notes = [*pairs.notes, _cost_of_pairing(rows, count, time.perf_counter() - begun)]
-    return _Block(tangents, rows, where, gaps, [f"{place}: {note}" for note in notes])
+    return _Block(tangents, rows, next_rows, where, gaps, [f"{place}: {note}" for note in notes])
 
 
 def _cost_of_pairing(rows: csr_matrix, count: int, seconds: float) -> str:

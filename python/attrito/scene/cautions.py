@@ -13,9 +13,10 @@ import numpy as np
 from scipy.linalg import eigh
 
 from attrito.job.job import Job
-from attrito.library.reduced_scene import ReducedScene
+from attrito.library.reduced_scene import ReducedScene, all_alike
 from attrito.model.rigidity import resisted_rotation
 from attrito.scene.scene import Contacts, Scene
+from attrito.scene.sector import wheel_axis
 
 # Sine of the angle between two rows of a contact up to which they are parallel.
 PARALLEL = 1e-6
@@ -46,6 +47,7 @@ def of_damping(scene: ReducedScene) -> list[str]:
     if scene.damping is None or _is_positive(scene.damping):
         return []
     found = []
+    scene = all_alike(scene)
     tangents = np.asarray(scene.laws["tangents"])
     for name, along in (("stuck", 1.0), ("frictionless", 0.0)):
         springs = np.concatenate(
@@ -97,7 +99,10 @@ def _parallel_rows(job: Job, contacts: Contacts) -> Iterator[str]:
     explicit = len(job["contact"])
     first = np.concatenate([[0], np.cumsum(contacts.laws["tangents"] + 1)])
     for contact in np.flatnonzero(contacts.tables < explicit):
-        rows = contacts.rows[first[contact] : first[contact + 1]].toarray()
+        own = slice(first[contact], first[contact + 1])
+        rows = contacts.rows[own].toarray()
+        if contacts.next_rows is not None:
+            rows = np.hstack([rows, contacts.next_rows[own].toarray()])
         rows = rows / np.linalg.norm(rows, axis=1)[:, None]
         names = [*(f"tangents[{i}]" for i in range(len(rows) - 1)), "normal"]
         for i, j in combinations(range(len(rows)), 2):
@@ -123,6 +128,8 @@ def _distant_pairs(job: Job, scene: Scene) -> Iterator[str]:
         place_a, place_b = (
             model.coordinates[order[np.searchsorted(model.node_ids, nodes, sorter=order)]] for nodes in (node_a, node_b)
         )
+        if keys["across"]:
+            place_b = wheel_axis(job).turned(place_b, 2.0 * np.pi / job["cyclic"]["sectors"])
         arm = place_a - place_b
         extent = float(np.linalg.norm(np.ptp(np.vstack([place_a, place_b]), axis=0)))
         farthest = float(np.linalg.norm(arm, axis=1).max())

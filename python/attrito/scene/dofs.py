@@ -10,7 +10,7 @@ import numpy as np
 from attrito.job.checks import DIRECTIONS
 from attrito.job.job import Job
 from attrito.model.model import Model
-from attrito.scene.scene import Contacts
+from attrito.scene.scene import Contacts, CyclicSector
 from attrito.support.errors import Fault
 
 
@@ -60,15 +60,21 @@ class DofResolver:
                     vector[dof] += coefficient
         return vector
 
-    def boundary(self, contacts: Contacts) -> np.ndarray:
-        """Dofs to keep: those of contacts, all of a contact's nodes, and of the nodes that the job names."""
-        keep = [np.unique(contacts.rows.indices)]
+    def boundary(self, contacts: Contacts, sector: CyclicSector | None = None) -> np.ndarray:
+        """Dofs to keep: those of contacts, all of a contact's nodes, of nodes that the job names, of a sector's ends.
+
+        What contacts touch of the next sector is kept of this one, which is its equal.
+        """
+        rows = contacts.rows if contacts.next_rows is None else contacts.rows + contacts.next_rows
+        keep = [np.unique(rows.indices)]
+        if sector is not None:
+            keep += [sector.lower, sector.upper]
         nodes = [contacts.places["node_a"], contacts.places["node_b"]]
         if self.model.dof_node is not None:
             # Contacts on faces have several nodes a side; one dof of each is in their rows.
             explicit = len(self.job["contact"])
             paired = np.repeat(contacts.tables >= explicit, contacts.laws["tangents"] + 1)
-            nodes.append(self.model.dof_node[np.unique(contacts.rows[paired].indices)])
+            nodes.append(self.model.dof_node[np.unique(rows[paired].indices)])
         for i, name in enumerate(self.job["reduction"]["boundary"]):
             key = f"[reduction] boundary[{i}]"
             if isinstance(name, str) and name in self.model.node_sets:

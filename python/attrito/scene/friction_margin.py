@@ -28,7 +28,7 @@ from itertools import product
 import numpy as np
 
 from attrito.library.laws import are_coulomb, cone_coefficients
-from attrito.library.reduced_scene import ReducedScene
+from attrito.library.reduced_scene import ReducedScene, all_alike
 
 # Contacts with one tangent up to which all combinations are asked, 4^n; beyond, each contact while the others stick,
 # and up to the second number all of them slipping alike.
@@ -66,6 +66,7 @@ def friction_margin(scene: ReducedScene) -> Margin | None:
     tangents = np.asarray(scene.laws["tangents"])
     if np.any(tangents != 1) or not are_coulomb(scene.laws):
         return None
+    scene = all_alike(scene)
     kt, kn = (np.asarray(scene.laws[name], dtype=float) for name in ("tangential_stiffness", "normal_stiffness"))
     mu = cone_coefficients(scene.laws)
     springs = np.column_stack([kt, kn]).ravel()

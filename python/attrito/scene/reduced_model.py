@@ -5,10 +5,10 @@ A file is used again when its fingerprint says that it was made from the same ma
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 import os
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +20,7 @@ from attrito.job.job import Job, model_path, rom_path
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.reduction import Listener, Report, reduce_model
 from attrito.model.model_file import write_model
+from attrito.scene.reduced_sector import on_coordinates, sector_of, turned_axes
 from attrito.scene.rom_claim import Claim, claim
 from attrito.scene.scene import Scene
 from attrito.support.atomic_files import whole_hdf5
@@ -42,7 +43,7 @@ MOST_ROUNDS = 5
 REDUCTION_VERSION = 2
 
 
-@dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True)
 class Rom:
     """What is solved with of a reduced model, read at once; `m` coordinates, the `nb` boundary dofs first.
 
@@ -257,11 +258,15 @@ def reduced_scene(job: Job, scene: Scene, rom: Rom | None = None) -> ReducedScen
         mass, stiffness = model.mass.toarray(), model.stiffness.toarray()
         damping = None if model.damping is None else model.damping.toarray()
         vectors = np.array(list(_vectors(scene).values()))
-        directions = scene.contacts.rows.toarray()
     else:
         mass, stiffness, damping, vectors = rom.mass, rom.stiffness, rom.damping, rom.vectors
-        directions = np.zeros((scene.contacts.rows.shape[0], len(mass)))
-        directions[:, : len(rom.boundary)] = scene.contacts.rows[:, rom.boundary].toarray()
+    place = len(mass), None if rom is None else rom.boundary
+    directions = on_coordinates(scene.contacts.rows, *place)
+    axes = turned_axes(scene.sector, *place)
+    if axes is not None:
+        mass, stiffness = (axes.T @ matrix @ axes for matrix in (mass, stiffness))
+        damping = None if damping is None else axes.T @ damping @ axes
+        vectors, directions = vectors @ axes, directions @ axes
     static, harmonic, monitors = np.split(np.ascontiguousarray(vectors, dtype=float), np.cumsum(counts)[:-1])
     kind, value, damping = _damping(job, mass, stiffness, damping)
     return ReducedScene(
@@ -274,6 +279,7 @@ def reduced_scene(job: Job, scene: Scene, rom: Rom | None = None) -> ReducedScen
         *(np.ascontiguousarray(part) for part in (static, harmonic, monitors)),
         list(scene.monitors),
         "" if rom is None else rom.fingerprint,
+        sector_of(scene, *place, axes),
     )
 
 
@@ -364,6 +370,9 @@ def coordinates_fingerprint(scene: ReducedScene) -> str:
     """Of what coordinates and sliders stand for: the reduction, or the mass as it is, and the contacts' rows."""
     digest = hashlib.sha256(scene.reduction.encode() or np.ascontiguousarray(scene.mass).tobytes())
     digest.update(np.ascontiguousarray(scene.directions).tobytes())
+    if scene.sector is not None:
+        # The wave may change; what coordinates stand for does not.
+        digest.update(dataclasses.replace(scene.sector, engine_order=0).digest.encode())
     return digest.hexdigest()
 
 

@@ -16,7 +16,8 @@ class Contacts:
 
     `places` holds what is known of where they are: `set`, `node_a`, `node_b`, `area`, `position`, `frame`, `clearance`.
     `tables`: which of the job's [[contact]] and [[contact_set]], in this order, each comes from. `gaps`: what files add
-    to the gap of each, `[nc]`, user length.
+    to the gap of each, `[nc]`, user length. `next_rows`: rows of B on the next sector's dofs, `[rows, n]`; None where
+    there is no next one.
     """
 
     laws: dict[str, np.ndarray]
@@ -25,11 +26,31 @@ class Contacts:
     tables: np.ndarray
     gaps: np.ndarray
     notes: list[str] = field(default_factory=list)
+    next_rows: csr_matrix | None = None
 
     @property
     def count(self) -> int:
         """Number of contacts."""
         return len(self.laws["tangents"])
+
+
+@dataclass(frozen=True)
+class CyclicSector:
+    """One of N equal sectors of a wheel on its full model; what its contacts touch of the next one is theirs.
+
+    Parameters
+    ----------
+    sectors, engine_order : N and EO
+    lower, upper : dofs of the boundaries, paired `[k]`
+    axes : A `[n, n]`, q = A p: p_upper, in the next sector's axes, is p_lower of the next sector; None where dofs are
+        in such axes as they stand
+    """
+
+    sectors: int
+    engine_order: int
+    lower: np.ndarray
+    upper: np.ndarray
+    axes: csr_matrix | None = None
 
 
 @dataclass
@@ -45,6 +66,7 @@ class Scene:
     load_path : factors on the static loads at the corners, `[corners, loads]`
     boundary : dofs that a reduction keeps, ascending
     recovered : other dofs whose motion a reduced model is to give back, ascending; None: of all
+    sector : what makes the model one of N sectors; None: it is whole
     """
 
     model: Model
@@ -55,3 +77,4 @@ class Scene:
     load_path: np.ndarray
     boundary: np.ndarray
     recovered: np.ndarray | None = None
+    sector: CyclicSector | None = None

@@ -1,0 +1,224 @@
+"""One sector under a travelling wave beside the whole wheel: the same motion, its stability, and what it costs.
+
+    .venv/bin/python benchmarks/cyclic.py waves > waves.json
+    .venv/bin/python benchmarks/cyclic.py breaking > breaking.json
+    .venv/bin/python benchmarks/cyclic.py cost > cost.json
+
+`waves`: random sectors of wheels of 3, 5, 6, 8 and 12, waves forward, backward and standing, by events and by samples,
+at 50 frequencies and four levels between sticking and lift-off each. Points that are unique are compared: elsewhere
+sliders of sectors may start at different instants, and each comes to a member of the family. Where the wheel by itself
+comes to another motion (`alike` counts where it does not) it is solved again, started from the wave (`from_wave`).
+
+`breaking`: the same wave in a wheel of 3 sectors, where it is stable, and of 6, where it is not: how far motion in time
+of the whole wheel is from it after so many periods, started from the wave with a perturbation of 1e-6 of its amplitude.
+
+`cost`: processor seconds of a Newton iteration of a sector beside that of a structure by itself of the same size and
+contacts, of the whole wheel's beside the sector's, and of the wave's multipliers beside those of the wheel by the flow
+of a whole period.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import replace
+from typing import Any
+
+import common  # isort: skip (sets the threads of BLAS before numpy is loaded)
+import numpy as np
+from cyclic_scenes import PAIRS, random_sector
+from mpi4py import MPI
+
+from attrito.library.integrator import Integrator, Run
+from attrito.library.names import ENGINES, ORBITS, VERDICTS
+from attrito.library.reduced_scene import ReducedScene
+from attrito.library.session import Options, Point, Solver, StoredPoint
+from attrito.runs.stability import examine_point, fetch_multipliers
+from attrito.scene.wheel import delayed, whole_wheel
+
+WHEELS = (3, 5, 6, 8, 12)
+POINTS, LEVELS = 50, (0.05, 0.3, 1.0, 4.0)
+# A multiple of N / gcd(N, EO) for all wheels
+SAMPLES = 120
+# A difference that is of another solution, and none of rounding
+SAME_BRANCH = 1e-3
+
+
+def harmonics_of(solver: Solver, points: Any) -> list[tuple[Point, np.ndarray]]:
+    """Points with the motion of all coordinates, `[m, 2 H + 1]`."""
+    return [(point, solver.coordinates()) for point in points]
+
+
+def solved(scene: ReducedScene, options: Options, frequencies: np.ndarray, level: float) -> list[Any]:
+    """Points at frequencies with their motion, each from the one before."""
+    with Solver(MPI.COMM_SELF, scene, options) as solver:
+        solver.follow_static_path(np.array([[0.0], [1.0]]), 10, frequencies[0])
+        return harmonics_of(solver, solver.solve_at(list(frequencies), level, 0))
+
+
+def difference(one: Point, other: Point) -> float:
+    """The largest of any harmonic of any monitor, relative to the largest harmonic."""
+    return float(np.abs(one.harmonics - other.harmonics).max() / np.abs(other.harmonics).max())
+
+
+def wave_in_wheel(scene: ReducedScene, motion: np.ndarray) -> np.ndarray:
+    """The wheel's motion when every sector moves as the first does, a little later, `[N n, 2 H + 1]`."""
+    sector = scene.sector
+    assert sector is not None
+    kept = np.delete(np.arange(len(scene.mass)), sector.upper)
+    return np.hstack([delayed(motion.T, sector, j)[:, kept] for j in range(sector.sectors)]).T
+
+
+def compare_wave(sectors: int, engine_order: int, seed: int, tangents: int, by_events: bool) -> dict[str, Any]:
+    """Differences where both come to the same motion by themselves, and where the wheel starts from the wave."""
+    scene = random_sector(seed, sectors, engine_order, tangents=tangents)
+    wheel = whole_wheel(scene)
+    options = Options(harmonics=5, samples=SAMPLES, by_events=by_events, tolerance=1e-13)
+    frequencies = np.linspace(0.4, 0.08, POINTS)
+    tally = {"points": 0, "solved": 0, "compared": 0, "alike": 0, "from_wave": 0}
+    worst = {"worst_alike": 0.0, "worst_from_wave": 0.0}
+    for level in LEVELS:
+        wheels = solved(wheel, options, frequencies, level)
+        with Solver(MPI.COMM_SELF, wheel, options) as solver:
+            solver.follow_static_path(np.array([[0.0], [1.0]]), 10, frequencies[0])
+            solver.set_excitation(frequencies[-1], frequencies[0], level)
+            for (one, motion), (whole, _) in zip(solved(scene, options, frequencies, level), wheels, strict=True):
+                tally["points"] += 1
+                tally["solved"] += one.is_solved
+                if not (one.is_solved and one.unique):
+                    continue
+                tally["compared"] += 1
+                if whole.is_solved and whole.unique and difference(one, whole) < SAME_BRANCH:
+                    tally["alike"] += 1
+                    worst["worst_alike"] = max(worst["worst_alike"], difference(one, whole))
+                    continue
+                start = StoredPoint(one.frequency_hz, wave_in_wheel(scene, motion), np.zeros((2 * sectors, 2)))
+                if solver.start_from(start, level):
+                    tally["from_wave"] += 1
+                    found = solver.coordinates()[: len(motion) - len(scene.sector.upper)]
+                    kept = np.delete(np.arange(len(motion)), scene.sector.upper)
+                    away = float(np.abs(found - motion[kept]).max() / np.abs(motion).max())
+                    worst["worst_from_wave"] = max(worst["worst_from_wave"], away)
+    where = {"sectors": sectors, "engine_order": engine_order, "seed": seed, "tangents": tangents}
+    return where | {"by_events": by_events} | tally | worst
+
+
+def waves(arguments: argparse.Namespace) -> list[dict[str, Any]]:
+    """All wheels, three waves each."""
+    rows = []
+    for sectors in arguments.sectors:
+        orders = {1, sectors - 1, sectors // 2 if sectors % 2 == 0 else 2}
+        for engine_order in sorted(orders):
+            for tangents, by_events in ((1, True), (1, False), (2, False)):
+                rows.append(compare_wave(sectors, engine_order, arguments.seed + sectors, tangents, by_events))
+    return rows
+
+
+def breaking(arguments: argparse.Namespace) -> list[dict[str, Any]]:
+    """One random sector in two wheels; nodal diameters 1 of 3 and 2 of 6 are one and the same wave."""
+    frequency, options = 0.18, Options(harmonics=31, samples=256, by_events=True, tolerance=1e-12)
+    rows = []
+    for sectors, engine_order in ((3, 1), (6, 2)):
+        scene = random_sector(121, sectors, engine_order)
+        with Solver(MPI.COMM_SELF, scene, options) as solver:
+            solver.follow_static_path(np.array([[0.0], [1.0]]), 10, frequency)
+            list(solver.solve_at([0.22, 0.2, frequency], 1.0, 0))
+            wave = wave_in_wheel(scene, solver.coordinates())
+            report, reason = examine_point(solver, ENGINES["monodromy"], ORBITS["balance"])
+            real, imaginary, kind = fetch_multipliers(solver, ENGINES["monodromy"], report.monodromy)
+        largest = float(np.abs(real + 1j * imaginary)[kind == 0].max())
+        rate = 2.0 * np.pi * frequency * np.arange(1, options.harmonics + 1)
+        start = wave[:, 0] + wave[:, 1::2].sum(axis=1)
+        amplitude = np.linalg.norm(wave[:, 1:3])
+        kick = 1e-6 * amplitude * np.random.default_rng(1).uniform(-1.0, 1.0, len(start))
+        away = []
+        with Integrator(whole_wheel(scene)) as integrator:
+            integrator.start(start + kick, wave[:, 2::2] @ rate, np.zeros((2 * sectors, 2)), np.ones(1))
+            for _ in range(arguments.periods):
+                integrator.run(Run(frequency, cycles=1, samples=1))
+                away.append(float(np.linalg.norm(integrator.state()[0] - start) / amplitude))
+        rows.append(
+            {
+                "sectors": sectors,
+                "engine_order": engine_order,
+                "verdict": VERDICTS[report.verdict],
+                "largest_multiplier": largest,
+                "reason": reason,
+                "away": away,
+            }
+        )
+    return rows
+
+
+def seconds_of_iterations(scene: ReducedScene, options: Options, turns: int = 3) -> float:
+    """Processor seconds a Newton iteration of 40 frequencies that are solved, the least of some turns."""
+    least = np.inf
+    for _ in range(turns):
+        with Solver(MPI.COMM_SELF, scene, options) as solver:
+            solver.follow_static_path(np.array([[0.0], [1.0]]), 10, 0.1)
+            begun = time.process_time()
+            points = list(solver.solve_at(list(np.linspace(0.06, 0.05, 40)), 1.0, 0))
+            least = min(least, (time.process_time() - begun) / sum(point.iterations for point in points))
+    return least
+
+
+def seconds_of_examination(scene: ReducedScene, engine: str) -> float:
+    """Processor seconds of the multipliers of one point, without what is made once."""
+    with Solver(MPI.COMM_SELF, scene, Options(harmonics=5, by_events=True)) as solver:
+        solver.follow_static_path(np.array([[0.0], [1.0]]), 10, 0.15)
+        list(solver.solve_at([0.15], 1.0, 0))
+        examine_point(solver, ENGINES[engine], ORBITS["balance"])
+        begun = time.process_time()
+        examine_point(solver, ENGINES[engine], ORBITS["balance"])
+        return time.process_time() - begun
+
+
+def by_itself(scene: ReducedScene) -> ReducedScene:
+    """The structure that is left of a sector whose next one is itself, tied to nothing."""
+    assert scene.sector is not None
+    return replace(scene, directions=scene.directions + scene.sector.next_directions, sector=None)
+
+
+def cost(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Ratios of processor times in one run."""
+    sectors, engine_order = 12, 5
+    options = Options(harmonics=5, samples=SAMPLES, by_events=True)
+    sector = random_sector(arguments.seed, sectors, engine_order, inside=arguments.size)
+    size = len(sector.mass) - PAIRS
+    plain = by_itself(random_sector(arguments.seed, 1, 0, inside=size, boundary=False))
+    swept = {"plain": plain, "sector": sector, "wheel": whole_wheel(sector)}
+    seconds = {name: seconds_of_iterations(scene, options) for name, scene in swept.items()}
+    small = random_sector(32, sectors, engine_order)
+    alone = by_itself(random_sector(32, 1, 0, inside=len(small.mass) - PAIRS, boundary=False))
+    for name, scene, engine in (
+        ("part of the wheel's flow", small, "monodromy"),
+        ("wheel's flow", whole_wheel(small), "monodromy"),
+        ("Hill of all wavenumbers", small, "hill"),
+        ("Hill of a structure by itself", alone, "hill"),
+    ):
+        seconds[name] = seconds_of_examination(scene, engine)
+    return {
+        "sectors": sectors,
+        "coordinates": size,
+        "seconds": seconds,
+        "sector_over_plain": seconds["sector"] / seconds["plain"],
+        "wheel_over_sector": seconds["wheel"] / seconds["sector"],
+        "flow_over_its_part": seconds["wheel's flow"] / seconds["part of the wheel's flow"],
+        "hill_over_plain": seconds["Hill of all wavenumbers"] / seconds["Hill of a structure by itself"],
+    }
+
+
+def main() -> None:
+    """Print JSON."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=["waves", "breaking", "cost"])
+    parser.add_argument("--sectors", type=int, nargs="*", default=list(WHEELS))
+    parser.add_argument("--seed", type=int, default=20)
+    parser.add_argument("--periods", type=int, default=40, help="of motion in time")
+    parser.add_argument("--size", type=int, default=40, help="coordinates inside a sector whose cost is measured")
+    arguments = parser.parse_args()
+    common.report({"waves": waves, "breaking": breaking, "cost": cost}[arguments.what](arguments))
+
+
+if __name__ == "__main__":
+    main()

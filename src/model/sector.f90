@@ -1,0 +1,201 @@
+!> One of N equal sectors of a structure with cyclic symmetry, under a travelling wave of engine order EO:
+!>
+!> $$ q_{j+1}(t) = q_j(t - EO \, T / N), \qquad Q_{j+1,h} = e^{-i h \theta} Q_{j,h}, \quad \theta = 2 \pi EO / N $$
+!>
+!> in axes that turn with the sector, so harmonic h has nodal diameter n = h EO mod N. The sector's upper boundary is the lower one of
+!> the next sector:
+!>
+!> $$ q_h = S_n x_h, \qquad S_n = \begin{bmatrix} I \\ e^{-2 \pi i n / N} \text{ on the upper boundary} \end{bmatrix}, \qquad
+!>    A_n = S_n^H A S_n, \qquad d_h = (B + e^{-2 \pi i n / N} B_{next}) S_n x_h $$
+!>
+!> x are the coordinates without the upper boundary. A_{N-n} is the conjugate of A_n, and that of n = 0, the mean's, is real.
+!> Source: Thomas 1979, Int. J. Numer. Methods Eng. 14, 81-102.
+module attrito_model_sector
+  use attrito_core_kinds, only: wp, two_pi
+  use attrito_core_trigonometric, only: to_complex, to_real
+  implicit none
+  private
+  public :: sector_type, new_sector, first_alike, is_mirrored
+
+  type :: sector_type
+    !> N and EO; a wave of negative order runs the other way round
+    integer :: sectors = 1, engine_order = 0
+    !> Coordinates of the lower and of the upper boundary, in pairs, from 1
+    integer, allocatable :: lower(:), upper(:)
+    !> Rows of B on the next sector's coordinates, in columns [m, rows]
+    real(wp), allocatable :: next(:, :)
+    !> Coordinates that are not of the upper boundary, ascending [n]; where each coordinate of the sector is found among them [m], and
+    !> 1 for those that are the next sector's [m]
+    integer, allocatable :: kept(:), position(:), ahead(:)
+  contains
+    procedure :: diameter
+    procedure :: period
+    procedure :: turn
+    procedure :: couple
+    procedure :: fold
+    procedure :: spread_over
+    procedure :: fold_rows
+    procedure :: mean_rows
+    procedure :: next_motion
+  end type sector_type
+
+contains
+
+  !> From its boundary and the rows of contacts on the next sector.
+  pure function new_sector(sectors, engine_order, lower, upper, next) result(self)
+    !> N; EO
+    integer, intent(in) :: sectors, engine_order
+    !> Coordinates of the lower and of the upper boundary, in pairs, from 1
+    integer, intent(in) :: lower(:), upper(:)
+    !> Rows of B on the next sector's coordinates, in columns [m, rows]
+    real(wp), intent(in) :: next(:, :)
+    type(sector_type) :: self
+    integer :: i
+
+    self%sectors = sectors
+    self%engine_order = engine_order
+    self%lower = lower
+    self%upper = upper
+    self%next = next
+    allocate (self%ahead(size(next, 1)), self%position(size(next, 1)), source=0)
+    self%ahead(upper) = 1
+    self%kept = pack([(i, i=1, size(next, 1))], self%ahead == 0)
+    self%position(self%kept) = [(i, i=1, size(self%kept))]
+    self%position(upper) = self%position(lower)
+  end function new_sector
+
+  !> Nodal diameter of a harmonic, 0 ... N - 1.
+  pure elemental integer function diameter(self, h)
+    class(sector_type), intent(in) :: self
+    !> Number of the harmonic
+    integer, intent(in) :: h
+
+    diameter = modulo(h*self%engine_order, self%sectors)
+  end function diameter
+
+  !> Harmonics after which nodal diameters repeat, N / gcd(N, EO).
+  pure integer function period(self)
+    class(sector_type), intent(in) :: self
+
+    do period = 1, self%sectors
+      if (self%diameter(period) == 0) exit
+    end do
+  end function period
+
+  !> The first harmonic, 0 ... half a period, with the nodal diameter of another one or its mirror image.
+  pure integer function first_alike(h, period)
+    !> Number of the harmonic; harmonics after which nodal diameters repeat
+    integer, intent(in) :: h, period
+
+    first_alike = modulo(h, period)
+    if (is_mirrored(h, period)) first_alike = period - first_alike
+  end function first_alike
+
+  !> Is it the mirror image, N - n?
+  pure logical function is_mirrored(h, period)
+    !> Number of the harmonic; harmonics after which nodal diameters repeat
+    integer, intent(in) :: h, period
+
+    is_mirrored = modulo(h, period) > period/2
+  end function is_mirrored
+
+  !> exp(-2 pi i n / N), and exactly so where it is real.
+  pure complex(wp) function turn(self, n)
+    class(sector_type), intent(in) :: self
+    !> Nodal diameter
+    integer, intent(in) :: n
+
+    turn = exp(cmplx(0.0_wp, -two_pi*n/self%sectors, wp))
+    if (modulo(2*n, self%sectors) == 0) turn = merge(1, -1, modulo(n, self%sectors) == 0)
+  end function turn
+
+  !> S_n^H A S_n [n, n].
+  pure function couple(self, matrix, n) result(coupled)
+    class(sector_type), intent(in) :: self
+    !> A, of the sector's coordinates [m, m]
+    real(wp), intent(in) :: matrix(:, :)
+    !> Nodal diameter
+    integer, intent(in) :: n
+    complex(wp) :: coupled(size(self%kept), size(self%kept))
+    complex(wp) :: turns(-1:1)
+    integer :: i, j
+
+    turns = [conjg(self%turn(n)), (1.0_wp, 0.0_wp), self%turn(n)]
+    coupled = 0.0_wp
+    do j = 1, size(matrix, 2)
+      do i = 1, size(matrix, 1)
+        associate (at => coupled(self%position(i), self%position(j)))
+          at = at + turns(self%ahead(j) - self%ahead(i))*matrix(i, j)
+        end associate
+      end do
+    end do
+  end function couple
+
+  !> S_n^H f of columns [n, columns].
+  pure function fold(self, columns, n) result(folded)
+    class(sector_type), intent(in) :: self
+    !> Loads on the sector's coordinates [m, columns]
+    complex(wp), intent(in) :: columns(:, :)
+    !> Nodal diameter
+    integer, intent(in) :: n
+    complex(wp) :: folded(size(self%kept), size(columns, 2))
+
+    folded = columns(self%kept, :)
+    associate (at => self%position(self%lower))
+      folded(at, :) = folded(at, :) + conjg(self%turn(n))*columns(self%upper, :)
+    end associate
+  end function fold
+
+  !> S_n x of columns [m, columns].
+  pure function spread_over(self, columns, n) result(displacements)
+    class(sector_type), intent(in) :: self
+    !> x [n, columns]
+    complex(wp), intent(in) :: columns(:, :)
+    !> Nodal diameter
+    integer, intent(in) :: n
+    complex(wp) :: displacements(size(self%position), size(columns, 2))
+
+    displacements = columns(self%position, :)
+    displacements(self%upper, :) = self%turn(n)*displacements(self%upper, :)
+  end function spread_over
+
+  !> ((B + e^{-2 pi i n/N} B_next) S_n)^H, in columns [n, rows].
+  pure function fold_rows(self, here, n) result(folded)
+    class(sector_type), intent(in) :: self
+    !> Rows of B on the sector itself, in columns [m, rows]
+    real(wp), intent(in) :: here(:, :)
+    !> Nodal diameter
+    integer, intent(in) :: n
+    complex(wp) :: folded(size(self%kept), size(here, 2))
+
+    folded = self%fold(here + conjg(self%turn(n))*self%next, n)
+  end function fold_rows
+
+  !> The same of the mean: real [n, rows].
+  pure function mean_rows(self, here) result(folded)
+    class(sector_type), intent(in) :: self
+    !> Rows of B on the sector itself, in columns [m, rows]
+    real(wp), intent(in) :: here(:, :)
+    real(wp) :: folded(size(self%kept), size(here, 2))
+
+    folded = real(self%fold_rows(here, 0), wp)
+  end function mean_rows
+
+  !> What the next sector's motion adds to relative displacements at some rows, B_next q_1(t) [2 H + 1, rows].
+  pure function next_motion(self, displacements, first, rows) result(motion)
+    class(sector_type), intent(in) :: self
+    !> Fourier coefficients of the sector's coordinates [2 H + 1, m]
+    real(wp), intent(in) :: displacements(:, :)
+    !> First of the rows, from 1, and how many
+    integer, intent(in) :: first, rows
+    real(wp) :: motion(size(displacements, 1), rows)
+    complex(wp) :: columns(rows, 0:(size(displacements, 1) - 1)/2)
+    integer :: h
+
+    columns = to_complex(matmul(displacements, self%next(:, first:first + rows - 1)))
+    do h = 0, ubound(columns, 2)
+      columns(:, h) = self%turn(self%diameter(h))*columns(:, h)
+    end do
+    motion = to_real(columns)
+  end function next_motion
+end module attrito_model_sector

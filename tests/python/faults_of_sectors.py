@@ -1,0 +1,175 @@
+"""Faults of `[cyclic]` and of contacts across a sector's boundary."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from fault_cases import Case, both, drop, put
+from wheels import lumped_sector
+
+NUMBERS = [
+    Case(
+        "no sectors",
+        put("cyclic", sectors=0),
+        ("job.toml: [cyclic] sectors = 0: expected an integer from 1 to 2147483647",),
+    ),
+    Case(
+        "sectors that are no integer",
+        put("cyclic", sectors=5.5),
+        ("job.toml: [cyclic] sectors = 5.5: expected an integer",),
+    ),
+    Case(
+        "an engine order that is no integer",
+        put("cyclic", engine_order=1.5),
+        ("job.toml: [cyclic] engine_order = 1.5: expected an integer from -1000000 to 1000000",),
+    ),
+    Case(
+        "a wheel without an engine order",
+        drop("cyclic", "engine_order"),
+        ("job.toml: [cyclic] engine_order = 'missing': expected this key to be given",),
+    ),
+    Case(
+        "an axis without a direction",
+        put("cyclic", axis_direction=[0.0, 0.0, 0.0]),
+        ("job.toml: [cyclic] axis_direction = [0.0, 0.0, 0.0]: expected a vector that is not zero",),
+    ),
+]
+SPINS = [
+    Case(
+        "a wheel that turns about another axis",
+        both(
+            put("cyclic", axis_point=[0.0, 0.0, 0.0], axis_direction=[0.0, 0.0, 2.0]),
+            lambda job: job["load"].append(
+                {
+                    "kind": "centrifugal",
+                    "speed_hz": 10.0,
+                    "axis_point": [0.1, 0.0, 5.0],
+                    "axis_direction": [0.0, 1e-3, 1.0],
+                }
+            ),
+        ),
+        (
+            "job.toml: load[1] axis_direction = [0.0, 0.001, 1.0]: expected [0.0, 0.0, 2.0], the axis_direction",
+            "job.toml: load[1] axis_point = [0.1, 0.0, 5.0]: expected a point of the axis of [cyclic], which",
+        ),
+    ),
+]
+BOUNDARIES = [
+    Case(
+        "boundaries of unequal length",
+        put("cyclic", upper=[3, 1]),
+        ("job.toml: [cyclic] upper = '2 dofs': expected 1 dofs, one for each of lower",),
+    ),
+    Case(
+        "one boundary without the other",
+        drop("cyclic", "upper"),
+        ("job.toml: [cyclic] upper = 'missing': expected this key, to go with lower",),
+    ),
+    Case(
+        "a dof of both boundaries",
+        put("cyclic", upper=[2]),
+        ("job.toml: [cyclic] upper = 2: expected dofs that are not in lower",),
+    ),
+    Case(
+        "a dof that a boundary has twice",
+        put("cyclic", lower=[2, 2], upper=[3, 1]),
+        ("job.toml: [cyclic] lower = 2: expected dofs that differ",),
+    ),
+    Case(
+        "a boundary on a dof that is not there",
+        put("cyclic", upper=[7]),
+        ("job.toml: [cyclic] upper = 7: expected a dof of the model: 0 to 3",),
+    ),
+    Case(
+        "a boundary of dofs and one of nodes",
+        put("cyclic", upper="high"),
+        ("job.toml: [cyclic] upper = 'high': expected a node set or a list of dofs, as lower is",),
+    ),
+    Case(
+        "node sets without an axis",
+        put("cyclic", lower="low", upper="high"),
+        (
+            "job.toml: [cyclic] axis_point = 'missing': expected this key, since node sets are turned about the axis",
+            "job.toml: [cyclic] axis_direction = 'missing': expected this key, since node sets are turned",
+        ),
+    ),
+    Case(
+        "one node set as both boundaries",
+        put("cyclic", lower="low", upper="low", axis_point=[0.0, 0.0, 0.0], axis_direction=[0.0, 0.0, 1.0]),
+        ("job.toml: [cyclic] upper = 'low': expected a node set other than lower",),
+    ),
+    Case(
+        "node sets of a model without a mesh",
+        put("cyclic", lower="low", upper="high", axis_point=[0.0, 0.0, 0.0], axis_direction=[0.0, 0.0, 1.0]),
+        ("job.toml: [cyclic] lower = 'low': expected a list of dofs, or a model with a mesh: node sets need one",),
+    ),
+]
+CONTACTS = [
+    Case(
+        "a contact across that lacks its tangents on the next sector",
+        drop("contact", 0, "tangents_next"),
+        ("job.toml: contact[0] tangents_next = 'missing': expected this key, to go with normal_next",),
+    ),
+    Case(
+        "a contact across with more tangents on the next sector",
+        put("contact", 0, tangents_next=[[[1, 1.0]], [[0, 1.0]]]),
+        ("job.toml: contact[0] tangents_next = 2: expected 1, one for each of tangents",),
+    ),
+    Case(
+        "a contact to the next sector of a model that is no sector",
+        drop("cyclic"),
+        (
+            "job.toml: contact[0] normal_next = 'given': expected a table [cyclic], which says what the next sector is",
+            "job.toml: contact[0] tangents_next = 'given': expected a table [cyclic]",
+        ),
+    ),
+    Case(
+        "a contact on a dof that the next sector does not have",
+        put("contact", 0, normal_next=[[4, -1.0]]),
+        ("job.toml: contact[0] normal_next = 4: expected a dof of the model: 0 to 3",),
+    ),
+    Case(
+        "a contact across to the ground",
+        both(
+            put("cyclic", axis_point=[0.0, 0.0, 0.0], axis_direction=[0.0, 0.0, 1.0]),
+            lambda job: job.update(
+                contact_set=[
+                    {
+                        "a": "tip",
+                        "b": "ground",
+                        "across": True,
+                        "tolerance": 1.0,
+                        "tangential_stiffness": 1.0,
+                        "normal_stiffness": 1.0,
+                        "friction_coefficient": 0.3,
+                    }
+                ]
+            ),
+        ),
+        ("job.toml: contact_set[0] across = True: expected false on the ground, which is of no sector",),
+    ),
+]
+NOT_TAKEN = [
+    Case(
+        "a sector with Coriolis forces",
+        put("cyclic", coriolis=True),
+        ("job.toml: [cyclic] coriolis = True: expected false, as there are no Coriolis forces yet, with [cyclic]",),
+    ),
+    Case(
+        "a sector whose orbit in time is examined",
+        put("stability", method="monodromy", orbit="exact"),
+        ('job.toml: [stability] orbit = \'exact\': expected "balance" or "auto", which here is the same',),
+    ),
+    Case(
+        "a sector with merged contacts",
+        put("balance", contacts="auto"),
+        ("job.toml: [balance] contacts = 'auto': expected \"all\": patches are not of a travelling wave",),
+    ),
+    Case(
+        "a sector whose bounds are sampled",
+        put("static", bounds="sampled"),
+        ('job.toml: [static] bounds = \'sampled\': expected "auto" or "none": members are not sampled',),
+    ),
+]
+
+SECTOR = [replace(case, base=lumped_sector) for case in NUMBERS + SPINS + BOUNDARIES + CONTACTS + NOT_TAKEN]

@@ -1,0 +1,105 @@
+"""Wheels of equal sectors, small enough to be assembled whole: lumped ones as jobs, elastic rings as models."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from elastic import assemble_bricks
+from synthetic import Body, assemble, block
+
+from attrito.model.model import Model
+
+AXIS = {"axis_point": [0.0, 0.0, 0.0], "axis_direction": [0.0, 0.0, 1.0]}
+INNER, OUTER, THICKNESS = 0.1, 0.2, 0.03
+
+
+def lumped_sector(sectors: int = 5, engine_order: int = 2) -> dict[str, Any]:
+    """A blade on a disc whose neighbours are tied, rubbing on the next blade and on the ground.
+
+    Dofs: 0 and 1 the blade along and across the circumference, 2 the disc's lower boundary, 3 its upper one.
+    """
+    stiffness = np.diag([3.0e4, 5.0e4, 2.0e4, 0.0])
+    for i, j, spring in ((0, 2, 2.0e4), (2, 3, 6.0e4), (1, 2, 1.0e4)):
+        for row, column, sign in ((i, i, 1), (j, j, 1), (i, j, -1), (j, i, -1)):
+            stiffness[row, column] += sign * spring
+    law = {"tangential_stiffness": 1.0e4, "normal_stiffness": 2.0e4, "friction_coefficient": 0.4, "preload": 3.0}
+    return {
+        "model": {"mass": np.diag([1.0, 1.0, 2.0, 0.0]).tolist(), "stiffness": stiffness.tolist()},
+        "damping": {"rayleigh": [8.0, 0.0]},
+        "cyclic": {"sectors": sectors, "engine_order": engine_order, "lower": [2], "upper": [3]},
+        "contact": [
+            {
+                "normal": [[0, 1.0]],
+                "normal_next": [[0, -1.0]],
+                "tangents": [[[1, 1.0]]],
+                "tangents_next": [[[1, -1.0]]],
+                **law,
+            },
+            {"normal": [[1, 1.0]], "tangents": [[[2, 1.0]]], **law},
+        ],
+        "load": [{"name": "wake", "kind": "harmonic", "cosine": [[0, 5.0]], "sine": [[1, 2.0]]}],
+        "balance": {"harmonics": 3, "samples": 120},
+        "sweep": {"start_hz": 40.0, "stop_hz": 20.0},
+        "output": {"file": "result.h5", "monitors": [{"name": "blade", "dofs": [[0, 1.0]]}]},
+    }
+
+
+def sector_job(model: Model, sectors: int, **cyclic: Any) -> dict[str, Any]:
+    """A job on `model.h5`, a sector of `ring`, its rim on the ground, driven at one node of the rim."""
+    node = int(model.node_sets["rim"][0])
+    law = {"tangential_stiffness": 1e9, "normal_stiffness": 1e9, "friction_coefficient": 0.3}
+    load = {"cosine": [[["node", node, "x"], 1.0], [["node", node, "z"], 3.0]], "sine": [[["node", node, "x"], 2.0]]}
+    return {
+        "model": {"file": "model.h5"},
+        "cyclic": {"sectors": sectors, "engine_order": 1, "lower": "low", "upper": "high", **AXIS, **cyclic},
+        "contact_set": [{"a": "rim", "b": "ground", "tolerance": 1e-6, "tangents": 1, **law}],
+        "load": [{"kind": "harmonic", **load}],
+        "balance": {"harmonics": 1},
+        "sweep": {"frequencies_hz": [100.0]},
+        "output": {"file": "result.h5", "monitors": [{"name": "rim", "dofs": [[["node", node, "z"], 1.0]]}]},
+    }
+
+
+def ring(sectors: int, cells: int = 2, *, span: int = 1, seed: int | None = None) -> Model:
+    """`span` of the sectors of an elastic ring, held at its bore; `low` and `high` are its ends, `cells` a sector.
+
+    Its axis is z through the origin, and its first end lies along x. A full ring has no ends.
+    """
+    angle = 2.0 * np.pi * span / sectors
+
+    def bent(points: np.ndarray) -> np.ndarray:
+        radius, turn = INNER + (OUTER - INNER) * points[:, 0], angle * points[:, 1]
+        # A bulge and a twist, so that no plane of symmetry pairs directions that the rotation does not.
+        height = THICKNESS * (points[:, 2] - 0.5) * (1.0 + 0.5 * points[:, 0]) + 0.1 * (radius - INNER)
+        return np.column_stack([radius * np.cos(turn), radius * np.sin(turn), height])
+
+    body = block("C3D8", (2, cells * span, 1), shape=bent)
+    flat = block("C3D8", (2, cells * span, 1)).points
+    held = np.abs(flat[:, 0]) < 1e-9
+    first, last = flat[:, 1] < 1e-9, flat[:, 1] > 1.0 - 1e-9
+    if span == sectors:
+        body, kept = _closed(body, first, last)
+        held, first, last = held[kept], np.zeros(kept.sum(), bool), np.zeros(kept.sum(), bool)
+    sets = {
+        "low": lambda points, owner: first & ~held,
+        "high": lambda points, owner: last & ~held,
+        "bore": lambda points, owner: held,
+        "rim": lambda points, owner: np.isclose(np.hypot(*points[:, :2].T), OUTER) & ~last,
+    }
+    model = assemble([body], sets, held=lambda points: held, seed=seed)
+    order = np.argsort(model.node_ids)
+    stiffness, mass = assemble_bricks(model.coordinates, body.connectivity)
+    place = order[np.searchsorted(model.node_ids, model.dof_node, sorter=order)]
+    dofs = 3 * place + model.dof_direction - 1
+    return replace(model, stiffness=stiffness[dofs][:, dofs], mass=mass[dofs][:, dofs])
+
+
+def _closed(body: Body, first: np.ndarray, last: np.ndarray) -> tuple[Body, np.ndarray]:
+    """A ring whose last points are its first, and which points are kept."""
+    kept = ~last
+    number = np.cumsum(kept) - 1
+    # Both ends hold their points in the same order.
+    number[last] = number[first]
+    return Body(body.kind, body.points[kept], number[body.connectivity]), kept
