@@ -14,8 +14,9 @@ from campaign_truth import Referee, Solved
 from attrito.library.integrator import Integrator, Run
 
 SEED = 1
-# Of this seed: a chain whose five contacts slip; one of two tangents; one whose motion of period one is unstable
-SLIPPING, TWO_TANGENTS, UNSTABLE = 0, 9, 8
+# Of this seed: a chain whose five contacts slip; one of two tangents; one whose motion of period one is unstable. The first point of
+# each is the same one on every processor: where several motions are found, as in scene 9, rounding chooses among them.
+SLIPPING, TWO_TANGENTS, UNSTABLE = 0, 17, 8
 SECONDS = 60.0
 
 
