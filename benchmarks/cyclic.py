@@ -5,7 +5,7 @@
     .venv/bin/python benchmarks/cyclic.py cost > cost.json
 
 `waves`: random sectors of wheels of 3, 5, 6, 8 and 12, waves forward, backward and standing, by events and by samples,
-at 50 frequencies and four levels between sticking and lift-off each. Points that are unique are compared: elsewhere
+at 50 points each, at four levels between sticking and lift-off. Points that are unique are compared: elsewhere
 sliders of sectors may start at different instants, and each comes to a member of the family. Where the wheel by itself
 comes to another motion (`alike` counts where it does not) it is solved again, started from the wave (`from_wave`).
 
@@ -20,6 +20,7 @@ of a whole period.
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from dataclasses import replace
 from typing import Any
@@ -37,7 +38,7 @@ from attrito.runs.stability import examine_point, fetch_multipliers
 from attrito.scene.wheel import delayed, whole_wheel
 
 WHEELS = (3, 5, 6, 8, 12)
-POINTS, LEVELS = 50, (0.05, 0.3, 1.0, 4.0)
+LEVELS = (0.05, 0.3, 1.0, 4.0)
 # A multiple of N / gcd(N, EO) for all wheels
 SAMPLES = 120
 # A difference that is of another solution, and none of rounding
@@ -69,12 +70,12 @@ def wave_in_wheel(scene: ReducedScene, motion: np.ndarray) -> np.ndarray:
     return np.hstack([delayed(motion.T, sector, j)[:, kept] for j in range(sector.sectors)]).T
 
 
-def compare_wave(sectors: int, engine_order: int, seed: int, tangents: int, by_events: bool) -> dict[str, Any]:
+def compare_wave(scene: ReducedScene, by_events: bool, points: int) -> dict[str, Any]:
     """Differences where both come to the same motion by themselves, and where the wheel starts from the wave."""
-    scene = random_sector(seed, sectors, engine_order, tangents=tangents)
+    assert scene.sector is not None
     wheel = whole_wheel(scene)
     options = Options(harmonics=5, samples=SAMPLES, by_events=by_events, tolerance=1e-13)
-    frequencies = np.linspace(0.4, 0.08, POINTS)
+    frequencies = np.linspace(0.4, 0.08, -(-points // len(LEVELS)))
     tally = {"points": 0, "solved": 0, "compared": 0, "alike": 0, "from_wave": 0}
     worst = {"worst_alike": 0.0, "worst_from_wave": 0.0}
     for level in LEVELS:
@@ -92,15 +93,16 @@ def compare_wave(sectors: int, engine_order: int, seed: int, tangents: int, by_e
                     tally["alike"] += 1
                     worst["worst_alike"] = max(worst["worst_alike"], difference(one, whole))
                     continue
-                start = StoredPoint(one.frequency_hz, wave_in_wheel(scene, motion), np.zeros((2 * sectors, 2)))
+                start = StoredPoint(
+                    one.frequency_hz, wave_in_wheel(scene, motion), np.zeros((2 * scene.sector.sectors, 2))
+                )
                 if solver.start_from(start, level):
                     tally["from_wave"] += 1
                     found = solver.coordinates()[: len(motion) - len(scene.sector.upper)]
                     kept = np.delete(np.arange(len(motion)), scene.sector.upper)
                     away = float(np.abs(found - motion[kept]).max() / np.abs(motion).max())
                     worst["worst_from_wave"] = max(worst["worst_from_wave"], away)
-    where = {"sectors": sectors, "engine_order": engine_order, "seed": seed, "tangents": tangents}
-    return where | {"by_events": by_events} | tally | worst
+    return tally | worst
 
 
 def waves(arguments: argparse.Namespace) -> list[dict[str, Any]]:
@@ -110,7 +112,11 @@ def waves(arguments: argparse.Namespace) -> list[dict[str, Any]]:
         orders = {1, sectors - 1, sectors // 2 if sectors % 2 == 0 else 2}
         for engine_order in sorted(orders):
             for tangents, by_events in ((1, True), (1, False), (2, False)):
-                rows.append(compare_wave(sectors, engine_order, arguments.seed + sectors, tangents, by_events))
+                seed = arguments.seed + sectors
+                scene = random_sector(seed, sectors, engine_order, tangents=tangents)
+                row = {"sectors": sectors, "engine_order": engine_order, "seed": seed, "tangents": tangents}
+                rows.append(row | {"by_events": by_events} | compare_wave(scene, by_events, arguments.points))
+                print(rows[-1], file=sys.stderr, flush=True)
     return rows
 
 
@@ -214,6 +220,7 @@ def main() -> None:
     parser.add_argument("what", choices=["waves", "breaking", "cost"])
     parser.add_argument("--sectors", type=int, nargs="*", default=list(WHEELS))
     parser.add_argument("--seed", type=int, default=20)
+    parser.add_argument("--points", type=int, default=50, help="of each wave, at least")
     parser.add_argument("--periods", type=int, default=40, help="of motion in time")
     parser.add_argument("--size", type=int, default=40, help="coordinates inside a sector whose cost is measured")
     arguments = parser.parse_args()

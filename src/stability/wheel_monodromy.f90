@@ -27,7 +27,7 @@ module attrito_stability_wheel_monodromy
   use attrito_stability_sampled_orbit, only: sampled_orbit_type
   implicit none
   private
-  public :: wheel_type, new_wheel, wave_multipliers, modes_of_wheel, most_modes
+  public :: wheel_type, new_wheel, wave_multipliers, samples_of_wave, modes_of_wheel, most_modes
 
   !> Modes of a wheel that is marched as a whole, at most: matrices of twice the order
   integer, parameter :: most_modes = 600 ! conventional
@@ -88,7 +88,7 @@ contains
     integer :: m, g, block, turning, i
 
     call find_steps(self%sector, m, g)
-    call find_orbit(self, balance, omega, self%sector%sectors/g, refinement, orbit)
+    call find_orbit(self, balance, omega, refinement, orbit)
     info = merge(0, -1, orbit%periodic)
     if (info /= 0) return
     matrix = flow_and_back(self, orbit, m, self%sector%sectors/g)
@@ -119,14 +119,12 @@ contains
   end subroutine find_steps
 
   !> The balance's own orbit, put round the wheel.
-  subroutine find_orbit(self, balance, omega, parts, refinement, orbit)
+  subroutine find_orbit(self, balance, omega, refinement, orbit)
     type(wheel_type), intent(in) :: self
     !> Motion and sliders of the sector's contacts
     type(balance_motion_type), intent(in) :: balance
     !> Angular frequency of the excitation
     real(wp), intent(in) :: omega
-    !> Parts of the period, each of which is to have as many samples
-    integer, intent(in) :: parts
     !> See `wave_multipliers`
     integer, intent(in) :: refinement
     class(orbit_type), allocatable, intent(out) :: orbit
@@ -136,7 +134,7 @@ contains
 
     if (balance%turns) then
       allocate (sampled_orbit_type :: orbit)
-      orbit%samples = refinement*parts*((fewest_samples + parts - 1)/parts)
+      orbit%samples = samples_of_wave(self%sector, refinement)
     else
       allocate (event_orbit_type :: orbit)
     end if
@@ -147,6 +145,15 @@ contains
     loading%period = two_pi/omega*self%system%clock
     call orbit%take_balance(self%system, loading, wave)
   end subroutine find_orbit
+
+  !> Samples of a period: as many in each part of it after which the wave is itself, some sectors on.
+  pure integer function samples_of_wave(sector, refinement)
+    type(sector_type), intent(in) :: sector
+    !> See `wave_multipliers`
+    integer, intent(in) :: refinement
+
+    samples_of_wave = refinement*sector%period()*((fewest_samples + sector%period() - 1)/sector%period())
+  end function samples_of_wave
 
   !> P [2 modes + memory, 2 modes + memory].
   function flow_and_back(self, orbit, m, parts) result(matrix)
