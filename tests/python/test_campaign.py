@@ -14,8 +14,8 @@ from campaign_truth import Referee, Solved
 from attrito.library.integrator import Integrator, Run
 
 SEED = 1
-# Of this seed: a chain whose five contacts slip; one of two tangents; one whose motion of period one is unstable. The first point of
-# each is the same one on every processor: where several motions are found, as in scene 9, rounding chooses among them.
+# Of this seed: a chain whose five contacts slip; one of two tangents; one whose motion of period one is unstable.
+# Each has one first point on every processor: of several motions, as scene 9 has them, rounding may choose another.
 SLIPPING, TWO_TANGENTS, UNSTABLE = 0, 17, 8
 SECONDS = 60.0
 

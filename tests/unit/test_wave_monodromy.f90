@@ -24,7 +24,7 @@ program test_wave_monodromy
   real(wp), parameter :: tolerance = 1.0e-6_wp
 
   call run_in_session('wave monodromy', [ &
-                      test('multipliers of a wave by a part of the period are those of the whole wheel by all of it: two tangents', gate)])
+                      test('two tangents: multipliers by a part of the period are those of the whole wheel by all of it', gate)])
 
 contains
 
