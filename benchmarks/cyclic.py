@@ -35,7 +35,7 @@ from attrito.library.names import ENGINES, ORBITS, VERDICTS
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Point, Solver, StoredPoint
 from attrito.runs.stability import examine_point, fetch_multipliers
-from attrito.scene.wheel import delayed, whole_wheel
+from attrito.scene.wheel import wave_in_wheel, whole_wheel
 
 WHEELS = (3, 5, 6, 8, 12)
 LEVELS = (0.05, 0.3, 1.0, 4.0)
@@ -62,14 +62,6 @@ def difference(one: Point, other: Point) -> float:
     return float(np.abs(one.harmonics - other.harmonics).max() / np.abs(other.harmonics).max())
 
 
-def wave_in_wheel(scene: ReducedScene, motion: np.ndarray) -> np.ndarray:
-    """The wheel's motion when every sector moves as the first does, a little later, `[N n, 2 H + 1]`."""
-    sector = scene.sector
-    assert sector is not None
-    kept = np.delete(np.arange(len(scene.mass)), sector.upper)
-    return np.hstack([delayed(motion.T, sector, j)[:, kept] for j in range(sector.sectors)]).T
-
-
 def compare_wave(scene: ReducedScene, by_events: bool, points: int) -> dict[str, Any]:
     """Differences where both come to the same motion by themselves, and where the wheel starts from the wave."""
     assert scene.sector is not None
@@ -94,7 +86,7 @@ def compare_wave(scene: ReducedScene, by_events: bool, points: int) -> dict[str,
                     worst["worst_alike"] = max(worst["worst_alike"], difference(one, whole))
                     continue
                 start = StoredPoint(
-                    one.frequency_hz, wave_in_wheel(scene, motion), np.zeros((2 * scene.sector.sectors, 2))
+                    one.frequency_hz, wave_in_wheel(motion, scene.sector), np.zeros((2 * scene.sector.sectors, 2))
                 )
                 if solver.start_from(start, level):
                     tally["from_wave"] += 1
@@ -129,7 +121,7 @@ def breaking(arguments: argparse.Namespace) -> list[dict[str, Any]]:
         with Solver(MPI.COMM_SELF, scene, options) as solver:
             solver.follow_static_path(np.array([[0.0], [1.0]]), 10, frequency)
             list(solver.solve_at([0.22, 0.2, frequency], 1.0, 0))
-            wave = wave_in_wheel(scene, solver.coordinates())
+            wave = wave_in_wheel(solver.coordinates(), scene.sector)
             report, reason = examine_point(solver, ENGINES["monodromy"], ORBITS["balance"])
             real, imaginary, kind = fetch_multipliers(solver, ENGINES["monodromy"], report.monodromy)
         largest = float(np.abs(real + 1j * imaginary)[kind == 0].max())

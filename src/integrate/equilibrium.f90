@@ -122,8 +122,14 @@ contains
         exit
       end if
     end do
-    ! A body that its contacts have left comes to rest nowhere, but for rounding of its stiffness.
-    converged = converged .and. norm2(displacement) <= divergence_limit*norm2(target)
+    if (converged .and. norm2(displacement) > divergence_limit*norm2(target)) then
+      ! A body that its contacts have left comes to rest nowhere, but for rounding of its stiffness. Preload alone moves bodies, too.
+      trial = displacement
+      call evaluate(0.0_wp*trial)
+      norm = norm2(target - matmul(self%compliance, g))
+      converged = norm2(trial) <= divergence_limit*norm
+      call evaluate(trial)
+    end if
     motion = free - matmul(self%input_map, g)
 
   contains

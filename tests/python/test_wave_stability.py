@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from cyclic import wave_in_wheel
 from cyclic_scenes import random_sector
 from jobs import run, table
 from mpi4py import MPI
@@ -14,7 +13,7 @@ from wheels import lumped_sector
 from attrito.library.names import ENGINES, MULTIPLIER_KINDS, ORBITS
 from attrito.library.session import Options, Solver, StoredPoint
 from attrito.runs.stability import examine_point, fetch_multipliers, fetch_wavenumbers
-from attrito.scene.wheel import whole_wheel
+from attrito.scene.wheel import wave_in_wheel, whole_wheel
 
 FREQUENCY, LEVEL = 0.15, 1.0
 MONODROMY, HILL = ENGINES["monodromy"], ENGINES["hill"]
@@ -49,7 +48,7 @@ def in_wheel(sectors, engine_order, seed, tangents=1, level=LEVEL, methods=MONOD
         motion, sector = solver.coordinates(), examined(solver, methods)
     with solver_of(whole_wheel(scene), tangents) as solver:
         solver.set_excitation(0.9 * FREQUENCY, 1.1 * FREQUENCY, level)
-        start = StoredPoint(FREQUENCY, wave_in_wheel(scene, motion), np.zeros((2 * sectors, 2)))
+        start = StoredPoint(FREQUENCY, wave_in_wheel(motion, scene.sector), np.zeros((2 * sectors, 2)))
         assert solver.start_from(start, level)
         return sector, examined(solver, MONODROMY)
 

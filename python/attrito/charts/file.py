@@ -18,6 +18,7 @@ SERIES = {
     "sampled": "by samples, H and J fixed",
     "uncoupled": "uncoupled, H fixed",
     "modes": "fewer modes of the reduction",
+    "wheel": "the whole wheel by events or samples, H fixed",
     "uncondensed": "Newton's method on all coordinates (work by formula)",
     "integration": "time integration by steps, to the steady state",
     "events in time": "time integration by located events",

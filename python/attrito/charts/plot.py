@@ -10,8 +10,16 @@ from matplotlib.figure import Figure
 from attrito.charts.file import SERIES, Chart, Way
 from attrito.plots.style import BRANCH_COLOURS, STYLE
 
-MARKERS = dict(zip(SERIES, ("o", "s", "^", "v", "D", "x", "+", "P", "s", "D", "o", "s"), strict=True))
-HUES = ("#000000", *BRANCH_COLOURS, "#000000", *BRANCH_COLOURS[:2], *BRANCH_COLOURS[:2])
+MARKERS = dict(zip(SERIES, ("o", "s", "^", "v", "D", "p", "x", "+", "P", "s", "D", "o", "s"), strict=True))
+HUES = (
+    "#000000",
+    *BRANCH_COLOURS[:4],
+    "#000000",
+    *BRANCH_COLOURS[4:],
+    "#000000",
+    *BRANCH_COLOURS[:2],
+    *BRANCH_COLOURS[:2],
+)
 COLOURS = dict(zip(SERIES, HUES, strict=True))
 # Ways of these are few, and each has its label beside its mark
 LABELLED = ("points", "meshes")

@@ -9,6 +9,9 @@ a_ref being the balance with harmonics, and samples where contacts have two tang
 it far below what is charted. Cost is processor time without the static load path, and counted work: operations by the
 formulas of src/balance/work.f90, for time integration 4 m (m + rows) a step. A way is on the efficient front if none is
 both cheaper in time and nearer.
+
+A sector under a travelling wave is charted beside its whole wheel, which is solved and integrated in time by itself;
+the monitors are those of the first sector.
 """
 
 from __future__ import annotations
@@ -21,7 +24,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from attrito.charts.file import LEAST_SHARE, SOLVED, Chart, Way
-from attrito.job.cyclic import take_no_sector
 from attrito.job.defaults import TOLERANCE
 from attrito.job.job import Job
 from attrito.job.reading import read_job
@@ -32,6 +34,7 @@ from attrito.library.session import Options, Point, Solver
 from attrito.scene.build import build_scene
 from attrito.scene.reduced_model import make_rom, reduced_scene
 from attrito.scene.solver_options import solver_options
+from attrito.scene.wheel import whole_wheel
 from attrito.support.errors import InputError, NumericsError
 
 if TYPE_CHECKING:
@@ -64,6 +67,8 @@ class Bench:
         self._path = whole.load_path
         self._rom, _ = make_rom(comm, job, whole, say)
         self._scene = reduced_scene(job, whole, self._rom)
+        # Where the job's model is a sector, all of them; otherwise the scene itself
+        self._wheel = whole_wheel(self._scene)
         self._options = solver_options(job, self._rom)
         self._tangents = int(self._scene.laws["tangents"].max())
         self._level = job["sweep"]["levels"][-1]
@@ -139,14 +144,22 @@ class Bench:
                 "uncoupled", ((h, self._fixed(h, 256, by_events=False, uncoupled=True)) for h in ladder if h <= 20)
             )
         yield from self._fewer_modes()
+        if self._scene.sector is not None:
+            by_events = self._tangents == 1
+            runs = (
+                (h, self._fixed(h, 8 * h + 2 if by_events else 256, by_events=by_events)) for h in ladder if h <= 20
+            )
+            yield from self._climb("wheel", runs, self._wheel)
         yield from self._uncondensed(ladder)
         yield from self._integrations()
 
-    def _climb(self, series: str, runs: Iterator[tuple[int, Options]]) -> Iterator[Way]:
-        """Ever finer, until one run takes too long."""
+    def _climb(
+        self, series: str, runs: Iterator[tuple[int, Options]], scene: ReducedScene | None = None
+    ) -> Iterator[Way]:
+        """Ever finer, until one run takes too long; of another scene than the job's, if one is given."""
         for _, options in runs:
             label = f"H = {options.harmonics}" + (f", J = {options.samples}" if series == "sampled" else "")
-            way = self._balance(series, self._scene, options, label=label)
+            way = self._balance(series, scene or self._scene, options, label=label)
             yield way
             if way.seconds > self._seconds:
                 return
@@ -207,7 +220,8 @@ class Bench:
         for harmonics in ladder:
             options = self._fixed(harmonics, max(256, 8 * harmonics + 2))
             way = self._balance("uncondensed", self._scene, options, label=f"H = {harmonics}")
-            unknowns = len(self._scene.mass) * (2 * harmonics + 1)
+            upper = 0 if self._scene.sector is None else len(self._scene.sector.upper)
+            unknowns = (len(self._scene.mass) - upper) * (2 * harmonics + 1)
             yield replace(way, seconds=np.nan, work=self._iterations * 2.0 / 3.0 * unknowns**3)
             if way.seconds > self._seconds:
                 return
@@ -230,7 +244,7 @@ class Bench:
         series, label = ("events in time", "exact") if exact else ("integration", f"{name}, {steps} steps")
         run = Run(self._frequencies[-1], self._level, scheme, None if exact else steps, samples=max(steps, 256))
         try:
-            with Integrator(self._scene) as integrator:
+            with Integrator(self._wheel) as integrator:
                 integrator.start_static(self._path, self._job["static"]["steps"])
                 brief = replace(run, cycles=2, fewest_cycles=2)
                 started = time.process_time()
@@ -244,7 +258,7 @@ class Bench:
                 seconds = time.process_time() - started
         except (InputError, NumericsError) as error:
             return Way(series, label, **settings, note=str(error))
-        m, rows = len(self._scene.mass), len(self._scene.directions)
+        m, rows = len(self._wheel.mass), len(self._wheel.directions)
         work = np.nan if exact else 4.0 * m * (m + rows) * steps * orbit.cycles
         found = settings | {"seconds": seconds, "work": work}
         if orbit.outcome != "converged":
@@ -253,10 +267,22 @@ class Bench:
 
 
 def restricted(scene: ReducedScene, kept: np.ndarray) -> ReducedScene:
-    """The scene without some of its coordinates."""
+    """The scene without some of its coordinates; those of a sector's boundaries must be kept."""
+    number = np.full(len(scene.mass), -1)
+    number[kept] = np.arange(len(kept))
+    sector = scene.sector
+    if sector is not None:
+        sector = replace(
+            sector,
+            lower=number[sector.lower].astype(np.int32),
+            upper=number[sector.upper].astype(np.int32),
+            next_directions=np.ascontiguousarray(sector.next_directions[:, kept]),
+            axes=None if sector.axes is None else sector.axes[kept][:, kept],
+        )
     square, wide = np.ix_(kept, kept), (slice(None), kept)
     return replace(
         scene,
+        sector=sector,
         mass=np.ascontiguousarray(scene.mass[square]),
         stiffness=np.ascontiguousarray(scene.stiffness[square]),
         damping=None if scene.damping is None else np.ascontiguousarray(scene.damping[square]),
@@ -272,5 +298,4 @@ def chart_job(path: str | Job, seconds: float = 20.0, say: Callable[[str], None]
     from mpi4py import MPI
 
     job = path if isinstance(path, Job) else read_job(path)
-    take_no_sector(job, "chart")
     return Bench(MPI.COMM_SELF, job, seconds, say).chart()

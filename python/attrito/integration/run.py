@@ -2,6 +2,8 @@
 
 The group `/integration` goes into the job's output file. If that file is a result of `attrito run`, the rest of it
 stays as it is; otherwise it is made, with root attribute format = "attrito integration".
+
+Of a sector under a travelling wave the whole wheel is integrated: nothing keeps its motion a wave.
 """
 
 from __future__ import annotations
@@ -16,7 +18,6 @@ import h5py
 import numpy as np
 
 from attrito.integration.attractors import Attractor, State, find_attractors, summary_of, write_attractors
-from attrito.job.cyclic import take_no_sector
 from attrito.job.job import Job
 from attrito.job.laws import RULES, laws_by_samples, laws_in_parallel
 from attrito.job.reading import read_job
@@ -27,6 +28,7 @@ from attrito.scene import cautions
 from attrito.scene.build import build_scene
 from attrito.scene.reduced_model import make_rom, reduced_scene
 from attrito.scene.scene import Scene
+from attrito.scene.wheel import wave_in_wheel, whole_wheel
 from attrito.support.atomic_files import whole_hdf5
 from attrito.support.errors import InputError, UnsolvedError
 from attrito.support.hdf5_reading import UNREADABLE
@@ -71,16 +73,17 @@ def _integrate(comm: Comm, job: Job, scene: Scene | None, file: str, say: Callab
     rom, _ = make_rom(comm, job, scene, say)
 
     def work() -> tuple[str, str]:
-        reduced = damped(job, reduced_scene(job, scene, rom))
+        own = reduced_scene(job, scene, rom)
+        reduced = damped(job, whole_wheel(own))
         choices = run_of(job, reduced)
         with Integrator(reduced) as session:
-            place(session, job, scene, reduced)
+            place(session, job, scene, own)
             warn(cautions.of_damping(reduced))
             if job["integrate"]["start"] == "static":
                 touching = session.touching()
                 warn(cautions.of_static_solution((touching, 0, 0, session.contacts - touching)))
             orbit = session.run(choices)
-            met = attractors_of(session, job, scene, reduced, choices)
+            met = attractors_of(session, job, scene, own, choices)
         write(file, job, reduced, choices, orbit, met, warnings)
         for line in [*summary(file, reduced, choices, orbit), *summary_of(reduced.monitor_names, met)]:
             say(line)
@@ -90,7 +93,6 @@ def _integrate(comm: Comm, job: Job, scene: Scene | None, file: str, say: Callab
 
 
 def _check(job: Job) -> None:
-    take_no_sector(job, "integrate")
     keys = job["integrate"]
     faults = []
     if keys["frequency_hz"] is None:
@@ -147,7 +149,7 @@ def run_of(job: Job, scene: ReducedScene) -> Run:
 
 
 def place(session: Integrator, job: Job, scene: Scene, reduced: ReducedScene) -> None:
-    """Put the session where the job starts."""
+    """Put the session, of a sector's whole wheel, where the job starts."""
     keys = job["integrate"]
     path = scene.load_path
     sliders = np.zeros((session.contacts, 2))
@@ -162,8 +164,7 @@ def place(session: Integrator, job: Job, scene: Scene, reduced: ReducedScene) ->
         followed = path if profile is None or profile[0][1] == 1.0 else _end_at(path, profile)
         session.start_static(followed, job["static"]["steps"], sliders, path[-1])
     elif keys["start"] == "rest":
-        m = len(reduced.mass)
-        session.start(np.zeros(m), np.zeros(m), sliders, path[-1])
+        session.start(np.zeros(session.size), np.zeros(session.size), sliders, path[-1])
     else:
         displacement, velocity, stored = _point(job, reduced)
         session.start(displacement, velocity, stored if keys["sliders"] is None else sliders, path[-1])
@@ -189,12 +190,18 @@ def _end_at(path: np.ndarray, profile: list) -> np.ndarray:
 
 
 def _point(job: Job, scene: ReducedScene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """State at the start of the period of a point of the job's result: displacement, velocity, sliders."""
+    """State at the start of the period of a point of the job's result: displacement, velocity, sliders.
+
+    Of a sector: of its wheel. Sliders of all sectors are those at the start of the sector's own period, which those of
+    contacts that stick keep, and those of the others forget.
+    """
     path = job.file(job["output"]["file"])
     point = read_point(job, "[integrate] start", job["integrate"]["start"], path, scene)
-    motion, omega = point.coordinates, 2.0 * np.pi * point.frequency_hz
+    motion, slider, omega = point.coordinates, point.slider, 2.0 * np.pi * point.frequency_hz
+    if scene.sector is not None:
+        motion, slider = wave_in_wheel(motion, scene.sector), np.tile(slider, (scene.sector.sectors, 1))
     harmonics = np.arange(1, (motion.shape[1] - 1) // 2 + 1)
-    return motion[:, 0] + motion[:, 1::2].sum(axis=1), omega * motion[:, 2::2] @ harmonics, point.slider
+    return motion[:, 0] + motion[:, 1::2].sum(axis=1), omega * motion[:, 2::2] @ harmonics, slider
 
 
 def summary(file: str, scene: ReducedScene, choices: Run, orbit: Orbit) -> list[str]:

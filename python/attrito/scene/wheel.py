@@ -62,3 +62,9 @@ def delayed(series: np.ndarray, sector: Sector, number: int) -> np.ndarray:
         turned[2 * h - 1] = np.cos(angle) * cosine - np.sin(angle) * sine
         turned[2 * h] = np.sin(angle) * cosine + np.cos(angle) * sine
     return turned
+
+
+def wave_in_wheel(motion: np.ndarray, sector: Sector) -> np.ndarray:
+    """Coefficients of the wheel's coordinates `[N n, 2 H + 1]` from those of a sector, `[m, 2 H + 1]`."""
+    kept = np.delete(np.arange(len(motion)), sector.upper)
+    return np.hstack([delayed(motion.T, sector, j)[:, kept] for j in range(sector.sectors)]).T
