@@ -12,9 +12,9 @@ comes to another motion (`alike` counts where it does not) it is solved again, s
 `breaking`: the same wave in a wheel of 3 sectors, where it is stable, and of 6, where it is not: how far motion in time
 of the whole wheel is from it after so many periods, started from the wave with a perturbation of 1e-6 of its amplitude.
 
-`cost`: processor seconds of a Newton iteration of a sector beside that of a structure by itself of the same size and
-contacts, of the whole wheel's beside the sector's, and of the wave's multipliers beside those of the wheel by the flow
-of a whole period.
+`cost`: processor seconds of a Newton iteration and of a point of a sweep of a sector beside those of a structure by
+itself of the same size and contacts, of an iteration of the whole wheel of 12 and of 60 beside the sector's, of the
+wave's multipliers beside those of the wheel by the flow of a whole period, and by Hill's problem beside a structure's.
 """
 
 from __future__ import annotations
@@ -160,6 +160,18 @@ def seconds_of_iterations(scene: ReducedScene, options: Options, turns: int = 3)
     return least
 
 
+def seconds_of_sweep(scene: ReducedScene, options: Options, turns: int = 3) -> tuple[float, int]:
+    """Processor seconds of a sweep through the band, the least of some turns, and its points."""
+    least, number = np.inf, 0
+    for _ in range(turns):
+        with Solver(MPI.COMM_SELF, scene, options) as solver:
+            solver.follow_static_path(np.array([[0.0], [1.0]]), 10, 0.4)
+            begun = time.process_time()
+            number = len(list(solver.sweep(0.4, 0.08, 1.0, 0, 5000)))
+            least = min(least, time.process_time() - begun)
+    return least, number
+
+
 def seconds_of_examination(scene: ReducedScene, engine: str) -> float:
     """Processor seconds of the multipliers of one point, without what is made once."""
     with Solver(MPI.COMM_SELF, scene, Options(harmonics=5, by_events=True)) as solver:
@@ -188,6 +200,10 @@ def cost(arguments: argparse.Namespace) -> dict[str, Any]:
     seconds = {name: seconds_of_iterations(scene, options) for name, scene in swept.items()}
     small = random_sector(32, sectors, engine_order)
     alone = by_itself(random_sector(32, 1, 0, inside=len(small.mass) - PAIRS, boundary=False))
+    sweeps = {name: seconds_of_sweep(swept[name], options) for name in ("plain", "sector")}
+    large = random_sector(arguments.seed, 60, 25, inside=arguments.size)
+    of_60 = {"sector": large, "wheel": whole_wheel(large)}
+    seconds |= {f"{name} of 60": seconds_of_iterations(scene, options, turns=1) for name, scene in of_60.items()}
     for name, scene, engine in (
         ("part of the wheel's flow", small, "monodromy"),
         ("wheel's flow", whole_wheel(small), "monodromy"),
@@ -200,7 +216,10 @@ def cost(arguments: argparse.Namespace) -> dict[str, Any]:
         "coordinates": size,
         "seconds": seconds,
         "sector_over_plain": seconds["sector"] / seconds["plain"],
+        "sweeps": {name: {"seconds": taken, "points": points} for name, (taken, points) in sweeps.items()},
+        "point_of_sector_s_sweep_over_plain": np.divide(*sweeps["sector"]) / np.divide(*sweeps["plain"]),
         "wheel_over_sector": seconds["wheel"] / seconds["sector"],
+        "wheel_of_60_over_sector": seconds["wheel of 60"] / seconds["sector of 60"],
         "flow_over_its_part": seconds["wheel's flow"] / seconds["part of the wheel's flow"],
         "hill_over_plain": seconds["Hill of all wavenumbers"] / seconds["Hill of a structure by itself"],
     }
