@@ -161,7 +161,7 @@ def linear_modes(
     ----------
     job, comm, folder, quiet : as of `run`; the job needs neither a sweep nor a harmonic load nor monitors
     state : "stuck", "frictionless" or "tangent"
-    count : of modes, at most
+    count : of modes, at most; of a sector's wheel, of each nodal diameter
 
     Raises
     ------

@@ -316,6 +316,12 @@ int attrito_linear_response(void *handle, int kind, int count, const double *ome
 int attrito_linear_modes(void *handle, int kind, int count, double *natural_hz, double *damping_ratio, double *shapes,
     int *rigid, char *message, int length);
 
+/* The lowest modes of a reference system (`attrito_describe`) of a sector at one nodal diameter, x^H M x = 1: natural frequencies
+ * in Hz, damping ratios by the structure's own damping (0 of rigid-body modes) [count], shapes x = cosine - i sine in the sector's
+ * coordinates [count, m], and how many of them, the first, are rigid-body modes. */
+int attrito_diameter_modes(void *handle, int kind, int diameter, int count, double *natural_hz, double *damping_ratio,
+    double *cosine, double *sine, int *rigid, char *message, int length);
+
 /* Begin at the last point. */
 void attrito_enter_family(void *handle);
 

@@ -6,6 +6,7 @@ module attrito_api_linear
   use attrito_core_kinds, only: wp, two_pi
   use attrito_core_trigonometric, only: extrema
   use attrito_linear_damping, only: damping_form
+  use attrito_linear_diameter_references, only: modes_of_diameter
   use attrito_linear_projected_rows, only: projected_rows_type
   use attrito_linear_receptance, only: receptance_type
   use attrito_linear_references, only: reference_type, new_reference
@@ -14,7 +15,7 @@ module attrito_api_linear
   use attrito_api_session, only: session_type, session_of
   implicit none
   private
-  public :: attrito_linear_response, attrito_linear_modes
+  public :: attrito_linear_response, attrito_linear_modes, attrito_diameter_modes
 
 contains
 
@@ -108,4 +109,37 @@ contains
                                   /(2.0_wp*omega(rigid + 1:))
     end associate
   end function attrito_linear_modes
+
+  !> The lowest modes of a reference system (`attrito_describe`) of a sector at one nodal diameter, x^H M x = 1: natural frequencies
+  !> in Hz, damping ratios by the structure's own damping (0 of rigid-body modes) [count], shapes x = cosine - i sine in the sector's
+  !> coordinates [count, m], and how many of them, the first, are rigid-body modes.
+  integer(c_int) function attrito_diameter_modes(handle, kind, diameter, count, natural_hz, damping_ratio, cosine, sine, rigid, &
+                                                 message, length) bind(c)
+    !> Session of a sector, see `session_of`
+    type(c_ptr), value :: handle
+    !> Which system; nodal diameter; modes, at most as many as the sector has coordinates without its upper boundary; room for the
+    !> message, characters
+    integer(c_int), value :: kind, diameter, count, length
+    !> Natural frequencies, Hz; damping ratios; shapes in the coordinates
+    real(c_double), intent(out) :: natural_hz(count), damping_ratio(count), cosine(*), sine(*)
+    !> Rigid-body modes among them
+    integer(c_int), intent(out) :: rigid
+    !> Room for what is said
+    character(kind=c_char), intent(out) :: message(length)
+    type(session_type), pointer :: session
+    type(error_type), allocatable :: error
+    complex(wp), allocatable :: shapes(:, :)
+    integer :: found
+
+    session => session_of(handle)
+    allocate (shapes(size(session%structure%mass, 1), count))
+    call modes_of_diameter(session%structure, session%contacts, int(kind), session%solver%closed, int(diameter), natural_hz, &
+                           damping_ratio, shapes, found, error)
+    attrito_diameter_modes = report_error(error, message)
+    if (allocated(error)) return
+    natural_hz = natural_hz/two_pi
+    rigid = min(found, int(count))
+    cosine(:size(shapes)) = reshape(real(shapes, wp), [size(shapes)])
+    sine(:size(shapes)) = reshape(-aimag(shapes), [size(shapes)])
+  end function attrito_diameter_modes
 end module attrito_api_linear

@@ -11,7 +11,7 @@
 module attrito_linear_references
   use attrito_core_errors, only: error_type, raise
   use attrito_core_kinds, only: wp
-  use attrito_model_contacts, only: contacts_type
+  use attrito_model_contacts, only: contacts_type, stuck_springs
   use attrito_model_sector, only: first_alike
   use attrito_model_structure, only: structure_type, damping_ratio
   use attrito_linear_damping, only: damping_form
@@ -19,7 +19,8 @@ module attrito_linear_references
   use attrito_linear_stuck_system, only: stuck_system_type, new_stuck_system, new_spring_system
   implicit none
   private
-  public :: reference_type, new_reference, reference_stuck, reference_frictionless, reference_tangent
+  public :: reference_type, new_reference, reference_springs, free_motions
+  public :: reference_stuck, reference_frictionless, reference_tangent
 
   integer, parameter :: reference_stuck = 0, reference_frictionless = 1, reference_tangent = 2
 
@@ -48,6 +49,7 @@ contains
     type(reference_type), intent(out) :: self
     !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
+    real(wp), allocatable :: springs(:)
 
     select case (kind)
      case (reference_stuck)
@@ -56,22 +58,49 @@ contains
      case (reference_frictionless)
       call new_stuck_system(structure, contacts, .false., self%system, error)
      case default
-      if (.not. allocated(closed)) then
-        call raise(error, 'the tangent system needs the static solution: expected the static load path to be followed first')
-        return
-      end if
-      call new_spring_system(structure, contacts, closed_springs(contacts, closed), self%system, error)
+      call reference_springs(contacts, kind, closed, springs, error)
+      if (.not. allocated(error)) call new_spring_system(structure, contacts, springs, self%system, error)
     end select
     if (allocated(error)) return
     if (allocated(structure%sector)) then
       if (kind == reference_tangent .and. structure%damping_kind == damping_ratio) call project_damping(structure, stuck, self%system)
-      self%rigid = size(rigid_body_modes(in_real_form(self%system%diameters(first_alike(1, stuck%period))%stiffness)), 2)/2
+      self%rigid = free_motions(self%system%diameters(first_alike(1, stuck%period))%stiffness)
       return
     end if
     if (kind == reference_tangent .and. structure%damping_kind == damping_ratio) self%system%modal_damping = &
       damping_form(structure, stuck, self%system%modes, self%system%omega)
     self%rigid = size(rigid_body_modes(self%system%stiffness), 2)
   end subroutine new_reference
+
+  !> Stiffness of each row in one of them.
+  subroutine reference_springs(contacts, kind, closed, springs, error)
+    !> All contacts: laws and directions
+    type(contacts_type), intent(in) :: contacts
+    !> One of `reference_...`
+    integer, intent(in) :: kind
+    !> Contacts that are closed at the static solution [contacts]; not allocated where there is none yet
+    logical, allocatable, intent(in) :: closed(:)
+    !> [rows]
+    real(wp), allocatable, intent(out) :: springs(:)
+    !> Allocated: what has failed
+    type(error_type), allocatable, intent(out) :: error
+
+    if (kind /= reference_tangent) then
+      springs = stuck_springs(contacts, kind == reference_stuck)
+    else if (allocated(closed)) then
+      springs = closed_springs(contacts, closed)
+    else
+      call raise(error, 'the tangent system needs the static solution: expected the static load path to be followed first')
+    end if
+  end subroutine reference_springs
+
+  !> Motions that a Hermitian stiffness leaves free.
+  integer function free_motions(stiffness)
+    !> [n, n]
+    complex(wp), intent(in) :: stiffness(:, :)
+
+    free_motions = size(rigid_body_modes(in_real_form(stiffness)), 2)/2
+  end function free_motions
 
   !> The stuck modes' damping in the modes of another system of the same sector, at all nodal diameters,
   !>

@@ -119,7 +119,7 @@ def test_at_rest_a_sector_is_tied_to_itself():
     assert all_alike(alike) is alike
 
 
-@pytest.mark.parametrize("command", ["mode", "linear-modes"])
+@pytest.mark.parametrize("command", ["mode"])
 def test_commands_that_take_no_sector_refuse_it_by_name(tmp_path, capfd, command):
     job = lumped_sector() | {"mode": {"start": 1e-6, "stop": 1e-3}}
     done = attrito_here(tmp_path, capfd, command, write_job(tmp_path, job))

@@ -108,7 +108,13 @@ def _linear_modes(parsers: Parsers) -> None:
         default="tangent",
         help="every contact stuck; closed without friction; or (default) open ones open, closed ones stuck",
     )
-    one.add_argument("--count", type=_positive, default=20, metavar="N", help="of modes, at most (default: 20)")
+    one.add_argument(
+        "--count",
+        type=_positive,
+        default=20,
+        metavar="N",
+        help="of modes, at most; of a wheel, of each nodal diameter (default: 20)",
+    )
     one.set_defaults(work=commands.linear_modes)
 
 

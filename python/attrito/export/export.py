@@ -91,7 +91,8 @@ def export_point(
     largest motion of any node. With phases, `displacement` at as many instants of a period. With contacts between node
     sets also, on the nodes of both sides: `contact_state` (index into stuck, shaken_down, slipping, open; -1 elsewhere;
     of several contacts the last state in this order), `normal_force` (mean, summed), `slip_fraction` (largest) and
-    `dissipated_energy` (summed); 0 elsewhere. Of a linear mode `shape`, with unit modal mass, and its `amplitude`.
+    `dissipated_energy` (summed); 0 elsewhere. Of a linear mode `shape`, with unit modal mass, and its `amplitude`; of a
+    wheel's `cosine` and `sine` in place of `shape`.
 
     Parameters
     ----------
@@ -116,7 +117,7 @@ def export_point(
     part = everywhere(comm, lambda: full_field(result, point, dofs, rom_file, own))
     field = np.concatenate(comm.allgather(part)) if comm.size > 1 else part
     cells, notes = mesh_cells(model)
-    wheel = everywhere(comm, lambda: wheel_of(result)) if options.wheel else None
+    wheel = everywhere(comm, lambda: wheel_of(result, point)) if options.wheel else None
     known = ~np.isnan(field[:, 0])
     if not known.all():
         moves = model.translates
@@ -158,6 +159,8 @@ def _snapshots(
     if options.phases is None and result.attribute("format") == LINEAR_MODES:
         shape = harmonics[1]
         data = {"shape": shape, "amplitude": np.linalg.norm(shape, axis=1)}
+        if result.has("/points/nodal_diameter"):
+            data = {"cosine": shape, "sine": harmonics[2], "amplitude": motion_of(harmonics).amplitude}
         yield Snapshot(0.0, points + options.scale * shape, data)
         return
     if options.phases is None:

@@ -60,8 +60,8 @@ class Wheel:
         return 2.0 * np.pi * j / self.sectors
 
 
-def wheel_of(result: Result) -> Wheel:
-    """The wheel of a result.
+def wheel_of(result: Result, point: int = 0) -> Wheel:
+    """The wheel of a result; of linear modes that of a mode, whose nodal diameter stands for the engine order.
 
     Raises
     ------
@@ -76,4 +76,7 @@ def wheel_of(result: Result) -> Wheel:
         expected = "axis_point and axis_direction in [cyclic], about which the sectors are drawn"
         raise InputError(Fault(result.path, "[cyclic] axis_direction", "missing", expected))
     axis = axis_of(keys["axis_point"], keys["axis_direction"])
-    return Wheel(int(result.attribute("sectors")), int(result.attribute("engine_order")), axis)
+    order = int(result.attribute("engine_order"))
+    if result.has("/points/nodal_diameter"):
+        order = int(result.array("/points/nodal_diameter")[point])
+    return Wheel(int(result.attribute("sectors")), order, axis)

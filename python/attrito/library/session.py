@@ -334,14 +334,36 @@ class Solver:
         )
         return amplitude, lowest[: max(len(self._scene.mass) - rigid.value, 0)], rigid.value
 
+    @property
+    def sector(self) -> Sector | None:
+        """What makes the scene one of N sectors; None: it is whole."""
+        return self._scene.sector
+
     def linear_modes(self, reference: str, count: int) -> LinearModes:
         """The lowest modes, at most `count`, of one of `REFERENCES`; `tangent` after the static path."""
+        if self._scene.sector is not None:
+            raise ValueError("modes of a sector are those of a nodal diameter: take diameter_modes")
         count = min(count, len(self._scene.mass))
         natural, ratio, rigid = np.zeros(count), np.zeros(count), ctypes.c_int()
         shapes = np.zeros((count, len(self._scene.mass)))
         arrays = pointer(natural), pointer(ratio), pointer(shapes)
         self._call("attrito_linear_modes", REFERENCES.index(reference), count, *arrays, ctypes.byref(rigid))
         return LinearModes(natural, ratio, shapes, rigid.value)
+
+    def diameter_modes(self, reference: str, diameter: int, count: int) -> LinearModes:
+        """Those of a sector at a nodal diameter, `linear_modes` being of a structure by itself.
+
+        Shapes are complex, x = cosine - i sine and x^H M x = 1, in the sector's own coordinates.
+        """
+        if self._scene.sector is None:
+            raise ValueError("nodal diameters are those of a sector's wheel: take linear_modes")
+        m = len(self._scene.mass)
+        count = min(count, m - len(self._scene.sector.upper))
+        natural, ratio, rigid = np.zeros(count), np.zeros(count), ctypes.c_int()
+        cosine, sine = np.zeros((count, m)), np.zeros((count, m))
+        arrays = (pointer(values) for values in (natural, ratio, cosine, sine))
+        self._call("attrito_diameter_modes", REFERENCES.index(reference), diameter, count, *arrays, ctypes.byref(rigid))
+        return LinearModes(natural, ratio, cosine - 1j * sine, rigid.value)
 
     def closed_contacts(self) -> np.ndarray:
         """Which contacts touch at the static solution, `[nc]`; after the static path."""

@@ -63,6 +63,10 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "attrito_coordinates": (None, (HANDLE, c_int, Doubles)),
     "attrito_linear_response": (c_int, (HANDLE, c_int, c_int, Doubles, Doubles, c_int, Doubles, Integers, *MESSAGE)),
     "attrito_linear_modes": (c_int, (HANDLE, c_int, c_int, Doubles, Doubles, Doubles, Integers, *MESSAGE)),
+    "attrito_diameter_modes": (
+        c_int,
+        (HANDLE, c_int, c_int, c_int, Doubles, Doubles, Doubles, Doubles, Integers, *MESSAGE),
+    ),
     "attrito_closed_contacts": (None, (HANDLE, Integers)),
     "attrito_report_point": (None, (HANDLE, c_char_p, SERIES_CALLBACK)),
     "attrito_outcome": (c_int, (HANDLE,)),

@@ -5,15 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import h5py
 import numpy as np
 
-from attrito.job.cyclic import take_no_sector
 from attrito.job.job import Job, linear_modes_path, model_path
 from attrito.job.reading import read_job
-from attrito.library.session import LinearModes
+from attrito.modes.families import Family, families_of
 from attrito.modes.scene_at_rest import Prepared, prepare, solver_at_rest
 from attrito.results.result import LINEAR_MODES, Result
-from attrito.runs.linear_references import MEANINGS, in_words
+from attrito.runs.linear_references import MEANINGS
 from attrito.runs.progress import Progress
 from attrito.scene.build import build_scene
 from attrito.scene.reduced_sector import attributes_of_sector, axes_of_sector
@@ -37,7 +37,7 @@ def linear_modes_job(comm: Comm, path: str | Job, state: str = "tangent", count:
     ----------
     path : the job file, or the job; it needs neither a sweep nor a harmonic load nor monitors
     state : one of `REFERENCES`
-    count : of modes, at most
+    count : of modes, at most; of a sector's wheel, of each nodal diameter
 
     Returns
     -------
@@ -45,15 +45,15 @@ def linear_modes_job(comm: Comm, path: str | Job, state: str = "tangent", count:
     """
     progress = Progress(comm)
     job = on_root(comm, lambda: read_job(path, excited=False))
-    on_root(comm, lambda: take_no_sector(job, "linear-modes"))
     scene = on_root_only(comm, lambda: build_scene(job))
     file = linear_modes_path(job)
     with writing_alone(comm, file):
         prepared = prepare(comm, job, scene, progress)
         with solver_at_rest(comm, job, prepared, progress) as solver:
-            modes, closed = solver.linear_modes(state, count), solver.closed_contacts()
-        progress.say(f"{state} ({MEANINGS[state]}): {in_words(modes.natural_hz[modes.rigid :], modes.rigid, 3)} Hz")
-        on_root(comm, lambda: _write(file, job, prepared, state, modes, closed, progress.warnings))
+            families, closed = families_of(solver, state, count), solver.closed_contacts()
+        for family in families:
+            progress.say(f"{state} ({MEANINGS[state]}): {family.in_words()}")
+        on_root(comm, lambda: _write(file, job, prepared, state, families, closed, progress.warnings))
     progress.say(file)
 
     def show() -> None:
@@ -65,11 +65,18 @@ def linear_modes_job(comm: Comm, path: str | Job, state: str = "tangent", count:
 
 
 def _write(
-    path: str, job: Job, prepared: Prepared, state: str, modes: LinearModes, closed: np.ndarray, warnings: list[str]
+    path: str,
+    job: Job,
+    prepared: Prepared,
+    state: str,
+    families: list[Family],
+    closed: np.ndarray,
+    warnings: list[str],
 ) -> None:
     """Write the modes; the file appears when it is complete."""
     rom = None if prepared.rom is None else prepared.rom.path
     model = model_path(job, rom)
+    sector = prepared.reduced.sector
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     with whole_hdf5(path) as file:
         file.attrs["format"] = LINEAR_MODES
@@ -77,38 +84,67 @@ def _write(
         file.attrs["attrito_version"] = __version__
         file.attrs["description"] = f"Linear modes, {state}: {MEANINGS[state]}; see docs/modes.md of attrito"
         file.attrs["references"] = "Craig & Bampton 1968, doi:10.2514/3.4741"
+        if sector is not None:
+            file.attrs["references"] += "; Thomas 1979, Int. J. Numer. Methods Eng. 14, 81-102"
         file.attrs.update(job.attributes)
         file.attrs["job_file"] = str(Path(job.path).resolve()) if Path(job.path).is_file() else ""
         file.attrs["model_file"] = "" if model is None else str(Path(model).resolve())
         file.attrs["rom_file"] = "" if rom is None else str(Path(rom).resolve())
         file.attrs["rom_fingerprint"] = prepared.reduced.reduction
         file.attrs["state"] = state
-        file.attrs.update(attributes_of_sector(prepared.reduced.sector))
-        for name, (values, description) in axes_of_sector(prepared.reduced.sector).items():
+        file.attrs.update(attributes_of_sector(sector))
+        for name, (values, description) in axes_of_sector(sector).items():
             described(file, name, description, data=values)
         file.attrs["warnings"] = "\n".join(warnings)
-        described(file, "points/frequency_hz", "natural frequency", "Hz", data=modes.natural_hz)
-        ratio = "of the structure's own damping, x^T C x / (2 omega); 0 of rigid-body modes"
-        described(file, "points/damping_ratio", ratio, data=modes.damping_ratio)
-        kind = (np.arange(len(modes.natural_hz)) < modes.rigid).astype(np.int32)
-        described(file, "points/kind", "of the mode", names=KINDS, data=kind)
-        shapes = np.zeros((*modes.shapes.shape, 3))
-        shapes[:, :, 1] = modes.shapes
-        description = "shape with unit modal mass in the coordinates that are solved, as mean, cos 1, sin 1"
-        described(file, "points/coordinates", description, "user length (user mass)^-0.5", data=shapes)
-        for name, vector in zip(prepared.reduced.monitor_names, prepared.reduced.monitors, strict=True):
-            values = modes.shapes @ vector
-            described(file, f"monitors/{name}/shape", "of the shape", "user length (user mass)^-0.5", data=values)
+        of_all = [family.modes for family in families]
+        frequency = np.concatenate([modes.natural_hz for modes in of_all])
+        described(file, "points/frequency_hz", "natural frequency", "Hz", data=frequency)
+        if sector is not None:
+            diameter = np.repeat([family.diameter for family in families], [len(modes.natural_hz) for modes in of_all])
+            what = "nodal diameter; those above 0 and below N/2 stand for N - n too, the wave the other way round"
+            described(file, "points/nodal_diameter", what, data=diameter.astype(np.int32))
+        ratio = "of the structure's own damping, x^H C x / (2 omega); 0 of rigid-body modes"
+        described(file, "points/damping_ratio", ratio, data=np.concatenate([modes.damping_ratio for modes in of_all]))
+        kind = np.concatenate([np.arange(len(modes.natural_hz)) < modes.rigid for modes in of_all])
+        described(file, "points/kind", "of the mode", names=KINDS, data=kind.astype(np.int32))
+        _write_shapes(file, prepared, np.concatenate([modes.shapes for modes in of_all]))
         described(file, "closed", "contacts that touch at the static solution", data=closed.astype(np.int32))
 
 
+def _write_shapes(file: h5py.File, prepared: Prepared, shapes: np.ndarray) -> None:
+    """Shapes `[modes, m]` on coordinates and monitors; complex ones are x = cosine - i sine."""
+    unit = "user length (user mass)^-0.5"
+    whole = np.zeros((*shapes.shape, 3))
+    whole[:, :, 1], whole[:, :, 2] = shapes.real, -shapes.imag
+    norm = "x^H M x = 1" if np.iscomplexobj(shapes) else "unit modal mass"
+    description = f"shape with {norm} in the coordinates that are solved, as mean, cos 1, sin 1"
+    described(file, "points/coordinates", description, unit, data=whole)
+    parts = {"cosine": whole[:, :, 1], "sine": whole[:, :, 2]} if np.iscomplexobj(shapes) else {"shape": shapes}
+    for name, vector in zip(prepared.reduced.monitor_names, prepared.reduced.monitors, strict=True):
+        for part, values in parts.items():
+            described(file, f"monitors/{name}/{part}", f"{part} at the monitor", unit, data=values @ vector)
+
+
 def table(result: Result) -> str:
-    """The modes as CSV: `mode, frequency_hz, kind, damping_ratio`, then the shape at each monitor."""
-    monitors = result.monitors
-    lines = [",".join(["mode", "frequency_hz", "kind", "damping_ratio", *map(cell, monitors)])]
-    kinds, names = result.array("/points/kind"), result.names("/points/kind")
-    columns = [result.array("/points/damping_ratio"), *(result.monitor(name, "shape") for name in monitors)]
-    for i, frequency in enumerate(result.array("/points/frequency_hz")):
-        numbers = [f"{column[i]:.12g}" for column in columns]
-        lines.append(",".join([str(i + 1), f"{frequency:.12g}", names[kinds[i]], *numbers]))
-    return "\n".join(lines) + "\n"
+    """The modes as CSV: `mode, frequency_hz, kind, damping_ratio`, then the shape at each monitor.
+
+    Of a wheel `nodal_diameter` follows `mode`, and the shape is its parts `_cosine` and `_sine`.
+    """
+    is_wheel = result.has("/points/nodal_diameter")
+    parts = ("cosine", "sine") if is_wheel else ("shape",)
+    columns = [("mode", [str(i + 1) for i in range(result.points)])]
+    if is_wheel:
+        columns.append(("nodal_diameter", [str(n) for n in result.array("/points/nodal_diameter")]))
+    columns.append(("frequency_hz", _numbers(result.array("/points/frequency_hz"))))
+    columns.append(("kind", result.named("/points/kind")))
+    columns.append(("damping_ratio", _numbers(result.array("/points/damping_ratio"))))
+    for name in result.monitors:
+        for part in parts:
+            heading = f"{name}_{part}" if is_wheel else name
+            columns.append((cell(heading), _numbers(result.monitor(name, part))))
+    lines = [[name for name, _ in columns], *zip(*(values for _, values in columns), strict=True)]
+    return "\n".join(map(",".join, lines)) + "\n"
+
+
+def _numbers(values: np.ndarray) -> list[str]:
+    return [f"{value:.12g}" for value in values]

@@ -13,6 +13,7 @@ from attrito.job.fewer_contacts import check_one_process
 from attrito.job.job import Job
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
+from attrito.modes.families import families_of
 from attrito.patches.solver import PatchedSolver, Places, places_of
 from attrito.runs.progress import Progress
 from attrito.scene import cautions
@@ -83,5 +84,6 @@ def _new_solver(comm: Comm, job: Job, prepared: Prepared) -> Solver:
 def come_to_rest(solver: Solver, job: Job, load_path: np.ndarray) -> np.ndarray:
     """Follow the static load path `[corners, loads]`; the means of the monitors. Collective."""
     # The frequency matters to scales alone, but at a resonance without damping there are none.
-    quiet = 0.5 * solver.linear_modes("stuck", 1).natural_hz[0] / (solver.coefficients // 2)
+    lowest = min(family.modes.natural_hz[0] for family in families_of(solver, "stuck", 1))
+    quiet = 0.5 * lowest / (solver.coefficients // 2)
     return solver.follow_static_path(load_path, job["static"]["steps"], quiet)
