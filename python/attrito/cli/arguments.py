@@ -152,14 +152,20 @@ def _table(parsers: Parsers) -> None:
 
 
 def _plot(parsers: Parsers) -> None:
-    one = parsers.add_parser("plot", help="result.h5 -> PNG, PDF, SVG: frequency response, loops or contact map")
+    one = parsers.add_parser("plot", help="result.h5 -> PNG, PDF, SVG: frequency response, loops, contact map, modes")
     one.add_argument("result", help="result file")
     one.add_argument(
         "-o",
         "--output",
-        help="picture to write, .png, .pdf or .svg (default: frf.png, loops.png or contacts.png beside it)",
+        help="picture to write, .png, .pdf or .svg (default: beside it, as frf.png)",
     )
     one.add_argument("--monitor", help="monitor of the frequency response (default: the first)")
+    one.add_argument(
+        "--speed-hz",
+        type=_speed,
+        metavar="HZ",
+        help="of a wheel's linear modes: speed whose engine orders are drawn (default: the job's, or a critical one)",
+    )
     kind = one.add_mutually_exclusive_group()
     kind.add_argument("--loops", action="store_true", help="hysteresis loops of a point")
     kind.add_argument(
@@ -275,6 +281,16 @@ def _measure(text: str) -> float:
     if not 0.0 < value <= 2000.0:
         raise argparse.ArgumentTypeError(f"{text!r}: expected a number above 0, at most 2000")
     return value
+
+
+def _speed(text: str) -> float:
+    try:
+        speed = float(text)
+    except ValueError:
+        speed = 0.0
+    if not 0.0 < speed < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a speed in Hz above 0")
+    return speed
 
 
 def _seconds(text: str) -> float:

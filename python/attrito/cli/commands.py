@@ -158,16 +158,14 @@ def table(options: argparse.Namespace) -> None:
 def plot(options: argparse.Namespace) -> None:
     """A result -> picture of its frequency response, loops, or contacts."""
     from attrito.plots import contacts, response, style
-    from attrito.plots.modes import mode_curve
     from attrito.results.loops import contact_loops, most_dissipating
-    from attrito.results.result import MODE, Result
+    from attrito.results.result import Result
 
     look = style.Look(options.width, options.height, options.font, options.font_size)
     with Result(options.result) as result:
-        _refuse_linear_modes(result)
-        if result.attribute("format") == MODE and not (options.loops or options.map):
-            path = options.output or _beside(options.result, "mode.png")
-            style.save(mode_curve(result, look), path, options.dpi)
+        if (drawn := _picture_of_modes(result, options, look)) is not None:
+            path = options.output or _beside(options.result, drawn[1])
+            style.save(drawn[0], path, options.dpi)
             print(path)
             return
         monitor = _monitor(result, options)
@@ -185,6 +183,23 @@ def plot(options: argparse.Namespace) -> None:
         path = options.output or _beside(options.result, name)
         style.save(figure, path, options.dpi)
     print(path)
+
+
+def _picture_of_modes(result, options: argparse.Namespace, look):
+    """Figure and usual name of a file that holds modes, None of another; `InputError` where there is none to draw."""
+    from attrito.plots.diameters import diameter_diagram
+    from attrito.plots.modes import mode_curve
+    from attrito.results.result import LINEAR_MODES, MODE
+
+    form, of_points = result.attribute("format"), options.loops or options.map
+    is_wheel = form == LINEAR_MODES and result.has("/points/nodal_diameter")
+    if options.speed_hz is not None and not is_wheel:
+        expected = "a file of `attrito linear-modes` of a job with [cyclic]"
+        raise InputError(Fault(result.path, "--speed-hz", options.speed_hz, expected))
+    if is_wheel and not of_points:
+        return diameter_diagram(result, options.speed_hz, look), "diameters.png"
+    _refuse_linear_modes(result)
+    return (mode_curve(result, look), "mode.png") if form == MODE and not of_points else None
 
 
 def report(options: argparse.Namespace) -> None:

@@ -51,8 +51,8 @@ def linear_modes_job(comm: Comm, path: str | Job, state: str = "tangent", count:
         prepared = prepare(comm, job, scene, progress)
         with solver_at_rest(comm, job, prepared, progress) as solver:
             families, closed = families_of(solver, state, count), solver.closed_contacts()
-        for family in families:
-            progress.say(f"{state} ({MEANINGS[state]}): {family.in_words()}")
+        found = [family.in_words() for family in families]
+        progress.say(f"{state} ({MEANINGS[state]}): " + ("" if len(found) == 1 else "\n  ") + "\n  ".join(found))
         on_root(comm, lambda: _write(file, job, prepared, state, families, closed, progress.warnings))
     progress.say(file)
 
