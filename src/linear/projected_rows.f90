@@ -32,6 +32,7 @@ module attrito_linear_projected_rows
     procedure :: row_at
     procedure :: harmonics_of
     procedure :: chosen_harmonics_of
+    procedure :: moduli
     procedure :: part
     procedure, private :: columns_of
     procedure, private :: column_of
@@ -242,6 +243,20 @@ contains
     end do
     motion = product_with_few(self%common, parts)
   end function chosen_harmonics_of
+
+  !> |P_h| [n, rows].
+  pure function moduli(self, h)
+    class(projected_rows_type), intent(in) :: self
+    !> Number of the harmonic
+    integer, intent(in) :: h
+    real(wp), allocatable :: moduli(:, :)
+
+    if (allocated(self%by_harmonic)) then
+      moduli = abs(self%by_harmonic(:, :, first_alike(h, self%period)))
+    else
+      moduli = abs(self%common)
+    end if
+  end function moduli
 
   !> Some of the rows.
   pure function part(self, rows) result(chosen)

@@ -4,6 +4,7 @@ program test_cyclic_sector
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
   use attrito_core_trigonometric, only: to_complex, to_real
+  use attrito_accuracy_resonances, only: resonances_type
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_balance_set_up, only: new_balance
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
@@ -11,6 +12,7 @@ program test_cyclic_sector
   use attrito_linear_receptance, only: receptance_type
   use attrito_linear_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
   use attrito_model_structure, only: damping_viscous, damping_mass, damping_ratio, damping_loss_factor
+  use attrito_model_contacts, only: new_contacts
   use attrito_newton_border, only: constraint_type
   use attrito_newton_condensed_krylov, only: krylov_options_type
   use attrito_newton_linearised_step, only: linear_options_type, solve_linearised, apply_linearised
@@ -33,6 +35,7 @@ program test_cyclic_sector
                       test('the bordered step of a sector meets the linearised equations, by elimination and by GMRES', bordered), &
                       test('the residual''s derivative by omega is that of differences', by_omega), &
                       test('forces along rows do on the coordinates the work that they do on the rows', work), &
+                      test('harmonics that meet a mode of their own nodal diameter are known, others are not', resonance), &
                       test('rows one by one, harmonic by harmonic, or some of them, are those of all', parts)])
 
 contains
@@ -86,6 +89,54 @@ contains
     call wheel%destroy()
     call sector%destroy()
   end subroutine compare
+
+  !> At frequencies at which a harmonic meets a mode, be it of its own nodal diameter or of another's.
+  subroutine resonance(error)
+    type(error_type), allocatable, intent(out) :: error
+    integer, parameter :: known = 8
+    type(solver_type) :: solver
+    type(scene_type) :: scene
+    type(resonances_type) :: resonances
+    integer :: h, diameter, met
+
+    scene = one_sector(3, 1, damping_mass)
+    ! Contacts so soft that natural frequencies are the same without them
+    scene%contacts%law%tangential_stiffness = 1.0e-3_wp
+    scene%contacts%law%normal_stiffness = 1.0e-3_wp
+    scene%contacts%law%preload = 1.0e-4_wp
+    scene%contacts = new_contacts(scene%contacts%law, scene%contacts%directions)
+    solver = solver_of(scene)
+    met = 0
+    do h = known + 1, known + 4
+      do diameter = 0, 1
+        associate (omega => solver%stuck%diameters(diameter)%omega)
+          call solver%solve_at(omega(size(omega))/h)
+        end associate
+        call check(error, any(solver%context%balance%forces%slip > 0.0_wp), 'no contact slips: the test is void')
+        if (allocated(error)) return
+        call check(error, resonances%highest(solver, known, 1.0e-12_wp) == highest_met(solver, known), 'another harmonic')
+        if (allocated(error)) return
+        if (highest_met(solver, known) == known) met = met + 1
+      end do
+    end do
+    call check(error, met > 0, 'every harmonic meets its own nodal diameter: the test is void')
+    call solver%destroy()
+  end subroutine resonance
+
+  !> The highest harmonic within 2 % of a natural frequency of its own nodal diameter.
+  integer function highest_met(solver, known) result(highest)
+    type(solver_type), intent(in) :: solver
+    integer, intent(in) :: known
+    integer :: h
+
+    highest = known
+    do h = known + 1, 40
+      ! Of three sectors nodal diameters 1 and 2 are one another's image.
+      associate (omega => solver%stuck%diameters(merge(0, 1, modulo(h, 3) == 0))%omega)
+        if (any(abs(h*solver%omega/omega - 1.0_wp) < 0.02_wp)) highest = h
+      end associate
+    end do
+  end function highest_met
 
   !> A sector evaluated at a random motion.
   subroutine prepare(balance, motion, damping_kind)
