@@ -7,7 +7,8 @@
 !>
 !> Coordinates are the receptance's own affair. It projects loads, F_h = Phi_h^H f_h, and rows, B_h Phi_h (`projected_rows_type`), and
 !> recovers displacements, harmonic by harmonic: each may have its own complex Phi_h and B_h, as the sectors of a cyclic structure do.
-!> `receptance_real` has one real Phi for all harmonics.
+!> `receptance_real` has one real Phi for all harmonics, `receptance_cyclic` one of each nodal diameter. How Z_h is factored is left
+!> to their extensions: in modes, or by LU factors.
 module attrito_linear_receptance
   use attrito_core_kinds, only: wp
   use attrito_linear_projected_rows, only: projected_rows_type
@@ -30,8 +31,11 @@ module attrito_linear_receptance
     real(wp) :: excitation = 0.0_wp, lift = 0.0_wp
     integer :: lifted_mode = 0
   contains
-    procedure(set_harmonics), deferred :: set_harmonics
-    procedure(set_frequency), deferred :: set_frequency
+    procedure(allocate_factors), deferred :: allocate_factors
+    procedure(factor), deferred :: factor
+    procedure(solve), deferred :: solve
+    procedure(solve), deferred :: solve_adjoint
+    procedure(stiffness_rate), deferred :: stiffness_rate
     procedure(project_load), deferred :: project_load
     procedure(project_loads), deferred :: project_loads
     procedure(project_mean_loads), deferred :: project_mean_loads
@@ -40,8 +44,6 @@ module attrito_linear_receptance
     procedure(recover), deferred :: recover
     procedure(displacements), deferred :: displacements
     procedure(state_at_start), deferred :: state_at_start
-    procedure(respond), deferred :: respond
-    procedure(respond_derivative), deferred :: respond_derivative
     procedure(respond_beyond), deferred :: respond_beyond
     procedure(inertia_of), deferred :: inertia_of
     procedure(block_between), deferred :: block_between
@@ -49,7 +51,11 @@ module attrito_linear_receptance
     procedure(mode_shapes), deferred :: mode_shapes
     procedure(low_stiffness), deferred :: low_stiffness
     procedure(remainder), deferred :: remainder
+    procedure :: set_harmonics
+    procedure :: set_frequency
+    procedure :: respond
     procedure :: respond_adjoint
+    procedure :: respond_derivative
     procedure :: respond_inertia
     procedure :: respond_excitation
     procedure :: uncoupled_modes
@@ -61,25 +67,46 @@ module attrito_linear_receptance
   end type receptance_type
 
   abstract interface
-    !> Answer for so many harmonics from now on; a frequency is to be set anew.
-    subroutine set_harmonics(self, harmonics)
+    !> Make room for factors of Z_0 ... Z_H.
+    subroutine allocate_factors(self, harmonics)
       import :: receptance_type
       class(receptance_type), intent(inout) :: self
       !> Highest harmonic, H
       integer, intent(in) :: harmonics
-    end subroutine set_harmonics
+    end subroutine allocate_factors
 
-    !> Make ready for an angular frequency, and for all harmonics unless the highest one that is needed is given.
-    subroutine set_frequency(self, omega, status, highest)
+    !> Factor Z_h: where modes make it diagonal, invert it.
+    subroutine factor(self, h, omega, status)
       import :: receptance_type, wp
       class(receptance_type), intent(inout) :: self
-      !> rad per time
+      !> Number of the harmonic
+      integer, intent(in) :: h
+      !> Angular frequency, rad/s
       real(wp), intent(in) :: omega
-      !> 0, or not: the system is singular there
+      !> 0, or not: Z_h is singular
       integer, intent(out) :: status
-      !> Highest harmonic
-      integer, intent(in), optional :: highest
-    end subroutine set_frequency
+    end subroutine factor
+
+    !> Solve with the factors of Z_h, or of its adjoint.
+    subroutine solve(self, h, columns)
+      import :: receptance_type, wp
+      class(receptance_type), intent(in) :: self
+      !> Number of the harmonic
+      integer, intent(in) :: h
+      !> Right-hand sides [n, k], then solutions
+      complex(wp), intent(inout), contiguous :: columns(:, :)
+    end subroutine solve
+
+    !> (dZ_h/domega) x_h, dZ_h/domega = -2 h^2 omega M + i h C.
+    function stiffness_rate(self, h, response) result(product)
+      import :: receptance_type, wp
+      class(receptance_type), intent(in) :: self
+      !> Number of the harmonic
+      integer, intent(in) :: h
+      !> x_h [n]
+      complex(wp), intent(in) :: response(:)
+      complex(wp) :: product(size(response))
+    end function stiffness_rate
 
     !> A load on the model's coordinates at one harmonic, Phi_h^H f_h [n].
     function project_load(self, h, load) result(projected)
@@ -160,26 +187,6 @@ module attrito_linear_receptance
       real(wp), allocatable, intent(out) :: displacement(:), rate(:)
     end subroutine state_at_start
 
-    !> X_h = Z_h^-1 F_h, up to any harmonic that it is set for.
-    subroutine respond(self, force, response)
-      import :: receptance_type, wp
-      class(receptance_type), intent(in) :: self
-      !> F [n, 0:h]
-      complex(wp), intent(in) :: force(:, 0:)
-      !> X [n, 0:h]
-      complex(wp), intent(out) :: response(:, 0:)
-    end subroutine respond
-
-    !> dX_h/domega = -Z_h^-1 (dZ_h/domega) X_h, up to any harmonic that it is set for.
-    subroutine respond_derivative(self, response, derivative)
-      import :: receptance_type, wp
-      class(receptance_type), intent(in) :: self
-      !> X [n, 0:h]
-      complex(wp), intent(in) :: response(:, 0:)
-      !> dX/domega [n, 0:h]
-      complex(wp), intent(out) :: derivative(:, 0:)
-    end subroutine respond_derivative
-
     !> X_h at harmonics beyond those it answers for, through the modes of the stuck system, each with its own part of the damping.
     subroutine respond_beyond(self, omega, least_ratio, force, response)
       import :: receptance_type, wp
@@ -256,7 +263,57 @@ module attrito_linear_receptance
 
 contains
 
-  !> X_h = Z_h^-H F_h; this is of a system that is complex symmetric, as real matrices make it.
+  !> Answer for so many harmonics from now on; a frequency is to be set anew.
+  subroutine set_harmonics(self, harmonics)
+    class(receptance_type), intent(inout) :: self
+    !> Highest harmonic, H
+    integer, intent(in) :: harmonics
+
+    self%harmonics = harmonics
+    self%omega = -1.0_wp
+    call self%allocate_factors(harmonics)
+  end subroutine set_harmonics
+
+  !> Make ready for an angular frequency, and for all harmonics unless the highest one that is needed is given.
+  subroutine set_frequency(self, omega, status, highest)
+    class(receptance_type), intent(inout) :: self
+    !> rad per time
+    real(wp), intent(in) :: omega
+    !> 0, or not: the system is singular there
+    integer, intent(out) :: status
+    !> Highest harmonic
+    integer, intent(in), optional :: highest
+    integer :: h, first, last
+
+    status = 0
+    last = self%harmonics
+    if (present(highest)) last = min(highest, last)
+    if (self%is_set(omega, last)) return
+    ! That of the mean is the same at all frequencies.
+    first = merge(0, 1, self%omega < 0.0_wp)
+    ! Until all harmonics are factored the factors belong to no frequency.
+    self%omega = -1.0_wp
+    self%highest = last
+    do h = first, last
+      call self%factor(h, omega, status)
+      if (h < self%lowest) status = 0
+      if (status /= 0) return
+    end do
+    self%omega = omega
+  end subroutine set_frequency
+
+  !> X_h = Z_h^-1 F_h, up to any harmonic that it is set for.
+  subroutine respond(self, force, response)
+    class(receptance_type), intent(in) :: self
+    !> F [n, 0:h]
+    complex(wp), intent(in) :: force(:, 0:)
+    !> X [n, 0:h]
+    complex(wp), intent(out) :: response(:, 0:)
+
+    call solve_harmonics(self, force, response, adjoint=.false.)
+  end subroutine respond
+
+  !> X_h = Z_h^-H F_h.
   subroutine respond_adjoint(self, force, response)
     class(receptance_type), intent(in) :: self
     !> F [n, 0:h]
@@ -264,9 +321,47 @@ contains
     !> X [n, 0:h]
     complex(wp), intent(out) :: response(:, 0:)
 
-    call self%respond(conjg(force), response)
-    response = conjg(response)
+    call solve_harmonics(self, force, response, adjoint=.true.)
   end subroutine respond_adjoint
+
+  !> With all Z_h, or their adjoints; 0 at harmonics below those that it answers for.
+  subroutine solve_harmonics(self, force, response, adjoint)
+    class(receptance_type), intent(in) :: self
+    !> F [n, 0:h]
+    complex(wp), intent(in) :: force(:, 0:)
+    !> X [n, 0:h]
+    complex(wp), intent(out) :: response(:, 0:)
+    !> With the adjoints?
+    logical, intent(in) :: adjoint
+    integer :: h
+
+    if (ubound(force, 2) > self%highest) error stop 'receptance: asked beyond the harmonics that it is set for'
+    response(:, :self%lowest - 1) = 0.0_wp
+    do h = self%lowest, ubound(force, 2)
+      response(:, h) = force(:, h)
+      if (adjoint) then
+        call self%solve_adjoint(h, response(:, h:h))
+      else
+        call self%solve(h, response(:, h:h))
+      end if
+    end do
+  end subroutine solve_harmonics
+
+  !> dX_h/domega = -Z_h^-1 (dZ_h/domega) X_h, up to any harmonic that it is set for.
+  subroutine respond_derivative(self, response, derivative)
+    class(receptance_type), intent(in) :: self
+    !> X [n, 0:h]
+    complex(wp), intent(in) :: response(:, 0:)
+    !> dX/domega [n, 0:h]
+    complex(wp), intent(out) :: derivative(:, 0:)
+    complex(wp) :: force(size(response, 1), 0:ubound(response, 2))
+    integer :: h
+
+    do h = 0, ubound(response, 2)
+      force(:, h) = -self%stiffness_rate(h, response(:, h))
+    end do
+    call self%respond(force, derivative)
+  end subroutine respond_derivative
 
   !> -Z_h^-1 (d^2Z_h/domega^2) X_h = 2 h^2 Z_h^-1 M X_h.
   subroutine respond_inertia(self, response, derivative)

@@ -13,7 +13,7 @@ module attrito_linear_receptance_cyclic
   use attrito_linear_receptance, only: receptance_type
   implicit none
   private
-  public :: receptance_cyclic_type, find_rows
+  public :: receptance_cyclic_type, begin_sector
 
   type, abstract, extends(receptance_type) :: receptance_cyclic_type
     type(sector_type) :: sector
@@ -37,25 +37,36 @@ module attrito_linear_receptance_cyclic
     procedure :: mode_shapes
     procedure :: low_stiffness
     procedure :: remainder
+    procedure :: block_between
     procedure :: project
     procedure :: rows_at
   end type receptance_cyclic_type
 
 contains
 
-  !> Rows of the contacts at all nodal diameters, once sector and modes are set.
-  subroutine find_rows(self, directions)
+  !> The sector, its modes, and rows of the contacts at all nodal diameters.
+  subroutine begin_sector(self, sector, diameters, in_modes, directions)
     class(receptance_cyclic_type), intent(inout) :: self
+    !> How sectors hang together
+    type(sector_type), intent(in) :: sector
+    !> Modes of the stuck system, by harmonic [0:period/2]
+    type(diameter_modes_type), intent(in) :: diameters(0:)
+    !> Are modes the coordinates?
+    logical, intent(in) :: in_modes
     !> Rows of B on the sector itself, in columns [m, rows]
     real(wp), intent(in) :: directions(:, :)
     integer :: h
 
-    allocate (self%rows(size(self%sector%kept), size(directions, 2), 0:self%period/2))
+    self%sector = sector
+    self%period = sector%period()
+    allocate (self%diameters(0:self%period/2), source=diameters)
+    self%in_modes = in_modes
+    allocate (self%rows(size(sector%kept), size(directions, 2), 0:self%period/2))
     do h = 0, self%period/2
-      self%rows(:, :, h) = self%sector%fold_rows(directions, self%sector%diameter(h))
-      if (self%in_modes) self%rows(:, :, h) = matmul(conjg(transpose(self%diameters(h)%modes)), self%rows(:, :, h))
+      self%rows(:, :, h) = sector%fold_rows(directions, sector%diameter(h))
+      if (in_modes) self%rows(:, :, h) = matmul(conjg(transpose(self%diameters(h)%modes)), self%rows(:, :, h))
     end do
-  end subroutine find_rows
+  end subroutine begin_sector
 
   !> Psi_n^H S_n^H of columns [n, columns].
   pure function project(self, h, columns) result(projected)
@@ -230,6 +241,20 @@ contains
     if (low > self%common_modes()) error stop 'receptance: nodal diameters have no modes in common'
     stiffness = h
   end function low_stiffness
+
+  subroutine block_between(self, h, rows_a, rows_b, block)
+    class(receptance_cyclic_type), intent(in) :: self
+    !> Number of the harmonic; numbers of contact rows
+    integer, intent(in) :: h, rows_a(:), rows_b(:)
+    !> Block of the matrix, by harmonic
+    complex(wp), intent(out) :: block(:, :)
+    complex(wp) :: columns(size(self%rows, 1), size(rows_b))
+
+    columns = self%rows_at(h, rows_b)
+    call self%solve(h, columns)
+    block = matmul(conjg(transpose(self%rows_at(h, rows_a))), columns)
+    if (h == 0) block = real(block, wp)
+  end subroutine block_between
 
   subroutine remainder(self, low, rows, blocks)
     class(receptance_cyclic_type), intent(in) :: self

@@ -3,11 +3,12 @@
 !> $$ Z_h = \tilde K_n - (h \omega)^2 M_n + i h \omega C_n + i \eta K_n \; [h > 0], \qquad n = h \, EO \bmod N $$
 module attrito_linear_receptance_cyclic_direct
   use attrito_core_kinds, only: wp
-  use attrito_core_lapack_complex, only: factor_complex, solve_factored_complex
   use attrito_model_sector, only: first_alike, is_mirrored
   use attrito_model_structure, only: structure_type, damping_viscous, damping_mass, damping_loss_factor
   use attrito_linear_diameter_modes, only: diameter_modes_type
-  use attrito_linear_receptance_cyclic, only: receptance_cyclic_type, find_rows
+  use attrito_linear_harmonic_factors, only: harmonic_factors_type
+  use attrito_linear_modal_stiffness, only: finite_stiffness
+  use attrito_linear_receptance_cyclic, only: receptance_cyclic_type, begin_sector
   implicit none
   private
   public :: receptance_cyclic_direct_type, new_receptance_cyclic_direct
@@ -15,18 +16,16 @@ module attrito_linear_receptance_cyclic_direct
   type, extends(receptance_cyclic_type) :: receptance_cyclic_direct_type
     !> M_n, viscous C_n and eta K_n [n, n, 0:period/2]
     complex(wp), allocatable, private :: mass(:, :, :), viscous(:, :, :), structural(:, :, :)
-    !> Factors of Z_h [n, n, 0:H] and their row interchanges [n, 0:H]
-    complex(wp), allocatable, private :: factors(:, :, :)
-    integer, allocatable, private :: pivots(:, :)
+    !> Of Z_h [n, n]
+    type(harmonic_factors_type), private :: factors
   contains
-    procedure :: set_harmonics
-    procedure :: set_frequency
-    procedure :: respond
-    procedure :: respond_adjoint
-    procedure :: respond_derivative
+    procedure :: allocate_factors
+    procedure :: factor
+    procedure :: solve
+    procedure :: solve_adjoint
+    procedure :: stiffness_rate
     procedure :: respond_beyond
     procedure :: inertia_of
-    procedure :: block_between
   end type receptance_cyclic_direct_type
 
 contains
@@ -44,10 +43,7 @@ contains
     type(receptance_cyclic_direct_type) :: self
     integer :: h, n
 
-    self%sector = structure%sector
-    self%period = self%sector%period()
-    allocate (self%diameters(0:self%period/2), source=diameters)
-    call find_rows(self, directions)
+    call begin_sector(self, structure%sector, diameters, .false., directions)
     n = size(self%sector%kept)
     allocate (self%mass(n, n, 0:self%period/2), self%viscous(n, n, 0:self%period/2), self%structural(n, n, 0:self%period/2))
     self%viscous = 0.0_wp
@@ -64,44 +60,25 @@ contains
     call self%set_harmonics(harmonics)
   end function new_receptance_cyclic_direct
 
-  subroutine set_harmonics(self, harmonics)
+  subroutine allocate_factors(self, harmonics)
     class(receptance_cyclic_direct_type), intent(inout) :: self
     !> Highest harmonic, H
     integer, intent(in) :: harmonics
 
-    self%harmonics = harmonics
-    self%omega = -1.0_wp
-    if (allocated(self%factors)) deallocate (self%factors, self%pivots)
-    associate (n => size(self%sector%kept))
-      allocate (self%factors(n, n, 0:harmonics), self%pivots(n, 0:harmonics))
-    end associate
-  end subroutine set_harmonics
+    call self%factors%resize(size(self%sector%kept), harmonics)
+  end subroutine allocate_factors
 
-  subroutine set_frequency(self, omega, status, highest)
+  subroutine factor(self, h, omega, status)
     class(receptance_cyclic_direct_type), intent(inout) :: self
+    !> Number of the harmonic
+    integer, intent(in) :: h
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
-    !> 0: done; else it could not be evaluated
+    !> 0, or not: Z_h is singular
     integer, intent(out) :: status
-    !> Highest harmonic
-    integer, intent(in), optional :: highest
-    integer :: h, first, last
 
-    status = 0
-    last = self%harmonics
-    if (present(highest)) last = min(highest, last)
-    if (self%is_set(omega, last)) return
-    first = max(merge(0, 1, self%omega < 0.0_wp), self%lowest)
-    ! Until all harmonics are factored the factors belong to no frequency.
-    self%omega = -1.0_wp
-    self%highest = last
-    do h = first, last
-      self%factors(:, :, h) = stiffness_at(self, h, omega)
-      call factor_complex(self%factors(:, :, h), self%pivots(:, h), status)
-      if (status /= 0) return
-    end do
-    self%omega = omega
-  end subroutine set_frequency
+    call self%factors%factor(h, stiffness_at(self, h, omega), status)
+  end subroutine factor
 
   !> Z_h [n, n].
   pure function stiffness_at(self, h, omega) result(stiffness)
@@ -155,62 +132,37 @@ contains
     damping = of_harmonic(self, self%viscous, h) - self%excitation*of_harmonic(self, self%mass, h)
   end function damping_at
 
-  subroutine respond(self, force, response)
+  subroutine solve(self, h, columns)
     class(receptance_cyclic_direct_type), intent(in) :: self
-    !> Forces on the coordinates, by harmonic
-    complex(wp), intent(in) :: force(:, 0:)
-    !> Coordinates of the response, by harmonic
-    complex(wp), intent(out) :: response(:, 0:)
+    !> Number of the harmonic
+    integer, intent(in) :: h
+    !> Right-hand sides [n, k], then solutions
+    complex(wp), intent(inout), contiguous :: columns(:, :)
 
-    call solve(self, force, response, adjoint=.false.)
-  end subroutine respond
-
-  subroutine respond_adjoint(self, force, response)
-    class(receptance_cyclic_direct_type), intent(in) :: self
-    !> Forces on the coordinates, by harmonic
-    complex(wp), intent(in) :: force(:, 0:)
-    !> Coordinates of the response, by harmonic
-    complex(wp), intent(out) :: response(:, 0:)
-
-    call solve(self, force, response, adjoint=.true.)
-  end subroutine respond_adjoint
-
-  !> With Z_h or its adjoint.
-  subroutine solve(self, force, response, adjoint)
-    class(receptance_cyclic_direct_type), intent(in) :: self
-    !> Forces on the coordinates, by harmonic
-    complex(wp), intent(in) :: force(:, 0:)
-    !> Coordinates of the response, by harmonic
-    complex(wp), intent(out) :: response(:, 0:)
-    !> With the adjoint?
-    logical, intent(in) :: adjoint
-    complex(wp) :: column(size(force, 1), 1)
-    integer :: h
-
-    if (ubound(force, 2) > self%highest) error stop 'receptance: asked beyond the harmonics that it is set for'
-    response(:, :self%lowest - 1) = 0.0_wp
-    do h = self%lowest, ubound(force, 2)
-      column(:, 1) = force(:, h)
-      call solve_factored_complex(self%factors(:, :, h), self%pivots(:, h), column, adjoint)
-      response(:, h) = column(:, 1)
-    end do
+    call self%factors%solve(h, columns)
   end subroutine solve
 
-  subroutine respond_derivative(self, response, derivative)
+  subroutine solve_adjoint(self, h, columns)
     class(receptance_cyclic_direct_type), intent(in) :: self
-    !> Coordinates of the response, by harmonic
-    complex(wp), intent(in) :: response(:, 0:)
-    !> Derivative by the frequency
-    complex(wp), intent(out) :: derivative(:, 0:)
-    complex(wp) :: force(size(response, 1), 0:ubound(response, 2))
-    integer :: h
+    !> Number of the harmonic
+    integer, intent(in) :: h
+    !> Right-hand sides [n, k], then solutions
+    complex(wp), intent(inout), contiguous :: columns(:, :)
 
-    do h = 0, ubound(response, 2)
-      force(:, h) = 2.0_wp*h**2*self%omega*matmul(of_harmonic(self, self%mass, h), response(:, h)) &
-                    - (0.0_wp, 1.0_wp)*h*matmul(damping_at(self, h), response(:, h))
-    end do
-    call self%respond(force, derivative)
-  end subroutine respond_derivative
+    call self%factors%solve(h, columns, adjoint=.true.)
+  end subroutine solve_adjoint
+
+  function stiffness_rate(self, h, response) result(product)
+    class(receptance_cyclic_direct_type), intent(in) :: self
+    !> Number of the harmonic
+    integer, intent(in) :: h
+    !> x_h [n]
+    complex(wp), intent(in) :: response(:)
+    complex(wp) :: product(size(response))
+
+    product = (0.0_wp, 1.0_wp)*h*matmul(damping_at(self, h), response) &
+              - 2.0_wp*h**2*self%omega*matmul(of_harmonic(self, self%mass, h), response)
+  end function stiffness_rate
 
   !> Damping counts for each mode by itself, structural damping as it is.
   subroutine respond_beyond(self, omega, least_ratio, force, response)
@@ -231,9 +183,8 @@ contains
         if (is_mirrored(h, self%period)) shapes = conjg(shapes)
         damping = real(sum(conjg(shapes)*matmul(of_harmonic(self, self%viscous, h), shapes), 1), wp)
         loss = real(sum(conjg(shapes)*matmul(of_harmonic(self, self%structural, h), shapes), 1), wp)
-        where (damping + loss <= 0.0_wp) damping = 2.0_wp*least_ratio*sqrt(modes%modal_stiffness*modes%modal_mass)
         response(:, i) = matmul(conjg(transpose(shapes)), force(:, i)) &
-                         /cmplx(modes%modal_stiffness - (h*omega)**2*modes%modal_mass, h*omega*damping + loss, wp)
+                         /finite_stiffness(h*omega, modes%modal_stiffness, modes%modal_mass, damping, loss, least_ratio)
         response(:, i) = matmul(shapes, response(:, i))
       end associate
     end do
@@ -251,18 +202,4 @@ contains
       product(:, h) = matmul(of_harmonic(self, self%mass, h), response(:, h))
     end do
   end subroutine inertia_of
-
-  subroutine block_between(self, h, rows_a, rows_b, block)
-    class(receptance_cyclic_direct_type), intent(in) :: self
-    !> Number of the harmonic; numbers of contact rows
-    integer, intent(in) :: h, rows_a(:), rows_b(:)
-    !> Block of the matrix, by harmonic
-    complex(wp), intent(out) :: block(:, :)
-    complex(wp) :: columns(size(self%rows, 1), size(rows_b))
-
-    columns = self%rows_at(h, rows_b)
-    call solve_factored_complex(self%factors(:, :, h), self%pivots(:, h), columns)
-    block = matmul(conjg(transpose(self%rows_at(h, rows_a))), columns)
-    if (h == 0) block = real(block, wp)
-  end subroutine block_between
 end module attrito_linear_receptance_cyclic_direct

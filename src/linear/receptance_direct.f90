@@ -5,8 +5,9 @@
 !> Structural damping acts on K, not on the contact springs, and not at harmonic 0.
 module attrito_linear_receptance_direct
   use attrito_core_kinds, only: wp
-  use attrito_core_lapack_complex, only: factor_complex, solve_factored_complex
   use attrito_model_structure, only: structure_type, damping_viscous, damping_mass, damping_loss_factor
+  use attrito_linear_harmonic_factors, only: harmonic_factors_type
+  use attrito_linear_modal_stiffness, only: finite_stiffness
   use attrito_linear_opened_modes, only: find_opened_modes
   use attrito_linear_receptance, only: receptance_type
   use attrito_linear_receptance_modal, only: new_receptance_modal
@@ -24,14 +25,13 @@ module attrito_linear_receptance_direct
     real(wp), allocatable :: structural(:, :)
     !> Stiffness, mass, damping and eta K of each mode by itself [m]
     real(wp), allocatable, private :: modal_stiffness(:), modal_mass(:), modal_damping(:), modal_loss(:)
-    !> Factors of Z_h [m, m, 0:H] and their row interchanges [m, 0:H]
-    complex(wp), allocatable, private :: factors(:, :, :)
-    integer, allocatable, private :: pivots(:, :)
+    !> Of Z_h [m, m]
+    type(harmonic_factors_type), private :: factors
   contains
-    procedure :: set_harmonics
-    procedure :: set_frequency
-    procedure :: respond
-    procedure :: respond_derivative
+    procedure :: allocate_factors
+    procedure :: factor
+    procedure :: solve
+    procedure :: stiffness_rate
     procedure :: respond_beyond
     procedure :: inertia_of
     procedure :: block_between
@@ -82,81 +82,51 @@ contains
     diagonal = sum(modes*matmul(matrix, modes), 1)
   end function projected
 
-  subroutine set_harmonics(self, harmonics)
+  subroutine allocate_factors(self, harmonics)
     class(receptance_direct_type), intent(inout) :: self
     !> Highest harmonic, H
     integer, intent(in) :: harmonics
-    integer :: m
 
-    m = size(self%mass, 1)
-    self%harmonics = harmonics
-    self%omega = -1.0_wp
-    if (allocated(self%factors)) deallocate (self%factors, self%pivots)
-    allocate (self%factors(m, m, 0:harmonics), self%pivots(m, 0:harmonics))
-  end subroutine set_harmonics
+    call self%factors%resize(size(self%mass, 1), harmonics)
+  end subroutine allocate_factors
 
-  subroutine set_frequency(self, omega, status, highest)
+  subroutine factor(self, h, omega, status)
     class(receptance_direct_type), intent(inout) :: self
+    !> Number of the harmonic
+    integer, intent(in) :: h
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
-    !> 0: done; else it could not be evaluated
+    !> 0, or not: Z_h is singular
     integer, intent(out) :: status
-    !> Highest harmonic
-    integer, intent(in), optional :: highest
-    integer :: h, first, last
+    complex(wp) :: stiffness(size(self%mass, 1), size(self%mass, 1))
 
-    status = 0
-    last = self%harmonics
-    if (present(highest)) last = min(highest, last)
-    if (self%is_set(omega, last)) return
-    first = max(merge(0, 1, self%omega < 0.0_wp), self%lowest)
-    ! Until all harmonics are factored the factors belong to no frequency.
-    self%omega = -1.0_wp
-    self%highest = last
-    do h = first, last
-      self%factors(:, :, h) = cmplx(self%stuck_stiffness - (h*omega)**2*self%mass, h*omega*damping_of(self), wp)
-      if (h > 0) self%factors(:, :, h) = self%factors(:, :, h) + (0.0_wp, 1.0_wp)*self%structural
-      if (h == 0) self%factors(:, :, h) = (1.0_wp + self%held)*self%factors(:, :, h)
-      if (h == 1 .and. self%lifted_mode > 0) self%factors(:, :, h) = self%factors(:, :, h) + lift_of(self)
-      call factor_complex(self%factors(:, :, h), self%pivots(:, h), status)
-      if (status /= 0) return
-    end do
-    self%omega = omega
-  end subroutine set_frequency
+    stiffness = cmplx(self%stuck_stiffness - (h*omega)**2*self%mass, h*omega*damping_of(self), wp)
+    if (h > 0) stiffness = stiffness + (0.0_wp, 1.0_wp)*self%structural
+    if (h == 0) stiffness = (1.0_wp + self%held)*stiffness
+    if (h == 1 .and. self%lifted_mode > 0) stiffness = stiffness + lift_of(self)
+    call self%factors%factor(h, stiffness, status)
+  end subroutine factor
 
-  subroutine respond(self, force, response)
+  subroutine solve(self, h, columns)
     class(receptance_direct_type), intent(in) :: self
-    !> Forces on the coordinates, by harmonic
-    complex(wp), intent(in) :: force(:, 0:)
-    !> Coordinates of the response, by harmonic
-    complex(wp), intent(out) :: response(:, 0:)
-    complex(wp) :: column(size(force, 1), 1)
-    integer :: h
+    !> Number of the harmonic
+    integer, intent(in) :: h
+    !> Right-hand sides [m, k], then solutions
+    complex(wp), intent(inout), contiguous :: columns(:, :)
 
-    if (ubound(force, 2) > self%highest) error stop 'receptance: asked beyond the harmonics that it is set for'
-    response(:, :self%lowest - 1) = 0.0_wp
-    do h = self%lowest, ubound(force, 2)
-      column(:, 1) = force(:, h)
-      call solve_factored_complex(self%factors(:, :, h), self%pivots(:, h), column)
-      response(:, h) = column(:, 1)
-    end do
-  end subroutine respond
+    call self%factors%solve(h, columns)
+  end subroutine solve
 
-  subroutine respond_derivative(self, response, derivative)
+  function stiffness_rate(self, h, response) result(product)
     class(receptance_direct_type), intent(in) :: self
-    !> Coordinates of the response, by harmonic
-    complex(wp), intent(in) :: response(:, 0:)
-    !> Derivative by the frequency
-    complex(wp), intent(out) :: derivative(:, 0:)
-    complex(wp) :: force(size(response, 1), 0:ubound(response, 2))
-    integer :: h
+    !> Number of the harmonic
+    integer, intent(in) :: h
+    !> x_h [m]
+    complex(wp), intent(in) :: response(:)
+    complex(wp) :: product(size(response))
 
-    do h = 0, ubound(response, 2)
-      force(:, h) = 2.0_wp*h**2*self%omega*matmul(self%mass, response(:, h)) &
-                    - (0.0_wp, 1.0_wp)*h*matmul(damping_of(self), response(:, h))
-    end do
-    call self%respond(force, derivative)
-  end subroutine respond_derivative
+    product = (0.0_wp, 1.0_wp)*h*matmul(damping_of(self), response) - 2.0_wp*h**2*self%omega*matmul(self%mass, response)
+  end function stiffness_rate
 
   subroutine respond_beyond(self, omega, least_ratio, force, response)
     class(receptance_direct_type), intent(in) :: self
@@ -166,16 +136,12 @@ contains
     complex(wp), intent(in) :: force(:, :)
     !> Coordinates of the response from harmonic H + 1 on
     complex(wp), intent(out) :: response(:, :)
-    real(wp) :: damping(size(force, 1))
-    integer :: h, i
+    integer :: i
 
-    damping = self%modal_damping
-    where (damping + self%modal_loss <= 0.0_wp) damping = 2.0_wp*least_ratio*sqrt(self%modal_stiffness*self%modal_mass)
     response = matmul(transpose(self%modes), force)
     do i = 1, size(force, 2)
-      h = self%harmonics + i
-      response(:, i) = response(:, i)/cmplx(self%modal_stiffness - (h*omega)**2*self%modal_mass, &
-                                            h*omega*damping + self%modal_loss, wp)
+      response(:, i) = response(:, i)/finite_stiffness((self%harmonics + i)*omega, self%modal_stiffness, self%modal_mass, &
+                                                       self%modal_damping, self%modal_loss, least_ratio)
     end do
     response = matmul(self%modes, response)
   end subroutine respond_beyond
@@ -220,7 +186,7 @@ contains
     complex(wp) :: columns(size(self%directions, 1), size(rows_b))
 
     columns = self%directions(:, rows_b)
-    call solve_factored_complex(self%factors(:, :, h), self%pivots(:, h), columns)
+    call self%solve(h, columns)
     block = matmul(transpose(self%directions(:, rows_a)), columns)
   end subroutine block_between
 

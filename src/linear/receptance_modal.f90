@@ -3,6 +3,7 @@
 !> $$ X_{hr} = F_{hr} / (k_r - (h \omega)^2 m_r + i h \omega c_r), \qquad c_r = 2 \zeta \omega_r m_r \text{ or } \alpha m_r $$
 module attrito_linear_receptance_modal
   use attrito_core_kinds, only: wp
+  use attrito_linear_modal_stiffness, only: modal_stiffness, modal_stiffness_rate, finite_stiffness
   use attrito_linear_opened_modes, only: find_opened_modes
   use attrito_linear_receptance, only: receptance_type
   use attrito_linear_receptance_real, only: receptance_real_type
@@ -17,10 +18,10 @@ module attrito_linear_receptance_modal
     complex(wp), allocatable, private :: flexibility(:, :)
     real(wp), allocatable, private :: parts(:, :)
   contains
-    procedure :: set_harmonics
-    procedure :: set_frequency
-    procedure :: respond
-    procedure :: respond_derivative
+    procedure :: allocate_factors
+    procedure :: factor
+    procedure :: solve
+    procedure :: stiffness_rate
     procedure :: respond_beyond
     procedure :: inertia_of
     procedure :: block_between
@@ -48,82 +49,57 @@ contains
     call self%set_harmonics(harmonics)
   end function new_receptance_modal
 
-  subroutine set_harmonics(self, harmonics)
+  subroutine allocate_factors(self, harmonics)
     class(receptance_modal_type), intent(inout) :: self
     !> Highest harmonic, H
     integer, intent(in) :: harmonics
 
-    self%harmonics = harmonics
-    self%omega = -1.0_wp
     if (allocated(self%flexibility)) deallocate (self%flexibility, self%parts)
     allocate (self%flexibility(size(self%modal_mass), 0:harmonics), self%parts(size(self%modal_mass), 2*harmonics + 1))
-  end subroutine set_harmonics
+  end subroutine allocate_factors
 
-  subroutine set_frequency(self, omega, status, highest)
+  subroutine factor(self, h, omega, status)
     class(receptance_modal_type), intent(inout) :: self
+    !> Number of the harmonic
+    integer, intent(in) :: h
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
-    !> 0: done; else it could not be evaluated
+    !> 0, or not: a mode resonates undamped
     integer, intent(out) :: status
-    !> Highest harmonic
-    integer, intent(in), optional :: highest
-    real(wp), dimension(size(self%modal_mass)) :: stiffness, loss, square
-    integer :: h, last
+    complex(wp) :: stiffness(size(self%modal_mass))
+    real(wp) :: square(size(self%modal_mass))
 
-    status = 0
-    last = self%harmonics
-    if (present(highest)) last = min(highest, last)
-    if (self%is_set(omega, last)) return
-    self%highest = last
-    do h = 0, last
-      stiffness = self%modal_stiffness - (h*omega)**2*self%modal_mass
-      loss = h*omega*damping_of(self)
-      if (h == 0) stiffness = (1.0_wp + self%held)*stiffness
-      if (h == 1 .and. self%lifted_mode > 0) stiffness(self%lifted_mode) = stiffness(self%lifted_mode) + self%lift
-      if (any(abs(stiffness) + abs(loss) <= 0.0_wp)) then
-        if (h >= self%lowest) status = 1
-        stiffness = 1.0_wp
-        loss = 0.0_wp
-      end if
-      ! Not by a division of complex numbers, whose care for overflow is not needed and takes several times as long.
-      square = stiffness**2 + loss**2
-      self%parts(:, max(2*h, 1)) = stiffness/square
-      if (h > 0) self%parts(:, 2*h + 1) = -loss/square
-      self%flexibility(:, h) = cmplx(stiffness/square, -loss/square, wp)
-    end do
-    ! Refused as often as it is asked for.
-    self%omega = merge(omega, -1.0_wp, status == 0)
-  end subroutine set_frequency
+    call modal_stiffness(self, h, omega, self%modal_stiffness, self%modal_mass, self%modal_damping, stiffness, status)
+    ! Not by a division of complex numbers, whose care for overflow is not needed and takes several times as long.
+    square = real(stiffness, wp)**2 + aimag(stiffness)**2
+    self%parts(:, max(2*h, 1)) = real(stiffness, wp)/square
+    if (h > 0) self%parts(:, 2*h + 1) = -aimag(stiffness)/square
+    self%flexibility(:, h) = cmplx(real(stiffness, wp)/square, -aimag(stiffness)/square, wp)
+  end subroutine factor
 
-  subroutine respond(self, force, response)
+  subroutine solve(self, h, columns)
     class(receptance_modal_type), intent(in) :: self
-    !> Forces on the coordinates, by harmonic
-    complex(wp), intent(in) :: force(:, 0:)
-    !> Coordinates of the response, by harmonic
-    complex(wp), intent(out) :: response(:, 0:)
+    !> Number of the harmonic
+    integer, intent(in) :: h
+    !> Right-hand sides [n, k], then solutions
+    complex(wp), intent(inout), contiguous :: columns(:, :)
+    integer :: i
 
-    if (ubound(force, 2) > self%highest) error stop 'receptance: asked beyond the harmonics that it is set for'
-    response(:, :self%lowest - 1) = 0.0_wp
-    associate (low => self%lowest, high => ubound(force, 2))
-      response(:, low:) = force(:, low:)*self%flexibility(:, low:high)
-    end associate
-  end subroutine respond
-
-  subroutine respond_derivative(self, response, derivative)
-    class(receptance_modal_type), intent(in) :: self
-    !> Coordinates of the response, by harmonic
-    complex(wp), intent(in) :: response(:, 0:)
-    !> Derivative by the frequency
-    complex(wp), intent(out) :: derivative(:, 0:)
-
-    complex(wp) :: force(size(response, 1), 0:ubound(response, 2))
-    integer :: h
-
-    do h = 0, ubound(response, 2)
-      force(:, h) = cmplx(2.0_wp*h**2*self%omega*self%modal_mass, -h*damping_of(self), wp)*response(:, h)
+    do i = 1, size(columns, 2)
+      columns(:, i) = columns(:, i)*self%flexibility(:, h)
     end do
-    call self%respond(force, derivative)
-  end subroutine respond_derivative
+  end subroutine solve
+
+  function stiffness_rate(self, h, response) result(product)
+    class(receptance_modal_type), intent(in) :: self
+    !> Number of the harmonic
+    integer, intent(in) :: h
+    !> x_h [n]
+    complex(wp), intent(in) :: response(:)
+    complex(wp) :: product(size(response))
+
+    product = modal_stiffness_rate(self, h, self%modal_mass, self%modal_damping)*response
+  end function stiffness_rate
 
   subroutine respond_beyond(self, omega, least_ratio, force, response)
     class(receptance_modal_type), intent(in) :: self
@@ -133,14 +109,11 @@ contains
     complex(wp), intent(in) :: force(:, :)
     !> Coordinates of the response from harmonic H + 1 on
     complex(wp), intent(out) :: response(:, :)
-    real(wp) :: damping(size(force, 1))
-    integer :: h, i
+    integer :: i
 
-    damping = self%modal_damping
-    where (damping <= 0.0_wp) damping = 2.0_wp*least_ratio*sqrt(self%modal_stiffness*self%modal_mass)
     do i = 1, size(force, 2)
-      h = self%harmonics + i
-      response(:, i) = force(:, i)/(self%modal_stiffness + cmplx(-(h*omega)**2*self%modal_mass, h*omega*damping, wp))
+      response(:, i) = force(:, i)/finite_stiffness((self%harmonics + i)*omega, self%modal_stiffness, self%modal_mass, &
+                                                    self%modal_damping, 0.0_wp, least_ratio)
     end do
   end subroutine respond_beyond
 
@@ -153,14 +126,6 @@ contains
 
     product = spread(self%modal_mass, 2, size(response, 2))*response
   end subroutine inertia_of
-
-  !> What the modes are damped by, with what is taken away.
-  pure function damping_of(self) result(damping)
-    class(receptance_modal_type), intent(in) :: self
-    real(wp) :: damping(size(self%modal_mass))
-
-    damping = self%modal_damping - self%excitation*self%modal_mass
-  end function damping_of
 
   subroutine block_between(self, h, rows_a, rows_b, block)
     class(receptance_modal_type), intent(in) :: self
@@ -214,7 +179,7 @@ contains
     end if
     stiffness = self%modal_stiffness
     mass = self%modal_mass
-    damping = damping_of(self)
+    damping = self%modal_damping - self%excitation*self%modal_mass
   end subroutine uncoupled_modes
 
   subroutine without_springs(self, rows, springs, opened)

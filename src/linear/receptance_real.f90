@@ -27,6 +27,7 @@ module attrito_linear_receptance_real
     procedure :: displacements
     procedure :: state_at_start
     procedure :: common_modes
+    procedure :: solve_adjoint
   end type receptance_real_type
 
 contains
@@ -124,4 +125,17 @@ contains
 
     common_modes = size(self%basis, 2)
   end function common_modes
+
+  !> Z_h^-H b = conj(Z_h^-1 conj(b)): real matrices make Z_h complex symmetric.
+  subroutine solve_adjoint(self, h, columns)
+    class(receptance_real_type), intent(in) :: self
+    !> Number of the harmonic
+    integer, intent(in) :: h
+    !> Right-hand sides [n, k], then solutions
+    complex(wp), intent(inout), contiguous :: columns(:, :)
+
+    columns = conjg(columns)
+    call self%solve(h, columns)
+    columns = conjg(columns)
+  end subroutine solve_adjoint
 end module attrito_linear_receptance_real

@@ -36,6 +36,7 @@ program test_cyclic_sector
                       test('the residual''s derivative by omega is that of differences', by_omega), &
                       test('forces along rows do on the coordinates the work that they do on the rows', work), &
                       test('harmonics that meet a mode of their own nodal diameter are known, others are not', resonance), &
+                      test('the adjoint response is that of the conjugate transpose', adjoint), &
                       test('rows one by one, harmonic by harmonic, or some of them, are those of all', parts)])
 
 contains
@@ -233,6 +234,35 @@ contains
 
     response = to_complex(reshape(noise(k*size(balance%response, 1), 22), [k, size(balance%response, 1)]))
   end function random_response
+
+  !> y^H x at each harmonic [1, harmonics].
+  pure function inner(y, x) result(products)
+    complex(wp), intent(in) :: y(:, :), x(:, :)
+    complex(wp) :: products(1, size(x, 2))
+
+    products(1, :) = sum(conjg(y)*x, 1)
+  end function inner
+
+  !> y^H (Z^-1 f) = (Z^-H y)^H f at each harmonic, in the modes of nodal diameters and by factors.
+  subroutine adjoint(error)
+    type(error_type), allocatable, intent(out) :: error
+    integer, parameter :: kinds(3) = [damping_mass, damping_viscous, damping_loss_factor]
+    type(balance_type) :: balance
+    real(wp) :: motion(k, rows)
+    complex(wp), allocatable :: force(:, :), other(:, :), response(:, :), back(:, :)
+    integer :: i
+
+    do i = 1, size(kinds)
+      call prepare(balance, motion, kinds(i))
+      force = random_response(balance)
+      other = cmplx(aimag(force), 2.0_wp - real(force, wp), wp)
+      allocate (response, back, source=force)
+      call balance%receptance%respond(force, response)
+      call balance%receptance%respond_adjoint(other, back)
+      call check_close(error, inner(back, force), inner(other, response), tolerance, 'work')
+      deallocate (response, back)
+    end do
+  end subroutine adjoint
 
   subroutine parts(error)
     type(error_type), allocatable, intent(out) :: error

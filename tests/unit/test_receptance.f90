@@ -24,6 +24,7 @@ program test_receptance
                 test('a modal damping ratio is the viscous matrix with that ratio in every stuck mode', ratio), &
                 test('each kind of damping gets the receptance that is exact for it', choice), &
                 test('the derivative by omega is that of differences, for every kind of damping', derivative), &
+                test('the adjoint response is that of the conjugate transpose, for every kind of damping', adjoint), &
                 test('with negative damping and a mode held, derivatives are those of differences too', excited), &
                 test('the spring that holds a mode moves that mode alone, for every kind of damping', lifted), &
                 test('a block between rows is the response of one row to forces on another', block), &
@@ -143,6 +144,34 @@ contains
       end select
     end do
   end subroutine choice
+
+  !> y^H x at each harmonic [1, harmonics].
+  pure function inner(y, x) result(products)
+    complex(wp), intent(in) :: y(:, :), x(:, :)
+    complex(wp) :: products(1, size(x, 2))
+
+    products(1, :) = sum(conjg(y)*x, 1)
+  end function inner
+
+  !> y^H (Z^-1 f) = (Z^-H y)^H f at each harmonic.
+  subroutine adjoint(error)
+    type(error_type), allocatable, intent(out) :: error
+    integer, parameter :: kinds(5) = [damping_none, damping_viscous, damping_ratio, damping_mass, damping_loss_factor]
+    type(scene_type) :: scene
+    class(receptance_type), allocatable :: receptance
+    complex(wp), allocatable :: force(:, :), other(:, :), response(:, :), back(:, :)
+    integer :: i
+
+    do i = 1, size(kinds)
+      call prepare(kinds(i), 0.1_wp, scene, receptance, force)
+      other = cmplx(aimag(force), 2.0_wp - real(force, wp), wp)
+      allocate (response, back, mold=force)
+      call receptance%respond(force, response)
+      call receptance%respond_adjoint(other, back)
+      call check_close(error, inner(back, force), inner(other, response), rounding, 'work')
+      deallocate (response, back)
+    end do
+  end subroutine adjoint
 
   subroutine derivative(error)
     type(error_type), allocatable, intent(out) :: error
