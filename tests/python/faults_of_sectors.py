@@ -165,11 +165,6 @@ NOT_TAKEN = [
         put("balance", contacts="auto"),
         ("job.toml: [balance] contacts = 'auto': expected \"all\": patches are not of a travelling wave",),
     ),
-    Case(
-        "a sector whose bounds are sampled",
-        put("static", bounds="sampled"),
-        ('job.toml: [static] bounds = \'sampled\': expected "auto" or "none": members are not sampled',),
-    ),
 ]
 
 SECTOR = [replace(case, base=lumped_sector) for case in NUMBERS + SPINS + BOUNDARIES + CONTACTS + NOT_TAKEN]

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 import synthetic
@@ -149,6 +150,15 @@ def wedge(stiffness: float = 3.0e5, force: float = 5.0) -> Job:
             "monitors": [{"name": "x", "dofs": [[0, 1.0]]}, {"name": "y", "dofs": [[1, 1.0]]}],
         },
     }
+
+
+def everything(folder: Path, job: Job, ranks: int | None = None) -> dict[str, Any]:
+    """Arrays of a job's result by their path."""
+    run(folder, job, ranks)
+    data: dict[str, Any] = {}
+    with h5py.File(folder / "result.h5") as file:
+        file.visititems(lambda name, item: data.update({name: item[()]} if isinstance(item, h5py.Dataset) else {}))
+    return data
 
 
 def chain(contacts: int = 3, tangents: int = 1) -> Job:

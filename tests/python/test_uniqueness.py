@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import h5py
 import numpy as np
 import pytest
-from jobs import attrito, chain, run, wedge, write_job
+from jobs import attrito, chain, everything, run, wedge, write_job
 from mpi4py import MPI
 from scipy.optimize import linprog
 
@@ -22,15 +21,6 @@ from attrito.support.linear_programs import DualSimplex
 FREQUENCY = 132.0
 # Printed digits of docs and design.
 DIGITS = 0.005
-
-
-def everything(folder, job, ranks=None):
-    """Arrays of a job's result by their path."""
-    run(folder, job, ranks)
-    data = {}
-    with h5py.File(folder / "result.h5") as file:
-        file.visititems(lambda name, item: data.update({name: item[()]} if isinstance(item, h5py.Dataset) else {}))
-    return data
 
 
 def solved(folder, job, ranks=None):

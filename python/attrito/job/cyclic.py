@@ -64,7 +64,6 @@ def _not_with_a_sector(job: Job) -> list[tuple[str, str, bool, str]]:
         ("cyclic", "coriolis", job["cyclic"]["coriolis"], "false, as there are no Coriolis forces yet,"),
         ("balance", "contacts", job["balance"]["contacts"] == "auto", '"all": patches are not of a travelling wave,'),
         ("stability", "orbit", job["stability"]["orbit"] == "exact", '"balance" or "auto", which here is the same,'),
-        ("static", "bounds", job["static"]["bounds"] == "sampled", '"auto" or "none": members are not sampled'),
     ]
 
 

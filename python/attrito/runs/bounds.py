@@ -11,7 +11,8 @@ where * is the member that the load path chose. The members are the s for which 
 
 a polytope, and the bounds of mean T and N of every contact, and of the monitors' means, are linear programs. Amplitudes
 are the same in all members. Elsewhere, where some contacts slip or have two tangents, members are visited one by one
-(`attrito.runs.bounds_by_members`). See docs/method.md, "Points that are not unique".
+(`attrito.runs.bounds_by_members`). Members of a sector's motion are waves: all its sectors start alike. See
+docs/method.md, "Points that are not unique".
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ import numpy as np
 from attrito.library.family import Family
 from attrito.library.kernels import extrema
 from attrito.library.laws import are_coulomb, cone_coefficients
-from attrito.library.reduced_scene import ReducedScene
+from attrito.library.reduced_scene import ReducedScene, all_alike
 from attrito.library.session import Options, Point, Solver
 from attrito.runs.bounds_by_members import Hull, Search
 from attrito.support.errors import NumericsError
@@ -201,6 +202,8 @@ class _Family:
     def __init__(self, file: h5py.File, scene: ReducedScene, points: np.ndarray):
         kt, kn = scene.laws["tangential_stiffness"], scene.laws["normal_stiffness"]
         friction = cone_coefficients(scene.laws)
+        # The mean of a wave is that of sectors that are all alike.
+        scene = all_alike(scene)
         tangents, normals = scene.directions[0::2], scene.directions[1::2]
         stuck = scene.stiffness + tangents.T @ (kt[:, None] * tangents) + normals.T @ (kn[:, None] * normals)
         response = np.linalg.solve(stuck, tangents.T)

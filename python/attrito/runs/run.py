@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from attrito.job.cyclic import is_cyclic
 from attrito.job.fewer_contacts import check_one_process
 from attrito.job.job import Job, rom_path
 from attrito.job.reading import read_job
@@ -153,9 +152,8 @@ class _Run:
     ):
         self._comm, self._job, self._solver, self._reduced = comm, job, solver, reduced
         self._progress, self._stages = progress, stages
-        # Members of a family are of all contacts, and of a whole model.
-        whole = job["balance"]["contacts"] == "all" and not is_cyclic(job)
-        bounds = job["static"]["bounds"] if whole else "none"
+        # Members of a family are of all contacts; of a sector they are waves.
+        bounds = job["static"]["bounds"] if job["balance"]["contacts"] == "all" else "none"
         self._sampler = Sampler(comm, solver, reduced, options, bounds, stop.interrupted)
         self._examiner = Examiner(comm, solver, job)
         self._longer = LongerPeriods(comm, solver, job, reduced, load_path)
