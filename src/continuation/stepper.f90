@@ -2,11 +2,11 @@
 !>
 !> $$ \hat x = x + \Delta, \qquad r(d, \omega) = 0, \qquad p \cdot (d - \hat d) + p_\omega (\omega - \hat \omega) = 0 $$
 !>
-!> The length of steps follows the error of the drawn curve, the cubic between neighbouring points and their tangents
-!> (`attrito_continuation_arc`): its distance from a point of the branch between them is at most a part of the largest amplitude so
-!> far. Where it is more, the middle of the arc is solved and comes first; the end of the step comes after it. So does the place where
-!> an amplitude is largest, so that points show every peak. All these are smooth measures, so that rounding (the number of ranks) does
-!> not change the points.
+!> The length of steps (`attrito_continuation_step_length`) follows the error of the drawn curve, the cubic between neighbouring
+!> points and their tangents (`attrito_continuation_arc`): its distance from a point of the branch between them is at most a part of
+!> the largest amplitude so far. Where it is more, the middle of the arc is solved and comes first; the end of the step comes after
+!> it. So does the place where an amplitude is largest, so that points show every peak. All these are smooth measures, so that
+!> rounding (the number of ranks) does not change the points.
 !> Source: Keller 1977; Seydel 2010, doi:10.1007/978-1-4419-1740-9.
 module attrito_continuation_stepper
   use attrito_core_kinds, only: wp
@@ -22,25 +22,20 @@ module attrito_continuation_stepper
   use attrito_continuation_arc_error, only: error_of_arc
   use attrito_continuation_curve_point, only: curve_point_type
   use attrito_continuation_predictor, only: predictor_type, prediction_type, middle_of
+  use attrito_continuation_secant, only: secant_type
   use attrito_continuation_step, only: step_type
+  use attrito_continuation_step_length, only: first_step, smallest_step, given_up, next_length, limited_in_frequency, is_near, &
+                                              with_effort
   use attrito_continuation_tangent, only: tangent_type, find_tangent, tangent_of_evaluation, frequency_tangent, reverse, &
                                           share_of_harmonics
   implicit none
   private
-  public :: stepper_type, first_step, smallest_step, largest_in_frequency, default_tolerance
+  public :: stepper_type, default_tolerance
 
   !> Error of the drawn curve, relative to the largest amplitude
   real(wp), parameter :: default_tolerance = 0.01_wp ! conventional
-  !> Part of it that steps aim at, and that points at a peak may miss the largest amplitude by
-  real(wp), parameter :: aimed_part = 0.3_wp, peak_part = 0.1_wp ! guess
-  !> Distance of predicted from corrected point, relative to the response, that is accepted, and from which on steps do not grow
-  real(wp), parameter :: accepted_error = 0.5_wp, large_error = 0.2_wp ! guess
-  !> Iterations of Newton's method from which on steps do not grow
-  integer, parameter :: many_iterations = 10 ! guess
-  !> Steps as parts of the sweep: lengths along the branch, the one at which a branch is given up, and the largest in frequency
-  real(wp), parameter :: first_step = 0.01_wp, smallest_step = 1.0e-6_wp, given_up = 1.0e-9_wp, largest_in_frequency = 0.05_wp ! guess
-  !> Cosine between successive steps below which the branch is taken to run back on itself
-  real(wp), parameter :: turned_back = -0.95_wp ! guess
+  !> Part of it that points at a peak may miss the largest amplitude by
+  real(wp), parameter :: peak_part = 0.1_wp ! guess
   !> What the curve may be off by elsewhere on the arc, in terms of what it is there: near a kink between
   real(wp), parameter :: elsewhere = 1.5_wp ! guess
   !> Tries of a step in which Newton's method is given up early: shorter steps mostly need no more
@@ -67,9 +62,8 @@ module attrito_continuation_stepper
     !> Largest amplitude of each monitor so far
     real(wp), allocatable, private :: largest(:)
     type(predictor_type), private :: predictor
-    !> Last step taken, scaled, of unit length
-    real(wp), allocatable, private :: secant(:, :)
-    real(wp), private :: secant_omega = 0.0_wp
+    !> Of the last step taken
+    type(secant_type), private :: secant
     !> Steps in a row in which hardly more than mean positions changed
     integer, private :: drifting = 0
   contains
@@ -107,7 +101,7 @@ contains
     self%path = 0.0_wp
     self%tangent = tangent_type()
     call self%predictor%forget()
-    if (allocated(self%secant)) deallocate (self%secant)
+    call self%secant%forget()
   end subroutine begin
 
   !> The tangent and the point of the drawn curve at the solver's present point, where the balance was evaluated last: of a point that
@@ -200,14 +194,14 @@ contains
     if (allocated(prediction%motion)) self%size = max(prediction%length, smallest_step)
     do
       if (.not. allocated(prediction%motion)) then
-        self%size = min(self%size, largest_in_frequency/max(self%tangent%reach()*abs(self%tangent%omega), tiny(1.0_wp)))
+        self%size = limited_in_frequency(self%size, self%tangent%reach()*abs(self%tangent%omega))
         call self%predictor%predict(solver, self%tangent, self%size, by_arc, prediction)
       end if
       call correct(self, solver, prediction, failures < most_brief, distance)
       deallocate (prediction%motion)
       iterations = iterations + solver%report%iterations
-      accepted = solver%report%converged .and. (distance < accepted_error .or. self%size <= smallest_step)
-      if (accepted) accepted = .not. runs_back(self, solver, before)
+      accepted = solver%report%converged .and. (is_near(distance) .or. self%size <= smallest_step)
+      if (accepted) accepted = .not. self%secant%is_opposed(solver, before)
       if (accepted) then
         call self%examine_step(solver, before, tangent, point, error)
         part = -1.0_wp
@@ -222,7 +216,7 @@ contains
           end if
         end if
         if (part < 0.0_wp) then
-          if (iterations > many_iterations .or. distance > large_error) error = max(error, aimed_part)
+          error = with_effort(error, iterations, distance)
           call self%accept_step(solver, before, tangent, point)
           return
         end if
@@ -232,7 +226,7 @@ contains
         self%size = max(min(part*self%last%length, self%size), smallest_step)
         call restore(solver, before)
       else
-        if (solver%report%converged .and. distance < accepted_error .and. .not. flipped) then
+        if (solver%report%converged .and. is_near(distance) .and. .not. flipped) then
           ! It runs back on itself: at a kink sharper than a right angle the tangent had the wrong sign.
           flipped = .true.
           call reverse(self%tangent)
@@ -344,7 +338,8 @@ contains
     !> Point of the drawn curve
     type(curve_point_type), intent(in) :: point
 
-    call remember(self, solver, before)
+    call self%secant%take(solver, before)
+    self%direction = sign(1.0_wp, self%secant%omega)
     self%looked_ahead = .false.
     self%turned = .false.
     call self%predictor%take_arc(self%last)
@@ -364,45 +359,6 @@ contains
     size_of_response = max(size_of_response, tiny(1.0_wp))
   end function size_of_response
 
-  !> Does the step just made return along the one before?
-  logical function runs_back(self, solver, before)
-    type(stepper_type), intent(in) :: self
-    !> Solver of points: its motion, sliders, angular frequency and balance
-    type(solver_type), intent(in) :: solver
-    !> Motion, sliders and frequency to return to
-    type(snapshot_type), intent(in) :: before
-    real(wp), allocatable :: moved(:, :)
-    real(wp) :: moved_omega, length
-
-    runs_back = .false.
-    if (.not. allocated(self%secant)) return
-    associate (context => solver%context, balance => solver%context%balance)
-      moved = (solver%motion - before%motion)/context%motion_scale
-      moved_omega = (solver%omega - before%omega)/context%frequency_scale
-      length = sqrt(inner_product(balance, moved, moved) + moved_omega**2)
-      runs_back = inner_product(balance, moved, self%secant) + moved_omega*self%secant_omega < turned_back*length
-    end associate
-  end function runs_back
-
-  !> Keep the direction of the step just accepted.
-  subroutine remember(self, solver, before)
-    type(stepper_type), intent(inout) :: self
-    !> Solver of points: its motion, sliders, angular frequency and balance
-    type(solver_type), intent(in) :: solver
-    !> Motion, sliders and frequency to return to
-    type(snapshot_type), intent(in) :: before
-    real(wp) :: length
-
-    associate (context => solver%context, balance => solver%context%balance)
-      self%secant = (solver%motion - before%motion)/context%motion_scale
-      self%secant_omega = (solver%omega - before%omega)/context%frequency_scale
-      length = sqrt(inner_product(balance, self%secant, self%secant) + self%secant_omega**2)
-      self%secant = self%secant/length
-      self%secant_omega = self%secant_omega/length
-    end associate
-    self%direction = sign(1.0_wp, self%secant_omega)
-  end subroutine remember
-
   !> Keep a step made in frequency alone.
   subroutine remember_in_frequency(self, solver, before)
     class(stepper_type), intent(inout) :: self
@@ -418,18 +374,14 @@ contains
     self%looked_ahead = .false.
   end subroutine remember_in_frequency
 
-  !> The next step aims at the same error of the drawn curve, which goes with the fourth power of its length.
+  !> The length of the next step, by the error of the last one.
   pure subroutine adapt(self, error)
     class(stepper_type), intent(inout) :: self
     !> Of the drawn curve, relative to what is accepted
     real(wp), intent(in) :: error
-    !> Change of the length from step to step, at the least and at the most
-    real(wp), parameter :: least = 0.5_wp, most = 2.0_wp ! guess
-    real(wp) :: factor
 
-    factor = min(max((aimed_part/max(error, 1.0e-12_wp))**0.25_wp, least), most)
     if (self%last%length > 0.0_wp) self%size = self%last%length
-    self%size = factor*self%size
+    self%size = next_length(self%size, error)
   end subroutine adapt
 
   !> Does the branch go on in mean positions alone, which is its end?
@@ -439,7 +391,7 @@ contains
     type(solver_type), intent(in) :: solver
     real(wp) :: share
 
-    share = share_of_harmonics(solver, self%secant, self%secant_omega)
+    share = share_of_harmonics(solver, self%secant%motion, self%secant%omega)
     self%drifting = merge(self%drifting + 1, 0, moves_mean_alone(share, none_holds(solver%context%balance)))
     is_drifting = self%drifting >= branch_steps_in_a_row
     if (is_drifting) self%drifting = 0
@@ -453,9 +405,9 @@ contains
     type(tangent_type) :: towards
 
     towards = frequency_tangent(solver, -self%direction)
-    if (.not. allocated(self%secant)) return
-    towards%motion = -self%secant
-    towards%omega = -self%secant_omega
+    if (.not. self%secant%is_known()) return
+    towards%motion = -self%secant%motion
+    towards%omega = -self%secant%omega
   end function tangent_backwards
 
   !> Resize stored vectors to so many coefficients.
@@ -465,7 +417,7 @@ contains
     integer, intent(in) :: coefficients
 
     if (allocated(self%tangent%motion)) self%tangent%motion = resized(self%tangent%motion, coefficients)
-    if (allocated(self%secant)) self%secant = resized(self%secant, coefficients)
+    call self%secant%set_coefficients(coefficients)
     call self%predictor%set_coefficients(coefficients)
   end subroutine set_coefficients
 
@@ -481,7 +433,7 @@ contains
     changes = solver%context%balance%changes
     call move_alloc(self%tangent%motion, own(1)%columns)
     call move_alloc(self%tangent%slider, own(2)%columns)
-    call move_alloc(self%secant, own(3)%columns)
+    call move_alloc(self%secant%motion, own(3)%columns)
     own(2)%by_contact = .true.
     call self%predictor%give_fields(others)
     fields = [own, others]
@@ -490,7 +442,7 @@ contains
     if (solver%context%balance%changes /= changes) self%last%to = snapshot_type()
     call move_alloc(fields(1)%columns, self%tangent%motion)
     call move_alloc(fields(2)%columns, self%tangent%slider)
-    call move_alloc(fields(3)%columns, self%secant)
+    call move_alloc(fields(3)%columns, self%secant%motion)
     call self%predictor%take_fields(fields(4:))
   end subroutine share_out
 
@@ -512,8 +464,7 @@ contains
     call store%keep(self%path_before)
     call store%keep(self%largest)
     call self%predictor%keep(store)
-    call store%keep(self%secant)
-    call store%keep(self%secant_omega)
+    call self%secant%keep(store)
     call store%keep(self%drifting)
   end subroutine keep
 end module attrito_continuation_stepper

@@ -7,7 +7,8 @@ module attrito_continuation_stuck_branch
   use attrito_continuation_curve_point, only: curve_point_type
   use attrito_continuation_range, only: range_type
   use attrito_solve_solver, only: solver_type
-  use attrito_continuation_stepper, only: stepper_type, smallest_step, largest_in_frequency
+  use attrito_continuation_step_length, only: smallest_step, largest_in_frequency
+  use attrito_continuation_stepper, only: stepper_type
   use attrito_continuation_tangent, only: tangent_type
   implicit none
   private

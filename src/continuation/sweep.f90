@@ -13,7 +13,8 @@ module attrito_continuation_sweep
   use attrito_continuation_range, only: range_type
   use attrito_solve_solver, only: solver_type
   use attrito_continuation_step, only: step_type
-  use attrito_continuation_stepper, only: stepper_type, smallest_step
+  use attrito_continuation_step_length, only: smallest_step
+  use attrito_continuation_stepper, only: stepper_type
   use attrito_continuation_stuck_branch, only: follow_stuck
   use attrito_continuation_tangent, only: tangent_type
   implicit none
