@@ -152,13 +152,13 @@ void attrito_leading_mode(void *handle, int *mode, double *amplitude);
 void attrito_begin_backbone(void *handle, int mode, int monitor, int measure, double amplitude, int branch,
     attrito_backbone *backbone);
 
-/* A mode from a shape with unit modal mass [m] and an angular frequency, at an amplitude of the shape. The static path has been
- * followed; the session serves nothing but this mode from then on. */
-void attrito_begin_mode(void *handle, const double *shape, double omega, double amplitude, int branch,
-    attrito_backbone *backbone);
+/* A mode from a shape with unit modal mass, cosine - i sine, [m] each, and an angular frequency, at an amplitude of the shape.
+ * The static path has been followed; the session serves nothing but this mode from then on. */
+void attrito_begin_mode(void *handle, const double *cosine, const double *sine, double omega, double amplitude,
+    int branch, attrito_backbone *backbone);
 
 /* Ready for a mode, as `attrito_begin_mode` begins one, to go on from a state that was saved. */
-void attrito_prepare_mode(void *handle, const double *shape, double omega);
+void attrito_prepare_mode(void *handle, const double *cosine, const double *sine, double omega);
 
 /* At another amplitude, by long steps from where contacts stick. */
 void attrito_restart_backbone(void *handle, double amplitude, int branch, attrito_backbone *backbone);

@@ -2,6 +2,7 @@
 module attrito_api_backbone
   use, intrinsic :: iso_c_binding
   use attrito_accuracy_point_errors, only: point_errors_type, no_tolerance
+  use attrito_core_kinds, only: wp
   use attrito_newton_newton, only: newton_report_type
   use attrito_output_point_report, only: report_point
   use attrito_peak_backbone, only: begin_backbone, begin_mode, leading_mode, prepare_mode
@@ -55,13 +56,13 @@ contains
     call describe(session, branch, backbone)
   end subroutine attrito_begin_backbone
 
-  !> A mode from a shape with unit modal mass [m] and an angular frequency, at an amplitude of the shape. The static path has been
-  !> followed; the session serves nothing but this mode from then on.
-  subroutine attrito_begin_mode(handle, shape, omega, amplitude, branch, backbone) bind(c)
+  !> A mode from a shape with unit modal mass, cosine - i sine, [m] each, and an angular frequency, at an amplitude of the shape.
+  !> The static path has been followed; the session serves nothing but this mode from then on.
+  subroutine attrito_begin_mode(handle, cosine, sine, omega, amplitude, branch, backbone) bind(c)
     !> Session, see `session_of`
     type(c_ptr), value :: handle
     !> In the model's coordinates
-    real(c_double), intent(in) :: shape(*)
+    real(c_double), intent(in) :: cosine(*), sine(*)
     !> Angular frequency, rad/s; amplitude of the shape
     real(c_double), value :: omega, amplitude
     !> Number of the branch
@@ -71,24 +72,36 @@ contains
     type(session_type), pointer :: session
 
     session => session_of(handle)
-    call begin_mode(session%solver, shape(:size(session%structure%mass, 1)), omega, problem_type(monitor=0), amplitude, &
-                    session%backbone)
+    call begin_mode(session%solver, shape_of(session, cosine, sine), omega, problem_type(monitor=0), amplitude, session%backbone)
     call describe(session, branch, backbone)
   end subroutine attrito_begin_mode
 
   !> Ready for a mode, as `attrito_begin_mode` begins one, to go on from a state that was saved.
-  subroutine attrito_prepare_mode(handle, shape, omega) bind(c)
+  subroutine attrito_prepare_mode(handle, cosine, sine, omega) bind(c)
     !> Session, see `session_of`
     type(c_ptr), value :: handle
     !> In the model's coordinates
-    real(c_double), intent(in) :: shape(*)
+    real(c_double), intent(in) :: cosine(*), sine(*)
     !> Angular frequency, rad/s
     real(c_double), value :: omega
     type(session_type), pointer :: session
 
     session => session_of(handle)
-    call prepare_mode(session%solver, shape(:size(session%structure%mass, 1)), omega, problem_type(monitor=0), session%backbone)
+    call prepare_mode(session%solver, shape_of(session, cosine, sine), omega, problem_type(monitor=0), session%backbone)
   end subroutine attrito_prepare_mode
+
+  !> Of the model's coordinates [m].
+  function shape_of(session, cosine, sine) result(shape)
+    !> Session behind a handle
+    type(session_type), intent(in) :: session
+    !> Real part; imaginary part, less its sign
+    real(c_double), intent(in) :: cosine(*), sine(*)
+    complex(wp), allocatable :: shape(:)
+
+    associate (m => size(session%structure%mass, 1))
+      shape = cmplx(cosine(:m), -sine(:m), wp)
+    end associate
+  end function shape_of
 
   !> At another amplitude, by long steps from where contacts stick.
   subroutine attrito_restart_backbone(handle, amplitude, branch, backbone) bind(c)

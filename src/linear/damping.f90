@@ -10,7 +10,7 @@ module attrito_linear_damping
   use attrito_linear_stuck_system, only: stuck_system_type
   implicit none
   private
-  public :: damping_form
+  public :: damping_form, damping_of_harmonic
 
 contains
 
@@ -45,4 +45,27 @@ contains
       form = 0.0_wp
     end select
   end function damping_form
+
+  !> q^H C q of a motion Re q exp(i Omega t) at a harmonic; of a sector, in the modes of its nodal diameter.
+  real(wp) function damping_of_harmonic(structure, stuck, h, displacement, frequency) result(form)
+    !> Mass, stiffness, damping, loads and monitors
+    type(structure_type), intent(in) :: structure
+    !> Linear system with every contact stuck
+    type(stuck_system_type), intent(in) :: stuck
+    !> Number of the harmonic
+    integer, intent(in) :: h
+    !> q, of the model's coordinates [m]
+    complex(wp), intent(in) :: displacement(:)
+    !> Omega
+    real(wp), intent(in) :: frequency
+    real(wp), allocatable :: stiffness(:), mass(:), damping(:)
+
+    if (structure%damping_kind == damping_ratio) then
+      call stuck%modal_at(h, stiffness, mass, damping)
+      form = sum(damping*abs(stuck%coordinates_at(structure, h, displacement))**2)
+    else
+      form = sum(damping_form(structure, stuck, reshape([real(displacement, wp), aimag(displacement)], [size(displacement), 2]), &
+                              [frequency, frequency]))
+    end if
+  end function damping_of_harmonic
 end module attrito_linear_damping

@@ -13,7 +13,7 @@ module attrito_linear_stuck_system
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: symmetric_eigenpairs
   use attrito_model_contacts, only: contacts_type, stuck_stiffness, stuck_springs, spring_stiffness
-  use attrito_model_sector, only: first_alike
+  use attrito_model_sector, only: first_alike, is_mirrored
   use attrito_model_structure, only: structure_type, damping_none, damping_ratio, damping_mass
   use attrito_linear_diameter_modes, only: diameter_modes_type, new_diameter_modes
   use attrito_linear_rigid_body_modes, only: rigid_body_modes
@@ -48,6 +48,9 @@ module attrito_linear_stuck_system
     integer :: period = 1
   contains
     procedure :: omega_at
+    procedure :: modal_at
+    procedure :: shape_at
+    procedure :: coordinates_at
   end type stuck_system_type
 
 contains
@@ -166,6 +169,70 @@ contains
       omega = self%omega
     end if
   end function omega_at
+
+  !> Stiffness, mass and damping of the modes at a harmonic, ascending.
+  pure subroutine modal_at(self, h, stiffness, mass, damping)
+    class(stuck_system_type), intent(in) :: self
+    !> Number of the harmonic
+    integer, intent(in) :: h
+    !> [modes]
+    real(wp), allocatable, intent(out) :: stiffness(:), mass(:), damping(:)
+
+    if (allocated(self%diameters)) then
+      associate (own => self%diameters(first_alike(h, self%period)))
+        stiffness = own%modal_stiffness
+        mass = own%modal_mass
+        damping = own%modal_damping
+      end associate
+    else
+      stiffness = self%modal_stiffness
+      mass = self%modal_mass
+      damping = self%modal_damping
+    end if
+  end subroutine modal_at
+
+  !> A mode at a harmonic, in the model's coordinates [m].
+  function shape_at(self, structure, h, mode) result(shape)
+    class(stuck_system_type), intent(in) :: self
+    !> Mass, stiffness, damping, loads and monitors
+    type(structure_type), intent(in) :: structure
+    !> Numbers of the harmonic and of the mode, from 1, ascending
+    integer, intent(in) :: h, mode
+    complex(wp), allocatable :: shape(:), columns(:, :)
+
+    if (allocated(self%diameters)) then
+      columns = self%diameters(first_alike(h, self%period))%modes(:, mode:mode)
+      if (is_mirrored(h, self%period)) columns = conjg(columns)
+      columns = structure%sector%spread_over(columns, structure%sector%diameter(h))
+      shape = columns(:, 1)
+    else
+      shape = cmplx(self%modes(:, mode), kind=wp)
+    end if
+  end function shape_at
+
+  !> A motion at a harmonic in its modes, x_r^H M q / x_r^H M x_r [modes].
+  function coordinates_at(self, structure, h, displacement) result(coordinates)
+    class(stuck_system_type), intent(in) :: self
+    !> Mass, stiffness, damping, loads and monitors
+    type(structure_type), intent(in) :: structure
+    !> Number of the harmonic
+    integer, intent(in) :: h
+    !> q, of the model's coordinates [m]
+    complex(wp), intent(in) :: displacement(:)
+    complex(wp), allocatable :: coordinates(:), inertia(:, :)
+
+    inertia = reshape(matmul(structure%mass, displacement), [size(displacement), 1])
+    if (allocated(self%diameters)) then
+      inertia = structure%sector%fold(inertia, structure%sector%diameter(h))
+      if (is_mirrored(h, self%period)) inertia = conjg(inertia)
+      associate (own => self%diameters(first_alike(h, self%period)))
+        coordinates = matmul(conjg(transpose(own%modes)), inertia(:, 1))/own%modal_mass
+      end associate
+      if (is_mirrored(h, self%period)) coordinates = conjg(coordinates)
+    else
+      coordinates = matmul(transpose(self%modes), inertia(:, 1))/self%modal_mass
+    end if
+  end function coordinates_at
 
   !> Modal damping of the modes that were found.
   pure subroutine set_damping(structure, self)

@@ -21,7 +21,7 @@
 module attrito_peak_backbone
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
-  use attrito_linear_damping, only: damping_form
+  use attrito_linear_damping, only: damping_of_harmonic
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
@@ -62,7 +62,7 @@ module attrito_peak_backbone
     !> M phi/m in generalised coordinates of harmonic 1 [n], and F_1
     complex(wp), allocatable, private :: reader(:), force(:)
     !> Shape to begin at, in the model's coordinates, its coordinate being 1 [m]; not allocated: the stuck mode
-    real(wp), allocatable, private :: shape(:)
+    complex(wp), allocatable, private :: shape(:)
     !> Amplitude of the mode that is held, by that of the shape
     real(wp), private :: part = 1.0_wp
     !> At rest; the last two points
@@ -87,11 +87,12 @@ contains
     !> Modulus of the mode's coordinate
     real(wp), intent(out) :: amplitude
     complex(wp), allocatable :: coordinates(:)
+    real(wp), allocatable :: stiffness(:), mass(:), damping(:)
 
     associate (stuck => solver%stuck, balance => solver%context%balance)
-      coordinates = balance%receptance%recover(1, balance%response(:, 1))
-      coordinates = matmul(transpose(stuck%modes), matmul(solver%structure%mass, coordinates))/stuck%modal_mass
-      mode = maxloc(stuck%modal_stiffness*abs(coordinates)**2, 1)
+      coordinates = stuck%coordinates_at(solver%structure, 1, balance%receptance%recover(1, balance%response(:, 1)))
+      call stuck%modal_at(1, stiffness, mass, damping)
+      mode = maxloc(stiffness*abs(coordinates)**2, 1)
       amplitude = abs(coordinates(mode))
     end associate
   end subroutine leading_mode
@@ -108,14 +109,16 @@ contains
     !> Modulus of the mode's coordinate
     real(wp), intent(in) :: amplitude
     type(backbone_type), intent(out) :: self
+    real(wp), allocatable :: stiffness(:), mass(:), damping(:), omega(:)
 
     self%mode = mode
     self%problem = problem
     allocate (self%problem%border%motion(size(solver%motion, 1), size(solver%motion, 2)), source=0.0_wp)
     call hold_mode(self, solver)
-    self%rest = base_point_type(snapshot_type=snapshot_of(solver), amplitude=amplitude, &
-                                excitation=solver%stuck%modal_damping(mode)/solver%stuck%modal_mass(mode))
-    self%rest%omega = solver%stuck%omega(mode)
+    call solver%stuck%modal_at(1, stiffness, mass, damping)
+    self%rest = base_point_type(snapshot_type=snapshot_of(solver), amplitude=amplitude, excitation=damping(mode)/mass(mode))
+    omega = solver%stuck%omega_at(1)
+    self%rest%omega = omega(mode)
     self%rest%all_stick = .true.
     call self%begin_at(solver, amplitude)
   end subroutine begin_backbone
@@ -124,8 +127,8 @@ contains
   subroutine begin_mode(solver, shape, omega, problem, amplitude, self)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
-    !> In the model's coordinates, with unit modal mass [m]
-    real(wp), intent(in) :: shape(:)
+    !> In the model's coordinates, with unit modal mass [m]; of a sector at the nodal diameter of harmonic 1
+    complex(wp), intent(in) :: shape(:)
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
     !> Its monitor, 0: none, and measure; the border is made here
@@ -142,27 +145,27 @@ contains
   subroutine prepare_mode(solver, shape, omega, problem, self)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
-    !> In the model's coordinates, with unit modal mass [m]
-    real(wp), intent(in) :: shape(:)
+    !> In the model's coordinates, with unit modal mass [m]; of a sector at the nodal diameter of harmonic 1
+    complex(wp), intent(in) :: shape(:)
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
     !> Its monitor, 0: none, and measure; the border is made here
     type(problem_type), intent(in) :: problem
     type(backbone_type), intent(out) :: self
-    real(wp), allocatable :: parts(:)
+    complex(wp), allocatable :: parts(:)
+    real(wp), allocatable :: stiffness(:), mass(:), damping(:)
 
-    associate (stuck => solver%stuck)
-      parts = matmul(transpose(stuck%modes), matmul(solver%structure%mass, shape))
-      self%mode = maxloc(parts**2/stuck%modal_mass, 1)
-      self%shape = shape*stuck%modal_mass(self%mode)/parts(self%mode)
-      self%part = abs(parts(self%mode))/stuck%modal_mass(self%mode)
-    end associate
+    parts = solver%stuck%coordinates_at(solver%structure, 1, shape)
+    call solver%stuck%modal_at(1, stiffness, mass, damping)
+    self%mode = maxloc(abs(parts)**2*mass, 1)
+    self%shape = shape/parts(self%mode)
+    self%part = abs(parts(self%mode))
     self%problem = problem
     allocate (self%problem%border%motion(size(solver%motion, 1), size(solver%motion, 2)), source=0.0_wp)
     call hold_mode(self, solver)
     self%rest = base_point_type(snapshot_type=snapshot_of(solver))
     self%rest%omega = omega
-    self%rest%excitation = sum(damping_form(solver%structure, solver%stuck, reshape(shape, [size(shape), 1]), [omega]))
+    self%rest%excitation = damping_of_harmonic(solver%structure, solver%stuck, 1, shape, omega)
   end subroutine prepare_mode
 
   !> Does the solver serve this backbone?
@@ -223,16 +226,18 @@ contains
     type(backbone_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
-    real(wp), allocatable :: inertia(:)
+    complex(wp), allocatable :: inertia(:)
+    real(wp), allocatable :: stiffness(:), mass(:), damping(:)
 
+    call solver%stuck%modal_at(1, stiffness, mass, damping)
     associate (balance => solver%context%balance, stuck => solver%stuck, mode => self%mode)
-      inertia = matmul(solver%structure%mass, stuck%modes(:, mode))
-      self%reader = balance%receptance%project_load(1, cmplx(inertia, kind=wp))/stuck%modal_mass(mode)
+      inertia = matmul(solver%structure%mass, stuck%shape_at(solver%structure, 1, mode))
+      self%reader = balance%receptance%project_load(1, inertia)/mass(mode)
       self%force = balance%harmonic_load(:, 1)
       balance%harmonic_load = 0.0_wp
       balance%loaded = [1]
-      balance%harmonic_load(:, 1) = stuck%modal_stiffness(mode)*self%reader
-      call balance%receptance%lift_mode(mode, stuck%modal_stiffness(mode))
+      balance%harmonic_load(:, 1) = stiffness(mode)*self%reader
+      call balance%receptance%lift_mode(mode, stiffness(mode))
     end associate
   end subroutine hold_mode
 
@@ -242,18 +247,21 @@ contains
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     type(base_point_type) :: base
-    real(wp), allocatable :: shape(:)
-    integer :: first
+    complex(wp), allocatable :: shape(:)
+    real(wp), allocatable :: coordinates(:, :), motion(:, :)
 
     base = self%rest
-    first = solver%context%balance%first_row
     if (allocated(self%shape)) then
       shape = self%shape
     else
-      shape = solver%stuck%modes(:, self%mode)
+      shape = solver%stuck%shape_at(solver%structure, 1, self%mode)
     end if
+    allocate (coordinates(3, size(shape)), source=0.0_wp)
+    coordinates(2, :) = real(shape, wp)
+    coordinates(3, :) = -aimag(shape)
+    motion = solver%relative_motion(coordinates)
     base%motion(2:, :) = 0.0_wp
-    base%motion(2, :) = base%amplitude*matmul(shape, solver%contacts%directions(:, first:first + size(base%motion, 2) - 1))
+    base%motion(2:3, :) = base%amplitude*motion(2:, :)
   end function linear
 
   !> Follow to an amplitude, in as many steps as it takes; the solver stays at the last point found.
@@ -470,8 +478,8 @@ contains
       coordinates = transpose(balance%receptance%displacements(balance%response))
       ratio = 0.0_wp
       do h = 1, ubound(balance%response, 2)
-        ratio = ratio + h**2*sum(damping_form(solver%structure, solver%stuck, coordinates(:, 2*h:2*h + 1), &
-                                              [h*solver%omega, h*solver%omega]))
+        ratio = ratio + h**2*damping_of_harmonic(solver%structure, solver%stuck, h, &
+                                                 cmplx(coordinates(:, 2*h), -coordinates(:, 2*h + 1), wp), h*solver%omega)
       end do
     end associate
     ratio = ratio/(2.0_wp*solver%omega*kinetic)

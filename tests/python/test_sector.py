@@ -119,12 +119,11 @@ def test_at_rest_a_sector_is_tied_to_itself():
     assert all_alike(alike) is alike
 
 
-@pytest.mark.parametrize("command", ["mode"])
-def test_commands_that_take_no_sector_refuse_it_by_name(tmp_path, capfd, command):
+def test_a_chart_of_methods_of_modes_refuses_a_sector_by_name(tmp_path, capfd):
     job = lumped_sector() | {"mode": {"start": 1e-6, "stop": 1e-3}}
-    done = attrito_here(tmp_path, capfd, command, write_job(tmp_path, job))
+    done = attrito_here(tmp_path, capfd, "chart", "--mode", write_job(tmp_path, job))
     assert done.returncode == 2
-    expected = f"job.toml: [cyclic] = 'given': expected no such table: attrito {command} does not take one sector"
+    expected = "job.toml: [cyclic] = 'given': expected no such table: attrito chart --mode does not take one sector"
     assert expected in done.stderr
 
 

@@ -136,5 +136,5 @@ def chart_mode(path: str | Job, seconds: float = 20.0, say: Callable[[str], None
 
     job = path if isinstance(path, Job) else read_job(path, excited=False)
     check_mode(job)
-    take_no_sector(job, "chart")
+    take_no_sector(job, "chart --mode")
     return ModeBench(MPI.COMM_SELF, job, seconds, say).chart()

@@ -182,6 +182,7 @@ class Solver:
 
     def follow_static_path(self, path: np.ndarray, steps: int, frequency_hz: float) -> np.ndarray:
         """Follow the static load path, `[corners, loads]`; returns the means of the monitors."""
+        path = np.ascontiguousarray(path, dtype=float).reshape(len(path), len(self._scene.static))
         raw = RawPoint()
         sizes = path.shape[1], path.shape[0]
         self._call("attrito_follow_static_path", *sizes, pointer(path), steps, omega(frequency_hz), ctypes.byref(raw))

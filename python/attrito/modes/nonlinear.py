@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from attrito.job.cyclic import take_no_sector
+from attrito.job.cyclic import is_cyclic, nodal_diameter
 from attrito.job.fewer_contacts import take_all_contacts
 from attrito.job.job import Job, mode_path
 from attrito.library.names import OUTCOMES
@@ -157,9 +157,16 @@ def series_of_mode(options: Options) -> Options:
 
 
 def chosen_mode(comm: Comm, job: Job, solver: Solver) -> tuple[int, LinearModes]:
-    """The number, from 1, of the tangent mode that a job means, and the tangent modes. Collective."""
-    keys = job["mode"]
-    modes = solver.linear_modes("tangent", max(LISTED, keys["number"] or 0))
+    """The number, from 1, of the tangent mode that a job means, and the tangent modes. Collective.
+
+    Of a sector they are those of the nodal diameter of its engine order.
+    """
+    keys, number = job["mode"], job["mode"]["number"] or 0
+    if is_cyclic(job):
+        diameter = nodal_diameter(job["cyclic"]["sectors"], job["cyclic"]["engine_order"])
+        modes = solver.diameter_modes("tangent", diameter, max(LISTED, number))
+    else:
+        modes = solver.linear_modes("tangent", max(LISTED, number))
     count = len(modes.natural_hz)
 
     def choose() -> int:
@@ -265,7 +272,6 @@ def _first_record(comm: Comm, job: Job, scene: Scene, prepared: Prepared) -> Rec
 
 def check_mode(job: Job) -> None:
     """Faults between the keys of `[mode]` and the rest of the job."""
-    take_no_sector(job, "mode")
     if job["mode"]["method"] == "quasi_static":
         take_all_contacts(job, 'mode with method = "quasi_static"')
     keys = job["mode"]
@@ -274,6 +280,9 @@ def check_mode(job: Job) -> None:
     faults = []
     if keys["number"] is not None and keys["near_hz"] is not None:
         faults.append(job.fault("[mode] near_hz", keys["near_hz"], "no such key beside number"))
+    if is_cyclic(job) and keys["method"] == "quasi_static":
+        expected = '"epmc" with [cyclic]: loading in cycles is no travelling wave'
+        faults.append(job.fault("[mode] method", keys["method"], expected))
     if keys["start"] == keys["stop"]:
         faults.append(job.fault("[mode] stop", keys["stop"], "an amplitude other than start"))
     if keys["steps"] % 8:

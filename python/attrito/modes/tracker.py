@@ -1,7 +1,8 @@
 """A nonlinear mode by the extended periodic motion concept, point by point; the balance is the Fortran library's.
 
 M q'' + (C - xi M) q' + K q = f_0 - B^T lambda(B q): xi makes up for what dissipates. The library follows the coordinate
-of one stuck mode; here it is varied until the mode's amplitude Q = |phi^T M q_1| is the one asked for.
+of one stuck mode; here it is varied until the mode's amplitude Q = |phi^H M q_1| is the one asked for. Of a sector the
+mode is a wave of the nodal diameter of its engine order, and phi is complex.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ class ModeTracker:
     ----------
     solver : stays the caller's
     scene : what it solves
-    shape : of the tangent mode, unit modal mass, `[m]`
+    shape : phi of the tangent mode, unit modal mass, `[m]`
     frequency_hz : of the tangent mode
 
     Attributes
@@ -36,13 +37,14 @@ class ModeTracker:
     """
 
     def __init__(self, solver: Solver, scene: ReducedScene, shape: np.ndarray, frequency_hz: float):
-        self._solver, self._shape, self._frequency_hz = solver, np.ascontiguousarray(shape, dtype=float), frequency_hz
-        self._weight = scene.mass @ self._shape
+        self._solver, self._frequency_hz = solver, frequency_hz
+        self._shape = np.ascontiguousarray(shape.real), np.ascontiguousarray(-shape.imag)
+        self._weight = scene.mass @ shape.conj()
         self.known: list[tuple[float, float]] = []
 
     def prepare(self) -> None:
         """Make the solver ready for `load_state`, in place of a first point."""
-        self._solver.call("attrito_prepare_mode", pointer(self._shape), omega(self._frequency_hz))
+        self._solver.call("attrito_prepare_mode", *map(pointer, self._shape), omega(self._frequency_hz))
 
     def save_state(self) -> dict[str, np.ndarray]:
         """What the next point starts from, beside the solver's state."""
@@ -78,8 +80,8 @@ class ModeTracker:
         """At the coordinate at which the amplitude is expected: on the line through what is known, in logarithms."""
         raw = RawBackbone()
         if not self.known:
-            arguments = pointer(self._shape), omega(self._frequency_hz), amplitude, 0, ctypes.byref(raw)
-            self._solver.call("attrito_begin_mode", *arguments)
+            place = omega(self._frequency_hz), amplitude, 0, ctypes.byref(raw)
+            self._solver.call("attrito_begin_mode", *map(pointer, self._shape), *place)
             return raw
         (a, q), slope = self.known[-1], 1.0
         if len(self.known) == 2:
