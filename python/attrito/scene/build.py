@@ -93,10 +93,16 @@ def check_finite(
 
 
 def with_numbers_of(job: Job, scene: Scene) -> Scene:
-    """The scene of a job that differs from a scene's own in its contacts' laws and load path alone: nothing is read."""
+    """The scene of a job that differs from a scene's own in its contacts' laws, load path and engine order alone.
+
+    Nothing is read.
+    """
     contacts = replace(scene.contacts, laws=laws_of(job, scene.contacts))
     check_finite(job, contacts, scene.static, scene.harmonic, scene.monitors)
-    return replace(scene, contacts=contacts, load_path=load_path_of(job, list(scene.static)))
+    sector = scene.sector
+    if sector is not None:
+        sector = replace(sector, engine_order=job["cyclic"]["engine_order"])
+    return replace(scene, contacts=contacts, load_path=load_path_of(job, list(scene.static)), sector=sector)
 
 
 def load_path_of(job: Job, names: list[str]) -> np.ndarray:

@@ -22,8 +22,9 @@ from attrito.scene.build import LAW_KEYS
 from attrito.support.errors import Fault, InputError
 from attrito.support.overwrite_check import check_spared
 
-# What these hold is in the reduced model, but for the contacts' laws.
-MODEL_TABLES = ("model", "reduction", "load", "output", "contact", "contact_set")
+# What these hold is in the reduced model, but for the contacts' laws and the engine order.
+MODEL_TABLES = ("model", "reduction", "cyclic", "load", "output", "contact", "contact_set")
+ENGINE_ORDER = "cyclic.engine_order"
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,7 @@ class Study:
 
     def keeps_places(self, job: Job) -> bool:
         """Whether samples differ in contacts' laws and what is not of the model, so that they share what was read."""
-        return all(_is_law(key) or _table(key) not in MODEL_TABLES for vary in self.vary for key in vary.keys)
+        return not any(_is_of_model(key) for vary in self.vary for key in vary.keys)
 
     def check(self, job: Job) -> None:
         """Raise unless every key is a number of the job that can be varied, and takes the values asked for."""
@@ -124,8 +125,9 @@ class Study:
         for i, vary in enumerate(self.vary):
             for key in vary.keys:
                 where = f"vary[{i}] keys"
-                if rom_path(job) is not None and _table(key) in MODEL_TABLES and not _is_law(key):
-                    expected = "a number that the reduced model does not hold: of contacts, " + ", ".join(LAW_KEYS)
+                if rom_path(job) is not None and _is_of_model(key):
+                    laws = ", ".join(LAW_KEYS)
+                    expected = f"a number that the reduced model does not hold: of contacts, {laws}; {ENGINE_ORDER}"
                     faults.append(Fault(self.path, where, key, expected))
                     continue
                 try:
@@ -165,8 +167,10 @@ def _table(key: str) -> str:
     return re.match(r"\w*", key).group()
 
 
-def _is_law(key: str) -> bool:
-    return _table(key) in ("contact", "contact_set") and key.rpartition(".")[2] in LAW_KEYS
+def _is_of_model(key: str) -> bool:
+    """Whether the model has to be read again for it, and reduced."""
+    of_law = _table(key) in ("contact", "contact_set") and key.rpartition(".")[2] in LAW_KEYS
+    return _table(key) in MODEL_TABLES and not of_law and key != ENGINE_ORDER
 
 
 CHECKS: dict[str, tuple[Check, Any]] = {

@@ -15,7 +15,7 @@ from attrito.job.job import Job
 from attrito.library.names import OUTCOMES
 from attrito.plots.style import save
 from attrito.studies.design import Study
-from attrito.studies.picture import QUANTILES, picture_of_modes, picture_of_peaks
+from attrito.studies.picture import QUANTILES, picture_of_modes, picture_of_peaks, quantiles_of
 from attrito.studies.sample_peaks import METHODS
 from attrito.support.atomic_files import whole_hdf5
 from attrito.support.hdf5_writing import described
@@ -113,7 +113,7 @@ def write_study(
             put("peaks/method", method, "how it was found", "1").attrs["names"] = list(METHODS)
         put(f"{study.of}/outcome", outcome, "how it ended", "1").attrs["names"] = list(OUTCOMES)
         for name in kind.quantiles:
-            quantiles = np.nanquantile(numbers[name], QUANTILES, axis=0)
+            quantiles = quantiles_of(numbers[name])
             put(f"quantiles/{name}", quantiles, "over the samples, by quantile and parameter", kind.numbers[name][1])
         put("quantiles/probability", np.array(QUANTILES), "of the quantiles", "1")
     units = job.attributes["units"]

@@ -16,6 +16,14 @@ MOST_PARTS, FEWEST = 15, 8
 LEAST = 1e-4
 
 
+def quantiles_of(values: np.ndarray) -> np.ndarray:
+    """`QUANTILES` over the samples `[samples, n]` that have a number, `[quantiles, n]`; NaN where none has."""
+    found = np.full((len(QUANTILES), values.shape[1]), np.nan)
+    known = np.isfinite(values).any(axis=0)
+    found[:, known] = np.nanquantile(values[:, known], QUANTILES, axis=0)
+    return found
+
+
 def picture_of_peaks(
     study: Study, stops: list[float], values: np.ndarray, amplitude: np.ndarray, parameter: str, unit: str
 ) -> Figure:
@@ -25,7 +33,7 @@ def picture_of_peaks(
         if len(stops) > 1:
             figure = Figure(figsize=(6.4, 4.2), constrained_layout=True)
             axes = figure.subplots()
-            _bands(axes, np.array(stops), np.nanquantile(amplitude, QUANTILES, axis=0))
+            _bands(axes, np.array(stops), quantiles_of(amplitude))
             axes.set(xlabel=f"{parameter.capitalize()} factor", ylabel=label)
             axes.legend()
             return figure
@@ -35,11 +43,15 @@ def picture_of_peaks(
             axes.plot(column, amplitude[:, 0], ".", color="0.6", markersize=2.5)
             known = np.flatnonzero(np.isfinite(amplitude[:, 0]))
             order = known[np.argsort(column[known])]
+            if not len(order):
+                axes.set(xlabel=plain_text(vary.name), ylabel=label)
+                continue
             parts = np.array_split(order, min(max(1, len(order) // FEWEST), MOST_PARTS))
             middle = np.array([np.median(column[part]) for part in parts])
             _bands(axes, middle, np.array([np.quantile(amplitude[part, 0], QUANTILES) for part in parts]).T)
             axes.set(xlabel=plain_text(vary.name), ylabel=label)
-        axes.legend()
+        if np.isfinite(amplitude[:, 0]).any():
+            axes.legend()
     return figure
 
 
@@ -49,7 +61,7 @@ def picture_of_modes(amplitudes: list[float], frequency_hz: np.ndarray, damping_
         figure = Figure(figsize=(6.4, 5.6), constrained_layout=True)
         upper, lower = figure.subplots(2, 1, sharex=True)
         for axes, quantity in ((upper, frequency_hz), (lower, damping_ratio)):
-            _bands(axes, np.array(amplitudes), np.nanquantile(quantity, QUANTILES, axis=0))
+            _bands(axes, np.array(amplitudes), quantiles_of(quantity))
         upper.set_ylabel("Frequency (Hz)")
         upper.ticklabel_format(axis="y", useOffset=False)
         upper.legend()
