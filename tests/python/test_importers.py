@@ -13,16 +13,14 @@ import pytest
 import scipy.io
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import eigsh
+from two_springs import DATA, MASS, STIFFNESS
 
 from attrito.importers import check_matrices, import_model, read_matrix, read_mesh
 from attrito.importers.dof_file import read_dof_file
 from attrito.model.model_file import read_model
 from attrito.support.errors import InputError
 
-DATA = Path(__file__).parent / "data"
 REPOSITORY = Path(__file__).parents[2]
-STIFFNESS = np.array([[3.0, -1.0, 0.0], [-1.0, 2.5, 0.0], [0.0, 0.0, 4.0]])
-MASS = np.diag([0.5, 0.25, 0.25])
 
 
 def fault_lines(call, *arguments, **options) -> str:

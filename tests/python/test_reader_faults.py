@@ -13,13 +13,11 @@ import pytest
 import scipy.io
 import scipy.sparse as sparse
 from jobs import attrito_here
+from two_springs import DATA, STIFFNESS
 
 from attrito.importers import import_model, read_matrix, read_mesh
 from attrito.importers.dof_file import read_dof_file
 from attrito.support.errors import InputError
-
-DATA = Path(__file__).parent / "data"
-STIFFNESS = np.array([[3.0, -1.0, 0.0], [-1.0, 2.5, 0.0], [0.0, 0.0, 4.0]])
 
 
 def replaced(old: str, new: str) -> Callable[[str], str]:
