@@ -8,20 +8,16 @@ program test_linearised_step
   use attrito_newton_condensed_krylov, only: krylov_options_type
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_newton_linearised_step, only: linear_options_type, solve_linearised, apply_linearised
-  use attrito_linear_receptance, only: receptance_type
-  use attrito_balance_set_up, only: new_balance
-  use attrito_linear_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
   use attrito_newton_preconditioners, only: preconditioners_type
   use attrito_newton_two_level_factors, only: two_level_factors_type
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_contact_state, only: state_stuck
-  use scenes, only: scene_type, rubbing_frame, rubbing_frame_with_high_modes, damp, noise, restate
+  use random_steps, only: k, rows, contacts, n, omega, evaluate_at_random, random_constraint, random_right, packed, by_gmres
+  use scenes, only: scene_type, rubbing_frame, rubbing_frame_with_high_modes, damp, restate
   use session, only: run_in_session, only_me
   use testing, only: test, check, check_close
   implicit none
 
-  integer, parameter :: harmonics = 2, k = 2*harmonics + 1, rows = 10, contacts = 4, n = k*rows + 2*contacts
-  real(wp), parameter :: omega = 1.3_wp
   ! A difference over 1e-6 of residuals of order one: rounding 1e-10, curvature of two-tangent slip times the step squared below that;
   ! the condition of the system, some 1e2, is between this and the step.
   real(wp), parameter :: increment = 1.0e-6_wp, tolerance = 1.0e-7_wp
@@ -57,10 +53,6 @@ contains
     !> Of force, in which all are stated: 1 unless given
     real(wp), intent(in), optional :: unit
     type(scene_type) :: scene
-    type(stuck_system_type) :: stuck
-    class(receptance_type), allocatable :: receptance
-    type(error_type), allocatable :: fault
-    integer :: status
 
     if (present(high)) then
       scene = rubbing_frame_with_high_modes(high)
@@ -74,41 +66,8 @@ contains
       call damp(scene, damping_viscous, 0.05_wp)
     end if
     if (present(unit)) call restate(scene, unit)
-    call new_stuck_system(scene%structure, scene%contacts, .true., stuck, fault)
-    call new_receptance(scene%structure, scene%contacts, stuck, harmonics, receptance)
-    call new_balance(scene%structure, scene%contacts, receptance, only_me(), 64, balance)
-    motion = 0.7_wp*reshape(noise(k*rows, 11), [k, rows])
-    balance%slider = 0.1_wp*reshape(noise(2*contacts, 14), [2, contacts])
-    call balance%evaluate(motion, omega, status)
+    call evaluate_at_random(scene, balance, motion)
   end subroutine prepare
-
-  pure function random_constraint() result(constraint)
-    type(constraint_type) :: constraint
-
-    constraint%motion = reshape(noise(k*rows, 12), [k, rows])
-    constraint%frequency = 0.8_wp
-  end function random_constraint
-
-  !> A right-hand side; only periodic sliders have one.
-  function random_right(balance) result(right)
-    type(balance_type), intent(in) :: balance
-    type(unknowns_type) :: right
-    integer :: i
-
-    right%motion = reshape(noise(k*rows, 13), [k, rows])
-    right%slider = reshape(noise(2*contacts, 15), [2, contacts])
-    do i = 1, contacts
-      if (.not. balance%periodic(i)) right%slider(:, i) = 0.0_wp
-    end do
-    right%omega = 0.4_wp
-  end function random_right
-
-  pure function packed(unknowns)
-    type(unknowns_type), intent(in) :: unknowns
-    real(wp) :: packed(n + 1)
-
-    packed = [unknowns%motion, unknowns%slider, unknowns%omega]
-  end function packed
 
   subroutine compare(error, balance, motion)
     type(error_type), allocatable, intent(inout) :: error
@@ -202,8 +161,7 @@ contains
       step = right
       call solve_linearised(balance, random_constraint(), right, linear_options_type(), eliminated, iterations, status)
       call check(error, iterations == 0, 'elimination does not iterate')
-      call solve_linearised(balance, random_constraint(), right, linear_options_type( &
-                            dense_limit=0, krylov=krylov_options_type(tolerance=1.0e-13_wp, low_modes=2)), step, iterations, status)
+      call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-13_wp, 2), step, iterations, status)
       call check(error, status == 0 .and. iterations > 3, 'GMRES was not needed: the test is void')
       call check_close(error, packed(step), packed(eliminated), 1.0e-10_wp*maxval(abs(packed(eliminated))), 'step')
       call balance%destroy()
@@ -227,9 +185,7 @@ contains
       right = random_right(balance)
       step = right
       back = right
-      call solve_linearised(balance, random_constraint(), right, linear_options_type( &
-                            dense_limit=0, krylov=krylov_options_type(tolerance=krylov_tolerance, low_modes=4)), &
-                            step, iterations, status)
+      call solve_linearised(balance, random_constraint(), right, by_gmres(krylov_tolerance, 4), step, iterations, status)
       call check(error, status == 0 .and. balance%split%in_use, 'no modes are summed: the test is void')
       call apply_linearised(balance, random_constraint(), step, back)
       call check_close(error, packed(back), packed(right), 2.0_wp*krylov_tolerance*norm2(packed(step)), 'the step put back')
@@ -249,8 +205,7 @@ contains
     call prepare(0.0_wp, balance, motion, damping_ratio)
     right = random_right(balance)
     step = right
-    call solve_linearised(balance, random_constraint(), right, linear_options_type( &
-                          dense_limit=0, krylov=krylov_options_type(tolerance=1.0e-5_wp, low_modes=8)), step, iterations, status)
+    call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-5_wp, 8), step, iterations, status)
     call check(error, status == 0 .and. iterations == 1, 'it iterates')
     call balance%destroy()
   end subroutine exact_preconditioner
@@ -261,13 +216,11 @@ contains
     real(wp), parameter :: krylov_tolerance = 1.0e-4_wp
     type(balance_type) :: balance
     type(preconditioners_type) :: kept
-    type(linear_options_type) :: by_gmres
     type(unknowns_type) :: right, step, back
     real(wp) :: motion(k, rows)
     integer, allocatable :: known(:)
     integer :: i, iterations, status
 
-    by_gmres = linear_options_type(dense_limit=0, krylov=krylov_options_type(tolerance=krylov_tolerance, low_modes=4))
     do i = 1, 2
       call prepare(0.0_wp, balance, motion, damping_ratio)
       balance%slider = 0.0_wp
@@ -277,12 +230,12 @@ contains
       right = random_right(balance)
       step = right
       back = right
-      call solve_linearised(balance, random_constraint(), right, by_gmres, step, iterations, status, kept)
+      call solve_linearised(balance, random_constraint(), right, by_gmres(krylov_tolerance, 4), step, iterations, status, kept)
       known = kept%two_level%contacts
       motion = motion*merge(0.3_wp, 1.5_wp, i == 1)
       call balance%evaluate(motion, 1.02_wp*omega, status)
       call check(error, size(known) /= size(balance%active%contacts), 'the same contacts move: the test is void')
-      call solve_linearised(balance, random_constraint(), right, by_gmres, step, iterations, status, kept)
+      call solve_linearised(balance, random_constraint(), right, by_gmres(krylov_tolerance, 4), step, iterations, status, kept)
       call check(error, status == 0 .and. size(known) == size(kept%two_level%contacts), 'it was made anew: the test is void')
       call apply_linearised(balance, random_constraint(), step, back)
       call check_close(error, packed(back), packed(right), 2.0_wp*krylov_tolerance*norm2(packed(step)), 'the step put back')

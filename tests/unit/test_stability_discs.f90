@@ -9,8 +9,7 @@ program test_stability_discs
   use attrito_integrate_loading, only: loading_type, new_loading, new_profile
   use attrito_integrate_state, only: state_type, new_state
   use attrito_integrate_system, only: system_type, new_system
-  use attrito_model_contacts, only: contact_type, new_contacts
-  use attrito_model_structure, only: damping_viscous
+  use attrito_model_contacts, only: contact_type
   use attrito_stability_assess, only: assess
   use attrito_stability_balance_motion, only: balance_motion_type, balance_motion_of
   use attrito_stability_event_orbit, only: event_orbit_type
@@ -25,7 +24,8 @@ program test_stability_discs
   use attrito_stability_shooting, only: shoot
   use attrito_stability_start, only: loading_of
   use attrito_stability_verdict, only: largest_multiplier, stable, unstable
-  use scenes, only: scene_type, wedge, noise
+  use disc_scenes, only: rotating_scene, spatial_wedge, stiffen, spread_out, add_high_modes
+  use scenes, only: scene_type, wedge
   use session, only: run_in_session, only_me
   use testing, only: test, check, check_close
   implicit none
@@ -157,26 +157,6 @@ contains
     call orbit%apply_law(system, no_loads)
   end function orbit_along
 
-  function rotating_scene(ratio) result(scene)
-    !> Radius of the circle over that of the disc
-    real(wp), intent(in) :: ratio
-    type(scene_type) :: scene
-    type(contact_type) :: law
-    real(wp) :: eye(2, 2)
-
-    eye = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [2, 2])
-    law = contact_type(tangents=2, tangential_stiffness=1.0e-9_wp, normal_stiffness=1.0e-9_wp, friction_coefficient=0.5_wp, &
-                       preload=2.0e-9_wp/ratio)
-    scene%contacts = new_contacts([law], reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp], [2, 3]))
-    scene%structure%mass = eye
-    scene%structure%stiffness = eye
-    scene%structure%damping_kind = damping_viscous
-    scene%structure%damping = 0.02_wp*eye
-    scene%structure%static_loads = reshape([0.0_wp, 0.0_wp], [2, 1])
-    scene%structure%harmonic_load = reshape([0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [2, 3])
-    allocate (scene%structure%monitors(2, 0))
-  end function rotating_scene
-
   !> The wedge with stiff contacts, which slip, open and land: multipliers of the balance's orbit by both flows.
   subroutine lines(error)
     type(error_type), allocatable, intent(out) :: error
@@ -238,43 +218,6 @@ contains
     end do
   end subroutine compare_tangents
 
-  !> Stiff contacts, 20 N of preload, 60 N along x.
-  subroutine stiffen(scene)
-    type(scene_type), intent(inout) :: scene
-
-    scene%contacts%law%tangential_stiffness = 3.0e6_wp
-    scene%contacts%law%normal_stiffness = 3.0e6_wp
-    scene%contacts = new_contacts(scene%contacts%law, scene%contacts%directions)
-    scene%structure%static_loads = reshape([0.0_wp, 20.0_wp], [2, 1])
-    scene%structure%harmonic_load(:, 2) = [60.0_wp, 0.0_wp]
-  end subroutine stiffen
-
-  !> A third coordinate across the plane, its own spring and damper, and a second tangent along it.
-  subroutine spread_out(scene)
-    type(scene_type), intent(inout) :: scene
-    type(scene_type) :: flat
-    type(contact_type) :: law
-
-    flat = scene
-    law = flat%contacts%law(1)
-    law%tangents = 2
-    associate (structure => scene%structure, b => flat%contacts%directions)
-      scene%contacts = new_contacts([law], reshape([b(:, 1), 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, b(:, 2), 0.0_wp], [3, 3]))
-      deallocate (structure%mass, structure%stiffness, structure%damping, structure%static_loads, structure%harmonic_load, &
-                  structure%monitors)
-      allocate (structure%mass(3, 3), structure%stiffness(3, 3), structure%damping(3, 3), structure%static_loads(3, 1), &
-                structure%harmonic_load(3, 3), structure%monitors(3, 0), source=0.0_wp)
-      structure%mass(:2, :2) = flat%structure%mass
-      structure%stiffness(:2, :2) = flat%structure%stiffness
-      structure%damping(:2, :2) = flat%structure%damping
-      structure%static_loads(:2, :) = flat%structure%static_loads
-      structure%harmonic_load(:2, :) = flat%structure%harmonic_load
-      structure%mass(3, 3) = 1.0_wp
-      structure%stiffness(3, 3) = (two_pi*180.0_wp)**2
-      structure%damping(3, 3) = 60.0_wp
-    end associate
-  end subroutine spread_out
-
   !> The stiff wedge in space, also shaken across its plane: what the orbits of its balance's point are found by.
   subroutine balance_in_space(frequency_hz, search, error)
     real(wp), intent(in) :: frequency_hz
@@ -284,10 +227,7 @@ contains
     type(solver_type) :: solver
     type(system_type) :: system
 
-    scene = wedge(45.0_wp)
-    call stiffen(scene)
-    call spread_out(scene)
-    scene%structure%harmonic_load(3, 3) = 20.0_wp
+    scene = spatial_wedge(20.0_wp)
     call balance(scene, frequency_hz, 1.0_wp, solver, error)
     if (allocated(error)) return
     call new_system(solver%structure, solver%contacts, system, error)
@@ -329,7 +269,7 @@ contains
     integer :: cycle, regime, i, n
     logical :: converged
 
-    call spatial_wedge(system, loading, error)
+    call pressed_wedge(system, loading, error)
     if (allocated(error)) return
     n = size(system%eigenvalues)
     start = new_state(system, spread(0.0_wp, 1, n), spread(0.0_wp, 1, n), reshape([0.0_wp, 0.0_wp], [2, 1]))
@@ -372,10 +312,7 @@ contains
     real(wp) :: slider(2, 1)
     integer :: info(3)
 
-    scene = wedge(45.0_wp)
-    call stiffen(scene)
-    call spread_out(scene)
-    scene%structure%harmonic_load(3, 3) = 20.0_wp
+    scene = spatial_wedge(20.0_wp)
     call add_high_modes(scene, modes(3) - 3)
     call balance(scene, 110.0_wp, 1.0_wp, solver, error)
     if (allocated(error)) return
@@ -397,39 +334,6 @@ contains
     ! tenth.
     call check(error, largest_change(few, every) < 1.2e-2_wp, 'modes at rest leave out too much')
   end subroutine projected
-
-  !> Coordinates on springs of 2e8, from 1.5 kHz up, that add to all rows, each damped by a ratio of 0.3.
-  subroutine add_high_modes(scene, high)
-    type(scene_type), intent(inout) :: scene
-    integer, intent(in) :: high
-    type(scene_type) :: low
-    real(wp), parameter :: spring = 2.0e8_wp, ratio = 0.3_wp
-    real(wp) :: omega
-    integer :: i, m
-
-    low = scene
-    m = size(low%structure%mass, 1)
-    scene%contacts = new_contacts(low%contacts%law, reshape([transpose(low%contacts%directions), noise(3*high, 9)], [m + high, 3], &
-                                                            order=[2, 1]))
-    associate (structure => scene%structure)
-      deallocate (structure%mass, structure%stiffness, structure%damping, structure%static_loads, structure%harmonic_load, &
-                  structure%monitors)
-      allocate (structure%mass(m + high, m + high), structure%stiffness(m + high, m + high), structure%damping(m + high, m + high), &
-                structure%static_loads(m + high, 1), structure%harmonic_load(m + high, 3), structure%monitors(m + high, 0), &
-                source=0.0_wp)
-      structure%mass(:m, :m) = low%structure%mass
-      structure%stiffness(:m, :m) = low%structure%stiffness
-      structure%damping(:m, :m) = low%structure%damping
-      structure%static_loads(:m, :) = low%structure%static_loads
-      structure%harmonic_load(:m, :) = low%structure%harmonic_load
-      do i = 1, high
-        omega = two_pi*(1.0e3_wp + 5.0e2_wp*i)
-        structure%mass(m + i, m + i) = spring/omega**2
-        structure%stiffness(m + i, m + i) = spring
-        structure%damping(m + i, m + i) = 2.0_wp*ratio*spring/omega
-      end do
-    end associate
-  end subroutine add_high_modes
 
   !> Motion, rate and angle of slip times radius after a period from a state of which one of these is changed.
   function moved(system, loading, start, which, h, steps) result(end)
@@ -455,26 +359,24 @@ contains
     call march(system, loading, steps, state)
     end = [state%motion, state%rate, dot_product([-e(2), e(1)], matmul(state%motion, system%rows(:, :2)) - state%slider(:, 1))]
   end function moved
+
   !> The stiff wedge in space, heavily damped, pressed and shaken so that it sticks, slips along both tangents and opens.
-  subroutine spatial_wedge(system, loading, error)
+  subroutine pressed_wedge(system, loading, error)
     type(system_type), intent(out) :: system
     type(loading_type), intent(out) :: loading
     type(error_type), allocatable, intent(out) :: error
     type(scene_type) :: scene
     real(wp) :: constant(2, 0)
 
-    scene = wedge(45.0_wp)
-    call stiffen(scene)
-    call spread_out(scene)
+    scene = spatial_wedge(15.0_wp)
     scene%contacts%law%friction_coefficient = 1.0_wp
     scene%structure%static_loads(2, 1) = 100.0_wp
-    scene%structure%harmonic_load(3, 3) = 15.0_wp
     scene%structure%damping = 5.0_wp*scene%structure%damping
     call new_system(scene%structure, scene%contacts, system, error)
     if (allocated(error)) return
     loading = new_loading(two_pi*110.0_wp, system%clock, system%static_loads(:, 1), system%harmonic_load, new_profile(constant), &
                           new_profile(constant))
-  end subroutine spatial_wedge
+  end subroutine pressed_wedge
 
   !> March a period of exponential steps.
   subroutine march(system, loading, steps, state)

@@ -6,22 +6,18 @@ program test_tangent_reference
   use attrito_core_state_store, only: state_store_type, reading_store, writing_store
   use attrito_model_contacts, only: stuck_stiffness
   use attrito_model_structure, only: damping_viscous, damping_mass, damping_ratio
-  use attrito_newton_border, only: constraint_type
-  use attrito_newton_condensed_krylov, only: krylov_options_type
   use attrito_balance_harmonic_balance, only: balance_type
-  use attrito_newton_linearised_step, only: linear_options_type, solve_linearised, apply_linearised
+  use attrito_newton_linearised_step, only: linear_options_type, solve_linearised
   use attrito_newton_preconditioners, only: preconditioners_type
   use attrito_linear_receptance, only: receptance_type
-  use attrito_balance_set_up, only: new_balance
   use attrito_linear_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
   use attrito_balance_unknowns, only: unknowns_type
-  use scenes, only: scene_type, rubbing_frame, damp, noise
-  use session, only: run_in_session, only_me
+  use random_steps, only: harmonics, k, rows, omega, evaluate_at_random, random_constraint, random_right, packed, by_gmres
+  use scenes, only: scene_type, rubbing_frame, damp
+  use session, only: run_in_session
   use testing, only: test, check, check_close
   implicit none
 
-  integer, parameter :: harmonics = 2, k = 2*harmonics + 1, rows = 10, contacts = 4
-  real(wp), parameter :: omega = 1.3_wp
   !> A gap that no motion here closes
   real(wp), parameter :: far = 100.0_wp
   !> Rows of the second contact and of the fourth
@@ -47,50 +43,12 @@ contains
     type(balance_type), intent(out) :: balance
     real(wp), intent(out) :: motion(k, rows)
     type(scene_type) :: scene
-    type(stuck_system_type) :: stuck
-    class(receptance_type), allocatable :: receptance
-    type(error_type), allocatable :: fault
-    integer :: status
 
     scene = rubbing_frame()
     scene%contacts%law([2, 4])%gap = far
     call damp(scene, kind, ratio)
-    call new_stuck_system(scene%structure, scene%contacts, .true., stuck, fault)
-    call new_receptance(scene%structure, scene%contacts, stuck, harmonics, receptance)
-    call new_balance(scene%structure, scene%contacts, receptance, only_me(), 64, balance)
-    motion = 0.7_wp*reshape(noise(k*rows, 11), [k, rows])
-    balance%slider = 0.1_wp*reshape(noise(2*contacts, 14), [2, contacts])
-    call balance%evaluate(motion, omega, status)
+    call evaluate_at_random(scene, balance, motion)
   end subroutine prepare
-
-  pure function random_constraint() result(constraint)
-    type(constraint_type) :: constraint
-
-    constraint%motion = reshape(noise(k*rows, 12), [k, rows])
-    constraint%frequency = 0.8_wp
-  end function random_constraint
-
-  function random_right() result(right)
-    type(unknowns_type) :: right
-
-    right%motion = reshape(noise(k*rows, 13), [k, rows])
-    allocate (right%slider(2, contacts), source=0.0_wp)
-    right%omega = 0.4_wp
-  end function random_right
-
-  pure function packed(unknowns)
-    type(unknowns_type), intent(in) :: unknowns
-    real(wp) :: packed(k*rows + 1)
-
-    packed = [unknowns%motion, unknowns%omega]
-  end function packed
-
-  !> Always by GMRES.
-  pure type(linear_options_type) function by_gmres(tolerance)
-    real(wp), intent(in) :: tolerance
-
-    by_gmres = linear_options_type(dense_limit=0, krylov=krylov_options_type(tolerance=tolerance, low_modes=2))
-  end function by_gmres
 
   !> Against the dense inverse of K~ - B^T k B - (h omega)^2 M + i h omega alpha M.
   subroutine without_springs(error)
@@ -164,9 +122,9 @@ contains
     call prepare(damping_mass, 0.1_wp, balance, motion)
     call check(error, all(balance%forces([2, 4])%open >= 1.0_wp) .and. any(balance%forces([1, 3])%open < 1.0_wp) .and. &
                any(balance%forces%slip > 0.1_wp), 'not all kinds of contact: the test is void')
-    right = random_right()
+    right = random_right(balance)
     step = right
-    call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-5_wp), step, iterations, status, kept)
+    call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-5_wp, 2), step, iterations, status, kept)
     call check(error, allocated(kept%reference%receptance), 'it has no reference')
     call check(error, all(kept%reference%opened .eqv. [.false., .true., .false., .true.]), 'other contacts are open in it')
     call check(error, status == 0 .and. iterations == 1, 'it iterates')
@@ -187,12 +145,12 @@ contains
       call prepare(merge(damping_viscous, damping_ratio, i <= 2), 0.05_wp, balance, motion)
       if (modulo(i, 2) == 0) balance%frozen_mean = balance%response(:, lbound(balance%response, 2))
       call balance%evaluate(motion, omega, status)
-      right = random_right()
+      right = random_right(balance)
       eliminated = right
       step = right
       call solve_linearised(balance, random_constraint(), right, linear_options_type(), eliminated, iterations, status)
       call check(error, iterations == 0, 'elimination does not iterate')
-      call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-13_wp), step, iterations, status, kept)
+      call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-13_wp, 2), step, iterations, status, kept)
       call check(error, status == 0 .and. allocated(kept%reference%receptance), 'it has no reference')
       call check_close(error, packed(step), packed(eliminated), 1.0e-10_wp*maxval(abs(packed(eliminated))), 'step')
       call balance%destroy()
@@ -209,7 +167,7 @@ contains
     integer :: i, iterations, status
 
     call prepare(damping_mass, 0.1_wp, balance, motion)
-    right = random_right()
+    right = random_right(balance)
     eliminated = right
     step = right
     do i = 1, 3
@@ -217,7 +175,7 @@ contains
       if (i == 3) balance%law(2)%preload = far
       call balance%evaluate(motion, omega, status)
       call solve_linearised(balance, random_constraint(), right, linear_options_type(), eliminated, iterations, status)
-      call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-13_wp), step, iterations, status, kept)
+      call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-13_wp, 2), step, iterations, status, kept)
       call check(error, all(kept%reference%opened .eqv. [.false., .true., .false., .true.]), &
                  'another reference was taken: the test is void')
       call check(error, i == 1 .or. balance%forces(2)%open < 1.0_wp, 'it does not touch: the test is void')
@@ -238,10 +196,10 @@ contains
     call prepare(damping_mass, 0.1_wp, balance, motion)
     balance%law([2, 4])%gap = 0.0_wp
     call balance%evaluate(motion, omega, status)
-    right = random_right()
+    right = random_right(balance)
     step = right
     do i = 1, 20
-      call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-5_wp), step, iterations, status, kept)
+      call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-5_wp, 2), step, iterations, status, kept)
     end do
     call check(error, .not. allocated(kept%reference%receptance), 'there is one')
     call balance%destroy()
@@ -277,17 +235,17 @@ contains
     integer :: iterations, status
 
     call prepare(damping_ratio, 0.1_wp, balance, motion)
-    right = random_right()
+    right = random_right(balance)
     step = right
     again = right
-    call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-5_wp), step, iterations, status, kept)
+    call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-5_wp, 2), step, iterations, status, kept)
     store = writing_store()
     call kept%keep(store)
     store = reading_store(store%numbers(:store%position))
     call loaded%keep(store)
     call check(error, store%is_read(), 'not all of it is read')
-    call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-5_wp), step, iterations, status, kept)
-    call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-5_wp), again, iterations, status, loaded)
+    call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-5_wp, 2), step, iterations, status, kept)
+    call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-5_wp, 2), again, iterations, status, loaded)
     call check(error, allocated(loaded%reference%receptance), 'it has no reference')
     call check_close(error, packed(again), packed(step), 0.0_wp, 'step')
     call balance%destroy()

@@ -1,0 +1,81 @@
+!> The linearised equations of a balance that was evaluated at a random motion, with random constraints and right-hand sides: of the
+!> frame of `scenes`.
+module random_steps
+  use attrito_core_errors, only: error_type
+  use attrito_core_kinds, only: wp
+  use attrito_balance_harmonic_balance, only: balance_type
+  use attrito_balance_set_up, only: new_balance
+  use attrito_balance_unknowns, only: unknowns_type
+  use attrito_linear_receptance, only: receptance_type
+  use attrito_linear_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
+  use attrito_newton_border, only: constraint_type
+  use attrito_newton_condensed_krylov, only: krylov_options_type
+  use attrito_newton_linearised_step, only: linear_options_type
+  use scenes, only: scene_type, noise
+  use session, only: only_me
+  implicit none
+  private
+  public :: harmonics, k, rows, contacts, n, omega
+  public :: evaluate_at_random, random_constraint, random_right, packed, by_gmres
+
+  !> Of the frame; k coefficients of each row, n motions and sliders
+  integer, parameter :: harmonics = 2, k = 2*harmonics + 1, rows = 10, contacts = 4, n = k*rows + 2*contacts
+  real(wp), parameter :: omega = 1.3_wp
+
+contains
+
+  subroutine evaluate_at_random(scene, balance, motion)
+    type(scene_type), intent(in) :: scene
+    type(balance_type), intent(out) :: balance
+    !> Of the contacts
+    real(wp), intent(out) :: motion(k, rows)
+    type(stuck_system_type) :: stuck
+    class(receptance_type), allocatable :: receptance
+    type(error_type), allocatable :: fault
+    integer :: status
+
+    call new_stuck_system(scene%structure, scene%contacts, .true., stuck, fault)
+    call new_receptance(scene%structure, scene%contacts, stuck, harmonics, receptance)
+    call new_balance(scene%structure, scene%contacts, receptance, only_me(), 64, balance)
+    motion = 0.7_wp*reshape(noise(k*rows, 11), [k, rows])
+    balance%slider = 0.1_wp*reshape(noise(2*contacts, 14), [2, contacts])
+    call balance%evaluate(motion, omega, status)
+  end subroutine evaluate_at_random
+
+  pure function random_constraint() result(constraint)
+    type(constraint_type) :: constraint
+
+    constraint%motion = reshape(noise(k*rows, 12), [k, rows])
+    constraint%frequency = 0.8_wp
+  end function random_constraint
+
+  !> A right-hand side; only periodic sliders have one.
+  function random_right(balance) result(right)
+    type(balance_type), intent(in) :: balance
+    type(unknowns_type) :: right
+    integer :: i
+
+    right%motion = reshape(noise(k*rows, 13), [k, rows])
+    right%slider = reshape(noise(2*contacts, 15), [2, contacts])
+    do i = 1, contacts
+      if (.not. balance%periodic(i)) right%slider(:, i) = 0.0_wp
+    end do
+    right%omega = 0.4_wp
+  end function random_right
+
+  !> All unknowns in one column.
+  pure function packed(unknowns)
+    type(unknowns_type), intent(in) :: unknowns
+    real(wp) :: packed(n + 1)
+
+    packed = [unknowns%motion, unknowns%slider, unknowns%omega]
+  end function packed
+
+  !> Always by GMRES, to a tolerance, with so many low modes in the coarse system.
+  pure type(linear_options_type) function by_gmres(tolerance, low_modes)
+    real(wp), intent(in) :: tolerance
+    integer, intent(in) :: low_modes
+
+    by_gmres = linear_options_type(dense_limit=0, krylov=krylov_options_type(tolerance=tolerance, low_modes=low_modes))
+  end function by_gmres
+end module random_steps
