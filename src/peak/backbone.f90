@@ -10,11 +10,8 @@
 !> which changes nothing where c = a. For omega and xi held the balance is solved as any other; two linearised solves say how c
 !> changes with them, and Newton's method on the complex equation c = a finds both.
 !>
-!> The loads f_1 whose work over a period is what -xi M q' does, were they in quadrature, have the level
-!>
-!> $$ L = \xi \omega \sum_h h^2 X_h^H M X_h / |X_1^H F_1| : $$
-!>
-!> there the backbone expects a resonance peak, at omega. Source: Krack 2015, doi:10.1016/j.compstruc.2015.02.037.
+!> Where loads would keep the motion up in place of -xi M q' the backbone expects a resonance peak, at omega
+!> (`attrito_peak_resonant_level`). Source: Krack 2015, doi:10.1016/j.compstruc.2015.02.037.
 !>
 !> A mode may also be begun at a given shape phi and frequency, those of the tangent system where contacts are open at rest: the
 !> stuck mode that has most of phi then serves as the coordinate that is held, a = x^T M phi / m times the shape's amplitude.
@@ -27,6 +24,7 @@ module attrito_peak_backbone
   use attrito_solve_solver, only: solver_type
   use attrito_peak_amplitude, only: amplitude_type, amplitude_of
   use attrito_peak_condition, only: problem_type, direction_type, solve, respond
+  use attrito_peak_resonant_level, only: kinetic_sum, resonant_level, structural_ratio
   implicit none
   private
   public :: backbone_type, begin_backbone, prepare_mode, begin_mode, leading_mode
@@ -445,45 +443,17 @@ contains
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     type(amplitude_type) :: amplitude
-    complex(wp), allocatable :: inertia(:, :)
-    real(wp) :: work
-    integer :: h
 
-    associate (balance => solver%context%balance)
-      if (self%problem%monitor > 0) then
+    if (self%problem%monitor > 0) then
+      associate (balance => solver%context%balance)
         amplitude = amplitude_of(balance%monitors%row_of(self%problem%monitor, balance%response), self%problem%measure)
-        self%height = amplitude%value
-      end if
-      allocate (inertia, mold=balance%response)
-      call balance%receptance%inertia_of(balance%response, inertia)
-      self%kinetic = sum([(h**2*real(sum(conjg(balance%response(:, h))*inertia(:, h)), wp), h=1, ubound(inertia, 2))])
-      work = abs(sum(conjg(balance%response(:, 1))*self%force))
-      self%level = 0.0_wp
-      if (work > 0.0_wp) self%level = self%excitation*solver%omega*self%kinetic/work
-      self%structural_ratio = structural_ratio(solver, self%kinetic)
-    end associate
+      end associate
+      self%height = amplitude%value
+    end if
+    self%kinetic = kinetic_sum(solver)
+    self%level = resonant_level(solver, self%excitation, self%kinetic, self%force)
+    self%structural_ratio = structural_ratio(solver, self%kinetic)
   end subroutine measure
-
-  !> Of the structure's own damping: sum_h h^2 (X_c^T C X_c + X_s^T C X_s)_h / (2 omega sum_h h^2 X_h^H M X_h).
-  function structural_ratio(solver, kinetic) result(ratio)
-    !> Solver of points: its motion, sliders, angular frequency and balance
-    type(solver_type), intent(in) :: solver
-    !> sum_h h^2 X_h^H M X_h
-    real(wp), intent(in) :: kinetic
-    real(wp) :: ratio
-    real(wp), allocatable :: coordinates(:, :)
-    integer :: h
-
-    associate (balance => solver%context%balance)
-      coordinates = transpose(balance%receptance%displacements(balance%response))
-      ratio = 0.0_wp
-      do h = 1, ubound(balance%response, 2)
-        ratio = ratio + h**2*damping_of_harmonic(solver%structure, solver%stuck, h, &
-                                                 cmplx(coordinates(:, 2*h), -coordinates(:, 2*h + 1), wp), h*solver%omega)
-      end do
-    end associate
-    ratio = ratio/(2.0_wp*solver%omega*kinetic)
-  end function structural_ratio
 
   function base_point_of(self, solver) result(base_point)
     type(backbone_type), intent(in) :: self
