@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from attrito.charts.file import SERIES, Chart, Way
+from attrito.charts.labels import label_marks
 from attrito.plots.style import BRANCH_COLOURS, STYLE
 
 MARKERS = dict(zip(SERIES, ("o", "s", "^", "v", "D", "p", "x", "+", "P", "s", "D", "o", "s"), strict=True))
@@ -25,6 +26,8 @@ COLOURS = dict(zip(SERIES, HUES, strict=True))
 LABELLED = ("points", "meshes")
 # Errors are drawn down to here; what is nearer cannot be distinguished from the reference
 LEAST_ERROR = 1e-9
+# Diameters of marks in points: of ways, of those by tolerance, of the one that the job asks for
+SIZE, TOLERANCE_SIZE, STAR_SIZE = 4.5, 5.5, 15.0
 
 
 def picture(chart: Chart) -> Figure:
@@ -55,6 +58,9 @@ def picture(chart: Chart) -> Figure:
         for axes in panels:
             entries |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
         panels[1].legend(entries.values(), entries.keys(), loc="upper left", bbox_to_anchor=(1.01, 1.0))
+        figure.draw_without_rendering()
+        for axes, cost in zip(panels, ("seconds", "work"), strict=True):
+            _label(figure, axes, chart, cost)
     return figure
 
 
@@ -71,7 +77,7 @@ def _draw(axes: Axes, ways: list[Way], cost: str, series: str, label: str) -> No
     shown = np.isfinite(x) & np.isfinite(y)
     if not shown.any():
         return
-    size = 5.5 if series == "tolerance" else 4.5
+    size = TOLERANCE_SIZE if series == "tolerance" else SIZE
     axes.plot(
         x[shown],
         np.maximum(y[shown], LEAST_ERROR),
@@ -81,11 +87,17 @@ def _draw(axes: Axes, ways: list[Way], cost: str, series: str, label: str) -> No
         markerfacecolor="none" if series != "tolerance" else None,
         label=label,
     )
-    for way in ways if series in LABELLED else ():
-        place = getattr(way, cost), max(way.error, LEAST_ERROR)
-        if np.isfinite(place).all():
-            text = f"{way.label}: {way.contacts}"
-            axes.annotate(text, place, (7, -3), textcoords="offset points", fontsize=8)
+
+
+def _label(figure: Figure, axes: Axes, chart: Chart, cost: str) -> None:
+    """Labels with the number of contacts beside the marks of series that have them."""
+    ways = [way for series in SERIES if series in LABELLED for way in chart.ways if way.series == series]
+    ways = [way for way in ways if np.isfinite((getattr(way, cost), way.error)).all()]
+    if ways:
+        own = chart.ways[chart.chosen()]
+        places = [(getattr(way, cost), max(way.error, LEAST_ERROR)) for way in ways]
+        sizes = [STAR_SIZE if way is own else SIZE for way in ways]
+        label_marks(figure, axes, places, sizes, [f"{way.label}: {way.contacts}" for way in ways])
 
 
 def _mark(axes: Axes, chart: Chart, cost: str) -> None:
@@ -98,4 +110,6 @@ def _mark(axes: Axes, chart: Chart, cost: str) -> None:
     way = chart.ways[chart.chosen()]
     if np.isfinite(way.error):
         label = f"tolerance = {way.label}" if way.tolerance else f"the job's own: {way.label}"
-        axes.plot(getattr(way, cost), max(way.error, LEAST_ERROR), "*", color="#D55E00", markersize=15, label=label)
+        axes.plot(
+            getattr(way, cost), max(way.error, LEAST_ERROR), "*", color="#D55E00", markersize=STAR_SIZE, label=label
+        )
