@@ -43,6 +43,8 @@ typedef struct {
     int choose_harmonics;
     int choose_samples;
     int fewest_samples;
+    int dense_limit;
+    int integrate_in_time;
     double tolerance;
     double accepted_error;
     double mode_error;

@@ -15,9 +15,6 @@ module attrito_api_patches
   implicit none
   private
 
-  !> Unknowns of patches up to which linear steps are solved by elimination
-  integer, parameter :: most_unknowns = 1500 ! guess
-
 contains
 
   !> Be at a static state that is known: displacements of the coordinates [m], sliders [contacts, width]; static loads act in full.
@@ -38,9 +35,6 @@ contains
     type(error_type), allocatable :: error
 
     session => session_of(handle)
-    ! A point that patches do not reach is for finer ones, not for motion in time. They are few: elimination is the cheaper.
-    if (allocated(session%solver%time_integrator)) deallocate (session%solver%time_integrator)
-    session%solver%context%linear%dense_limit = most_unknowns
     call take_static_state(session%solver, displacements(:size(session%structure%mass, 1)), own_sliders(session, slider), omega, &
                            error)
     call report_point(session%solver, session%solver%report, 0, session%accuracy%errors, no_tolerance, session%point)

@@ -8,6 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import csr_matrix
 
+# Of a contact's law, what its stuck state does not show
+FREE_OF_MODES = ("friction_coefficient", "gap", "preload", "law", "law_numbers")
+
 
 @dataclass(frozen=True)
 class Sector:
@@ -68,6 +71,18 @@ class ReducedScene:
     monitor_names: list[str]
     reduction: str = ""
     sector: Sector | None = None
+
+    def has_the_modes_of(self, other: ReducedScene) -> bool:
+        """Whether two scenes differ in `FREE_OF_MODES` alone."""
+        plain = ("mass", "stiffness", "damping", "directions", "static", "harmonic", "monitors")
+        same = all(
+            getattr(self, name) == getattr(other, name) for name in ("damping_kind", "damping_value", "monitor_names")
+        )
+        same = same and all(np.array_equal(getattr(self, name), getattr(other, name)) for name in plain)
+        wheels = [None if scene.sector is None else scene.sector.digest for scene in (self, other)]
+        same = same and wheels[0] == wheels[1]
+        shared = (self.laws.keys() | other.laws.keys()) - set(FREE_OF_MODES)
+        return same and all(np.array_equal(self.laws[name], other.laws[name]) for name in shared)
 
 
 def all_alike(scene: ReducedScene) -> ReducedScene:

@@ -31,7 +31,9 @@ class Options:
     `accepted_error`: relative error of the amplitude beyond which a point is `above_tolerance`; 0: not checked. With
     `choose_harmonics` and `choose_samples` the numbers given are those to begin with, `accepted_error` is what they are
     chosen by, and there are at least `fewest_samples`. `mode_error`: the reduced model's own share of the error.
-    `curve_tolerance`: error of the curve drawn through a sweep's points, part of the largest amplitude.
+    `curve_tolerance`: error of the curve drawn through a sweep's points, part of the largest amplitude. `dense_limit`:
+    unknowns up to which linear steps are solved by elimination, beyond by GMRES. `integrate_in_time`: may points that
+    are found from no other start be sought from motion integrated in time?
     """
 
     harmonics: int = 5
@@ -44,6 +46,8 @@ class Options:
     choose_harmonics: bool = False
     choose_samples: bool = False
     fewest_samples: int = 32
+    dense_limit: int = 400
+    integrate_in_time: bool = True
     tolerance: float = 1e-10
     accepted_error: float = 0.0
     mode_error: float = 0.0
@@ -167,7 +171,7 @@ class Solver:
 
         The modes stay. Its static path is to be followed next.
         """
-        if not _has_the_modes_of(self._scene, scene):
+        if not self._scene.has_the_modes_of(scene):
             return False
         self._scene = scene
         laws = make_laws(scene.laws)
@@ -492,18 +496,3 @@ class Solver:
         message = loading.message_buffer()
         status = getattr(self._library, name)(self._handle, *arguments, message, len(message))
         loading.check(status, message)
-
-
-# Of a contact's law, what its stuck state does not show
-FREE_OF_MODES = ("friction_coefficient", "gap", "preload", "law", "law_numbers")
-
-
-def _has_the_modes_of(a: ReducedScene, b: ReducedScene) -> bool:
-    """Whether two scenes differ in `FREE_OF_MODES` alone."""
-    plain = ("mass", "stiffness", "damping", "directions", "static", "harmonic", "monitors")
-    same = (a.damping_kind, a.damping_value, a.monitor_names) == (b.damping_kind, b.damping_value, b.monitor_names)
-    same = same and all(np.array_equal(getattr(a, name), getattr(b, name)) for name in plain)
-    wheels = [None if scene.sector is None else scene.sector.digest for scene in (a, b)]
-    same = same and wheels[0] == wheels[1]
-    shared = (a.laws.keys() | b.laws.keys()) - set(FREE_OF_MODES)
-    return same and all(np.array_equal(a.laws[name], b.laws[name]) for name in shared)

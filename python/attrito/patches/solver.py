@@ -42,6 +42,8 @@ PART_OF_LOSS = 1.0 / 3.0
 MOST_REFINEMENTS = 30
 # Times that large patches are halved where none of a frequency's points is found
 MOST_FAILURES = 3
+# Unknowns of patches up to which linear steps are solved by elimination: as they are few it is the cheaper
+MOST_ELIMINATED = 1500
 # What a point is reported by pairs, rather than by patches
 OF_PAIRS = ("/contacts/", "/points/coordinates", "/points/unique")
 
@@ -187,7 +189,8 @@ class PatchedSolver(Solver):
             self._patches.close()
         self._partition = partition
         self._merged = self._merger.merge(partition)
-        options = self._options
+        # A point that patches do not reach is for finer ones, not for motion in time.
+        options = replace(self._options, dense_limit=MOST_ELIMINATED, integrate_in_time=False)
         if harmonics:
             options = replace(options, harmonics=harmonics, samples=samples)
         self._patches = Solver(self._comm, self._merged.scene, options)
