@@ -28,11 +28,31 @@ module attrito_newton_condensed_krylov
     integer :: max_iterations = 300
   end type krylov_options_type
 
-  !> What PETSc's callbacks see
+  !> A column of the bordered system: D delta d and the step of omega, or what the balance and the constraint ask for
+  type :: column_type
+    !> [2 H + 1, active rows]
+    real(wp), allocatable :: rows(:, :)
+    real(wp) :: last = 0.0_wp
+  end type column_type
+
+  !> The system with its right-hand side and how it is to be solved; what PETSc's callbacks see
   type :: system_type
     type(condensed_operator_type) :: system
     class(preconditioner_type), allocatable :: preconditioner
+    !> The balance's part, and sigma - p^T rho
+    type(column_type) :: right
+    type(krylov_options_type) :: options
   end type system_type
+
+  !> What the solves of a system have come to
+  type :: outcome_type
+    type(column_type) :: step
+    !> Of GMRES, in all
+    integer :: iterations = 0
+    logical :: converged = .false.
+    !> 0, or not: singular, or PETSc has failed
+    integer :: status = 0
+  end type outcome_type
 
 #if PETSC_VERSION_LT(3, 23, 0)
   interface
@@ -102,136 +122,109 @@ contains
     !> 0, or not: singular
     integer, intent(out) :: status
     type(system_type), target :: context
-    real(wp), allocatable :: right(:, :)
-    logical :: converged, serves
+    type(outcome_type) :: outcome
+    logical :: serves
 
-    y = 0.0_wp
-    omega = 0.0_wp
-    iterations = 0
     context%system = new_condensed_operator(balance, border, stiffening, options%tolerance)
-    right = context%system%multiply_jacobian(rho)
+    context%right = column_type(context%system%multiply_jacobian(rho), last)
+    context%options = options
+    allocate (outcome%step%rows, mold=context%right%rows)
+    outcome%step%rows = 0.0_wp
     call kept%reference%prepare(balance, stiffening, serves)
-    if (serves) then
-      call solve_by_tangent(context, options, right, last, kept, y, omega, iterations, converged, status)
-      if (converged .or. status /= 0) return
-      call kept%reference%forget()
-    end if
-    call solve_on_two_levels(context, options, stiffening, right, last, kept, y, omega, iterations, status)
+    if (serves) call solve_by_tangent(context, kept, outcome)
+    if (serves .and. .not. is_final(outcome)) call kept%reference%forget()
+    if (.not. is_final(outcome)) call solve_on_two_levels(context, stiffening, kept, outcome)
+    y = outcome%step%rows
+    omega = outcome%step%last
+    iterations = outcome%iterations
+    status = outcome%status
   end subroutine solve_by_krylov
 
+  !> Did it converge, or fail for good?
+  pure logical function is_final(outcome)
+    !> Of a solve
+    type(outcome_type), intent(in) :: outcome
+
+    is_final = outcome%converged .or. outcome%status /= 0
+  end function is_final
+
   !> Preconditioned by the tangent reference, which has been made ready.
-  subroutine solve_by_tangent(context, options, right, last, kept, y, omega, iterations, converged, status)
+  subroutine solve_by_tangent(context, kept, outcome)
     !> What PETSc's callbacks see
     type(system_type), target, intent(inout) :: context
-    !> How to solve
-    type(krylov_options_type), intent(in) :: options
-    !> Right-hand side over contact rows; sigma - p^T rho
-    real(wp), intent(in) :: right(:, :), last
     !> What preconditioners are made of
     type(preconditioners_type), target, intent(inout) :: kept
-    !> D delta d [2 H + 1, active rows] and step of omega
-    real(wp), intent(inout) :: y(:, :), omega
-    !> Of GMRES, added to
-    integer, intent(inout) :: iterations
-    !> Did the solve converge?
-    logical, intent(out) :: converged
-    !> 0, or PETSc has failed
-    integer, intent(out) :: status
+    !> Step, iterations and how it ended
+    type(outcome_type), intent(inout) :: outcome
     logical :: anew
+    integer :: status
 
-    converged = .false.
-    status = 0
     do
       anew = .not. kept%left_over%serve(context%system%balance)
-      if (anew) call kept%left_over%make(context%system%balance, kept%reference, status)
-      associate (balance => context%system%balance)
-        if (anew) balance%work = balance%work + kept%left_over%flops/balance%ranks%ranks
-      end associate
-      if (status /= 0) then
+      if (anew) then
+        call kept%left_over%make(context%system%balance, kept%reference, status)
+        associate (balance => context%system%balance)
+          balance%work = balance%work + kept%left_over%flops/balance%ranks%ranks
+        end associate
         ! Two levels may do, or say that it is singular.
-        status = 0
-        return
+        if (status /= 0) return
       end if
       call new_tangent_preconditioner(context%system, kept%reference, kept%left_over, context%preconditioner)
-      call run_with(kept%left_over, context, options, right, last, y, omega, iterations, converged, status)
-      if (converged .or. anew .or. status /= 0) return
+      call run_with(kept%left_over, context, outcome)
+      if (anew .or. is_final(outcome)) return
     end do
   end subroutine solve_by_tangent
 
   !> Preconditioned on two levels.
-  subroutine solve_on_two_levels(context, options, stiffening, right, last, kept, y, omega, iterations, status)
+  subroutine solve_on_two_levels(context, stiffening, kept, outcome)
     !> What PETSc's callbacks see
     type(system_type), target, intent(inout) :: context
-    !> How to solve
-    type(krylov_options_type), intent(in) :: options
     !> Part of their springs that contacts keep
     real(wp), intent(in) :: stiffening
-    !> Right-hand side over contact rows; sigma - p^T rho
-    real(wp), intent(in) :: right(:, :), last
     !> What preconditioners are made of
     type(preconditioners_type), target, intent(inout) :: kept
-    !> D delta d [2 H + 1, active rows] and step of omega
-    real(wp), intent(inout) :: y(:, :), omega
-    !> Of GMRES, added to
-    integer, intent(inout) :: iterations
-    !> 0, or not: singular
-    integer, intent(out) :: status
-    logical :: anew, converged
+    !> Step, iterations and how it ended
+    type(outcome_type), intent(inout) :: outcome
+    logical :: anew
 
-    status = 0
     do
       anew = .not. kept%two_level%serve(context%system%balance, stiffening)
-      if (anew) call kept%two_level%make(context%system%balance, options%low_modes, stiffening, status)
-      if (status /= 0) return
+      if (anew) call kept%two_level%make(context%system%balance, context%options%low_modes, stiffening, outcome%status)
+      if (outcome%status /= 0) return
       call new_two_level(context%system, kept%two_level, context%preconditioner)
-      call run_with(kept%two_level, context, options, right, last, y, omega, iterations, converged, status)
+      call run_with(kept%two_level, context, outcome)
       ! A step short of its tolerance, with factors just made, is still the best one known: Newton's line search judges it.
-      if (converged .or. anew .or. status /= 0) return
+      if (anew .or. is_final(outcome)) return
     end do
   end subroutine solve_on_two_levels
 
   !> Solve with a preconditioner made of factors, for as long as they are worth it; those that do not serve are not used again.
-  subroutine run_with(factors, context, options, right, last, y, omega, iterations, converged, status)
+  subroutine run_with(factors, context, outcome)
     !> Factors that the preconditioner is made of
     class(kept_factors_type), intent(inout) :: factors
     !> What PETSc's callbacks see
     type(system_type), target, intent(inout) :: context
-    !> How to solve
-    type(krylov_options_type), intent(in) :: options
-    !> Right-hand side over contact rows; sigma - p^T rho
-    real(wp), intent(in) :: right(:, :), last
-    !> D delta d [2 H + 1, active rows] and step of omega
-    real(wp), intent(inout) :: y(:, :), omega
-    !> Of GMRES, added to
-    integer, intent(inout) :: iterations
-    !> Did the solve converge?
-    logical, intent(out) :: converged
-    !> 0, or PETSc has failed
-    integer, intent(out) :: status
+    !> Step, iterations, which are added to, and how it ended
+    type(outcome_type), intent(inout) :: outcome
     integer :: count
     PetscErrorCode :: ierr
 
-    call run(context, options%tolerance, min(options%max_iterations, factors%patience()), right, context%system%weight*last, y, &
-             omega, count, converged, ierr)
-    status = merge(0, 1, ierr == 0)
-    iterations = iterations + count
+    call run(context, min(context%options%max_iterations, factors%patience()), outcome%step, count, outcome%converged, ierr)
+    outcome%status = merge(0, 1, ierr == 0)
+    outcome%iterations = outcome%iterations + count
     call factors%count(count)
-    if (.not. converged) call factors%discard()
+    if (.not. outcome%converged) call factors%discard()
   end subroutine run_with
 
-  !> Create the solver, solve and give everything back; `last` has the weight of the system's constraint.
-  subroutine run(context, tolerance, most, right, last, y, omega, iterations, converged, ierr)
+  !> Create the solver, solve and give everything back.
+  subroutine run(context, most, step, iterations, converged, ierr)
     !> What PETSc's callbacks see
     type(system_type), target, intent(inout) :: context
-    !> Relative tolerance
-    real(wp), intent(in) :: tolerance
     !> Iterations
     integer, intent(in) :: most
-    !> Right-hand side over contact rows; scalar that belongs to the constraint
-    real(wp), intent(in) :: right(:, :), last
-    !> Vector that takes the product; change of the angular frequency
-    real(wp), intent(out) :: y(:, :), omega
-    !> Newton iterations
+    !> What it has come to
+    type(column_type), intent(inout) :: step
+    !> Of GMRES
     integer, intent(out) :: iterations
     !> Did the solve converge?
     logical, intent(out) :: converged
@@ -248,8 +241,8 @@ contains
 
     iterations = 0
     converged = .false.
-    y = 0.0_wp
-    omega = 0.0_wp
+    step%rows = 0.0_wp
+    step%last = 0.0_wp
     associate (ranks => context%system%balance%ranks)
       n = size(context%system%unknowns)
       if (ranks%is_root()) n = n + 1
@@ -267,19 +260,20 @@ contains
     PetscCall(PCSetType(pc, PCSHELL, ierr))
     PetscCall(PCShellSetContext(pc, context, ierr))
     PetscCall(PCShellSetApply(pc, precondition, ierr))
-    PetscCall(KSPSetTolerances(ksp, tolerance, 0.0_wp, PETSC_DEFAULT_REAL, most, ierr))
-    PetscCall(store(context, b, right, last, ierr))
+    PetscCall(KSPSetTolerances(ksp, context%options%tolerance, 0.0_wp, PETSC_DEFAULT_REAL, most, ierr))
+    ! The constraint's row has the weight that the system gives it.
+    PetscCall(store(context, b, context%right%rows, context%system%weight*context%right%last, ierr))
     PetscCall(KSPSolve(ksp, b, x, ierr))
     PetscCall(KSPGetResidualNorm(ksp, residual, ierr))
     PetscCall(VecNorm(b, NORM_2, size_of_right, ierr))
     PetscCall(KSPGetIterationNumber(ksp, count, ierr))
-    PetscCall(load(context, x, y, omega, ierr))
+    PetscCall(load(context, x, step%rows, step%last, ierr))
     PetscCall(KSPDestroy(ksp, ierr))
     PetscCall(MatDestroy(matrix, ierr))
     PetscCall(VecDestroy(x, ierr))
     PetscCall(VecDestroy(b, ierr))
     iterations = count
-    converged = residual <= tolerance*size_of_right
+    converged = residual <= context%options%tolerance*size_of_right
   end subroutine run
 
   !> The system times a vector.
