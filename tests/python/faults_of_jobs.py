@@ -255,7 +255,7 @@ JOB = [
     Case(
         "an error to meet beside a number of modes",
         put("reduction", modes=1, error=0.1),
-        ('job.toml: [reduction] error = 0.1: expected no such key but with modes = "auto"',),
+        ('job.toml: [reduction] error = 0.1: expected no such key but with modes = "auto" or [cyclic]',),
     ),
     Case(
         "an ordering nobody knows",

@@ -56,6 +56,16 @@ SPINS = [
 ]
 BOUNDARIES = [
     Case(
+        "interface modes of a sector that is not reduced",
+        put("cyclic", interface_modes="auto"),
+        ("job.toml: [cyclic] interface_modes = 'auto': expected \"all\" without [reduction] or without lower and",),
+    ),
+    Case(
+        "no interface modes at all",
+        put("cyclic", interface_modes=0),
+        ("job.toml: [cyclic] interface_modes = 0: expected",),
+    ),
+    Case(
         "boundaries of unequal length",
         put("cyclic", upper=[3, 1]),
         ("job.toml: [cyclic] upper = '2 dofs': expected 1 dofs, one for each of lower",),

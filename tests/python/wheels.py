@@ -62,8 +62,12 @@ def sector_job(model: Model, sectors: int, **cyclic: Any) -> dict[str, Any]:
     }
 
 
-def ring(sectors: int, cells: int = 2, *, span: int = 1, seed: int | None = None) -> Model:
-    """`span` of the sectors of an elastic ring, held at its bore; `low` and `high` are its ends, `cells` a sector.
+def ring(
+    sectors: int, cells: int = 2, *, span: int = 1, seed: int | None = None, section: tuple[int, int] = (2, 1)
+) -> Model:
+    """`span` of the sectors of an elastic ring, held at its bore; `low` and `high` are its ends.
+
+    It has `cells` a sector, and so many along its radius and its axis as `section` says.
 
     Its axis is z through the origin, and its first end lies along x. A full ring has no ends.
     """
@@ -75,8 +79,9 @@ def ring(sectors: int, cells: int = 2, *, span: int = 1, seed: int | None = None
         height = THICKNESS * (points[:, 2] - 0.5) * (1.0 + 0.5 * points[:, 0]) + 0.1 * (radius - INNER)
         return np.column_stack([radius * np.cos(turn), radius * np.sin(turn), height])
 
-    body = block("C3D8", (2, cells * span, 1), shape=bent)
-    flat = block("C3D8", (2, cells * span, 1)).points
+    counts = (section[0], cells * span, section[1])
+    body = block("C3D8", counts, shape=bent)
+    flat = block("C3D8", counts).points
     held = np.abs(flat[:, 0]) < 1e-9
     first, last = flat[:, 1] < 1e-9, flat[:, 1] > 1.0 - 1e-9
     if span == sectors:

@@ -168,12 +168,22 @@ class Bench:
         """The reduced model without its highest fixed-interface modes, against the reduced model as it is."""
         if self._rom is None:
             return
-        modes = np.flatnonzero(self._rom.kind == 1)
+        modes = np.flatnonzero(self._scene_kinds() == 1)
         for count in dict.fromkeys(round(part * len(modes)) for part in MODE_PARTS):
             kept = np.setdiff1d(np.arange(len(self._scene.mass)), modes[count:])
             scene = restricted(self._scene, kept)
             options = self._automatic(max(1e-4, 10.0 * REFERENCE[self._tangents]))
             yield self._balance("modes", scene, options, label=f"{count} modes", modes=count)
+
+    def _scene_kinds(self) -> np.ndarray:
+        """Kinds of the coordinates that are solved, as in `Rom`: interface modes come last."""
+        kind, interface, sector = self._rom.kind, self._rom.interface, self._scene.sector
+        if interface is None or sector is None:
+            return kind
+        inside = np.zeros(len(self._scene.mass), dtype=kind.dtype)
+        others = kind[len(kind) - (len(inside) - len(sector.lower) - len(sector.upper)) :]
+        inside[: len(others)] = others
+        return inside
 
     def _balance(
         self, series: str, scene: ReducedScene, options: Options, label: str = "", count: bool = True, **settings: float
@@ -277,7 +287,8 @@ def restricted(scene: ReducedScene, kept: np.ndarray) -> ReducedScene:
             lower=number[sector.lower].astype(np.int32),
             upper=number[sector.upper].astype(np.int32),
             next_directions=np.ascontiguousarray(sector.next_directions[:, kept]),
-            axes=None if sector.axes is None else sector.axes[kept][:, kept],
+            # Nothing is drawn of it along the model's own axes.
+            axes=None,
         )
     square, wide = np.ix_(kept, kept), (slice(None), kept)
     return replace(

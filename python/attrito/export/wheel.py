@@ -6,7 +6,7 @@ import json
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_matrix, identity
+from scipy.sparse import coo_matrix
 
 from attrito.model.sector import Axis, axis_of
 from attrito.results.result import Result
@@ -14,15 +14,15 @@ from attrito.support.errors import Fault, InputError
 
 
 def along_own_axes(result: Result, coordinates: np.ndarray) -> np.ndarray:
-    """Coordinates `[m, nk]` as solved, the upper boundary's turned back from the next sector's axes."""
+    """Coordinates as solved `[m', nk]` along the model's own axes `[m, nk]`."""
     if not result.has("/cyclic/axes/row"):
         return coordinates
     row, column, value = (result.array(f"/cyclic/axes/{name}") for name in ("row", "column", "value"))
     size = len(coordinates)
-    if max(row.max(initial=-1), column.max(initial=-1)) >= size or min(row.min(initial=0), column.min(initial=0)) < 0:
-        raise InputError(Fault(result.path, "/cyclic/axes", row.max(), f"coordinates 0 to {size - 1}"))
-    turned = identity(size) + coo_matrix((value, (row, column)), shape=(size, size))
-    own: np.ndarray = turned.tocsr() @ coordinates
+    if not len(row) or column.max() >= size or min(row.min(), column.min()) < 0:
+        raise InputError(Fault(result.path, "/cyclic/axes/column", column, f"coordinates 0 to {size - 1}"))
+    axes = coo_matrix((value, (row, column)), shape=(row.max() + 1, size))
+    own: np.ndarray = axes.tocsr() @ coordinates
     return own
 
 

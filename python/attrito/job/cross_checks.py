@@ -67,8 +67,10 @@ def _check_model(job: Job) -> list[Fault]:
         faults.append(job.fault("[damping]", ", ".join(kinds), "only one kind of damping"))
     if "reduction" in job.given and (reduction["modes"] is None) == (reduction["max_frequency_hz"] is None):
         faults.append(job.fault("[reduction] modes", reduction["modes"], "either modes or max_frequency_hz"))
-    if reduction["modes"] != "auto" and reduction["error"] is not None:
-        faults.append(job.fault("[reduction] error", reduction["error"], 'no such key but with modes = "auto"'))
+    chosen = "auto" in (reduction["modes"], job["cyclic"]["interface_modes"])
+    if not chosen and reduction["error"] is not None:
+        expected = 'no such key but with modes = "auto" or [cyclic] interface_modes = "auto"'
+        faults.append(job.fault("[reduction] error", reduction["error"], expected))
     if not job["contact"] and not job["contact_set"]:
         faults.append(job.fault("contact", "missing", "at least one [[contact]] or [[contact_set]]"))
     return faults

@@ -38,7 +38,7 @@ def check_cyclic(job: Job) -> list[Fault]:
     across += [f"contact_set[{i}] across" for i, keys in enumerate(job["contact_set"]) if keys["across"]]
     if not is_cyclic(job):
         return [job.fault(key, "given", "a table [cyclic], which says what the next sector is") for key in across]
-    checks = (_check_boundary, _check_axis, _check_rotation, _check_next_rows, _check_sets_across)
+    checks = (_check_boundary, _check_interface, _check_axis, _check_rotation, _check_next_rows, _check_sets_across)
     faults = [fault for check in checks for fault in check(job)]
     for table, key, refused, expected in _not_with_a_sector(job):
         if refused:
@@ -95,6 +95,14 @@ def _check_boundary(job: Job) -> list[Fault]:
     if both:
         faults.append(job.fault("[cyclic] upper", _shown(both[0]), "dofs that are not in lower"))
     return faults
+
+
+def _check_interface(job: Job) -> list[Fault]:
+    """Interface modes are of a boundary, and of a reduced model."""
+    asked = job["cyclic"]["interface_modes"]
+    if asked == "all" or ("reduction" in job.given and job["cyclic"]["lower"] is not None):
+        return []
+    return [job.fault("[cyclic] interface_modes", asked, '"all" without [reduction] or without lower and upper')]
 
 
 def _shown(dof: Any) -> Any:

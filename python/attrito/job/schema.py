@@ -168,6 +168,13 @@ TABLES: dict[str, dict[str, Key]] = {
         "axis_direction": Key(
             listing(number(), 3, 3), None, "of the axis: the next sector is this one turned by +2 pi / N about it"
         ),
+        "interface_modes": Key(
+            either(integer(1), choice("all", "auto")),
+            "all",
+            "with `[reduction]`: all dofs of the boundaries are kept, or as many modes of each nodal diameter span what"
+            " they do, or as many as natural frequencies with the error of `[reduction]` ask for"
+            " ([cyclic.md](cyclic.md#boundaries))",
+        ),
         "coriolis": Key(boolean, False, "Coriolis forces, at the speed of the centrifugal load (not yet: false)"),
     },
     "static": {

@@ -15,12 +15,13 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from attrito.job.defaults import HARMONICS
+from attrito.job.defaults import HARMONICS, MODE_ERROR
 from attrito.job.job import Job, model_path, rom_path
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.reduction import Listener, Report, reduce_model
 from attrito.model.model_file import write_model
-from attrito.scene.reduced_sector import on_coordinates, sector_of, turned_axes
+from attrito.scene.interface_modes import Boundary, interface_modes
+from attrito.scene.reduced_sector import on_coordinates, places_of, sector_of, solved_axes, turned_axes
 from attrito.scene.rom_claim import Claim, claim
 from attrito.scene.scene import Scene
 from attrito.support.atomic_files import whole_hdf5
@@ -55,6 +56,7 @@ class Rom:
     boundary : dofs of the full model, `[nb]`
     kind : of each coordinate, `[m]`: 0 a boundary dof, 1 a mode, 2 a correction
     mode_error : what the modes left out cost the monitors, relative to the largest response; 0 where it is not known
+    interface : W of a sector's boundaries, `[k, r]`; None: all their dofs are solved
     """
 
     path: str
@@ -66,6 +68,7 @@ class Rom:
     boundary: np.ndarray
     kind: np.ndarray
     mode_error: float
+    interface: np.ndarray | None = None
 
 
 def make_rom(
@@ -198,6 +201,8 @@ def _make(
             file.attrs["job"] = json.dumps(job.tables)
             names = np.array(list(_vectors(scene)), dtype=h5py.string_dtype())
             described(file, "vectors/name", "names of the loads and monitors", data=names)
+            if _has_interface_modes(job):
+                _write_interface(file, job, scene, say)
 
     on_root(comm, finish)
     return report
@@ -261,8 +266,9 @@ def reduced_scene(job: Job, scene: Scene, rom: Rom | None = None) -> ReducedScen
     else:
         mass, stiffness, damping, vectors = rom.mass, rom.stiffness, rom.damping, rom.vectors
     place = len(mass), None if rom is None else rom.boundary
+    interface = None if rom is None else rom.interface
     directions = on_coordinates(scene.contacts.rows, *place)
-    axes = turned_axes(scene.sector, *place)
+    axes = solved_axes(scene.sector, *place, interface)
     if axes is not None:
         mass, stiffness = (axes.T @ matrix @ axes for matrix in (mass, stiffness))
         damping = None if damping is None else axes.T @ damping @ axes
@@ -279,7 +285,7 @@ def reduced_scene(job: Job, scene: Scene, rom: Rom | None = None) -> ReducedScen
         *(np.ascontiguousarray(part) for part in (static, harmonic, monitors)),
         list(scene.monitors),
         "" if rom is None else rom.fingerprint,
-        sector_of(scene, *place, axes),
+        sector_of(scene, *place, interface, axes),
     )
 
 
@@ -291,6 +297,7 @@ def _read_rom(path: str, vectors: int, dofs: int) -> Rom:
         wanted |= {"damping": (size, size)} if "damping" in file else {}
         read = {name: file[name][()] for name in wanted}
         boundary, kind = file["boundary/dof"][:], file["coordinates/kind"][:]
+        interface = file["interface/basis"][()] if "interface" in file else None
         fingerprint, cost = str(file.attrs.get("fingerprint", "")), _mode_error(file)
     faults = [
         Fault(path, name, f"{values.dtype} of shape {values.shape}", f"finite numbers of shape {wanted[name]}")
@@ -304,7 +311,7 @@ def _read_rom(path: str, vectors: int, dofs: int) -> Rom:
     if faults:
         raise InputError(*faults)
     damping, reduced = read.get("damping"), read["vectors/reduced"]
-    return Rom(path, fingerprint, read["mass"], read["stiffness"], damping, reduced, boundary, kind, cost)
+    return Rom(path, fingerprint, read["mass"], read["stiffness"], damping, reduced, boundary, kind, cost, interface)
 
 
 def _damping(
@@ -348,7 +355,49 @@ def _fingerprint(job: Job, scene: Scene) -> str:
         digest.update(json.dumps([keys["error"], excited_hz(job)]).encode())
     if scene.recovered is not None:
         digest.update(b"recovery" + scene.recovered.tobytes())
+    if _has_interface_modes(job):
+        cyclic = job["cyclic"]
+        digest.update(json.dumps([cyclic["interface_modes"], cyclic["sectors"], _interface_error(job)]).encode())
+        digest.update(json.dumps(excited_hz(job)).encode())
+        for places in (scene.sector.lower, scene.sector.upper):
+            digest.update(places.tobytes())
+        for rows in (scene.contacts.rows, scene.contacts.next_rows, scene.sector.axes):
+            if rows is not None:
+                digest.update(rows.indptr.tobytes() + rows.indices.tobytes() + rows.data.tobytes())
     return digest.hexdigest()
+
+
+def _has_interface_modes(job: Job) -> bool:
+    return "cyclic" in job.given and job["cyclic"]["interface_modes"] != "all"
+
+
+def _interface_error(job: Job) -> float:
+    """Relative error of natural frequencies that interface modes may leave."""
+    error: float = job["reduction"]["error"] or MODE_ERROR
+    return error
+
+
+def _write_interface(file: h5py.File, job: Job, scene: Scene, say: Any) -> None:
+    """Find the interface modes of a reduced sector and keep them beside it."""
+    boundary, size = file["boundary/dof"][:], len(file["mass"])
+    mass, stiffness, loads = (file[name][()] for name in ("mass", "stiffness", "vectors/reduced"))
+    rows, beyond = (on_coordinates(rows, size, boundary) for rows in (scene.contacts.rows, scene.contacts.next_rows))
+    axes = turned_axes(scene.sector, size, boundary)
+    if axes is not None:
+        mass, stiffness = axes.T @ mass @ axes, axes.T @ stiffness @ axes
+        loads, rows, beyond = loads @ axes, rows @ axes, beyond @ axes
+    asked, accepted = job["cyclic"]["interface_modes"], _interface_error(job)
+    places = places_of(scene.sector, boundary)
+    sector = Boundary(mass, stiffness, rows, beyond, loads, *places, scene.sector.sectors)
+    found = interface_modes(sector, None if asked == "auto" else asked, excited_hz(job), accepted)
+    shapes = "W, shapes of the lower boundary's dofs, and of the upper one's along the next sector's axes"
+    described(file, "interface/basis", shapes, data=found.basis)
+    what = "largest relative error of natural frequencies up to the highest that is excited, by the interface modes"
+    described(file, "interface/error", what, data=found.error)
+    say(
+        f"boundaries of {len(places[0])} dofs each in {found.basis.shape[1]} interface modes: natural frequencies of"
+        f" all nodal diameters within {found.error:.1e}"
+    )
 
 
 def _mode_error(file: h5py.File) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import block_diag, csr_matrix, identity
+from scipy.sparse import block_diag, csr_matrix, eye, hstack, identity
 
 from attrito.job.cyclic import nodal_diameter
 from attrito.library.reduced_scene import Sector
@@ -35,6 +35,28 @@ def turned_axes(sector: CyclicSector | None, size: int, boundary: np.ndarray | N
     return csr_matrix(block_diag([sector.axes[boundary][:, boundary], inside]))
 
 
+def places_of(sector: CyclicSector, boundary: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """Coordinates of the lower and of the upper boundary, `[k]` each, where all their dofs are kept."""
+    if boundary is None:
+        return sector.lower, sector.upper
+    return np.searchsorted(boundary, sector.lower), np.searchsorted(boundary, sector.upper)
+
+
+def solved_axes(
+    sector: CyclicSector | None, size: int, boundary: np.ndarray | None, interface: np.ndarray | None
+) -> csr_matrix | None:
+    """A, q = A p, with p what is solved: turned axes, and interface modes W `[k, r]` at the end, lower before upper."""
+    axes = turned_axes(sector, size, boundary)
+    if interface is None or sector is None:
+        return axes
+    lower, upper = places_of(sector, boundary)
+    shapes = eye(size, format="csc")
+    others = np.delete(np.arange(size), np.concatenate([lower, upper]))
+    of_boundary = [csr_matrix(shapes[:, side] @ interface) for side in (lower, upper)]
+    chosen = csr_matrix(hstack([shapes[:, others], *of_boundary]))
+    return chosen if axes is None else csr_matrix(axes @ chosen)
+
+
 def attributes_of_sector(sector: Sector | None) -> dict[str, int]:
     """What the root of a result says of its sector."""
     if sector is None:
@@ -48,22 +70,26 @@ def axes_of_sector(sector: Sector | None) -> dict[str, tuple[np.ndarray, str]]:
     axes = None if sector is None else sector.axes
     if axes is None:
         return {}
-    beside = (axes - identity(axes.shape[0])).tocoo()
-    whose = "of an entry of A - 1, q = A p: p the coordinates, whose upper boundary is along the next sector's axes"
+    entries = axes.tocoo()
+    whose = "of an entry of A, q = A p: p the coordinates, with the upper boundary along the next sector's axes"
     return {
-        "cyclic/axes/row": (beside.row.astype(np.int32), f"row {whose}"),
-        "cyclic/axes/column": (beside.col.astype(np.int32), f"column {whose}"),
-        "cyclic/axes/value": (beside.data, f"value {whose}"),
+        "cyclic/axes/row": (entries.row.astype(np.int32), f"row {whose}"),
+        "cyclic/axes/column": (entries.col.astype(np.int32), f"column {whose}"),
+        "cyclic/axes/value": (entries.data, f"value {whose}"),
     }
 
 
-def sector_of(scene: Scene, size: int, boundary: np.ndarray | None, axes: csr_matrix | None) -> Sector | None:
+def sector_of(
+    scene: Scene, size: int, boundary: np.ndarray | None, interface: np.ndarray | None, axes: csr_matrix | None
+) -> Sector | None:
     """The scene's sector on the coordinates; None where the model is whole."""
     if scene.sector is None:
         return None
-    lower, upper = scene.sector.lower, scene.sector.upper
-    if boundary is not None:
-        lower, upper = np.searchsorted(boundary, lower), np.searchsorted(boundary, upper)
+    if interface is None or axes is None:
+        lower, upper = places_of(scene.sector, boundary)
+    else:
+        shapes = interface.shape[1]
+        lower, upper = np.split(np.arange(axes.shape[1] - 2 * shapes, axes.shape[1]), 2)
     beyond = on_coordinates(scene.contacts.next_rows, size, boundary)
     return Sector(
         scene.sector.sectors,
