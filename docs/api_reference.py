@@ -15,6 +15,7 @@ ORDER = (
     "reduce",
     "peak",
     "linear_modes",
+    "campbell",
     "mode",
     "study",
     "import_model",

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from attrito.support.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from attrito.api import UnsolvedWarning, integrate, linear_modes, mode, open, peak, reduce, run, study
+    from attrito.api import UnsolvedWarning, campbell, integrate, linear_modes, mode, open, peak, reduce, run, study
     from attrito.importers import import_model
     from attrito.report.report import write_report
     from attrito.results.quantities import File, Group, Quantity
@@ -37,6 +37,7 @@ _PLACES = {
     "reduce": "api",
     "peak": "api",
     "linear_modes": "api",
+    "campbell": "api",
     "mode": "api",
     "study": "api",
     "open": "api",
@@ -67,6 +68,7 @@ __all__ = [
     "UnsolvedError",
     "UnsolvedWarning",
     "bifurcation_table",
+    "campbell",
     "contact_table",
     "import_model",
     "integrate",

@@ -183,6 +183,23 @@ def linear_modes(
     return File(_do(work, job, comm, folder, quiet, True, _read_without_excitation))
 
 
+def campbell(
+    job: JobSource, comm: Comm | None = None, *, folder: str | os.PathLike[str] = ".", quiet: bool = False
+) -> File:
+    """The tangent modes of a job against the speed of rotation (`[campbell]`), and critical speeds of engine orders.
+
+    Parameters and errors are those of `linear_modes`.
+
+    Examples
+    --------
+    >>> with attrito.campbell("job.toml") as diagram:
+    ...     diagram.points.speed_hz, diagram.points.frequency_hz, diagram.crossings.speed_hz
+    """
+    from attrito.modes.campbell import campbell_job
+
+    return File(_do(campbell_job, job, comm, folder, quiet, True, _read_without_excitation))
+
+
 def mode(
     job: JobSource,
     comm: Comm | None = None,

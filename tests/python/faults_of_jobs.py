@@ -16,7 +16,7 @@ JOB = [
     Case(
         "an unknown table",
         put("continuatoin", branches=1),
-        ("job.toml: [continuatoin] = 'unknown table': expected one of balance, contact,",),
+        ("job.toml: [continuatoin] = 'unknown table': expected one of balance, campbell, contact,",),
     ),
     Case(
         "an unknown key",
@@ -298,6 +298,11 @@ JOB = [
         ("job.toml: [peak] file = 'result.peaks.h5': expected a file other than that of [model] mass",),
     ),
     Case(
+        "a Campbell diagram that would overwrite the result",
+        put("campbell", speeds_hz=[1.0], file="result.h5"),
+        ("job.toml: [campbell] file = 'result.h5': expected a file other than that of [output] file",),
+    ),
+    Case(
         "a result that would overwrite one matrix of a file of several",
         lambda job: job["model"].update(mass="result.h5:M"),
         ("job.toml: [output] file = 'result.h5': expected a file other than that of [model] mass",),
@@ -311,5 +316,48 @@ JOB = [
         "a result that is a folder",
         put("output", file="."),
         ("job.toml: [output] file = '.': expected a file, not a folder",),
+    ),
+]
+CAMPBELL = [
+    Case(
+        "a Campbell diagram without speeds",
+        put("campbell", modes=3),
+        ("job.toml: [campbell] speeds_hz = 'missing': expected this key to be given",),
+    ),
+    *(
+        Case(
+            f"a Campbell diagram {sentence}",
+            put("campbell", speeds_hz=speeds),
+            (
+                f"job.toml: [campbell] speeds_hz = {speeds}: expected a list of at least 1, each a speed in Hz of at"
+                " least 0, above the one before",
+            ),
+        )
+        for sentence, speeds in (
+            ("of no speed", []),
+            ("of a speed that is not finite", [0.0, INFINITE]),
+            ("of a speed that is no number", [NAN]),
+            ("of a negative speed", [-10.0, 0.0]),
+            ("of speeds that do not rise", [10.0, 10.0]),
+            ("of one number in place of a list", 10.0),
+        )
+    ),
+    *(
+        Case(
+            f"a Campbell diagram of {modes} modes",
+            put("campbell", speeds_hz=[1.0], modes=modes),
+            (f"job.toml: [campbell] modes = {modes}: expected an integer from 1 to 2147483647",),
+        )
+        for modes in (0, 2.5)
+    ),
+    Case(
+        "engine order 0 in a Campbell diagram",
+        put("campbell", speeds_hz=[1.0], engine_orders=[2, 0]),
+        ("job.toml: [campbell] engine_orders = [2, 0]: expected an integer from 1 to 1000",),
+    ),
+    Case(
+        "a stiffness at rest that is a number",
+        put("campbell", speeds_hz=[1.0], stiffness_at_rest=3.0),
+        ("job.toml: [campbell] stiffness_at_rest = 3.0: expected a file name or a list of rows of numbers",),
     ),
 ]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import scipy.io
 from fault_cases import Case, both, drop, frequencies, put
-from faults_of_jobs import JOB
+from faults_of_jobs import CAMPBELL, JOB
 from faults_of_models import MESH, MODEL
 from faults_of_sectors import SECTOR
 from jobs import attrito, attrito_here, run, toml, wedge, write_blocks, write_job
@@ -19,7 +19,7 @@ from scipy.sparse import coo_matrix, eye
 OLD_RESULT = b"a result of yesterday"
 NAN = float("nan")
 STIFFNESS = coo_matrix(np.diag([4.0e5, 2.5e6]))
-ALL = JOB + MODEL + MESH + SECTOR
+ALL = JOB + CAMPBELL + MODEL + MESH + SECTOR
 ON_RANKS = [
     "a line that is not TOML",
     "an unknown key",

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import json
-import subprocess
 
 import h5py
 import numpy as np
 import pytest
 import synthetic
+from calculix_beam import CALCULIX_HZ, HEIGHT, LENGTH, RADIUS, WIDTH, beam_model, solve, write_mesh
 from elastic import DENSITY, assemble_bricks
 from jobs import attrito_here, run, write_job
 from scipy.linalg import eigh
 from scipy.sparse import csr_matrix, diags, identity
 
-from attrito.importers import import_model
 from attrito.job.reading import read_job
 from attrito.model.model import Model
 from attrito.model.model_file import read_model, write_model
@@ -162,7 +161,7 @@ def test_a_reduced_softened_model_has_the_frequencies_of_the_full_one(tmp_path):
     )
     write_model(tmp_path / "model.h5", model, [])
     run(tmp_path, description)
-    assert not list(tmp_path.glob("*.softened"))
+    assert not list(tmp_path.glob("*.altered"))
     description["load"] = [centrifugal(), *description["load"][1:]]
     rows = scene_of(tmp_path, model, description).contacts
     springs = np.full(rows.rows.shape[0], 1.0e11) * np.repeat(rows.places["area"], 3)
@@ -255,8 +254,6 @@ def test_softening_in_a_stiffness_is_seen_beside_supports():
 
 # --- CalculiX -------------------------------------------------------------------------------------------------------
 
-RADIUS, LENGTH, WIDTH, HEIGHT, CALCULIX_HZ = 100.0, 100.0, 6.0, 2.0, 150.0
-
 
 @pytest.fixture(scope="module")
 def beam(tmp_path_factory):
@@ -277,35 +274,8 @@ def beam(tmp_path_factory):
     return folder
 
 
-def write_mesh(path, body, sets):
-    lines = ["*NODE", *(f"{k}, {x:.17g}, {y:.17g}, {z:.17g}" for k, (x, y, z) in enumerate(body.points, start=1))]
-    lines.append(f"*ELEMENT, TYPE={body.kind}, ELSET=body")
-    for k, nodes in enumerate(body.connectivity + 1, start=1):
-        words = [k, *nodes]
-        lines += [
-            ", ".join(map(str, words[i : i + 15])) + ("," if i + 15 < len(words) else "")
-            for i in range(0, len(words), 15)
-        ]
-    for name, rows in sets.items():
-        lines += [f"*NSET, NSET={name}", *(f"{row + 1}," for row in rows)]
-    path.write_text("\n".join(lines) + "\n")
-
-
-def solve(folder, name, steps):
-    material = (
-        "*MATERIAL, NAME=steel\n*ELASTIC\n210000., 0.3\n*DENSITY\n7.85e-9\n*SOLID SECTION, ELSET=body, MATERIAL=steel\n"
-    )
-    (folder / f"{name}.inp").write_text(f"*INCLUDE, INPUT=mesh.inp\n{material}{steps}")
-    done = subprocess.run(["ccx", "-i", name], cwd=folder, capture_output=True, text=True, check=True)
-    assert "*ERROR" not in done.stdout, done.stdout[-2000:]
-
-
 def lowest(model, count=2):
     return eigh(model.stiffness.toarray(), model.mass.toarray(), eigvals_only=True, subset_by_index=[0, count - 1])
-
-
-def beam_model(folder, name, **options):
-    return import_model(folder / f"{name}.h5", calculix_job=folder / name, mesh=folder / "mesh.inp", **options)[0]
 
 
 def test_a_rotating_beam_stiffens_as_southwell_says_and_softens_in_its_plane_by_the_square_of_the_speed(beam):

@@ -19,7 +19,7 @@ def parser() -> argparse.ArgumentParser:
     )
     whole.add_argument("--version", action="version", version=f"attrito {__version__}")
     parsers = whole.add_subparsers(dest="command", required=True, metavar="command")
-    making, solving = (_import, _reduce), (_run, _chart, _peak, _linear_modes, _mode, _study, _integrate)
+    making, solving = (_import, _reduce), (_run, _chart, _peak, _linear_modes, _campbell, _mode, _study, _integrate)
     looking = (_table, _plot, _report, _info, _keys, _verify, _export)
     for add in (*making, *solving, *looking):
         add(parsers)
@@ -116,6 +116,15 @@ def _linear_modes(parsers: Parsers) -> None:
         help="of modes, at most; of a wheel, of each nodal diameter (default: 20)",
     )
     one.set_defaults(work=commands.linear_modes)
+
+
+def _campbell(parsers: Parsers) -> None:
+    one = parsers.add_parser("campbell", help="tangent modes against the speed of rotation -> HDF5, picture")
+    one.add_argument(
+        "job", help="job file (TOML) with a table [campbell]; no [sweep], harmonic load or monitors needed"
+    )
+    one.add_argument("-o", "--output", help="picture to write (default: the file of the diagram, ending .png)")
+    one.set_defaults(work=commands.campbell)
 
 
 def _mode(parsers: Parsers) -> None:

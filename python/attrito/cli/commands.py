@@ -111,6 +111,15 @@ def linear_modes(options: argparse.Namespace) -> None:
     linear_modes_job(MPI.COMM_WORLD, options.job, options.state, options.count)
 
 
+def campbell(options: argparse.Namespace) -> None:
+    """Tangent modes against the speed of rotation -> HDF5, picture."""
+    from mpi4py import MPI
+
+    from attrito.modes.campbell import campbell_job
+
+    campbell_job(MPI.COMM_WORLD, options.job, options.output)
+
+
 def mode(options: argparse.Namespace) -> None:
     """A nonlinear mode -> HDF5, table, picture."""
     from mpi4py import MPI
@@ -140,18 +149,17 @@ def integrate(options: argparse.Namespace) -> None:
 
 def table(options: argparse.Namespace) -> None:
     """A result -> CSV on standard output."""
-    from attrito.modes import linear
+    from attrito.modes import campbell, linear
     from attrito.modes.table import table as mode_table
-    from attrito.results.result import LINEAR_MODES, MODE, Result
+    from attrito.results.result import CAMPBELL, LINEAR_MODES, MODE, Result
     from attrito.results.tables import bifurcation_table, contact_table, curve_table, multiplier_table, table
 
     kinds = {"contacts": contact_table, "multipliers": multiplier_table, "bifurcations": bifurcation_table}
     kind = next((work for name, work in kinds.items() if getattr(options, name)), table)
     with Result(options.result) as result:
-        if result.attribute("format") == LINEAR_MODES and kind is table:
-            kind = linear.table
-        elif result.attribute("format") == MODE and kind is table:
-            kind = mode_table
+        if kind is table:
+            of_format = {LINEAR_MODES: linear.table, MODE: mode_table, CAMPBELL: campbell.table}
+            kind = of_format.get(result.attribute("format"), table)
         sys.stdout.write(kind(result) if options.curve is None else curve_table(result, options.curve))
 
 
@@ -187,15 +195,21 @@ def plot(options: argparse.Namespace) -> None:
 
 def _picture_of_modes(result, options: argparse.Namespace, look):
     """Figure and usual name of a file that holds modes, None of another; `InputError` where there is none to draw."""
+    from attrito.plots.campbell import campbell_diagram
     from attrito.plots.diameters import diameter_diagram
     from attrito.plots.modes import mode_curve
-    from attrito.results.result import LINEAR_MODES, MODE
+    from attrito.results.result import CAMPBELL, LINEAR_MODES, MODE
 
     form, of_points = result.attribute("format"), options.loops or options.map
     is_wheel = form == LINEAR_MODES and result.has("/points/nodal_diameter")
     if options.speed_hz is not None and not is_wheel:
         expected = "a file of `attrito linear-modes` of a job with [cyclic]"
         raise InputError(Fault(result.path, "--speed-hz", options.speed_hz, expected))
+    if form == CAMPBELL:
+        if of_points:
+            key = "--loops" if options.loops else "--map"
+            raise InputError(Fault(result.path, key, "given", "a result of `attrito run` or `attrito mode`"))
+        return campbell_diagram(result, look), "campbell.png"
     if is_wheel and not of_points:
         return diameter_diagram(result, options.speed_hz, look), "diameters.png"
     _refuse_linear_modes(result)

@@ -157,6 +157,18 @@ def takes(check: Check) -> str:
     return f"a list{count}, each {takes(check.item)}"
 
 
+def rising_speeds(value: Any) -> list[float]:
+    """Speeds in Hz, each above the one before."""
+    words = "a list of at least 1, each a speed in Hz of at least 0, above the one before"
+    try:
+        speeds: list[float] = listing(frequency(above=False), 1)(value)
+    except ValueError:
+        raise ValueError(words) from None
+    if any(after <= before for before, after in zip(speeds, speeds[1:], strict=False)):
+        raise ValueError(words)
+    return speeds
+
+
 def pressure_table(value: Any) -> list[list[float]]:
     """Pairs [pressure, friction coefficient], pressures ascending."""
     words = "pairs [pressure, coefficient], both at least 0, pressures ascending"

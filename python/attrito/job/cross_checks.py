@@ -6,7 +6,7 @@ from pathlib import Path
 
 from attrito.job.cyclic import check_cyclic
 from attrito.job.fewer_contacts import check_contacts
-from attrito.job.job import Job, files_by_key, mode_path, model_path, peak_path, rom_path
+from attrito.job.job import Job, campbell_path, files_by_key, mode_path, model_path, peak_path, rom_path
 from attrito.job.laws import check_laws, laws_by_samples
 from attrito.job.schema import ARRAYS, LOAD_KEYS
 from attrito.support.errors import Fault
@@ -252,6 +252,8 @@ def _check_outputs(job: Job) -> list[Fault]:
             written.append(("[reduction] file", model))
     if "mode" in job.given:
         written.append(("[mode] file", mode_path(job)))
+    if "campbell" in job.given:
+        written.append(("[campbell] file", campbell_path(job)))
     if "peak" in job.given:
         written.append(("[peak] file", peak_path(job)))
     faults, taken = [], list(files_by_key(job).items())

@@ -22,6 +22,12 @@ def nodal_diameter(sectors: int, engine_order: int, harmonic: int = 1) -> int:
     return (harmonic * engine_order) % sectors
 
 
+def folded_diameter(sectors: int, engine_order: int) -> int:
+    """The nodal diameter 0 ... N/2 that an engine order excites, whichever way it runs."""
+    number = nodal_diameter(sectors, engine_order)
+    return min(number, sectors - number)
+
+
 def nodal_diameter_in_words(sectors: int, engine_order: int) -> str:
     """The nodal diameter of the first harmonic, and which way it runs."""
     number = nodal_diameter(sectors, engine_order)

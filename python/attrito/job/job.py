@@ -64,6 +64,13 @@ def linear_modes_path(job: Job) -> str:
     return str(Path(job.file(job["output"]["file"])).with_suffix(".modes.h5"))
 
 
+def campbell_path(job: Job) -> str:
+    """Where the Campbell diagram of a job goes."""
+    if job["campbell"]["file"] is not None:
+        return job.file(job["campbell"]["file"])
+    return str(Path(job.file(job["output"]["file"])).with_suffix(".campbell.h5"))
+
+
 def mode_path(job: Job) -> str:
     """Where a nonlinear mode of a job goes."""
     if job["mode"]["file"] is not None:
@@ -88,9 +95,10 @@ def files_by_key(job: Job) -> dict[str, str]:
     taken = {"the job": os.path.normpath(job.path)}
     for key, name in job["model"].items():
         if isinstance(name, str) and key != "units":
-            # `FILE:NAME` is one matrix of a file of several.
-            whole = Path(job.file(name)).exists() or ":" not in name
-            taken[f"[model] {key}"] = job.file(name if whole else name.rpartition(":")[0])
+            taken[f"[model] {key}"] = _file_of_matrix(job, name)
+    at_rest = job["campbell"]["stiffness_at_rest"]
+    if isinstance(at_rest, str):
+        taken["[campbell] stiffness_at_rest"] = _file_of_matrix(job, at_rest)
     for i, contacts in enumerate(job["contact_set"]):
         if contacts["gap_file"] is not None:
             taken[f"contact_set[{i}] gap_file"] = job.file(contacts["gap_file"])
@@ -98,3 +106,9 @@ def files_by_key(job: Job) -> dict[str, str]:
         named = {key: load[key] for key in ("file", "cosine", "sine") if isinstance(load[key], str)}
         taken |= {f"load[{i}] {key}": job.file(name) for key, name in named.items()}
     return taken
+
+
+def _file_of_matrix(job: Job, name: str) -> str:
+    """The file that a matrix is in; `FILE:NAME` is one matrix of a file of several."""
+    whole = Path(job.file(name)).exists() or ":" not in name
+    return job.file(name if whole else name.rpartition(":")[0])

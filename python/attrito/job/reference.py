@@ -24,6 +24,7 @@ PURPOSES = {
     "continuation": "How a sweep is followed.",
     "peak": "For `attrito peak`: a resonance peak followed in a parameter ([peaks.md](peaks.md)).",
     "mode": "For `attrito mode`: a nonlinear mode followed in its amplitude ([modes.md](modes.md#nonlinear-modes)).",
+    "campbell": "For `attrito campbell`: tangent modes against the speed ([modes.md](modes.md#campbell-diagram)).",
     "stability": "Floquet multipliers of the points.",
     "integrate": "For `attrito integrate`; the group `/integration` goes into the output file.",
     "output": "Required.",

@@ -23,6 +23,7 @@ from attrito.job.checks import (
     node_reference,
     number,
     pressure_table,
+    rising_speeds,
     start,
     stored_point,
     term,
@@ -324,6 +325,25 @@ TABLES: dict[str, dict[str, Key]] = {
         "stop": Key(number(0, above=True), None, "amplitude Q to end at", required=True),
         "points": Key(integer(2), 20, "amplitudes, equal in ratio, at which the mode is located"),
         "steps": Key(integer(8), 64, 'load steps of a cycle, a multiple of 8, with `method = "quasi_static"`'),
+    },
+    "campbell": {
+        "speeds_hz": Key(rising_speeds, None, "speeds of rotation", required=True),
+        "modes": Key(integer(1), 10, "how many tangent modes, at most; of a wheel, of each nodal diameter"),
+        "engine_orders": Key(
+            listing(integer(1, 1000)),
+            None,
+            "that are drawn; absent: 1 to 12, and that of `[cyclic]` with its sign left out",
+        ),
+        "stiffness_at_rest": Key(
+            matrix,
+            None,
+            "where the model's stiffness holds stress stiffening: the same structure's at rest, `model.h5` or a matrix;"
+            " their difference grows with the square of the speed ([modes.md](modes.md#campbell-diagram))",
+        ),
+        "stiffness_hz": Key(
+            frequency(), None, "with it: speed of the model's stiffness; absent: that of `attrito import --spin-hz`"
+        ),
+        "file": Key(text, None, "of the diagram; absent: that of the output, ending `.campbell.h5`"),
     },
     "stability": {
         "method": Key(

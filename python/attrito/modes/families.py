@@ -13,6 +13,9 @@ from attrito.library.reduced_scene import Sector
 from attrito.library.session import LinearModes, Solver
 from attrito.runs.linear_references import in_words
 
+# What a mode is
+KINDS = ("elastic", "rigid")
+
 
 @dataclass(frozen=True)
 class Family:

@@ -10,7 +10,7 @@ import numpy as np
 
 from attrito.job.job import Job, linear_modes_path, model_path
 from attrito.job.reading import read_job
-from attrito.modes.families import Family, families_of
+from attrito.modes.families import KINDS, Family, families_of
 from attrito.modes.scene_at_rest import Prepared, prepare, solver_at_rest
 from attrito.results.result import LINEAR_MODES, Result
 from attrito.runs.linear_references import MEANINGS
@@ -26,8 +26,6 @@ from attrito.support.version import __version__
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
-
-KINDS = ("elastic", "rigid")
 
 
 def linear_modes_job(comm: Comm, path: str | Job, state: str = "tangent", count: int = 20) -> str:

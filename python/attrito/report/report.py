@@ -10,10 +10,11 @@ import numpy as np
 
 from attrito.library.names import NO_SOLUTION
 from attrito.report import sections
+from attrito.report.campbell import campbell, campbell_glance
 from attrito.report.mode import mode, mode_glance
 from attrito.report.page import Page
 from attrito.report.view import View
-from attrito.results.result import MODE, Result
+from attrito.results.result import CAMPBELL, MODE, Result
 from attrito.support.atomic_files import whole_file
 from attrito.support.errors import Fault, InputError
 from attrito.support.overwrite_check import check_spared
@@ -27,11 +28,9 @@ SECTIONS = (
     sections.stability,
     sections.convergence,
     sections.run,
-    sections.job,
-    sections.references,
 )
 # Of a nonlinear mode
-MODE_SECTIONS = (mode, sections.loops, sections.run, sections.job, sections.references)
+MODE_SECTIONS = (mode, sections.loops, sections.run)
 # An estimated error beyond this is reported as a warning.
 LARGE_ERROR = 0.05
 # Amplitudes that differ by less than this part of them are the same.
@@ -63,14 +62,22 @@ def write_report(result: Result, path: str | os.PathLike[str], point: int | None
 
 def make_page(result: Result, point: int | None = None) -> Page:
     """The page of a result; see `write_report`."""
-    view = View(result, point)
     place = Path(result.path).resolve()
     page = Page(f"{place.parent.name}/{place.name}")
     page.head(f"Steady vibration with friction contacts, by attrito {result.attribute('attrito_version')}")
+    if result.attribute("format") == CAMPBELL:
+        page.glance(campbell_glance(result))
+        campbell(page, result)
+        sections.job(page, result)
+        sections.references(page, result)
+        return page
+    view = View(result, point)
     is_mode = result.attribute("format") == MODE
     page.glance(mode_glance(view) if is_mode else glance(view))
     for section in MODE_SECTIONS if is_mode else SECTIONS:
         section(page, view)
+    sections.job(page, result)
+    sections.references(page, result)
     return page
 
 

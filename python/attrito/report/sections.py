@@ -19,6 +19,7 @@ from attrito.report import figures as report_figures
 from attrito.report.page import Page
 from attrito.report.view import View
 from attrito.results.loops import contact_loops, most_dissipating
+from attrito.results.result import Result
 from attrito.runs.linear_references import in_words
 from attrito.support.version import __version__
 
@@ -279,11 +280,11 @@ def run(page: Page, view: View) -> None:
     page.pairs([(name, value) for name, value in pairs if value != ""])
 
 
-def job(page: Page, view: View) -> None:
+def job(page: Page, result: Result) -> None:
     """The job as it was resolved."""
     page.section("Job")
     try:
-        text = as_job(json.loads(view.result.attribute("job")))
+        text = as_job(json.loads(result.attribute("job")))
     except (ValueError, TypeError, AttributeError, KeyError):
         page.text("The job in this result cannot be read.", warn=True)
         return
@@ -295,13 +296,13 @@ def job(page: Page, view: View) -> None:
     page.code("\n".join(cut))
 
 
-def references(page: Page, view: View) -> None:
+def references(page: Page, result: Result) -> None:
     """What wrote the result and the page, and whose methods they use."""
     page.section("Versions and references")
     made = f"attrito {__version__}, Python {platform.python_version()}, numpy {np.__version__}, h5py {h5py.__version__}"
-    written = f"attrito {view.result.attribute('attrito_version')}"
+    written = f"attrito {result.attribute('attrito_version')}"
     page.pairs([("result written by", written), ("page made by", f"{made}, matplotlib {matplotlib.__version__}")])
-    for reference in view.result.attribute("references").split("; "):
+    for reference in result.attribute("references").split("; "):
         page.text(reference)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import h5py
 import numpy as np
 
+from attrito.results.result import CAMPBELL
 from attrito.scene.reduced_model import receptance_errors
 from attrito.support.errors import Fault, InputError
 from attrito.support.hdf5_reading import stored
@@ -20,7 +21,21 @@ def describe(path: str) -> list[str]:
             return _model(file)
         if kind == FORMATS[1]:
             return [*_reduced_model(file), *_quality(file)]
+        if kind == CAMPBELL:
+            return _campbell(file)
     raise InputError(Fault(path, "format", kind or "missing", " or ".join(f'"{name}"' for name in FORMATS)))
+
+
+def _campbell(file: h5py.File) -> list[str]:
+    speeds, closed = file["speeds/speed_hz"][:], file["speeds/closed"][:].sum(axis=1)
+    points = file["points"]
+    families = len(np.unique(points["nodal_diameter"][:])) if "nodal_diameter" in points else 0
+    of_each = f" of {families} nodal diameters" if families else ""
+    lines = [f"Campbell diagram: {len(speeds)} speeds, {speeds.min():g} to {speeds.max():g} Hz"]
+    lines.append(f"tangent modes{of_each}: {len(points['mode'])} in all, to {points['frequency_hz'][:].max():.5g} Hz")
+    lines.append(f"contacts closed: {closed.min()} to {closed.max()} of {file['speeds/closed'].shape[1]}")
+    lines.append(f"critical speeds of engine orders: {len(file['crossings/speed_hz'])}")
+    return lines
 
 
 def _model(file: h5py.File) -> list[str]:

@@ -17,8 +17,8 @@ from attrito.support.errors import Fault, InputError
 from attrito.support.hdf5_reading import UNREADABLE, as_text, check_datasets, spoilt
 from attrito.support.units import axis_unit
 
-# Formats of the files of `attrito linear-modes` and `attrito mode`, which are read as results are
-LINEAR_MODES, MODE = "attrito linear modes", "attrito mode"
+# Formats of the files of `attrito linear-modes`, `attrito mode` and `attrito campbell`, which are read as results are
+LINEAR_MODES, MODE, CAMPBELL = "attrito linear modes", "attrito mode", "attrito campbell diagram"
 # Shapes of what is known of each contact, where it is more than a number.
 OF_A_CONTACT = {"position": (3,), "frame": (3, 3)}
 
@@ -55,7 +55,7 @@ class Result:
     def _check(self) -> None:
         """It is a result, and its series have an entry for each point and contact."""
         form = self.attribute("format") or "absent"
-        if "result" not in form and form not in (LINEAR_MODES, MODE):
+        if "result" not in form and form not in (LINEAR_MODES, MODE, CAMPBELL):
             raise InputError(Fault(self.path, "format", form, "a result of `attrito run`"))
         check_datasets(self._file, self.path)
         points = self._file.get("points/frequency_hz")

@@ -112,7 +112,8 @@ class Progress:
 
     def static(self, means: np.ndarray) -> None:
         """The static load path was followed."""
-        self.say("static load path followed: monitors " + ", ".join(f"{value:.4g}" for value in means))
+        words = ", ".join(f"{value:.4g}" for value in means)
+        self.say("static load path followed" + (f": monitors {words}" if words else ""))
 
     def point(self, point: Point, monitor: str, number: int) -> None:
         """The line of a point, the `number`th of the run."""

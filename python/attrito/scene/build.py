@@ -60,10 +60,10 @@ def build_scene(job: Job) -> Scene:
     places.faults += spin_faults(job, model)
     if places.faults:
         raise InputError(*places.faults)
-    soften(job, model)
+    softened = soften(job, model)
     check_finite(job, contacts, static, harmonic, monitors)
     path = load_path_of(job, list(static))
-    return Scene(model, contacts, static, harmonic, monitors, path, boundary, recovered, sector)
+    return Scene(model, contacts, static, harmonic, monitors, path, boundary, recovered, sector, softened)
 
 
 def check_finite(

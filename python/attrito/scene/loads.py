@@ -102,8 +102,9 @@ def spin_faults(job: Job, model: Model) -> list[Fault]:
     return faults
 
 
-def soften(job: Job, model: Model) -> None:
-    """Take from the model's stiffness, in place, what the job's rotation does."""
-    for load in job["load"]:
-        if load["kind"] == "centrifugal" and load["spin_softening"]:
-            model.stiffness = (model.stiffness - softening(model, spin_of(load))).tocsr()
+def soften(job: Job, model: Model) -> bool:
+    """Take from the model's stiffness, in place, what the job's rotation does; whether it does anything."""
+    softening_loads = [load for load in job["load"] if load["kind"] == "centrifugal" and load["spin_softening"]]
+    for load in softening_loads:
+        model.stiffness = (model.stiffness - softening(model, spin_of(load))).tocsr()
+    return bool(softening_loads)

@@ -154,14 +154,14 @@ def _make(
 ) -> Report:
     """Reduce the scene into a file under the lock of it."""
     keys = job["reduction"]
-    # The library reads matrices from files; those of a softened stiffness are of use to nobody else.
-    softened = any(load["spin_softening"] for load in job["load"])
+    # The library reads matrices from files; those of an altered stiffness are of use to nobody else.
+    altered = comm.rank == 0 and scene.altered
     own = job["model"]["file"] is None
 
     def prepare() -> tuple[str, str, np.ndarray, np.ndarray | None]:
         work = held[0].work
-        source = f"{work}.softened" if softened else model_path(job, path)
-        if own or softened:
+        source = f"{work}.altered" if altered else model_path(job, path)
+        if own or altered:
             write_model(source, scene.model, [])
         _check_unfinished(f"{work}.partial")
         say(f"reducing {scene.model.size} dofs onto {len(scene.boundary)} boundary dofs and {_modes_in_words(job)}")
@@ -191,7 +191,7 @@ def _make(
             listener=listener,
         )
     finally:
-        if softened and comm.rank == 0:
+        if altered:
             Path(source).unlink(missing_ok=True)
 
     def finish() -> None:

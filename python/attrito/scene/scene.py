@@ -67,6 +67,7 @@ class Scene:
     boundary : dofs that a reduction keeps, ascending
     recovered : other dofs whose motion a reduced model is to give back, ascending; None: of all
     sector : what makes the model one of N sectors; None: it is whole
+    altered : whether the stiffness is another than that of the model's file
     """
 
     model: Model
@@ -78,3 +79,4 @@ class Scene:
     boundary: np.ndarray
     recovered: np.ndarray | None = None
     sector: CyclicSector | None = None
+    altered: bool = False
