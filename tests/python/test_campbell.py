@@ -67,6 +67,9 @@ def test_masses_on_springs_soften_across_the_axis_by_the_square_of_the_speed(tmp
     job = spinning_masses(tmp_path)
     if reduced:
         job["reduction"] = {"modes": 21}
+        # What a process that was killed has left is removed.
+        (tmp_path / "result.campbell.h5.reductions").mkdir()
+        (tmp_path / "result.campbell.h5.reductions" / "speed_0.h5").write_text("half a reduction")
     rows, said = campbell(tmp_path, capfd, job)
     assert list(rows[0]) == ["speed_hz", "nodal_diameter", "mode", "frequency_hz"]
     assert "stress stiffening is left out: [campbell] stiffness_at_rest" in said
@@ -250,6 +253,13 @@ def test_stiffness_of_calculix_at_one_speed_and_at_rest_gives_that_at_another(tm
     found, expected, rest = np.array([float(row["frequency_hz"]) for row in rows]), np.array(expected), np.array(rest)
     strain = 7.85e-9 * (2 * np.pi * CALCULIX_HZ) ** 2 * ((RADIUS + 100.0) ** 2 - RADIUS**2) / (2 * 210000.0)
     assert found**2 - rest**2 == pytest.approx(expected**2 - rest**2, rel=strain)
+
+
+def test_a_file_where_reductions_are_kept_is_spared(tmp_path, capfd):
+    job = spinning_masses(tmp_path) | {"reduction": {"modes": 21}}
+    (tmp_path / "result.campbell.h5.reductions").write_text("mine")
+    assert "expected a place for a folder of reductions (File exists)" in said_of(tmp_path, capfd, job)
+    assert (tmp_path / "result.campbell.h5.reductions").read_text() == "mine"
 
 
 def said_of(folder, capfd, job):

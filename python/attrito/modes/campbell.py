@@ -7,7 +7,6 @@ in the modes, the others stick. Of a wheel these are the modes of each nodal dia
 from __future__ import annotations
 
 import shutil
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -149,12 +148,18 @@ def _without_recovery(job: Job, scene):
 
 @contextmanager
 def _folder(comm: Comm, job: Job) -> Iterator[str]:
-    """A folder of this command's own, removed at the end."""
+    """A folder of the diagram's own, which has been locked; removed at the end, or what a killed process left of it."""
 
     def make() -> str:
-        place = Path(campbell_path(job)).parent
-        place.mkdir(parents=True, exist_ok=True)
-        return tempfile.mkdtemp(prefix=".campbell-", dir=place)
+        place = Path(f"{campbell_path(job)}.reductions")
+        if place.is_dir() and not place.is_symlink():
+            shutil.rmtree(place)
+        try:
+            place.mkdir(parents=True)
+        except OSError as error:
+            expected = f"a place for a folder of reductions ({error.strerror})"
+            raise InputError(job.fault("[campbell] file", str(place), expected)) from error
+        return str(place)
 
     folder = on_root(comm, make)
     try:

@@ -16,7 +16,7 @@ from attrito.results.result import Result
 # Nodal diameters that a legend still lists; beyond, a colour bar
 MOST_LISTED = 6
 # Least distance of the numbers of engine orders, part of the height of the axes
-APART = 0.045
+APART = 0.033
 
 
 def campbell_diagram(result: Result, look: Look | None = None) -> Figure:
