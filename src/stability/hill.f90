@@ -1,5 +1,9 @@
 !> Multipliers of an orbit by Hill's problem with memory (`attrito_stability_hill_problem`): the exponents of half a strip of height
-!> omega all at once, by contour integrals around it, polished with more harmonics; and those of modes that contacts do not see.
+!> omega all at once, by contour integrals around it, polished with more harmonics K and extrapolated,
+!>
+!> $$ s = s_{3K} + (s_{3K} - s_K)/26, $$
+!>
+!> since what is left out falls like their cube; and those of modes that contacts do not see.
 module attrito_stability_hill
   use attrito_core_kinds, only: wp, two_pi
   use attrito_core_lapack, only: eigenvalues_of, complex_singular_values
@@ -14,7 +18,7 @@ module attrito_stability_hill
 
   !> Smallest and largest modulus of the multipliers that are looked for
   real(wp), parameter :: least = 1.0e-2_wp, greatest = 1.0e3_wp ! conventional
-  !> How many times as many harmonics for the last digits: what is left out falls like their cube
+  !> How many times as many harmonics for the last digits
   integer, parameter :: finer = 3 ! guess
   !> Unknowns of a dense nonlinear eigenproblem, at most
   integer, parameter :: most_unknowns = 1500 ! conventional
@@ -106,7 +110,7 @@ contains
 
       x = vector
       call polish(problem, exponents(i), x, polished, good)
-      if (good) exponents(i) = polished
+      if (good) exponents(i) = polished + (polished - exponents(i))/(finer**3 - 1)
     end subroutine polish_from
   end subroutine refine
 
