@@ -83,10 +83,15 @@ contains
     PetscErrorCode, intent(out) :: ierr
     type(tMat) :: rows
     real(wp), allocatable :: psi(:, :), unit(:, :)
+    PetscReal :: coupled
 
-    allocate (psi(size(split%interior_rows), block%columns()))
+    allocate (psi(size(split%interior_rows), block%columns()), source=0.0_wp)
     PetscCall(some_rows_on_root(split, stiffness%rows, block%first, block%last, rows, ierr))
-    PetscCall(factor%solve_sparse(rows, psi, ierr))
+    PetscCall(MatNorm(rows, NORM_FROBENIUS, coupled, ierr))
+    ! Right-hand sides without an entry are none to MUMPS.
+    if (coupled > 0.0_wp) then
+      PetscCall(factor%solve_sparse(rows, psi, ierr))
+    end if
     PetscCall(MatDestroy(rows, ierr))
     psi = -psi
     unit = unit_columns(split, block)
