@@ -45,7 +45,7 @@ contains
     associate (sector => structure%sector)
       n = size(sector%kept)
       mass = sector%couple(structure%mass, diameter)
-      rows = sector%fold_rows(directions, diameter)
+      rows = sector%project_rows(directions, diameter)
       self%stiffness = sector%couple(structure%stiffness, diameter) &
                        + matmul(rows*spread(springs, 1, n), conjg(transpose(rows)))
     end associate

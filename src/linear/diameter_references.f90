@@ -55,7 +55,7 @@ contains
     first = min(rigid, count) + 1
     damping_ratios = 0.0_wp
     damping_ratios(first:) = damping_form(structure, contacts, diameter, vectors(:, first:), omega(first:))/(2.0_wp*omega(first:))
-    shapes = structure%sector%spread_over(vectors, diameter)
+    shapes = structure%sector%expand(vectors, diameter)
   end subroutine modes_of_diameter
 
   !> By stiffness where the springs hold every motion, else by mass.

@@ -63,7 +63,7 @@ contains
     self%in_modes = in_modes
     allocate (self%rows(size(sector%kept), size(directions, 2), 0:self%period/2))
     do h = 0, self%period/2
-      self%rows(:, :, h) = sector%fold_rows(directions, sector%diameter(h))
+      self%rows(:, :, h) = sector%project_rows(directions, sector%diameter(h))
       if (in_modes) self%rows(:, :, h) = matmul(conjg(transpose(self%diameters(h)%modes)), self%rows(:, :, h))
     end do
   end subroutine begin_sector
@@ -77,7 +77,7 @@ contains
     complex(wp), intent(in) :: columns(:, :)
     complex(wp) :: projected(size(self%sector%kept), size(columns, 2))
 
-    projected = self%sector%fold(columns, self%sector%diameter(h))
+    projected = self%sector%project(columns, self%sector%diameter(h))
     if (self%in_modes) projected = matmul(transpose(conjg(modes_at(self, h))), projected)
   end function project
 
@@ -172,7 +172,7 @@ contains
 
     column(:, 1) = response
     if (self%in_modes) column = matmul(modes_at(self, h), column)
-    displacement = reshape(self%sector%spread_over(column, self%sector%diameter(h)), [size(self%sector%position)])
+    displacement = reshape(self%sector%expand(column, self%sector%diameter(h)), [size(self%sector%position)])
   end function recover
 
   function displacements(self, response) result(coefficients)

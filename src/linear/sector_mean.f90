@@ -44,7 +44,7 @@ contains
       real(wp), intent(in) :: columns(:, :)
       real(wp), allocatable :: folded(:, :)
 
-      folded = real(structure%sector%fold(cmplx(columns, kind=wp), 0), wp)
+      folded = real(structure%sector%project(cmplx(columns, kind=wp), 0), wp)
     end function folded
   end subroutine mean_of_sector
 end module attrito_linear_sector_mean

@@ -203,7 +203,7 @@ contains
     if (allocated(self%diameters)) then
       columns = self%diameters(first_alike(h, self%period))%modes(:, mode:mode)
       if (is_mirrored(h, self%period)) columns = conjg(columns)
-      columns = structure%sector%spread_over(columns, structure%sector%diameter(h))
+      columns = structure%sector%expand(columns, structure%sector%diameter(h))
       shape = columns(:, 1)
     else
       shape = cmplx(self%modes(:, mode), kind=wp)
@@ -223,7 +223,7 @@ contains
 
     inertia = reshape(matmul(structure%mass, displacement), [size(displacement), 1])
     if (allocated(self%diameters)) then
-      inertia = structure%sector%fold(inertia, structure%sector%diameter(h))
+      inertia = structure%sector%project(inertia, structure%sector%diameter(h))
       if (is_mirrored(h, self%period)) inertia = conjg(inertia)
       associate (own => self%diameters(first_alike(h, self%period)))
         coordinates = matmul(conjg(transpose(own%modes)), inertia(:, 1))/own%modal_mass

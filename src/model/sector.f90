@@ -26,15 +26,15 @@ module attrito_model_sector
     real(wp), allocatable :: next(:, :)
     !> Coordinates that are not of the upper boundary, ascending [n]; where each coordinate of the sector is found among them [m], and
     !> 1 for those that are the next sector's [m]
-    integer, allocatable :: kept(:), position(:), ahead(:)
+    integer, allocatable :: kept(:), position(:), of_next(:)
   contains
     procedure :: diameter
     procedure :: period
-    procedure :: turn
+    procedure :: phase_factor
     procedure :: couple
-    procedure :: fold
-    procedure :: spread_over
-    procedure :: fold_rows
+    procedure :: project
+    procedure :: expand
+    procedure :: project_rows
     procedure :: mean_rows
     procedure :: next_motion
   end type sector_type
@@ -57,9 +57,9 @@ contains
     self%lower = lower
     self%upper = upper
     self%next = next
-    allocate (self%ahead(size(next, 1)), self%position(size(next, 1)), source=0)
-    self%ahead(upper) = 1
-    self%kept = pack([(i, i=1, size(next, 1))], self%ahead == 0)
+    allocate (self%of_next(size(next, 1)), self%position(size(next, 1)), source=0)
+    self%of_next(upper) = 1
+    self%kept = pack([(i, i=1, size(next, 1))], self%of_next == 0)
     self%position(self%kept) = [(i, i=1, size(self%kept))]
     self%position(upper) = self%position(lower)
   end function new_sector
@@ -100,14 +100,14 @@ contains
   end function is_mirrored
 
   !> exp(-2 pi i n / N), and exactly so where it is real.
-  pure complex(wp) function turn(self, n)
+  pure complex(wp) function phase_factor(self, n)
     class(sector_type), intent(in) :: self
     !> Nodal diameter
     integer, intent(in) :: n
 
-    turn = exp(cmplx(0.0_wp, -two_pi*n/self%sectors, wp))
-    if (modulo(2*n, self%sectors) == 0) turn = merge(1, -1, modulo(n, self%sectors) == 0)
-  end function turn
+    phase_factor = exp(cmplx(0.0_wp, -two_pi*n/self%sectors, wp))
+    if (modulo(2*n, self%sectors) == 0) phase_factor = merge(1, -1, modulo(n, self%sectors) == 0)
+  end function phase_factor
 
   !> S_n^H A S_n [n, n].
   pure function couple(self, matrix, n) result(coupled)
@@ -120,34 +120,34 @@ contains
     complex(wp) :: turns(-1:1)
     integer :: i, j
 
-    turns = [conjg(self%turn(n)), (1.0_wp, 0.0_wp), self%turn(n)]
+    turns = [conjg(self%phase_factor(n)), (1.0_wp, 0.0_wp), self%phase_factor(n)]
     coupled = 0.0_wp
     do j = 1, size(matrix, 2)
       do i = 1, size(matrix, 1)
         associate (at => coupled(self%position(i), self%position(j)))
-          at = at + turns(self%ahead(j) - self%ahead(i))*matrix(i, j)
+          at = at + turns(self%of_next(j) - self%of_next(i))*matrix(i, j)
         end associate
       end do
     end do
   end function couple
 
   !> S_n^H f of columns [n, columns].
-  pure function fold(self, columns, n) result(folded)
+  pure function project(self, columns, n) result(projected)
     class(sector_type), intent(in) :: self
     !> Loads on the sector's coordinates [m, columns]
     complex(wp), intent(in) :: columns(:, :)
     !> Nodal diameter
     integer, intent(in) :: n
-    complex(wp) :: folded(size(self%kept), size(columns, 2))
+    complex(wp) :: projected(size(self%kept), size(columns, 2))
 
-    folded = columns(self%kept, :)
+    projected = columns(self%kept, :)
     associate (at => self%position(self%lower))
-      folded(at, :) = folded(at, :) + conjg(self%turn(n))*columns(self%upper, :)
+      projected(at, :) = projected(at, :) + conjg(self%phase_factor(n))*columns(self%upper, :)
     end associate
-  end function fold
+  end function project
 
   !> S_n x of columns [m, columns].
-  pure function spread_over(self, columns, n) result(displacements)
+  pure function expand(self, columns, n) result(displacements)
     class(sector_type), intent(in) :: self
     !> x [n, columns]
     complex(wp), intent(in) :: columns(:, :)
@@ -156,29 +156,29 @@ contains
     complex(wp) :: displacements(size(self%position), size(columns, 2))
 
     displacements = columns(self%position, :)
-    displacements(self%upper, :) = self%turn(n)*displacements(self%upper, :)
-  end function spread_over
+    displacements(self%upper, :) = self%phase_factor(n)*displacements(self%upper, :)
+  end function expand
 
   !> ((B + e^{-2 pi i n/N} B_next) S_n)^H, in columns [n, rows].
-  pure function fold_rows(self, here, n) result(folded)
+  pure function project_rows(self, here, n) result(projected)
     class(sector_type), intent(in) :: self
     !> Rows of B on the sector itself, in columns [m, rows]
     real(wp), intent(in) :: here(:, :)
     !> Nodal diameter
     integer, intent(in) :: n
-    complex(wp) :: folded(size(self%kept), size(here, 2))
+    complex(wp) :: projected(size(self%kept), size(here, 2))
 
-    folded = self%fold(here + conjg(self%turn(n))*self%next, n)
-  end function fold_rows
+    projected = self%project(here + conjg(self%phase_factor(n))*self%next, n)
+  end function project_rows
 
   !> The same of the mean: real [n, rows].
-  pure function mean_rows(self, here) result(folded)
+  pure function mean_rows(self, here) result(projected)
     class(sector_type), intent(in) :: self
     !> Rows of B on the sector itself, in columns [m, rows]
     real(wp), intent(in) :: here(:, :)
-    real(wp) :: folded(size(self%kept), size(here, 2))
+    real(wp) :: projected(size(self%kept), size(here, 2))
 
-    folded = real(self%fold_rows(here, 0), wp)
+    projected = real(self%project_rows(here, 0), wp)
   end function mean_rows
 
   !> What the next sector's motion adds to relative displacements at some rows, B_next q_1(t) [2 H + 1, rows].
@@ -194,7 +194,7 @@ contains
 
     columns = to_complex(matmul(displacements, self%next(:, first:first + rows - 1)))
     do h = 0, ubound(columns, 2)
-      columns(:, h) = self%turn(self%diameter(h))*columns(:, h)
+      columns(:, h) = self%phase_factor(self%diameter(h))*columns(:, h)
     end do
     motion = to_real(columns)
   end function next_motion

@@ -67,7 +67,7 @@ contains
     integer, intent(in) :: number
     integer :: at(size(sector%position))
 
-    at = modulo(number + sector%ahead, sector%sectors)*size(sector%kept) + sector%position
+    at = modulo(number + sector%of_next, sector%sectors)*size(sector%kept) + sector%position
   end function coordinates_of
 
   !> Add a sector's matrix.
@@ -100,7 +100,7 @@ contains
 
     columns = to_complex(series)
     do h = 1, ubound(columns, 2)
-      columns(:, h) = sector%turn(modulo(number*sector%diameter(h), sector%sectors))*columns(:, h)
+      columns(:, h) = sector%phase_factor(modulo(number*sector%diameter(h), sector%sectors))*columns(:, h)
     end do
     turned = to_real(columns)
   end function delayed

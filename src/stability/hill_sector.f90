@@ -101,7 +101,7 @@ contains
       self%damping = modes%modal_damping/modes%modal_mass/clock
       shapes = modes%modes/spread(sqrt(modes%modal_mass), 1, n)
       ! A unit of force accelerates by the clock's square less.
-      self%rows = matmul(conjg(transpose(shapes)), sector%fold_rows(contacts%directions, diameter))/clock
+      self%rows = matmul(conjg(transpose(shapes)), sector%project_rows(contacts%directions, diameter))/clock
       if (structure%damping_kind == damping_viscous) then
         self%coupling = matmul(conjg(transpose(shapes)), matmul(sector%couple(structure%damping, diameter), shapes))/clock
       end if
