@@ -84,12 +84,12 @@ contains
   pure subroutine set_phases(vectors)
     !> [n, count]
     complex(wp), intent(inout) :: vectors(:, :)
+    complex(wp) :: largest
     integer :: i
 
     do i = 1, size(vectors, 2)
-      associate (largest => vectors(maxloc(abs(vectors(:, i)), 1), i))
-        vectors(:, i) = vectors(:, i)*(conjg(largest)/abs(largest))
-      end associate
+      largest = vectors(maxloc(abs(vectors(:, i)), 1), i)
+      vectors(:, i) = vectors(:, i)*(conjg(largest)/abs(largest))
     end do
   end subroutine set_phases
 

@@ -91,6 +91,9 @@ def check_shapes(scene, family, stiffness, mass):
     assert np.abs(force).max() < 1e-11
     gram = modes.shapes.conj() @ scene.mass @ modes.shapes.T
     assert gram == pytest.approx(np.eye(len(gram)), abs=1e-11)
+    own = modes.shapes[:, inside]
+    largest = own[np.arange(len(own)), np.abs(own).argmax(axis=1)]
+    assert np.all(largest.real > 0.0) and np.abs(largest.imag).max() < 1e-14
     assert modes.shapes[:, sector.upper] == pytest.approx(turn * modes.shapes[:, sector.lower], abs=1e-12)
 
 
