@@ -12,12 +12,13 @@ from mpi4py import MPI
 from wheels import lumped_sector
 
 from attrito.job.reading import read_job
-from attrito.library.reduced_scene import all_alike
+from attrito.library.reduced_scene import Sector, all_alike
 from attrito.library.session import Options, Solver, StoredPoint
 from attrito.modes.tracker import ModeTracker
+from attrito.report.wheel import displacements
 from attrito.scene.build import build_scene
 from attrito.scene.reduced_model import reduced_scene
-from attrito.scene.wheel import wave_in_wheel, whole_wheel
+from attrito.scene.wheel import delayed, wave_in_wheel, whole_wheel
 
 SECTORS, HARMONICS = 5, 7
 # Preload alone: there are no static loads.
@@ -102,3 +103,22 @@ def test_loading_in_cycles_is_refused(tmp_path, capfd):
     assert done.returncode == 2
     expected = 'expected "epmc" with [cyclic]: loading in cycles is no travelling wave'
     assert f"job.toml: [mode] method = 'quasi_static': {expected}" in done.stderr
+
+
+def test_the_report_has_every_sector_of_the_wheel(tmp_path, capfd):
+    file = mode_of(tmp_path, capfd, 1)
+    done = attrito_here(tmp_path, capfd, "report", file.name)
+    assert done.returncode == 0, done.stderr
+    page = (tmp_path / "report.html").read_text()
+    assert "One of 5 sectors, engine order 1: nodal diameter 1, running forward." in page
+
+
+def test_monitors_round_the_wheel_are_those_of_the_delayed_sectors():
+    sector = Sector(SECTORS, -2, np.array([2]), np.array([3]), np.zeros((4, 4)))
+    coefficients = np.random.default_rng(1).uniform(-1.0, 1.0, (2 * HARMONICS + 1, 1))
+    instant = 0.7
+    found = displacements(coefficients[:, 0], SECTORS, -2, instant)
+    for j in range(SECTORS):
+        later = delayed(coefficients, sector, j)[1:, 0]
+        angles = instant * np.arange(1, HARMONICS + 1)
+        assert found[j] == pytest.approx(later[::2] @ np.cos(angles) + later[1::2] @ np.sin(angles), abs=1e-13)

@@ -14,6 +14,7 @@ from attrito.report.campbell import campbell, campbell_glance
 from attrito.report.mode import mode, mode_glance
 from attrito.report.page import Page
 from attrito.report.view import View
+from attrito.report.wheel import wheel
 from attrito.results.result import CAMPBELL, MODE, Result
 from attrito.support.atomic_files import whole_file
 from attrito.support.errors import Fault, InputError
@@ -24,13 +25,14 @@ SECTIONS = (
     sections.contacts,
     sections.loops,
     sections.harmonics,
+    wheel,
     sections.uniqueness,
     sections.stability,
     sections.convergence,
     sections.run,
 )
 # Of a nonlinear mode
-MODE_SECTIONS = (mode, sections.loops, sections.run)
+MODE_SECTIONS = (mode, sections.loops, wheel, sections.run)
 # An estimated error beyond this is reported as a warning.
 LARGE_ERROR = 0.05
 # Amplitudes that differ by less than this part of them are the same.
