@@ -193,6 +193,15 @@ def test_a_wrong_number_of_sectors_is_told_with_the_one_that_fits(tmp_path):
     assert "[cyclic] upper = 'high': expected nodes of low, turned by 2 pi / 5 about the axis; sectors = 6 fits" in text
 
 
+def test_boundaries_are_looked_at_before_contacts_across_them(tmp_path):
+    """Where the number of sectors is wrong no contact is found across either: one message says why."""
+    ring_job = Ring(tmp_path, ring(6), 5)
+    law = {"tangential_stiffness": 1e9, "normal_stiffness": 1e9, "friction_coefficient": 0.3}
+    ring_job.job["contact_set"].append({"a": "high", "b": "low", "across": True, "tolerance": 1e-6, **law})
+    text = fault_of(ring_job)
+    assert "sectors = 6 fits" in text and "contact_set" not in text
+
+
 def test_exchanged_boundaries_are_told(tmp_path):
     text = fault_of(Ring(tmp_path, ring(6), 6, lower="high", upper="low"))
     assert "exchange lower and upper" in text

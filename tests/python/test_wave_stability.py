@@ -96,6 +96,16 @@ def test_contacts_with_two_tangents_are_examined_on_enough_samples():
     assert change < 1e-3
 
 
+@pytest.mark.parametrize("method", ["hill", "both"])
+def test_contacts_of_two_tangents_that_hill_s_problem_leaves_out_are_warned_of(tmp_path, method):
+    job = lumped_sector(5, 2) | {"stability": {"method": method}, "sweep": {"frequencies_hz": [31.0]}}
+    job["contact"][1]["tangents"] = [[[2, 1.0]], [[0, 1.0]]]
+    said = run(tmp_path, job).stdout
+    assert (
+        f"warning: [stability] method = {method}: Hill's problem knows slip along one tangent, and 1 contacts" in said
+    )
+
+
 def test_the_table_has_wavenumbers_of_a_sector_alone(tmp_path):
     job = lumped_sector(5, 2) | {"stability": {"method": "monodromy"}, "sweep": {"frequencies_hz": [31.0]}}
     run(tmp_path, job)

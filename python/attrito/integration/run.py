@@ -44,6 +44,8 @@ REFERENCES = (
     "Zucca & Firrone 2014, doi:10.1016/j.jsv.2013.09.032; Lane & Riesenfeld 1981, doi:10.1007/BF01934076; "
     "Hilber, Hughes & Taylor 1977, doi:10.1002/eqe.4290050306; Chung & Hulbert 1993, doi:10.1115/1.2900803"
 )
+# Contacts that the summary has a line for
+MOST_CONTACTS = 10
 FORMATS = ("attrito result", "attrito integration")
 
 
@@ -220,14 +222,16 @@ def summary(file: str, scene: ReducedScene, choices: Run, orbit: Orbit) -> list[
         f"  {name}: amplitude {amplitude:.9g}, mean {mean:.9g}"
         for name, amplitude, mean in zip(scene.monitor_names, orbit.amplitude, orbit.mean, strict=True)
     ]
-    row = 0
-    for i, tangents in enumerate(scene.laws["tangents"][:10]):
+    row, count = 0, len(scene.laws["tangents"])
+    for i, tangents in enumerate(scene.laws["tangents"][:MOST_CONTACTS]):
         mean = ", ".join(f"{force:.9g}" for force in orbit.force_mean[row : row + tangents])
         lines.append(
             f"  contact {i}: mean T {mean}, mean N {orbit.force_mean[row + tangents]:.9g};"
             f" stick {orbit.stick[i]:.3f}, slip {orbit.slip[i]:.3f}, open {orbit.open[i]:.3f}"
         )
         row += tangents + 1
+    if count > MOST_CONTACTS:
+        lines.append(f"  ... and {count - MOST_CONTACTS} more contacts, in the file")
     if orbit.chatter:
         lines.append(f"  {orbit.chatter} instant(s) of chattering were cut short")
     return [*lines, file]

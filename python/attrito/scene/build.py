@@ -41,13 +41,16 @@ def build_scene(job: Job) -> Scene:
     """Read the model and place the job's contacts, loads and monitors on it; all faults of a kind together."""
     model = load_model(job)
     places = DofResolver(job, model)
+    sector = build_sector(job, model, places)
+    if places.faults:
+        # Contacts across would be looked for in the wrong place.
+        raise InputError(*places.faults)
     contacts = _contacts(job, model, places)
     static, harmonic = build_loads(job, model, places)
     monitors = {
         monitor["name"]: places.vector(monitor["dofs"], f"[output] monitors[{i}]")
         for i, monitor in enumerate(job["output"]["monitors"])
     }
-    sector = build_sector(job, model, places)
     if sector is not None:
         check_mass_of_sector(job, model, sector, places, STATIC_BY_REDUCTION)
         wave = nodal_diameter_in_words(sector.sectors, sector.engine_order)

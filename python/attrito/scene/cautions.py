@@ -33,8 +33,8 @@ TO_CHECK = (
 
 
 def of_scene(job: Job, scene: Scene) -> list[str]:
-    """Warnings on the model and where its contacts lie."""
-    found = [*_parallel_rows(job, scene.contacts), *_distant_pairs(job, scene)]
+    """Warnings on the model, where its contacts lie, and what is not examined of them."""
+    found = [*_parallel_rows(job, scene.contacts), *_distant_pairs(job, scene), *_unexamined(job, scene.contacts)]
     resists = resisted_rotation(scene.model)
     return found if resists is None else [resists, *found]
 
@@ -92,6 +92,17 @@ def of_static_solution(states: Sequence[int]) -> list[str]:
 def of_static_solutions(untouched: int, samples: int) -> list[str]:
     """A warning where in some samples of a study no contact touches."""
     return [f"{NOTHING_TOUCHES} of {untouched} of {samples} samples: {TO_CHECK}"] if untouched else []
+
+
+def _unexamined(job: Job, contacts: Contacts) -> Iterator[str]:
+    """Hill's problem knows slip along one tangent."""
+    method, two = job["stability"]["method"], int(np.count_nonzero(contacts.laws["tangents"] == 2))
+    if method in ("hill", "both") and two:
+        instead = "is not examined" if method == "hill" else "is examined by the monodromy alone"
+        yield (
+            f"[stability] method = {method}: Hill's problem knows slip along one tangent, and {two} contacts have two;"
+            f" a point at which one of these slips or opens {instead}"
+        )
 
 
 def _parallel_rows(job: Job, contacts: Contacts) -> Iterator[str]:

@@ -396,7 +396,7 @@ def _write_interface(file: h5py.File, job: Job, scene: Scene, say: Any) -> None:
     described(file, "interface/error", what, data=found.error)
     say(
         f"boundaries of {len(places[0])} dofs each in {found.basis.shape[1]} interface modes: natural frequencies of"
-        f" all nodal diameters within {found.error:.1e}"
+        f" all nodal diameters, with every contact stuck, within {found.error:.1e}"
     )
 
 
