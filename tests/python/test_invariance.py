@@ -82,6 +82,11 @@ def test_units_change_neither_answers_nor_iterations(tmp_path, capfd, name):
                 assert np.array_equal(found, expected), words
 
 
+def largest(values):
+    """By point."""
+    return np.nanmax(np.abs(values).reshape(len(values), -1), axis=1)
+
+
 @pytest.mark.parametrize("tangents", [1, 2])
 @pytest.mark.parametrize("ranks", [2, 3])
 def test_ranks_change_nothing_where_contacts_slip_stick_and_are_started_in_time(tmp_path, tangents, ranks):
@@ -103,7 +108,11 @@ def test_ranks_change_nothing_where_contacts_slip_stick_and_are_started_in_time(
     assert np.any(states == 0)
     assert np.array_equal(states, other["contacts/state"])
     force = np.nanmax(np.abs(one["contacts/force"]))
+    # Sliders that contacts keep from motion in time sum up what its steps, some thousands, leave: 1e-13 each.
+    kept = one["points/unique"] == 0
+    near = np.where(kept, 1e-9, 1e-10)
+    assert not kept.all()
     for path in ("contacts/force", "contacts/t1_mean", "contacts/n_mean"):
-        assert np.nanmax(np.abs(one[path] - other[path])) <= 1e-10 * force, path
+        assert np.all(largest(one[path] - other[path]) <= near * force), path
     for path in ("monitors/end/amplitude", "monitors/end/mean", "contacts/slider"):
-        assert np.abs(one[path] - other[path]).max() <= 1e-10 * np.abs(one[path]).max(), path
+        assert np.all(largest(one[path] - other[path]) <= near * np.abs(one[path]).max()), path
