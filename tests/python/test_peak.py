@@ -23,7 +23,7 @@ from attrito.library.peak_tracker import PeakTracker
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
 from attrito.peaks import run as peaking
-from attrito.peaks.curve import Found, ending_of
+from attrito.peaks.curve import Found, ending_of, jumps
 from attrito.peaks.file import read_peaks
 from attrito.peaks.run import begin, follow
 from attrito.support.errors import NumericsError
@@ -437,3 +437,11 @@ def test_an_ending_is_that_of_the_last_peak():
     assert none.words == "the peak is lost from the start: no point of the curve was found there"
     drifts = ending_of([peak(1.0), peak(1.0, "not_converged", "no_periodic_motion")], "level", 2.0)
     assert drifts.is_physical and "beyond level 1" in drifts.words and "a body drifts" in drifts.words
+
+
+def test_a_curve_that_leaves_one_peak_for_another_says_where():
+    parameter = np.array([1.0, 2.0, 4.0, 4.2, 8.0, 8.4, 9.0])
+    # y = x^-0.5, then ten times as much; a corner; no peak
+    height = np.array([1.0, 2.0**-0.5, 0.5, 10.0 * 4.2**-0.5, 10.0 * 8.0**-0.5, 10.0 * 8.4**-0.5, np.nan])
+    power = np.array([-0.5, -0.5, -0.5, -0.5, np.nan, -0.5, np.nan])
+    assert np.flatnonzero(jumps(parameter, height, power)).tolist() == [3]

@@ -70,6 +70,8 @@ class Found:
         return self.peak.outcome != "not_converged"
 
 
+# Change of a peak's logarithm beside what its slopes say, from one to the next, that no step of the curve makes
+JUMP = np.log(1.5)
 # Why there is no peak farther on, where the reason is physical
 REASONS = {
     "leaves_band": "the response is largest at an end of the band of [sweep] there",
@@ -113,6 +115,24 @@ def ending_of(found: list[Found], parameter: str, stop: float) -> Ending:
         return Ending(kind, f"the curve ends: there is no peak {where}, since {REASONS[kind]}")
     where = where if known else "from the start"
     return Ending("not_found", f"the peak is lost {where}: no point of the curve was found there")
+
+
+def jumps(parameter: np.ndarray, height: np.ndarray, power: np.ndarray) -> np.ndarray:
+    """Which peaks are not on the curve of the one before, `[n]` bool: another peak was found between.
+
+    Parameters
+    ----------
+    parameter, height : at the peaks in the order of the curve; NaN where there is no peak
+    power : d log(height)/d log(parameter) there; NaN at a corner
+    """
+    found = np.zeros(len(height), dtype=bool)
+    change, step = np.diff(np.log(height)), np.diff(np.log(parameter))
+    known = np.isfinite(power)
+    slope = 0.5 * (np.where(known, power, 0.0)[1:] + np.where(known, power, 0.0)[:-1])
+    # Beside a corner the other end's slope stands for both.
+    slope *= np.where(known[1:] != known[:-1], 2.0, 1.0)
+    found[1:] = np.abs(change - slope * step) > JUMP
+    return found
 
 
 def elasticity(peak: Peak, parameter: str) -> float:

@@ -12,7 +12,7 @@ from scipy.interpolate import CubicHermiteSpline
 from attrito.job.job import Job
 from attrito.library.names import OUTCOMES, STATES
 from attrito.library.reduced_scene import ReducedScene
-from attrito.peaks.curve import KINDS, Found, elasticity, ending_of
+from attrito.peaks.curve import KINDS, Found, elasticity, ending_of, jumps
 from attrito.support.atomic_files import whole_hdf5
 from attrito.support.errors import Fault, InputError
 from attrito.support.hdf5_reading import stored
@@ -46,6 +46,7 @@ COUNTS = {
     "iterations": "Newton steps, failed steps included",
     "evaluations": "of the balance since the start, static path included",
     "unique": "1 yes, 0 no, -1 not examined",
+    "jump": "1: not on the curve of the peak before, another one was found between; 0: on it",
     "corner": "1: the response rises to the peak on one side and falls on the other, with a corner; 0: it is smooth",
 }
 
@@ -91,7 +92,20 @@ def columns(found: list[Found], parameter: str) -> dict[str, np.ndarray]:
         }
         for name, value in values.items():
             rows[name].append(value)
-    return {name: np.array(values) for name, values in rows.items()}
+    data = {name: np.array(values) for name, values in rows.items() if name != "jump"}
+    height = data["response" if parameter == "level" else "amplitude"]
+    return data | {"jump": jumps(data[parameter], height, data["elasticity"]).astype(int)}
+
+
+def jumps_in_words(found: list[Found], parameter: str) -> list[str]:
+    """A warning for each place at which the curve leaves one peak for another."""
+    data = columns(found, parameter)
+    value, frequency = data[parameter], data["frequency_hz"]
+    return [
+        f"between {parameter} {value[i - 1]:.5g} and {value[i]:.5g} the peak at {frequency[i - 1]:.5g} Hz is lost, and"
+        f" another one at {frequency[i]:.5g} Hz is followed: beside either there may be a higher one"
+        for i in np.flatnonzero(data["jump"])
+    ]
 
 
 def write(

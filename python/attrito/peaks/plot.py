@@ -38,13 +38,13 @@ def peak_curve(path: str) -> Figure:
             (True, STUCK_COLOUR, "all contacts stick"),
             (False, BRANCH_COLOURS[0], "they slip"),
         ):
-            for run in _runs(sticks == stuck):
+            for run in _runs(sticks == stuck, data["jump"] == 1):
                 power = data["elasticity"][run]
                 x, y = smooth_curve(value[run], height[run], power)
                 upper.plot(x, y, color=colour, label=label)
                 lower.plot(value[run], data["frequency_hz"][run], color=colour)
                 label = None
-        for i in np.flatnonzero(np.diff(sticks.astype(int))):
+        for i in np.flatnonzero((np.diff(sticks.astype(int)) != 0) | (data["jump"][1:] == 1)):
             for axes, course in ((upper, height), (lower, data["frequency_hz"])):
                 axes.plot(value[i : i + 2], course[i : i + 2], color=STUCK_COLOUR, linestyle=":", linewidth=1.2)
         _mark(upper, lower, value, height, data)
@@ -87,10 +87,12 @@ def _draw_differences(axes: Axes, value: np.ndarray, data: dict[str, np.ndarray]
     axes.legend(loc="best")
 
 
-def _runs(chosen: np.ndarray) -> list[np.ndarray]:
-    """Stretches of neighbours that are chosen, as indices, each of two and more."""
+def _runs(chosen: np.ndarray, begins: np.ndarray) -> list[np.ndarray]:
+    """Stretches of chosen neighbours, as indices, each of two and more; what `begins` one is not of the last."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], chosen.astype(int), [0]])))
-    return [np.arange(a, b) for a, b in edges.reshape(-1, 2) if b - a > 1]
+    stretches = [np.arange(a, b) for a, b in edges.reshape(-1, 2)]
+    parts = [part for one in stretches for part in np.split(one, np.flatnonzero(begins[one][1:]) + 1)]
+    return [part for part in parts if len(part) > 1]
 
 
 def _mark(upper: Axes, lower: Axes, value: np.ndarray, height: np.ndarray, data: dict[str, np.ndarray]) -> None:

@@ -17,7 +17,7 @@ from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
 from attrito.peaks.backbone import BackboneTracker, follow_backbone, leading_mode
 from attrito.peaks.curve import Backbone, Ending, Found, elasticity, ending_of
-from attrito.peaks.file import table, write
+from attrito.peaks.file import jumps_in_words, table, write
 from attrito.peaks.fixed_series import fixed_series, is_enough
 from attrito.peaks.plot import peak_curve
 from attrito.plots.style import save
@@ -85,6 +85,8 @@ def _follow_and_show(
     if job["peak"]["backbone"] and leading is not None:
         backbone = follow_mode(comm, job, options, reduced, load_path, leading, found)
         progress.say(f"backbone of stuck mode {leading[0]}: {sum(map(len, backbone.stretches))} points")
+
+    progress.warn(jumps_in_words(found, job["peak"]["parameter"]))
 
     def show() -> str:
         write(file, job, reduced, found, backbone, progress.warnings)
