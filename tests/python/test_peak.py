@@ -179,6 +179,8 @@ def test_the_command_writes_file_table_and_picture(tmp_path, capfd, written):
     assert {"6", "12", "20"} <= {row["level"] for row in rows}
     data, attributes = read_peaks(str(tmp_path / "result.peaks.h5"))
     assert attributes["parameter"] == "level" and len(data["level"]) == len(rows)
+    again = jobs.attrito_here(tmp_path, capfd, "table", "result.peaks.h5").stdout
+    assert again.startswith("kind,level") and again in done.stdout
     (figure,) = written
     for axes, name in zip(figure.axes, ("response", "frequency_hz"), strict=True):
         asked = marks(axes, "o")

@@ -151,11 +151,16 @@ def table(options: argparse.Namespace) -> None:
     """A result -> CSV on standard output."""
     from attrito.modes import campbell, linear
     from attrito.modes.table import table as mode_table
+    from attrito.peaks.file import holds_peaks
+    from attrito.peaks.file import table as peak_table
     from attrito.results.result import CAMPBELL, LINEAR_MODES, MODE, Result
     from attrito.results.tables import bifurcation_table, contact_table, curve_table, multiplier_table, table
 
     kinds = {"contacts": contact_table, "multipliers": multiplier_table, "bifurcations": bifurcation_table}
     kind = next((work for name, work in kinds.items() if getattr(options, name)), table)
+    if kind is table and options.curve is None and holds_peaks(options.result):
+        sys.stdout.write(peak_table(options.result))
+        return
     with Result(options.result) as result:
         if kind is table:
             of_format = {LINEAR_MODES: linear.table, MODE: mode_table, CAMPBELL: campbell.table}

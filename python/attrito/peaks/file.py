@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import h5py
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
@@ -15,7 +16,7 @@ from attrito.library.reduced_scene import ReducedScene
 from attrito.peaks.curve import KINDS, Found, elasticity, ending_of, jumps
 from attrito.support.atomic_files import whole_hdf5
 from attrito.support.errors import Fault, InputError
-from attrito.support.hdf5_reading import stored
+from attrito.support.hdf5_reading import UNREADABLE, stored
 from attrito.support.hdf5_writing import described
 from attrito.support.version import __version__
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from attrito.peaks.curve import Backbone, BackbonePoint
 
 REFERENCES = "Zucca & Firrone 2014, doi:10.1016/j.jsv.2013.09.032"
+FORMAT = "attrito peaks"
 
 
 COLUMNS = {
@@ -121,7 +123,7 @@ def write(
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     data = columns(found, keys["parameter"])
     with whole_hdf5(path) as file:
-        file.attrs["format"] = "attrito peaks"
+        file.attrs["format"] = FORMAT
         file.attrs["format_version"] = 1
         file.attrs["attrito_version"] = __version__
         file.attrs["description"] = "A resonance peak followed in a parameter; see docs/peaks.md of attrito"
@@ -196,7 +198,7 @@ def _points(backbone: Backbone) -> list[BackbonePoint]:
 def read_peaks(path: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """Columns of a file of peaks, and its attributes."""
     with stored(path, "peaks of `attrito peak`") as file:
-        if file.attrs.get("format") != "attrito peaks":
+        if file.attrs.get("format") != FORMAT:
             raise InputError(Fault(path, "format", file.attrs.get("format", "absent"), "peaks of `attrito peak`"))
         names = [*COLUMNS, *COUNTS, "kind", "outcome", "states", *(name for name in AT_PEAKS if name in file["peaks"])]
         data = {name: file[f"peaks/{name}"][()] for name in names}
@@ -207,6 +209,15 @@ def read_backbone(path: str) -> dict[str, np.ndarray] | None:
     """Columns of the backbone in a file of peaks, if there is one."""
     with stored(path, "peaks of `attrito peak`") as file:
         return {name: file[f"backbone/{name}"][()] for name in [*ALONG, "states"]} if "backbone" in file else None
+
+
+def holds_peaks(path: str) -> bool:
+    """Whether a file is one of `attrito peak`; False too where it is no file that can be read."""
+    try:
+        with h5py.File(path) as file:
+            return str(file.attrs.get("format", "")) == FORMAT
+    except UNREADABLE:
+        return False
 
 
 def table(path: str) -> str:

@@ -56,7 +56,7 @@ class Result:
         """It is a result, and its series have an entry for each point and contact."""
         form = self.attribute("format") or "absent"
         if "result" not in form and form not in (LINEAR_MODES, MODE, CAMPBELL):
-            expected = "a result of `attrito run`, `mode`, `linear-modes` or `campbell` (peaks, studies: by h5py)"
+            expected = "a result of `attrito run`, `mode`, `linear-modes` or `campbell` (studies: by h5py)"
             raise InputError(Fault(self.path, "format", form, expected))
         check_datasets(self._file, self.path)
         points = self._file.get("points/frequency_hz")
