@@ -19,6 +19,7 @@ ORDER = (
     "mode",
     "study",
     "import_model",
+    "plot",
     "write_report",
     "table",
     "contact_table",

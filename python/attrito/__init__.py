@@ -20,6 +20,7 @@ from attrito.support.version import __version__ as __version__
 if TYPE_CHECKING:
     from attrito.api import UnsolvedWarning, campbell, integrate, linear_modes, mode, open, peak, reduce, run, study
     from attrito.importers import import_model
+    from attrito.pictures import plot
     from attrito.report.report import write_report
     from attrito.results.quantities import File, Group, Quantity
     from attrito.results.result import Result
@@ -42,6 +43,7 @@ _PLACES = {
     "study": "api",
     "open": "api",
     "import_model": "importers",
+    "plot": "pictures",
     "write_report": "report.report",
     "File": "results.quantities",
     "Group": "results.quantities",
@@ -77,6 +79,7 @@ __all__ = [
     "multiplier_table",
     "open",
     "peak",
+    "plot",
     "reduce",
     "run",
     "study",

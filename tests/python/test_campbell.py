@@ -402,7 +402,7 @@ def test_what_shows_results_shows_a_diagram(diagram, capfd, command, said):
     done = attrito_here(diagram, capfd, command, "result.campbell.h5")
     assert done.returncode == 0 and said in done.stdout, done.stderr
     if command == "report":
-        page = (diagram / "report.html").read_text()
+        page = (diagram / "result.campbell.report.html").read_text()
         assert "Campbell diagram" in page and "Critical speeds" in page and "[campbell]" in page
         assert "Southwell" in page
 

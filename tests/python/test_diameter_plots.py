@@ -65,7 +65,7 @@ def test_without_a_speed_the_job_s_engine_order_is_drawn_where_it_is_critical(mo
 def test_the_diagram_shows_all_modes_the_line_and_what_it_meets(modes, capfd, written):
     prepared(modes, capfd)
     done = attrito_here(modes, capfd, "plot", "result.modes.h5", "--dpi", "50")
-    assert done.returncode == 0 and done.stdout.strip() == "diameters.png", done.stderr
+    assert done.returncode == 0 and done.stdout.strip() == "result.modes.diameters.png", done.stderr
     (figure,) = written
     (axes,) = figure.axes
     assert axes.get_xlabel() == "Nodal diameter" and axes.get_ylabel() == "Frequency (Hz)"

@@ -28,7 +28,7 @@ FLOORS = (
     ("peaks", "report"),
     ("modes",),
     ("studies", "charts"),
-    ("api", VERIFICATION),
+    ("api", "pictures", VERIFICATION),
     ("cli",),
 )
 FLOOR_OF = {package: floor for floor, packages in enumerate(FLOORS) for package in packages}

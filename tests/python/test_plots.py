@@ -46,7 +46,9 @@ def test_several_levels_are_divided_by_the_level(tmp_path):
 
 
 def test_one_level_is_shown_as_it_is_and_scales_the_linear_responses(tmp_path):
-    linear = {kind: (np.array([90.0, 110.0]), np.array([1.0, 2.0])) for kind in ("stuck", "frictionless")}
+    linear = {
+        kind: (np.array([90.0, 110.0]), np.array([1.0, end])) for kind, end in (("stuck", 2), ("frictionless", 3))
+    }
     with response(tmp_path, [1.0, 2.0, 3.0], level=[5.0] * 3, linear=linear) as result:
         axes = frequency_response(result, "tip").axes[0]
     assert lines(axes, "linear, stuck")[0].get_ydata().tolist() == [5.0, 10.0]

@@ -109,7 +109,7 @@ def test_the_report_has_every_sector_of_the_wheel(tmp_path, capfd):
     file = mode_of(tmp_path, capfd, 1)
     done = attrito_here(tmp_path, capfd, "report", file.name)
     assert done.returncode == 0, done.stderr
-    page = (tmp_path / "report.html").read_text()
+    page = (tmp_path / f"{file.stem}.report.html").read_text()
     assert "One of 5 sectors, engine order 1: nodal diameter 1, running forward." in page
 
 

@@ -6,6 +6,7 @@ import argparse
 
 from attrito.cli import commands
 from attrito.library.names import REFERENCES
+from attrito.results.motion import QUANTITIES
 from attrito.support.version import __version__
 
 MATRICES = ("matrix-market", "matlab", "dmig", "abaqus")
@@ -161,14 +162,27 @@ def _table(parsers: Parsers) -> None:
 
 
 def _plot(parsers: Parsers) -> None:
-    one = parsers.add_parser("plot", help="result.h5 -> PNG, PDF, SVG: frequency response, loops, contact map, modes")
-    one.add_argument("result", help="result file")
-    one.add_argument(
-        "-o",
-        "--output",
-        help="picture to write, .png, .pdf or .svg (default: beside it, as frf.png)",
-    )
+    one = parsers.add_parser("plot", help="results -> PNG, PDF, SVG: frequency responses, loops, contact map, modes")
+    one.add_argument("results", nargs="+", metavar="result", help="result file; several are compared in one figure")
+    one.add_argument("-o", "--output", help="picture to write, .png, .pdf or .svg (default: beside it, as frf.png)")
     one.add_argument("--monitor", help="monitor of the frequency response (default: the first)")
+    one.add_argument(
+        "--quantity",
+        choices=[*QUANTITIES, "nyquist"],
+        help="what of the monitor is drawn (default: amplitude, half the range over the period)",
+    )
+    one.add_argument("--level", type=_measured, nargs="+", metavar="LEVEL", help="levels that are drawn (default: all)")
+    one.add_argument("--xlim", type=_measured, nargs=2, metavar=("LOW", "HIGH"), help="frequencies shown, Hz")
+    scale = one.add_mutually_exclusive_group()
+    scale.add_argument("--linear", dest="log", action="store_false", default=None, help="a linear axis from zero")
+    scale.add_argument("--log", action="store_true", default=None, help="a logarithmic axis (default: if it suits)")
+    one.add_argument(
+        "--references",
+        nargs="*",
+        choices=REFERENCES,
+        metavar="STATE",
+        help=f"linear responses drawn behind, of {', '.join(REFERENCES)}; none with no word (default: all)",
+    )
     one.add_argument(
         "--speed-hz",
         type=_speed,
@@ -192,6 +206,7 @@ def _plot(parsers: Parsers) -> None:
     one.add_argument("--height", type=_measure, metavar="MM", help="of the figure, millimetres")
     one.add_argument("--font", help="a font that is installed, as 'DejaVu Serif'")
     one.add_argument("--font-size", type=_measure, default=9.0, metavar="POINTS", help="default: 9")
+    one.add_argument("--style", help="a style of matplotlib, as ggplot, or a file of one (.mplstyle)")
     one.add_argument("--dpi", type=_positive, default=220, help="of a .png (default: 220)")
     one.set_defaults(work=commands.plot)
 
@@ -199,7 +214,7 @@ def _plot(parsers: Parsers) -> None:
 def _report(parsers: Parsers) -> None:
     one = parsers.add_parser("report", help="result.h5 -> one HTML page with figures, verdicts and the job")
     one.add_argument("result", help="result file")
-    one.add_argument("-o", "--output", help="page to write (default: report.html beside the result)")
+    one.add_argument("-o", "--output", help="page to write (default: beside it, as report.html)")
     one.add_argument("--point", type=int, help="point whose contacts are shown (default: the largest amplitude)")
     one.set_defaults(work=commands.report)
 
@@ -289,6 +304,16 @@ def _measure(text: str) -> float:
         value = 0.0
     if not 0.0 < value <= 2000.0:
         raise argparse.ArgumentTypeError(f"{text!r}: expected a number above 0, at most 2000")
+    return value
+
+
+def _measured(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if value in (float("inf"), float("-inf")) or value != value:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a number")
     return value
 
 

@@ -169,66 +169,43 @@ def table(options: argparse.Namespace) -> None:
 
 
 def plot(options: argparse.Namespace) -> None:
-    """A result -> picture of its frequency response, loops, or contacts."""
-    from attrito.plots import contacts, response, style
-    from attrito.results.loops import contact_loops, most_dissipating
-    from attrito.results.result import Result
+    """Results -> picture of their frequency responses, of loops, or contacts."""
+    from attrito.pictures import Wishes, draw
+    from attrito.plots import style
+    from attrito.plots.labels import distinct_names
 
-    look = style.Look(options.width, options.height, options.font, options.font_size)
-    with Result(options.result) as result:
-        if (drawn := _picture_of_modes(result, options, look)) is not None:
-            path = options.output or _beside(options.result, drawn[1])
-            style.save(drawn[0], path, options.dpi)
-            print(path)
-            return
-        monitor = _monitor(result, options)
-        if options.loops:
-            point = _point(result, options, monitor)
-            chosen = options.contact or most_dissipating(result, point)
-            units = [result.unit(f"/contacts/{name}") for name in ("displacement", "force")]
-            figure = contacts.hysteresis(contact_loops(result, point, chosen), *units, look=look)
-            name = "loops.png"
-        elif options.map:
-            point = _point(result, options, monitor)
-            figure, name = contacts.contact_map(result, point, options.map, look), "contacts.png"
-        else:
-            figure, name = response.frequency_response(result, monitor, look=look), "frf.png"
-        path = options.output or _beside(options.result, name)
-        style.save(figure, path, options.dpi)
+    if options.output is not None:
+        style.check_picture(options.output)
+    look = style.Look(options.width, options.height, options.font, options.font_size, options.style)
+    names = (
+        "monitor",
+        "quantity",
+        "level",
+        "xlim",
+        "log",
+        "references",
+        "speed_hz",
+        "loops",
+        "map",
+        "point",
+        "contact",
+    )
+    figure, name = draw(options.results, Wishes(**{name: getattr(options, name) for name in names}), look)
+    stem = "_".join(distinct_names(options.results)) if len(options.results) > 1 else None
+    path = options.output or _beside(options.results[0], name, stem)
+    style.save(figure, path, options.dpi)
     print(path)
-
-
-def _picture_of_modes(result, options: argparse.Namespace, look):
-    """Figure and usual name of a file that holds modes, None of another; `InputError` where there is none to draw."""
-    from attrito.plots.campbell import campbell_diagram
-    from attrito.plots.diameters import diameter_diagram
-    from attrito.plots.modes import mode_curve
-    from attrito.results.result import CAMPBELL, LINEAR_MODES, MODE
-
-    form, of_points = result.attribute("format"), options.loops or options.map
-    is_wheel = form == LINEAR_MODES and result.has("/points/nodal_diameter")
-    if options.speed_hz is not None and not is_wheel:
-        expected = "a file of `attrito linear-modes` of a job with [cyclic]"
-        raise InputError(Fault(result.path, "--speed-hz", options.speed_hz, expected))
-    if form == CAMPBELL:
-        if of_points:
-            key = "--loops" if options.loops else "--map"
-            raise InputError(Fault(result.path, key, "given", "a result of `attrito run` or `attrito mode`"))
-        return campbell_diagram(result, look), "campbell.png"
-    if is_wheel and not of_points:
-        return diameter_diagram(result, options.speed_hz, look), "diameters.png"
-    _refuse_linear_modes(result)
-    return (mode_curve(result, look), "mode.png") if form == MODE and not of_points else None
 
 
 def report(options: argparse.Namespace) -> None:
     """A result -> one HTML page."""
+    from attrito.pictures import refuse_linear_modes
     from attrito.report.report import write_report
     from attrito.results.result import Result
 
     path = options.output or _beside(options.result, "report.html")
     with Result(options.result) as result:
-        _refuse_linear_modes(result)
+        refuse_linear_modes(result)
         point = None if options.point is None else _point(result, options, "")
         write_report(result, path, point)
     print(path)
@@ -325,15 +302,6 @@ def verify(options: argparse.Namespace) -> None:
     verify_paper(options.output or "out/paper", harmonics, options.quick)
 
 
-def _refuse_linear_modes(result) -> None:
-    """Linear modes have no response to draw."""
-    from attrito.results.result import LINEAR_MODES
-
-    if (form := result.attribute("format")) == LINEAR_MODES:
-        expected = "a result of `attrito run` or `attrito mode` (attrito table and export --mode show linear modes)"
-        raise InputError(Fault(result.path, "format", form, expected))
-
-
 def _monitor(result, options: argparse.Namespace) -> str:
     chosen = getattr(options, "monitor", None)
     if chosen is not None and chosen not in result.monitors:
@@ -343,18 +311,9 @@ def _monitor(result, options: argparse.Namespace) -> str:
 
 def _point(result, options: argparse.Namespace, monitor: str) -> int:
     """The chosen point, or that of the largest amplitude."""
-    import numpy as np
+    from attrito.pictures import chosen_point
 
-    if options.point is not None:
-        result.check_point(options.point)
-        if not result.converged[options.point]:
-            outcome = result.outcome[options.point]
-            raise InputError(Fault(options.result, "--point", f"{options.point}, {outcome}", "a point with a solution"))
-        return options.point
-    amplitude = result.monitor(monitor, "amplitude")
-    if not np.any(np.isfinite(amplitude)):
-        raise InputError(Fault(options.result, "points", len(amplitude), "at least one converged point"))
-    return int(np.nanargmax(amplitude))
+    return chosen_point(result, options.point, monitor)
 
 
 def _points(result, options: argparse.Namespace) -> list[int]:
@@ -385,5 +344,11 @@ def _numbered(path: str, point: int) -> str:
     return str(Path(path).with_name(f"{Path(path).stem}_{point}{Path(path).suffix}"))
 
 
-def _beside(result: str, name: str) -> str:
-    return str(Path(result).with_name(name))
+def _beside(result: str, name: str, stem: str | None = None) -> str:
+    """A file beside a result: of `result.h5` as it is called, of any other with that one's name before it."""
+    stem = stem or Path(result).name.partition(".h5")[0]
+    if stem == "result":
+        return str(Path(result).with_name(name))
+    # `blade.mode.h5` has `blade.mode.png`.
+    base, _, ending = name.rpartition(".")
+    return str(Path(result).with_name(f"{stem}.{ending}" if stem.endswith(f".{base}") else f"{stem}.{name}"))

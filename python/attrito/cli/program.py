@@ -84,6 +84,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _read_by(options: argparse.Namespace) -> list[str]:
     """Files that a command reads."""
     given = [str(value) for name, value in vars(options).items() if name in READ and value is not None]
+    given += getattr(options, "results", [])
     # `FILE:NAME` is one matrix of a file of several.
     return [*given, *(value.rpartition(":")[0] for value in given if ":" in value)]
 
@@ -93,6 +94,8 @@ def _place(options: argparse.Namespace, error: Exception) -> str:
     if getattr(error, "faults", ()):
         return ""
     given = next((name for name in ("job", "study", "result", "file", "output") if name in options), None)
+    if "results" in options:
+        return f"{options.results[0]}: "
     return "" if given is None or (isinstance(error, NumericsError) and given != "job") else f"{vars(options)[given]}: "
 
 

@@ -59,6 +59,7 @@ def hysteresis(
     unit_force: str = "",
     look: Look | None = None,
     legend: bool = True,
+    title: str = "",
 ) -> Figure:
     """Tangential force against relative displacement, one panel a contact.
 
@@ -85,7 +86,15 @@ def hysteresis(
         entries = {label: handle for handle, label in zip(*grid[0, 0].get_legend_handles_labels(), strict=True)}
         if legend and len(entries) > 1:
             grid[0, 0].legend(entries.values(), entries.keys(), loc="best", handlelength=1.4)
+        if title:
+            figure.suptitle(title, fontsize=matplotlib.rcParams["axes.titlesize"])
     return figure
+
+
+def place_in_words(result: Result, point: int) -> str:
+    """Frequency and level of a point, or amplitude of a mode's."""
+    hertz, level = (result.dataset(f"/points/{name}")[point] for name in ("frequency_hz", "level"))
+    return f"{hertz:.6g} Hz, level {level:.4g} (point {point})"
 
 
 def surfaces(result: Result) -> list[Surface]:
@@ -135,8 +144,7 @@ def contact_map(
         for axes, panel in zip(grid, panels, strict=True):
             draw_surface(axes, result, point, panel, quantity)
         if titled:
-            hertz = result.dataset("/points/frequency_hz")[point]
-            figure.suptitle(f"Point {point}, {hertz:.6g} Hz", fontsize=matplotlib.rcParams["axes.titlesize"])
+            figure.suptitle(place_in_words(result, point), fontsize=matplotlib.rcParams["axes.titlesize"])
         finish_map(figure, list(grid), result, point, quantity)
     return figure
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib
+import matplotlib.style
 import numpy as np
 from matplotlib import font_manager
 from matplotlib.axes import Axes
@@ -22,6 +23,7 @@ from attrito.support.errors import Fault, InputError
 BRANCH_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 LIMIT_COLOUR = "#8a8a8a"
 DASHES = (0, (3, 1.8))
+PICTURES = (".png", ".pdf", ".svg")
 STYLE = {
     "font.size": 9,
     "axes.labelsize": 10,
@@ -54,18 +56,22 @@ class Look:
     width, height : millimetres; None: what suits the figure
     font : a font that is installed; None: matplotlib's own
     font_size : points, of tick labels; the others follow
+    name : a style of matplotlib, or a file of one (.mplstyle), laid over attrito's own
 
     Raises
     ------
-    InputError : no such font
+    InputError : no such font, or no such style
     """
 
     width: float | None = None
     height: float | None = None
     font: str | None = None
     font_size: float = 9.0
+    name: str | None = None
 
     def __post_init__(self) -> None:
+        if self.name is not None:
+            _style_called(self.name)
         if self.font is None:
             return
         try:
@@ -81,7 +87,12 @@ class Look:
             name: scale * value for name, value in STYLE.items() if name.endswith(("font.size", "size", "fontsize"))
         }
         family = {} if self.font is None else {"font.family": [self.font]}
-        return STYLE | sizes | family
+        return STYLE | sizes | family | (_style_called(self.name) if self.name else {})
+
+    def hues(self) -> tuple[str, ...]:
+        """Colours that tell curves apart: those of the style, or attrito's own."""
+        cycle = (_style_called(self.name) if self.name else {}).get("axes.prop_cycle")
+        return BRANCH_COLOURS if cycle is None else tuple(cycle.by_key().get("color", BRANCH_COLOURS))
 
     def size(self, usual: tuple[float, float]) -> tuple[float, float]:
         """Inches of a figure that is usually so large; one measure given keeps its proportions."""
@@ -92,9 +103,29 @@ class Look:
         return given[0] or given[1] / ratio, given[1] or given[0] * ratio
 
 
+def _style_called(name: str) -> dict[str, object]:
+    """Settings of a style of matplotlib, or of a file of one."""
+    if name in matplotlib.style.library:
+        return dict(matplotlib.style.library[name])
+    try:
+        return dict(matplotlib.rc_params_from_file(name, use_default_template=False))
+    except OSError:
+        known = ", ".join(style for style in matplotlib.style.available if not style.startswith("_"))
+        raise InputError(Fault("plot", "style", name, f"a file of a style of matplotlib, or one of {known}")) from None
+
+
+def check_picture(path: str | os.PathLike[str]) -> None:
+    """Raise `InputError` unless a picture can be written in the format that its ending names."""
+    if Path(path).suffix.lower() not in PICTURES:
+        raise InputError(
+            Fault(str(path), "figure", Path(path).suffix or "no ending", "a writable .png, .pdf or .svg file")
+        )
+
+
 def save(figure: Figure, path: str | os.PathLike[str], dpi: int = 220) -> None:
     """Write a figure; the ending chooses the format (.png, .pdf, .svg). Letters stay letters in PDF and SVG."""
-    kind = Path(path).suffix.removeprefix(".")
+    check_picture(path)
+    kind = Path(path).suffix.removeprefix(".").lower()
     try:
         # Into memory first: where a disk is full, matplotlib's writers fail in ways of their own.
         drawn = io.BytesIO()
@@ -108,13 +139,18 @@ def save(figure: Figure, path: str | os.PathLike[str], dpi: int = 220) -> None:
 
 def legend_below(axes: Axes, columns: int, labelled: Axes | None = None, lines: float = 3.4) -> None:
     """A legend some lines below the axes (ticks, numbers and label take three), of other axes' entries if given."""
-    drop = ScaledTranslation(0.0, -lines * matplotlib.rcParams["axes.labelsize"] / 72.0, axes.figure.dpi_scale_trans)
+    drop = ScaledTranslation(0.0, -lines * _label_points() / 72.0, axes.figure.dpi_scale_trans)
     place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "bbox_transform": axes.transAxes + drop}
     entries = (labelled or axes).get_legend_handles_labels()
     handles = {label: handle for handle, label in zip(*entries, strict=True)}
     axes.legend(
         handles.values(), handles.keys(), **place, ncol=columns, columnspacing=1.2, handlelength=1.8, borderaxespad=0
     )
+
+
+def _label_points() -> float:
+    """Size of axis labels; a style may say it in words, as `large`."""
+    return float(font_manager.FontProperties(size=matplotlib.rcParams["axes.labelsize"]).get_size_in_points())
 
 
 def plain_text(text: str) -> str:
@@ -128,5 +164,5 @@ def with_unit(name: str, unit: str, room: float = np.inf) -> str:
     if not unit:
         return name
     # A letter is half as wide as high.
-    width = 0.5 * matplotlib.rcParams["axes.labelsize"] / 72.0 * len(f"{name} ({unit})")
+    width = 0.5 * _label_points() / 72.0 * len(f"{name} ({unit})")
     return f"{name}{' ' if width <= room else chr(10)}({unit})"

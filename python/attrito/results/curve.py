@@ -24,12 +24,14 @@ class Curve:
     rates : their changes along the curve
     path : length along the curve, `[points]`
     monitors : names
+    floor : no value of a monitor is drawn below it
     """
 
     values: np.ndarray
     rates: np.ndarray
     path: np.ndarray
     monitors: list[str]
+    floor: float = 0.0
 
     def is_bent(self, point: int) -> bool:
         """Whether a cubic leads from a point to the next one."""
@@ -48,7 +50,7 @@ class Curve:
         length = self.path[second] - self.path[first]
         bent = (1 + 2 * t) * (1 - t) ** 2 * self.values[:, first] + t**2 * (3 - 2 * t) * self.values[:, second]
         bent += length * t * (1 - t) * ((1 - t) * self.rates[:, first] - t * self.rates[:, second])
-        bent[1:] = np.maximum(bent[1:], 0)
+        bent[1:] = np.maximum(bent[1:], self.floor)
         return np.where((length > 0) & np.isfinite(bent) & (t > 0) & (t < 1), bent, straight)
 
 
