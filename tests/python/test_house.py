@@ -75,7 +75,7 @@ def circle(graph: dict[str, set[str]]) -> list[str]:
 
 
 def test_what_the_package_imports_is_what_it_depends_on():
-    """Of other projects: the dependencies of pyproject.toml, each named as its module is."""
+    """Of other projects: the dependencies of pyproject.toml, each named as its module is; also the optional ones."""
     imported = {
         name.partition(".")[0]
         for path in modules().values()
@@ -84,7 +84,8 @@ def test_what_the_package_imports_is_what_it_depends_on():
         for name in ([alias.name for alias in node.names] if isinstance(node, ast.Import) else [node.module])
     }
     project = tomllib.loads((SOURCE / "pyproject.toml").read_text())["project"]
-    needed = {re.match(r"[\w-]+", requirement)[0] for requirement in project["dependencies"]}
+    optional = [one for extra in project["optional-dependencies"].values() for one in extra]
+    needed = {re.match(r"[\w-]+", requirement)[0] for requirement in [*project["dependencies"], *optional]}
     assert imported - sys.stdlib_module_names - {"attrito", VERIFICATION} == needed
 
 

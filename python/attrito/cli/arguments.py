@@ -151,10 +151,18 @@ def _integrate(parsers: Parsers) -> None:
 
 
 def _table(parsers: Parsers) -> None:
-    one = parsers.add_parser("table", help="result.h5 -> CSV on standard output")
-    one.add_argument("result", help="result file")
+    one = parsers.add_parser("table", help="result.h5, modes, peaks, study -> CSV on standard output")
+    one.add_argument("result", help="result file, or one of modes, peaks or a study")
+    one.add_argument("-o", "--output", metavar="FILE", help="write the table there")
+    one.add_argument(
+        "--columns",
+        nargs="+",
+        choices=[name for name in QUANTITIES if name != "amplitude"],
+        help="columns more of every monitor",
+    )
     kind = one.add_mutually_exclusive_group()
     kind.add_argument("--contacts", action="store_true", help="a row a point and contact")
+    kind.add_argument("--sets", action="store_true", help="a row a point and contact set: totals, dissipation")
     kind.add_argument("--multipliers", action="store_true", help="a row a point and Floquet multiplier")
     kind.add_argument("--bifurcations", action="store_true", help="a row a turning point or crossing multiplier")
     kind.add_argument("--curve", type=int, metavar="N", help="N rows along the curve drawn through the points")
@@ -220,8 +228,8 @@ def _report(parsers: Parsers) -> None:
 
 
 def _info(parsers: Parsers) -> None:
-    one = parsers.add_parser("info", help="what a model.h5 or rom.h5 holds, and how good a reduced model is")
-    one.add_argument("file", help="model or reduced model")
+    one = parsers.add_parser("info", help="what a file of attrito holds, and how good a reduced model is")
+    one.add_argument("file", help="model, reduced model, result, modes, peaks, study, ...")
     one.set_defaults(work=commands.info)
 
 

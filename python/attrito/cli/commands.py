@@ -148,24 +148,61 @@ def integrate(options: argparse.Namespace) -> None:
 
 
 def table(options: argparse.Namespace) -> None:
-    """A result -> CSV on standard output."""
+    """A result -> CSV on standard output, or into a file."""
+    from attrito.support.atomic_files import whole_file
+    from attrito.support.overwrite_check import check_spared
+
+    if options.output is None:
+        sys.stdout.write(_table(options))
+        return
+    check_spared("table", "-o", [options.output], [options.result])
+    text = _table(options)
+    try:
+        with whole_file(options.output) as new:
+            Path(new).write_text(text, encoding="utf-8")
+    except OSError as error:
+        expected = "a file that can be written"
+        raise InputError(Fault(options.output, "table", error.strerror or str(error), expected)) from error
+    print(options.output)
+
+
+def _table(options: argparse.Namespace) -> str:
+    """The text of a table."""
     from attrito.modes import campbell, linear
     from attrito.modes.table import table as mode_table
     from attrito.peaks.file import holds_peaks
     from attrito.peaks.file import table as peak_table
+    from attrito.results import tables
     from attrito.results.result import CAMPBELL, LINEAR_MODES, MODE, Result
-    from attrito.results.tables import bifurcation_table, contact_table, curve_table, multiplier_table, table
+    from attrito.studies.table import holds_study
+    from attrito.studies.table import table as study_table
 
-    kinds = {"contacts": contact_table, "multipliers": multiplier_table, "bifurcations": bifurcation_table}
-    kind = next((work for name, work in kinds.items() if getattr(options, name)), table)
-    if kind is table and options.curve is None and holds_peaks(options.result):
-        sys.stdout.write(peak_table(options.result))
-        return
+    kinds = {
+        "contacts": tables.contact_table,
+        "sets": tables.set_table,
+        "multipliers": tables.multiplier_table,
+        "bifurcations": tables.bifurcation_table,
+    }
+    asked = next((name for name in kinds if getattr(options, name)), None)
+    is_plain = asked is None and options.curve is None
+    if options.columns and not is_plain:
+        raise InputError(Fault("table", "--columns", ", ".join(options.columns), "the table of points"))
+    for holds, work in ((holds_peaks, peak_table), (holds_study, study_table)):
+        if is_plain and not options.columns and holds(options.result):
+            return work(options.result)
     with Result(options.result) as result:
-        if kind is table:
-            of_format = {LINEAR_MODES: linear.table, MODE: mode_table, CAMPBELL: campbell.table}
-            kind = of_format.get(result.attribute("format"), table)
-        sys.stdout.write(kind(result) if options.curve is None else curve_table(result, options.curve))
+        if options.curve is not None:
+            return tables.curve_table(result, options.curve)
+        if asked is not None:
+            return kinds[asked](result)
+        of_format = {LINEAR_MODES: linear.table, MODE: mode_table, CAMPBELL: campbell.table}
+        if (form := result.attribute("format")) in of_format:
+            if options.columns:
+                raise InputError(
+                    Fault(options.result, "--columns", ", ".join(options.columns), "a result of `attrito run`")
+                )
+            return of_format[form](result)
+        return tables.table(result, options.columns or ())
 
 
 def plot(options: argparse.Namespace) -> None:

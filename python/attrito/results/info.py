@@ -1,29 +1,59 @@
-"""`attrito info`: what a model.h5 or rom.h5 holds, in words; of a reduced model also how good it is."""
+"""`attrito info`: what a file that attrito writes holds, in words; of a reduced model also how good it is."""
 
 from __future__ import annotations
 
 import h5py
 import numpy as np
 
-from attrito.results.result import CAMPBELL
+from attrito.results.journal import is_journal
+from attrito.results.result import CAMPBELL, LINEAR_MODES, MODE, Result
 from attrito.scene.reduced_model import receptance_errors
 from attrito.support.errors import Fault, InputError
-from attrito.support.hdf5_reading import stored
+from attrito.support.hdf5_reading import as_text, stored
 
 FORMATS = ("attrito model", "attrito rom")
+RESULTS = ("attrito result", MODE, LINEAR_MODES)
 
 
 def describe(path: str) -> list[str]:
-    """Lines about a file; `InputError` where it is neither a model nor a reduced one."""
-    with stored(path, "a model.h5 or rom.h5, an HDF5 file") as file:
-        kind = file.attrs.get("format")
+    """Lines about a file; `InputError` where it is none of attrito's."""
+    if is_journal(path):
+        return _result(path)
+    with stored(path, "a file that attrito writes, HDF5") as file:
+        kind = as_text(file.attrs.get("format", ""))
         if kind == FORMATS[0]:
             return _model(file)
         if kind == FORMATS[1]:
             return [*_reduced_model(file), *_quality(file)]
         if kind == CAMPBELL:
             return _campbell(file)
-    raise InputError(Fault(path, "format", kind or "missing", " or ".join(f'"{name}"' for name in FORMATS)))
+        if kind in RESULTS:
+            return _result(path)
+        if kind.startswith("attrito "):
+            return _datasets_of(file, kind)
+    raise InputError(Fault(path, "format", kind or "missing", "a file that attrito writes"))
+
+
+def _result(path: str) -> list[str]:
+    with Result(path) as result:
+        lines = [f"{name}: {text}" for name, text in result.summary().items() if name != "file"]
+        return [as_text(result.attribute("format")), *lines]
+
+
+def _datasets_of(file: h5py.File, kind: str) -> list[str]:
+    """Every dataset of a file with its shape, unit and description."""
+    lines = [f"{kind}, written by attrito {as_text(file.attrs.get('attrito_version', ''))}"]
+    if job := as_text(file.attrs.get("job_file", "")):
+        lines.append(f"job: {job}")
+
+    def add(name: str, thing: h5py.Group | h5py.Dataset) -> None:
+        if isinstance(thing, h5py.Dataset):
+            shape = " x ".join(map(str, thing.shape)) or "1"
+            unit, words = (as_text(thing.attrs.get(key, "")) for key in ("unit", "description"))
+            lines.append(f"{name} [{shape}]" + (f" in {unit}" if unit not in ("", "1") else "") + f": {words}")
+
+    file.visititems(add)
+    return lines
 
 
 def _campbell(file: h5py.File) -> list[str]:

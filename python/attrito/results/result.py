@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+from html import escape
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 import h5py
 import numpy as np
@@ -38,7 +40,11 @@ class Result:
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = str(path)
         if not Path(path).is_file():
-            raise InputError(Fault(self.path, "file", "absent", "a result of `attrito run`"))
+            begun = f"{self.path}.partial"
+            hint = f"; {begun} holds the points so far of a run that is not over, and is read, too"
+            raise InputError(
+                Fault(self.path, "file", "absent", "a result of `attrito run`" + hint * Path(begun).is_file())
+            )
         try:
             self._file = _open(self.path)
         except UNREADABLE as error:
@@ -171,6 +177,65 @@ class Result:
             known = ", ".join(self.monitors) or "none"
             raise InputError(Fault(self.path, "monitor", name, f"a monitor of this result ({known})"))
         return self.array(f"/monitors/{name}/{quantity}")
+
+    def to_dataframe(self) -> Any:
+        """The table of `attrito table` as a frame of pandas, which must be installed; one row a point.
+
+        Columns that are empty for what was not examined are numbers with NaN, or of pandas's own types with NA.
+        """
+        try:
+            import pandas
+        except ImportError:
+            raise InputError(Fault("to_dataframe", "pandas", "absent", "pandas, of Debian python3-pandas")) from None
+        data: dict[str, Any] = {}
+        for name in ("branch", "level", "frequency_hz", "period", "iterations", "estimate"):
+            data[name] = self.array(f"/points/{name}")
+        data["converged"], data["outcome"] = self.converged, self.outcome
+        for name in ("stable", "unique"):
+            values = self.array(f"/points/{name}")
+            data[name] = pandas.array([None if value < 0 else bool(value) for value in values], dtype="boolean")
+        for monitor in self.monitors:
+            for quantity in ("amplitude", "mean", "low", "high"):
+                data[f"{monitor}_{quantity}"] = self.monitor(monitor, quantity)
+        frame = pandas.DataFrame(data)
+        frame.index.name = "point"
+        return frame
+
+    def summary(self) -> dict[str, str]:
+        """What the file holds, in words: points, frequencies, levels, outcomes, monitors, contacts."""
+        found = {"file": self.path, "written by": f"attrito {self.attribute('attrito_version')}"}
+        if job := self.attribute("job_file"):
+            found["job"] = job
+        if not self.has("/points/outcome"):
+            return found
+        found["points"] = f"{self.points}"
+        frequency, level = (self.array(f"/points/{name}") for name in ("frequency_hz", "level"))
+        if self.points:
+            found["frequencies"] = f"{frequency.min():.6g} to {frequency.max():.6g} Hz"
+            levels = [f"{value:.4g}" for value in np.unique(level)]
+            found["levels"] = ", ".join(levels) if len(levels) <= 8 else f"{len(levels)}, {levels[0]} to {levels[-1]}"
+            outcomes = self.outcome
+            found["outcomes"] = ", ".join(f"{outcomes.count(name)} {name}" for name in dict.fromkeys(outcomes))
+        found["contacts"] = f"{self.contacts}"
+        for name in self.monitors:
+            amplitude = self.monitor(name, "amplitude")
+            if np.isfinite(amplitude).any():
+                place = int(np.nanargmax(amplitude))
+                at = f"{frequency[place]:.6g} Hz, level {level[place]:.4g}"
+                found[f"monitor {name}"] = (
+                    f"at most {amplitude[place]:.5g} ({self.unit(f'/monitors/{name}/amplitude')}) at {at}"
+                )
+        return found
+
+    def __repr__(self) -> str:
+        return f"<attrito.Result {self.path}: {self.points if self.has('/points/frequency_hz') else 0} points>"
+
+    def _repr_html_(self) -> str:
+        """The summary as a table, which notebooks show."""
+        rows = "".join(
+            f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in self.summary().items()
+        )
+        return f"<table>{rows}</table>"
 
     def linear(self, kind: str, monitor: str) -> tuple[np.ndarray, np.ndarray] | None:
         """Frequencies (Hz) and amplitudes at level 1 of a linear response, one of `REFERENCES`, if stored."""

@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
 from attrito.results.curve import curve_of, points_along
+from attrito.results.motion import quantity_of
 from attrito.results.result import Result
 from attrito.support.csv_text import cell
+from attrito.support.hdf5_reading import as_text
+
+# Of the most that a set dissipates: less has no shares, it is rounding.
+SHARED = 1e-9
 
 
-def table(result: Result) -> str:
+def table(result: Result, quantities: Sequence[str] = ()) -> str:
     """CSV, one line a point.
 
     `point, branch, frequency_hz, converged, outcome, stable, unique, period, iterations, estimate`, then four columns
     a monitor. What was not examined is empty. A last column `level` if the result holds several.
+
+    Parameters
+    ----------
+    result : an open result
+    quantities : columns more of every monitor, of `first_harmonic`, `phase` (degrees), `velocity`, `acceleration`
     """
     columns: dict[str, Iterable[str]] = {
         "point": map(str, range(result.points)),
@@ -32,6 +42,9 @@ def table(result: Result) -> str:
     for name in result.monitors:
         for quantity in ("amplitude", "mean", "low", "high"):
             columns[f"{name}_{quantity}"] = _numbers(result.monitor(name, quantity))
+        for quantity in quantities:
+            values = np.where(result.converged, quantity_of(result, name, quantity), np.nan)
+            columns[f"{name}_{quantity}"] = _numbers(values)
     return _csv(columns | _level_column(result, np.arange(result.points)))
 
 
@@ -55,6 +68,59 @@ def contact_table(result: Result) -> str:
         columns[name] = _numbers(result.array(f"/contacts/{name}").ravel()) if nc else []
     columns["unique"] = _booleans(result.array("/contacts/unique").ravel()) if nc else []
     return _csv(columns | _level_column(result, point))
+
+
+def set_table(result: Result) -> str:
+    """CSV, one line a point and contact set: totals of its contacts.
+
+    `point, frequency_hz, set, contacts`, then how many are in each state, `stick, slip, open` (means of the fractions
+    of the period), `n_mean` (the sum of mean normal forces), `dissipated_energy` a period and its share of that of all
+    contacts; blank where hardly anything is dissipated. Contacts of `[[contact]]` are a set without a name.
+    """
+    sets = contact_sets(result)
+    counts, nc = result.points, result.contacts
+    point = np.repeat(np.arange(counts), len(sets))
+    member = np.zeros((len(sets), nc))
+    for row, contacts in enumerate(sets.values()):
+        member[row, contacts] = 1.0
+    columns: dict[str, Iterable[str]] = {
+        "point": map(str, point),
+        "frequency_hz": _numbers(result.array("/points/frequency_hz")[point]),
+        "set": map(cell, [*sets] * counts),
+        "contacts": map(str, np.tile(member.sum(axis=1).astype(int), counts)),
+    }
+    if nc:
+        names = result.names("/contacts/state")
+        state = result.array("/contacts/state")
+        for number, name in enumerate(names):
+            columns[name if name != "open" else "opened"] = map(str, _per_set(state == number, member).astype(int))
+        for name in ("stick", "slip", "open"):
+            columns[name] = _numbers(_per_set(result.array(f"/contacts/{name}"), member / member.sum(axis=1)[:, None]))
+        for name in ("n_mean", "dissipated_energy"):
+            columns[name] = _numbers(_per_set(result.array(f"/contacts/{name}"), member))
+        energy = _per_set(result.array("/contacts/dissipated_energy"), member).reshape(counts, len(sets))
+        whole = energy.sum(axis=1, keepdims=True)
+        columns["share"] = _numbers(
+            np.divide(
+                energy, whole, out=np.full(energy.shape, np.nan), where=whole > SHARED * np.abs(energy).max(initial=0.0)
+            ).ravel()
+        )
+    return _csv(columns | _level_column(result, point))
+
+
+def contact_sets(result: Result) -> dict[str, np.ndarray]:
+    """Numbers of the contacts of each contact set, by its name; those without one under an empty name."""
+    if not result.contacts:
+        return {}
+    names = np.full(result.contacts, "", dtype=object)
+    if result.has("/contacts/parameters/set"):
+        names = np.array([as_text(name).strip() for name in result.array("/contacts/parameters/set")], dtype=object)
+    return {name: np.flatnonzero(names == name) for name in dict.fromkeys(names.tolist())}
+
+
+def _per_set(values: np.ndarray, member: np.ndarray) -> np.ndarray:
+    """Sums over contacts `[np, nc]` weighted by set `[sets, nc]`, point by point, flat."""
+    return np.asarray((np.asarray(values, dtype=float) @ member.T).ravel())
 
 
 def multiplier_table(result: Result) -> str:
