@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import os
+from collections.abc import Sequence
 
 from attrito.cli import commands
 from attrito.library.names import REFERENCES
@@ -10,6 +12,11 @@ from attrito.results.motion import QUANTITIES
 from attrito.support.version import __version__
 
 MATRICES = ("matrix-market", "matlab", "dmig", "abaqus")
+# Commands whose job can be given other values, and those that say what they do
+SETTABLE = ("reduce", "run", "peak", "mode", "integrate", "study")
+TALKING = (*SETTABLE, "linear-modes", "campbell")
+# Set by a shell that asks for completions
+COMPLETING = "_ARGCOMPLETE"
 Parsers = argparse._SubParsersAction
 
 
@@ -24,7 +31,41 @@ def parser() -> argparse.ArgumentParser:
     looking = (_table, _plot, _report, _info, _keys, _verify, _export)
     for add in (*making, *solving, *looking):
         add(parsers)
+    for name in SETTABLE:
+        parsers.choices[name].add_argument(
+            "--set",
+            action="append",
+            default=[],
+            metavar="KEY=VALUE",
+            help="a key of the job and its value in TOML, as contact_set[*].friction_coefficient=0.4; load.NAME=2.0 is"
+            " a factor on that load (repeatable)",
+        )
+    for name in TALKING:
+        how_much = parsers.choices[name].add_mutually_exclusive_group()
+        how_much.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
+        how_much.add_argument("-v", "--verbose", action="store_true", help="a line for every point")
     return whole
+
+
+def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
+    """Options of one command; what is wrong with them ends the program with that command's usage."""
+    whole = parser()
+    if COMPLETING in os.environ:
+        _complete(whole)
+    options, unknown = whole.parse_known_args(arguments)
+    if unknown:
+        choices = next(action.choices for action in whole._actions if isinstance(action, argparse._SubParsersAction))
+        choices[options.command].error("unrecognized arguments: " + " ".join(unknown))
+    return options
+
+
+def _complete(whole: argparse.ArgumentParser) -> None:
+    """Completion of a shell, where argcomplete is installed."""
+    try:
+        import argcomplete
+    except ImportError:
+        return
+    argcomplete.autocomplete(whole)
 
 
 def _import(parsers: Parsers) -> None:

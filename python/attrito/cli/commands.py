@@ -8,9 +8,14 @@ from __future__ import annotations
 import argparse
 import glob
 import sys
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from attrito.support.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from attrito.studies.design import Study
 
 
 def import_matrices(options: argparse.Namespace) -> None:
@@ -45,7 +50,7 @@ def reduce(options: argparse.Namespace) -> None:
 
     from attrito.runs.run import reduce_job
 
-    reduce_job(MPI.COMM_WORLD, options.job)
+    reduce_job(MPI.COMM_WORLD, _job(options))
 
 
 def run(options: argparse.Namespace) -> None:
@@ -54,7 +59,7 @@ def run(options: argparse.Namespace) -> None:
 
     from attrito.runs.run import run_job
 
-    run_job(MPI.COMM_WORLD, options.job, options.resume, options.max_seconds)
+    run_job(MPI.COMM_WORLD, _job(options), options.resume, options.max_seconds)
 
 
 def chart(options: argparse.Namespace) -> None:
@@ -99,7 +104,8 @@ def peak(options: argparse.Namespace) -> None:
 
     from attrito.peaks.run import peak_job
 
-    peak_job(MPI.COMM_WORLD, options.job, options.output)
+    _check_output(options)
+    peak_job(MPI.COMM_WORLD, _job(options), options.output)
 
 
 def linear_modes(options: argparse.Namespace) -> None:
@@ -117,6 +123,7 @@ def campbell(options: argparse.Namespace) -> None:
 
     from attrito.modes.campbell import campbell_job
 
+    _check_output(options)
     campbell_job(MPI.COMM_WORLD, options.job, options.output)
 
 
@@ -126,7 +133,8 @@ def mode(options: argparse.Namespace) -> None:
 
     from attrito.modes.nonlinear import mode_job
 
-    mode_job(MPI.COMM_WORLD, options.job, options.output, options.resume)
+    _check_output(options)
+    mode_job(MPI.COMM_WORLD, _job(options, excited=False), options.output, options.resume)
 
 
 def study(options: argparse.Namespace) -> None:
@@ -135,7 +143,38 @@ def study(options: argparse.Namespace) -> None:
 
     from attrito.studies.run import run_study
 
-    run_study(MPI.COMM_WORLD, options.study)
+    if not options.set:
+        run_study(MPI.COMM_WORLD, options.study)
+        return
+    from attrito.job.reading import read_job
+    from attrito.studies.design import read_study
+    from attrito.support.parallel import on_root
+
+    def read() -> Study:
+        found = read_study(options.study)
+        return replace(found, job=read_job(found.job, excited=found.is_excited, settings=options.set))
+
+    run_study(MPI.COMM_WORLD, on_root(MPI.COMM_WORLD, read))
+
+
+def _job(options: argparse.Namespace, excited: bool = True):
+    """The job file, or with `--set` the job that its values make."""
+    if not options.set:
+        return options.job
+    from mpi4py import MPI
+
+    from attrito.job.reading import read_job
+    from attrito.support.parallel import on_root
+
+    return on_root(MPI.COMM_WORLD, lambda: read_job(options.job, excited=excited, settings=options.set))
+
+
+def _check_output(options: argparse.Namespace) -> None:
+    """Refuse a picture that cannot be written before it is worked for."""
+    from attrito.plots.style import check_picture
+
+    if options.output is not None:
+        check_picture(options.output)
 
 
 def integrate(options: argparse.Namespace) -> None:
@@ -144,7 +183,7 @@ def integrate(options: argparse.Namespace) -> None:
 
     from attrito.integration.run import integrate_job
 
-    integrate_job(MPI.COMM_WORLD, options.job)
+    integrate_job(MPI.COMM_WORLD, _job(options))
 
 
 def table(options: argparse.Namespace) -> None:

@@ -11,9 +11,9 @@ import contextlib
 import os
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
-from attrito.cli.arguments import parser
+from attrito.cli.arguments import parse
 from attrito.cli.signal_watch import SignalWatch
 from attrito.cli.standard_output import (
     forget_output,
@@ -23,6 +23,7 @@ from attrito.cli.standard_output import (
 )
 from attrito.support.errors import Fault, InputError, NumericsError, unforeseen, unusable_file
 from attrito.support.overwrite_check import check_files
+from attrito.support.verbosity import VERBOSE
 
 # Ranks share the work; threads of BLAS would fight them. To be said before numpy and the library load BLAS.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -51,13 +52,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code."""
     closed = open_closed_descriptors()
     print_names_in_any_encoding()
-    options = parser().parse_args(arguments)
+    options = parse(arguments)
     parallel = options.command in PARALLEL
     with SignalWatch() if parallel else contextlib.nullcontext():
         try:
             check_files(options.command, "file", _read_by(options))
             if options.command not in PRINTED:
-                with unbreakable_output():
+                with unbreakable_output(), _as_talkative(options):
                     options.work(options)
                 return 0
             if closed:
@@ -79,6 +80,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
             fault = unforeseen(error)
             return _end_alone(f"{_place(options, fault)}{fault}", 2, parallel)
     return 0
+
+
+@contextlib.contextmanager
+def _as_talkative(options: argparse.Namespace) -> Iterator[None]:
+    """Standard output as `--quiet` and `--verbose` ask for it."""
+    if getattr(options, "verbose", False):
+        os.environ[VERBOSE] = "1"
+    if getattr(options, "quiet", False):
+        with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere):
+            yield
+    else:
+        yield
 
 
 def _read_by(options: argparse.Namespace) -> list[str]:
@@ -127,4 +140,6 @@ def _print_error(message: str) -> None:
     with contextlib.suppress(OSError, ValueError):
         if os.environ.get("ATTRITO_TRACEBACK") and sys.exc_info()[1] is not None:
             traceback.print_exc()
-        print(f"attrito: {message}", file=sys.stderr, flush=True)
+        coloured = sys.stderr.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+        name = "\x1b[1;31mattrito:\x1b[0m" if coloured else "attrito:"
+        print(f"{name} {message}", file=sys.stderr, flush=True)

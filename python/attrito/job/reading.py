@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from attrito.job.cross_checks import cross_check
 from attrito.job.defaults import fill_accuracy
 from attrito.job.job import Job
 from attrito.job.schema import ARRAYS, REQUIRED_TABLES, TABLES, Key
+from attrito.job.settings import apply_settings
 from attrito.support.errors import Fault, InputError
 from attrito.support.overwrite_check import check_files
 
@@ -23,6 +24,7 @@ def read_job(
     source: str | os.PathLike[str] | Mapping[str, Any] | Job,
     folder: str | os.PathLike[str] = ".",
     excited: bool = True,
+    settings: Sequence[str] = (),
 ) -> Job:
     """Read and check a job; raises `InputError` with all faults together.
 
@@ -31,6 +33,7 @@ def read_job(
     source : a job file, or its tables as a dictionary, in which arrays stand for lists; a job that is checked stays
     folder : what file names of a dictionary are relative to
     excited : False for motion without excitation: neither `[sweep]` nor a harmonic load nor monitors are needed
+    settings : keys with values that stand for those of a job file, as `balance.harmonics=9` (`job/settings.py`)
     """
     if isinstance(source, Job):
         return source
@@ -45,6 +48,7 @@ def read_job(
         raise InputError(Fault(path, "file", error.strerror, "a job file that can be read")) from None
     except (ValueError, RecursionError) as error:
         raise InputError(Fault(path, "file", str(error), "a job in TOML")) from None
+    apply_settings(raw, list(settings), path)
     return check_job(raw, path, excited)
 
 

@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import math
 import os
+import shutil
 import sys
 import time
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from attrito.runs.linear_references import in_words
+from attrito.support.verbosity import is_verbose
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -29,6 +31,8 @@ if TYPE_CHECKING:
 
 # Seconds between words on what takes long
 SILENCE = 2.0
+# Of a sweep: less says nothing of the time left
+LEAST_SHARE = 0.02
 # Set by mpirun of Open MPI, by MPICH's, and by srun: their output may look like a terminal, and is passed on in lines.
 LAUNCHERS = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_STEP_ID")
 CLEAR_LINE = "\r\x1b[K"
@@ -48,6 +52,9 @@ class Progress:
         self._step = ""
         self._begun = (0.0, 0)
         self._told = -math.inf
+        self._sweep: dict[str, Any] | None = None
+        # When the first point of this sweep was said, and how much was done by then.
+        self._swept: tuple[float, float] | None = None
         self.warnings: list[str] = []
 
     def say(self, line: str) -> None:
@@ -122,12 +129,18 @@ class Progress:
         if not self._speaks:
             return
         stuck, shaken_down, slipping, opened = point.states
-        line = (
-            f"{number - 1:5d}  {point.frequency_hz:11.5g} Hz  level {point.level:<8.4g}"
-            f" {monitor} {point.amplitude[0]:11.4e}"
-            f"  stuck {stuck + shaken_down:3d} slipping {slipping:3d} open {opened:3d}"
-            f"  {point.iterations:3d} iterations  {point.outcome}"
-        )
+        # In the order of the line, each with how soon it is left out where the line is too long.
+        parts = [
+            (f"{number - 1:5d}  {point.frequency_hz:11.5g} Hz", 0),
+            (f"  level {point.level:<8.4g}", 3),
+            (f" {monitor} {point.amplitude[0]:11.4e}", 1),
+            (f"  stuck {stuck + shaken_down:3d} slipping {slipping:3d} open {opened:3d}", 4),
+            (f"  {point.iterations:3d} iterations", 5),
+            (f"  {point.outcome}", 0),
+        ]
+        if self._terminal and (left := self._time_left(point, number)):
+            parts.append((f"  {left} left", 2))
+        line = fitted(parts, shutil.get_terminal_size().columns - 1 if self._terminal else None)
         now, kind = time.monotonic(), (point.level, point.branch, point.outcome)
         news, self._last = kind != self._last, kind
         if news:
@@ -135,9 +148,26 @@ class Progress:
         if self._terminal:
             print(CLEAR_LINE + line, end="", flush=True)
         self._pending = line
-        if news or (not self._terminal and now - self._told >= SILENCE):
+        if news or is_verbose() or (not self._terminal and now - self._told >= SILENCE):
             self._leave_standing()
             self._told = now
+
+    def expect(self, sweep: Mapping[str, Any], branches: int) -> None:
+        """What is to be swept, for the time left; of several branches nobody knows how long they are."""
+        self._sweep = dict(sweep) if branches == 1 else None
+        self._swept = None
+
+    def _time_left(self, point: Point, number: int) -> str:
+        """Time left at the rate so far, in words; empty where it is not known."""
+        if self._sweep is None:
+            return ""
+        done, now = share_done(self._sweep, point.frequency_hz, point.level, number), time.monotonic()
+        if self._swept is None:
+            self._swept = (now, done)
+        begun, before = self._swept
+        if now - begun < SILENCE or done <= before + LEAST_SHARE:
+            return ""
+        return in_time((now - begun) * (1.0 - done) / (done - before))
 
     def end(self, result: str, stages: Stages, place: RunPosition) -> None:
         """Where the result is, and what it took. Collective."""
@@ -148,3 +178,31 @@ class Progress:
         self.say(f"seconds: {each or 'none'}; {self.iterations} iterations of Newton's method")
         held = f"{max(megabytes):.0f} MB on the largest of {len(megabytes)} ranks, {sum(megabytes):.0f} MB in all"
         self.say("memory: " + (held if len(megabytes) > 1 else f"{megabytes[0]:.0f} MB"))
+
+
+def fitted(parts: Sequence[tuple[str, int]], width: int | None) -> str:
+    """Texts one after another, without those of the highest numbers where they are longer than a width."""
+    left = list(parts)
+    while width is not None and sum(len(text) for text, _ in left) > width and any(rank for _, rank in left):
+        left.remove(max(left, key=lambda part: part[1]))
+    line = "".join(text for text, _ in left)
+    return line if width is None else line[: max(width, 1)]
+
+
+def share_done(sweep: Mapping[str, Any], frequency_hz: float, level: float, number: int) -> float:
+    """How much of a sweep over its levels is done, from 0 to 1, at the `number`th point."""
+    levels = list(sweep.get("levels") or [level])
+    nearest = min(range(len(levels)), key=lambda index: abs(levels[index] - level))
+    listed = sweep.get("frequencies_hz")
+    if listed:
+        return min(number / (len(listed) * len(levels)), 1.0)
+    start, stop = sweep["start_hz"], sweep["stop_hz"]
+    part = (frequency_hz - start) / (stop - start) if stop != start else 1.0
+    return (nearest + min(max(part, 0.0), 1.0)) / len(levels)
+
+
+def in_time(seconds: float) -> str:
+    """A time in words: `40 s`, `3 min`, `2.5 h`."""
+    if seconds < 100.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 6000.0 else f"{seconds / 3600.0:.1f} h"

@@ -122,6 +122,7 @@ def _solve(
         stages.end("static solution")
         linear = linear_references(solver, job)
         progress.begin(len(reduced.mass), len(reduced.laws["tangents"]), linear)
+        progress.expect(job["sweep"], job["continuation"]["branches"])
         first = on_root_only(comm, lambda: first_record(job, scene, rom, reduced, comm.size, linear, margin))
         stages.end("linear responses")
         run = _Run(comm, job, solver, reduced, options, progress, stages, load_path, stop)
