@@ -23,6 +23,7 @@ from attrito.support.errors import InputError
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 VOID = {"meta", "br", "img", "hr", "link"}
 SECTIONS = (
+    "Model",
     "Frequency response",
     "Contacts",
     "Hysteresis",
@@ -137,7 +138,7 @@ def test_the_numbers_of_a_report_are_those_of_the_result(folder, capfd):
     assert f"<td>{amplitude[peak]:.5g}</td>" in row and f"<td>{frequency:.6g}</td>" in row
     assert f"Contact 0: {energy:.3g} a period" in text
     assert f"whose T is {widest:.4g} wide" in text
-    assert f"{loose} points are each one of a family" in text and f"{stable} points are stable" in text
+    assert f"not unique at {loose} of" in text and f"{stable} points are stable" in text
 
 
 def test_what_failed_and_what_is_unstable_is_told_first(tmp_path):
@@ -178,7 +179,8 @@ def test_a_report_says_of_how_many_families_the_reach_is_not_known_and_that_the_
         assert View(result).amplitude_widths() == pytest.approx([0.0, 0.1, np.nan], rel=1e-12, nan_ok=True)
         told = glance(View(result))
     family = next(line for line, _ in told if "family" in line)
-    assert "(whose amplitudes differ by 0.1 or more; of 1 of them not examined): 90 to 92 Hz." in family
+    assert "not unique at 3 of 3 points, each one of a family of solutions (90 to 92 Hz)" in family
+    assert "differ by at most 10 %, 1 points not examined" in family
     assert any(line.startswith("Uncoupled: ") and warn for line, warn in told)
 
 

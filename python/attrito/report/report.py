@@ -12,7 +12,9 @@ from attrito.library.names import NO_SOLUTION
 from attrito.report import sections
 from attrito.report.campbell import campbell, campbell_glance
 from attrito.report.mode import mode, mode_glance
+from attrito.report.outcome import outcome
 from attrito.report.page import Page
+from attrito.report.structure import structure
 from attrito.report.view import View
 from attrito.report.wheel import wheel
 from attrito.results.result import CAMPBELL, MODE, Result
@@ -21,6 +23,7 @@ from attrito.support.errors import Fault, InputError
 from attrito.support.overwrite_check import check_spared
 
 SECTIONS = (
+    structure,
     sections.responses,
     sections.contacts,
     sections.loops,
@@ -75,7 +78,13 @@ def make_page(result: Result, point: int | None = None) -> Page:
         return page
     view = View(result, point)
     is_mode = result.attribute("format") == MODE
-    page.glance(mode_glance(view) if is_mode else glance(view))
+    if is_mode:
+        page.glance(mode_glance(view))
+    else:
+        if found := outcome(view):
+            page.glance([(line, False) for line in found])
+        page.subsection("How far to trust it")
+        page.glance(glance(view))
     for section in MODE_SECTIONS if is_mode else SECTIONS:
         section(page, view)
     sections.job(page, result)
@@ -98,6 +107,10 @@ def glance(view: View) -> list[tuple[str, bool]]:
         worst = int(np.nanargmax(estimate))
         words = f"Estimated error of the amplitude: at most {estimate[worst]:.1e} of it ({view.place(worst)})."
         lines.append((words, estimate[worst] > LARGE_ERROR))
+    if view.result.has("/points/error_modes"):
+        parts = np.where(view.solved, view.result.array("/points/error_modes"), np.nan)
+        if np.nanmax(parts, initial=0.0) > 0.0:
+            lines.append((f"Of it, by modes that the reduction leaves out: at most {np.nanmax(parts):.1e}.", False))
     if view.approach() == "uncoupled":
         lines.append(
             ("Uncoupled: the mean is that of the static solution; no estimate includes what this leaves out.", True)
@@ -138,8 +151,9 @@ def _families(view: View) -> list[tuple[str, bool]]:
     unique = view.result.array("/points/unique")
     if not (unique == 0).any():
         return [("Every point examined is unique.", False)] if (unique == 1).any() else []
-    where = view.ranges(unique == 0)
-    return [(f"{(unique == 0).sum()} points are each one of a family of solutions ({_reach(view)}): {where}.", False)]
+    where, count = view.ranges(unique == 0), int((unique == 0).sum())
+    words = f"Mean contact forces are not unique at {count} of {view.result.points} points, each one of a family"
+    return [(f"{words} of solutions ({where}); {_reach(view)}.", False)]
 
 
 def _reach(view: View) -> str:
@@ -147,8 +161,11 @@ def _reach(view: View) -> str:
     widths = view.amplitude_widths()
     unknown = int(((view.result.array("/points/unique") == 0) & ~np.isfinite(widths)).sum())
     if not np.isfinite(widths).any():
-        return "how far these reach was not examined"
+        return "what that changes in the amplitude was not examined"
     widest = widths[np.isfinite(widths)].max()
     # Only members that are visited differ in amplitude; others may differ more.
-    reach = f"whose amplitudes differ by {widest:.2g} or more" if widest > NO_WIDTH else "of the same amplitudes"
-    return f"{reach}; of {unknown} of them not examined" if unknown else reach
+    if widest > NO_WIDTH:
+        reach = f"amplitudes of the members that were visited differ by at most {100 * widest:.2g} %"
+    else:
+        reach = "the amplitude is that of all members that were visited"
+    return f"{reach}, {unknown} points not examined" if unknown else reach

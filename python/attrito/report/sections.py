@@ -14,7 +14,7 @@ from attrito.job.cyclic import nodal_diameter, nodal_diameter_in_words
 from attrito.job.reference import as_job
 from attrito.library.names import REFERENCES
 from attrito.plots.contacts import contact_map, hysteresis, surfaces
-from attrito.plots.response import frequency_response
+from attrito.plots.response import Drawing, frequency_response
 from attrito.report import figures as report_figures
 from attrito.report.page import Page
 from attrito.report.view import View
@@ -33,7 +33,13 @@ def responses(page: Page, view: View) -> None:
     """Frequency responses of all monitors, and a table of their peaks."""
     page.section("Frequency response")
     look = report_figures.LOOK
-    page.figures([(frequency_response(view.result, name, look=look), _response(view, name)) for name in view.monitors])
+    drawn = []
+    for name in view.monitors:
+        drawn.append((frequency_response(view.result, name, look=look), _response(view, name)))
+        if view.result.has(f"/monitors/{name}/harmonics"):
+            words = f"{name}: phase of the first harmonic, 0 where it moves as a load of cosines does."
+            drawn.append((frequency_response(view.result, name, look=look, drawing=Drawing("phase")), words))
+    page.figures(drawn)
     rows = []
     for name in view.monitors:
         peaks = [view.peak(name, view.level == level) for level in view.peaks]
@@ -53,7 +59,7 @@ def _response(view: View, name: str) -> str:
     if len(view.peaks) > 1:
         words += " Divided by the level: a linear structure would give one curve."
     if (view.result.array("/points/estimate") > 0).any():
-        words += " Bars: estimated error."
+        words += " Bars, where they are long enough to be seen: estimated error."
     if (view.result.array("/points/stable") == 0).any():
         words += " Dashed: unstable."
     loose = view.result.array("/points/unique") == 0
