@@ -23,6 +23,7 @@ from attrito.support.errors import InputError
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 VOID = {"meta", "br", "img", "hr", "link"}
 SECTIONS = (
+    "How far to trust it",
     "Model",
     "Frequency response",
     "Contacts",
@@ -121,6 +122,8 @@ def test_a_report_stands_alone_and_has_every_section(folder, capfd, name):
     assert re.findall(r"<h2[^>]*>([^<]*)</h2>", text) == list(SECTIONS)
     assert "friction_coefficient = 0." in " ".join(outline.text)
     assert "doi:10.1016/j.jsv.2013.09.032" in " ".join(outline.text)
+    # For those who hear a page, or have no mouse.
+    assert text.count("<main>") == 1 and text.count('<div class="wide"') == text.count('role="region"') > 0
 
 
 def test_the_numbers_of_a_report_are_those_of_the_result(folder, capfd):

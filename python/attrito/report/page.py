@@ -82,7 +82,7 @@ class Page:
         self._title = title
         self._body: list[str] = []
         self._sections: list[tuple[str, str]] = []
-        self._figures = 0
+        self._figures = self._tables = 0
 
     def head(self, line: str) -> None:
         """Title and a line below it."""
@@ -114,7 +114,11 @@ class Page:
         head = "".join(f"<th>{escape(name)}</th>" for name in header)
         lines = ("".join(f"<td>{escape(str(cell))}</td>" for cell in row) for row in rows)
         body = "".join(f"<tr>{line}</tr>" for line in lines)
-        self._body.append(f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>')
+        # What scrolls can be reached by keys.
+        self._tables += 1
+        label = f"Table {self._tables}: {', '.join(header)}"
+        whole = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+        self._body.append(f'<div class="wide" tabindex="0" role="region" aria-label="{escape(label)}">{whole}</div>')
 
     def pairs(self, pairs: Iterable[tuple[str, object]]) -> None:
         """Names and what they are."""
@@ -138,7 +142,7 @@ class Page:
         return (
             '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
             '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-            f"<title>{escape(self._title)}</title>\n<style>{CSS}</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
+            f"<title>{escape(self._title)}</title>\n<style>{CSS}</style>\n</head>\n<body>\n<main>\n{body}\n</main>\n</body>\n</html>\n"
         )
 
     def _figure(self, figure: Figure, caption: str, alone: bool) -> str:

@@ -83,7 +83,7 @@ def make_page(result: Result, point: int | None = None) -> Page:
     else:
         if found := outcome(view):
             page.glance([(line, False) for line in found])
-        page.subsection("How far to trust it")
+        page.section("How far to trust it")
         page.glance(glance(view))
     for section in MODE_SECTIONS if is_mode else SECTIONS:
         section(page, view)
