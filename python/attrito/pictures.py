@@ -11,6 +11,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from attrito.library.names import REFERENCES
+from attrito.peaks.file import holds_peaks
+from attrito.peaks.plot import peak_curve
 from attrito.plots import contacts
 from attrito.plots.campbell import campbell_diagram
 from attrito.plots.diameters import diameter_diagram
@@ -19,6 +21,8 @@ from attrito.plots.response import Drawing, responses
 from attrito.plots.style import Look, save
 from attrito.results.loops import contact_loops, most_dissipating
 from attrito.results.result import CAMPBELL, LINEAR_MODES, MODE, Result
+from attrito.studies.picture import picture_of_file
+from attrito.studies.table import holds_study
 from attrito.support.errors import Fault, InputError
 
 
@@ -56,6 +60,12 @@ APPLIES = {
     "modes of nodal diameters": ("speed_hz",),
 }
 
+# Files that are no results: what they are called, how to know them, how to draw them, what the picture is called
+FILES = (
+    ("peaks", holds_peaks, peak_curve, "peaks.png"),
+    ("a study", holds_study, picture_of_file, "study.png"),
+)
+
 
 def plot(
     *files: str | os.PathLike[str],
@@ -77,7 +87,7 @@ def plot(
 
     Parameters
     ----------
-    files : results, or files of modes
+    files : results, or one file of modes, peaks or a study
     monitor : of the frequency response; None: the first
     quantity : `amplitude` (also None), `first_harmonic`, `phase`, `velocity`, `acceleration` or `nyquist`
     level : those that are drawn; None: all
@@ -114,6 +124,14 @@ def draw(files: Sequence[str], wishes: Wishes, look: Look) -> tuple[Figure, str]
     """The picture of some files, and what its own is usually called."""
     if not files:
         raise InputError(Fault("plot", "files", "none", "at least one result"))
+    for kind, holds, drawn, name in FILES:
+        if holds(files[0]):
+            if len(files) > 1:
+                raise InputError(Fault(files[1], "file", "given", f"one file alone for {kind}"))
+            if given := wishes.given():
+                option = next(iter(given)).replace("_", "-")
+                raise InputError(Fault(files[0], f"--{option}", "given", f"none for {kind}"))
+            return drawn(files[0]), name
     with contextlib.ExitStack() as stack:
         results = [stack.enter_context(Result(file)) for file in files]
         kind = _kind(results[0], wishes)

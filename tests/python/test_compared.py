@@ -140,3 +140,31 @@ def test_an_option_that_does_not_apply_is_refused(tmp_path, given, said):
     oscillator(tmp_path / "a.h5")
     done = attrito(tmp_path, "plot", "a.h5", *given)
     assert done.returncode == 2 and done.stderr.strip() == f"attrito: {said}"
+
+
+def grid_study(path):
+    """Peaks over three friction coefficients and two gaps."""
+    mu, gap = np.repeat([0.3, 0.5, 0.7], 2), np.tile([0.0, 1.0], 3)
+    with h5py.File(path, "w") as file:
+        file.attrs["format"], file.attrs["parameter"] = "attrito study", "level"
+        file.attrs["study"] = json.dumps({"design": "grid", "vary": [{"name": "mu"}, {"name": "gap"}]})
+        file["parameter"], file["values/mu"], file["values/gap"] = [1.0], mu, gap
+        file["peaks/amplitude"] = (10.0 * mu + gap)[:, None]
+        file["peaks/amplitude"].attrs["unit"] = "user length"
+        file["peaks/outcome"] = np.zeros((6, 1), dtype=np.int32)
+        file["peaks/outcome"].attrs["names"] = ["converged"]
+    return str(path)
+
+
+def test_a_grid_is_drawn_with_a_line_a_value(tmp_path):
+    axes = package.plot(grid_study(tmp_path / "study.h5")).axes[0]
+    assert [line.get_label() for line in axes.get_lines()] == ["gap 0", "gap 1"]
+    assert [line.get_ydata().tolist() for line in axes.get_lines()] == [[3.0, 5.0, 7.0], [4.0, 6.0, 8.0]]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("mu", "Amplitude of the peak (length, user units)")
+
+
+def test_an_option_of_responses_is_refused_for_a_study(tmp_path):
+    grid_study(tmp_path / "study.h5")
+    done = attrito(tmp_path, "plot", "study.h5", "--xlim", "1", "2")
+    assert done.stderr.strip() == "attrito: study.h5: --xlim = 'given': expected none for a study"
+    assert attrito(tmp_path, "plot", "study.h5").stdout == "study.png\n"

@@ -427,4 +427,4 @@ def _beside(result: str, name: str, stem: str | None = None) -> str:
         return str(Path(result).with_name(name))
     # `blade.mode.h5` has `blade.mode.png`.
     base, _, ending = name.rpartition(".")
-    return str(Path(result).with_name(f"{stem}.{ending}" if stem.endswith(f".{base}") else f"{stem}.{name}"))
+    return str(Path(result).with_name(f"{stem}.{ending}" if f".{stem}".endswith(f".{base}") else f"{stem}.{name}"))

@@ -119,7 +119,9 @@ def write_study(
     units = job.attributes["units"]
     if study.of == "peaks":
         unit = axis_unit(kind.numbers["amplitude"][1], units)
-        figure = picture_of_peaks(study, stops, values, numbers["amplitude"], job["peak"]["parameter"], unit)
+        names, is_grid = [vary.name for vary in study.vary], study.design == "grid"
+        parameter = job["peak"]["parameter"]
+        figure = picture_of_peaks(names, stops, values, numbers["amplitude"], parameter, unit, is_grid)
     else:
         unit = axis_unit(kind.parameter_unit, units)
         figure = picture_of_modes(stops, numbers["frequency_hz"], numbers["damping_ratio"], unit)

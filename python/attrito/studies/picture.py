@@ -1,17 +1,24 @@
-"""Pictures of studies: bands of quantiles over the samples."""
+"""Pictures of studies: bands of quantiles over the samples, or lines of a grid."""
 
 from __future__ import annotations
+
+import json
+from collections.abc import Sequence
 
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
 from attrito.plots.style import BRANCH_COLOURS, STYLE, plain_text, with_unit
-from attrito.studies.design import Study
+from attrito.support.errors import Fault, InputError
+from attrito.support.hdf5_reading import as_text, stored
+from attrito.support.units import axis_unit
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 # Parts of a quantity's range that quantiles are taken over, and the fewest samples in one.
 MOST_PARTS, FEWEST = 15, 8
+# Lines of a grid
+MOST_LINES = 6
 # Of the largest damping ratio: what is drawn of it
 LEAST = 1e-4
 
@@ -25,9 +32,20 @@ def quantiles_of(values: np.ndarray) -> np.ndarray:
 
 
 def picture_of_peaks(
-    study: Study, stops: list[float], values: np.ndarray, amplitude: np.ndarray, parameter: str, unit: str
+    names: Sequence[str],
+    stops: Sequence[float],
+    values: np.ndarray,
+    amplitude: np.ndarray,
+    parameter: str,
+    unit: str,
+    is_grid: bool = False,
 ) -> Figure:
-    """Quantile bands of the peak: over the parameter, if there are several values, else over each quantity."""
+    """Quantile bands of the peak: over the parameter, if there are several values, else over each quantity.
+
+    A grid whose other quantities have few values together is drawn as it is, a line each.
+    """
+    if is_grid and (lines := _grid_lines(values, len(stops))) is not None:
+        return _picture_of_grid(names, stops, values, amplitude, f"{parameter.capitalize()} factor", unit, *lines)
     with matplotlib.rc_context(STYLE):
         label = with_unit("Amplitude of the peak", unit)
         if len(stops) > 1:
@@ -37,22 +55,92 @@ def picture_of_peaks(
             axes.set(xlabel=f"{parameter.capitalize()} factor", ylabel=label)
             axes.legend()
             return figure
-        count = len(study.vary)
+        count = len(names)
         figure = Figure(figsize=(4.2 * count, 3.8), constrained_layout=True)
-        for axes, vary, column in zip(figure.subplots(1, count, squeeze=False)[0], study.vary, values.T, strict=True):
+        for axes, name, column in zip(figure.subplots(1, count, squeeze=False)[0], names, values.T, strict=True):
             axes.plot(column, amplitude[:, 0], ".", color="0.6", markersize=2.5)
             known = np.flatnonzero(np.isfinite(amplitude[:, 0]))
             order = known[np.argsort(column[known])]
             if not len(order):
-                axes.set(xlabel=plain_text(vary.name), ylabel=label)
+                axes.set(xlabel=plain_text(name), ylabel=label)
                 continue
             parts = np.array_split(order, min(max(1, len(order) // FEWEST), MOST_PARTS))
             middle = np.array([np.median(column[part]) for part in parts])
             _bands(axes, middle, np.array([np.quantile(amplitude[part, 0], QUANTILES) for part in parts]).T)
-            axes.set(xlabel=plain_text(vary.name), ylabel=label)
+            axes.set(xlabel=plain_text(name), ylabel=label)
         if np.isfinite(amplitude[:, 0]).any():
             axes.legend()
     return figure
+
+
+def _grid_lines(values: np.ndarray, stops: int) -> tuple[int, list[np.ndarray]] | None:
+    """Column of a grid that is the axis, -1 for the parameter, and samples of each line; None where these are many."""
+    longest = int(np.argmax([len(np.unique(column)) for column in values.T]))
+    axis = -1 if stops > 1 else longest
+    rest = np.delete(values, axis, axis=1) if axis >= 0 else values
+    _, line = np.unique(rest, axis=0, return_inverse=True)
+    line = np.asarray(line).ravel()
+    count = int(line.max()) + 1
+    if count > MOST_LINES:
+        return None
+    samples = [np.flatnonzero(line == number) for number in range(count)]
+    return axis, [own[np.argsort(values[own, axis])] if axis >= 0 else own for own in samples]
+
+
+def _picture_of_grid(
+    names: Sequence[str],
+    stops: Sequence[float],
+    values: np.ndarray,
+    amplitude: np.ndarray,
+    parameter: str,
+    unit: str,
+    axis: int,
+    lines: list[np.ndarray],
+) -> Figure:
+    """One line for each of the values of all quantities but one."""
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(6.4, 4.2), constrained_layout=True)
+        axes = figure.subplots()
+        for number, own in enumerate(lines):
+            others = [column for column in range(len(names)) if column != axis]
+            label = ", ".join(f"{plain_text(names[column])} {values[own[0], column]:.4g}" for column in others)
+            x, y = (np.array(stops), amplitude[own[0]]) if axis < 0 else (values[own, axis], amplitude[own, 0])
+            axes.plot(
+                x, y, "o-", markersize=3.0, color=BRANCH_COLOURS[number % len(BRANCH_COLOURS)], label=label or None
+            )
+        axes.set(
+            xlabel=parameter if axis < 0 else plain_text(names[axis]), ylabel=with_unit("Amplitude of the peak", unit)
+        )
+        if axes.get_legend_handles_labels()[1]:
+            axes.legend()
+    return figure
+
+
+def picture_of_file(path: str) -> Figure:
+    """The picture of the file of a study.
+
+    Raises
+    ------
+    InputError : the file lacks what a study's has
+    """
+    with stored(path, "a file of `attrito study`") as file:
+        study = json.loads(as_text(file.attrs.get("study", "{}")))
+        units, parameter = (as_text(file.attrs.get(name, "")) for name in ("units", "parameter"))
+        if "modes" in file:
+            found = [file[f"modes/{name}"][()] for name in ("frequency_hz", "damping_ratio")]
+            unit = axis_unit(as_text(file["parameter"].attrs.get("unit", "1")), units)
+            return picture_of_modes(file["parameter"][()].tolist(), *found, unit)
+        names = [vary["name"] for vary in study.get("vary", [])]
+        missing = [
+            name for name in ("parameter", "peaks/amplitude", *(f"values/{one}" for one in names)) if name not in file
+        ]
+        if missing or not names:
+            raise InputError(Fault(path, missing[0] if missing else "study", "absent", "a file of `attrito study`"))
+        values = np.array([file[f"values/{name}"][()] for name in names]).T
+        amplitude = file["peaks/amplitude"]
+        unit = axis_unit(as_text(amplitude.attrs.get("unit", "1")), units)
+        stops, is_grid = file["parameter"][()].tolist(), study.get("design") == "grid"
+        return picture_of_peaks(names, stops, values, amplitude[()], parameter, unit, is_grid)
 
 
 def picture_of_modes(amplitudes: list[float], frequency_hz: np.ndarray, damping_ratio: np.ndarray, unit: str) -> Figure:
