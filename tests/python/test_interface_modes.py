@@ -15,6 +15,7 @@ from attrito.library.session import Options, Solver
 from attrito.model.model_file import write_model
 from attrito.scene.build import build_scene
 from attrito.scene.reduced_model import make_rom, reduced_scene
+from attrito.support.errors import InputError
 
 SECTORS, MODES = 6, 12
 # 16 nodes of a boundary move; the highest frequency that matters is three harmonics of the last.
@@ -114,3 +115,17 @@ def test_a_reduced_model_is_used_again_and_made_anew_for_other_shapes(folder):
     keys = {"reduction": {"modes": MODES, "file": "rom_3.h5"}}
     _, other, said = reduced(folder, 1, **keys)
     assert "replacing" in said and other.interface.shape[1] < first.interface.shape[1]
+
+
+@pytest.mark.parametrize("damage", [lambda basis: basis[1:], lambda basis: basis * np.nan, lambda basis: basis[:, 0]])
+def test_a_damaged_basis_is_a_fault_of_the_file(folder, damage):
+    reduced(folder, 40)
+    path = folder / "rom_40.h5"
+    intact = path.read_bytes()
+    with h5py.File(path, "r+") as file:
+        basis = file["interface/basis"][()]
+        del file["interface/basis"]
+        file["interface/basis"] = damage(basis)
+    with pytest.raises(InputError, match="interface/basis = 'float64 of shape .*: expected finite numbers of shape"):
+        reduced(folder, 40)
+    path.write_bytes(intact)

@@ -102,13 +102,13 @@ def make_rom(
     held: list[Claim] = []
     # The matrices may be gone later.
     fingerprint = on_root(comm, lambda: _asked(job, scene))
-    count, dofs = comm.bcast(None if scene is None else (len(_vectors(scene)), scene.model.size))
+    sizes = comm.bcast(None if scene is None else (len(_vectors(scene)), scene.model.size, _paired(scene)))
     for _ in range(MOST_ROUNDS):
         try:
             path, fresh = on_root_in_its_time(comm, lambda: _claim(job, fingerprint, say, held))
             if not fresh:
                 report = _make(comm, job, scene, held, path, fingerprint, say, listener)
-            rom = everywhere(comm, lambda at=path: _read_rom(at, count, dofs) if reads else None)  # noqa: B023
+            rom = everywhere(comm, lambda at=path: _read_rom(at, *sizes) if reads else None)  # noqa: B023
         finally:
             if held:
                 held.pop().release()
@@ -289,8 +289,18 @@ def reduced_scene(job: Job, scene: Scene, rom: Rom | None = None) -> ReducedScen
     )
 
 
-def _read_rom(path: str, vectors: int, dofs: int) -> Rom:
-    """What is solved with of a reduced model, of so many loads and monitors and dofs; all of one state of the file."""
+def _paired(scene: Scene) -> int:
+    """How many dofs the lower boundary of a sector has; 0 where the model is whole."""
+    return 0 if scene.sector is None else len(scene.sector.lower)
+
+
+def _read_rom(path: str, vectors: int, dofs: int, paired: int) -> Rom:
+    """What is solved with of a reduced model; all of one state of the file.
+
+    Parameters
+    ----------
+    vectors, dofs, paired : how many loads and monitors, dofs of the model, and dofs of a sector's lower boundary
+    """
     with stored(path, ROM) as file:
         size = len(file["mass"])
         wanted = {"mass": (size, size), "stiffness": (size, size), "vectors/reduced": (vectors, size)}
@@ -306,12 +316,23 @@ def _read_rom(path: str, vectors: int, dofs: int) -> Rom:
     ]
     if boundary.dtype.kind != "i" or len(boundary) > size or np.any((boundary < 0) | (boundary >= dofs)):
         faults.append(Fault(path, "boundary/dof", boundary, f"at most {size} dofs of the model, 0 to {dofs - 1}"))
+    if interface is not None:
+        faults += _faults_of_interface(path, interface, paired)
     if kind.shape != (size,):
         faults.append(Fault(path, "coordinates/kind", f"shape {kind.shape}", f"one for each of {size} coordinates"))
     if faults:
         raise InputError(*faults)
     damping, reduced = read.get("damping"), read["vectors/reduced"]
     return Rom(path, fingerprint, read["mass"], read["stiffness"], damping, reduced, boundary, kind, cost, interface)
+
+
+def _faults_of_interface(path: str, basis: np.ndarray, paired: int) -> list[Fault]:
+    """What is wrong with the shapes of a lower boundary of so many dofs."""
+    fits = basis.ndim == 2 and basis.shape[0] == paired and basis.shape[1] <= paired
+    if fits and basis.dtype.kind == "f" and np.all(np.isfinite(basis)):
+        return []
+    expected = f"finite numbers of shape ({paired}, at most {paired})"
+    return [Fault(path, "interface/basis", f"{basis.dtype} of shape {basis.shape}", expected)]
 
 
 def _damping(
