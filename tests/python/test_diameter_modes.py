@@ -203,7 +203,7 @@ def test_a_mode_drawn_on_the_whole_ring_is_a_mode_of_it(tmp_path, capfd):
         omega = 2.0 * np.pi * file["points/frequency_hz"][mode - 1]
     done = attrito_here(tmp_path, capfd, "export", "result.modes.h5", "--mode", str(mode), "--wheel")
     assert done.returncode == 0, done.stderr
-    mesh = meshio.read(tmp_path / "shape.vtu")
+    mesh = meshio.read(tmp_path / "result.modes.shape.vtu")
 
     stiffness = whole.stiffness.toarray()
     place = model.coordinates[np.flatnonzero(model.node_ids == rim)[0]]
@@ -230,7 +230,7 @@ def test_a_mode_drawn_on_the_whole_ring_is_a_mode_of_it(tmp_path, capfd):
     # One sector alone has the same fields.
     done = attrito_here(tmp_path, capfd, "export", "result.modes.h5", "--mode", str(mode))
     assert done.returncode == 0, done.stderr
-    one = meshio.read(tmp_path / "shape.vtu")
+    one = meshio.read(tmp_path / "result.modes.shape.vtu")
     count = len(one.points)
     for name in ("cosine", "sine", "amplitude"):
         assert one.point_data[name] == pytest.approx(mesh.point_data[name][:count], abs=1e-12)
