@@ -484,6 +484,12 @@ int attrito_reduce(int comm, const char *model_path, const char *rom_path, const
     const attrito_reduce_options *options, attrito_listener listener, attrito_reduce_report *report, int length,
     char *message);
 
+/* Derivative of the monitors by a parameter that changes the contacts' laws [contacts, 5] (tangential and normal stiffness, friction
+ * coefficient, gap, preload), the factors on the static loads [loads] and the level: their coefficients [monitors, 2 H + 1] and
+ * amplitudes [monitors]. 0, or not: the linearised equations are singular. */
+int attrito_differentiate_by_parameter(void *handle, const double *laws, const double *static_factors, double level,
+    double *monitors, double *amplitude);
+
 typedef struct {
     int verdict;
     int monodromy;

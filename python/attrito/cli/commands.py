@@ -220,6 +220,7 @@ def _table(options: argparse.Namespace) -> str:
         "contacts": tables.contact_table,
         "sets": tables.set_table,
         "multipliers": tables.multiplier_table,
+        "sensitivities": tables.sensitivity_table,
         "bifurcations": tables.bifurcation_table,
     }
     asked = next((name for name in kinds if getattr(options, name)), None)

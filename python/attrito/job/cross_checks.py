@@ -9,6 +9,7 @@ from attrito.job.fewer_contacts import check_contacts
 from attrito.job.job import Job, campbell_path, files_by_key, mode_path, model_path, peak_path, rom_path
 from attrito.job.laws import check_laws, laws_by_samples
 from attrito.job.schema import ARRAYS, LOAD_KEYS
+from attrito.job.sensitivity import check_sensitivity
 from attrito.support.errors import Fault
 from attrito.support.overwrite_check import is_no_file, is_same_file
 
@@ -32,6 +33,7 @@ def cross_check(job: Job, earlier: list[Fault], excited: bool = True) -> list[Fa
         _check_stability,
         check_laws,
         check_contacts,
+        check_sensitivity,
         check_cyclic,
         _check_monitors,
         _check_inputs,

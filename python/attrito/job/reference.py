@@ -26,6 +26,7 @@ PURPOSES = {
     "mode": "For `attrito mode`: a nonlinear mode followed in its amplitude ([modes.md](modes.md#nonlinear-modes)).",
     "campbell": "For `attrito campbell`: tangent modes against the speed ([modes.md](modes.md#campbell-diagram)).",
     "stability": "Floquet multipliers of the points.",
+    "sensitivity": "Derivatives of each point by parameters of the job ([sensitivity.md](sensitivity.md)).",
     "integrate": "For `attrito integrate`; the group `/integration` goes into the output file.",
     "output": "Required.",
 }

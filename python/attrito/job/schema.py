@@ -358,6 +358,15 @@ TABLES: dict[str, dict[str, Key]] = {
             " wherever a contact slips or opens",
         ),
     },
+    "sensitivity": {
+        "to": Key(
+            listing(text),
+            [],
+            "parameters that amplitudes and means are differentiated by: `contact[0].KEY`, `contact_set[0].KEY`, `[*]`"
+            " for all, KEY a number of the contact's law; `load.NAME` of a static load; `level`"
+            " ([sensitivity.md](sensitivity.md))",
+        ),
+    },
     "integrate": {
         "scheme": Key(
             choice("event", "central_difference", "newmark", "hht", "generalised_alpha", "exponential"),

@@ -77,6 +77,17 @@ class Family:
         change: Member | None = self._ask("differentiate", contact, tangent)
         return change
 
+    def differentiate_by(self, laws: np.ndarray, static_factors: np.ndarray, level: float) -> Member | None:
+        """How monitors and amplitudes of the member described last change with a parameter; None if that is singular.
+
+        Parameters
+        ----------
+        laws : rates of the contacts' tangential and normal stiffness, friction coefficient, gap and preload, `[nc, 5]`
+        static_factors, level : rates of the factors on static loads, `[loads]`, and of the level
+        """
+        change: Member | None = self._ask("differentiate_by", laws, static_factors, level)
+        return change
+
     def move(self, slider: np.ndarray) -> bool:
         """Move the sliders, `[nc, width]`; False if that gives no member, and nothing has changed."""
         moved: bool = self._ask("move", slider)
@@ -128,6 +139,10 @@ class Family:
         if what == "describe":
             rest = pointer(member.amplitude), pointer(member.slider), pointer(member.free)
             status = self._solver.call("attrito_describe_member", *series, *rest)
+        elif what == "differentiate_by":
+            rates = [pointer(np.ascontiguousarray(values, dtype=float)) for values in arguments[:2]]
+            changes = pointer(member.monitors), pointer(member.amplitude)
+            status = self._solver.call("attrito_differentiate_by_parameter", *rates, arguments[2], *changes)
         else:
             status = self._solver.call("attrito_differentiate_member", *arguments, *series)
         return member if status == 0 else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
@@ -121,6 +122,34 @@ def contact_sets(result: Result) -> dict[str, np.ndarray]:
 def _per_set(values: np.ndarray, member: np.ndarray) -> np.ndarray:
     """Sums over contacts `[np, nc]` weighted by set `[sets, nc]`, point by point, flat."""
     return np.asarray((np.asarray(values, dtype=float) @ member.T).ravel())
+
+
+def sensitivity_table(result: Result) -> str:
+    """CSV, one line a point, quantity and parameter: `point, frequency_hz, quantity, parameter, value, derivative`.
+
+    Quantities are amplitudes and means of the monitors, as `tip_amplitude`. `value` is the parameter's; blank where
+    its contacts differ. No line if the job asked for none.
+    """
+    names = [f"{name}_{quantity}" for name in result.monitors for quantity in ("amplitude", "mean")]
+    parameters: list[str] = []
+    if result.has("/sensitivity/mean"):
+        parameters = json.loads(result.attribute("job"))["sensitivity"]["to"]
+    counts = (result.points, len(names), len(parameters))
+    derivatives = np.empty(counts)
+    for place, quantity in enumerate(("amplitude", "mean")):
+        if parameters:
+            derivatives[:, place::2] = np.swapaxes(result.array(f"/sensitivity/{quantity}"), 1, 2)
+    point, number, parameter = (axis.ravel() for axis in np.indices(counts))
+    value = result.array("/sensitivity/value")[point, parameter] if parameters else np.empty(0)
+    columns: dict[str, Iterable[str]] = {
+        "point": map(str, point),
+        "frequency_hz": _numbers(result.array("/points/frequency_hz")[point]),
+        "quantity": [cell(names[index]) for index in number],
+        "parameter": [cell(parameters[index]) for index in parameter],
+        "value": _numbers(value),
+        "derivative": _numbers(derivatives.ravel()),
+    }
+    return _csv(columns | _level_column(result, point))
 
 
 def multiplier_table(result: Result) -> str:

@@ -25,6 +25,7 @@ from attrito.runs.longer_periods import LongerPeriods
 from attrito.runs.position import RunPosition
 from attrito.runs.progress import Progress
 from attrito.runs.recorder import Recorder
+from attrito.runs.sensitivity import Differentiator
 from attrito.runs.stability import Examiner
 from attrito.runs.sweeps import Course, band_hz, beginning
 from attrito.scene import cautions
@@ -126,6 +127,7 @@ def _solve(
         first = on_root_only(comm, lambda: first_record(job, scene, rom, reduced, comm.size, linear, margin))
         stages.end("linear responses")
         run = _Run(comm, job, solver, reduced, options, progress, stages, load_path, stop)
+        run.differentiator = Differentiator(comm, solver, job, scene, reduced)
         run.start, run.static_means = start, means
         try:
             with stop.solving():
@@ -165,6 +167,7 @@ class _Run:
         self.place = RunPosition()
         # The point of an older result that sweeps begin at, if any; monitors' means at the static solution
         self.start: StoredPoint | None = None
+        self.differentiator: Differentiator | None = None
         self.static_means: np.ndarray | None = None
 
     def solve(self, first: Record | None, load_path: np.ndarray, resume: bool, stop: Stop) -> None:
@@ -181,6 +184,9 @@ class _Run:
                 self.recorder.hear()
                 self._sampler.visit(point)
                 stages.end("bounds")
+                if self.differentiator is not None:
+                    self.differentiator.visit(point, self.recorder)
+                stages.end("derivatives")
                 self._finder.visit(point)
                 stages.end("bifurcations")
                 search.keep(point, self.place.taken == 1)

@@ -1,0 +1,95 @@
+"""Derivatives of a run's points by parameters of its job: found as each point is solved.
+
+At a point's frequency, with the sliders of contacts that never slip held where they are. One linearised step a
+parameter: see `src/sensitivity/parameter_derivative.f90`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from attrito.job.job import Job
+from attrito.job.sensitivity import LAW_KEYS, Parameter, parameters_of
+from attrito.library.family import Family
+from attrito.library.reduced_scene import ReducedScene
+from attrito.library.series import Series
+from attrito.library.session import Point, Solver
+from attrito.runs.recorder import Recorder
+from attrito.scene.build import laws_of
+from attrito.scene.scene import Scene
+from attrito.support.parallel import on_root
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+# What a parameter changes: laws `[nc, 5]` in the order of `LAW_KEYS`, factors on static loads, the level
+Rates = tuple[np.ndarray, np.ndarray, float]
+
+SOLVED = ("converged", "above_tolerance", "unstable", "indeterminate")
+SERIES = {
+    name: Series(
+        "real64",
+        f"derivative of the monitors' {name} by each parameter of [sensitivity] to, at the point's frequency and with"
+        " the sliders of contacts that never slip held; NaN: none",
+        f"{name} per unit of the parameter",
+    )
+    for name in ("amplitude", "mean")
+} | {
+    "value": Series(
+        "real64", "the parameters, in the order of [sensitivity] to; NaN: its contacts differ", "each its own"
+    )
+}
+
+
+class Differentiator:
+    """Derivatives at one point after another.
+
+    Parameters
+    ----------
+    comm, solver : what solves
+    job, scene, reduced : what is solved; `scene` at the root
+    """
+
+    def __init__(self, comm: Comm, solver: Solver, job: Job, scene: Scene | None, reduced: ReducedScene):
+        self._solver, self._root, self._monitors = solver, comm.rank == 0, len(reduced.monitors)
+        self._family = Family(comm, solver, len(reduced.laws["tangents"]), self._monitors)
+        self._values = np.array([one.value(job) for one in parameters_of(job)])
+        self._rates: list[Rates] = on_root(comm, lambda: [rates_of(job, scene, one) for one in parameters_of(job)])
+
+    def visit(self, point: Point, recorder: Recorder) -> None:
+        """Add the derivatives at the point where the solver stands to its record. Collective."""
+        if not self._rates:
+            return
+        amplitude, mean = np.full((2, len(self._rates), self._monitors), np.nan)
+        if point.outcome in SOLVED:
+            self._family.visit(lambda family: self._fill(family, amplitude, mean))
+        if self._root:
+            here = np.where([level != 0.0 for _, _, level in self._rates], point.level, self._values)
+            for name, values in (("amplitude", amplitude), ("mean", mean), ("value", here)):
+                recorder.add(f"/sensitivity/{name}", SERIES[name], values)
+
+    def _fill(self, family: Family, amplitude: np.ndarray, mean: np.ndarray) -> None:
+        if family.describe() is None:
+            return
+        for i, rates in enumerate(self._rates):
+            if (change := family.differentiate_by(*rates)) is not None:
+                mean[i], amplitude[i] = change.monitors[:, 0], change.amplitude
+
+
+def rates_of(job: Job, scene: Scene, parameter: Parameter) -> Rates:
+    """What a parameter changes of a scene."""
+    here = scene.contacts.laws
+    laws = np.zeros((len(here["tangents"]), len(LAW_KEYS)))
+    factors = np.zeros(len(scene.static))
+    if parameter.places:
+        # Laws are linear in each of their numbers: any change gives the rate.
+        change = abs(parameter.value(job)) if parameter.value(job) else 1.0
+        change = change if np.isfinite(change) else 1.0
+        there = laws_of(parameter.moved(job, change), scene.contacts)
+        laws[:] = np.column_stack([(there[key] - here[key]) / change for key in LAW_KEYS])
+    elif parameter.key:
+        number = list(scene.static).index(parameter.key)
+        factors[number] = scene.load_path[-1, number] if len(scene.load_path) else 1.0
+    return laws, factors, float(parameter.name == "level")

@@ -1,0 +1,150 @@
+"""Derivatives by parameters against differences of solved points, and what is no parameter."""
+
+from __future__ import annotations
+
+import copy
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+from jobs import Job, attrito_here, chain, run, table, wedge, write_job
+
+LAW = ("tangential_stiffness", "normal_stiffness", "friction_coefficient", "gap", "preload")
+# Step of the differences by events, part of the parameter: two are extrapolated, which leaves its fourth power.
+STEP = 1e-3
+# By samples forces have a kink wherever a sample changes its regime: few lie within so small a step.
+SHORT_STEP = 1e-6
+
+
+def pressed(job: Job, **law: float) -> Job:
+    """The job with preload in its contacts, and other numbers of their laws."""
+    return job | {"contact": [contact | {"preload": 30.0} | law for contact in job["contact"]]}
+
+
+def by_contact(job: Job, keys: tuple[str, ...] = LAW) -> list[str]:
+    """All parameters of all contacts, the static load and the level."""
+    return [f"contact[{i}].{key}" for i in range(len(job["contact"])) for key in keys] + [
+        f"load.{job['load'][0]['name']}",
+        "level",
+    ]
+
+
+def with_parameter(job: Job, name: str, change: float) -> tuple[Job, float]:
+    """The job with a parameter changed by a part of its scale, and that change."""
+    job = copy.deepcopy(job)
+    if name == "level":
+        job["sweep"]["levels"] = [level + change for level in job["sweep"].get("levels", [1.0])]
+        return job, change
+    if name.startswith("load."):
+        loads = [load for load in job["load"] if load["name"] == name[5:]]
+        for load in loads:
+            load["dofs"] = [[dof, force * (1.0 + change)] for dof, force in load["dofs"]]
+        return job, change
+    contact = job["contact"][int(name[8])]
+    key = name.split(".")[1]
+    # The gap is zero: its scale is that of forces of some ten newtons.
+    scale = contact.get(key) or 30.0 / contact["normal_stiffness"]
+    contact[key] = contact.get(key, 0.0) + change * scale
+    return job, change * scale
+
+
+def solved(folder: Path, job: Job, capfd: pytest.CaptureFixture[str], *options: str) -> list[dict[str, str]]:
+    """A table of a job's points."""
+    done = attrito_here(folder, capfd, "run", write_job(folder, job))
+    assert done.returncode == 0, done.stderr
+    done = attrito_here(folder, capfd, "table", "result.h5", *options)
+    return list(csv.DictReader(io.StringIO(done.stdout)))
+
+
+def differences(folder: Path, job: Job, name: str, reach: float, capfd: pytest.CaptureFixture[str]) -> np.ndarray:
+    """Derivatives of amplitudes and means `[points, 2 monitors]` by extrapolated central differences."""
+    monitors = [monitor["name"] for monitor in job["output"]["monitors"]]
+    slopes = []
+    for step in (reach, 2.0 * reach):
+        values = []
+        for side in (-1.0, 1.0):
+            other, change = with_parameter(job, name, side * step)
+            rows = solved(folder, other, capfd)
+            values.append([[float(row[f"{m}_{q}"]) for m in monitors for q in ("amplitude", "mean")] for row in rows])
+        slopes.append((np.array(values[1]) - np.array(values[0])) / (2.0 * abs(change)))
+    return (4.0 * slopes[0] - slopes[1]) / 3.0
+
+
+def compared(folder: Path, job: Job, reach: float, tolerance: float, capfd: pytest.CaptureFixture[str]) -> None:
+    """Every derivative is that by differences, to a part of the point's largest |p dA/dp|."""
+    names = by_contact(job)
+    rows = solved(folder, job | {"sensitivity": {"to": names}}, capfd, "--sensitivities")
+    points = 1 + max(int(row["point"]) for row in rows)
+    found = np.array([float(row["derivative"]) for row in rows]).reshape(points, -1, len(names))
+    errors, sizes = [], []
+    for number, name in enumerate(names):
+        _, scale = with_parameter(job, name, 1.0)
+        expected = differences(folder, job, name, reach, capfd)
+        errors.append(np.abs(found[:, :, number] - expected) * abs(scale))
+        sizes.append(np.abs(expected) * abs(scale))
+    largest = np.max(sizes, axis=(0, 2))
+    assert np.all(largest > 0.0)
+    worst = np.max(errors, axis=(0, 2)) / largest
+    assert np.all(worst < tolerance), f"{worst}"
+
+
+def test_by_events(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    job = pressed(wedge(force=30.0))
+    job["balance"] = {"harmonics": 7, "quadrature": "event", "residual_tolerance": 1e-13}
+    job["sweep"] = {"frequencies_hz": [110.0, 125.0, 140.0]}
+    compared(tmp_path, job, STEP, 1e-6, capfd)
+
+
+def test_contacts_that_stick_hold_their_sliders(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    job = pressed(wedge(), friction_coefficient=5.0)
+    job["balance"] = {"harmonics": 3, "quadrature": "event", "residual_tolerance": 1e-13}
+    job["sweep"] = {"frequencies_hz": [110.0, 132.0]}
+    compared(tmp_path, job, STEP, 1e-6, capfd)
+
+
+@pytest.mark.parametrize("tangents", [1, 2])
+def test_by_samples(tmp_path: Path, capfd: pytest.CaptureFixture[str], tangents: int) -> None:
+    job = pressed(chain(2, tangents))
+    del job["damping"]
+    job["model"]["damping"] = (20.0 * np.eye(len(job["model"]["mass"]))).tolist()
+    job["balance"] = {"harmonics": 3, "samples": 256, "quadrature": "sampled", "residual_tolerance": 1e-13}
+    job["sweep"] = {"frequencies_hz": [84.0, 79.0], "levels": [6.0]}
+    compared(tmp_path, job, SHORT_STEP, 1e-4, capfd)
+
+
+def test_a_set_is_the_sum_of_its_contacts(tmp_path: Path) -> None:
+    job = chain(3)
+    job["sweep"] = {"frequencies_hz": [80.0], "levels": [4.0]}
+    single = [f"contact[{i}].friction_coefficient" for i in range(3)]
+    job["sensitivity"] = {"to": [*single, "contact[*].friction_coefficient"]}
+    for ranks in (None, 2):
+        run(tmp_path, job, ranks)
+        values = [float(row["derivative"]) for row in table(tmp_path, "--sensitivities")][:4]
+        assert sum(values[:3]) == pytest.approx(values[3], rel=1e-9)
+        assert values[3] != 0.0
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("contact[3].gap", "one of the job's [[contact]], of which there are 1"),
+        ("contact[0].law", "KEY one of tangential_stiffness"),
+        ("load.excitation", "the name of a static load: preload"),
+        ("damping.ratio", 'or "level"'),
+    ],
+)
+def test_no_parameter(tmp_path: Path, capfd: pytest.CaptureFixture[str], name: str, expected: str) -> None:
+    write_job(tmp_path, wedge() | {"sensitivity": {"to": ["level", name]}})
+    done = attrito_here(tmp_path, capfd, "run", "job.toml")
+    assert done.returncode == 2
+    assert f"[sensitivity] to[1] = {name}" in done.stderr.replace('"', "") or f"to[1] = {name!r}" in done.stderr
+    assert expected in done.stderr
+
+
+def test_stiffness_with_a_ratio_of_stuck_modes_is_refused(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    write_job(tmp_path, chain(2) | {"sensitivity": {"to": ["contact[0].normal_stiffness"]}})
+    done = attrito_here(tmp_path, capfd, "run", "job.toml")
+    assert done.returncode == 2
+    assert "a ratio of the stuck modes" in done.stderr
