@@ -484,11 +484,14 @@ int attrito_reduce(int comm, const char *model_path, const char *rom_path, const
     const attrito_reduce_options *options, attrito_listener listener, attrito_reduce_report *report, int length,
     char *message);
 
-/* Derivative of the monitors by a parameter that changes the contacts' laws [contacts, 5] (tangential and normal stiffness, friction
- * coefficient, gap, preload), the factors on the static loads [loads] and the level: their coefficients [monitors, 2 H + 1] and
- * amplitudes [monitors]. 0, or not: the linearised equations are singular. */
-int attrito_differentiate_by_parameter(void *handle, const double *laws, const double *static_factors, double level,
-    double *monitors, double *amplitude);
+/* By parameters that each change the contacts' laws [parameters, contacts, 5], the factors on static loads [parameters, loads] and
+ * the level [parameters]: derivatives of amplitudes and means [parameters, monitors]. 0, or not: the equations are singular. */
+int attrito_differentiate_directly(void *handle, int parameters, const double *laws, const double *static_factors,
+    const double *level, double *amplitude, double *mean);
+
+/* Of amplitudes, then of means, by all numbers of laws [2, monitors, contacts, 5], factors on static loads [2, monitors, loads] and
+ * the level [2, monitors]. 0, or not: the equations are singular. */
+int attrito_differentiate_by_adjoint(void *handle, double *laws, double *static_factors, double *level);
 
 typedef struct {
     int verdict;

@@ -114,6 +114,35 @@ def test_by_samples(tmp_path: Path, capfd: pytest.CaptureFixture[str], tangents:
     compared(tmp_path, job, SHORT_STEP, 1e-4, capfd)
 
 
+def test_elements_in_parallel(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    # At lower frequencies its last slider rests where the load path left it, which differences follow.
+    job = pressed(wedge(force=20.0), law="iwan", chi=-0.4, beta=0.5, sliders=5)
+    job["balance"] = {"harmonics": 5, "quadrature": "event", "residual_tolerance": 1e-13}
+    job["sweep"] = {"frequencies_hz": [125.0, 130.0]}
+    compared(tmp_path, job, STEP, 1e-6, capfd)
+
+
+@pytest.mark.parametrize("tangents", [1, 2])
+def test_directly_and_by_the_adjoint(tmp_path: Path, tangents: int) -> None:
+    """Few parameters go directly, all of them by the adjoint; more than 400 unknowns by GMRES."""
+    job = chain(9, tangents)
+    job["damping"] = {"rayleigh": [20.0, 0.0]}
+    job["balance"] = {"harmonics": 15 if tangents == 1 else 7, "samples": 128, "residual_tolerance": 1e-12}
+    job["sweep"] = {"frequencies_hz": [80.0], "levels": [8.0]}
+    job["output"]["monitors"] = job["output"]["monitors"][:1]
+    names = by_contact(job)
+    run(tmp_path, job | {"sensitivity": {"to": names}})
+    adjoint = {row["parameter"]: row for row in table(tmp_path, "--sensitivities") if "amplitude" in row["quantity"]}
+    largest = max(abs(float(row["derivative"]) * float(row["value"] or 1.0)) for row in adjoint.values())
+    for pair, ranks in ((names[:2], None), (names[2:5:2], 2), (names[-2:], None)):
+        run(tmp_path, job | {"sensitivity": {"to": pair}}, ranks)
+        for row in table(tmp_path, "--sensitivities"):
+            if "amplitude" in row["quantity"]:
+                change = float(row["derivative"]) - float(adjoint[row["parameter"]]["derivative"])
+                # Both solve their systems to 1e-11; points to 1e-12.
+                assert abs(change * float(row["value"] or 1.0)) < 1e-8 * largest
+
+
 def test_a_set_is_the_sum_of_its_contacts(tmp_path: Path) -> None:
     job = chain(3)
     job["sweep"] = {"frequencies_hz": [80.0], "levels": [4.0]}
@@ -141,6 +170,14 @@ def test_no_parameter(tmp_path: Path, capfd: pytest.CaptureFixture[str], name: s
     assert done.returncode == 2
     assert f"[sensitivity] to[1] = {name}" in done.stderr.replace('"', "") or f"to[1] = {name!r}" in done.stderr
     assert expected in done.stderr
+
+
+def test_no_derivative_by_friction_where_there_is_none(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    job = pressed(wedge(), friction_coefficient=0.0)
+    write_job(tmp_path, job | {"sensitivity": {"to": ["contact[0].friction_coefficient"]}})
+    done = attrito_here(tmp_path, capfd, "run", "job.toml")
+    assert done.returncode == 2
+    assert "a friction coefficient above 0" in done.stderr
 
 
 def test_stiffness_with_a_ratio_of_stuck_modes_is_refused(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import re
 from dataclasses import dataclass
 
@@ -45,9 +44,10 @@ class Parameter:
 
     def moved(self, job: Job, change: float) -> Job:
         """A job in which it is larger by `change`."""
-        tables = job.tables | {table: copy.deepcopy(job[table]) for table in {table for table, _ in self.places}}
+        tables = job.tables | {table: list(job[table]) for table in {table for table, _ in self.places}}
         for table, number in self.places:
-            tables[table][number][self.key] += change
+            entry = tables[table][number]
+            tables[table][number] = entry | {self.key: entry[self.key] + change}
         return Job(job.path, tables, job.given)
 
 
@@ -99,4 +99,6 @@ def _parameter(job: Job, name: str) -> Parameter:
         value = job[table][number][key]
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise ValueError(f"a parameter that is a number; {table}[{number}].{key} is {value!r}")
+        if key == "friction_coefficient" and value == 0.0:
+            raise ValueError(f"a friction coefficient above 0, where forces have a derivative by it; {table}[{number}]")
     return Parameter(name, tuple((table, number) for number in numbers), key)

@@ -77,16 +77,28 @@ class Family:
         change: Member | None = self._ask("differentiate", contact, tangent)
         return change
 
-    def differentiate_by(self, laws: np.ndarray, static_factors: np.ndarray, level: float) -> Member | None:
-        """How monitors and amplitudes of the member described last change with a parameter; None if that is singular.
+    def differentiate_directly(
+        self, laws: np.ndarray, static_factors: np.ndarray, level: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray] | None:
+        """Derivatives of amplitudes and means, `[np, monitors]` each, of the member described last; None if singular.
 
         Parameters
         ----------
-        laws : rates of the contacts' tangential and normal stiffness, friction coefficient, gap and preload, `[nc, 5]`
-        static_factors, level : rates of the factors on static loads, `[loads]`, and of the level
+        laws : rates of the contacts' tangential and normal stiffness, friction coefficient, gap and preload,
+            `[np, nc, 5]`
+        static_factors, level : rates of the factors on static loads, `[np, loads]`, and of the level, `[np]`
         """
-        change: Member | None = self._ask("differentiate_by", laws, static_factors, level)
-        return change
+        found: tuple[np.ndarray, np.ndarray] | None = self._ask("differentiate_directly", laws, static_factors, level)
+        return found
+
+    def differentiate_by_adjoint(self, loads: int) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        """Derivatives of amplitudes, then of means, of the member described last; None if singular.
+
+        By the numbers of laws, in the order above, `[2, monitors, nc, 5]`, by the factors on static loads, of which
+        there are `loads`, `[2, monitors, loads]`, and by the level, `[2, monitors]`.
+        """
+        found: tuple[np.ndarray, np.ndarray, np.ndarray] | None = self._ask("differentiate_by_adjoint", loads)
+        return found
 
     def move(self, slider: np.ndarray) -> bool:
         """Move the sliders, `[nc, width]`; False if that gives no member, and nothing has changed."""
@@ -128,6 +140,16 @@ class Family:
         if what == "move":
             return self._solver.call("attrito_solve_member", pointer(np.ascontiguousarray(arguments[0]))) == 1
         (contacts, monitors), coefficients = self._sizes, self._solver.coefficients
+        if what == "differentiate_directly":
+            rates = [np.ascontiguousarray(values, dtype=float) for values in arguments]
+            found = np.zeros((2, len(rates[2]), monitors))
+            pointers = *map(pointer, rates), pointer(found[0]), pointer(found[1])
+            status = self._solver.call("attrito_differentiate_directly", len(rates[2]), *pointers)
+            return (found[0], found[1]) if status == 0 else None
+        if what == "differentiate_by_adjoint":
+            gradient = [np.zeros((2, monitors, *shape)) for shape in ((contacts, 5), (arguments[0],), ())]
+            status = self._solver.call("attrito_differentiate_by_adjoint", *map(pointer, gradient))
+            return tuple(gradient) if status == 0 else None
         member = Member(
             np.zeros((contacts, 3, coefficients)),
             np.zeros((monitors, coefficients)),
@@ -139,10 +161,6 @@ class Family:
         if what == "describe":
             rest = pointer(member.amplitude), pointer(member.slider), pointer(member.free)
             status = self._solver.call("attrito_describe_member", *series, *rest)
-        elif what == "differentiate_by":
-            rates = [pointer(np.ascontiguousarray(values, dtype=float)) for values in arguments[:2]]
-            changes = pointer(member.monitors), pointer(member.amplitude)
-            status = self._solver.call("attrito_differentiate_by_parameter", *rates, arguments[2], *changes)
         else:
             status = self._solver.call("attrito_differentiate_member", *arguments, *series)
         return member if status == 0 else None

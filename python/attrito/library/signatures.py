@@ -98,7 +98,8 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "attrito_return_to_member": (None, (HANDLE, c_int)),
     "attrito_solve_member": (c_int, (HANDLE, Doubles)),
     "attrito_describe_member": (c_int, (HANDLE, Doubles, Doubles, Doubles, Doubles, Doubles)),
-    "attrito_differentiate_by_parameter": (c_int, (HANDLE, Doubles, Doubles, c_double, Doubles, Doubles)),
+    "attrito_differentiate_by_adjoint": (c_int, (HANDLE, Doubles, Doubles, Doubles)),
+    "attrito_differentiate_directly": (c_int, (HANDLE, c_int, Doubles, Doubles, Doubles, Doubles, Doubles)),
     "attrito_differentiate_member": (c_int, (HANDLE, c_int, c_int, Doubles, Doubles)),
     # Stability and bifurcations
     "attrito_examine": (c_int, (HANDLE, c_int, c_int, c_int, POINTER(RawExamination), *MESSAGE)),

@@ -55,27 +55,39 @@ class Differentiator:
     def __init__(self, comm: Comm, solver: Solver, job: Job, scene: Scene | None, reduced: ReducedScene):
         self._solver, self._root, self._monitors = solver, comm.rank == 0, len(reduced.monitors)
         self._family = Family(comm, solver, len(reduced.laws["tangents"]), self._monitors)
-        self._values = np.array([one.value(job) for one in parameters_of(job)])
-        self._rates: list[Rates] = on_root(comm, lambda: [rates_of(job, scene, one) for one in parameters_of(job)])
+        parameters = parameters_of(job)
+        self._values = np.array([one.value(job) for one in parameters])
+        rates: list[Rates] = on_root(comm, lambda: [rates_of(job, scene, one) for one in parameters])
+        self._rates = [np.array(column) for column in zip(*rates, strict=True)]
 
     def visit(self, point: Point, recorder: Recorder) -> None:
         """Add the derivatives at the point where the solver stands to its record. Collective."""
         if not self._rates:
             return
-        amplitude, mean = np.full((2, len(self._rates), self._monitors), np.nan)
+        amplitude, mean = np.full((2, len(self._values), self._monitors), np.nan)
         if point.outcome in SOLVED:
             self._family.visit(lambda family: self._fill(family, amplitude, mean))
         if self._root:
-            here = np.where([level != 0.0 for _, _, level in self._rates], point.level, self._values)
+            here = np.where(self._rates[2] != 0.0, point.level, self._values)
             for name, values in (("amplitude", amplitude), ("mean", mean), ("value", here)):
                 recorder.add(f"/sensitivity/{name}", SERIES[name], values)
 
     def _fill(self, family: Family, amplitude: np.ndarray, mean: np.ndarray) -> None:
+        """Directly or by the adjoint, whichever takes fewer linear systems."""
         if family.describe() is None:
             return
-        for i, rates in enumerate(self._rates):
-            if (change := family.differentiate_by(*rates)) is not None:
-                mean[i], amplitude[i] = change.monitors[:, 0], change.amplitude
+        laws, factors, level = self._rates
+        if len(level) <= 2 * self._monitors:
+            if (direct := family.differentiate_directly(laws, factors, level)) is not None:
+                amplitude[:], mean[:] = direct
+        elif (gradient := family.differentiate_by_adjoint(factors.shape[1])) is not None:
+            by_laws, by_factors, by_level = gradient
+            amplitude[:], mean[:] = (
+                np.tensordot(laws, by_laws[kind], axes=([1, 2], [1, 2]))
+                + factors @ by_factors[kind].T
+                + np.outer(level, by_level[kind])
+                for kind in range(2)
+            )
 
 
 def rates_of(job: Job, scene: Scene, parameter: Parameter) -> Rates:
