@@ -14,8 +14,8 @@ module attrito_sensitivity_accurate_step
   private
   public :: solve_accurately
 
-  !> Residual relative to the right-hand side: derivatives are compared with others to 1e-6
-  real(wp), parameter :: tolerance = 1.0e-11_wp ! conventional
+  !> Residual relative to the right-hand side: three digits beyond those that derivatives are compared to
+  real(wp), parameter :: tolerance = 1.0e-9_wp ! conventional
   !> Steps, each of which takes GMRES' tolerance of 1e-4 off the residual, and two to spare
   integer, parameter :: most_steps = 5 ! derived
 

@@ -139,8 +139,8 @@ def test_directly_and_by_the_adjoint(tmp_path: Path, tangents: int) -> None:
         for row in table(tmp_path, "--sensitivities"):
             if "amplitude" in row["quantity"]:
                 change = float(row["derivative"]) - float(adjoint[row["parameter"]]["derivative"])
-                # Both solve their systems to 1e-11; points to 1e-12.
-                assert abs(change * float(row["value"] or 1.0)) < 1e-8 * largest
+                # Both solve their systems to 1e-9, with what is between their norms and this.
+                assert abs(change * float(row["value"] or 1.0)) < 1e-7 * largest
 
 
 def test_a_set_is_the_sum_of_its_contacts(tmp_path: Path) -> None:
@@ -151,7 +151,7 @@ def test_a_set_is_the_sum_of_its_contacts(tmp_path: Path) -> None:
     for ranks in (None, 2):
         run(tmp_path, job, ranks)
         values = [float(row["derivative"]) for row in table(tmp_path, "--sensitivities")][:4]
-        assert sum(values[:3]) == pytest.approx(values[3], rel=1e-9)
+        assert sum(values[:3]) == pytest.approx(values[3], rel=1e-7)
         assert values[3] != 0.0
 
 
