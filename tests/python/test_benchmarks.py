@@ -332,3 +332,11 @@ def test_a_wave_breaks_in_motion_of_a_wheel_in_which_it_is_unstable():
     # 31 harmonics leave out 1e-6 of the motion; a kick of 1e-6 that doubles each period is seen after twelve.
     assert small["away"][-1] < 1e-4
     assert large["away"][-1] > 1e-2
+
+
+def test_derivatives_of_random_scenes_are_those_by_differences():
+    summary = run("sensitivities.py", "--scenes", "8", "--parameters", "4")["summary"]
+    for by in ("events", "samples"):
+        assert summary[by]["kept of these"] == summary[by]["differences that are sure"] > 0
+    (cost,) = run("sensitivities.py", "--contacts", "20", "--harmonics", "1")["cost"]
+    assert all(point["finite"] for point in cost["points"])
