@@ -19,11 +19,12 @@ from figures import marks
 from mpi4py import MPI
 
 from attrito.job.reading import read_job
+from attrito.job.varied import places, set_value
 from attrito.library.session import Solver
 from attrito.modes.mode_point import ModePoint
 from attrito.modes.tracker import ModeTracker
 from attrito.runs.stability import ENGINES, ORBITS, examine_point, fetch_multipliers
-from attrito.studies.design import batches, places, read_study, set_value
+from attrito.studies.design import batches, read_study
 from attrito_verification.paper.wedge import PARAMETER_SETS, Wedge
 
 STUDY = {

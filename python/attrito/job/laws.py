@@ -14,6 +14,8 @@ from attrito.support.errors import Fault
 
 Keys = dict[str, Any]
 TABLES = ("contact", "contact_set")
+# Numbers of every law
+LAW_KEYS = ("tangential_stiffness", "normal_stiffness", "friction_coefficient", "gap", "preload")
 
 
 @dataclass(frozen=True)

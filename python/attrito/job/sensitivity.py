@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from attrito.job.job import Job
+from attrito.job.laws import LAW_KEYS
 from attrito.support.errors import Fault
 
-LAW_KEYS = ("tangential_stiffness", "normal_stiffness", "friction_coefficient", "gap", "preload")
 EXPECTED = (
     'one of "contact[0].KEY" or "contact_set[0].KEY", "[*]" for all, KEY one of ' + ", ".join(LAW_KEYS) + ";"
     ' "load.NAME" of a static load; or "level"'

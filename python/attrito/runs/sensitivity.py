@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from attrito.job.job import Job
-from attrito.job.sensitivity import LAW_KEYS, Parameter, parameters_of
+from attrito.job.laws import LAW_KEYS
+from attrito.job.sensitivity import Parameter, parameters_of
 from attrito.library.family import Family
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series

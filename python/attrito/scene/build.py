@@ -15,7 +15,7 @@ from scipy.sparse import csr_matrix, vstack
 from attrito.importers import check_matrices, read_matrices
 from attrito.job.cyclic import is_cyclic, nodal_diameter_in_words
 from attrito.job.job import Job
-from attrito.job.laws import RULES
+from attrito.job.laws import LAW_KEYS, RULES
 from attrito.library.names import LAWS
 from attrito.model.face_sets import pair_faces
 from attrito.model.model import Model
@@ -30,8 +30,6 @@ from attrito.scene.scene import Contacts, Scene
 from attrito.scene.sector import build_sector, check_mass_of_sector, wheel_axis
 from attrito.support.errors import InputError
 from attrito.support.timing import peak_megabytes
-
-LAW_KEYS = ("tangential_stiffness", "normal_stiffness", "friction_coefficient", "gap", "preload")
 
 # What to expect of a mass that some dofs lack
 STATIC_BY_REDUCTION = "mass at every dof, or [reduction], in which dofs without mass follow the others statically"

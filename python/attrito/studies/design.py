@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
@@ -16,15 +15,11 @@ from scipy.stats import qmc
 
 from attrito.job.checks import Check, boolean, choice, dataset_name, integer, listing, number, text
 from attrito.job.job import Job, files_read, rom_path
-from attrito.job.reading import check_job, plain, read_job
+from attrito.job.reading import plain, read_job
+from attrito.job.varied import checked, faults_of_keys, is_of_model, with_values
 from attrito.modes.nonlinear import amplitudes, check_mode
-from attrito.scene.build import LAW_KEYS
 from attrito.support.errors import Fault, InputError
 from attrito.support.overwrite_check import check_spared
-
-# What these hold is in the reduced model, but for the contacts' laws and the engine order.
-MODEL_TABLES = ("model", "reduction", "cyclic", "load", "output", "contact", "contact_set")
-ENGINE_ORDER = "cyclic.engine_order"
 
 
 @dataclass(frozen=True)
@@ -100,40 +95,17 @@ class Study:
 
     def changed(self, job: Job, row: np.ndarray) -> Job:
         """The job with the values of a sample, checked as a job is."""
-        return self._changed(job, list(zip(self.vary, row.tolist(), strict=True)))
-
-    def _changed(self, job: Job, values: list[tuple[Vary, float]]) -> Job:
-        touched = {_table(key) for vary, _ in values for key in vary.keys}
-        tables = plain({name: table for name, table in job.tables.items() if name in job.given | touched})
-        for vary, value in values:
-            for key in vary.keys:
-                set_value(tables, key, value, vary.factor)
-        try:
-            return check_job(tables, job.path, self.is_excited)
-        except InputError as error:
-            shown = ", ".join(f"{vary.name} = {value:g}" for vary, value in values)
-            faults = [Fault(self.path, f"vary ({shown}): {it.key}", it.value, it.expected) for it in error.faults]
-            raise InputError(*faults) from None
+        return with_values(job, list(zip(self.vary, row.tolist(), strict=True)), self.path, "vary", self.is_excited)
 
     def keeps_places(self, job: Job) -> bool:
         """Whether samples differ in contacts' laws and what is not of the model, so that they share what was read."""
-        return not any(_is_of_model(key) for vary in self.vary for key in vary.keys)
+        return not any(is_of_model(key) for vary in self.vary for key in vary.keys)
 
     def check(self, job: Job) -> None:
         """Raise unless every key is a number of the job that can be varied, and takes the values asked for."""
         faults = self._faults_of_job(job)
         for i, vary in enumerate(self.vary):
-            for key in vary.keys:
-                where = f"vary[{i}] keys"
-                if rom_path(job) is not None and _is_of_model(key):
-                    laws = ", ".join(LAW_KEYS)
-                    expected = f"a number that the reduced model does not hold: of contacts, {laws}; {ENGINE_ORDER}"
-                    faults.append(Fault(self.path, where, key, expected))
-                    continue
-                try:
-                    places(job.tables, key)
-                except ValueError as error:
-                    faults.append(Fault(self.path, where, key, str(error)))
+            faults += faults_of_keys(job, vary.keys, self.path, f"vary[{i}] keys")
         if faults:
             raise InputError(*faults)
         read = [self.path, *files_read(job), *filter(None, [rom_path(job)])]
@@ -141,7 +113,7 @@ class Study:
         for vary in self.vary:
             for value in vary.values or (vary.low, vary.high):
                 try:
-                    self._changed(job, [(vary, value)])
+                    with_values(job, [(vary, value)], self.path, "vary", self.is_excited)
                 except InputError as error:
                     faults += error.faults
         if faults:
@@ -161,16 +133,6 @@ class Study:
         if job["sweep"]["start_hz"] is None:
             faults.append(job.fault("[sweep] start_hz", "missing", "start_hz and stop_hz, the band of the peaks"))
         return faults
-
-
-def _table(key: str) -> str:
-    return re.match(r"\w*", key).group()
-
-
-def _is_of_model(key: str) -> bool:
-    """Whether the model has to be read again for it, and reduced."""
-    of_law = _table(key) in ("contact", "contact_set") and key.rpartition(".")[2] in LAW_KEYS
-    return _table(key) in MODEL_TABLES and not of_law and key != ENGINE_ORDER
 
 
 CHECKS: dict[str, tuple[Check, Any]] = {
@@ -224,12 +186,12 @@ def _check_study(raw: dict[str, Any], path: str) -> Study:
     """Check the keys of a study that is called `path`."""
     faults: list[Fault] = []
     rows = raw.pop("vary", [])
-    keys = _checked(path, "", raw, CHECKS, faults)
+    keys = checked(path, "", raw, CHECKS, faults)
     if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
         raise InputError(*faults, Fault(path, "vary", "missing", "at least one table [[vary]]"))
     varies = []
     for i, row in enumerate(rows):
-        one = _checked(path, f"vary[{i}] ", row, VARY_CHECKS, faults)
+        one = checked(path, f"vary[{i}] ", row, VARY_CHECKS, faults)
         if bool(one["values"]) == (one["low"] is not None and one["high"] is not None):
             faults.append(Fault(path, f"vary[{i}] values", one["values"] or "missing", "either values or low and high"))
         if keys["design"] == "grid" and not one["values"]:
@@ -261,44 +223,6 @@ def os_path(folder: Path, name: str) -> str:
     return os.path.normpath(folder / name)
 
 
-def places(tables: dict[str, Any], key: str) -> list[tuple[Any, Any]]:
-    """Where a key's numbers are, as (container, index); `[*]` stands for every entry of a list.
-
-    Raises
-    ------
-    ValueError : it is not a number of the job
-    """
-    found: list[tuple[Any, Any]] = [({"": tables}, "")]
-    if not re.fullmatch(r"\w+(\.\w+|\[(\d+|\*)\])*", key):
-        raise ValueError('a path such as "contact[0].friction_coefficient" or "static.load_path[1]"')
-    for step in re.findall(r"\w+|\*", key):
-        ahead: list[tuple[Any, Any]] = []
-        for container, index in found:
-            inner = container[index]
-            if isinstance(inner, dict) and step in inner:
-                ahead.append((inner, step))
-            elif isinstance(inner, list) and step == "*":
-                ahead += [(inner, i) for i in range(len(inner))]
-            elif isinstance(inner, list) and step.isdecimal() and int(step) < len(inner):
-                ahead.append((inner, int(step)))
-            else:
-                known = ", ".join(inner) if isinstance(inner, dict) else "an index of the list"
-                raise ValueError(f"a key of the job; at {step!r}: {known}")
-        found = ahead
-    for container, index in found:
-        value = container[index]
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ValueError(f"a number of the job, not {value!r}")
-    return found
-
-
-def set_value(tables: dict[str, Any], key: str, value: float, factor: bool) -> None:
-    """Give a key of the job a value, or multiply what it has; whole numbers stay whole where they can."""
-    for container, index in places(tables, key):
-        new = container[index] * value if factor else value
-        container[index] = int(new) if isinstance(container[index], int) and new == int(new) else new
-
-
 def batches(study: Study, values: np.ndarray) -> list[np.ndarray]:
     """Samples in batches of neighbours: halved across their widest quantity until short, then from next to next."""
     width = np.ptp(values, axis=0)
@@ -322,18 +246,3 @@ def _from_next_to_next(samples: np.ndarray, scaled: np.ndarray) -> np.ndarray:
         distance = np.linalg.norm(scaled[left] - scaled[order[-1]], axis=1)
         order.append(left.pop(int(np.argmin(distance))))
     return np.array(order)
-
-
-def _checked(
-    path: str, place: str, table: dict[str, Any], checks: dict[str, tuple[Check, Any]], faults: list[Fault]
-) -> dict[str, Any]:
-    checked = {name: default for name, (_, default) in checks.items()}
-    for name, value in table.items():
-        if name not in checks:
-            faults.append(Fault(path, f"{place}{name}", value, "a known key: " + ", ".join(checks)))
-            continue
-        try:
-            checked[name] = checks[name][0](value)
-        except ValueError as error:
-            faults.append(Fault(path, f"{place}{name}", value, str(error)))
-    return checked

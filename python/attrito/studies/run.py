@@ -13,27 +13,26 @@ import json
 import os
 import re
 import shutil
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from attrito.job.fewer_contacts import take_all_contacts
-from attrito.job.job import Job, rom_path
+from attrito.job.job import Job
 from attrito.job.reading import read_job
 from attrito.runs.progress import Progress
 from attrito.scene import cautions
-from attrito.scene.build import build_scene
-from attrito.scene.reduced_model import Rom, make_rom, reduced_scene
+from attrito.scene.reduced_model import Rom
 from attrito.scene.scene import Scene
 from attrito.studies.design import Study, batches, read_study
 from attrito.studies.file import write_study
 from attrito.studies.sample_modes import SampleModes
 from attrito.studies.sample_peaks import SamplePeaks
+from attrito.studies.samples import shared_scene
 from attrito.support.errors import UnsolvedError
 from attrito.support.locks import writing_alone
-from attrito.support.parallel import on_root, on_root_only
+from attrito.support.parallel import on_root
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -73,7 +72,8 @@ def _solve_samples(comm: Comm, job: Job, study: Study, progress: Progress) -> di
     folder = Path(f"{study.file}.parts") / _fingerprint(study, job)
     groups = max(1, comm.size // study.ranks_per_group)
     color = min(comm.rank // study.ranks_per_group, groups - 1)
-    base, rom = _shared_scene(comm, job, study, progress, reads=comm.rank == color * study.ranks_per_group)
+    reads = comm.rank == color * study.ranks_per_group
+    base, rom = shared_scene(comm, job, study.keeps_places(job), progress, reads)
     on_root(comm, lambda: folder.mkdir(parents=True, exist_ok=True))
     missing = on_root(comm, lambda: [i for i in range(len(order)) if not _part(folder, i).exists()])
     progress.say(f"{study.samples} samples in {len(order)} batches, {len(order) - len(missing)} of them there already")
@@ -107,26 +107,6 @@ def _remove_parts(folder: Path) -> None:
             shutil.rmtree(path)
     with contextlib.suppress(OSError):
         folder.rmdir()
-
-
-def _shared_scene(
-    comm: Comm, job: Job, study: Study, progress: Progress, reads: bool
-) -> tuple[Scene | None, Rom | None]:
-    """The scene that samples differ from in numbers alone, if they do, and the reduced model of all, where `reads`."""
-    scene = on_root_only(comm, lambda: build_scene(job))
-    progress.warn(on_root(comm, lambda: cautions.of_scene(job, scene)))
-    rom, report = make_rom(comm, job, scene, progress.say, progress.step, reads)
-    progress.reduction(report)
-    progress.warn(on_root(comm, lambda: cautions.of_damping(reduced_scene(job, scene, rom))))
-    if not study.keeps_places(job):
-        return None, rom
-
-    def light() -> Scene:
-        if rom_path(job) is None:
-            return scene
-        return replace(scene, model=replace(scene.model, stiffness=None, mass=None, damping=None))
-
-    return on_root(comm, light), rom
 
 
 def _solve_batch(

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from attrito.job.job import Job
+from attrito.job.job import Job, rom_path
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options
+from attrito.runs.progress import Progress
+from attrito.scene import cautions
 from attrito.scene.build import build_scene, with_numbers_of
-from attrito.scene.reduced_model import Rom, reduced_scene
+from attrito.scene.reduced_model import Rom, make_rom, reduced_scene
 from attrito.scene.scene import Scene
 from attrito.scene.solver_options import solver_options
-from attrito.support.parallel import on_root
+from attrito.support.parallel import on_root, on_root_only
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -44,3 +47,23 @@ class Samples:
             return reduced_scene(job, scene, self._rom), scene.load_path, solver_options(job, self._rom)
 
         return on_root(self._comm, build)
+
+
+def shared_scene(
+    comm: Comm, job: Job, keeps_places: bool, progress: Progress, reads: bool
+) -> tuple[Scene | None, Rom | None]:
+    """The scene that samples differ from in numbers alone, if they do, and the reduced model of all, where `reads`."""
+    scene = on_root_only(comm, lambda: build_scene(job))
+    progress.warn(on_root(comm, lambda: cautions.of_scene(job, scene)))
+    rom, report = make_rom(comm, job, scene, progress.say, progress.step, reads)
+    progress.reduction(report)
+    progress.warn(on_root(comm, lambda: cautions.of_damping(reduced_scene(job, scene, rom))))
+    if not keeps_places:
+        return None, rom
+
+    def light() -> Scene:
+        if rom_path(job) is None:
+            return scene
+        return replace(scene, model=replace(scene.model, stiffness=None, mass=None, damping=None))
+
+    return on_root(comm, light), rom
