@@ -206,18 +206,18 @@ def compared(seed: int, number: int, most: int) -> dict:
 
 def summary(rows: list[dict]) -> dict:
     """Of scenes by events and by samples: how many keep the tolerance, where differences are sure and where not."""
-    told: dict = {"scenes": len(rows), "without": sum("error" not in row for row in rows)}
+    found: dict = {"scenes": len(rows), "without": sum("error" not in row for row in rows)}
     for by, tolerance in zip(("events", "samples"), TOLERANCES, strict=True):
         own = [row for row in rows if row.get("by") == by]
         sure = [row for row in own if row["unsure"] <= tolerance / 3.0]
-        told[by] = {
+        found[by] = {
             "compared": len(own),
             "kept": sum(row["error"] <= tolerance for row in own),
             "differences that are sure": len(sure),
             "kept of these": sum(row["error"] <= tolerance for row in sure),
             "median error": float(np.median([row["error"] for row in own])) if own else None,
         }
-    return told
+    return found
 
 
 def cost(contacts: int, harmonics: int) -> dict:
@@ -266,14 +266,14 @@ def main() -> None:
     parser.add_argument("--contacts", type=int, nargs="*", default=[])
     parser.add_argument("--harmonics", type=int, default=7)
     options = parser.parse_args()
-    told: dict = {}
+    found: dict = {}
     if options.scenes:
         numbers = range(options.first, options.first + options.scenes)
         rows = [compared(options.seed, number, options.parameters) for number in numbers]
-        told = {"summary": summary(rows), "rows": rows}
+        found = {"summary": summary(rows), "rows": rows}
     if options.contacts:
-        told["cost"] = [cost(contacts, options.harmonics) for contacts in options.contacts]
-    print(json.dumps(told, indent=1, default=str))
+        found["cost"] = [cost(contacts, options.harmonics) for contacts in options.contacts]
+    print(json.dumps(found, indent=1, default=str))
 
 
 if __name__ == "__main__":

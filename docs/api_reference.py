@@ -18,6 +18,7 @@ ORDER = (
     "campbell",
     "mode",
     "study",
+    "fit",
     "import_model",
     "plot",
     "write_report",

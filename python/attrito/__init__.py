@@ -18,7 +18,19 @@ from typing import TYPE_CHECKING, Any
 from attrito.support.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from attrito.api import UnsolvedWarning, campbell, integrate, linear_modes, mode, open, peak, reduce, run, study
+    from attrito.api import (
+        UnsolvedWarning,
+        campbell,
+        fit,
+        integrate,
+        linear_modes,
+        mode,
+        open,
+        peak,
+        reduce,
+        run,
+        study,
+    )
     from attrito.importers import import_model
     from attrito.pictures import plot
     from attrito.report.report import write_report
@@ -41,6 +53,7 @@ _PLACES = {
     "campbell": "api",
     "mode": "api",
     "study": "api",
+    "fit": "api",
     "open": "api",
     "import_model": "importers",
     "plot": "pictures",
@@ -83,6 +96,7 @@ __all__ = [
     "reduce",
     "run",
     "study",
+    "fit",
     "table",
     "write_report",
 ]

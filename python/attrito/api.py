@@ -24,10 +24,12 @@ from attrito.support.parallel import on_root
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
+    from attrito.fits.design import Fit
     from attrito.studies.design import Study
 
 JobSource: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any] | Job"
 StudySource: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any] | Study"
+FitSource: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any] | Fit"
 
 
 class UnsolvedWarning(UserWarning):
@@ -253,9 +255,35 @@ def study(
     return File(_do(run_study, study, comm, folder, quiet, strict, read_study))
 
 
+def fit(
+    fit: FitSource,
+    comm: Comm | None = None,
+    *,
+    folder: str | os.PathLike[str] = ".",
+    quiet: bool = False,
+    strict: bool = False,
+) -> File:
+    """Find parameters of a job that bring its solutions nearest to measurements.
+
+    Parameters
+    ----------
+    fit : a fit file, or its keys as a dictionary, whose `job` is a job file or a dictionary
+    comm, folder, quiet, strict : as of `run`; a search that did not end at a minimum is unsolved
+
+    Raises
+    ------
+    InputError, UnsolvedError : as of `run`
+    NumericsError : some measurements have no solution where the search begins
+    """
+    from attrito.fits.design import read_fit
+    from attrito.fits.run import run_fit
+
+    return File(_do(run_fit, fit, comm, folder, quiet, strict, read_fit))
+
+
 def _do(
     work: Callable[..., str],
-    source: JobSource | StudySource,
+    source: JobSource | StudySource | FitSource,
     comm: Comm | None,
     folder: str | os.PathLike[str],
     quiet: bool,
@@ -278,7 +306,9 @@ def _do(
             return error.file
 
 
-def check_alike(comm: Comm, what: str, source: JobSource | StudySource, folder: str | os.PathLike[str]) -> None:
+def check_alike(
+    comm: Comm, what: str, source: JobSource | StudySource | FitSource, folder: str | os.PathLike[str]
+) -> None:
     """Raise `InputError` on every rank where not all of them ask for the same.
 
     Parameters

@@ -20,6 +20,7 @@ from jobs import ENVIRONMENT, TIMEOUT, attrito_here
 from mkdocs.exceptions import Abort
 
 from attrito.cli.arguments import parser
+from attrito.fits.design import read_fit
 from attrito.job.checks import integer, listing, number, takes, term
 from attrito.job.reading import read_job
 from attrito.job.reference import as_job, as_text, tables
@@ -68,9 +69,10 @@ def test_what_a_key_takes_is_said_down_to_the_items_of_lists():
 
 INPUTS = sorted((ROOT / "input").glob("*.toml"))
 STUDIES = [path for path in INPUTS if "vary" in tomllib.loads(path.read_text())]
+FITS = [path for path in INPUTS if "parameter" in tomllib.loads(path.read_text())]
 
 
-@pytest.mark.parametrize("path", [path for path in INPUTS if path not in STUDIES], ids=lambda path: path.name)
+@pytest.mark.parametrize("path", [path for path in INPUTS if path not in (*STUDIES, *FITS)], ids=lambda path: path.name)
 def test_a_job_written_out_again_is_the_same_job(path, tmp_path):
     job = read_job(path)
     again = tmp_path / path.name
@@ -84,11 +86,17 @@ def test_a_study_suits_its_job(path):
     study.check(read_job(study.job))
 
 
+@pytest.mark.parametrize("path", FITS, ids=lambda path: path.name)
+def test_a_fit_suits_its_jobs(path):
+    fit = read_fit(path)
+    fit.check([read_job(one.job, excited=one.is_excited) for one in fit.data])
+
+
 @pytest.mark.parametrize("path", INPUTS, ids=lambda path: path.name)
 def test_every_input_has_a_page_that_tells_of_it(path):
     jobs = (ROOT / "docs" / "jobs.md").read_text()
     row = next((line for line in jobs.splitlines() if line.startswith(f"| `{path.name}`")), "")
-    pages = "tutorial-[a-z-]+|first-run|accuracy|peaks|where-methods-fail"
+    pages = "tutorial-[a-z-]+|first-run|accuracy|peaks|fits|where-methods-fail"
     assert re.search(rf"\]\(({pages})\.md(#[a-z-]+)?\)", row), path.name
 
 

@@ -28,6 +28,7 @@ FLOORS = (
     ("peaks", "report"),
     ("modes",),
     ("studies", "charts"),
+    ("fits",),
     ("api", "pictures", VERIFICATION),
     ("cli",),
 )

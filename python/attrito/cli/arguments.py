@@ -27,7 +27,8 @@ def parser() -> argparse.ArgumentParser:
     )
     whole.add_argument("--version", action="version", version=f"attrito {__version__}")
     parsers = whole.add_subparsers(dest="command", required=True, metavar="command")
-    making, solving = (_import, _reduce), (_run, _chart, _peak, _linear_modes, _campbell, _mode, _study, _integrate)
+    making = (_import, _reduce)
+    solving = (_run, _chart, _peak, _linear_modes, _campbell, _mode, _study, _fit, _integrate)
     looking = (_table, _plot, _report, _info, _keys, _verify, _export)
     for add in (*making, *solving, *looking):
         add(parsers)
@@ -185,6 +186,14 @@ def _study(parsers: Parsers) -> None:
     one.set_defaults(work=commands.study)
 
 
+def _fit(parsers: Parsers) -> None:
+    one = parsers.add_parser(
+        "fit", help="parameters of a job from measured responses and backbones -> HDF5 and picture"
+    )
+    one.add_argument("fit", help="fit file (TOML)")
+    one.set_defaults(work=commands.fit)
+
+
 def _integrate(parsers: Parsers) -> None:
     one = parsers.add_parser("integrate", help="a job integrated in time -> group /integration of its output file")
     one.add_argument("job", help="job file (TOML)")
@@ -192,7 +201,7 @@ def _integrate(parsers: Parsers) -> None:
 
 
 def _table(parsers: Parsers) -> None:
-    one = parsers.add_parser("table", help="result.h5, modes, peaks, study -> CSV on standard output")
+    one = parsers.add_parser("table", help="result.h5, modes, peaks, study, fit -> CSV on standard output")
     one.add_argument("result", help="result file, or one of modes, peaks or a study")
     one.add_argument("-o", "--output", metavar="FILE", help="write the table there")
     one.add_argument(

@@ -157,6 +157,15 @@ def study(options: argparse.Namespace) -> None:
     run_study(MPI.COMM_WORLD, on_root(MPI.COMM_WORLD, read))
 
 
+def fit(options: argparse.Namespace) -> None:
+    """Parameters of a job from measured responses and backbones -> HDF5 and picture."""
+    from mpi4py import MPI
+
+    from attrito.fits.run import run_fit
+
+    run_fit(MPI.COMM_WORLD, options.fit)
+
+
 def _job(options: argparse.Namespace, excited: bool = True):
     """The job file, or with `--set` the job that its values make."""
     if not options.set:
@@ -207,6 +216,8 @@ def table(options: argparse.Namespace) -> None:
 
 def _table(options: argparse.Namespace) -> str:
     """The text of a table."""
+    from attrito.fits.table import holds_fit
+    from attrito.fits.table import table as fit_table
     from attrito.modes import campbell, linear
     from attrito.modes.table import table as mode_table
     from attrito.peaks.file import holds_peaks
@@ -227,7 +238,7 @@ def _table(options: argparse.Namespace) -> str:
     is_plain = asked is None and options.curve is None
     if options.columns and not is_plain:
         raise InputError(Fault("table", "--columns", ", ".join(options.columns), "the table of points"))
-    for holds, work in ((holds_peaks, peak_table), (holds_study, study_table)):
+    for holds, work in ((holds_peaks, peak_table), (holds_study, study_table), (holds_fit, fit_table)):
         if is_plain and not options.columns and holds(options.result):
             return work(options.result)
     with Result(options.result) as result:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import h5py
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
@@ -16,7 +15,7 @@ from attrito.library.reduced_scene import ReducedScene
 from attrito.peaks.curve import KINDS, Found, elasticity, ending_of, jumps
 from attrito.support.atomic_files import whole_hdf5
 from attrito.support.errors import Fault, InputError
-from attrito.support.hdf5_reading import UNREADABLE, stored
+from attrito.support.hdf5_reading import is_of_format, stored
 from attrito.support.hdf5_writing import described
 from attrito.support.version import __version__
 
@@ -213,11 +212,7 @@ def read_backbone(path: str) -> dict[str, np.ndarray] | None:
 
 def holds_peaks(path: str) -> bool:
     """Whether a file is one of `attrito peak`; False too where it is no file that can be read."""
-    try:
-        with h5py.File(path) as file:
-            return str(file.attrs.get("format", "")) == FORMAT
-    except UNREADABLE:
-        return False
+    return is_of_format(path, FORMAT)
 
 
 def table(path: str) -> str:

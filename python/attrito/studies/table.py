@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import h5py
 import numpy as np
 
 from attrito.support.csv_text import cell
 from attrito.support.errors import Fault, InputError
-from attrito.support.hdf5_reading import UNREADABLE, as_text, stored
+from attrito.support.hdf5_reading import as_text, is_of_format, stored
 
 FORMAT = "attrito study"
 
 
 def holds_study(path: str) -> bool:
     """Whether a file is that of a study."""
-    if not Path(path).is_file():
-        return False
-    try:
-        with h5py.File(path, "r") as file:
-            return as_text(file.attrs.get("format", "")) == FORMAT
-    except UNREADABLE:
-        return False
+    return is_of_format(path, FORMAT)
 
 
 def table(path: str) -> str:

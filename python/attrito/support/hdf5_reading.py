@@ -44,6 +44,15 @@ def stored(path: str | Path, expected: str) -> Iterator[h5py.File]:
         raise spoilt(path, error, expected) from error
 
 
+def is_of_format(path: str | Path, name: str) -> bool:
+    """Whether a file's attribute `format` is this; False too where it is no file that can be read."""
+    try:
+        with h5py.File(path, "r") as file:
+            return as_text(file.attrs.get("format", "")) == name
+    except UNREADABLE:
+        return False
+
+
 def spoilt(path: str | Path, error: BaseException, expected: str) -> InputError:
     """The fault of a file that could not be made sense of."""
     if not Path(path).is_file():

@@ -1,0 +1,1 @@
+"""Parameters of a job from measured responses and backbones."""

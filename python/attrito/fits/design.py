@@ -1,0 +1,279 @@
+"""What a fit looks for, and the measurements it is to meet: its file, checked."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from attrito.fits.measured import COLUMNS, Measured, read_measured
+from attrito.job.checks import Check, boolean, choice, dataset_name, integer, listing, number, text
+from attrito.job.job import Job, files_read, rom_path
+from attrito.job.reading import plain, read_job
+from attrito.job.varied import checked, faults_of_keys, with_values
+from attrito.modes.nonlinear import check_mode
+from attrito.support.errors import Fault, InputError
+from attrito.support.overwrite_check import check_spared
+
+# Relative standard deviations of measurements that say none: of amplitudes, frequencies, damping ratios
+USUAL = {"amplitude": 0.05, "frequency": 1e-3, "damping": 0.1}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One unknown: the keys of the job that have its value, or (`factor`) are multiplied by it.
+
+    `log`: it is looked for by its logarithm. `start`: None where the jobs' own value is to begin with.
+    """
+
+    name: str
+    keys: tuple[str, ...]
+    low: float
+    high: float
+    start: float | None
+    log: bool
+    factor: bool
+
+    def scaled(self, value: float) -> float:
+        """Its logarithm, or itself between its bounds as 0 to 1."""
+        return float(np.log(value)) if self.log else (value - self.low) / (self.high - self.low)
+
+    def rate(self, value: float) -> float:
+        """Derivative of the value by the scaled one."""
+        return value if self.log else self.high - self.low
+
+    def value(self, scaled: float) -> float:
+        """The inverse of `scaled`, within the bounds whatever rounding says."""
+        value = float(np.exp(scaled)) if self.log else self.low + scaled * (self.high - self.low)
+        return min(max(value, self.low), self.high)
+
+
+@dataclass(frozen=True)
+class Data:
+    """Measurements of one kind, and what they are of.
+
+    Parameters
+    ----------
+    name, of : how it is called; a name of `COLUMNS`
+    file, job : of the measurements; the job whose solution they are compared with
+    monitor, level : of a response
+    weight : on all of its residuals
+    deviations : relative standard deviations by the names of `USUAL`, where the file has none
+    measured : the numbers
+    """
+
+    name: str
+    of: str
+    file: str
+    job: str | Job
+    monitor: str | None
+    level: float
+    weight: float
+    deviations: dict[str, float]
+    measured: Measured
+
+    @property
+    def is_excited(self) -> bool:
+        """Whether its job needs harmonic loads and a sweep."""
+        return self.of == "response"
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A checked fit.
+
+    `noise`: whether deviations are known ("given") or only their ratios are ("estimated" from the residuals).
+    """
+
+    path: str
+    file: str
+    noise: str
+    starts: int
+    seed: int
+    profile: bool
+    parameters: tuple[Parameter, ...]
+    data: tuple[Data, ...]
+
+    @property
+    def picture(self) -> str:
+        """The picture that goes beside the file."""
+        return str(Path(self.file).with_suffix(".png"))
+
+    @property
+    def kept(self) -> str:
+        """Evaluations of a fit that has not ended."""
+        return f"{self.file}.partial"
+
+    def as_table(self) -> dict[str, Any]:
+        """All that the result depends on beside the jobs and measurements."""
+        return {
+            "parameters": [vars(parameter) for parameter in self.parameters],
+            "data": [
+                {name: value for name, value in vars(one).items() if name not in ("measured", "job")}
+                for one in self.data
+            ],
+            "noise": self.noise,
+            "starts": self.starts,
+            "seed": self.seed,
+        }
+
+    def check(self, jobs: list[Job]) -> None:
+        """Raise unless every key is a number of each data's job, and takes its bounds."""
+        faults: list[Fault] = []
+        for one, job in zip(self.data, jobs, strict=True):
+            faults += self._faults_of_job(one, job)
+            for i, parameter in enumerate(self.parameters):
+                faults += faults_of_keys(job, parameter.keys, self.path, f"parameter[{i}] keys")
+        if faults:
+            raise InputError(*dict.fromkeys(faults))
+        read = [self.path, *(one.file for one in self.data)]
+        for job in jobs:
+            read += [*files_read(job), *filter(None, [rom_path(job)])]
+        check_spared(self.path, "file", [self.file, self.picture], read)
+        for one, job in zip(self.data, jobs, strict=True):
+            for parameter in self.parameters:
+                for value in (parameter.low, parameter.high):
+                    try:
+                        with_values(job, [(parameter, value)], self.path, "parameter", one.is_excited)
+                    except InputError as error:
+                        faults += error.faults
+        if faults:
+            raise InputError(*dict.fromkeys(faults))
+
+    def _faults_of_job(self, one: Data, job: Job) -> list[Fault]:
+        if one.of == "mode":
+            try:
+                check_mode(job)
+            except InputError as error:
+                return list(error.faults)
+            return []
+        names = [monitor["name"] for monitor in job["output"]["monitors"]]
+        if one.monitor is not None and one.monitor not in names:
+            return [Fault(self.path, f"data {one.name}: monitor", one.monitor, f"one of {', '.join(names)}")]
+        return []
+
+
+CHECKS: dict[str, tuple[Check, Any]] = {
+    "job": (text, None),
+    "file": (text, "fit.h5"),
+    "noise": (choice("estimated", "given"), "estimated"),
+    "starts": (integer(1), 1),
+    "seed": (integer(0), 1),
+    "profile": (boolean, True),
+}
+PARAMETER_CHECKS: dict[str, tuple[Check, Any]] = {
+    "name": (dataset_name, None),
+    "keys": (listing(text, 1), None),
+    "low": (number(), None),
+    "high": (number(), None),
+    "start": (number(), None),
+    "log": (boolean, None),
+    "factor": (boolean, False),
+}
+DATA_CHECKS: dict[str, tuple[Check, Any]] = {
+    "name": (dataset_name, None),
+    "of": (choice(*COLUMNS), "response"),
+    "file": (text, None),
+    "job": (text, None),
+    "monitor": (text, None),
+    "level": (number(0, above=True), 1.0),
+    "weight": (number(0, above=True), 1.0),
+} | {f"{name}_deviation": (number(0, above=True), value) for name, value in USUAL.items()}
+
+
+def read_fit(source: str | os.PathLike[str] | Mapping[str, Any] | Fit, folder: str | os.PathLike[str] = ".") -> Fit:
+    """Read and check a fit and its measurements; raises `InputError` with all faults together.
+
+    Parameters
+    ----------
+    source : a fit file, or its keys as a dictionary, whose job may be one, too; a fit that is checked stays
+    folder : what file names of a dictionary are relative to
+    """
+    if isinstance(source, Fit):
+        return source
+    if isinstance(source, Mapping):
+        given = source.get("job")
+        own = isinstance(given, Mapping | Job)
+        fit = _check_fit(plain({**source, "job": "job"} if own else source), str(Path(folder) / "fit"))
+        if not own:
+            return fit
+        meant = os.path.normpath(Path(folder) / "job")
+        jobs = (read_job(given, folder, excited=one.is_excited) if one.job == meant else one.job for one in fit.data)
+        return replace(fit, data=tuple(replace(one, job=job) for one, job in zip(fit.data, jobs, strict=True)))
+    path = str(source)
+    try:
+        raw = tomllib.loads(Path(path).read_text())
+    except OSError as error:
+        raise InputError(Fault(path, "file", error.strerror, "a fit file that can be read")) from None
+    except (ValueError, RecursionError) as error:
+        raise InputError(Fault(path, "file", str(error), "a fit in TOML")) from None
+    return _check_fit(raw, path)
+
+
+def _check_fit(raw: dict[str, Any], path: str) -> Fit:
+    """Check the keys of a fit that is called `path`, and read its measurements."""
+    faults: list[Fault] = []
+    tables = {name: _rows(path, raw.pop(name, []), name, faults) for name in ("parameter", "data")}
+    keys = checked(path, "", raw, CHECKS, faults)
+    parameters = [_parameter(path, i, row, faults) for i, row in enumerate(tables["parameter"])]
+    data = [_data(path, i, row, keys["job"], faults) for i, row in enumerate(tables["data"])]
+    for table, ones in (("parameter", parameters), ("data", data)):
+        names = [one.name for one in ones if one is not None]
+        for name in sorted({name for name in names if names.count(name) > 1}):
+            faults.append(Fault(path, f"{table} name", name, "names that differ"))
+    if faults:
+        raise InputError(*faults)
+    file = os.path.normpath(Path(path).parent / keys["file"])
+    rest = (keys[name] for name in ("noise", "starts", "seed", "profile"))
+    found = tuple(one for one in parameters if one is not None), tuple(one for one in data if one is not None)
+    return Fit(path, file, *rest, *found)
+
+
+def _rows(path: str, rows: Any, name: str, faults: list[Fault]) -> list[dict[str, Any]]:
+    if isinstance(rows, list) and rows and all(isinstance(row, dict) for row in rows):
+        return rows
+    faults.append(Fault(path, name, "missing", f"at least one table [[{name}]]"))
+    return []
+
+
+def _parameter(path: str, i: int, row: dict[str, Any], faults: list[Fault]) -> Parameter | None:
+    where = f"parameter[{i}]"
+    one = checked(path, f"{where} ", row, PARAMETER_CHECKS, faults)
+    for name in ("name", "keys", "low", "high"):
+        if one[name] is None:
+            faults.append(Fault(path, f"{where} {name}", "missing", "name, keys, low and high"))
+            return None
+    low, high = one["low"], one["high"]
+    if not low < high:
+        faults.append(Fault(path, f"{where} high", high, f"a number above low = {low:g}"))
+    log = low > 0.0 if one["log"] is None else one["log"]
+    if log and low <= 0.0:
+        faults.append(Fault(path, f"{where} low", low, "a number above 0 with log = true"))
+    if one["start"] is not None and not low <= one["start"] <= high:
+        faults.append(Fault(path, f"{where} start", one["start"], f"a number from {low:g} to {high:g}"))
+    return Parameter(one["name"], tuple(one["keys"]), low, high, one["start"], log, one["factor"])
+
+
+def _data(path: str, i: int, row: dict[str, Any], job: str | None, faults: list[Fault]) -> Data | None:
+    where, folder = f"data[{i}]", Path(path).parent
+    one = checked(path, f"{where} ", row, DATA_CHECKS, faults)
+    own = one["job"] or job
+    if own is None:
+        faults.append(Fault(path, f"{where} job", "missing", "a job file, here or for all data"))
+    if one["name"] is None or one["file"] is None:
+        faults.append(Fault(path, where, "missing", "name and file"))
+        return None
+    file = os.path.normpath(folder / one["file"])
+    deviations = {name: one[f"{name}_deviation"] for name in USUAL}
+    try:
+        measured = read_measured(file, one["of"], one["monitor"], deviations)
+    except InputError as error:
+        faults += error.faults
+        return None
+    rest = one["monitor"], one["level"], one["weight"], deviations, measured
+    return Data(one["name"], one["of"], file, os.path.normpath(folder / (own or "job")), *rest)

@@ -1,0 +1,202 @@
+"""Bounded least squares with intervals: residuals as functions of scaled parameters, whatever they are.
+
+With residuals r of n numbers, p parameters x and the Jacobian J at the least sum of squares,
+
+    cov x = s^2 (J^T J)^-1,    s^2 = r^T r / (n - p), or 1 where the deviations are known,
+
+and a parameter's interval of 95 % is t(0.975, n - p) times its deviation to both sides (Seber & Wild, Nonlinear
+Regression, 1989, section 5.1). A profile holds one parameter at a value and fits the others: its interval is where the
+sum of squares is at most s^2 t^2 above the least (section 5.8). Both agree where the model is nearly linear in x over
+the interval.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import norm, t
+
+# Residuals [n] and their Jacobian [n, p]
+Residuals = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+PROBABILITY = 0.95
+# Values of a profile, in deviations of the parameter
+PROFILE_AT = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
+# Part of the width between bounds that an interval may take for the data to identify a parameter
+IDENTIFIED = 0.5
+# Correlation from which the data do not separate two parameters
+ALIKE = 0.99
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Where the sum of squares is least.
+
+    Parameters
+    ----------
+    x, residuals, jacobian : `[p]`, `[n]`, `[n, p]`
+    variance : s^2
+    covariance : `[p, p]`; infinite where J^T J is singular
+    quantile : t, deviations from the estimate to either end of an interval
+    converged : whether the search ended at a minimum
+    evaluations : of residuals
+    """
+
+    x: np.ndarray
+    residuals: np.ndarray
+    jacobian: np.ndarray
+    variance: float
+    covariance: np.ndarray
+    quantile: float
+    converged: bool
+    evaluations: int
+
+    @property
+    def deviations(self) -> np.ndarray:
+        """Standard deviations `[p]`."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def intervals(self) -> np.ndarray:
+        """Lower and upper ends `[p, 2]`, linear in x."""
+        reach = self.quantile * self.deviations
+        return np.column_stack([self.x - reach, self.x + reach])
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """Of the parameters `[p, p]`."""
+        with np.errstate(invalid="ignore"):
+            return self.covariance / np.outer(self.deviations, self.deviations)
+
+
+@dataclass(frozen=True)
+class Profile:
+    """One parameter at values x `[k]`, the others fitted: sums of squares `[k]`, and its interval, NaN where open."""
+
+    x: np.ndarray
+    cost: np.ndarray
+    interval: tuple[float, float]
+
+
+def estimate(residuals: Residuals, start: np.ndarray, bounds: np.ndarray, known_deviations: bool) -> Estimate:
+    """Search from a start.
+
+    Parameters
+    ----------
+    residuals : with their Jacobian
+    start, bounds : `[p]`, `[p, 2]`
+    known_deviations : whether residuals are in deviations that are known, not only in ratio to each other
+    """
+    memory = _Memory(residuals)
+    inside = np.clip(start, bounds[:, 0], bounds[:, 1])
+    found = least_squares(
+        memory.values, inside, memory.jacobian, bounds=tuple(bounds.T), x_scale="jac", xtol=1e-8, ftol=1e-10, gtol=1e-10
+    )
+    values, jacobian = memory.at(found.x)
+    free = max(len(values) - len(found.x), 0)
+    variance = 1.0 if known_deviations else float(values @ values) / free if free else np.inf
+    quantile = norm.ppf(0.5 + 0.5 * PROBABILITY) if known_deviations else t.ppf(0.5 + 0.5 * PROBABILITY, max(free, 1))
+    covariance = variance * _inverse(jacobian.T @ jacobian)
+    return Estimate(found.x, values, jacobian, variance, covariance, float(quantile), found.status > 0, memory.count)
+
+
+def profile(residuals: Residuals, best: Estimate, bounds: np.ndarray, parameter: int) -> Profile:
+    """The least sum of squares at values of one parameter about the best.
+
+    Parameters
+    ----------
+    residuals, best : of `estimate`
+    bounds : `[p, 2]`
+    parameter : its place among the p
+    """
+    others = np.arange(len(best.x)) != parameter
+    at, cost = [best.x[parameter]], [float(best.residuals @ best.residuals)]
+    deviation = best.deviations[parameter]
+    low, high = bounds[parameter]
+    if not np.isfinite(deviation) or deviation <= 0.0:
+        return Profile(np.array(at), np.array(cost), (np.nan, np.nan))
+    for side in (-1.0, 1.0):
+        start = best.x
+        for step in sorted(abs(step) for step in PROFILE_AT if step * side > 0.0):
+            value = best.x[parameter] + side * step * deviation
+            if not low <= value <= high:
+                break
+            start = start.copy()
+            start[parameter] = value
+            start, least = _held(residuals, start, bounds, others)
+            at.append(value)
+            cost.append(least)
+    order = np.argsort(at)
+    x, values = np.array(at)[order], np.array(cost)[order]
+    limit = float(best.residuals @ best.residuals) + best.variance * best.quantile**2
+    return Profile(x, values, _crossings(x, values, best.x[parameter], limit))
+
+
+def _held(residuals: Residuals, start: np.ndarray, bounds: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, float]:
+    """The least sum of squares with some parameters held, and where it is."""
+
+    def full(x: np.ndarray) -> np.ndarray:
+        whole = start.copy()
+        whole[free] = x
+        return whole
+
+    if not np.any(free):
+        values = residuals(start)[0]
+        return start, float(values @ values)
+    memory = _Memory(lambda x: (lambda r, j: (r, j[:, free]))(*residuals(full(x))))
+    inside = np.clip(start[free], *bounds[free].T)
+    found = least_squares(memory.values, inside, memory.jacobian, bounds=tuple(bounds[free].T), x_scale="jac")
+    return full(found.x), 2.0 * float(found.cost)
+
+
+def _crossings(x: np.ndarray, cost: np.ndarray, centre: float, limit: float) -> tuple[float, float]:
+    """Where the square root of the rise, which is straight of a linear model, crosses its limit to both sides."""
+    least = cost[np.argmin(np.abs(x - centre))]
+    height = np.sqrt(max(limit - least, 0.0))
+    ends = []
+    for side in (-1.0, 1.0):
+        there = side * (x - centre) >= 0.0
+        away = side * (x[there] - centre)
+        order = np.argsort(away)
+        rise = np.sqrt(np.maximum(cost[there][order] - least, 0.0))
+        above = np.flatnonzero(rise >= height)
+        if len(above) == 0 or above[0] == 0:
+            ends.append(np.nan)
+            continue
+        i = above[0]
+        part = (height - rise[i - 1]) / (rise[i] - rise[i - 1])
+        ends.append(centre + side * (away[order][i - 1] + part * (away[order][i] - away[order][i - 1])))
+    return ends[0], ends[1]
+
+
+def _inverse(matrix: np.ndarray) -> np.ndarray:
+    """Of a symmetric matrix, scaled by its diagonal; infinite where it is singular."""
+    scale = np.sqrt(np.diag(matrix))
+    if np.any(scale <= 0.0) or not np.all(np.isfinite(matrix)):
+        return np.full(matrix.shape, np.inf)
+    scaled = matrix / np.outer(scale, scale)
+    if np.linalg.cond(scaled) > 1e12:
+        return np.full(matrix.shape, np.inf)
+    return np.asarray(np.linalg.inv(scaled) / np.outer(scale, scale))
+
+
+class _Memory:
+    """The last residuals and Jacobian, which scipy asks for apart."""
+
+    def __init__(self, residuals: Residuals):
+        self._residuals, self._at, self._found, self.count = residuals, np.empty(0), (np.empty(0), np.empty((0, 0))), 0
+
+    def at(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if not np.array_equal(x, self._at):
+            self._at, self._found = np.array(x), self._residuals(np.array(x))
+            self.count += 1
+        return self._found
+
+    def values(self, x: np.ndarray) -> np.ndarray:
+        return self.at(x)[0]
+
+    def jacobian(self, x: np.ndarray) -> np.ndarray:
+        return self.at(x)[1]

@@ -1,0 +1,68 @@
+"""The picture of a fit: measurements with the solutions, and the profile of each parameter."""
+
+from __future__ import annotations
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from attrito.fits.design import Data, Parameter
+from attrito.fits.estimate import Profile
+from attrito.fits.found import Found
+from attrito.fits.measured import COLUMNS
+from attrito.plots.style import BRANCH_COLOURS, DASHES, LIMIT_COLOUR, STYLE, plain_text, with_unit
+
+LABELS = {
+    "frequency_hz": "Frequency in Hz",
+    "frequency_ratio": "Frequency over that of the tangent mode",
+    "damping_ratio": "Damping ratio",
+}
+MEASURED, SOLVED = LIMIT_COLOUR, BRANCH_COLOURS[0]
+
+
+def picture_of_fit(found: Found, length: str) -> Figure:
+    """Panels for the measurements, with residuals below, and one for each parameter's profile, if there are any."""
+    pairs = zip(found.fit.data, found.solved, strict=True)
+    panels = [(one, name, solved) for one, solved in pairs for name in one.measured.values]
+    profiles = list(zip(found.fit.parameters, found.profiles, strict=False))
+    width = max(3.6 * max(len(panels), len(profiles)), 4.8)
+    heights = [4.6, 2.8] if profiles else [4.6]
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(width, sum(heights)), constrained_layout=True)
+        parts = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
+        grid = parts[0].subplots(2, len(panels), squeeze=False, sharex="col", height_ratios=[3, 1])
+        for (above, below), (one, name, solved) in zip(grid.T, panels, strict=True):
+            _draw(above, below, one, name, solved, length)
+        if profiles:
+            for i, axes in enumerate(parts[1].subplots(1, len(profiles), squeeze=False)[0]):
+                _draw_profile(axes, found, i, *profiles[i])
+        return figure
+
+
+def _draw(above: Axes, below: Axes, one: Data, name: str, solved: dict[str, np.ndarray], length: str) -> None:
+    measured, values = one.measured, one.measured.values[name]
+    deviation = measured.deviations[name] * (values if name in measured.relative else 1.0)
+    above.errorbar(measured.at, values, 2.0 * deviation, fmt="o", ms=3, lw=0.8, color=MEASURED,
+                   label="measured, two deviations")  # fmt: skip
+    above.plot(measured.at, solved[name], color=SOLVED, label="fitted")
+    above.set(ylabel=LABELS.get(name, with_unit("Amplitude", length)), title=plain_text(one.name))
+    across = LABELS.get(COLUMNS[one.of][0], "Amplitude Q")
+    below.plot(measured.at, measured.differences(solved, name), "o", ms=3, color=SOLVED)
+    below.axhline(0.0, color=LIMIT_COLOUR, lw=0.8)
+    below.set(xlabel=across, ylabel="Deviations")
+    if one.of == "mode":
+        below.set_xscale("log")
+    if np.nanmax(values) > 10.0 * np.nanmin(values):
+        above.set_yscale("log")
+    above.legend()
+
+
+def _draw_profile(axes: Axes, found: Found, i: int, parameter: Parameter, one: Profile) -> None:
+    values = np.array([parameter.value(x) for x in one.x])
+    least = float(found.best.residuals @ found.best.residuals)
+    axes.plot(values, (one.cost - least) / found.best.variance, "o-", ms=3, color=SOLVED)
+    axes.axhline(found.best.quantile**2, color=LIMIT_COLOUR, ls=DASHES, lw=1.0)
+    axes.axvline(found.values[i], color=LIMIT_COLOUR, lw=0.8)
+    axes.set(xlabel=plain_text(parameter.name), ylabel="Rise of the sum of squares")
+    axes.set_ylim(0.0, 2.5 * found.best.quantile**2)

@@ -1,0 +1,214 @@
+"""Fits: intervals of a linear model, parameters from solutions of attrito's own, restart, and what is refused."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from jobs import Job, attrito, attrito_here, run, table, toml, wedge, write_job
+from mpi4py import MPI
+from scipy.stats import t
+
+import attrito.fits.run as fits_run
+from attrito.fits.design import read_fit
+from attrito.fits.estimate import estimate, profile
+from attrito.fits.solution import Solution
+from attrito.job.reading import read_job
+from attrito.runs.progress import Progress
+from attrito.support.errors import InputError
+
+STIFFNESS, FRICTION = 3.0e5, 0.5
+FREQUENCIES = np.linspace(110.0, 140.0, 9).tolist()
+KEYS = {
+    "contact stiffness": ["contact[*].tangential_stiffness", "contact[*].normal_stiffness"],
+    "friction coefficient": ["contact[*].friction_coefficient"],
+}
+
+
+def rubbing(force: float = 30.0) -> Job:
+    """A wedge whose contact slips at most of the frequencies."""
+    job = wedge(STIFFNESS, force)
+    job["contact"] = [contact | {"preload": 30.0} for contact in job["contact"]]
+    job["balance"] = {"harmonics": 3, "quadrature": "event"}
+    job["sweep"] = {"frequencies_hz": FREQUENCIES}
+    return job
+
+
+def write_fit(folder: Path, **keys: object) -> str:
+    """A fit of both parameters from half of their values, to `measured.csv`."""
+    given = {
+        "job": "job.toml",
+        "parameter": [
+            {"name": name, "keys": KEYS[name], "low": 0.1 * value, "high": 10.0 * value, "start": 0.5 * value}
+            for name, value in zip(KEYS, (STIFFNESS, FRICTION), strict=True)
+        ],
+        "data": [{"name": "response", "file": "measured.csv", "monitor": "x"}],
+    } | keys
+    (folder / "fit.toml").write_text(toml(given))
+    return str(folder / "fit.toml")
+
+
+def measured(folder: Path, job: Job, noise: float = 0.0) -> None:
+    """The job's own response as a measurement."""
+    write_job(folder, job)
+    run(folder, job)
+    random = np.random.default_rng(7)
+    with open(folder / "measured.csv", "w") as stream:
+        stream.write("# made by a test\nfrequency_hz,x_amplitude\n")
+        for row in table(folder):
+            factor = np.exp(noise * random.standard_normal())
+            stream.write(f"{row['frequency_hz']},{factor * float(row['x_amplitude']):.15g}\n")
+
+
+def test_intervals_of_a_linear_model_are_those_of_the_book() -> None:
+    random = np.random.default_rng(2)
+    matrix, truth = random.standard_normal((12, 3)), np.array([1.0, -2.0, 0.5])
+    data = matrix @ truth + 0.1 * random.standard_normal(12)
+    bounds = np.array([[-10.0, 10.0]] * 3)
+
+    def residuals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return matrix @ x - data, matrix
+
+    best = estimate(residuals, np.zeros(3), bounds, known_deviations=False)
+    exact, (least,), *_ = np.linalg.lstsq(matrix, data, rcond=None)
+    assert best.converged
+    assert best.x == pytest.approx(exact, rel=1e-7)
+    deviations = np.sqrt(least / 9.0 * np.diag(np.linalg.inv(matrix.T @ matrix)))
+    reach = t.ppf(0.975, 9) * deviations
+    assert best.intervals[:, 1] - best.x == pytest.approx(reach, rel=1e-6)
+    # Of a linear model the profile is a parabola.
+    for i in range(3):
+        found = profile(residuals, best, bounds, i)
+        assert found.interval == pytest.approx((best.x[i] - reach[i], best.x[i] + reach[i]), rel=1e-4)
+        assert found.cost - least == pytest.approx(((found.x - best.x[i]) / deviations[i]) ** 2 * least / 9.0, abs=1e-8)
+
+
+def test_parameters_of_a_response_are_found(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    measured(tmp_path, rubbing())
+    write_fit(tmp_path)
+    done = attrito_here(tmp_path, capfd, "fit", "fit.toml")
+    assert done.returncode == 0, done.stderr
+    with h5py.File(tmp_path / "fit.h5") as file:
+        # The search ends when steps are below 1e-8 of the scaled parameters.
+        assert file["parameters/value"][:] == pytest.approx([STIFFNESS, FRICTION], rel=1e-5)
+        assert list(file["parameters/identified"][:]) == [1, 1]
+        assert file["data/response/solved/amplitude"][:] == pytest.approx(
+            file["data/response/measured/amplitude"][:], rel=1e-6
+        )
+    assert (tmp_path / "fit.png").exists()
+    friction = table(tmp_path, result="fit.h5")[1]
+    assert friction["parameter"] == "friction coefficient"
+    assert float(friction["low"]) <= FRICTION <= float(friction["high"])
+    assert not (tmp_path / "fit.h5.partial").exists()
+
+
+def test_ranks_take_the_same_steps(tmp_path: Path) -> None:
+    measured(tmp_path, rubbing(), noise=0.02)
+    write_fit(tmp_path, profile=False)
+    found = []
+    for ranks in (1, 2):
+        done = attrito(tmp_path, "fit", "fit.toml", ranks=ranks)
+        assert done.returncode == 0, done.stderr
+        with h5py.File(tmp_path / "fit.h5") as file:
+            found.append(file["parameters/value"][:])
+    assert found[1] == pytest.approx(found[0], rel=1e-6)
+
+
+def test_exact_derivatives_are_those_by_differences(tmp_path: Path) -> None:
+    job = rubbing()
+    measured(tmp_path, job | {"balance": job["balance"] | {"residual_tolerance": 1e-12}})
+    fit = read_fit(write_fit(tmp_path))
+    solution = Solution(
+        MPI.COMM_WORLD, fit, fit.data[0], read_job(str(tmp_path / "job.toml")), Progress(MPI.COMM_WORLD)
+    )
+    values = np.array([0.8 * STIFFNESS, 1.1 * FRICTION])
+    found, rates = solution.at(values)
+    assert np.all(np.isfinite(rates["amplitude"]))
+    for i, value in enumerate(values):
+        sides = []
+        for side in (-1.0, 1.0):
+            beside = values.copy()
+            beside[i] += side * 1e-4 * value
+            sides.append(solution.at(beside)[0]["amplitude"])
+        slope = (sides[1] - sides[0]) / (2e-4 * value)
+        # A central difference over 1e-4 has an error near 1e-8 of the third derivative's size.
+        assert rates["amplitude"][:, i] * value == pytest.approx(slope * value, abs=1e-5 * found["amplitude"].max())
+
+
+def test_a_backbone_gives_stiffness_and_friction(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    job = rubbing()
+    job["static"] = {"load_path": [0.0, 1.0]}
+    job["mode"] = {"start": 1e-5, "stop": 5e-4, "points": 8}
+    write_job(tmp_path, job)
+    done = attrito_here(tmp_path, capfd, "mode", "job.toml")
+    assert done.returncode == 0, done.stderr
+    with h5py.File(tmp_path / "result.mode.h5") as file:
+        points = file["points"]
+        rows = zip(
+            points["amplitude"][:],
+            points["frequency_hz"][:],
+            points["damping_ratio"][:] + points["damping_ratio_structure"][:],
+            strict=True,
+        )
+        with open(tmp_path / "measured.csv", "w", newline="") as stream:
+            writer = csv.writer(stream)
+            writer.writerow(["amplitude", "frequency_hz", "damping_ratio"])
+            writer.writerows([f"{value:.15g}" for value in row] for row in rows)
+    write_fit(tmp_path, data=[{"name": "backbone", "of": "mode", "file": "measured.csv"}], profile=False)
+    done = attrito_here(tmp_path, capfd, "fit", "fit.toml")
+    assert done.returncode == 0, done.stderr
+    with h5py.File(tmp_path / "fit.h5") as file:
+        assert file["parameters/value"][:] == pytest.approx([STIFFNESS, FRICTION], rel=1e-4)
+
+
+def test_a_fit_goes_on_from_what_it_has_solved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    measured(tmp_path, rubbing(), noise=0.02)
+    path = write_fit(tmp_path, profile=False)
+
+    def killed(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(fits_run, "write_fit", killed)
+        fits_run.run_fit(MPI.COMM_SELF, path)
+    assert (tmp_path / "fit.h5.partial").exists()
+    with monkeypatch.context() as patch:
+        patch.setattr(Solution, "at", killed)
+        fits_run.run_fit(MPI.COMM_SELF, path)
+    with h5py.File(tmp_path / "fit.h5") as file:
+        assert file["parameters/value"][0] == pytest.approx(STIFFNESS, rel=0.1)
+
+
+def test_what_data_do_not_identify_is_said(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    measured(tmp_path, rubbing(force=0.1))
+    write_fit(tmp_path)
+    done = attrito_here(tmp_path, capfd, "fit", "fit.toml")
+    assert done.returncode == 0, done.stderr
+    assert "the data do not identify friction coefficient" in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(
+    ("keys", "expected"),
+    [
+        ({"data": [{"name": "a", "file": "absent.csv"}]}, "a CSV file of measurements that can be read"),
+        ({"data": [{"name": "a", "file": "job.toml"}]}, "a column frequency_hz, and of amplitude at least one"),
+        ({"data": [{"name": "a", "file": "measured.csv", "monitor": "x", "speed": 1}]}, "a known key: name, of, file"),
+        ({"data": [{"name": "a", "file": "measured.csv", "monitor": "z"}]}, "a column frequency_hz, and of amplitude"),
+        ({"parameter": [{"name": "mu", "keys": ["contact[*].mu"], "low": 0.1, "high": 1.0}]}, "a key of the job"),
+        (
+            {"parameter": [{"name": "mu", "keys": ["contact[*].gap"], "low": 1.0, "high": 0.1}]},
+            "a number above low = 1",
+        ),
+        ({"parameter": [{"name": "mu", "keys": KEYS["friction coefficient"], "low": -1, "high": 1}]}, "of at least 0"),
+        ({"file": "measured.csv"}, "measured.csv"),
+    ],
+)
+def test_faults(tmp_path: Path, keys: dict, expected: str) -> None:
+    write_job(tmp_path, rubbing())
+    (tmp_path / "measured.csv").write_text("frequency_hz,x_amplitude\n110.0,1e-4\n120.0,2e-4\n130.0,1e-4\n")
+    path = write_fit(tmp_path, **keys)
+    with pytest.raises(InputError, match=expected.replace("[", r"\[")):
+        fits_run.run_fit(MPI.COMM_SELF, path)
