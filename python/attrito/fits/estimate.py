@@ -27,6 +27,8 @@ PROBABILITY = 0.95
 PROFILE_AT = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
 # Part of the width between bounds that an interval may take for the data to identify a parameter
 IDENTIFIED = 0.5
+# Part of the largest singular value of J, its columns scaled, that counts as none
+SINGULAR = 1e-6
 # Correlation from which the data do not separate two parameters
 ALIKE = 0.99
 
@@ -39,7 +41,7 @@ class Estimate:
     ----------
     x, residuals, jacobian : `[p]`, `[n]`, `[n, p]`
     variance : s^2
-    covariance : `[p, p]`; infinite where J^T J is singular
+    covariance : `[p, p]`; infinite variances of parameters along whose directions residuals do not change
     quantile : t, deviations from the estimate to either end of an interval
     converged : whether the search ended at a minimum
     evaluations : of residuals
@@ -68,8 +70,8 @@ class Estimate:
     @property
     def correlation(self) -> np.ndarray:
         """Of the parameters `[p, p]`."""
-        with np.errstate(invalid="ignore"):
-            return self.covariance / np.outer(self.deviations, self.deviations)
+        known = np.where(np.isfinite(self.deviations) & (self.deviations > 0.0), self.deviations, np.nan)
+        return self.covariance / np.outer(known, known)
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,7 @@ def estimate(residuals: Residuals, start: np.ndarray, bounds: np.ndarray, known_
     free = max(len(values) - len(found.x), 0)
     variance = 1.0 if known_deviations else float(values @ values) / free if free else np.inf
     quantile = norm.ppf(0.5 + 0.5 * PROBABILITY) if known_deviations else t.ppf(0.5 + 0.5 * PROBABILITY, max(free, 1))
-    covariance = variance * _inverse(jacobian.T @ jacobian)
+    covariance = variance * _inverse(jacobian)
     return Estimate(found.x, values, jacobian, variance, covariance, float(quantile), found.status > 0, memory.count)
 
 
@@ -172,15 +174,24 @@ def _crossings(x: np.ndarray, cost: np.ndarray, centre: float, limit: float) -> 
     return ends[0], ends[1]
 
 
-def _inverse(matrix: np.ndarray) -> np.ndarray:
-    """Of a symmetric matrix, scaled by its diagonal; infinite where it is singular."""
-    scale = np.sqrt(np.diag(matrix))
-    if np.any(scale <= 0.0) or not np.all(np.isfinite(matrix)):
-        return np.full(matrix.shape, np.inf)
-    scaled = matrix / np.outer(scale, scale)
-    if np.linalg.cond(scaled) > 1e12:
-        return np.full(matrix.shape, np.inf)
-    return np.asarray(np.linalg.inv(scaled) / np.outer(scale, scale))
+def _inverse(jacobian: np.ndarray) -> np.ndarray:
+    """(J^T J)^-1, by the singular values of J with columns of unit length.
+
+    Parameters with a part in a direction along which residuals do not change have an infinite variance; those of the
+    others are what they would be if such directions were held.
+    """
+    scale = np.linalg.norm(jacobian, axis=0)
+    seen = scale > 0.0
+    scale = np.where(seen, scale, 1.0)
+    _, sizes, directions = np.linalg.svd(jacobian / scale, full_matrices=True)
+    sizes = np.pad(sizes, (0, len(scale) - len(sizes)))
+    free = sizes <= SINGULAR * sizes.max(initial=0.0)
+    known = directions[~free]
+    inverse = known.T @ (known / sizes[~free, np.newaxis] ** 2) / np.outer(scale, scale)
+    lost = ~seen | np.any(np.abs(directions[free]) > np.sqrt(SINGULAR), axis=0)
+    inverse[lost, :] = inverse[:, lost] = 0.0
+    inverse[lost, lost] = np.inf
+    return np.asarray(inverse)
 
 
 class _Memory:

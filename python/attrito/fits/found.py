@@ -78,7 +78,8 @@ class Found:
         lines = []
         for i, parameter in enumerate(self.fit.parameters):
             low, high = self.intervals[i]
-            lines.append(f"{parameter.name:{width}}  {self.values[i]:.6g}  95 % in [{low:.5g}, {high:.5g}]")
+            interval = f"95 % in [{low:.5g}, {high:.5g}]" if np.isfinite(low) else "not identified"
+            lines.append(f"{parameter.name:{width}}  {self.values[i]:.6g}  {interval}")
         size, count = float(np.sqrt(np.mean(self.best.residuals**2))), len(self.best.residuals)
         return [*lines, f"root of the mean square of {count} residuals: {size:.3g} deviations"]
 
@@ -89,6 +90,8 @@ class Found:
             if bound:
                 lines.append(f"{parameter.name} is at its bound {bound} = {getattr(parameter, bound):g}")
             elif not known:
-                lines.append(f"the data do not identify {parameter.name}: its interval is as wide as its bounds")
+                lines.append(
+                    f"the data do not identify {parameter.name}: its interval is not narrower than half of what is between its bounds"
+                )
         lines += [f"the data do not separate {one} from {other}" for one, other in self.alike()]
         return lines
