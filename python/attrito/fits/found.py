@@ -90,8 +90,6 @@ class Found:
             if bound:
                 lines.append(f"{parameter.name} is at its bound {bound} = {getattr(parameter, bound):g}")
             elif not known:
-                lines.append(
-                    f"the data do not identify {parameter.name}: its interval is not narrower than half of what is between its bounds"
-                )
+                lines.append(f"the data do not identify {parameter.name}: its interval is wider than half of its range")
         lines += [f"the data do not separate {one} from {other}" for one, other in self.alike()]
         return lines

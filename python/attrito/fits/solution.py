@@ -7,18 +7,16 @@ Derivatives of a response by numbers of contact laws and by the last factors on 
 from __future__ import annotations
 
 import contextlib
-from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from attrito.fits.design import Data, Fit
+from attrito.fits.rates import Solvable, amplitude_slopes, rates_of
 from attrito.job.job import Job
-from attrito.job.laws import LAW_KEYS
 from attrito.job.varied import is_of_model, places, with_values
 from attrito.library.family import Family
-from attrito.library.reduced_scene import ReducedScene
-from attrito.library.session import Options, Solver
+from attrito.library.session import Solver
 from attrito.runs.progress import Progress
 from attrito.studies.sample_modes import SampleModes
 from attrito.studies.samples import shared_scene
@@ -94,6 +92,9 @@ class Solution(SampleModes):
         pairs = list(zip(self._fit.parameters, values.tolist(), strict=True))
         return with_values(self._job, pairs, self._fit.path, "parameter", self._data.is_excited)
 
+    def _at(self, values: np.ndarray) -> Solvable:
+        return self.scene_of(self._changed(values))
+
     def _mode(self, values: np.ndarray) -> dict[str, np.ndarray]:
         rows = self.of(self._changed(values), self._data.measured.at.tolist())
         numbers = {
@@ -108,8 +109,9 @@ class Solution(SampleModes):
 
     def _response(self, values: np.ndarray, derivatives: bool) -> tuple[np.ndarray, np.ndarray | None]:
         data, frequencies = self._data, self._data.measured.at
-        reduced, load_path, options = self.scene_of(self._changed(values))
-        rates = self._rates(values, reduced, load_path, options) if derivatives else None
+        reduced, load_path, options = self._at(values)
+        here = reduced, load_path, options
+        rates = rates_of(self._fit.parameters, values, here, self._at) if derivatives else None
         monitor = 0 if data.monitor is None else reduced.monitor_names.index(data.monitor)
         found = np.full(len(frequencies), np.nan)
         exact = None if rates is None else np.full((len(frequencies), len(values)), np.nan)
@@ -122,63 +124,8 @@ class Solution(SampleModes):
                     continue
                 found[i] = point.amplitude[monitor]
                 if exact is not None and rates is not None:
-                    exact[i] = self._gradient(family, monitor, rates)
+                    exact[i] = amplitude_slopes(self._comm, family, monitor, rates)
         return found, exact
-
-    def _gradient(self, family: Family, monitor: int, rates: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-        """Derivatives of the amplitude at the last point `[parameters]`; NaN where its equations are singular."""
-        laws, factors = rates
-
-        def work(family: Family) -> np.ndarray | None:
-            gradient = None if family.describe() is None else family.differentiate_by_adjoint(factors.shape[1])
-            if gradient is None:
-                return None
-            by_laws, by_factors, _ = gradient
-            return np.tensordot(laws, by_laws[0, monitor], axes=2) + factors @ by_factors[0, monitor]
-
-        found: np.ndarray | None = self._comm.bcast(family.visit(work))
-        return np.full(len(laws), np.nan) if found is None else found
-
-    def _rates(
-        self, values: np.ndarray, here: ReducedScene, load_path: np.ndarray, options: Options
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """How each parameter changes laws `[parameters, nc, 5]` and factors; NaN of one that changes something else."""
-        contacts, loads = len(here.laws["tangents"]), load_path.shape[1]
-        laws, factors = np.full((len(values), contacts, len(LAW_KEYS)), np.nan), np.full((len(values), loads), np.nan)
-        for i, parameter in enumerate(self._fit.parameters):
-            # Laws are linear in each of their numbers: any change gives the rate.
-            step = 0.5 * (parameter.high - parameter.low)
-            beside = values.copy()
-            beside[i] += step if values[i] + step <= parameter.high else -step
-            there, path, other_options = self.scene_of(self._changed(beside))
-            stiffer = any(not np.array_equal(there.laws[key], here.laws[key]) for key in LAW_KEYS[:2])
-            same = _but_for_laws(there, here) and other_options == options and path.shape == load_path.shape
-            if not same or (stiffer and here.damping_kind == "ratio"):
-                continue
-            if not np.array_equal(path[:-1], load_path[:-1]):
-                continue
-            change = beside[i] - values[i]
-            laws[i] = np.column_stack([(there.laws[key] - here.laws[key]) / change for key in LAW_KEYS])
-            factors[i] = (path[-1] - load_path[-1]) / change
-        return laws, factors
-
-
-def _but_for_laws(one: ReducedScene, other: ReducedScene) -> bool:
-    """Whether two scenes, of whole models, differ in `LAW_KEYS` of their contacts at most."""
-    if one.sector is not None or other.sector is not None:
-        return False
-    aligned = replace(one, laws=one.laws | {key: other.laws[key] for key in LAW_KEYS})
-    return aligned.laws.keys() == other.laws.keys() and all(
-        _same(getattr(aligned, each.name), getattr(other, each.name)) for each in fields(ReducedScene)
-    )
-
-
-def _same(one: object, other: object) -> bool:
-    if isinstance(one, dict) and isinstance(other, dict):
-        return one.keys() == other.keys() and all(_same(one[key], other[key]) for key in one)
-    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
-        return np.array_equal(np.asarray(one), np.asarray(other), equal_nan=np.asarray(one).dtype.kind == "f")
-    return one is other or one == other
 
 
 def solutions_of(comm: Comm, fit: Fit, jobs: list[Job], progress: Progress) -> list[Solution]:

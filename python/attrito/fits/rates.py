@@ -1,0 +1,90 @@
+"""Exact derivatives of an amplitude by parameters of a job: those that change contact laws and static loads alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from attrito.fits.design import Parameter
+from attrito.job.laws import LAW_KEYS
+from attrito.library.family import Family
+from attrito.library.reduced_scene import ReducedScene
+from attrito.library.session import Options
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+# A scene, its load path `[corners, loads]`, and the solver's options
+Solvable = tuple[ReducedScene, np.ndarray, Options]
+# How parameters change laws, `[parameters, nc, 5]` in the order of `LAW_KEYS`, and factors, `[parameters, loads]`
+Rates = tuple[np.ndarray, np.ndarray]
+
+
+def rates_of(
+    parameters: Sequence[Parameter], values: np.ndarray, here: Solvable, at: Callable[[np.ndarray], Solvable]
+) -> Rates:
+    """Rates of each parameter; NaN of one that changes something else. Collective.
+
+    Parameters
+    ----------
+    parameters, values : and where they are
+    here, at : what is solved there; what is solved at other values
+    """
+    reduced, load_path, options = here
+    contacts, loads = len(reduced.laws["tangents"]), load_path.shape[1]
+    laws, factors = np.full((len(values), contacts, len(LAW_KEYS)), np.nan), np.full((len(values), loads), np.nan)
+    for i, parameter in enumerate(parameters):
+        # Laws are linear in each of their numbers: any change gives the rate.
+        step = 0.5 * (parameter.high - parameter.low)
+        beside = values.copy()
+        beside[i] += step if values[i] + step <= parameter.high else -step
+        there, path, other_options = at(beside)
+        stiffer = any(not np.array_equal(there.laws[key], reduced.laws[key]) for key in LAW_KEYS[:2])
+        same = _but_for_laws(there, reduced) and other_options == options and path.shape == load_path.shape
+        if not same or (stiffer and reduced.damping_kind == "ratio"):
+            continue
+        if not np.array_equal(path[:-1], load_path[:-1]):
+            continue
+        change = beside[i] - values[i]
+        laws[i] = np.column_stack([(there.laws[key] - reduced.laws[key]) / change for key in LAW_KEYS])
+        factors[i] = (path[-1] - load_path[-1]) / change
+    return laws, factors
+
+
+def amplitude_slopes(comm: Comm, family: Family, monitor: int, rates: Rates) -> np.ndarray:
+    """Derivatives of a monitor's amplitude at the solver's last point, at its frequency, `[parameters]`.
+
+    NaN where the equations are singular, and of parameters without rates. Collective.
+    """
+    laws, factors = rates
+
+    def work(family: Family) -> np.ndarray | None:
+        gradient = None if family.describe() is None else family.differentiate_by_adjoint(factors.shape[1])
+        if gradient is None:
+            return None
+        by_laws, by_factors, _ = gradient
+        return np.asarray(np.tensordot(laws, by_laws[0, monitor], axes=2) + factors @ by_factors[0, monitor])
+
+    found: np.ndarray | None = comm.bcast(family.visit(work))
+    return np.full(len(laws), np.nan) if found is None else found
+
+
+def _but_for_laws(one: ReducedScene, other: ReducedScene) -> bool:
+    """Whether two scenes, of whole models, differ in `LAW_KEYS` of their contacts at most."""
+    if one.sector is not None or other.sector is not None:
+        return False
+    aligned = replace(one, laws=one.laws | {key: other.laws[key] for key in LAW_KEYS})
+    return aligned.laws.keys() == other.laws.keys() and all(
+        _same(getattr(aligned, each.name), getattr(other, each.name)) for each in fields(ReducedScene)
+    )
+
+
+def _same(one: object, other: object) -> bool:
+    if isinstance(one, dict) and isinstance(other, dict):
+        return one.keys() == other.keys() and all(_same(one[key], other[key]) for key in one)
+    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
+        return np.array_equal(np.asarray(one), np.asarray(other), equal_nan=np.asarray(one).dtype.kind == "f")
+    return one is other or one == other
