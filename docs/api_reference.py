@@ -19,6 +19,7 @@ ORDER = (
     "mode",
     "study",
     "fit",
+    "optimise",
     "import_model",
     "plot",
     "write_report",

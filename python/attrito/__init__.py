@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         linear_modes,
         mode,
         open,
+        optimise,
         peak,
         reduce,
         run,
@@ -54,6 +55,7 @@ _PLACES = {
     "mode": "api",
     "study": "api",
     "fit": "api",
+    "optimise": "api",
     "open": "api",
     "import_model": "importers",
     "plot": "pictures",
@@ -97,6 +99,7 @@ __all__ = [
     "run",
     "study",
     "fit",
+    "optimise",
     "table",
     "write_report",
 ]

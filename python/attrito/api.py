@@ -25,11 +25,13 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
     from attrito.fits.design import Fit
+    from attrito.optima.design import Optimum
     from attrito.studies.design import Study
 
 JobSource: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any] | Job"
 StudySource: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any] | Study"
 FitSource: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any] | Fit"
+OptimumSource: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any] | Optimum"
 
 
 class UnsolvedWarning(UserWarning):
@@ -281,9 +283,34 @@ def fit(
     return File(_do(run_fit, fit, comm, folder, quiet, strict, read_fit))
 
 
+def optimise(
+    optimum: OptimumSource,
+    comm: Comm | None = None,
+    *,
+    folder: str | os.PathLike[str] = ".",
+    quiet: bool = False,
+    strict: bool = False,
+) -> File:
+    """Find values of a job's keys at which its largest peak is least.
+
+    Parameters
+    ----------
+    optimum : a file of `attrito optimise`, or its keys as a dictionary, whose `job` is a job file or a dictionary
+    comm, folder, quiet, strict : as of `run`; a search that did not come to its end is unsolved
+
+    Raises
+    ------
+    InputError, UnsolvedError : as of `run`
+    """
+    from attrito.optima.design import read_optimum
+    from attrito.optima.run import run_optimum
+
+    return File(_do(run_optimum, optimum, comm, folder, quiet, strict, read_optimum))
+
+
 def _do(
     work: Callable[..., str],
-    source: JobSource | StudySource | FitSource,
+    source: JobSource | StudySource | FitSource | OptimumSource,
     comm: Comm | None,
     folder: str | os.PathLike[str],
     quiet: bool,
@@ -307,7 +334,7 @@ def _do(
 
 
 def check_alike(
-    comm: Comm, what: str, source: JobSource | StudySource | FitSource, folder: str | os.PathLike[str]
+    comm: Comm, what: str, source: JobSource | StudySource | FitSource | OptimumSource, folder: str | os.PathLike[str]
 ) -> None:
     """Raise `InputError` on every rank where not all of them ask for the same.
 

@@ -28,6 +28,7 @@ from attrito.job.schema import ARRAYS, TABLES
 from attrito.library import loading
 from attrito.library.description import describe
 from attrito.library.names import STRATEGIES
+from attrito.optima.design import read_optimum
 from attrito.plots.response import level_map
 from attrito.studies.design import read_study
 
@@ -69,10 +70,12 @@ def test_what_a_key_takes_is_said_down_to_the_items_of_lists():
 
 INPUTS = sorted((ROOT / "input").glob("*.toml"))
 STUDIES = [path for path in INPUTS if "vary" in tomllib.loads(path.read_text())]
-FITS = [path for path in INPUTS if "parameter" in tomllib.loads(path.read_text())]
+FITS = [path for path in INPUTS if "data" in tomllib.loads(path.read_text())]
+OPTIMA = [path for path in INPUTS if "parameter" in tomllib.loads(path.read_text()) and path not in FITS]
+JOBS = [path for path in INPUTS if path not in (*STUDIES, *FITS, *OPTIMA)]
 
 
-@pytest.mark.parametrize("path", [path for path in INPUTS if path not in (*STUDIES, *FITS)], ids=lambda path: path.name)
+@pytest.mark.parametrize("path", JOBS, ids=lambda path: path.name)
 def test_a_job_written_out_again_is_the_same_job(path, tmp_path):
     job = read_job(path)
     again = tmp_path / path.name
@@ -92,11 +95,17 @@ def test_a_fit_suits_its_jobs(path):
     fit.check([read_job(one.job, excited=one.is_excited) for one in fit.data])
 
 
+@pytest.mark.parametrize("path", OPTIMA, ids=lambda path: path.name)
+def test_an_optimum_suits_its_job(path):
+    optimum = read_optimum(path)
+    optimum.check(read_job(optimum.job))
+
+
 @pytest.mark.parametrize("path", INPUTS, ids=lambda path: path.name)
 def test_every_input_has_a_page_that_tells_of_it(path):
     jobs = (ROOT / "docs" / "jobs.md").read_text()
     row = next((line for line in jobs.splitlines() if line.startswith(f"| `{path.name}`")), "")
-    pages = "tutorial-[a-z-]+|first-run|accuracy|peaks|fits|where-methods-fail"
+    pages = "tutorial-[a-z-]+|first-run|accuracy|peaks|fits|optima|where-methods-fail"
     assert re.search(rf"\]\(({pages})\.md(#[a-z-]+)?\)", row), path.name
 
 

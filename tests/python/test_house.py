@@ -29,6 +29,7 @@ FLOORS = (
     ("modes",),
     ("studies", "charts"),
     ("fits",),
+    ("optima",),
     ("api", "pictures", VERIFICATION),
     ("cli",),
 )

@@ -28,7 +28,7 @@ def parser() -> argparse.ArgumentParser:
     whole.add_argument("--version", action="version", version=f"attrito {__version__}")
     parsers = whole.add_subparsers(dest="command", required=True, metavar="command")
     making = (_import, _reduce)
-    solving = (_run, _chart, _peak, _linear_modes, _campbell, _mode, _study, _fit, _integrate)
+    solving = (_run, _chart, _peak, _linear_modes, _campbell, _mode, _study, _fit, _optimise, _integrate)
     looking = (_table, _plot, _report, _info, _keys, _verify, _export)
     for add in (*making, *solving, *looking):
         add(parsers)
@@ -192,6 +192,12 @@ def _fit(parsers: Parsers) -> None:
     )
     one.add_argument("fit", help="fit file (TOML)")
     one.set_defaults(work=commands.fit)
+
+
+def _optimise(parsers: Parsers) -> None:
+    one = parsers.add_parser("optimise", help="values of a job's keys at which its largest peak is least -> HDF5")
+    one.add_argument("optimum", help="file of what is varied (TOML)")
+    one.set_defaults(work=commands.optimise)
 
 
 def _integrate(parsers: Parsers) -> None:

@@ -166,6 +166,15 @@ def fit(options: argparse.Namespace) -> None:
     run_fit(MPI.COMM_WORLD, options.fit)
 
 
+def optimise(options: argparse.Namespace) -> None:
+    """Values of a job's keys at which its largest peak is least -> HDF5."""
+    from mpi4py import MPI
+
+    from attrito.optima.run import run_optimum
+
+    run_optimum(MPI.COMM_WORLD, options.optimum)
+
+
 def _job(options: argparse.Namespace, excited: bool = True):
     """The job file, or with `--set` the job that its values make."""
     if not options.set:

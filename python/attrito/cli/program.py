@@ -28,7 +28,8 @@ from attrito.support.verbosity import VERBOSE
 # Ranks share the work; threads of BLAS would fight them. To be said before numpy and the library load BLAS.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-PARALLEL = ("run", "reduce", "peak", "linear-modes", "mode", "study", "fit", "integrate", "export", "verify")
+SOLVING = ("run", "peak", "linear-modes", "mode", "study", "fit", "optimise", "integrate")
+PARALLEL = (*SOLVING, "reduce", "export", "verify")
 # Commands whose result is what they print.
 PRINTED = ("table", "info", "keys")
 INTERRUPTED = 130
@@ -37,6 +38,7 @@ READ = (
     "job",
     "study",
     "fit",
+    "optimum",
     "result",
     "file",
     "mesh",
@@ -107,7 +109,8 @@ def _place(options: argparse.Namespace, error: Exception) -> str:
     """What the command was given, before messages that name no file."""
     if getattr(error, "faults", ()):
         return ""
-    given = next((name for name in ("job", "study", "fit", "result", "file", "output") if name in options), None)
+    kinds = ("job", "study", "fit", "optimum", "result", "file", "output")
+    given = next((name for name in kinds if name in options), None)
     if "results" in options:
         return f"{options.results[0]}: "
     return "" if given is None or (isinstance(error, NumericsError) and given != "job") else f"{vars(options)[given]}: "

@@ -215,23 +215,31 @@ def read_fit(source: str | os.PathLike[str] | Mapping[str, Any] | Fit, folder: s
     return _check_fit(raw, path)
 
 
+def parameters_in(path: str, raw: dict[str, Any], faults: list[Fault]) -> tuple[Parameter, ...]:
+    """Take the tables [[parameter]] out of a file's keys; what is not fine goes to the faults."""
+    rows = _rows(path, raw.pop("parameter", []), "parameter", faults)
+    found = [_parameter(path, i, row, faults) for i, row in enumerate(rows)]
+    names = [one.name for one in found if one is not None]
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        faults.append(Fault(path, "parameter name", name, "names that differ"))
+    return tuple(one for one in found if one is not None)
+
+
 def _check_fit(raw: dict[str, Any], path: str) -> Fit:
     """Check the keys of a fit that is called `path`, and read its measurements."""
     faults: list[Fault] = []
-    tables = {name: _rows(path, raw.pop(name, []), name, faults) for name in ("parameter", "data")}
+    parameters = parameters_in(path, raw, faults)
+    rows = _rows(path, raw.pop("data", []), "data", faults)
     keys = checked(path, "", raw, CHECKS, faults)
-    parameters = [_parameter(path, i, row, faults) for i, row in enumerate(tables["parameter"])]
-    data = [_data(path, i, row, keys["job"], faults) for i, row in enumerate(tables["data"])]
-    for table, ones in (("parameter", parameters), ("data", data)):
-        names = [one.name for one in ones if one is not None]
-        for name in sorted({name for name in names if names.count(name) > 1}):
-            faults.append(Fault(path, f"{table} name", name, "names that differ"))
+    data = [_data(path, i, row, keys["job"], faults) for i, row in enumerate(rows)]
+    names = [one.name for one in data if one is not None]
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        faults.append(Fault(path, "data name", name, "names that differ"))
     if faults:
         raise InputError(*faults)
     file = os.path.normpath(Path(path).parent / keys["file"])
     rest = (keys[name] for name in ("noise", "starts", "seed", "profile"))
-    found = tuple(one for one in parameters if one is not None), tuple(one for one in data if one is not None)
-    return Fit(path, file, *rest, *found)
+    return Fit(path, file, *rest, parameters, tuple(one for one in data if one is not None))
 
 
 def _rows(path: str, rows: Any, name: str, faults: list[Fault]) -> list[dict[str, Any]]:

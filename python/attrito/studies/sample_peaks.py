@@ -60,6 +60,11 @@ class SamplePeaks(Samples):
                 return found
             self._length += 1
 
+    def visit(
+        self, solver: Solver, peak: Peak | None, monitor: int, here: tuple[ReducedScene, np.ndarray, Options]
+    ) -> None:
+        """Look at a peak, None where there is none, as soon as it is found: the solver is at it."""
+
     def _find(
         self, job: Job, reduced: ReducedScene, load_path: np.ndarray, values: list[float]
     ) -> list[dict[str, Any]]:
@@ -67,6 +72,7 @@ class SamplePeaks(Samples):
         for i, value in enumerate(values):
             search = _Search(self._solver, job, reduced, load_path, value)
             method, peak = search.run(self._starts.get(i, self._starts.get(i - 1)))
+            self.visit(self._solver, peak, search.monitor, (reduced, load_path, self._options))
             if peak is not None:
                 self._starts[i] = search.tracker.start(peak.frequency_hz)
             found.append(_row(method, peak) | {"touches": any(self._solver.static_states[:3])})
@@ -90,8 +96,8 @@ class _Search:
         self._solver, self._job, self._scene, self._load_path, self._value = solver, job, scene, load_path, value
         self._level, self._preload = (value, 1.0) if by_level else (keys["level"], value)
         self._band = tuple(sorted(job["sweep"][name] for name in ("start_hz", "stop_hz")))
-        self._monitor = scene.monitor_names.index(keys["monitor"]) if keys["monitor"] is not None else 0
-        self.tracker = PeakTracker(solver, self._monitor, keys["amplitude"], self._band, load_path[-1])
+        self.monitor = scene.monitor_names.index(keys["monitor"]) if keys["monitor"] is not None else 0
+        self.tracker = PeakTracker(solver, self.monitor, keys["amplitude"], self._band, load_path[-1])
 
     def run(self, start: Start | None) -> tuple[str, Peak | None]:
         """Method and peak; None if there is none."""
@@ -134,8 +140,8 @@ class _Search:
         if point.outcome == "not_converged":
             return 0.0
         if self._job["peak"]["amplitude"] == "first_harmonic":
-            return float(np.hypot(*point.harmonics[self._monitor, 1:3]))
-        return float(point.amplitude[self._monitor])
+            return float(np.hypot(*point.harmonics[self.monitor, 1:3]))
+        return float(point.amplitude[self.monitor])
 
 
 def _row(method: str, peak: Peak | None) -> dict[str, Any]:

@@ -1,0 +1,1 @@
+"""Values of a job's keys at which its peaks are least."""
