@@ -145,10 +145,14 @@ def _held(residuals: Residuals, start: np.ndarray, bounds: np.ndarray, free: np.
         whole[free] = x
         return whole
 
+    def part(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        values, jacobian = residuals(full(x))
+        return values, jacobian[:, free]
+
     if not np.any(free):
         values = residuals(start)[0]
         return start, float(values @ values)
-    memory = _Memory(lambda x: (lambda r, j: (r, j[:, free]))(*residuals(full(x))))
+    memory = _Memory(part)
     inside = np.clip(start[free], *bounds[free].T)
     found = least_squares(memory.values, inside, memory.jacobian, bounds=tuple(bounds[free].T), x_scale="jac")
     return full(found.x), 2.0 * float(found.cost)

@@ -18,6 +18,7 @@ from attrito.job.job import Job, files_read, rom_path
 from attrito.job.reading import plain, read_job
 from attrito.job.varied import checked, faults_of_keys, is_of_model, with_values
 from attrito.modes.nonlinear import amplitudes, check_mode
+from attrito.studies.second_order import MOST_CHECKED, nodes
 from attrito.support.errors import Fault, InputError
 from attrito.support.overwrite_check import check_spared
 
@@ -67,7 +68,7 @@ class Study:
         if self.design == "grid":
             return np.array(list(product(*(vary.values for vary in self.vary))), dtype=float)
         count = len(self.vary)
-        if self.design == "latin_hypercube":
+        if self.design in ("latin_hypercube", "second_order"):
             unit = qmc.LatinHypercube(count, seed=np.random.default_rng(self.seed)).random(self.samples)
         else:
             unit = np.random.default_rng(self.seed).random((self.samples, count))
@@ -78,6 +79,21 @@ class Study:
             else:
                 columns.append(vary.low + part * (vary.high - vary.low))
         return np.array(columns).T
+
+    def solved(self, values: np.ndarray) -> np.ndarray:
+        """Values that are solved: those of the samples or, of a second-order model, of its nodes and some samples."""
+        if self.design != "second_order":
+            return values
+        low, high = self._bounds()
+        return np.vstack([0.5 * (low + high) + 0.5 * (high - low) * nodes(len(low)), values[:MOST_CHECKED]])
+
+    def places(self, values: np.ndarray) -> np.ndarray:
+        """Values of samples between their bounds, from -1 to 1."""
+        low, high = self._bounds()
+        return np.asarray((2.0 * values - low - high) / (high - low))
+
+    def _bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        return np.array([vary.low for vary in self.vary]), np.array([vary.high for vary in self.vary])
 
     def stops(self, job: Job) -> list[float]:
         """Values of the job's parameter at which each sample's peak is located, or amplitudes of its mode."""
@@ -139,7 +155,7 @@ CHECKS: dict[str, tuple[Check, Any]] = {
     "job": (text, None),
     "of": (choice("peaks", "modes"), "peaks"),
     "file": (text, "study.h5"),
-    "design": (choice("random", "latin_hypercube", "grid"), "random"),
+    "design": (choice("random", "latin_hypercube", "grid", "second_order"), "random"),
     "samples": (integer(1), None),
     "seed": (integer(0), 1),
     "batch": (integer(1), 20),
@@ -196,6 +212,8 @@ def _check_study(raw: dict[str, Any], path: str) -> Study:
             faults.append(Fault(path, f"vary[{i}] values", one["values"] or "missing", "either values or low and high"))
         if keys["design"] == "grid" and not one["values"]:
             faults.append(Fault(path, f"vary[{i}] values", "missing", "the nodes of the grid"))
+        if keys["design"] == "second_order" and one["values"]:
+            faults.append(Fault(path, f"vary[{i}] values", one["values"], 'low and high with design = "second_order"'))
         if one["name"] is None or one["keys"] is None:
             faults.append(Fault(path, f"vary[{i}]", "missing", "name and keys"))
             continue

@@ -14,7 +14,7 @@ import os
 import re
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from attrito.studies.file import write_study
 from attrito.studies.sample_modes import SampleModes
 from attrito.studies.sample_peaks import SamplePeaks
 from attrito.studies.samples import shared_scene
+from attrito.studies.second_order import ACCEPTED, MOST_CHECKED, largest_difference, rows_of
 from attrito.support.errors import UnsolvedError
 from attrito.support.locks import writing_alone
 from attrito.support.parallel import on_root
@@ -68,7 +69,8 @@ def run_study(comm: Comm, path: str | Study) -> str:
 def _solve_samples(comm: Comm, job: Job, study: Study, progress: Progress) -> dict[str, int]:
     """Solve the batches that are missing and write the study; how many samples ended how, of those to be reported."""
     values = study.sample()
-    order = batches(study, values)
+    solved = study.solved(values)
+    order = batches(study, solved)
     folder = Path(f"{study.file}.parts") / _fingerprint(study, job)
     groups = max(1, comm.size // study.ranks_per_group)
     color = min(comm.rank // study.ranks_per_group, groups - 1)
@@ -76,11 +78,12 @@ def _solve_samples(comm: Comm, job: Job, study: Study, progress: Progress) -> di
     base, rom = shared_scene(comm, job, study.keeps_places(job), progress, reads)
     on_root(comm, lambda: folder.mkdir(parents=True, exist_ok=True))
     missing = on_root(comm, lambda: [i for i in range(len(order)) if not _part(folder, i).exists()])
-    progress.say(f"{study.samples} samples in {len(order)} batches, {len(order) - len(missing)} of them there already")
+    what = f"{study.samples} samples" if len(solved) == len(values) else f"{len(solved)} of {study.samples} samples"
+    progress.say(f"{what} in {len(order)} batches, {len(order) - len(missing)} of them there already")
     group = comm.Split(color, comm.rank)
     try:
         for i in missing[color::groups]:
-            rows = _solve_batch(group, job, base, rom, study, values[order[i]])
+            rows = _solve_batch(group, job, base, rom, study, solved[order[i]])
             on_root(group, lambda i=i, rows=rows: _keep(_part(folder, i), order[i], rows))
             progress.say(f"batch {i}: {len(rows)} samples")
     finally:
@@ -92,12 +95,38 @@ def _solve_samples(comm: Comm, job: Job, study: Study, progress: Progress) -> di
         rows = [row for batch in found for row in batch["rows"]]
         # Batches that an earlier version left do not say.
         untouched = sum(not all(one.get("touches", True) for one in row) for row in rows)
-        progress.warn(cautions.of_static_solutions(untouched, study.samples))
+        progress.warn(cautions.of_static_solutions(untouched, len(solved)))
+        if study.design == "second_order":
+            found = _modelled(study, values, found, progress)
         failed = write_study(study, job, values, found, progress.warnings)
         _remove_parts(folder.parent)
         return failed
 
     return on_root(comm, finish)
+
+
+def _modelled(
+    study: Study, values: np.ndarray, found: list[dict[str, Any]], progress: Progress
+) -> list[dict[str, Any]]:
+    """All samples by the second-order model through its nodes, as one batch; says how far it is from solved ones."""
+    rows = dict(pair for batch in found for pair in zip(batch["samples"], batch["rows"], strict=True))
+    count = len(rows) - min(MOST_CHECKED, study.samples)
+    at_nodes = [rows[node] for node in range(count)]
+    lost = [one for row in at_nodes for one in row if one["outcome"] == "not_converged"]
+    if lost:
+        raise UnsolvedError(
+            study.file,
+            f"{len(lost)} of {count} nodes of the second-order model are without a solution: take another design",
+        )
+    modelled = rows_of(at_nodes, study.places(values))
+    checked = [rows[sample] for sample in range(count, len(rows))]
+    name = "amplitude" if study.of == "peaks" else "frequency_hz"
+    difference = largest_difference(checked, modelled[: len(checked)], name)
+    words = f"second-order model: {name} within {100.0 * difference:.2g} % of {len(checked)} other solved samples"
+    progress.say(words)
+    if difference > ACCEPTED:
+        progress.warn([f'{words}; it does not hold: take design = "latin_hypercube"'])
+    return [{"samples": list(range(study.samples)), "rows": modelled}]
 
 
 def _remove_parts(folder: Path) -> None:

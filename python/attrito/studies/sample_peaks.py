@@ -26,8 +26,8 @@ from attrito.support.errors import NumericsError
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
-# How a sample's peak was found
-METHODS = ("near", "tracked", "swept")
+# How a sample's peak was found: the last by the model through others (`second_order`)
+METHODS = ("near", "tracked", "swept", "second_order")
 # Of a frequency response over the band
 SWEEP_POINTS = 60
 
@@ -110,7 +110,7 @@ class _Search:
                 continue
             if peak is not None and self._band[0] < peak.frequency_hz < self._band[1]:
                 return method, peak
-        return METHODS[-1], None
+        return "swept", None
 
     def _near(self, start: Start) -> Peak | None:
         self._come_to_rest()
