@@ -11,6 +11,9 @@ import numpy as np
 import pytest
 from jobs import Job, attrito_here, chain, run, table, wedge, write_job
 
+from attrito.results.result import Result
+from attrito.support.errors import InputError
+
 LAW = ("tangential_stiffness", "normal_stiffness", "friction_coefficient", "gap", "preload")
 # Step of the differences by events, part of the parameter: two are extrapolated, which leaves its fourth power.
 STEP = 1e-3
@@ -141,6 +144,21 @@ def test_directly_and_by_the_adjoint(tmp_path: Path, tangents: int) -> None:
                 change = float(row["derivative"]) - float(adjoint[row["parameter"]]["derivative"])
                 # Both solve their systems to 1e-9, with what is between their norms and this.
                 assert abs(change * float(row["value"] or 1.0)) < 1e-7 * largest
+
+
+def test_a_result_gives_a_derivative_by_name(tmp_path: Path) -> None:
+    job = pressed(wedge(force=30.0)) | {"sensitivity": {"to": ["level", "contact[0].friction_coefficient"]}}
+    run(tmp_path, job)
+    with Result(tmp_path / "result.h5") as result:
+        rows = table(tmp_path, "--sensitivities")
+        for row in rows:
+            name, _, quantity = row["quantity"].partition("_")
+            found = result.sensitivity(row["parameter"], name, quantity)
+            assert found == pytest.approx([float(row["derivative"])], rel=1e-9)
+        with pytest.raises(InputError, match="one of level, contact"):
+            result.sensitivity("contact[0].gap", "x")
+        with pytest.raises(InputError, match="one of x, y"):
+            result.sensitivity("level", "z")
 
 
 def test_a_set_is_the_sum_of_its_contacts(tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,6 +18,7 @@ from attrito.job.varied import checked, faults_of_keys, with_values
 from attrito.modes.nonlinear import check_mode
 from attrito.support.errors import Fault, InputError
 from attrito.support.overwrite_check import check_spared
+from attrito.support.toml_files import read_toml
 
 # Relative standard deviations of measurements that say none: of amplitudes, frequencies, damping ratios
 USUAL = {"amplitude": 0.05, "frequency": 1e-3, "damping": 0.1}
@@ -206,13 +206,7 @@ def read_fit(source: str | os.PathLike[str] | Mapping[str, Any] | Fit, folder: s
         jobs = (read_job(given, folder, excited=one.is_excited) if one.job == meant else one.job for one in fit.data)
         return replace(fit, data=tuple(replace(one, job=job) for one, job in zip(fit.data, jobs, strict=True)))
     path = str(source)
-    try:
-        raw = tomllib.loads(Path(path).read_text())
-    except OSError as error:
-        raise InputError(Fault(path, "file", error.strerror, "a fit file that can be read")) from None
-    except (ValueError, RecursionError) as error:
-        raise InputError(Fault(path, "file", str(error), "a fit in TOML")) from None
-    return _check_fit(raw, path)
+    return _check_fit(read_toml(path, "a fit"), path)
 
 
 def parameters_in(path: str, raw: dict[str, Any], faults: list[Fault]) -> tuple[Parameter, ...]:

@@ -36,6 +36,9 @@ def rates_of(
     reduced, load_path, options = here
     contacts, loads = len(reduced.laws["tangents"]), load_path.shape[1]
     laws, factors = np.full((len(values), contacts, len(LAW_KEYS)), np.nan), np.full((len(values), loads), np.nan)
+    if options.uncoupled or reduced.sector is not None:
+        # A frozen mean follows the static solution; of sectors there is no adjoint.
+        return laws, factors
     for i, parameter in enumerate(parameters):
         # Laws are linear in each of their numbers: any change gives the rate.
         step = 0.5 * (parameter.high - parameter.low)
@@ -60,6 +63,8 @@ def amplitude_slopes(comm: Comm, family: Family, monitor: int, rates: Rates) -> 
     NaN where the equations are singular, and of parameters without rates. Collective.
     """
     laws, factors = rates
+    if not np.any(np.isfinite(factors)) and not np.any(np.isfinite(laws)):
+        return np.full(len(laws), np.nan)
 
     def work(family: Family) -> np.ndarray | None:
         gradient = None if family.describe() is None else family.differentiate_by_adjoint(factors.shape[1])
@@ -73,9 +78,7 @@ def amplitude_slopes(comm: Comm, family: Family, monitor: int, rates: Rates) -> 
 
 
 def _but_for_laws(one: ReducedScene, other: ReducedScene) -> bool:
-    """Whether two scenes, of whole models, differ in `LAW_KEYS` of their contacts at most."""
-    if one.sector is not None or other.sector is not None:
-        return False
+    """Whether two scenes of whole models differ in `LAW_KEYS` of their contacts at most."""
     aligned = replace(one, laws=one.laws | {key: other.laws[key] for key in LAW_KEYS})
     return aligned.laws.keys() == other.laws.keys() and all(
         _same(getattr(aligned, each.name), getattr(other, each.name)) for each in fields(ReducedScene)

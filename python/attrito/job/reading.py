@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +17,7 @@ from attrito.job.schema import ARRAYS, REQUIRED_TABLES, TABLES, Key
 from attrito.job.settings import apply_settings
 from attrito.support.errors import Fault, InputError
 from attrito.support.overwrite_check import check_files
+from attrito.support.toml_files import read_toml
 
 
 def read_job(
@@ -41,13 +41,7 @@ def read_job(
         return check_job(plain(source), str(Path(folder) / "job"), excited)
     path = str(source)
     check_files(path, "file", [path])
-    try:
-        with open(path, "rb") as stream:
-            raw = tomllib.load(stream)
-    except OSError as error:
-        raise InputError(Fault(path, "file", error.strerror, "a job file that can be read")) from None
-    except (ValueError, RecursionError) as error:
-        raise InputError(Fault(path, "file", str(error), "a job in TOML")) from None
+    raw = read_toml(path, "a job")
     apply_settings(raw, list(settings), path)
     return check_job(raw, path, excited)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,6 +15,7 @@ from attrito.job.reading import plain, read_job
 from attrito.job.varied import checked, faults_of_keys, with_values
 from attrito.support.errors import Fault, InputError
 from attrito.support.overwrite_check import check_spared
+from attrito.support.toml_files import read_toml
 
 OBJECTIVES = ("amplitude", "amplitude_per_level")
 
@@ -96,13 +96,7 @@ def read_optimum(
         found = _check(plain({**source, "job": "job"} if own else source), str(Path(folder) / "optimum"))
         return replace(found, job=read_job(given, folder)) if own else found
     path = str(source)
-    try:
-        raw = tomllib.loads(Path(path).read_text())
-    except OSError as error:
-        raise InputError(Fault(path, "file", error.strerror, "a file of `attrito optimise` that can be read")) from None
-    except (ValueError, RecursionError) as error:
-        raise InputError(Fault(path, "file", str(error), "keys of `attrito optimise` in TOML")) from None
-    return _check(raw, path)
+    return _check(read_toml(path, "an optimum"), path)
 
 
 def _check(raw: dict[str, Any], path: str) -> Optimum:

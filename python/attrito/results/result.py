@@ -178,6 +178,25 @@ class Result:
             raise InputError(Fault(self.path, "monitor", name, f"a monitor of this result ({known})"))
         return self.array(f"/monitors/{name}/{quantity}")
 
+    def sensitivity(self, parameter: str, monitor: str, quantity: str = "amplitude") -> np.ndarray:
+        """Derivative of a monitor's `amplitude` or `mean` by one of `[sensitivity] to`, `[np]`, per unit of it.
+
+        Raises
+        ------
+        InputError : the job did not ask for it, or there is no such monitor or quantity
+        """
+        asked = json.loads(self.attribute("job"))["sensitivity"]["to"] if self.has("/sensitivity/value") else []
+        quantities = ("amplitude", "mean")
+        for what, given, known in (
+            ("sensitivity", parameter, asked),
+            ("monitor", monitor, self.monitors),
+            ("quantity", quantity, quantities),
+        ):
+            if given not in known:
+                expected = f"one of {', '.join(known)}" if known else "a job with [sensitivity] to"
+                raise InputError(Fault(self.path, what, given, expected))
+        return self.array(f"/sensitivity/{quantity}")[:, asked.index(parameter), self.monitors.index(monitor)]
+
     def to_dataframe(self) -> Any:
         """The table of `attrito table` as a frame of pandas, which must be installed; one row a point.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from itertools import product
@@ -21,6 +20,7 @@ from attrito.modes.nonlinear import amplitudes, check_mode
 from attrito.studies.second_order import MOST_CHECKED, nodes
 from attrito.support.errors import Fault, InputError
 from attrito.support.overwrite_check import check_spared
+from attrito.support.toml_files import read_toml
 
 
 @dataclass(frozen=True)
@@ -189,13 +189,7 @@ def read_study(
         study = _check_study(plain({**source, "job": "job"} if own else source), str(Path(folder) / "study"))
         return replace(study, job=read_job(given, folder, excited=study.is_excited)) if own else study
     path = str(source)
-    try:
-        raw = tomllib.loads(Path(path).read_text())
-    except OSError as error:
-        raise InputError(Fault(path, "file", error.strerror, "a study file that can be read")) from None
-    except (ValueError, RecursionError) as error:
-        raise InputError(Fault(path, "file", str(error), "a study in TOML")) from None
-    return _check_study(raw, path)
+    return _check_study(read_toml(path, "a study"), path)
 
 
 def _check_study(raw: dict[str, Any], path: str) -> Study:
