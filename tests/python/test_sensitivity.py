@@ -5,11 +5,12 @@ from __future__ import annotations
 import copy
 import csv
 import io
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
-from jobs import Job, attrito_here, chain, run, table, wedge, write_job
+from jobs import Job, attrito, attrito_here, chain, run, table, wedge, write_job
 
 from attrito.results.result import Result
 from attrito.support.errors import InputError
@@ -41,7 +42,7 @@ def with_parameter(job: Job, name: str, change: float) -> tuple[Job, float]:
         job["sweep"]["levels"] = [level + change for level in job["sweep"].get("levels", [1.0])]
         return job, change
     if name.startswith("load."):
-        loads = [load for load in job["load"] if load["name"] == name[5:]]
+        loads = [load for load in job["load"] if load.get("name") == name[5:]]
         for load in loads:
             load["dofs"] = [[dof, force * (1.0 + change)] for dof, force in load["dofs"]]
         return job, change
@@ -159,6 +160,46 @@ def test_a_result_gives_a_derivative_by_name(tmp_path: Path) -> None:
             result.sensitivity("contact[0].gap", "x")
         with pytest.raises(InputError, match="one of x, y"):
             result.sensitivity("level", "z")
+
+
+def test_peaks_change_as_their_derivatives_say(tmp_path: Path) -> None:
+    job = tomllib.loads((Path(__file__).resolve().parents[2] / "input" / "wedge_peak.toml").read_text())
+    job["balance"] = {"harmonics": 5, "quadrature": "event", "residual_tolerance": 1e-12}
+    job["peak"] = {"start": 18.0, "stop": 24.0}
+    job["output"]["file"] = "result.h5"
+    names = ["contact[0].tangential_stiffness", "contact[0].friction_coefficient", "load.preload", "level"]
+
+    def peaks(changed: Job) -> list[dict[str, str]]:
+        write_job(tmp_path, changed)
+        done = attrito(tmp_path, "peak", "job.toml")
+        assert done.returncode == 0, done.stderr
+        return table(tmp_path, result="result.peaks.h5")
+
+    rows = peaks(job | {"sensitivity": {"to": names}})
+    for row in rows:
+        # The tracker's own slope along the peaks: response A/L, elasticity d ln (A/L)/d ln L.
+        slope = (1.0 + float(row["elasticity"])) * float(row["response"])
+        assert float(row["amplitude by level"]) == pytest.approx(slope, rel=1e-6)
+    first = rows[0]
+    for name in names[:3]:
+        values = []
+        for side in (-1.0, 1.0):
+            changed, change = with_parameter(job | {"peak": {"start": 18.0, "stop": 18.5}}, name, side * 1e-3)
+            values.append(float(peaks(changed)[0]["amplitude"]))
+        slope = (values[1] - values[0]) / (2.0 * abs(change))
+        scale = float(first["amplitude"]) / (abs(change) / 1e-3)
+        # Central differences over 1e-3, of peaks that are exact to second order in their frequency.
+        assert float(first[f"amplitude by {name}"]) == pytest.approx(slope, abs=1e-5 * scale)
+
+
+def test_derivatives_of_another_amplitude_than_the_peak_s_are_refused(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    job = wedge() | {"sensitivity": {"to": ["level"]}, "sweep": {"start_hz": 150.0, "stop_hz": 85.0}}
+    write_job(tmp_path, job | {"peak": {"start": 1.0, "stop": 2.0, "amplitude": "first_harmonic"}})
+    done = attrito_here(tmp_path, capfd, "peak", "job.toml")
+    assert done.returncode == 2
+    assert '"half_range" with [sensitivity]' in done.stderr
 
 
 def test_a_set_is_the_sum_of_its_contacts(tmp_path: Path) -> None:

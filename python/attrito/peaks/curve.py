@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -59,10 +59,11 @@ KINDS = ("step", "value", "optimum")
 
 @dataclass(frozen=True)
 class Found:
-    """A peak on the curve, and why it is there: one of `KINDS`."""
+    """A peak on the curve, why it is there (one of `KINDS`), and its height's derivatives by `[sensitivity] to`."""
 
     peak: Peak
     kind: str
+    derivatives: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     @property
     def converged(self) -> bool:

@@ -14,8 +14,9 @@ from attrito.library.names import OUTCOMES, STATES
 from attrito.library.reduced_scene import ReducedScene
 from attrito.peaks.curve import KINDS, Found, elasticity, ending_of, jumps
 from attrito.support.atomic_files import whole_hdf5
+from attrito.support.csv_text import cell
 from attrito.support.errors import Fault, InputError
-from attrito.support.hdf5_reading import is_of_format, stored
+from attrito.support.hdf5_reading import as_text, is_of_format, stored
 from attrito.support.hdf5_writing import described
 from attrito.support.version import __version__
 
@@ -51,6 +52,7 @@ COUNTS = {
     "corner": "1: the response rises to the peak on one side and falls on the other, with a corner; 0: it is smooth",
 }
 
+SENSITIVITY = "derivative of the peak's amplitude by each of [sensitivity] to; NaN at a corner, or without a peak"
 # Of a backbone at the peaks' levels, and along it
 AT_PEAKS = {
     "backbone_frequency_hz": ("where the backbone expects the peak of this level", "Hz"),
@@ -155,6 +157,9 @@ def write(
             put(f"monitors/{name}/harmonics", harmonics, "mean, cos 1, sin 1, cos 2, ...", "user length")
             ranges = np.array([one.peak.point.amplitude[i] for one in found])
             put(f"monitors/{name}/amplitude", ranges, "half the range over the period", "user length")
+        if parameters := job["sensitivity"]["to"]:
+            file.attrs["sensitivity_to"] = parameters
+            put("sensitivity", np.array([one.derivatives for one in found]), SENSITIVITY, "user length by parameter")
         if backbone is not None:
             file.attrs["backbone_mode"] = backbone.mode
             for name, values in at_peaks(backbone).items():
@@ -201,6 +206,8 @@ def read_peaks(path: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
             raise InputError(Fault(path, "format", file.attrs.get("format", "absent"), "peaks of `attrito peak`"))
         names = [*COLUMNS, *COUNTS, "kind", "outcome", "states", *(name for name in AT_PEAKS if name in file["peaks"])]
         data = {name: file[f"peaks/{name}"][()] for name in names}
+        for i, parameter in enumerate(file.attrs.get("sensitivity_to", ())):
+            data[f"amplitude by {as_text(parameter)}"] = file["peaks/sensitivity"][:, i]
         return data, dict(file.attrs)
 
 
@@ -218,9 +225,9 @@ def holds_peaks(path: str) -> bool:
 def table(path: str) -> str:
     """The peaks as CSV."""
     data, _ = read_peaks(path)
-    numbers = [*COLUMNS, *(name for name in AT_PEAKS if name in data)]
+    numbers = [*COLUMNS, *(name for name in data if name in AT_PEAKS or name.startswith("amplitude by "))]
     names = ["kind", *numbers, *COUNTS, *STATES, "outcome"]
-    lines = [",".join(names)]
+    lines = [",".join(map(cell, names))]
     for i in range(len(data["level"])):
         row = [KINDS[data["kind"][i]], *(f"{data[name][i]:.12g}" for name in numbers)]
         row += [str(data[name][i]) for name in COUNTS] + [str(count) for count in data["states"][i]]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,7 @@ from attrito.peaks.plot import peak_curve
 from attrito.plots.style import save
 from attrito.runs.followed import follow_job
 from attrito.runs.progress import Progress
+from attrito.runs.sensitivity import Differentiator
 from attrito.scene import cautions
 from attrito.scene.reduced_model import make_rom, reduced_scene
 from attrito.scene.scene import Scene
@@ -68,9 +70,10 @@ def _follow_and_show(
             progress.say(f"above the tolerance: anew with {options.harmonics} harmonics, {options.samples} samples")
         found, leading = [], None
         with Solver(comm, reduced, options) as solver, _warning_of_statics(progress, solver):
+            differentiator = Differentiator(comm, solver, job, scene, reduced)
             try:
                 for one in follow(solver, job, reduced, load_path):
-                    found.append(one)
+                    found.append(replace(one, derivatives=_derivatives(differentiator, job, reduced, one)))
                     progress.say(line(one, job["peak"]["parameter"]))
                     if leading is None and one.converged:
                         leading = leading_mode(solver)
@@ -99,6 +102,14 @@ def _follow_and_show(
         progress.say(ending.words)
     progress.say(f"{file}, {on_root(comm, show)}")
     return broken or _missed(job, found)
+
+
+def _derivatives(differentiator: Differentiator, job: Job, scene: ReducedScene, found: Found) -> np.ndarray:
+    """Of a peak's height by the parameters of `[sensitivity]`: along the response it does not change to first order."""
+    preload = found.peak.parameter if job["peak"]["parameter"] == "preload" else 1.0
+    amplitude, _ = differentiator.derivatives(found.peak.point, preload)
+    # At a corner the frequency response has a slope on either side.
+    return np.full(len(amplitude), np.nan) if found.peak.at_corner else amplitude[:, _monitor(job, scene)]
 
 
 @contextlib.contextmanager
@@ -273,6 +284,9 @@ def _check(job: Job) -> None:
             faults.append(job.fault("[peak] parameter", "preload", expected))
     elif keys["level"] != 1.0:
         faults.append(job.fault("[peak] level", keys["level"], 'no such key but with parameter = "preload"'))
+    if job["sensitivity"]["to"] and keys["amplitude"] != "half_range":
+        expected = '"half_range" with [sensitivity]: derivatives are of that'
+        faults.append(job.fault("[peak] amplitude", keys["amplitude"], expected))
     if keys["backbone"]:
         if keys["parameter"] == "preload":
             expected = 'false: a backbone is followed over levels, with parameter = "level"'

@@ -65,19 +65,28 @@ class Differentiator:
         """Add the derivatives at the point where the solver stands to its record. Collective."""
         if not self._rates:
             return
-        amplitude, mean = np.full((2, len(self._values), self._monitors), np.nan)
-        if point.outcome in SOLVED:
-            self._family.visit(lambda family: self._fill(family, amplitude, mean))
+        amplitude, mean = self.derivatives(point)
         if self._root:
             here = np.where(self._rates[2] != 0.0, point.level, self._values)
             for name, values in (("amplitude", amplitude), ("mean", mean), ("value", here)):
                 recorder.add(f"/sensitivity/{name}", SERIES[name], values)
 
-    def _fill(self, family: Family, amplitude: np.ndarray, mean: np.ndarray) -> None:
+    def derivatives(self, point: Point, preload: float = 1.0) -> np.ndarray:
+        """Of amplitudes and means at the point where the solver stands, `[2, parameters, monitors]` on the root.
+
+        `preload`: factor on the load path. NaN where the point is not solved, or is singular. Collective.
+        """
+        found = np.full((2, len(self._values), self._monitors), np.nan)
+        if self._rates and point.outcome in SOLVED:
+            self._family.visit(lambda family: self._fill(family, preload, *found))
+        return found
+
+    def _fill(self, family: Family, preload: float, amplitude: np.ndarray, mean: np.ndarray) -> None:
         """Directly or by the adjoint, whichever takes fewer linear systems."""
         if family.describe() is None:
             return
         laws, factors, level = self._rates
+        factors = preload * factors
         if len(level) <= 2 * self._monitors:
             if (direct := family.differentiate_directly(laws, factors, level)) is not None:
                 amplitude[:], mean[:] = direct
