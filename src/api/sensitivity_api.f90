@@ -7,7 +7,7 @@ module attrito_api_sensitivity
   use attrito_core_kinds, only: wp
   use attrito_api_session, only: session_type, session_of
   use attrito_sensitivity_law_derivatives, only: law_numbers
-  use attrito_sensitivity_parameter_derivatives, only: parameter_type, gradient_type, differentiate_directly, &
+  use attrito_sensitivity_parameter_derivatives, only: by_parameters_type, differentiate_directly, &
                                                        differentiate_by_adjoint
   implicit none
   private
@@ -26,7 +26,7 @@ contains
     !> Derivatives of half the range, and of the mean
     real(c_double), intent(out) :: amplitude(*), mean(*)
     type(session_type), pointer :: session
-    type(parameter_type) :: parameter(parameters)
+    type(by_parameters_type) :: parameter(parameters)
     real(wp), allocatable :: by_parameter(:, :), mean_by_parameter(:, :)
     integer :: i, j, contacts, loads, status
 
@@ -55,7 +55,7 @@ contains
     !> Derivatives by the laws' numbers, by the factors on static loads, by the level
     real(c_double), intent(out) :: laws(*), static_factors(*), level(*)
     type(session_type), pointer :: session
-    type(gradient_type), allocatable :: gradients(:, :)
+    type(by_parameters_type), allocatable :: gradients(:, :)
     integer :: contacts, i, kind, next, status
 
     session => session_of(handle)

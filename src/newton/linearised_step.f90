@@ -181,8 +181,6 @@ contains
       do i = 1, size(active%contacts)
         associate (forces => balance%forces(active%contacts(i)), first => active%first(i), source => active%source(i), &
                    rows => active%rows(i))
-          ! A contact that was active, and holds its slider since.
-          if (.not. allocated(forces%jacobian)) cycle
           change(:, source:source + rows - 1) = &
             by_sliders(:, first:first + rows - 1) &
             + reshape(matmul(forces%jacobian, reshape(step%motion(:, source:source + rows - 1), [k*rows])), [k, rows])

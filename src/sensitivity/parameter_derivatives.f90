@@ -27,22 +27,17 @@ module attrito_sensitivity_parameter_derivatives
   use attrito_solve_solver, only: solver_type
   implicit none
   private
-  public :: parameter_type, gradient_type, differentiate_directly, differentiate_by_adjoint, by_mean, by_amplitude
+  public :: by_parameters_type, differentiate_directly, differentiate_by_adjoint, by_mean, by_amplitude
 
   !> What is differentiated of a monitor
   integer, parameter :: by_amplitude = 1, by_mean = 2
 
-  !> Rates of all contacts' laws [law_numbers, contacts], of the factors on static loads and of the level
-  type :: parameter_type
+  !> A number for each number of all contacts' laws [law_numbers, contacts], each factor on static loads and the level: what a
+  !> parameter changes them by, or derivatives by them
+  type :: by_parameters_type
     real(wp), allocatable :: laws(:, :), static_factors(:)
     real(wp) :: level = 0.0_wp
-  end type parameter_type
-
-  !> Derivatives of one amplitude or mean by all of these
-  type :: gradient_type
-    real(wp), allocatable :: laws(:, :), static_factors(:)
-    real(wp) :: level = 0.0_wp
-  end type gradient_type
+  end type by_parameters_type
 
 contains
 
@@ -51,7 +46,7 @@ contains
     !> Solver of points: its balance
     type(solver_type), target, intent(inout) :: solver
     !> What each changes
-    type(parameter_type), intent(in) :: parameters(:)
+    type(by_parameters_type), intent(in) :: parameters(:)
     !> Derivatives of the monitors' amplitudes and means [monitors, parameters]
     real(wp), allocatable, intent(out) :: amplitude(:, :), mean(:, :)
     !> 0, or not: the linearised equations are singular there
@@ -64,7 +59,7 @@ contains
     integer :: i, j
 
     balance => solver%context%balance
-    laws = begin(balance)
+    laws = derivatives_of_laws(balance)
     allocate (amplitude(balance%monitors%number(), size(parameters)), mean(balance%monitors%number(), size(parameters)))
     allocate (response, by_loads, mold=balance%response)
     right = unknowns_type(0.0_wp*balance%residual, 0.0_wp*balance%slider, 0.0_wp)
@@ -95,7 +90,7 @@ contains
     !> How many there are on all ranks
     integer, intent(in) :: contacts
     !> Derivatives by everything
-    type(gradient_type), allocatable, intent(out) :: gradients(:, :)
+    type(by_parameters_type), allocatable, intent(out) :: gradients(:, :)
     !> 0, or not: the linearised equations are singular there
     integer, intent(out) :: status
     type(balance_type), pointer :: balance
@@ -106,7 +101,7 @@ contains
     integer :: i, kind
 
     balance => solver%context%balance
-    laws = begin(balance)
+    laws = derivatives_of_laws(balance)
     own = balance%monitors%motion_of(balance%response)
     allocate (gradients(size(own, 2), 2))
     allocate (weight, mold=own)
@@ -128,7 +123,7 @@ contains
   end subroutine differentiate_by_adjoint
 
   !> Derivatives of the forces of this rank's contacts by the numbers of their laws [2 H + 1, rows, law_numbers].
-  function begin(balance) result(laws)
+  function derivatives_of_laws(balance) result(laws)
     !> Harmonic balance, evaluated at the point
     type(balance_type), intent(inout) :: balance
     real(wp), allocatable :: laws(:, :, :)
@@ -145,7 +140,7 @@ contains
                                laws(:, first:last, :))
       end associate
     end do
-  end function begin
+  end function derivatives_of_laws
 
   !> lambda' on this rank's rows [2 H + 1, rows].
   pure function force_change(balance, laws, parameter) result(change)
@@ -154,7 +149,7 @@ contains
     !> Derivatives of forces by the numbers of the laws
     real(wp), intent(in) :: laws(:, :, :)
     !> What it changes
-    type(parameter_type), intent(in) :: parameter
+    type(by_parameters_type), intent(in) :: parameter
     real(wp) :: change(size(laws, 1), size(laws, 2))
     integer :: i, row
 
@@ -170,7 +165,7 @@ contains
     !> Harmonic balance
     type(balance_type), intent(in) :: balance
     !> What it changes
-    type(parameter_type), intent(in) :: parameter
+    type(by_parameters_type), intent(in) :: parameter
     complex(wp) :: loads(size(balance%harmonic_load, 1), 0:balance%highest_load())
 
     loads = parameter%level*balance%harmonic_load(:, :balance%highest_load())
@@ -246,7 +241,7 @@ contains
     real(wp), intent(in) :: laws(:, :, :)
     !> S a-bar
     complex(wp), intent(in) :: adjoint(:, 0:)
-    type(gradient_type) :: gradient
+    type(by_parameters_type) :: gradient
     real(wp), allocatable :: motion(:, :)
     integer :: i, number
 

@@ -13,12 +13,11 @@ import numpy as np
 from attrito.fits.measured import COLUMNS, Measured, read_measured
 from attrito.job.checks import Check, boolean, choice, dataset_name, integer, listing, number, text
 from attrito.job.job import Job, files_read, rom_path
-from attrito.job.reading import plain, read_job
-from attrito.job.varied import checked, faults_of_keys, with_values
+from attrito.job.reading import read_job
+from attrito.job.varied import checked, faults_of_keys, read_keys, with_values
 from attrito.modes.nonlinear import check_mode
 from attrito.support.errors import Fault, InputError
 from attrito.support.overwrite_check import check_spared
-from attrito.support.toml_files import read_toml
 
 # Relative standard deviations of measurements that say none: of amplitudes, frequencies, damping ratios
 USUAL = {"amplitude": 0.05, "frequency": 1e-3, "damping": 0.1}
@@ -196,17 +195,13 @@ def read_fit(source: str | os.PathLike[str] | Mapping[str, Any] | Fit, folder: s
     """
     if isinstance(source, Fit):
         return source
-    if isinstance(source, Mapping):
-        given = source.get("job")
-        own = isinstance(given, Mapping | Job)
-        fit = _check_fit(plain({**source, "job": "job"} if own else source), str(Path(folder) / "fit"))
-        if not own:
-            return fit
+
+    def with_job(fit: Fit, job: Any) -> Fit:
         meant = os.path.normpath(Path(folder) / "job")
-        jobs = (read_job(given, folder, excited=one.is_excited) if one.job == meant else one.job for one in fit.data)
-        return replace(fit, data=tuple(replace(one, job=job) for one, job in zip(fit.data, jobs, strict=True)))
-    path = str(source)
-    return _check_fit(read_toml(path, "a fit"), path)
+        jobs = (read_job(job, folder, excited=one.is_excited) if one.job == meant else one.job for one in fit.data)
+        return replace(fit, data=tuple(replace(one, job=own) for one, own in zip(fit.data, jobs, strict=True)))
+
+    return read_keys(source, folder, "fit", _check_fit, with_job)
 
 
 def parameters_in(path: str, raw: dict[str, Any], faults: list[Fault]) -> tuple[Parameter, ...]:

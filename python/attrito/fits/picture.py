@@ -14,7 +14,7 @@ from attrito.fits.measured import COLUMNS
 from attrito.plots.style import BRANCH_COLOURS, DASHES, LIMIT_COLOUR, STYLE, plain_text, with_unit
 
 LABELS = {
-    "frequency_hz": "Frequency in Hz",
+    "frequency_hz": "Frequency (Hz)",
     "frequency_ratio": "Frequency over that of the tangent mode",
     "damping_ratio": "Damping ratio",
 }
@@ -44,13 +44,13 @@ def _draw(above: Axes, below: Axes, one: Data, name: str, solved: dict[str, np.n
     measured, values = one.measured, one.measured.values[name]
     deviation = measured.deviations[name] * (values if name in measured.relative else 1.0)
     above.errorbar(measured.at, values, 2.0 * deviation, fmt="o", ms=3, lw=0.8, color=MEASURED,
-                   label="measured, two deviations")  # fmt: skip
+                   label="measured, ± 2 standard deviations")  # fmt: skip
     above.plot(measured.at, solved[name], color=SOLVED, label="fitted")
     above.set(ylabel=LABELS.get(name, with_unit("Amplitude", length)), title=plain_text(one.name))
     across = LABELS.get(COLUMNS[one.of][0], "Amplitude Q")
     below.plot(measured.at, measured.differences(solved, name), "o", ms=3, color=SOLVED)
     below.axhline(0.0, color=LIMIT_COLOUR, lw=0.8)
-    below.set(xlabel=across, ylabel="Deviations")
+    below.set(xlabel=across, ylabel="Residual / deviation")
     if one.of == "mode":
         below.set_xscale("log")
     if np.nanmax(values) > 10.0 * np.nanmin(values):
@@ -60,9 +60,14 @@ def _draw(above: Axes, below: Axes, one: Data, name: str, solved: dict[str, np.n
 
 def _draw_profile(axes: Axes, found: Found, i: int, parameter: Parameter, one: Profile) -> None:
     values = np.array([parameter.value(x) for x in one.x])
-    least = float(found.best.residuals @ found.best.residuals)
-    axes.plot(values, (one.cost - least) / found.best.variance, "o-", ms=3, color=SOLVED)
+    variance = found.best.variance
+    rise = (one.cost - float(found.best.residuals @ found.best.residuals)) / variance
+    # The root of the rise, with the side as its sign, is nearly straight: it is taken between the values.
+    root = np.sign(one.x - found.best.x[i]) * np.sqrt(np.maximum(rise, 0.0))
+    fine = np.linspace(one.x[0], one.x[-1], 200)
+    axes.plot([parameter.value(x) for x in fine], np.interp(fine, one.x, root) ** 2, color=SOLVED)
+    axes.plot(values, rise, "o", ms=3, color=SOLVED)
     axes.axhline(found.best.quantile**2, color=LIMIT_COLOUR, ls=DASHES, lw=1.0)
     axes.axvline(found.values[i], color=LIMIT_COLOUR, lw=0.8)
-    axes.set(xlabel=plain_text(parameter.name), ylabel="Rise of the sum of squares")
+    axes.set(xlabel=plain_text(parameter.name), ylabel="Rise of the sum of squares / s²")
     axes.set_ylim(0.0, 2.5 * found.best.quantile**2)

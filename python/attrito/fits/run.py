@@ -18,6 +18,7 @@ from attrito.fits.design import Fit, read_fit
 from attrito.fits.estimate import Estimate, Profile, estimate, profile
 from attrito.fits.file import write_fit
 from attrito.fits.found import Found
+from attrito.fits.measured import Measured
 from attrito.fits.solution import Solved, solutions_of, start_of
 from attrito.job.fewer_contacts import take_all_contacts
 from attrito.job.job import Job
@@ -149,7 +150,7 @@ class _Kept:
 
     def __init__(self, comm: Comm, fit: Fit, jobs: list[Job]):
         self._comm, self._path = comm, Path(fit.kept)
-        asked = [fit.as_table(), [job.tables for job in jobs], [_numbers(one.measured) for one in fit.data]]
+        asked = [fit.as_table(), [job.tables for job in jobs], [_plain_measured(one.measured) for one in fit.data]]
         text = json.dumps(asked, sort_keys=True, default=str)
         self._of = hashlib.sha256(text.encode()).hexdigest()
         self._known: dict[str, list[Solved]] = on_root(comm, self._read)
@@ -178,11 +179,12 @@ class _Kept:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             self._path.write_text(self._of + "\n")
             return known
-        for line in lines[1:]:
+        for number, line in enumerate(lines[1:], 1):
             try:
                 row = json.loads(line)
             except ValueError:
-                # The last line of a process that was killed
+                # The last line of a process that was killed: others will follow it.
+                self._path.write_text("".join(f"{whole}\n" for whole in lines[:number]))
                 break
             known[row["at"]] = [(_arrays(found), _arrays(rates)) for found, rates in row["solved"]]
         return known
@@ -205,5 +207,8 @@ def _arrays(columns: dict[str, list]) -> dict[str, np.ndarray]:
     return {name: np.array(values, dtype=float) for name, values in columns.items()}
 
 
-def _numbers(measured: object) -> str:
-    return repr(vars(measured))
+def _plain_measured(measured: Measured) -> list:
+    columns = (
+        {name: values.tolist() for name, values in part.items()} for part in (measured.values, measured.deviations)
+    )
+    return [measured.at.tolist(), *columns, measured.relative]

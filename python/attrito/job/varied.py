@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Sequence
-from typing import Any, Protocol
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
 
 from attrito.job.checks import Check
 from attrito.job.job import Job, rom_path
 from attrito.job.laws import LAW_KEYS
 from attrito.job.reading import check_job, plain
 from attrito.support.errors import Fault, InputError
+from attrito.support.toml_files import read_toml
+
+Asked = TypeVar("Asked")
 
 # What these hold is in the reduced model, but for the contacts' laws and the engine order.
 MODEL_TABLES = ("model", "reduction", "cyclic", "load", "output", "contact", "contact_set")
@@ -31,6 +36,35 @@ class Varied(Protocol):
     @property
     def factor(self) -> bool:
         """Whether the value multiplies what the job has."""
+
+
+def read_keys(
+    source: str | os.PathLike[str] | Mapping[str, Any],
+    folder: str | os.PathLike[str],
+    name: str,
+    check: Callable[[dict[str, Any], str], Asked],
+    with_job: Callable[[Asked, Any], Asked],
+) -> Asked:
+    """What a file asks of a job, checked.
+
+    Parameters
+    ----------
+    source : the file, or its keys as a dictionary, whose job may be one, too
+    folder, name : what file names of a dictionary are relative to, and what it is called there
+    check : from keys and the path that faults name
+    with_job : the same with a job that was not in a file
+
+    Raises
+    ------
+    InputError : the file cannot be read, or is at fault
+    """
+    if not isinstance(source, Mapping):
+        return check(read_toml(source, f"a {name}"), str(source))
+    given = source.get("job")
+    path = str(Path(folder) / name)
+    if not isinstance(given, Mapping | Job):
+        return check(plain(source), path)
+    return with_job(check(plain({**source, "job": "job"}), path), given)
 
 
 def with_values(job: Job, values: Sequence[tuple[Varied, float]], path: str, table: str, excited: bool = True) -> Job:

@@ -11,11 +11,10 @@ from typing import Any
 from attrito.fits.design import Parameter, parameters_in
 from attrito.job.checks import Check, choice, integer, listing, number, text
 from attrito.job.job import Job, files_read, rom_path
-from attrito.job.reading import plain, read_job
-from attrito.job.varied import checked, faults_of_keys, with_values
+from attrito.job.reading import read_job
+from attrito.job.varied import checked, faults_of_keys, read_keys, with_values
 from attrito.support.errors import Fault, InputError
 from attrito.support.overwrite_check import check_spared
-from attrito.support.toml_files import read_toml
 
 OBJECTIVES = ("amplitude", "amplitude_per_level")
 
@@ -90,13 +89,13 @@ def read_optimum(
     """
     if isinstance(source, Optimum):
         return source
-    if isinstance(source, Mapping):
-        given = source.get("job")
-        own = isinstance(given, Mapping | Job)
-        found = _check(plain({**source, "job": "job"} if own else source), str(Path(folder) / "optimum"))
-        return replace(found, job=read_job(given, folder)) if own else found
-    path = str(source)
-    return _check(read_toml(path, "an optimum"), path)
+    return read_keys(
+        source,
+        folder,
+        "optimum",
+        _check,
+        lambda optimum, job: replace(optimum, job=read_job(job, folder)),
+    )
 
 
 def _check(raw: dict[str, Any], path: str) -> Optimum:

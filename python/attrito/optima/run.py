@@ -58,6 +58,13 @@ def run_optimum(comm: Comm, path: str | Optimum) -> str:
         at_end = {parameter.low: " (its bound low)", parameter.high: " (its bound high)"}
         progress.say(f"{parameter.name}  {value:.6g}{at_end.get(value, '')}")
     progress.say(f"largest {asked.objective} {found.value:.6g}, after {len(found.tried)} samples")
+    if peaks.inexact:
+        progress.warn(
+            [
+                f"peaks of {peaks.inexact} of {len(found.tried)} samples have an estimated error above [balance]"
+                f" tolerance = {job['balance']['tolerance']:g}"
+            ]
+        )
     progress.say(asked.file)
     if not found.converged:
         raise UnsolvedError(asked.file, f"the search did not come to its end within {asked.most} samples")
@@ -75,6 +82,8 @@ class _Peaks(SamplePeaks):
         self._slopes: list[np.ndarray] = []
         self._values = np.empty(0)
         self.count = 0
+        # Samples with a peak whose estimated error is above the tolerance
+        self.inexact = 0
 
     def values(self, x: np.ndarray) -> np.ndarray:
         """Parameters at a point between 0 and 1."""
@@ -98,6 +107,7 @@ class _Peaks(SamplePeaks):
         slopes *= [one.rate(value) for one, value in zip(asked.parameters, values, strict=True)]
         scale = np.array(asked.levels) if asked.objective == "amplitude_per_level" else np.ones(len(rows))
         self.count += 1
+        self.inexact += any(row["outcome"] == "above_tolerance" for row in rows)
         named = ", ".join(f"{one.name} {value:.5g}" for one, value in zip(asked.parameters, values, strict=True))
         self._progress.say(f"{self.count:4d}  {named}  {asked.objective} {np.max(amplitude / scale):.6g}")
         return amplitude / scale, slopes / scale[:, np.newaxis]

@@ -126,8 +126,8 @@ def _solve(
         progress.expect(job["sweep"], job["continuation"]["branches"])
         first = on_root_only(comm, lambda: first_record(job, scene, rom, reduced, comm.size, linear, margin))
         stages.end("linear responses")
-        run = _Run(comm, job, solver, reduced, options, progress, stages, load_path, stop)
-        run.differentiator = Differentiator(comm, solver, job, scene, reduced)
+        differentiator = Differentiator(comm, solver, job, scene, reduced)
+        run = _Run(comm, job, solver, reduced, options, progress, stages, load_path, stop, differentiator)
         run.start, run.static_means = start, means
         try:
             with stop.solving():
@@ -152,6 +152,7 @@ class _Run:
         stages: Stages,
         load_path: np.ndarray,
         stop: Stop,
+        differentiator: Differentiator,
     ):
         self._comm, self._job, self._solver, self._reduced = comm, job, solver, reduced
         self._progress, self._stages = progress, stages
@@ -160,6 +161,7 @@ class _Run:
         self._sampler = Sampler(comm, solver, reduced, options, bounds, stop.interrupted)
         self._examiner = Examiner(comm, solver, job)
         self._longer = LongerPeriods(comm, solver, job, reduced, load_path)
+        self._differentiator = differentiator
         self._finder = Finder(solver, job, progress)
         self.result = job.file(job["output"]["file"])
         self.journal = f"{self.result}.partial"
@@ -167,7 +169,6 @@ class _Run:
         self.place = RunPosition()
         # The point of an older result that sweeps begin at, if any; monitors' means at the static solution
         self.start: StoredPoint | None = None
-        self.differentiator: Differentiator | None = None
         self.static_means: np.ndarray | None = None
 
     def solve(self, first: Record | None, load_path: np.ndarray, resume: bool, stop: Stop) -> None:
@@ -184,8 +185,7 @@ class _Run:
                 self.recorder.hear()
                 self._sampler.visit(point)
                 stages.end("bounds")
-                if self.differentiator is not None:
-                    self.differentiator.visit(point, self.recorder)
+                self._differentiator.visit(point, self.recorder)
                 stages.end("derivatives")
                 self._finder.visit(point)
                 stages.end("bifurcations")

@@ -1,7 +1,7 @@
 """Derivatives of a run's points by parameters of its job: found as each point is solved.
 
-At a point's frequency, with the sliders of contacts that never slip held where they are. One linearised step a
-parameter: see `src/sensitivity/parameter_derivative.f90`.
+At a point's frequency, with the sliders of contacts that never slip held where they are, directly or by the adjoint:
+`src/sensitivity/parameter_derivatives.f90`.
 """
 
 from __future__ import annotations

@@ -14,13 +14,12 @@ from scipy.stats import qmc
 
 from attrito.job.checks import Check, boolean, choice, dataset_name, integer, listing, number, text
 from attrito.job.job import Job, files_read, rom_path
-from attrito.job.reading import plain, read_job
-from attrito.job.varied import checked, faults_of_keys, is_of_model, with_values
+from attrito.job.reading import read_job
+from attrito.job.varied import checked, faults_of_keys, is_of_model, read_keys, with_values
 from attrito.modes.nonlinear import amplitudes, check_mode
 from attrito.studies.second_order import MOST_CHECKED, nodes
 from attrito.support.errors import Fault, InputError
 from attrito.support.overwrite_check import check_spared
-from attrito.support.toml_files import read_toml
 
 
 @dataclass(frozen=True)
@@ -183,13 +182,13 @@ def read_study(
     """
     if isinstance(source, Study):
         return source
-    if isinstance(source, Mapping):
-        given = source.get("job")
-        own = isinstance(given, Mapping | Job)
-        study = _check_study(plain({**source, "job": "job"} if own else source), str(Path(folder) / "study"))
-        return replace(study, job=read_job(given, folder, excited=study.is_excited)) if own else study
-    path = str(source)
-    return _check_study(read_toml(path, "a study"), path)
+    return read_keys(
+        source,
+        folder,
+        "study",
+        _check_study,
+        lambda study, job: replace(study, job=read_job(job, folder, excited=study.is_excited)),
+    )
 
 
 def _check_study(raw: dict[str, Any], path: str) -> Study:
