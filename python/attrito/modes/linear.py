@@ -10,15 +10,21 @@ import numpy as np
 
 from attrito.job.job import Job, linear_modes_path, model_path
 from attrito.job.reading import read_job
+from attrito.job.sensitivity import parameters_of
+from attrito.library.session import Solver
 from attrito.modes.families import KINDS, Family, families_of
+from attrito.modes.frequency_slopes import frequency_slopes, spring_rates
 from attrito.modes.scene_at_rest import Prepared, prepare, solver_at_rest
+from attrito.results.derivatives import derivative_columns
 from attrito.results.result import LINEAR_MODES, Result
 from attrito.runs.linear_references import MEANINGS
 from attrito.runs.progress import Progress
+from attrito.runs.sensitivity import SERIES, rates_of
 from attrito.scene.build import build_scene
 from attrito.scene.reduced_sector import attributes_of_sector, axes_of_sector
+from attrito.scene.scene import Scene
 from attrito.support.atomic_files import whole_hdf5
-from attrito.support.csv_text import cell
+from attrito.support.csv_text import cell, numbers
 from attrito.support.hdf5_writing import described
 from attrito.support.locks import writing_alone
 from attrito.support.parallel import on_root, on_root_only
@@ -49,9 +55,10 @@ def linear_modes_job(comm: Comm, path: str | Job, state: str = "tangent", count:
         prepared = prepare(comm, job, scene, progress)
         with solver_at_rest(comm, job, prepared, progress) as solver:
             families, closed = families_of(solver, state, count), solver.closed_contacts()
+            slopes = _slopes(comm, solver, job, scene, prepared, state, closed)
         found = [family.in_words() for family in families]
         progress.say(f"{state} ({MEANINGS[state]}): " + ("" if len(found) == 1 else "\n  ") + "\n  ".join(found))
-        on_root(comm, lambda: _write(file, job, prepared, state, families, closed, progress.warnings))
+        on_root(comm, lambda: _write(file, job, prepared, state, families, closed, slopes, progress.warnings))
     progress.say(file)
 
     def show() -> None:
@@ -62,6 +69,23 @@ def linear_modes_job(comm: Comm, path: str | Job, state: str = "tangent", count:
     return file
 
 
+def _slopes(
+    comm: Comm, solver: Solver, job: Job, scene: Scene | None, prepared: Prepared, state: str, closed: np.ndarray
+) -> np.ndarray | None:
+    """Derivatives of all natural frequencies by `[sensitivity] to`, `[modes, parameters]`; None without. Collective."""
+    if not (parameters := parameters_of(job)):
+        return None
+    # All of them: of a frequency that is repeated some might not be among those asked for.
+    modes = solver.linear_modes(state, len(prepared.reduced.mass))
+
+    def find() -> np.ndarray:
+        laws = np.array([rates_of(job, scene, one)[0] for one in parameters])
+        rates = spring_rates(prepared.reduced.laws["tangents"], laws, state, closed)
+        return frequency_slopes(modes, prepared.reduced.directions, rates)
+
+    return on_root(comm, find)
+
+
 def _write(
     path: str,
     job: Job,
@@ -69,6 +93,7 @@ def _write(
     state: str,
     families: list[Family],
     closed: np.ndarray,
+    slopes: np.ndarray | None,
     warnings: list[str],
 ) -> None:
     """Write the modes; the file appears when it is complete."""
@@ -106,6 +131,14 @@ def _write(
         kind = np.concatenate([np.arange(len(modes.natural_hz)) < modes.rigid for modes in of_all])
         described(file, "points/kind", "of the mode", names=KINDS, data=kind.astype(np.int32))
         _write_shapes(file, prepared, np.concatenate([modes.shapes for modes in of_all]))
+        if slopes is not None:
+            values = [one.value(job) for one in parameters_of(job)]
+            for name, data in (
+                ("frequency_hz", slopes[: len(frequency)]),
+                ("value", np.tile(values, (len(frequency), 1))),
+            ):
+                series = SERIES[name]
+                described(file, f"sensitivity/{name}", series.description, series.unit, data=data)
         described(file, "closed", "contacts that touch at the static solution", data=closed.astype(np.int32))
 
 
@@ -126,23 +159,21 @@ def _write_shapes(file: h5py.File, prepared: Prepared, shapes: np.ndarray) -> No
 def table(result: Result) -> str:
     """The modes as CSV: `mode, frequency_hz, kind, damping_ratio`, then the shape at each monitor.
 
-    Of a wheel `nodal_diameter` follows `mode`, and the shape is its parts `_cosine` and `_sine`.
+    Of a wheel `nodal_diameter` follows `mode`, and the shape is its parts `_cosine` and `_sine`. `frequency by NAME`,
+    last, are the derivatives by `[sensitivity] to`.
     """
     is_wheel = result.has("/points/nodal_diameter")
     parts = ("cosine", "sine") if is_wheel else ("shape",)
     columns = [("mode", [str(i + 1) for i in range(result.points)])]
     if is_wheel:
         columns.append(("nodal_diameter", [str(n) for n in result.array("/points/nodal_diameter")]))
-    columns.append(("frequency_hz", _numbers(result.array("/points/frequency_hz"))))
+    columns.append(("frequency_hz", numbers(result.array("/points/frequency_hz"))))
     columns.append(("kind", result.named("/points/kind")))
-    columns.append(("damping_ratio", _numbers(result.array("/points/damping_ratio"))))
+    columns.append(("damping_ratio", numbers(result.array("/points/damping_ratio"))))
     for name in result.monitors:
         for part in parts:
             heading = f"{name}_{part}" if is_wheel else name
-            columns.append((cell(heading), _numbers(result.monitor(name, part))))
+            columns.append((cell(heading), numbers(result.monitor(name, part))))
+    columns += derivative_columns(result, {"frequency": "frequency_hz"})
     lines = [[name for name, _ in columns], *zip(*(values for _, values in columns), strict=True)]
     return "\n".join(map(",".join, lines)) + "\n"
-
-
-def _numbers(values: np.ndarray) -> list[str]:
-    return [f"{value:.12g}" for value in values]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from attrito.results.result import Result
-from attrito.support.csv_text import cell
+from attrito.support.csv_text import cell, numbers
 
 NUMBERS = ("amplitude", "frequency_hz", "damping_ratio", "damping_ratio_structure", "dissipated_energy")
 
@@ -17,16 +17,12 @@ def table(result: Result) -> str:
     names = ["point", *NUMBERS, "converged", "outcome", "estimate", "iterations"]
     monitors = [(name, quantity) for name in result.monitors for quantity in ("amplitude", "mean")]
     names += [cell(f"{name}_{quantity}") for name, quantity in monitors]
-    columns = [_numbers(result.array(f"/points/{name}")) for name in NUMBERS]
+    columns = [numbers(result.array(f"/points/{name}")) for name in NUMBERS]
     columns.append(["true" if one else "false" for one in result.converged])
     columns.append([cell(one) for one in result.outcome])
-    columns.append(_numbers(result.array("/points/estimate")))
+    columns.append(numbers(result.array("/points/estimate")))
     columns.append([str(int(one)) for one in result.array("/points/iterations")])
-    columns += [_numbers(result.monitor(*both)) for both in monitors]
+    columns += [numbers(result.monitor(*both)) for both in monitors]
     lines = [",".join(names)]
     lines += [",".join([str(i), *row]) for i, row in enumerate(zip(*columns, strict=True))]
     return "\n".join(lines) + "\n"
-
-
-def _numbers(values) -> list[str]:
-    return ["" if value != value else f"{value:.12g}" for value in values]

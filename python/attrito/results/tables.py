@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
 from attrito.results.curve import curve_of, points_along
+from attrito.results.derivatives import sensitivity_columns
 from attrito.results.motion import quantity_of
 from attrito.results.result import Result
-from attrito.support.csv_text import cell
+from attrito.support.csv_text import cell, numbers
 from attrito.support.hdf5_reading import as_text
 
 # Of the most that a set dissipates: less has no shares, it is rounding.
@@ -31,21 +31,21 @@ def table(result: Result, quantities: Sequence[str] = ()) -> str:
     columns: dict[str, Iterable[str]] = {
         "point": map(str, range(result.points)),
         "branch": _integers(result.array("/points/branch")),
-        "frequency_hz": _numbers(result.array("/points/frequency_hz")),
+        "frequency_hz": numbers(result.array("/points/frequency_hz")),
         "converged": _booleans(result.converged),
         "outcome": map(cell, result.outcome),
         "stable": _booleans(result.array("/points/stable")),
         "unique": _booleans(result.array("/points/unique")),
         "period": _integers(result.array("/points/period")),
         "iterations": _integers(result.array("/points/iterations")),
-        "estimate": _numbers(result.array("/points/estimate")),
+        "estimate": numbers(result.array("/points/estimate")),
     }
     for name in result.monitors:
         for quantity in ("amplitude", "mean", "low", "high"):
-            columns[f"{name}_{quantity}"] = _numbers(result.monitor(name, quantity))
+            columns[f"{name}_{quantity}"] = numbers(result.monitor(name, quantity))
         for quantity in quantities:
             values = np.where(result.converged, quantity_of(result, name, quantity), np.nan)
-            columns[f"{name}_{quantity}"] = _numbers(values)
+            columns[f"{name}_{quantity}"] = numbers(values)
     return _csv(columns | _level_column(result, np.arange(result.points)))
 
 
@@ -59,14 +59,14 @@ def contact_table(result: Result) -> str:
     point = np.repeat(np.arange(result.points), nc)
     columns: dict[str, Iterable[str]] = {
         "point": map(str, point),
-        "frequency_hz": _numbers(result.array("/points/frequency_hz")[point]),
+        "frequency_hz": numbers(result.array("/points/frequency_hz")[point]),
         "contact": map(str, np.tile(np.arange(nc), result.points)),
         "state": [],
     }
     if nc:
         columns["state"] = map(cell, result.named("/contacts/state"))
     for name in real:
-        columns[name] = _numbers(result.array(f"/contacts/{name}").ravel()) if nc else []
+        columns[name] = numbers(result.array(f"/contacts/{name}").ravel()) if nc else []
     columns["unique"] = _booleans(result.array("/contacts/unique").ravel()) if nc else []
     return _csv(columns | _level_column(result, point))
 
@@ -86,7 +86,7 @@ def set_table(result: Result) -> str:
         member[row, contacts] = 1.0
     columns: dict[str, Iterable[str]] = {
         "point": map(str, point),
-        "frequency_hz": _numbers(result.array("/points/frequency_hz")[point]),
+        "frequency_hz": numbers(result.array("/points/frequency_hz")[point]),
         "set": map(cell, [*sets] * counts),
         "contacts": map(str, np.tile(member.sum(axis=1).astype(int), counts)),
     }
@@ -96,12 +96,12 @@ def set_table(result: Result) -> str:
         for number, name in enumerate(names):
             columns[name if name != "open" else "opened"] = map(str, _per_set(state == number, member).astype(int))
         for name in ("stick", "slip", "open"):
-            columns[name] = _numbers(_per_set(result.array(f"/contacts/{name}"), member / member.sum(axis=1)[:, None]))
+            columns[name] = numbers(_per_set(result.array(f"/contacts/{name}"), member / member.sum(axis=1)[:, None]))
         for name in ("n_mean", "dissipated_energy"):
-            columns[name] = _numbers(_per_set(result.array(f"/contacts/{name}"), member))
+            columns[name] = numbers(_per_set(result.array(f"/contacts/{name}"), member))
         energy = _per_set(result.array("/contacts/dissipated_energy"), member).reshape(counts, len(sets))
         whole = energy.sum(axis=1, keepdims=True)
-        columns["share"] = _numbers(
+        columns["share"] = numbers(
             np.divide(
                 energy, whole, out=np.full(energy.shape, np.nan), where=whole > SHARED * np.abs(energy).max(initial=0.0)
             ).ravel()
@@ -127,28 +127,10 @@ def _per_set(values: np.ndarray, member: np.ndarray) -> np.ndarray:
 def sensitivity_table(result: Result) -> str:
     """CSV, one line a point, quantity and parameter: `point, frequency_hz, quantity, parameter, value, derivative`.
 
-    Quantities are amplitudes and means of the monitors, as `tip_amplitude`. `value` is the parameter's; blank where
-    its contacts differ. No line if the job asked for none.
+    Quantities are amplitudes and means of the monitors, as `tip_amplitude`; of modes `frequency_hz` and damping ratios.
+    `value` is the parameter's; blank where its contacts differ. No line if the job asked for none.
     """
-    names = [f"{name}_{quantity}" for name in result.monitors for quantity in ("amplitude", "mean")]
-    parameters: list[str] = []
-    if result.has("/sensitivity/mean"):
-        parameters = json.loads(result.attribute("job"))["sensitivity"]["to"]
-    counts = (result.points, len(names), len(parameters))
-    derivatives = np.empty(counts)
-    for place, quantity in enumerate(("amplitude", "mean")):
-        if parameters:
-            derivatives[:, place::2] = np.swapaxes(result.array(f"/sensitivity/{quantity}"), 1, 2)
-    point, number, parameter = (axis.ravel() for axis in np.indices(counts))
-    value = result.array("/sensitivity/value")[point, parameter] if parameters else np.empty(0)
-    columns: dict[str, Iterable[str]] = {
-        "point": map(str, point),
-        "frequency_hz": _numbers(result.array("/points/frequency_hz")[point]),
-        "quantity": [cell(names[index]) for index in number],
-        "parameter": [cell(parameters[index]) for index in parameter],
-        "value": _numbers(value),
-        "derivative": _numbers(derivatives.ravel()),
-    }
+    point, columns = sensitivity_columns(result)
     return _csv(columns | _level_column(result, point))
 
 
@@ -161,14 +143,14 @@ def multiplier_table(result: Result) -> str:
     point = result.array("/multipliers/point") if result.has("/multipliers/point") else np.empty(0, dtype=int)
     columns: dict[str, Iterable[str]] = {
         "point": map(str, point),
-        "frequency_hz": _numbers(result.array("/points/frequency_hz")[point]),
+        "frequency_hz": numbers(result.array("/points/frequency_hz")[point]),
     } | dict.fromkeys(header, ())
     if len(point):
         for name in ("method", "kind"):
             names = result.names(f"/multipliers/{name}")
             columns[name] = [cell(names[index]) for index in result.array(f"/multipliers/{name}")]
         for name in ("real", "imag"):
-            columns[name] = _numbers(result.array(f"/multipliers/{name}"))
+            columns[name] = numbers(result.array(f"/multipliers/{name}"))
     if result.has("/multipliers/wavenumber"):
         columns["wavenumber"] = ["" if n < 0 else str(n) for n in result.array("/multipliers/wavenumber")]
     return _csv(columns | _level_column(result, point))
@@ -183,13 +165,13 @@ def bifurcation_table(result: Result) -> str:
     columns: dict[str, Iterable[str]] = {
         "branch": map(str, column["branch"]),
         "point": map(str, column["point"]),
-        "frequency_hz": _numbers(result.array("/bifurcations/frequency_hz")),
+        "frequency_hz": numbers(result.array("/bifurcations/frequency_hz")),
         "kind": [cell(names[index]) for index in column["kind"]],
     }
     for name in ("real", "imag", "uncertain_hz"):
-        columns[name] = _numbers(result.array(f"/bifurcations/{name}"))
+        columns[name] = numbers(result.array(f"/bifurcations/{name}"))
     for name in result.monitors:
-        columns[f"{name}_amplitude"] = _numbers(result.array(f"/bifurcations/amplitude/{name}"))
+        columns[f"{name}_amplitude"] = numbers(result.array(f"/bifurcations/amplitude/{name}"))
     return _csv(columns | _level_column(result, column["point"]))
 
 
@@ -200,30 +182,25 @@ def curve_table(result: Result, count: int) -> str:
     point = places.astype(int)
     frequency, *amplitudes = curve.at(places)
     columns: dict[str, Iterable[str]] = {
-        "level": _numbers(result.array("/points/level")[point]),
+        "level": numbers(result.array("/points/level")[point]),
         "branch": _integers(result.array("/points/branch")[point]),
-        "frequency_hz": _numbers(frequency),
+        "frequency_hz": numbers(frequency),
     }
     for name, amplitude in zip(curve.monitors, amplitudes, strict=True):
-        columns[f"{name}_amplitude"] = _numbers(amplitude)
+        columns[f"{name}_amplitude"] = numbers(amplitude)
     return _csv(columns)
 
 
 def _level_column(result: Result, point: np.ndarray) -> dict[str, Iterable[str]]:
     """The column `level`, if there is more than one."""
-    level = result.array("/points/level")
-    return {"level": _numbers(level[point])} if len(np.unique(level)) > 1 else {}
+    level = result.array("/points/level") if result.has("/points/level") else np.empty(0)
+    return {"level": numbers(level[point])} if len(np.unique(level)) > 1 else {}
 
 
 def _csv(columns: dict[str, Iterable[str]]) -> str:
     lines = [",".join(map(cell, columns))]
     lines.extend(",".join(row) for row in zip(*columns.values(), strict=True))
     return "\n".join(lines) + "\n"
-
-
-def _numbers(values: np.ndarray) -> Iterator[str]:
-    """12 significant digits; NaN is empty; no minus zero."""
-    return ("" if value != value else f"{value + 0.0:.12g}" for value in np.asarray(values, dtype=float).tolist())
 
 
 def _integers(values: np.ndarray) -> Iterator[str]:

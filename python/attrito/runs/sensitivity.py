@@ -40,7 +40,12 @@ SERIES = {
 } | {
     "value": Series(
         "real64", "the parameters, in the order of [sensitivity] to; NaN: its contacts differ", "each its own"
-    )
+    ),
+    "frequency_hz": Series(
+        "real64",
+        "derivative of the frequency by each parameter of [sensitivity] to; NaN: none, as of rigid-body modes",
+        "Hz per unit of the parameter",
+    ),
 }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from attrito.support.csv_text import cell
+from attrito.support.csv_text import cell, numbers
 from attrito.support.errors import Fault, InputError
 from attrito.support.hdf5_reading import as_text, is_of_format, stored
 
@@ -31,19 +31,15 @@ def table(path: str) -> str:
         parameter = as_text(file.attrs.get("parameter", "parameter"))
         columns = {"sample": [str(sample) for sample in np.repeat(np.arange(samples), count)]}
         for name, dataset in file.get("values", {}).items():
-            columns[name] = _numbers(np.repeat(dataset[()], count))
-        columns[parameter] = _numbers(np.tile(file["parameter"][()], samples))
+            columns[name] = numbers(np.repeat(dataset[()], count))
+        columns[parameter] = numbers(np.tile(file["parameter"][()], samples))
         for name, dataset in file[of].items():
             names = [as_text(one) for one in dataset.attrs.get("names", ())]
             if dataset.shape == (samples, count) and not (name == parameter and of == "peaks"):
                 values = dataset[()].ravel()
                 shown = f"peak_{name}" if name in columns else name
-                columns[shown] = [cell(names[value]) for value in values] if names else _numbers(values)
+                columns[shown] = [cell(names[value]) for value in values] if names else numbers(values)
             elif dataset.shape == (samples,):
-                columns[name] = _numbers(np.repeat(dataset[()], count))
+                columns[name] = numbers(np.repeat(dataset[()], count))
     lines = [",".join(map(cell, columns)), *(",".join(row) for row in zip(*columns.values(), strict=True))]
     return "\n".join(lines) + "\n"
-
-
-def _numbers(values: np.ndarray) -> list[str]:
-    return ["" if value != value else f"{value + 0.0:.12g}" for value in np.asarray(values, dtype=float).tolist()]

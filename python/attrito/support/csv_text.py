@@ -6,6 +6,8 @@ apostrophe in front, which spreadsheets take for "this is text". Numbers are not
 
 from __future__ import annotations
 
+import numpy as np
+
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
 SEPARATORS = (",", '"', "\n", "\r")
 
@@ -17,3 +19,8 @@ def cell(text: str) -> str:
     if any(mark in text for mark in SEPARATORS) or text != text.strip():
         return '"' + text.replace('"', '""') + '"'
     return text
+
+
+def numbers(values: np.ndarray) -> list[str]:
+    """12 significant digits; NaN is empty; no minus zero."""
+    return ["" if value != value else f"{value + 0.0:.12g}" for value in np.asarray(values, dtype=float).tolist()]

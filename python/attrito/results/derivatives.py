@@ -1,0 +1,67 @@
+"""Derivatives by the parameters of `[sensitivity]` in a result: as a table of their own, and as columns of others."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from attrito.results.result import Result
+from attrito.support.csv_text import cell, numbers
+
+# Of monitors, and of a point as a whole
+OF_MONITORS = ("amplitude", "mean")
+OF_POINTS = ("frequency_hz", "damping_ratio", "damping_ratio_structure")
+
+
+def parameters_of(result: Result) -> list[str]:
+    """Names of the parameters that a result has derivatives by."""
+    if not result.has("/sensitivity/value"):
+        return []
+    names: list[str] = json.loads(result.attribute("job"))["sensitivity"]["to"]
+    return names
+
+
+def derivatives_of(result: Result) -> tuple[list[str], np.ndarray]:
+    """Quantities, as `tip_amplitude` or `frequency_hz`, and their derivatives `[points, quantities, parameters]`."""
+    names: list[str] = []
+    found: list[np.ndarray] = []
+    monitors = {name: result.array(path) for name in OF_MONITORS if result.has(path := f"/sensitivity/{name}")}
+    for i, monitor in enumerate(result.monitors):
+        names += [f"{monitor}_{name}" for name in monitors]
+        found += [values[:, :, i] for values in monitors.values()]
+    for name in OF_POINTS:
+        if result.has(f"/sensitivity/{name}"):
+            names.append(name)
+            found.append(result.array(f"/sensitivity/{name}"))
+    shape = result.points, 0, len(parameters_of(result))
+    return names, np.stack(found, axis=1) if found else np.empty(shape)
+
+
+def sensitivity_columns(result: Result) -> tuple[np.ndarray, dict[str, list[str]]]:
+    """The point of each line, and columns: one line a point, quantity and parameter.
+
+    `point, frequency_hz, quantity, parameter, value, derivative`. `value` is the parameter's; blank where its contacts
+    differ. No line if the job asked for none.
+    """
+    parameters = parameters_of(result)
+    names, derivatives = derivatives_of(result)
+    point, number, parameter = (axis.ravel() for axis in np.indices(derivatives.shape))
+    value = result.array("/sensitivity/value")[point, parameter] if parameters else np.empty(0)
+    return point, {
+        "point": list(map(str, point)),
+        "frequency_hz": numbers(result.array("/points/frequency_hz")[point]),
+        "quantity": [cell(names[index]) for index in number],
+        "parameter": [cell(parameters[index]) for index in parameter],
+        "value": numbers(value),
+        "derivative": numbers(derivatives.ravel()),
+    }
+
+
+def derivative_columns(result: Result, short: dict[str, str]) -> list[tuple[str, list[str]]]:
+    """Columns `SHORT by NAME` of a point's quantities, named by what they are called in short; none without any."""
+    return [
+        (cell(f"{words} by {parameter}"), numbers(result.array(f"/sensitivity/{name}")[:, i]))
+        for i, parameter in enumerate(parameters_of(result))
+        for words, name in short.items()
+    ]
