@@ -97,7 +97,7 @@ def joined(scenes: list[Scene]) -> Scene:
 
 
 def write_inp(path: Path, scene: Scene, title: str) -> None:
-    """Write the mesh in CalculiX's format."""
+    """Write the mesh in CalculiX's format, all of its bodies of steel."""
     lines = [f"** {title}; mm, t, s", "*NODE"]
     lines += [f"{k}, {x:.12g}, {y:.12g}, {z:.12g}" for k, (x, y, z) in enumerate(scene.coordinates.tolist(), start=1)]
     element = 0
@@ -112,6 +112,7 @@ def write_inp(path: Path, scene: Scene, title: str) -> None:
         lines.append(f"*NSET, NSET={name}")
         ids = (rows + 1).tolist()
         lines += [", ".join(map(str, ids[k : k + 8])) for k in range(0, len(ids), 8)]
+    lines += [STEEL.rstrip(), *(f"*SOLID SECTION, ELSET={body}, MATERIAL=steel" for body in scene.elements)]
     path.write_text("\n".join(lines) + "\n")
 
 
@@ -146,8 +147,7 @@ def make_model(
     loads : files of forces: name in `out` -> what writes its text for a scene
     """
     loads = loads or {}
-    sections = "".join(f"*SOLID SECTION, ELSET={body}, MATERIAL=steel\n" for body in bodies)
-    decks = {job: f"*INCLUDE, INPUT={name}.inp\n{STEEL}{sections}{text}" for job, text in steps.items()}
+    decks = {job: f"*INCLUDE, INPUT={name}.inp\n{text}" for job, text in steps.items()}
     caller = Path(sys.argv[0]).read_text() if Path(sys.argv[0]).is_file() else ""
     scripts = {"": script} if isinstance(script, str) else {} if isinstance(script, Scene) else script
     drawn = [script.coordinates.tobytes().hex()] if isinstance(script, Scene) else [*scripts.values()]

@@ -38,6 +38,9 @@ if TYPE_CHECKING:
     from attrito.results.quantities import File, Group, Quantity
     from attrito.results.result import Result
     from attrito.results.tables import bifurcation_table, contact_table, multiplier_table, table
+    from attrito.stresses.cycle import Cycle
+    from attrito.stresses.run import stress
+    from attrito.stresses.stresses import Stresses
     from attrito.support.errors import Fault, InputError, NumericsError, UnsolvedError
 
 # HDF5 locks every file that it opens, and reads none where a file system has no locks. What attrito writes has locks of
@@ -60,6 +63,9 @@ _PLACES = {
     "import_model": "importers",
     "plot": "pictures",
     "write_report": "report.report",
+    "stress": "stresses.run",
+    "Cycle": "stresses.cycle",
+    "Stresses": "stresses.stresses",
     "File": "results.quantities",
     "Group": "results.quantities",
     "Quantity": "results.quantities",
@@ -75,6 +81,7 @@ _PLACES = {
     "UnsolvedWarning": "api",
 }
 __all__ = [
+    "Cycle",
     "Fault",
     "File",
     "Group",
@@ -82,6 +89,7 @@ __all__ = [
     "NumericsError",
     "Quantity",
     "Result",
+    "Stresses",
     "UnsolvedError",
     "UnsolvedWarning",
     "bifurcation_table",
@@ -97,6 +105,7 @@ __all__ = [
     "plot",
     "reduce",
     "run",
+    "stress",
     "study",
     "fit",
     "optimise",

@@ -7,7 +7,6 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
-import numpy as np
 from matplotlib.figure import Figure
 
 from attrito.library.names import REFERENCES
@@ -19,6 +18,7 @@ from attrito.plots.diameters import diameter_diagram
 from attrito.plots.modes import mode_curve
 from attrito.plots.response import Drawing, responses
 from attrito.plots.style import Look, save
+from attrito.results.chosen_points import chosen_point
 from attrito.results.loops import contact_loops, most_dissipating
 from attrito.results.result import CAMPBELL, LINEAR_MODES, MODE, Result
 from attrito.studies.picture import picture_of_file
@@ -216,24 +216,3 @@ def refuse_linear_modes(result: Result) -> None:
     if (form := result.attribute("format")) == LINEAR_MODES:
         expected = "a result of `attrito run` or `attrito mode` (attrito table and export --mode show linear modes)"
         raise InputError(Fault(result.path, "format", form, expected))
-
-
-def chosen_point(result: Result, point: int | None, monitor: str, levels: Sequence[float] | None = None) -> int:
-    """A point that holds a solution: the one asked for, or that of the largest amplitude (among some levels)."""
-    if point is not None:
-        result.check_point(point)
-        if not result.converged[point]:
-            outcome = result.outcome[point]
-            raise InputError(Fault(result.path, "--point", f"{point}, {outcome}", "a point with a solution"))
-        return point
-    amplitude = result.monitor(monitor, "amplitude")
-    if levels:
-        level = result.array("/points/level")
-        own = np.isclose(level[:, None], np.asarray(levels, dtype=float), rtol=1e-6, atol=0.0).any(axis=1)
-        if not own.any():
-            known = ", ".join(f"{one:.6g}" for one in np.unique(level))
-            raise InputError(Fault(result.path, "level", list(levels), f"one of {known}"))
-        amplitude = np.where(own, amplitude, np.nan)
-    if not np.any(np.isfinite(amplitude)):
-        raise InputError(Fault(result.path, "points", len(amplitude), "at least one converged point"))
-    return int(np.nanargmax(amplitude))

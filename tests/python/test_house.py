@@ -25,7 +25,7 @@ FLOORS = (
     ("scene", "patches"),
     ("results",),
     ("runs", "integration", "plots", "export"),
-    ("peaks", "report"),
+    ("peaks", "report", "stresses"),
     ("modes",),
     ("studies", "charts"),
     ("fits",),

@@ -20,6 +20,8 @@ from attrito.model.model_file import write_model
 from attrito.scene.build import build_scene
 from attrito.scene.reduced_model import reduced_scene
 from attrito.scene.reduced_sector import attributes_of_sector, axes_of_sector
+from attrito.stresses.cycle import cycle_of
+from attrito.stresses.recovery import nodal_stress
 
 SECTORS = 6
 FAR = 10_000
@@ -133,6 +135,19 @@ def test_the_wheel_drawn_from_one_sector_is_the_whole_wheel_s_motion(tmp_path, e
         now = (expected * np.exp(2j * np.pi * step / 5)).real[row]
         # Two solutions of condition some 1e4, and files in double precision.
         assert mesh.point_data["displacement"] == pytest.approx(now, abs=1e-9 * scale)
+
+    arguments = ["--young", "2e11", "--poisson", "0.3", "--wheel", "--vtu", str(tmp_path / "stress.vtu")]
+    assert main(["stress", str(tmp_path / "result.h5"), *arguments]) == 0, capfd.readouterr().err
+    ((kind, (ids, _)),) = whole.elements.items()
+    whole.elastic = {kind: np.tile([2e11, 0.3], (len(ids), 1))}
+    waves = np.stack([np.zeros_like(expected.real), expected.real, -expected.imag])
+    stresses = cycle_of(nodal_stress(whole, waves, np.ones(len(whole.node_ids), dtype=bool)).harmonics)
+    mesh = meshio.read(tmp_path / "stress.vtu")
+    row = cKDTree(whole.coordinates).query(mesh.points)[1]
+    for name in ("alternating_von_mises", "alternating_principal", "peak_von_mises"):
+        stress = getattr(stresses, name)
+        # Strains are displacements over a length of the order of an element, a tenth of the wheel: 1e-9 becomes 1e-8.
+        assert mesh.point_data[name] == pytest.approx(stress[row], abs=1e-7 * stress.max()), name
 
 
 def write_wave(folder, job, sector, motion, frequency):

@@ -29,7 +29,7 @@ def parser() -> argparse.ArgumentParser:
     parsers = whole.add_subparsers(dest="command", required=True, metavar="command")
     making = (_import, _reduce)
     solving = (_run, _chart, _peak, _linear_modes, _campbell, _mode, _study, _fit, _optimise, _integrate)
-    looking = (_table, _plot, _report, _info, _keys, _verify, _export)
+    looking = (_table, _plot, _report, _info, _keys, _verify, _export, _stress)
     for add in (*making, *solving, *looking):
         add(parsers)
     for name in SETTABLE:
@@ -341,6 +341,30 @@ def _export(parsers: Parsers) -> None:
     )
     one.add_argument("--wheel", action="store_true", help="all sectors of a wheel, of a job with [cyclic]")
     one.set_defaults(work=commands.export)
+
+
+def _stress(parsers: Parsers) -> None:
+    one = parsers.add_parser(
+        "stress", help="stresses of a vibration, alternating and mean for a Goodman diagram -> CSV"
+    )
+    one.add_argument("result", help="result file, or one of modes")
+    one.add_argument("-o", "--output", metavar="FILE", help="table to write (default: stress.csv beside the result)")
+    one.add_argument("--vtu", metavar="FILE", help="the field on the mesh, for ParaView")
+    one.add_argument("--wheel", action="store_true", help="with --vtu: all sectors of a wheel")
+    one.add_argument("--set", nargs="+", metavar="NAME", help="node sets (default: all nodes of solid elements)")
+    one.add_argument(
+        "--points", "--point", type=_numbers, metavar="LIST", help="points, as 12,30 (default: the largest amplitude)"
+    )
+    one.add_argument(
+        "--mode", type=_whole, metavar="N", help="of linear modes: the Nth; of a nonlinear mode: its point N"
+    )
+    one.add_argument("--monitor", help="monitor whose largest amplitude is meant (default: the first)")
+    one.add_argument("--young", type=_measured, metavar="E", help="Young's modulus of elements whose deck gives none")
+    one.add_argument("--poisson", type=_measured, metavar="NU", help="their Poisson's ratio")
+    one.add_argument(
+        "--amplitude", type=_measured, metavar="Q", help="of a linear mode, whose modal mass is 1 (default: 1)"
+    )
+    one.set_defaults(work=commands.stress)
 
 
 def _numbers(text: str) -> list[int]:

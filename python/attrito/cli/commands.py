@@ -298,12 +298,13 @@ def report(options: argparse.Namespace) -> None:
     """A result -> one HTML page."""
     from attrito.pictures import refuse_linear_modes
     from attrito.report.report import write_report
+    from attrito.results.chosen_points import chosen_point
     from attrito.results.result import Result
 
     path = options.output or _beside(options.result, "report.html")
     with Result(options.result) as result:
         refuse_linear_modes(result)
-        point = None if options.point is None else _point(result, options, "")
+        point = None if options.point is None else chosen_point(result, options.point, "")
         write_report(result, path, point)
     print(path)
 
@@ -320,6 +321,7 @@ def export(options: argparse.Namespace) -> None:
 
     from attrito.export.export import Options, export_point
     from attrito.model.model_file import read_model
+    from attrito.results.chosen_points import chosen_points
     from attrito.results.result import Result
     from attrito.support.parallel import everywhere
 
@@ -327,7 +329,7 @@ def export(options: argparse.Namespace) -> None:
     ending = "xdmf" if str(options.output).endswith(".xdmf") else "vtu"
     how = Options(options.phases, options.format or ending, options.scale, options.wheel)
     with everywhere(comm, lambda: Result(options.result)) as result:
-        points = everywhere(comm, lambda: _points(result, options))
+        points = everywhere(comm, lambda: chosen_points(result, options.points, options.mode, options.monitor))
         name = result.attribute("model_file")
         if not name:
             raise InputError(Fault(options.result, "model_file", "none", "a result of a model with a mesh"))
@@ -339,6 +341,30 @@ def export(options: argparse.Namespace) -> None:
             written, notes = export_point(result, point, model, place, rom, how, comm)
             if comm.rank == 0:
                 print("\n".join([written, *(f"  {note}" for note in notes)]))
+
+
+def stress(options: argparse.Namespace) -> None:
+    """Stress cycles at nodes -> CSV, and VTU if asked for, by the first rank."""
+    from mpi4py import MPI
+
+    from attrito.stresses.run import Wanted, write_stresses
+    from attrito.support.parallel import on_root
+
+    wanted = Wanted(
+        sets=tuple(options.set or ()),
+        young=options.young,
+        poisson=options.poisson,
+        amplitude=options.amplitude,
+        points=options.points,
+        mode=options.mode,
+        monitor=options.monitor,
+    )
+    path = options.output or _beside(options.result, "stress.csv")
+
+    def write() -> None:
+        print("\n".join(write_stresses(options.result, path, wanted, options.vtu, options.wheel)))
+
+    on_root(MPI.COMM_WORLD, write)
 
 
 def _export_matrices(options: argparse.Namespace) -> None:
@@ -397,44 +423,6 @@ def verify(options: argparse.Namespace) -> None:
     if harmonics < 1:
         raise InputError(Fault("verify", "--harmonics", harmonics, "at least 1"))
     verify_paper(options.output or "out/paper", harmonics, options.quick)
-
-
-def _monitor(result, options: argparse.Namespace) -> str:
-    chosen = getattr(options, "monitor", None)
-    if chosen is not None and chosen not in result.monitors:
-        raise InputError(Fault(options.result, "--monitor", chosen, "one of " + ", ".join(result.monitors)))
-    return chosen or result.monitors[0]
-
-
-def _point(result, options: argparse.Namespace, monitor: str) -> int:
-    """The chosen point, or that of the largest amplitude."""
-    from attrito.pictures import chosen_point
-
-    return chosen_point(result, options.point, monitor)
-
-
-def _points(result, options: argparse.Namespace) -> list[int]:
-    """The chosen points, or that of the largest amplitude; of linear modes the chosen one."""
-    from attrito.results.result import LINEAR_MODES, MODE
-
-    if result.attribute("format") == LINEAR_MODES:
-        count = result.points
-        if options.points is not None or options.mode is None or not 1 <= options.mode <= count:
-            key, given = ("--points", options.points) if options.points is not None else ("--mode", options.mode)
-            raise InputError(Fault(options.result, key, given, f"--mode and a number from 1 to {count}"))
-        return [options.mode - 1]
-    if result.attribute("format") == MODE and options.mode is not None:
-        return [_point(result, argparse.Namespace(point=options.mode, result=options.result), "")]
-    if options.mode is not None:
-        raise InputError(
-            Fault(options.result, "--mode", options.mode, "a file of `attrito linear-modes` or `attrito mode`")
-        )
-    if result.attribute("format") == MODE and options.points is None:
-        return [result.points - 1]
-    monitor = _monitor(result, options)
-    if options.points is None:
-        return [_point(result, argparse.Namespace(point=None, result=options.result), monitor)]
-    return [_point(result, argparse.Namespace(point=point, result=options.result), monitor) for point in options.points]
 
 
 def _numbered(path: str, point: int) -> str:

@@ -15,6 +15,7 @@ from mpi4py import MPI
 from attrito.export.mesh_pieces import Snapshot, XdmfSeries, share, write_collection, write_vtu
 from attrito.export.wheel import along_own_axes, wheel_of
 from attrito.model.surfaces import element_family
+from attrito.results.periodic_vectors import fourier, longest
 from attrito.results.result import LINEAR_MODES, Result
 from attrito.support.errors import Fault, InputError
 from attrito.support.hdf5_reading import stored
@@ -33,8 +34,6 @@ CELLS = {"C3D4": "tetra", "C3D8": "hexahedron", "C3D10": "tetra10", "C3D20": "he
 ENDINGS = ("vtu", "pvtu", "pvd", "xdmf", "h5")
 # Rows of the recovery basis read at once.
 ROWS = 16
-# Values per node and instant held at once while looking for the peaks.
-BLOCK = 2_000_000
 
 
 @dataclass(frozen=True)
@@ -72,7 +71,7 @@ class Motion:
 
     def shape_at(self, phase: float) -> np.ndarray:
         """Displacement [N, 3], mean included, at omega t = `phase`."""
-        return np.tensordot(_fourier(phase, len(self.harmonics), 0), self.harmonics, axes=1)
+        return np.tensordot(fourier(phase, len(self.harmonics)), self.harmonics, axes=1)
 
 
 def export_point(
@@ -176,7 +175,7 @@ def _snapshots(
     frequency = float(result.array("/points/frequency_hz")[point])
     period = 1.0 / frequency if frequency > 0.0 else 1.0
     for step in range(options.phases):
-        moved = np.tensordot(_fourier(2 * np.pi * step / options.phases, len(harmonics), 0), harmonics, axes=1)
+        moved = np.tensordot(fourier(2 * np.pi * step / options.phases, len(harmonics)), harmonics, axes=1)
         time = period * step / options.phases
         yield Snapshot(time, points + options.scale * moved, {"displacement": moved})
 
@@ -259,18 +258,11 @@ def node_motion(field: np.ndarray, model: Model) -> Motion:
 
 
 def motion_of(harmonics: np.ndarray) -> Motion:
-    """Motion of nodes with coefficients `[nk, N, 3]`.
-
-    The peaks are those of the continuous motion: |displacement - mean|^2 is a trigonometric polynomial of twice the
-    order, sampled to find the highest hump, then climbed by Newton's method.
-    """
-    count = harmonics.shape[1]
-    amplitude, phase = np.zeros(count), np.zeros(count)
-    moving = np.flatnonzero(np.any(harmonics[1:] != 0, axis=(0, 2)))
-    samples = 32 * max(1, len(harmonics) // 2)
-    for block in np.array_split(moving, max(1, len(moving) * samples // BLOCK)):
-        amplitude[block], phase[block] = _peaks(harmonics[:, block], samples)
-    return Motion(harmonics, amplitude, float(phase[np.argmax(amplitude)]) % (2 * np.pi))
+    """Motion of nodes with coefficients `[nk, N, 3]`; peaks are those of the continuous motion."""
+    about_mean = harmonics.copy()
+    about_mean[0] = 0
+    amplitude, phase = longest(about_mean)
+    return Motion(harmonics, amplitude, float(phase[np.argmax(amplitude)]))
 
 
 def node_harmonics(field: np.ndarray, model: Model) -> np.ndarray:
@@ -314,39 +306,3 @@ def mesh_cells(model: Model) -> tuple[list[tuple[str, np.ndarray]], list[str]]:
             continue
         cells.append((CELLS[family], order[np.searchsorted(model.node_ids, connectivity, sorter=order)]))
     return cells, notes
-
-
-def _fourier(phase: np.ndarray | float, nk: int, derivative: int) -> np.ndarray:
-    """1, cos, sin, cos 2, sin 2, ... of `phase`, or a derivative: [..., nk]."""
-    phase = np.asarray(phase, dtype=float)
-    harmonic = (np.arange(nk) + 1) // 2
-    # Every derivative turns a harmonic by a quarter; sin is cos a quarter late.
-    turn = (derivative - (np.arange(nk) % 2 == 0)) * np.pi / 2
-    values = harmonic**derivative * np.cos(phase[..., None] * harmonic + turn)
-    values[..., 0] = derivative == 0
-    return values
-
-
-def _peaks(harmonics: np.ndarray, samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """Largest |x - mean| of each node and the phase where it occurs, from [nk, nodes, 3]."""
-    nk = len(harmonics)
-    moving = harmonics.copy()
-    moving[0] = 0
-    grid = 2 * np.pi * np.arange(samples) / samples
-    distance = sum((_fourier(grid, nk, 0) @ moving[:, :, axis]) ** 2 for axis in range(3))
-    best = grid[np.argmax(distance, axis=0)]
-
-    def position(phase: np.ndarray, derivative: int) -> np.ndarray:
-        return np.einsum("nk,knd->nd", _fourier(phase, nk, derivative), moving)
-
-    phase = best.copy()
-    for _ in range(5):
-        x, velocity, acceleration = (position(phase, derivative) for derivative in range(3))
-        slope = (x * velocity).sum(axis=1)
-        curvature = (velocity**2).sum(axis=1) + (x * acceleration).sum(axis=1)
-        step = np.where(curvature < 0, -slope / np.where(curvature < 0, curvature, 1), 0)
-        phase = np.clip(phase + step, best - grid[1], best + grid[1])
-    climbed = np.linalg.norm(position(phase, 0), axis=1)
-    sampled = np.sqrt(distance.max(axis=0))
-    # A flat top (a circle) has nothing to climb; keep whichever is higher.
-    return np.maximum(climbed, sampled), np.where(climbed >= sampled, phase, best)

@@ -36,7 +36,7 @@ class Wheel:
 
     def points(self, points: np.ndarray) -> np.ndarray:
         """Nodes of all sectors, sector by sector, `[sectors N, 3]`, from those of one."""
-        return np.concatenate([self.axis.turned(points, self._angle(j)) for j in range(self.sectors)])
+        return np.concatenate([self.axis.turned(points, self.angle(j)) for j in range(self.sectors)])
 
     def cells(self, cells: list[tuple[str, np.ndarray]], nodes: int) -> list[tuple[str, np.ndarray]]:
         """Cells of all sectors, of `nodes` each."""
@@ -45,18 +45,20 @@ class Wheel:
 
     def harmonics(self, harmonics: np.ndarray) -> np.ndarray:
         """Coefficients `[nk, sectors N, 3]` of all sectors from those of one, `[nk, N, 3]`."""
-        return np.concatenate([self._of_sector(harmonics, j) for j in range(self.sectors)], axis=1)
+        return np.concatenate([self.of_sector(harmonics, j) for j in range(self.sectors)], axis=1)
 
-    def _of_sector(self, harmonics: np.ndarray, j: int) -> np.ndarray:
+    def of_sector(self, harmonics: np.ndarray, j: int) -> np.ndarray:
+        """Coefficients `[nk, N, 3]` of sector j from those of sector 0."""
         later = harmonics.copy()
         for h in range(1, (len(harmonics) + 1) // 2):
-            delay = h * self.engine_order * self._angle(j)
+            delay = h * self.engine_order * self.angle(j)
             cosine, sine = harmonics[2 * h - 1], harmonics[2 * h]
             later[2 * h - 1] = np.cos(delay) * cosine - np.sin(delay) * sine
             later[2 * h] = np.sin(delay) * cosine + np.cos(delay) * sine
-        return later @ self.axis.turn(self._angle(j)).T
+        return later @ self.axis.turn(self.angle(j)).T
 
-    def _angle(self, j: int) -> float:
+    def angle(self, j: int) -> float:
+        """Angle of sector j about the axis, rad."""
         return 2.0 * np.pi * j / self.sectors
 
 

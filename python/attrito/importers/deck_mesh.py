@@ -14,24 +14,14 @@ import meshio
 import numpy as np
 
 from attrito.importers.deck import Block, read_blocks
-from attrito.importers.mesh_data import LONGEST_RANGE, Mesh, check_coordinates
+from attrito.importers.deck_elastic import elastic_constants
+from attrito.importers.deck_ids import ELEMENT_TYPES, element_ids, element_type, fields, integers, set_members
+from attrito.importers.mesh_data import Mesh, check_coordinates
+from attrito.model.surfaces import element_family
 from attrito.support.errors import Fault, InputError
 
-# Variants differ in integration, not in nodes; matrices come from the FE code anyway.
-ELEMENT_TYPES = {
-    "C3D4": "C3D4",
-    "C3D8": "C3D8",
-    "C3D8R": "C3D8",
-    "C3D8I": "C3D8",
-    "C3D10": "C3D10",
-    "C3D10HS": "C3D10",
-    "C3D10M": "C3D10",
-    "C3D20": "C3D20",
-    "C3D20R": "C3D20",
-}
 # What removes dofs from CalculiX's matrices without holding them at zero.
 CONSTRAINTS = ("EQUATION", "MPC", "TIE", "RIGID BODY", "COUPLING", "CYCLIC SYMMETRY MODEL")
-NODES_PER_ELEMENT = {"C3D4": 4, "C3D8": 8, "C3D10": 10, "C3D20": 20}
 
 
 def read_deck_mesh(path: str | Path, skip: bool = False) -> Mesh:
@@ -56,13 +46,13 @@ def read_deck_mesh(path: str | Path, skip: bool = False) -> Mesh:
     if not node_blocks or not element_blocks:
         missing = "*ELEMENT" if node_blocks else "*NODE"
         raise InputError(Fault(str(path), missing, "missing", "a mesh with *NODE and *ELEMENT"))
-    others = [block for block in element_blocks if _element_type(block) not in ELEMENT_TYPES]
+    others = [block for block in element_blocks if element_type(block) not in ELEMENT_TYPES]
     if others and not skip:
         raise InputError(*map(_type_fault, others))
     element_blocks = [block for block in element_blocks if block not in others]
 
-    nodes = [_fields(line) for block in node_blocks for line in block.data]
-    node_ids = _integers([fields[0] for fields in nodes], node_blocks[0], "node ids")
+    nodes = [fields(line) for block in node_blocks for line in block.data]
+    node_ids = integers([words[0] for words in nodes], node_blocks[0], "node ids")
     if len(np.unique(node_ids)) < len(node_ids):
         ids, count = np.unique(node_ids, return_counts=True)
         raise InputError(node_blocks[0].fault(f"node {ids[count > 1][0]} twice", "every node id once"))
@@ -71,7 +61,8 @@ def read_deck_mesh(path: str | Path, skip: bool = False) -> Mesh:
     check_coordinates(str(path), node_ids, mesh.coordinates)
     for block, cells in zip(element_blocks, read.cells, strict=True):
         _add_elements(mesh, block, node_ids[cells.data])
-    mesh.skipped = [f"elements of type {_element_type(block)}, line {block.line}" for block in others]
+    mesh.elastic = elastic_constants(blocks, {kind: ids for kind, (ids, _) in mesh.elements.items()})
+    mesh.skipped = [f"elements of type {element_type(block)}, line {block.line}" for block in others]
     mesh.node_sets = _node_sets(blocks, node_ids)
     mesh.constraints = [f"*{block.keyword}, line {block.line}" for block in blocks if block.keyword in CONSTRAINTS]
     if any(block.keyword == "BOUNDARY" for block in blocks):
@@ -93,9 +84,9 @@ def _refuse_assembly(blocks: list[Block]) -> None:
 def _read_with_meshio(nodes: list[list[str]], element_blocks: list[Block], path: Path) -> meshio.Mesh:
     lines = ["*NODE"]
     # CalculiX takes coordinates left out as zero.
-    lines += [",".join([*fields, "0", "0", "0"][:4]) for fields in nodes]
+    lines += [",".join([*words, "0", "0", "0"][:4]) for words in nodes]
     for block in element_blocks:
-        lines.append(f"*ELEMENT, TYPE={ELEMENT_TYPES[_element_type(block)]}")
+        lines.append(f"*ELEMENT, TYPE={element_family(element_type(block))}")
         lines += block.data
     with tempfile.TemporaryDirectory() as folder:
         reduced = Path(folder) / "mesh.inp"
@@ -109,20 +100,15 @@ def _read_with_meshio(nodes: list[list[str]], element_blocks: list[Block], path:
             raise InputError(Fault(str(path), "file", str(error), "a mesh that meshio can read")) from error
 
 
-def _element_type(block: Block) -> str:
-    return block.parameters.get("TYPE", "").upper()
-
-
 def _type_fault(block: Block) -> Fault:
     # gmsh writes the surfaces that carry node sets as elements, too; CalculiX would count them as shells.
     expected = f"an element of type {', '.join(ELEMENT_TYPES)} (elements that only mark surfaces or edges: delete them)"
-    return block.fault(f"TYPE={_element_type(block)}", expected)
+    return block.fault(f"TYPE={element_type(block)}", expected)
 
 
 def _add_elements(mesh: Mesh, block: Block, connectivity: np.ndarray) -> None:
-    kind = ELEMENT_TYPES[_element_type(block)]
-    words = [word for line in block.data for word in _fields(line)]
-    ids = _integers(words[:: NODES_PER_ELEMENT[kind] + 1], block, "element ids")
+    kind = ELEMENT_TYPES[element_type(block)]
+    ids = element_ids(block)
     if kind in mesh.elements:
         before = mesh.elements[kind]
         ids, connectivity = np.concatenate([before[0], ids]), np.concatenate([before[1], connectivity])
@@ -141,7 +127,7 @@ def _node_sets(blocks: list[Block], node_ids: np.ndarray) -> dict[str, np.ndarra
             raise InputError(block.fault(f"NSET={name}", "a name without /"))
         name = names.setdefault(name.upper(), name)
         if block.keyword == "NODE":
-            ids = _integers([_fields(line)[0] for line in block.data], block, "node ids")
+            ids = integers([fields(line)[0] for line in block.data], block, "node ids")
         else:
             ids = set_members(block, {key: members[names[key]] for key in names if names[key] in members})
             if "GENERATE" in block.parameters:
@@ -152,31 +138,3 @@ def _node_sets(blocks: list[Block], node_ids: np.ndarray) -> dict[str, np.ndarra
         if len(unknown) > 0:
             raise InputError(block.fault(f"node {unknown[0]} in set {name}", "nodes that *NODE defines"))
     return members
-
-
-def set_members(block: Block, known: dict[str, np.ndarray]) -> np.ndarray:
-    """Ids that the lines of a set name, by themselves, by `GENERATE` or by sets known so far (in capitals)."""
-    if "GENERATE" in block.parameters:
-        rows = [_integers(_fields(line), block, "first, last, step") for line in block.data]
-        if not rows or any(len(row) not in (2, 3) or row[-1] < 1 for row in rows):
-            raise InputError(block.fault("GENERATE", "lines of first, last, step"))
-        longest = max(rows, key=lambda row: row[1] - row[0])
-        if longest[1] - longest[0] > LONGEST_RANGE:
-            words = ", ".join(map(str, longest))
-            raise InputError(block.fault(words, f"ranges of at most {LONGEST_RANGE} ids"))
-        return np.concatenate([np.arange(row[0], row[1] + 1, row[2] if len(row) == 3 else 1) for row in rows])
-    words = [word for line in block.data for word in _fields(line)]
-    named = [known[word.upper()] for word in words if word.upper() in known]
-    ids = _integers([word for word in words if word.upper() not in known], block, "node ids or names of sets")
-    return np.concatenate([ids, *named])
-
-
-def _fields(line: str) -> list[str]:
-    return [word.strip() for word in line.rstrip(", ").split(",")]
-
-
-def _integers(words: list[str], block: Block, what: str) -> np.ndarray:
-    try:
-        return np.array(words, dtype=np.int64)
-    except ValueError as error:
-        raise InputError(block.fault(str(error), what)) from error

@@ -144,7 +144,7 @@ def _model(
     files = [split_name(path)[0] for path in where.values()] + ([] if dofs is None else [str(dofs)])
     if nodes is not None:
         model.node_ids, model.coordinates = nodes.node_ids, nodes.coordinates
-        model.elements, model.node_sets = nodes.elements, nodes.node_sets
+        model.elements, model.elastic, model.node_sets = nodes.elements, nodes.elastic, nodes.node_sets
         files += map(str, nodes.files)
     check_spared("import", "output", [output], files)
     held = hold(model, holds, spin_hz, geometric)
@@ -210,6 +210,9 @@ def _notes(model: Model) -> list[str]:
     if generalised:
         notes.append(f'{generalised} of the dofs are generalised coordinates: ["node", number, "q"] in a job')
     notes += [f"{len(ids)} elements {kind}" for kind, (ids, _) in model.elements.items()]
+    known = sum(int(np.count_nonzero(~np.isnan(one).any(axis=1))) for one in model.elastic.values())
+    if known:
+        notes.append(f"elastic constants of {known} elements, for `attrito stress`")
     notes += [f"node set {name}: {len(ids)} nodes" for name, ids in model.node_sets.items()]
     return notes
 

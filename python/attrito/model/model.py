@@ -25,6 +25,8 @@ class Model:
         are only numbered
     node_ids, coordinates : `[N]` and `[N, 3]`, user length; None without a mesh
     elements : for each type its ids `[E]` and its connectivity `[E, k]` (node ids, CalculiX order)
+    elastic : for each type of elements Young's modulus (user force/length^2) and Poisson's ratio `[E, 2]`, NaN where
+        not known; no type: not known of any of its elements
     node_sets : for each name its node ids, ascending
     size : number of dofs n; taken from the stiffness matrix when there is one
     stiffness_holds : what the stiffness holds besides that of the structure at rest: names of `HOLDINGS`
@@ -39,6 +41,7 @@ class Model:
     node_ids: np.ndarray | None = None
     coordinates: np.ndarray | None = None
     elements: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    elastic: dict[str, np.ndarray] = field(default_factory=dict)
     node_sets: dict[str, np.ndarray] = field(default_factory=dict)
     size: int = 0
     stiffness_holds: tuple[str, ...] = ()

@@ -81,6 +81,11 @@ def _fill(file: h5py.File, model: Model, source: Sequence[str | Path]) -> None:
     for kind, (ids, connectivity) in model.elements.items():
         put(f"elements/{kind}/id", ids, np.int64, f"ids of the {kind} elements")
         put(f"elements/{kind}/connectivity", connectivity, np.int64, f"node ids of each {kind} element, CalculiX order")
+        if kind in model.elastic:
+            words = f"of each {kind} element, isotropic; NaN: not known"
+            young, poisson = model.elastic[kind].T
+            put(f"elements/{kind}/young_modulus", young, np.float64, f"Young's modulus {words}", "user force/length^2")
+            put(f"elements/{kind}/poisson_ratio", poisson, np.float64, f"Poisson's ratio {words}")
     for name, ids in model.node_sets.items():
         put(f"node_sets/{name}", ids, np.int64, f"node ids of the set {name}, ascending")
 
@@ -186,14 +191,34 @@ class _Reader:
             self.expect(len(ids) == len(connectivity), key, rows, f"a row for each of {len(ids)} elements")
             self.known(connectivity, key, model.node_ids)
             model.elements[kind] = (ids, connectivity)
+            self.elastic(model, kind)
         for name in self.file.get("node_sets", ()):
             model.node_sets[name] = self.array(f"node_sets/{name}", 1)
             self.known(model.node_sets[name], f"node_sets/{name}", model.node_ids)
 
+    def elastic(self, model: Model, kind: str) -> None:
+        names = [f"elements/{kind}/{name}" for name in ("young_modulus", "poisson_ratio")]
+        if not any(name in self.file for name in names):
+            return
+        constants = [self.array(name, 1, unknown=True) for name in names]
+        for name, values in zip(names, constants, strict=True):
+            count = len(model.elements[kind][0])
+            self.expect(len(values) == count, name, f"{len(values)} values", f"one for each of {count} elements")
+        if len(constants[0]) != len(constants[1]):
+            return
+        young, poisson = constants
+        solid = (young > 0.0) & (poisson > -1.0) & (poisson < 0.5) & np.isfinite(young)
+        wrong = np.flatnonzero(~solid & ~(np.isnan(young) & np.isnan(poisson)))
+        if len(wrong):
+            value = f"{young[wrong[0]]}, {poisson[wrong[0]]} of element {wrong[0]}"
+            self.expect(False, names[0], value, "a modulus above 0 and a Poisson's ratio between -1 and 0.5, or NaN")
+        model.elastic[kind] = np.column_stack(constants)
+
     def wanted(self, name: str) -> bool:
         return name != "damping" or name in self.file
 
-    def array(self, name: str, dimensions: int) -> np.ndarray:
+    def array(self, name: str, dimensions: int, unknown: bool = False) -> np.ndarray:
+        """A dataset; `unknown`: it may hold NaN."""
         dataset = self.file.get(name)
         is_array = isinstance(dataset, h5py.Dataset) and dataset.ndim == dimensions and dataset.dtype.kind in "iuf"
         if not is_array:
@@ -201,7 +226,7 @@ class _Reader:
             raise InputError(*self.faults, Fault(self.path, name, value, f"numbers in {dimensions} dimension(s)"))
         read = dataset[()]
         # Entries of matrices are looked at with the matrix, which names their place.
-        if read.dtype.kind == "f" and not name.endswith("/values") and not np.all(np.isfinite(read)):
+        if read.dtype.kind == "f" and not unknown and not name.endswith("/values") and not np.all(np.isfinite(read)):
             place = tuple(int(i) for i in np.argwhere(~np.isfinite(read))[0])
             self.faults.append(Fault(self.path, name, f"{read[place]} at {place}", "finite numbers"))
         return read

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from attrito.importers.deck import Block, read_blocks
-from attrito.importers.deck_mesh import set_members
+from attrito.importers.deck_ids import set_members
 from attrito.model.pressure import pressure_forces
 from attrito.model.surfaces import FACES, element_family
 from attrito.support.errors import InputError

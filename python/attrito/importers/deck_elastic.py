@@ -1,0 +1,95 @@
+"""Elastic constants of a deck's elements: `*ELASTIC` of the material that `*SOLID SECTION` names."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from attrito.importers.deck import Block
+from attrito.importers.deck_ids import element_ids, fields, set_members
+
+
+def elastic_constants(blocks: list[Block], elements: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Young's modulus and Poisson's ratio of elements.
+
+    Of constants that depend on the temperature the first count.
+
+    Parameters
+    ----------
+    blocks : of the deck
+    elements : ids by type
+
+    Returns
+    -------
+    `[E, 2]` by type, NaN where they are not known; no type: of none of its elements
+    """
+    materials = _materials(blocks)
+    of_element: dict[int, tuple[float, float]] = {}
+    sets = _Sets(blocks)
+    for block in blocks:
+        constants = materials.get(block.parameters.get("MATERIAL", "").upper())
+        if block.keyword == "SOLID SECTION" and constants is not None:
+            of_element |= dict.fromkeys(sets.members(block.parameters.get("ELSET", "")).tolist(), constants)
+    nothing = (np.nan, np.nan)
+    found = {
+        kind: np.array([of_element.get(element, nothing) for element in ids.tolist()], dtype=float).reshape(-1, 2)
+        for kind, ids in elements.items()
+    }
+    return {kind: constants for kind, constants in found.items() if np.isfinite(constants).any()}
+
+
+def _materials(blocks: list[Block]) -> dict[str, tuple[float, float]]:
+    """Constants of isotropic materials by name, in capitals."""
+    found: dict[str, tuple[float, float]] = {}
+    name = ""
+    for block in blocks:
+        if block.keyword == "MATERIAL":
+            name = block.parameters.get("NAME", "").upper()
+        is_isotropic = block.parameters.get("TYPE", "ISO").upper() in ("ISO", "ISOTROPIC")
+        if block.keyword == "ELASTIC" and is_isotropic and block.data:
+            constants = _constants(block.data[0])
+            if constants is not None:
+                found[name] = constants
+    return found
+
+
+def _constants(line: str) -> tuple[float, float] | None:
+    """Young's modulus and Poisson's ratio of a line; None where they are not those of an elastic solid.
+
+    Parameters in angle brackets are no numbers, and a material that nothing is made of may have any: neither is a fault
+    of a model whose matrices are right.
+    """
+    words = [word.upper().replace("D", "E") for word in fields(line)[:2]]
+    try:
+        young, poisson = float(words[0]), float(words[1]) if len(words) > 1 and words[1] else 0.0
+    except ValueError:
+        return None
+    return (young, poisson) if young > 0.0 and -1.0 < poisson < 0.5 else None
+
+
+class _Sets:
+    """Sets of elements, which may name others."""
+
+    def __init__(self, blocks: list[Block]):
+        self._elements: dict[str, list[Block]] = {}
+        self._sets: dict[str, list[Block]] = {}
+        self._known: dict[str, np.ndarray] = {}
+        for block in blocks:
+            if name := block.parameters.get("ELSET", "").upper():
+                if block.keyword == "ELEMENT":
+                    self._elements.setdefault(name, []).append(block)
+                elif block.keyword == "ELSET":
+                    self._sets.setdefault(name, []).append(block)
+
+    def members(self, name: str) -> np.ndarray:
+        """Ids; none where there is no such set."""
+        name = name.upper()
+        if name not in self._known:
+            # A set that names itself adds nothing.
+            self._known[name] = np.empty(0, dtype=np.int64)
+            parts = [element_ids(block) for block in self._elements.get(name, ())]
+            for block in self._sets.get(name, ()):
+                words = {word.upper() for line in block.data for word in fields(line)}
+                inner = {word: self.members(word) for word in words & (self._sets.keys() | self._elements.keys())}
+                parts.append(set_members(block, inner, "element ids or names of sets"))
+            self._known[name] = np.unique(np.concatenate([self._known[name], *parts]))
+        return self._known[name]

@@ -1,0 +1,105 @@
+"""Stresses at nodes at a point of a result: what they are, as a table and in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from attrito.stresses.cycle import Cycle
+from attrito.stresses.recovery import COMPONENTS
+from attrito.support.csv_text import numbers
+from attrito.support.errors import Fault, InputError
+
+
+@dataclass(frozen=True)
+class Stresses:
+    """Stresses at n places: nodes, of those between materials one for each.
+
+    Parameters
+    ----------
+    point, frequency_hz : of the result
+    row, node, coordinates : row in the model's nodes, id, and place in user length, `[n]`, `[n]`, `[n, 3]`
+    elastic : Young's modulus and Poisson's ratio of the material, `[n, 2]`
+    harmonics : Fourier coefficients mean, cos 1, sin 1, ... of xx, yy, zz, xy, yz, zx, `[nk, n, 6]`
+    cycle : alternating and mean stress, see `Cycle`
+    stress_unit, length_unit : names, of a job with `[model] units`; else empty
+    notes : what was left out
+    """
+
+    point: int
+    frequency_hz: float
+    row: np.ndarray
+    node: np.ndarray
+    coordinates: np.ndarray
+    elastic: np.ndarray
+    harmonics: np.ndarray
+    cycle: Cycle
+    stress_unit: str = ""
+    length_unit: str = ""
+    notes: tuple[str, ...] = ()
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Columns of the table by their names, with units where these are known."""
+        length = f" [{self.length_unit}]" if self.length_unit else ""
+        stress = f" [{self.stress_unit}]" if self.stress_unit else ""
+        cycle = self.cycle
+        found: dict[str, np.ndarray] = {
+            "point": np.full(len(self.node), self.point),
+            "frequency_hz": np.full(len(self.node), self.frequency_hz),
+            "node": self.node,
+        }
+        found |= {f"{axis}{length}": self.coordinates[:, k] for k, axis in enumerate("xyz")}
+        for name in (
+            "alternating_von_mises",
+            "mean_signed_von_mises",
+            "alternating_principal",
+            "mean_principal",
+            "peak_von_mises",
+        ):
+            found[f"{name}{stress}"] = getattr(cycle, name)
+        for name, tensor in (("alternating", cycle.alternating), ("mean", cycle.mean)):
+            found |= {f"{name}_{part}{stress}": tensor[:, k] for k, part in enumerate(COMPONENTS)}
+        found |= {f"phase_{k + 1}_deg": np.degrees(cycle.phases[:, k]) for k in range(2)}
+        found[f"young_modulus{stress}"] = self.elastic[:, 0]
+        return found
+
+    def to_csv(self, header: bool = True) -> str:
+        """The table as CSV, a line a place; 12 significant digits."""
+        columns = self.columns()
+        cells = [
+            [str(value) for value in values.tolist()] if values.dtype.kind == "i" else numbers(values)
+            for values in columns.values()
+        ]
+        lines = [",".join(columns)] if header else []
+        lines += [",".join(row) for row in zip(*cells, strict=True)]
+        return "\n".join(lines) + "\n"
+
+    def to_dataframe(self) -> Any:
+        """The table as a frame of pandas, which must be installed."""
+        try:
+            import pandas
+        except ImportError:
+            raise InputError(Fault("to_dataframe", "pandas", "absent", "pandas, of Debian python3-pandas")) from None
+        return pandas.DataFrame(self.columns())
+
+    def summary(self) -> list[str]:
+        """The greatest stresses in words."""
+        cycle = self.cycle
+        unit = f" {self.stress_unit}" if self.stress_unit else ""
+        lines = [f"point {self.point}, {self.frequency_hz:.6g} Hz: {len(np.unique(self.node))} nodes"]
+        worst = int(np.argmax(cycle.alternating_von_mises))
+        lines.append(
+            f"largest alternating von Mises stress {cycle.alternating_von_mises[worst]:.5g}{unit}"
+            f" {self._place(worst)}, about a mean of {cycle.mean_signed_von_mises[worst]:.5g}{unit}"
+        )
+        worst = int(np.argmax(cycle.peak_von_mises))
+        lines.append(
+            f"largest von Mises stress of the period {cycle.peak_von_mises[worst]:.5g}{unit} {self._place(worst)}"
+        )
+        return [*lines, *self.notes]
+
+    def _place(self, one: int) -> str:
+        where = ", ".join(f"{value:.5g}" for value in self.coordinates[one])
+        return f"at node {self.node[one]} ({where}{' ' + self.length_unit if self.length_unit else ''})"
