@@ -238,7 +238,7 @@ def one_by_one(options: argparse.Namespace, library: Path, chosen: list[Constant
             continue
         part = PART.get(folder, "list")
         if part not in before:
-            before[part] = solve_all(library, part, options.seed, list(range(options.scenes)), seconds=USUAL_SECONDS)
+            before[part] = solve_all(library, part, options.seed, list(range(options.scenes)), seconds=options.seconds)
         for factor in FACTORS:
             if (constant.file, constant.name, factor) in known:
                 continue
@@ -256,7 +256,8 @@ def together(options: argparse.Namespace, library: Path, chosen: list[Constant])
     idle = [row for row in rows if row["same"] == "1" and row["work"] == "1.0"]
     for part in options.parts:
         group = [one for one in chosen if any(is_of(row, one) and row["part"] == part for row in idle)]
-        before = solve_all(library, part, options.seed, list(range(options.scenes)), seconds=USUAL_SECONDS)
+        before = solve_all(library, part, options.seed, list(range(options.scenes)), seconds=options.seconds)
+        print(f"{part}: {len(before)} of {options.scenes} scenes take at most {options.seconds} s", flush=True)
         met = search(library, part, options.seed, before, group, OUT_OF_REACH)
         for factor in FACTORS:
             some = [one for one in met if any(is_of(row, one) and row["factor"] == factor for row in idle)]
@@ -327,6 +328,9 @@ if __name__ == "__main__":
     parser.add_argument("--only", nargs="+", help="folders below src/")
     parser.add_argument("--together", action="store_true", help="all that changed nothing at once")
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS), help="with --together")
+    parser.add_argument(
+        "--seconds", type=float, default=USUAL_SECONDS, help="of a processor that a scene may take as it is"
+    )
     parser.add_argument("--place", type=Path, default=Path("build") / "constants", help="where the library is built")
     parser.add_argument("--worker", help=argparse.SUPPRESS)
     given = parser.parse_args()

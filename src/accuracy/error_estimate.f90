@@ -45,7 +45,7 @@ module attrito_accuracy_error_estimate
     logical :: is_sure = .true., is_stiff = .false.
     !> Harmonics that have not settled, up to this one
     integer :: unsettled = 0
-    type(finer_balance_type), private :: longer, denser
+    type(finer_balance_type), private :: longer
     type(resonances_type), private :: resonances
     !> Greatest ratio of a contact's stiffness to that of the structure at it; negative: not computed yet
     real(wp), private :: stiffness_ratio = -1.0_wp
@@ -133,12 +133,7 @@ contains
       if (sampled > 0.0_wp) samples = densification*samples
       if (any_sampled(solver)) samples = max(samples, 8*((2*harmonics + 9)/8))
       call prepare(self%longer, solver, harmonics, samples)
-      if (sampled > 0.0_wp) then
-        call prepare(self%denser, solver, balance%receptance%harmonics, samples)
-        call self%longer%correct(solver, first, status, self%denser)
-      else
-        call self%longer%correct(solver, first, status)
-      end if
+      call self%longer%correct(solver, first, status)
     end associate
     if (status == 0) call step_again(self%longer, solver, first, threshold, second)
   end subroutine look_finer
@@ -210,6 +205,5 @@ contains
     class(error_estimate_type), intent(inout) :: self
 
     call self%longer%destroy()
-    call self%denser%destroy()
   end subroutine destroy
 end module attrito_accuracy_error_estimate

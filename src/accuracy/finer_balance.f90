@@ -75,7 +75,7 @@ contains
   end function new_finer_balance
 
   !> The solver's present point, corrected.
-  subroutine correct(self, solver, point, status, denser)
+  subroutine correct(self, solver, point, status)
     class(finer_balance_type), intent(in) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
@@ -83,15 +83,14 @@ contains
     type(finer_point_type), intent(out) :: point
     !> 0, or not: singular
     integer, intent(out) :: status
-    !> As many harmonics as the solver has, and as many samples as this one: says what part samples have in the change
-    type(finer_balance_type), intent(in), optional :: denser
     complex(wp), allocatable :: response(:, :)
-    real(wp), allocatable :: change(:, :), released(:, :)
+    real(wp), allocatable :: deviation(:, :), by_samples(:, :), released_by_samples(:, :), change(:, :), released(:, :)
 
     associate (balance => solver%context%balance)
       allocate (response(size(balance%response, 1), 0:self%harmonics), source=(0.0_wp, 0.0_wp))
       response(:, :balance%receptance%harmonics) = balance%response
-      call self%respond_beyond(solver, kept_deviation(self, solver), response)
+      call forces_at_own_motion(self, solver, deviation, by_samples, released_by_samples)
+      call self%respond_beyond(solver, deviation, response)
       point%motion = resized(solver%motion, 2*self%harmonics + 1)
       if (self%harmonics > balance%receptance%harmonics) then
         associate (beyond => balance%receptance%harmonics + 1)
@@ -99,7 +98,9 @@ contains
         end associate
       end if
       call change_forces(self, solver, point%motion, change, released)
-      if (present(denser)) call extrapolate_samples(denser, solver, change, released, point%samples_share)
+      if (self%quadrature%fourier%samples >= densification*balance%quadrature%fourier%samples) then
+        call extrapolate_samples(solver, by_samples, released_by_samples, change, released, point%samples_share)
+      end if
       call step(solver, change, released, response, point, status)
       if (status == 0) point%monitors = balance%monitors%motion_of(response)
       point%response = response
@@ -107,32 +108,40 @@ contains
     end associate
   end subroutine correct
 
-  !> Deviation of this rank's rows at the balance's own motion [2 K + 1, rows]: mostly the balance has kept as many harmonics of it.
-  function kept_deviation(self, solver) result(deviation)
+  !> Deviation at the balance's own motion, of which it has mostly kept as many harmonics, and what denser samples change of it.
+  subroutine forces_at_own_motion(self, solver, deviation, by_samples, released)
     class(finer_balance_type), intent(in) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
-    real(wp), allocatable :: deviation(:, :), motion(:, :)
+    !> Of this rank's rows [2 K + 1, rows]
+    real(wp), allocatable, intent(out) :: deviation(:, :)
+    !> What denser samples change of the deviation [2 H + 1, rows], and of where periodic sliders go [width, contacts]
+    real(wp), allocatable, intent(out) :: by_samples(:, :), released(:, :)
     type(contact_forces_type) :: forces
-    integer :: i
+    integer :: i, k
 
     associate (balance => solver%context%balance)
-      allocate (deviation(2*self%harmonics + 1, balance%rows()), source=0.0_wp)
+      k = balance%coefficients()
+      allocate (deviation(2*self%harmonics + 1, balance%rows()), by_samples(k, balance%rows()), &
+                released(size(balance%slider, 1), size(balance%law)), source=0.0_wp)
       do i = 1, size(balance%law)
         if (balance%forces(i)%state < state_slipping) cycle
-        associate (first => balance%law(i)%first_row, last => balance%law(i)%first_row + balance%law(i)%tangents)
-          if (size(balance%forces(i)%deviation, 1) >= size(deviation, 1) .and. .not. self%is_denser_for(balance, i)) then
-            deviation(:, first:last) = balance%forces(i)%deviation(:size(deviation, 1), :)
-          else
-            motion = resized(solver%motion(:, first:last), size(deviation, 1))
-            forces%deviation = deviation(:, first:last)
-            call self%evaluate(solver, i, motion, balance%forces(i)%slider, forces)
-            deviation(:, first:last) = forces%deviation
+        associate (before => balance%forces(i), first => balance%law(i)%first_row, &
+                   last => balance%law(i)%first_row + balance%law(i)%tangents)
+          if (size(before%deviation, 1) >= size(deviation, 1) .and. .not. self%is_denser_for(balance, i)) then
+            deviation(:, first:last) = before%deviation(:size(deviation, 1), :)
+            cycle
           end if
+          forces%deviation = deviation(:, first:last)
+          call self%evaluate(solver, i, resized(solver%motion(:, first:last), size(deviation, 1)), before%slider, forces)
+          deviation(:, first:last) = forces%deviation
+          if (.not. self%is_denser_for(balance, i)) cycle
+          by_samples(:, first:last) = forces%deviation(:k, :) - before%deviation(:k, :)
+          if (before%periodic) released(:, i) = forces%moved - before%moved
         end associate
       end do
     end associate
-  end function kept_deviation
+  end subroutine forces_at_own_motion
 
   !> Response at the harmonics beyond H to the contact forces and loads there.
   subroutine respond_beyond(self, solver, deviation, response)
@@ -221,21 +230,19 @@ contains
   end subroutine change_forces
 
   !> The part of a change of the forces that is due to samples. It is extrapolated: the error falls like the square of their number.
-  subroutine extrapolate_samples(denser, solver, change, released, share)
-    !> Balance with more harmonics or samples
-    type(finer_balance_type), intent(in) :: denser
-    !> Solver of points, which this moves
-    type(solver_type), intent(inout) :: solver
-    !> By harmonics and samples
+  subroutine extrapolate_samples(solver, by_samples, released_by_samples, change, released, share)
+    !> Solver of points: its motion, sliders, angular frequency and balance
+    type(solver_type), intent(in) :: solver
+    !> What denser samples change of the forces [2 H + 1, rows], and of where periodic sliders go [width, contacts]
+    real(wp), intent(in) :: by_samples(:, :), released_by_samples(:, :)
+    !> The same by harmonics and samples together
     real(wp), intent(inout) :: change(:, :), released(:, :)
     !> Of samples in the motion that both parts by themselves make
     real(wp), intent(out) :: share
     !> What the denser balance's own error adds: s^-2/(1 - s^-2)
     real(wp), parameter :: rest = 1.0_wp/(densification**2 - 1.0_wp) ! derived
-    real(wp), allocatable :: by_samples(:, :), released_by_samples(:, :)
     real(wp) :: harmonics, samples
 
-    call change_forces(denser, solver, solver%motion, by_samples, released_by_samples)
     harmonics = moved_by(solver, change - by_samples)
     samples = (1.0_wp + rest)*moved_by(solver, by_samples)
     share = samples/max(samples + harmonics, tiny(1.0_wp))
