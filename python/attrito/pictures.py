@@ -12,8 +12,9 @@ from matplotlib.figure import Figure
 from attrito.library.names import REFERENCES
 from attrito.peaks.file import holds_peaks
 from attrito.peaks.plot import peak_curve
-from attrito.plots import contacts
 from attrito.plots.campbell import campbell_diagram
+from attrito.plots.contact_maps import contact_map, place_in_words
+from attrito.plots.contacts import hysteresis
 from attrito.plots.diameters import diameter_diagram
 from attrito.plots.modes import mode_curve
 from attrito.plots.response import Drawing, responses
@@ -170,11 +171,11 @@ def _drawn(results: Sequence[Result], kind: str, wishes: Wishes, look: Look) -> 
         return responses(results, monitor, look, drawing), name
     point = chosen_point(result, wishes.point, monitor, wishes.level)
     if wishes.map:
-        return contacts.contact_map(result, point, wishes.map, look), "contacts.png"
+        return contact_map(result, point, wishes.map, look), "contacts.png"
     chosen = wishes.contact or most_dissipating(result, point)
     units = [result.unit(f"/contacts/{name}") for name in ("displacement", "force")]
-    title = contacts.place_in_words(result, point)
-    return contacts.hysteresis(contact_loops(result, point, chosen), *units, look=look, title=title), "loops.png"
+    title = place_in_words(result, point)
+    return hysteresis(contact_loops(result, point, chosen), *units, look=look, title=title), "loops.png"
 
 
 def _kind(result: Result, wishes: Wishes) -> str:

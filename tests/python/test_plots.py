@@ -9,7 +9,9 @@ from figures import marks
 from matplotlib import image
 from matplotlib.collections import PathCollection, PolyCollection
 
-from attrito.plots.contacts import contact_map, hysteresis, surfaces
+from attrito.plots.contact_maps import contact_map
+from attrito.plots.contact_surfaces import surfaces
+from attrito.plots.contacts import hysteresis
 from attrito.plots.response import frequency_response
 from attrito.plots.style import Look, save
 from attrito.results.loops import Loop

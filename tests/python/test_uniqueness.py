@@ -308,9 +308,30 @@ def test_points_are_the_same_to_the_last_bit_with_and_without_visits(tmp_path, t
     assert np.all(visited["points/bounds"][mixed] == 2)
     assert mixed.any()
     assert 2 not in without["points/bounds"]
-    for name in without.keys() - {"points/bounds", "contacts/unique"}:
+    for name in without.keys() - {"points/bounds", "points/amplitude_change", "contacts/unique"}:
         if not name.endswith(("low", "high")):
             assert np.array_equal(without[name], visited[name], equal_nan=without[name].dtype.kind == "f"), name
+
+
+def test_what_other_members_change_of_an_amplitude_lies_within_its_bounds_and_is_nothing_where_all_stick(tmp_path):
+    job = chain(contacts=4, tangents=2)
+    job["load"][1]["cosine"] = [[0, 30.0]]
+    job["sweep"] = {"frequencies_hz": [79.5, 78.5], "levels": [0.1, 1.0]}
+    # The budget pays no search where four contacts have two tangents each; one member is visited all the same.
+    auto, sampled = (everything(tmp_path, job | {"static": {"bounds": how}}) for how in ("auto", "sampled"))
+    change, height = auto["points/amplitude_change"], auto["monitors/end/amplitude"]
+    sticks = (auto["contacts/state"] < 2).all(axis=1)
+    assert sticks.any() and np.all(change[sticks] == 0.0)
+    slips = ~sticks & (auto["points/unique"] == 0)
+    highest = slips & (height >= np.maximum.accumulate(np.where(slips, height, 0.0)))
+    assert highest.any() and np.all(auto["points/bounds"][highest] == 3)
+    assert np.all(change[highest] > 1e-6)
+    width = (sampled["monitors/end/high"] - sampled["monitors/end/low"]) / height
+    for one in (change, sampled["points/amplitude_change"]):
+        known = np.isfinite(one) & slips
+        # Members are solved to residuals of 1e-10, and bounds lie 1e-9 of the forces within the cones; the law holds at
+        # samples only while the bounds keep it at every instant, as above.
+        assert known.any() and np.all(one[known] <= width[known] + 1e-6)
 
 
 def test_one_two_and_four_ranks_find_the_same_sampled_bounds(tmp_path):

@@ -14,7 +14,7 @@ import matplotlib.style
 import numpy as np
 from matplotlib import font_manager
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.transforms import ScaledTranslation
 
 from attrito.support.atomic_files import whole_file
@@ -57,6 +57,7 @@ class Look:
     font : a font that is installed; None: matplotlib's own
     font_size : points, of tick labels; the others follow
     name : a style of matplotlib, or a file of one (.mplstyle), laid over attrito's own
+    on : a part of a page (SubFigure) that is drawn on, in its own size; None: a figure by itself
 
     Raises
     ------
@@ -68,6 +69,7 @@ class Look:
     font: str | None = None
     font_size: float = 9.0
     name: str | None = None
+    on: SubFigure | None = None
 
     def __post_init__(self) -> None:
         if self.name is not None:
@@ -96,11 +98,17 @@ class Look:
 
     def size(self, usual: tuple[float, float]) -> tuple[float, float]:
         """Inches of a figure that is usually so large; one measure given keeps its proportions."""
+        if self.on is not None:
+            return self.on.bbox.width / self.on.dpi, self.on.bbox.height / self.on.dpi
         given = [None if value is None else value / 25.4 for value in (self.width, self.height)]
         if given == [None, None]:
             return usual
         ratio = usual[1] / usual[0]
         return given[0] or given[1] / ratio, given[1] or given[0] * ratio
+
+    def figure(self, usual: tuple[float, float]) -> Figure | SubFigure:
+        """A figure that is usually so large, in inches, or the part of a page."""
+        return self.on or Figure(figsize=self.size(usual), constrained_layout=True)
 
 
 def _style_called(name: str) -> dict[str, object]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from attrito.plots.contacts import contact_map, surfaces
+from attrito.plots.contact_maps import contact_map
 from attrito.plots.modes import mode_curve
 from attrito.report import figures as report_figures
 from attrito.report.page import Page
@@ -68,13 +68,13 @@ def mode(page: Page, view: View) -> None:
     ]
     header = ["point", "amplitude Q", "Hz", "damping ratio, contacts", "structure", "work a period", "estimated error"]
     page.table([*header, "outcome"], rows)
-    if view.point is None or not surfaces(result):
+    if view.point is None or not view.surfaces:
         return
     page.subsection(f"Contacts at point {view.point}, Q = {result.array('/points/amplitude')[view.point]:.4g}")
     captions = {"state": "What each contact does over the period.", "energy": "What each contact dissipates a period."}
     page.figures(
         [
-            (contact_map(result, view.point, kind, report_figures.LOOK, titled=False), words)
+            (contact_map(result, view.point, kind, report_figures.LOOK, titled=False, panels=view.surfaces), words)
             for kind, words in captions.items()
         ]
     )

@@ -152,8 +152,13 @@ def _families(view: View) -> list[tuple[str, bool]]:
     if not (unique == 0).any():
         return [("Every point examined is unique.", False)] if (unique == 1).any() else []
     where, count = view.ranges(unique == 0), int((unique == 0).sum())
-    words = f"Mean contact forces are not unique at {count} of {view.result.points} points, each one of a family"
-    return [(f"{words} of solutions ({where}); {_reach(view)}.", False)]
+    words = f"mean contact forces are not unique at {count} of {view.result.points} points, each one of a family"
+    words += f" of solutions ({where})"
+    reach = _reach(view)
+    # What matters of it goes first, where it is known.
+    parts = (reach, words) if np.isfinite(view.amplitude_widths()).any() else (words, reach)
+    line = "; ".join(parts)
+    return [(f"{line[:1].upper()}{line[1:]}.", False)]
 
 
 def _reach(view: View) -> str:

@@ -13,7 +13,8 @@ import numpy as np
 from attrito.job.cyclic import nodal_diameter, nodal_diameter_in_words
 from attrito.job.reference import as_job
 from attrito.library.names import REFERENCES
-from attrito.plots.contacts import contact_map, hysteresis, surfaces
+from attrito.plots.contact_maps import contact_map
+from attrito.plots.contacts import hysteresis
 from attrito.plots.response import Drawing, frequency_response
 from attrito.report import figures as report_figures
 from attrito.report.page import Page
@@ -93,7 +94,7 @@ def contacts(page: Page, view: View) -> None:
         return
     words = f"Over the sweep of level {view.level[view.point]:.4g}: shares of the time of all contacts, and the energy"
     page.figures([(report_figures.contact_shares(view.result, view.sweep()), f"{words} that they dissipate together.")])
-    if not surfaces(view.result):
+    if not view.surfaces:
         page.text("These contacts have no place in space, so there is no map of them.")
         return
     peaks = [point for point in view.peaks.values() if point is not None]
@@ -101,15 +102,18 @@ def contacts(page: Page, view: View) -> None:
         peaks = [peaks[index] for index in np.linspace(0, len(peaks) - 1, MOST_MAPS).round().astype(int)]
     captions = {
         "state": "What each contact does over the period.",
-        "energy": "What each contact dissipates. Diamonds part for some of the period, hollow ones never touch.",
+        "energy": "What each contact dissipates. Hatched: parts for some of the period; dotted: never touches.",
     }
     for point in dict.fromkeys([*peaks, view.point]):
         page.subsection(f"At {view.place(point)}")
         page.figures(
-            [(contact_map(view.result, point, kind, report_figures.LOOK, titled=False), words)
+            [(contact_map(view.result, point, kind, report_figures.LOOK, titled=False, panels=view.surfaces), words)
              for kind, words in captions.items()]
         )  # fmt: skip
-    page.text("Each surface is seen along the normal of the plane nearest to its contacts; lengths are the user's.")
+    words = "Each surface is seen along the normal of the plane nearest to its contacts, lengths from their middle."
+    meshed = all(surface.cells for surface in view.surfaces)
+    words += " Each contact has the part of the mesh's faces that is nearest to it." if meshed else ""
+    page.text(words)
 
 
 def loops(page: Page, view: View) -> None:

@@ -7,7 +7,6 @@ straighter it is looked at.
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 import matplotlib
@@ -17,13 +16,11 @@ from matplotlib.figure import Figure
 
 from attrito.model.face_shapes import corners
 from attrito.model.model import Model
-from attrito.model.model_file import read_model
 from attrito.model.surfaces import set_faces
 from attrito.plots.style import BRANCH_COLOURS, legend_below
 from attrito.report.figures import LOOK
 from attrito.report.page import Page
 from attrito.report.view import View
-from attrito.support.errors import InputError
 
 # From where the model is seen
 DIRECTION = np.array([1.0, -1.6, 0.9])
@@ -34,22 +31,12 @@ MOST_FACES = 6000
 def structure(page: Page, view: View) -> None:
     """What was solved: the picture of the model, where its file is there, and its sizes."""
     page.section("Model")
-    model = _model(view)
+    model = view.model
     page.pairs(_sizes(view, model))
-    if model is not None and model.elements:
-        words = "The model without perspective, z upwards. Contacts are shown through the structure."
+    if model is not None:
+        words = "The model without perspective, z upwards. Contact faces are shown through the structure."
         if (figure := model_picture(view, model)) is not None:
             page.figures([(figure, words)])
-
-
-def _model(view: View) -> Model | None:
-    name = view.result.attribute("model_file")
-    if not name or not Path(name).is_file():
-        return None
-    try:
-        return read_model(name, matrices=False)
-    except InputError:
-        return None
 
 
 def _sizes(view: View, model: Model | None) -> list[tuple[str, object]]:
@@ -114,6 +101,16 @@ def model_picture(view: View, model: Model) -> Figure | None:
     return figure
 
 
+def contact_faces(model: Model, job: dict[str, Any]) -> list[list[int]]:
+    """Corners, as node ids, of the faces of both sides of all contact sets."""
+    sides = [one.get(side) for one in job.get("contact_set") or [] for side in ("a", "b")]
+    found: list[list[int]] = []
+    for name in dict.fromkeys(side for side in sides if side in model.node_sets):
+        for block in set_faces(model.elements, model.node_sets[name]):
+            found += block[:, : corners(block.shape[1])].tolist()
+    return found
+
+
 def axes_of_view(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """To the right, up and towards the viewer, unit vectors; z is up."""
     towards = direction / np.linalg.norm(direction)
@@ -124,14 +121,20 @@ def axes_of_view(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 def _mark(axes: Any, view: View, model: Model, seat: dict[int, int], plane: np.ndarray) -> None:
     result = view.result
-    if result.contacts and result.has("/contacts/parameters/position"):
+    job = _job(view)
+    if faces := contact_faces(model, job):
+        polygons = [model.coordinates[[seat[node] for node in face]] @ plane.T for face in faces]
+        colour = BRANCH_COLOURS[1]
+        axes.add_collection(
+            PolyCollection(polygons, facecolors=colour, alpha=0.5, edgecolors="none", label="contact faces", zorder=3)
+        )
+    elif result.contacts and result.has("/contacts/parameters/position"):
         position = result.array("/contacts/parameters/position")
         position = position[np.isfinite(position).all(axis=1)]
         if len(position):
             axes.plot(
                 *(position @ plane.T).T, "o", color=BRANCH_COLOURS[1], markersize=2.4, alpha=0.8, label="contacts"
             )
-    job = _job(view)
     harmonic = [load for load in job.get("load", []) if load.get("kind") == "harmonic"]
     static = [load for load in job.get("load", []) if load.get("kind") != "harmonic"]
     loaded = {

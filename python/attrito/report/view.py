@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import json
+from functools import cached_property
 
 import numpy as np
 
+from attrito.model.model import Model
+from attrito.plots.contact_surfaces import Surface, surfaces
+from attrito.results.mesh import mesh_of
 from attrito.results.result import MODE, Result
 
 # Stretches of frequency that are named; more are counted.
@@ -42,6 +46,16 @@ class View:
         if point is None and result.attribute("format") == MODE:
             point = int(np.flatnonzero(self.solved)[-1]) if self.solved.any() else None
         self.point = self.peak(first, everywhere) if point is None else point
+
+    @cached_property
+    def model(self) -> Model | None:
+        """The mesh of the model, where its file is there."""
+        return mesh_of(self.result)
+
+    @cached_property
+    def surfaces(self) -> list[Surface]:
+        """Where contacts lie, one a contact set."""
+        return surfaces(self.result, self.model)
 
     def peak(self, monitor: str | None, among: np.ndarray) -> int | None:
         """The point of the largest amplitude of a monitor among some."""
@@ -89,6 +103,10 @@ class View:
             # Of what does not move nothing is known but that no member moves it.
             width = np.divide(width, amplitude, out=np.where(width > 0, np.nan, width), where=amplitude > 0)
             widest = np.maximum(widest, width)
+        # Where the search for bounds was cut off one other member may have been visited all the same.
+        if self.result.has("/points/amplitude_change"):
+            change = self.result.array("/points/amplitude_change")
+            widest = np.where(np.isfinite(widest) | (self.result.array("/points/unique") != 0), widest, change)
         return widest
 
     def widest_force(self) -> tuple[int, int, float] | None:

@@ -30,6 +30,7 @@ from attrito.library.laws import are_coulomb, cone_coefficients
 from attrito.library.reduced_scene import ReducedScene, all_alike
 from attrito.library.session import Options, Point, Solver
 from attrito.runs.bounds_by_members import Hull, Search
+from attrito.runs.linear_family import IMMOBILE
 from attrito.support.errors import NumericsError
 from attrito.support.hdf5_writing import described
 from attrito.support.linear_programs import DualSimplex
@@ -56,7 +57,8 @@ DIRECTIONS = ("t1", "t2", "n")
 class Sampler:
     """Visits the families of points as they are solved, and keeps what it found at the root.
 
-    With "auto" a point's visits end once they have taken as long, by counted work, as the point (`/points/work`).
+    With "auto" a point's visits end once they have taken as long, by counted work, as the point (`/points/work`). Where
+    that is too little for any, one other member is visited at points higher than all before of their level.
 
     Parameters
     ----------
@@ -92,6 +94,8 @@ class Sampler:
         self._search = Search(scene.laws)
         self._family = Family(comm, solver, len(tangents), len(scene.monitors), interrupted)
         self._points, self._work = 0, 0.0
+        # By level, the largest amplitude of the first monitor at a point that is not unique
+        self._highest: dict[float, float] = {}
 
     def visit(self, point: Point) -> None:
         """The solver stands at the next point, and does so again afterwards. Collective.
@@ -113,7 +117,12 @@ class Sampler:
         ):
             return
         error = point.errors[0] + point.errors[1]
-        hull = self._family.visit(lambda family: self._search(family, own_work if self._limited else np.inf, error))
+        height = float(point.amplitude[0]) if len(point.amplitude) else 0.0
+        is_highest = slips and height > self._highest.get(point.level, 0.0)
+        if is_highest:
+            self._highest[point.level] = height
+        work = own_work if self._limited else np.inf
+        hull = self._family.visit(lambda family: self._search(family, work, error, is_highest))
         if self._family.stopped:
             raise NumericsError(f"stopped by {self._family.stopped}")
         if hull is not None:
@@ -122,18 +131,21 @@ class Sampler:
     def save_state(self) -> dict[str, np.ndarray]:
         """What was found of the last point, at the root."""
         hull = self.hulls.get(self._points - 1)
-        return {} if hull is None else {f"hull/{name}": np.asarray(value) for name, value in vars(hull).items()}
+        highest = np.array(list(self._highest.items())).reshape(-1, 2)
+        found = {} if hull is None else {f"hull/{name}": np.asarray(value) for name, value in vars(hull).items()}
+        return found | {"hull/highest": highest}
 
     def load_state(self, found: dict[str, np.ndarray]) -> None:
         """Go on after a point of which `save_state` returned this."""
         if "hull/force" in found:
-            sides = {name: found[f"hull/{name}"] for name in ("force", "mean", "amplitude")}
+            sides = {name: found[f"hull/{name}"] for name in ("force", "mean", "amplitude", "visited")}
             self.hulls[self._points] = Hull(
                 **sides,
                 members=int(found["hull/members"]),
                 accuracy=float(found["hull/accuracy"]),
                 complete=bool(found["hull/complete"]),
             )
+        self._highest = dict(found["hull/highest"].tolist())
         self._work = float(found["/points/work"])
         self._points += 1
 
@@ -160,8 +172,28 @@ def write_bounds(file: h5py.File, scene: ReducedScene, sampler: Sampler) -> None
     for point, hull in sampler.hulls.items():
         _write_sampled(file, scene, point, hull)
         kinds[point] = KINDS.index("sampled" if hull.complete else "not_examined")
+    _write_change(file, scene, sampler)
     words = "where the bounds come from: index into the attribute names"
     described(file, "/points/bounds", words, names=KINDS, data=kinds.astype(np.int32))
+
+
+def _write_change(file: h5py.File, scene: ReducedScene, sampler: Sampler) -> None:
+    """How far amplitudes of the members visited differ, at most, as a part of the monitor's.
+
+    Where every contact sticks the equations of the harmonics are linear, and the same for all members.
+    """
+    unique = file["/points/unique"][:]
+    states = list(np.char.strip(_names(file["/contacts/state"])))
+    sticks = np.isin(file["/contacts/state"][:], [states.index(name) for name in EXAMINED]).all(axis=1)
+    change = np.where((unique == 1) | ((unique == 0) & sticks), 0.0, np.nan)
+    for point, hull in sampler.hulls.items():
+        own = np.array([file[f"/monitors/{name}/amplitude"][point] for name in scene.monitor_names])
+        moves = own > IMMOBILE * own.max(initial=0.0)
+        if hull.members > 1 and moves.any():
+            low, high = np.minimum(hull.visited[0], own), np.maximum(hull.visited[1], own)
+            change[point] = np.max((high - low)[moves] / own[moves])
+    words = "largest part of its amplitude by which a monitor's differs between the members visited"
+    described(file, "/points/amplitude_change", words, data=change)
 
 
 def _write_exact(file: h5py.File, scene: ReducedScene, points: np.ndarray) -> None:

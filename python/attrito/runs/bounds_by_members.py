@@ -23,7 +23,7 @@ open in every period of the true motion: then its mean forces are none of the fa
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeVar
 
 import numpy as np
@@ -38,6 +38,7 @@ WORTHLESS = 1e-8
 LAST = 1e-6
 MOST_STEPS = 12
 MOST_HALVINGS = 6
+MOST_RELEASES = 3
 # Time of an operation of visits and of linear programs, in those of a point's solve: measured on the damper of 42
 # contacts and 285 dofs, 11 and 1.9 against 30 Gflop/s.
 VISITS, PROGRAMS = 3.0, 16.0
@@ -61,6 +62,7 @@ class Hull:
     accuracy : force below which a width is none
     complete : whether the search of every quantity came to its end; NaN is the bound of one that did not
     work : of the search, in operations of the solver
+    visited : amplitudes of the monitors, `[2, monitors]`, over all members visited, also where they are no bounds
     """
 
     force: np.ndarray
@@ -70,6 +72,7 @@ class Hull:
     accuracy: float
     complete: bool = True
     work: float = 0.0
+    visited: np.ndarray = field(default_factory=lambda: np.full((2, 0), np.nan))
 
 
 class Ended(Exception):  # noqa: N818
@@ -133,11 +136,12 @@ class Search:
     def __init__(self, laws: dict[str, np.ndarray]):
         self._laws = laws
 
-    def __call__(self, family: Family, work: float = np.inf, error: float = 0.0) -> Hull | None:
+    def __call__(self, family: Family, work: float = np.inf, error: float = 0.0, releases: bool = False) -> Hull | None:
         """Visit members; None where the point itself cannot be described. The family ends where it began.
 
         `work`: operations of the solver after which the search ends, whatever it has found. `error`: of the balance,
-        estimated, a part of the motion; NaN: not known.
+        estimated, a part of the motion; NaN: not known. `releases`: of a search that ends before it has visited any
+        member, one is visited all the same.
         """
         shown = family.describe()
         if shown is None:
@@ -161,13 +165,35 @@ class Search:
                     ended[quantity] = True
         except Ended:
             family.go_back(SHOWN)
+            if releases and hull.count == 1 and not family.is_interrupted():
+                self._release(family, shown, hull)
         count, monitors = len(shown.force), len(shown.monitors)
         both = np.where(ended, [hull.lowest, hull.highest], np.nan)
         both += np.array([[-1.0], [1.0]]) * _errors(shown, error)
         force, mean, amplitude = np.split(both, [3 * count, 3 * count + monitors], axis=1)
         accuracy = (WORTHLESS + 2.0 * error) * scale_of(shown)
         found = force.reshape(2, count, 3), mean, amplitude
-        return Hull(*found, hull.count, accuracy, bool(ended.all()), budget.spent())
+        visited = np.array([hull.lowest, hull.highest])[:, 3 * count + monitors :]
+        return Hull(*found, hull.count, accuracy, bool(ended.all()), budget.spent(), visited)
+
+    def _release(self, family: Family, shown: Member, hull: _Extremes) -> None:
+        """Visit the member whose free contacts have as little mean tangential force as they reach.
+
+        T = kt (u - w): a slider moved by T_0 / kt would leave none if nothing else moved.
+        """
+        rest = shown.force[:, :2, 0] / self._laws["tangential_stiffness"][:, None]
+        rest[~shown.free.astype(bool)] = 0.0
+        part = 1.0
+        for _ in range(MOST_RELEASES):
+            slider = shown.slider.copy()
+            slider[:, :2] += part * rest
+            if family.move(slider):
+                member = family.describe()
+                if member is not None:
+                    hull.add(values_of(member))
+                family.go_back(SHOWN)
+                return
+            part *= 0.5
 
     def _climb(
         self, family: Family, model: LinearFamily, quantity: int, side: float, hull: _Extremes, budget: _Budget
