@@ -122,6 +122,10 @@ def test_pages_build_with_equations_contents_and_a_search_that_finds_their_words
         assert "<h1 id" in (tmp_path / "site" / name).read_text(), title
         assert json.dumps(name) in index or place.name == "README.md", title
     assert "shaken down" in index
+    # Its worker, too, is there: nothing of a page is loaded from a network.
+    assert (tmp_path / "site" / "docs" / "iframe-worker.js").is_file() and "iframe-worker.js" in home
+    loaded = r'<(?:script|img|iframe)[^>]* src="https?:[^"]*"|<link[^>]* rel="stylesheet"[^>]* href="https?:[^"]*"'
+    assert [found for page in (tmp_path / "site").rglob("*.html") for found in re.findall(loaded, page.read_text())] == []
 
 
 @pytest.mark.parametrize("link", ["nowhere.md", "job.md#nowhere"])

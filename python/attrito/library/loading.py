@@ -9,31 +9,43 @@ import atexit
 import ctypes
 import functools
 import os
+import sysconfig
 from pathlib import Path
 
 from attrito.library.description import differing_sizes
 from attrito.library.signatures import declare
 from attrito.support.errors import Fault, InputError, NumericsError
+from attrito.support.version import __version__
 
 NAME = "libattrito.so"
 MESSAGE_LENGTH = 2000
 
 
+def places() -> list[Path]:
+    """Where the library may be: ATTRITO_LIBRARY alone; or the package, its source tree's builds, Debian's package.
+
+    A wheel has no library of its own: it takes that of Debian's package of attrito, of its own version.
+    """
+    if chosen := os.environ.get("ATTRITO_LIBRARY"):
+        return [Path(chosen)]
+    package = Path(__file__).resolve().parents[1]
+    builds = [package.parents[1] / "build" / preset / NAME for preset in ("release", "debug")]
+    debian = Path("/usr/lib") / (sysconfig.get_config_var("MULTIARCH") or "") / "attrito" / f"{NAME}.{__version__}"
+    return [package / NAME, *builds, debian]
+
+
 @functools.cache
 def load() -> ctypes.CDLL:
-    """Load the library from ATTRITO_LIBRARY, the folder of the package, or the build folder of the source tree."""
-    package = Path(__file__).resolve().parents[1]
-    places = [package / NAME, *(package.parents[1] / "build" / preset / NAME for preset in ("release", "debug"))]
-    if chosen := os.environ.get("ATTRITO_LIBRARY"):
-        places = [Path(chosen)]
-    for place in places:
+    """Load the library from the first of its places where it is."""
+    looked = places()
+    for place in looked:
         if place.is_file():
             loaded = ctypes.CDLL(str(place), mode=ctypes.RTLD_GLOBAL)
             _check_interface(loaded, place)
             atexit.register(loaded.attrito_stop)
             return loaded
-    looked = ", ".join(map(str, places))
-    raise InputError(Fault("attrito", NAME, "not found", f"the built library in {looked} (run script/bootstrap)"))
+    expected = f"the built library in {', '.join(map(str, looked))} (run script/bootstrap, or install attrito_*.deb)"
+    raise InputError(Fault("attrito", NAME, "not found", expected))
 
 
 def _check_interface(loaded: ctypes.CDLL, place: Path) -> None:
