@@ -130,7 +130,7 @@ def draw_surface(axes: Axes, result: Result, point: int, surface: Surface, quant
     unit = result.unit("/contacts/parameters/position")
     across, up = (_direction(axis) for axis in surface.axes)
     # Directions that lie across the axes are long: they stand where there is room.
-    axes.set_title(f"{plain_text(surface.name)}" + (f", up {up}" if "(" in up else ""))
+    axes.set_title(plain_text(surface.name) + (f"\nup {up}" if "(" in up else ""))
     axes.set(xlabel=with_unit(across, unit), ylabel=plain_text(unit) if "(" in up else with_unit(up, unit))
     axes.set_aspect("equal")
     axes.margins(0.02 if surface.cells else 0.08, 0.04 if surface.cells else 0.2)
