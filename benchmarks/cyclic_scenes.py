@@ -11,15 +11,23 @@ INSIDE, PAIRS = 5, 2
 
 
 def random_sector(
-    seed: int, sectors: int, engine_order: int, *, tangents: int = 1, boundary: bool = True, inside: int = INSIDE
+    seed: int,
+    sectors: int,
+    engine_order: int,
+    *,
+    tangents: int = 1,
+    boundary: bool = True,
+    inside: int = INSIDE,
+    axis_nodes: int = 0,
 ) -> ReducedScene:
     """A sector with full random matrices, a contact inside to the ground and one across to the next sector.
 
-    Natural frequencies are 0.1 to 1 Hz. `boundary` = False: sectors meet in contacts alone.
+    Natural frequencies are 0.1 to 1 Hz. `boundary` = False: sectors meet in contacts alone, and at `axis_nodes` nodes
+    on the axis, of which the matrices are a sector's share.
     """
     draw = np.random.default_rng(seed)
     pairs = PAIRS if boundary else 0
-    size = inside + 2 * pairs
+    size = inside + 2 * pairs + 3 * axis_nodes
 
     def positive(strength: float, diagonal: np.ndarray) -> np.ndarray:
         mixed = draw.uniform(-1.0, 1.0, (size, size))
@@ -42,7 +50,8 @@ def random_sector(
     harmonic[1:3] = draw.uniform(-1.0, 1.0, (2, size))
     # The second engine order beside the first
     harmonic[3:] = 0.2 * draw.uniform(-1.0, 1.0, (2, size))
-    ends = np.arange(inside, size)
+    ends = np.arange(inside, inside + 2 * pairs)
+    on_axis = np.arange(inside + 2 * pairs, size).reshape(-1, 3)
     return ReducedScene(
         mass=mass,
         stiffness=stiffness,
@@ -55,5 +64,7 @@ def random_sector(
         harmonic=harmonic,
         monitors=np.vstack([np.eye(size)[:2], draw.uniform(-1.0, 1.0, (1, size))]),
         monitor_names=["first", "second", "mixed"],
-        sector=Sector(sectors, engine_order, ends[:pairs], ends[pairs:], ahead),
+        sector=Sector(
+            sectors, engine_order, ends[:pairs], ends[pairs:], ahead, along=on_axis[:, 2], across=on_axis[:, :2]
+        ),
     )

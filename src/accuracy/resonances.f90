@@ -17,6 +17,7 @@ module attrito_accuracy_resonances
   use attrito_contact_state, only: state_slipping
   use attrito_linear_stuck_system, only: stuck_system_type
   use attrito_model_sector, only: first_alike
+  use attrito_model_structure, only: structure_type
   use attrito_solve_solver, only: solver_type
   implicit none
   private
@@ -150,7 +151,6 @@ contains
     !> See `resonances_type`
     type(frequencies_type), allocatable, intent(out) :: open(:)
     real(wp), allocatable :: squares(:), modes(:, :)
-    complex(wp), allocatable :: waves(:, :)
     integer :: h, info
 
     allocate (open(0:solver%stuck%period/2))
@@ -159,10 +159,7 @@ contains
       if (size(solver%structure%mass, 1) > largest_open_system) cycle
       associate (structure => solver%structure)
         if (allocated(structure%sector)) then
-          associate (sector => structure%sector)
-            call hermitian_eigenpairs(sector%couple(structure%stiffness, sector%diameter(h)), &
-                                      sector%couple(structure%mass, sector%diameter(h)), squares, waves, info)
-          end associate
+          call diagonalise_wave(structure, structure%sector%diameter(h), squares, info)
         else
           call symmetric_eigenpairs(structure%stiffness, structure%mass, squares, modes, info)
         end if
@@ -171,6 +168,25 @@ contains
     end do
   end subroutine diagonalise
 
+  !> Squares of a sector's natural frequencies without contacts, of the coordinates that move at a nodal diameter.
+  subroutine diagonalise_wave(structure, diameter, squares, info)
+    !> The sector: mass, stiffness, damping
+    type(structure_type), intent(in) :: structure
+    !> n
+    integer, intent(in) :: diameter
+    !> Ascending
+    real(wp), allocatable, intent(out) :: squares(:)
+    !> 0, or not: mass is not positive definite
+    integer, intent(out) :: info
+    complex(wp), allocatable :: stiffness(:, :), mass(:, :), waves(:, :)
+
+    associate (moving => structure%sector%moving(diameter))
+      stiffness = structure%sector%couple(structure%stiffness, diameter)
+      mass = structure%sector%couple(structure%mass, diameter)
+      call hermitian_eigenpairs(stiffness(moving, moving), mass(moving, moving), squares, waves, info)
+    end associate
+  end subroutine diagonalise_wave
+
   !> Modes of a harmonic and of those like it.
   function modes_of(solver, h) result(modes)
     !> Solver of points: its balance and stuck system
@@ -178,15 +194,17 @@ contains
     !> Number of the harmonic, from 0
     integer, intent(in) :: h
     type(modes_type) :: modes
-    real(wp), allocatable :: directions(:, :)
+    real(wp), allocatable :: directions(:, :), rows(:, :), monitors(:, :)
     integer :: row
 
     associate (balance => solver%context%balance, stuck => solver%stuck)
       if (allocated(stuck%diameters)) then
-        associate (own => stuck%diameters(h))
-          modes = modes_type(own%omega, own%modal_stiffness, own%modal_mass, own%modal_damping, balance%contact_rows%moduli(h), &
-                             balance%monitors%moduli(h))
-        end associate
+        rows = balance%contact_rows%moduli(h)
+        monitors = balance%monitors%moduli(h)
+        modes%omega = stuck%omega_at(h)
+        call stuck%modal_at(h, modes%stiffness, modes%mass, modes%damping)
+        modes%rows = rows(:size(modes%omega), :)
+        modes%monitors = monitors(:size(modes%omega), :)
       else
         directions = balance%receptance%mode_shapes(1, size(stuck%omega), [(row, row=balance%first_row, &
                                                                             balance%first_row + balance%rows() - 1)])

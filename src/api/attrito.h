@@ -85,10 +85,10 @@ void attrito_set_loads(void *handle, int static_count, const double *static_load
 void attrito_set_contacts(void *handle, int count, const attrito_contact_law *laws, int rows,
     const double *directions);
 
-/* The model is one of N equal sectors, q_{j+1}(t) = q_j(t - EO T / N): its boundaries, and its contacts' rows on the next sector
- * [rows, m], after those on its own. */
+/* The model is one of N equal sectors, q_{j+1}(t) = q_j(t - EO T / N): its boundaries, what it has on the axis, and its contacts'
+ * rows on the next sector [rows, m], after those on its own. */
 void attrito_set_sector(void *handle, int sectors, int engine_order, int count, const int *lower, const int *upper,
-    int rows, const double *next_directions);
+    int number_along, const int *along, int pairs, const int *across, int rows, const double *next_directions);
 
 /* Make the session ready to solve. */
 int attrito_prepare(void *handle, const attrito_solver_options *options, char *message, int length);

@@ -114,15 +114,18 @@ contains
     session%contacts = new_contacts([(law_of(laws(i)), i=1, count)], reshape(directions(:m*rows), [m, rows]))
   end subroutine attrito_set_contacts
 
-  !> The model is one of N equal sectors, q_{j+1}(t) = q_j(t - EO T / N): its boundaries, and its contacts' rows on the next sector
-  !> [rows, m], after those on its own.
-  subroutine attrito_set_sector(handle, sectors, engine_order, count, lower, upper, rows, next_directions) bind(c)
+  !> The model is one of N equal sectors, q_{j+1}(t) = q_j(t - EO T / N): its boundaries, what it has on the axis, and its contacts'
+  !> rows on the next sector [rows, m], after those on its own.
+  subroutine attrito_set_sector(handle, sectors, engine_order, count, lower, upper, number_along, along, pairs, across, rows, &
+                                next_directions) bind(c)
     !> Session, see `session_of`
     type(c_ptr), value :: handle
-    !> N; EO; coordinates of a boundary; how many rows there are
-    integer(c_int), value :: sectors, engine_order, count, rows
+    !> N; EO; coordinates of a boundary, of nodes on the axis along it, and in pairs across it; how many rows there are
+    integer(c_int), value :: sectors, engine_order, count, number_along, pairs, rows
     !> Coordinates of the lower and of the upper boundary, in pairs, from 0
     integer(c_int), intent(in) :: lower(count), upper(count)
+    !> Coordinates of nodes on the axis, from 0: along it, and across it in pairs, the second a quarter turn ahead
+    integer(c_int), intent(in) :: along(number_along), across(2, pairs)
     !> Directions of contact rows in the next sector's coordinates
     real(c_double), intent(in) :: next_directions(*)
     type(session_type), pointer :: session
@@ -131,7 +134,7 @@ contains
     session => session_of(handle)
     m = size(session%structure%mass, 1)
     session%structure%sector = new_sector(int(sectors), int(engine_order), int(lower) + 1, int(upper) + 1, &
-                                          reshape(next_directions(:m*rows), [m, rows]))
+                                          reshape(next_directions(:m*rows), [m, rows]), int(along) + 1, int(across) + 1)
   end subroutine attrito_set_sector
 
   !> Make the session ready to solve.

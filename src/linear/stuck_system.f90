@@ -7,15 +7,15 @@
 !> singular, as for contacts without friction, the modes are those of (K~, M), normalised by mass.
 !>
 !> Of a sector of a cyclic structure these are the modes of its mean, with nodal diameter 0, and `diameters` has those of each
-!> harmonic.
+!> harmonic. There coordinates that do not move at a nodal diameter come last (`attrito_linear_diameter_modes`); no list has them.
 module attrito_linear_stuck_system
   use attrito_core_errors, only: error_type, raise, fault_of_input
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: symmetric_eigenpairs
   use attrito_model_contacts, only: contacts_type, stuck_stiffness, stuck_springs, spring_stiffness
-  use attrito_model_sector, only: first_alike, is_mirrored
+  use attrito_model_sector, only: sector_type, first_alike, is_mirrored
   use attrito_model_structure, only: structure_type, damping_none, damping_ratio, damping_mass
-  use attrito_linear_diameter_modes, only: diameter_modes_type, new_diameter_modes
+  use attrito_linear_diameter_modes, only: diameter_modes_type, new_diameter_modes, with_those_at_rest
   use attrito_linear_rigid_body_modes, only: rigid_body_modes
   use attrito_linear_receptance, only: receptance_type
   use attrito_linear_receptance_cyclic_direct, only: new_receptance_cyclic_direct
@@ -144,7 +144,8 @@ contains
       self%period = sector%period()
       allocate (self%diameters(0:self%period/2))
       self%diameters(0) = diameter_modes_type(cmplx(self%stiffness, kind=wp), cmplx(self%modes, kind=wp), self%modal_stiffness, &
-                                              self%modal_mass, self%modal_damping, self%omega)
+                                              self%modal_mass, self%modal_damping, self%omega, size(self%omega))
+      if (size(self%omega) < size(sector%kept)) call take_all_coordinates(sector, self)
       do h = 1, ubound(self%diameters, 1)
         call new_diameter_modes(structure, contacts%directions, springs, sector%diameter(h), may_be_free, self%diameters(h), status)
         if (status == 0) cycle
@@ -156,7 +157,24 @@ contains
     end associate
   end subroutine find_diameters
 
-  !> Angular frequencies at a harmonic, ascending [m].
+  !> The mean in all of a sector's coordinates, also those of nodes on the axis that do not move at nodal diameter 0.
+  pure subroutine take_all_coordinates(sector, self)
+    !> How sectors hang together
+    type(sector_type), intent(in) :: sector
+    type(stuck_system_type), intent(inout) :: self
+
+    self%diameters(0) = with_those_at_rest(self%diameters(0), sector%moving(0), size(sector%kept))
+    associate (all => self%diameters(0))
+      self%stiffness = real(all%stiffness, wp)
+      self%modes = real(all%modes, wp)
+      self%modal_stiffness = all%modal_stiffness
+      self%modal_mass = all%modal_mass
+      self%modal_damping = all%modal_damping
+      self%omega = all%omega
+    end associate
+  end subroutine take_all_coordinates
+
+  !> Angular frequencies at a harmonic, ascending [modes].
   pure function omega_at(self, h) result(omega)
     class(stuck_system_type), intent(in) :: self
     !> Number of the harmonic
@@ -164,7 +182,9 @@ contains
     real(wp), allocatable :: omega(:)
 
     if (allocated(self%diameters)) then
-      omega = self%diameters(first_alike(h, self%period))%omega
+      associate (own => self%diameters(first_alike(h, self%period)))
+        omega = own%omega(:own%count)
+      end associate
     else
       omega = self%omega
     end if
@@ -180,9 +200,9 @@ contains
 
     if (allocated(self%diameters)) then
       associate (own => self%diameters(first_alike(h, self%period)))
-        stiffness = own%modal_stiffness
-        mass = own%modal_mass
-        damping = own%modal_damping
+        stiffness = own%modal_stiffness(:own%count)
+        mass = own%modal_mass(:own%count)
+        damping = own%modal_damping(:own%count)
       end associate
     else
       stiffness = self%modal_stiffness
@@ -226,7 +246,7 @@ contains
       inertia = structure%sector%project(inertia, structure%sector%diameter(h))
       if (is_mirrored(h, self%period)) inertia = conjg(inertia)
       associate (own => self%diameters(first_alike(h, self%period)))
-        coordinates = matmul(conjg(transpose(own%modes)), inertia(:, 1))/own%modal_mass
+        coordinates = matmul(conjg(transpose(own%modes(:, :own%count))), inertia(:, 1))/own%modal_mass(:own%count)
       end associate
       if (is_mirrored(h, self%period)) coordinates = conjg(coordinates)
     else

@@ -10,6 +10,15 @@
 !>
 !> x are the coordinates without the upper boundary. A_{N-n} is the conjugate of A_n, and that of n = 0, the mean's, is real.
 !> Source: Thomas 1979, Int. J. Numer. Methods Eng. 14, 81-102.
+!>
+!> A node on the axis is in all sectors at once, and a sector's matrices hold a share of what belongs to it. Sector j sees its
+!> displacement a as R^-j a, R being the rotation by 2 pi / N. In the wave that is exp(-2 pi i n j / N) a, so a is an eigenvector,
+!>
+!> $$ R a = e^{2 \pi i n / N} a: \qquad n = 0: \text{ along the axis}; \quad n = \pm 1: \; (1, \mp i) / \sqrt 2 \text{ across it};
+!>    \quad \text{else } 0 $$
+!>
+!> In wheels of two sectors n = 1 is -1, and has both directions across; a single sector is any structure. So each coordinate of a
+!> sector is one of x times a factor, here as elsewhere; what does not move at a nodal diameter has the factor 0.
 module attrito_model_sector
   use attrito_core_kinds, only: wp, two_pi
   use attrito_core_trigonometric, only: to_complex, to_real
@@ -24,13 +33,17 @@ module attrito_model_sector
     integer, allocatable :: lower(:), upper(:)
     !> Rows of B on the next sector's coordinates, in columns [m, rows]
     real(wp), allocatable :: next(:, :)
-    !> Coordinates that are not of the upper boundary, ascending [n]; where each coordinate of the sector is found among them [m], and
-    !> 1 for those that are the next sector's [m]
+    !> Coordinates of nodes on the axis, from 1: along it, and across it in pairs [2, pairs], the second a quarter turn ahead
+    integer, allocatable :: along(:), across(:, :)
+    !> Coordinates that x has, ascending [n]; where each coordinate of the sector is found among them [m], and 1 for those that are
+    !> the next sector's [m]
     integer, allocatable :: kept(:), position(:), of_next(:)
   contains
     procedure :: diameter
     procedure :: period
     procedure :: phase_factor
+    procedure :: moving
+    procedure, private :: axis_factors
     procedure :: couple
     procedure :: project
     procedure :: expand
@@ -41,15 +54,18 @@ module attrito_model_sector
 
 contains
 
-  !> From its boundary and the rows of contacts on the next sector.
-  pure function new_sector(sectors, engine_order, lower, upper, next) result(self)
+  !> From its boundary, the rows of contacts on the next sector, and what it has on the axis.
+  pure function new_sector(sectors, engine_order, lower, upper, next, along, across) result(self)
     !> N; EO
     integer, intent(in) :: sectors, engine_order
     !> Coordinates of the lower and of the upper boundary, in pairs, from 1
     integer, intent(in) :: lower(:), upper(:)
     !> Rows of B on the next sector's coordinates, in columns [m, rows]
     real(wp), intent(in) :: next(:, :)
+    !> Coordinates of nodes on the axis, from 1: along it, and across it in pairs [2, pairs], the second a quarter turn ahead
+    integer, intent(in), optional :: along(:), across(:, :)
     type(sector_type) :: self
+    logical :: is_kept(size(next, 1))
     integer :: i
 
     self%sectors = sectors
@@ -59,9 +75,16 @@ contains
     self%next = next
     allocate (self%of_next(size(next, 1)), self%position(size(next, 1)), source=0)
     self%of_next(upper) = 1
-    self%kept = pack([(i, i=1, size(next, 1))], self%of_next == 0)
+    allocate (self%along(0), self%across(2, 0))
+    if (present(along)) self%along = along
+    if (present(across)) self%across = across
+    is_kept = self%of_next == 0
+    ! One coordinate of a pair says both where the wave turns it.
+    if (sectors > 2) is_kept(self%across(2, :)) = .false.
+    self%kept = pack([(i, i=1, size(next, 1))], is_kept)
     self%position(self%kept) = [(i, i=1, size(self%kept))]
     self%position(upper) = self%position(lower)
+    self%position(self%across(2, :)) = self%position(merge(self%across(1, :), self%across(2, :), sectors > 2))
   end function new_sector
 
   !> Nodal diameter of a harmonic, 0 ... N - 1.
@@ -109,7 +132,41 @@ contains
     if (modulo(2*n, self%sectors) == 0) phase_factor = merge(1, -1, modulo(n, self%sectors) == 0)
   end function phase_factor
 
-  !> S_n^H A S_n [n, n].
+  !> The factor of each coordinate that says what is on the axis, 1 of the others [m].
+  pure function axis_factors(self, n) result(factors)
+    class(sector_type), intent(in) :: self
+    !> Nodal diameter
+    integer, intent(in) :: n
+    complex(wp) :: factors(size(self%position))
+    integer :: turns
+
+    factors = 1.0_wp
+    if (self%sectors == 1) return
+    turns = modulo(n, self%sectors)
+    if (turns /= 0) factors(self%along) = 0.0_wp
+    if (turns /= 1 .and. turns /= self%sectors - 1) then
+      factors(self%across(1, :)) = 0.0_wp
+      factors(self%across(2, :)) = 0.0_wp
+    else if (self%sectors > 2) then
+      factors(self%across(1, :)) = sqrt(0.5_wp)
+      factors(self%across(2, :)) = cmplx(0.0_wp, merge(-1, 1, turns == 1)*sqrt(0.5_wp), wp)
+    end if
+  end function axis_factors
+
+  !> Of the coordinates x, those that move at a nodal diameter, ascending: all but some of nodes on the axis.
+  pure function moving(self, n) result(numbers)
+    class(sector_type), intent(in) :: self
+    !> Nodal diameter
+    integer, intent(in) :: n
+    integer, allocatable :: numbers(:)
+    complex(wp) :: factors(size(self%position))
+    integer :: i
+
+    factors = self%axis_factors(n)
+    numbers = pack([(i, i=1, size(self%kept))], abs(factors(self%kept)) > 0.0_wp)
+  end function moving
+
+  !> S_n^H A S_n [n, n]; zero where a coordinate does not move.
   pure function couple(self, matrix, n) result(coupled)
     class(sector_type), intent(in) :: self
     !> A, of the sector's coordinates [m, m]
@@ -117,15 +174,16 @@ contains
     !> Nodal diameter
     integer, intent(in) :: n
     complex(wp) :: coupled(size(self%kept), size(self%kept))
-    complex(wp) :: turns(-1:1)
+    complex(wp) :: turns(-1:1), factors(size(self%position))
     integer :: i, j
 
     turns = [conjg(self%phase_factor(n)), (1.0_wp, 0.0_wp), self%phase_factor(n)]
+    factors = self%axis_factors(n)
     coupled = 0.0_wp
     do j = 1, size(matrix, 2)
       do i = 1, size(matrix, 1)
         associate (at => coupled(self%position(i), self%position(j)))
-          at = at + turns(self%of_next(j) - self%of_next(i))*matrix(i, j)
+          at = at + turns(self%of_next(j) - self%of_next(i))*conjg(factors(i))*factors(j)*matrix(i, j)
         end associate
       end do
     end do
@@ -139,10 +197,16 @@ contains
     !> Nodal diameter
     integer, intent(in) :: n
     complex(wp) :: projected(size(self%kept), size(columns, 2))
+    complex(wp) :: factors(size(self%position))
 
-    projected = columns(self%kept, :)
+    factors = conjg(self%axis_factors(n))
+    projected = spread(factors(self%kept), 2, size(columns, 2))*columns(self%kept, :)
     associate (at => self%position(self%lower))
       projected(at, :) = projected(at, :) + conjg(self%phase_factor(n))*columns(self%upper, :)
+    end associate
+    if (self%sectors <= 2) return
+    associate (at => self%position(self%across(2, :)))
+      projected(at, :) = projected(at, :) + spread(factors(self%across(2, :)), 2, size(columns, 2))*columns(self%across(2, :), :)
     end associate
   end function project
 
@@ -155,7 +219,7 @@ contains
     integer, intent(in) :: n
     complex(wp) :: displacements(size(self%position), size(columns, 2))
 
-    displacements = columns(self%position, :)
+    displacements = spread(self%axis_factors(n), 2, size(columns, 2))*columns(self%position, :)
     displacements(self%upper, :) = self%phase_factor(n)*displacements(self%upper, :)
   end function expand
 

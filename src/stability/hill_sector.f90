@@ -96,10 +96,10 @@ contains
     type(wave_modes_type) :: self
     complex(wp), allocatable :: shapes(:, :)
 
-    associate (n => size(modes%omega), sector => structure%sector)
-      self%eigenvalues = (modes%omega/clock)**2
-      self%damping = modes%modal_damping/modes%modal_mass/clock
-      shapes = modes%modes/spread(sqrt(modes%modal_mass), 1, n)
+    associate (n => modes%count, sector => structure%sector)
+      self%eigenvalues = (modes%omega(:n)/clock)**2
+      self%damping = modes%modal_damping(:n)/modes%modal_mass(:n)/clock
+      shapes = modes%modes(:, :n)/spread(sqrt(modes%modal_mass(:n)), 1, size(modes%modes, 1))
       ! A unit of force accelerates by the clock's square less.
       self%rows = matmul(conjg(transpose(shapes)), sector%project_rows(contacts%directions, diameter))/clock
       if (structure%damping_kind == damping_viscous) then
@@ -187,7 +187,7 @@ contains
       if (problem%unknowns() == 0) exit
       problem%wavenumber = i
       fine%wavenumber = i
-      call eigenvalues_within(problem, half_strip(), 6*size(wheel%diameters(0)%eigenvalues) + 12, exponents, vectors, info)
+      call eigenvalues_within(problem, half_strip(), 6*most_of_a_diameter(wheel) + 12, exponents, vectors, info)
       if (info /= 0) return
       call refine(fine, vectors, exponents)
       call take()
@@ -223,6 +223,15 @@ contains
       end do
     end subroutine take
   end subroutine wheel_multipliers
+
+  !> Modes of the nodal diameter that has most.
+  pure integer function most_of_a_diameter(wheel) result(most)
+    !> Modes of all nodal diameters
+    type(wheel_modes_type), intent(in) :: wheel
+    integer :: n
+
+    most = maxval([(size(wheel%diameters(n)%eigenvalues), n=0, ubound(wheel%diameters, 1))])
+  end function most_of_a_diameter
 
   !> Of a perturbation, the nodal diameter of the harmonic by which contacts move most, and its frequency.
   subroutine find_largest_harmonic(problem, s, vector, diameter, frequency)

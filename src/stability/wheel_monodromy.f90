@@ -17,7 +17,7 @@ module attrito_stability_wheel_monodromy
   use attrito_model_contacts, only: contacts_type
   use attrito_model_sector, only: sector_type
   use attrito_model_structure, only: structure_type
-  use attrito_model_wheel, only: whole_wheel, wave_of
+  use attrito_model_wheel, only: whole_wheel, coordinates_of_wheel, turned_back, wave_of
   use attrito_stability_balance_motion, only: balance_motion_type
   use attrito_stability_event_orbit, only: event_orbit_type
   use attrito_stability_multipliers, only: multiplier_type, kind_floquet, kind_slip, kind_stuck
@@ -48,7 +48,7 @@ contains
     !> The sector
     type(structure_type), intent(in) :: structure
 
-    modes_of_wheel = structure%sector%sectors*size(structure%sector%kept)
+    modes_of_wheel = coordinates_of_wheel(structure%sector)
   end function modes_of_wheel
 
   !> Assemble and diagonalise the wheel.
@@ -202,9 +202,7 @@ contains
     integer, intent(in) :: k
     real(wp), allocatable :: rotation(:, :)
 
-    associate (n => size(self%sector%kept))
-      rotation = matmul(transpose(self%system%weighted), cshift(self%system%modes, modulo(k, self%sector%sectors)*n, 1))
-    end associate
+    rotation = matmul(transpose(self%system%weighted), turned_back(self%sector, self%system%modes, k))
   end function rotation
 
   !> Eigenvalues of P on the perturbations of kappa = block mod g.

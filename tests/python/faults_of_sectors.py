@@ -78,7 +78,29 @@ BOUNDARIES = [
     Case(
         "a dof of both boundaries",
         put("cyclic", upper=[2]),
-        ("job.toml: [cyclic] upper = 2: expected dofs that are not in lower",),
+        ("job.toml: [cyclic] upper = 2: expected dofs that are not in lower; those of a node on the axis go into",),
+    ),
+    Case(
+        "a node on the axis that a boundary has too",
+        put("cyclic", on_axis=[[0, 1], [3]]),
+        ("job.toml: [cyclic] on_axis = 'dof 3': expected dofs that are in no other place of [cyclic]",),
+    ),
+    Case(
+        "a node on the axis with four dofs",
+        put("cyclic", on_axis=[[0, 1, 2, 3]]),
+        ("job.toml: [cyclic] on_axis = [[0, 1, 2, 3]]: expected a list of 1 to 3 items, not [0, 1, 2, 3], as item 0",),
+    ),
+    Case(
+        "nodes on the axis beside node sets",
+        put(
+            "cyclic",
+            lower="low",
+            upper="high",
+            on_axis=[[0]],
+            axis_point=[0.0, 0.0, 0.0],
+            axis_direction=[0.0, 0.0, 1.0],
+        ),
+        ("job.toml: [cyclic] on_axis = 'given': expected no such key beside node sets, whose nodes on the axis are",),
     ),
     Case(
         "a dof that a boundary has twice",

@@ -232,12 +232,12 @@ def turned(model, node, sectors=6):
     return np.array([x * np.cos(angle) - y * np.sin(angle), x * np.sin(angle) + y * np.cos(angle), z])
 
 
-def test_nodes_on_the_axis_are_refused_by_number(tmp_path):
+def test_nodes_of_both_boundaries_are_refused_by_number(tmp_path):
     model = ring(6)
     node = int(model.node_sets["low"][0])
-    axis_point = model.coordinates[node - 101].tolist()
-    text = fault_of(Ring(tmp_path, model, 6, axis_point=axis_point))
-    assert f"[cyclic] upper = 'low (nodes {node}" in text and "expected boundaries without nodes on the axis" in text
+    model.node_sets["high"] = np.append(model.node_sets["high"], node)
+    text = fault_of(Ring(tmp_path, model, 6))
+    assert f"[cyclic] upper = 'high (nodes {node})': expected a node set without nodes of low, but for nodes on" in text
 
 
 def test_partners_that_are_held_otherwise_are_refused(tmp_path):

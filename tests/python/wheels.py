@@ -46,6 +46,24 @@ def lumped_sector(sectors: int = 5, engine_order: int = 2) -> dict[str, Any]:
     }
 
 
+def sector_on_axis(sectors: int = 5, engine_order: int = 1) -> dict[str, Any]:
+    """`lumped_sector` whose disc and blade hang on a hub on the axis too, dofs 4 and 5 across it and 6 along it.
+
+    Stiffness and mass of the hub, itself on soft springs, are a sector's share.
+    """
+    job = lumped_sector(sectors, engine_order)
+    mass, stiffness = np.diag([1.0, 1.0, 2.0, 0.0, 0.4, 0.4, 0.3]), np.zeros((7, 7))
+    stiffness[:4, :4] = job["model"]["stiffness"]
+    for terms, spring in (({0: 1.0, 4: -1.0}, 3.0e4), ({2: 1.0, 5: -0.8, 4: 0.3}, 5.0e4), ({1: 1.0, 6: -1.0}, 2.0e4)):
+        row = np.zeros(7)
+        row[list(terms)] = list(terms.values())
+        stiffness += spring * np.outer(row, row)
+    stiffness[4:, 4:] += np.diag([6.0e3, 6.0e3, 9.0e3])
+    job["model"] = {"mass": mass.tolist(), "stiffness": stiffness.tolist()}
+    job["cyclic"]["on_axis"] = [[4, 5, 6]]
+    return job
+
+
 def sector_job(model: Model, sectors: int, **cyclic: Any) -> dict[str, Any]:
     """A job on `model.h5`, a sector of `ring`, its rim on the ground, driven at one node of the rim."""
     node = int(model.node_sets["rim"][0])
@@ -63,30 +81,46 @@ def sector_job(model: Model, sectors: int, **cyclic: Any) -> dict[str, Any]:
 
 
 def ring(
-    sectors: int, cells: int = 2, *, span: int = 1, seed: int | None = None, section: tuple[int, int] = (2, 1)
+    sectors: int,
+    cells: int = 2,
+    *,
+    span: int = 1,
+    seed: int | None = None,
+    section: tuple[int, int] = (2, 1),
+    bored: bool = True,
 ) -> Model:
     """`span` of the sectors of an elastic ring, held at its bore; `low` and `high` are its ends.
 
-    It has `cells` a sector, and so many along its radius and its axis as `section` says.
+    It has `cells` a sector, and so many along its radius and its axis as `section` says. What is not `bored` is a disc
+    whose bricks meet at the axis, held below half way to its rim; its nodes on the axis are in both ends.
 
     Its axis is z through the origin, and its first end lies along x. A full ring has no ends.
     """
-    angle = 2.0 * np.pi * span / sectors
+    angle, inner = 2.0 * np.pi * span / sectors, INNER if bored else 0.0
 
     def bent(points: np.ndarray) -> np.ndarray:
-        radius, turn = INNER + (OUTER - INNER) * points[:, 0], angle * points[:, 1]
+        radius, turn = inner + (OUTER - inner) * points[:, 0], angle * points[:, 1]
         # A bulge and a twist, so that no plane of symmetry pairs directions that the rotation does not.
-        height = THICKNESS * (points[:, 2] - 0.5) * (1.0 + 0.5 * points[:, 0]) + 0.1 * (radius - INNER)
+        height = THICKNESS * (points[:, 2] - 0.5) * (1.0 + 0.5 * points[:, 0]) + 0.1 * (radius - inner)
         return np.column_stack([radius * np.cos(turn), radius * np.sin(turn), height])
 
     counts = (section[0], cells * span, section[1])
     body = block("C3D8", counts, shape=bent)
     flat = block("C3D8", counts).points
-    held = np.abs(flat[:, 0]) < 1e-9
     first, last = flat[:, 1] < 1e-9, flat[:, 1] > 1.0 - 1e-9
     if span == sectors:
-        body, kept = _closed(body, first, last)
-        held, first, last = held[kept], np.zeros(kept.sum(), bool), np.zeros(kept.sum(), bool)
+        body, kept = _merged(body, first, last)
+        flat, first, last = flat[kept], np.zeros(kept.sum(), bool), np.zeros(kept.sum(), bool)
+    if not bored:
+        # Points come with the axis' height last: all of one height, whatever their turn, are one.
+        inside = flat[:, 0] < 1e-9
+        height = np.flatnonzero(inside)[: section[1] + 1]
+        others = np.setdiff1d(np.flatnonzero(inside), height)
+        body, kept = _merged(body, height, others, np.tile(height, len(others) // len(height)))
+        flat, first, last = flat[kept], (first | inside)[kept], (last | inside)[kept]
+        if span == sectors:
+            first, last = np.zeros(len(flat), bool), np.zeros(len(flat), bool)
+    held = flat[:, 0] < 1e-9 if bored else (np.abs(flat[:, 0] - 0.5) < 1e-9) & (flat[:, 2] < 1e-9)
     sets = {
         "low": lambda points, owner: first & ~held,
         "high": lambda points, owner: last & ~held,
@@ -101,10 +135,10 @@ def ring(
     return replace(model, stiffness=stiffness[dofs][:, dofs], mass=mass[dofs][:, dofs])
 
 
-def _closed(body: Body, first: np.ndarray, last: np.ndarray) -> tuple[Body, np.ndarray]:
-    """A ring whose last points are its first, and which points are kept."""
-    kept = ~last
+def _merged(body: Body, first: np.ndarray, last: np.ndarray, onto: np.ndarray | None = None) -> tuple[Body, np.ndarray]:
+    """The body whose last points are its first, in their order, or those `onto`; and which points are kept."""
+    kept = np.ones(len(body.points), dtype=bool)
+    kept[last] = False
     number = np.cumsum(kept) - 1
-    # Both ends hold their points in the same order.
-    number[last] = number[first]
+    number[last] = number[first if onto is None else onto]
     return Body(body.kind, body.points[kept], number[body.connectivity]), kept

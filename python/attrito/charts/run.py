@@ -230,8 +230,7 @@ class Bench:
         for harmonics in ladder:
             options = self._fixed(harmonics, max(256, 8 * harmonics + 2))
             way = self._balance("uncondensed", self._scene, options, label=f"H = {harmonics}")
-            upper = 0 if self._scene.sector is None else len(self._scene.sector.upper)
-            unknowns = (len(self._scene.mass) - upper) * (2 * harmonics + 1)
+            unknowns = self._scene.coordinates * (2 * harmonics + 1)
             yield replace(way, seconds=np.nan, work=self._iterations * 2.0 / 3.0 * unknowns**3)
             if way.seconds > self._seconds:
                 return
@@ -277,7 +276,7 @@ class Bench:
 
 
 def restricted(scene: ReducedScene, kept: np.ndarray) -> ReducedScene:
-    """The scene without some of its coordinates; those of a sector's boundaries must be kept."""
+    """The scene without some of its coordinates; those of a sector's boundaries and axis must be kept."""
     number = np.full(len(scene.mass), -1)
     number[kept] = np.arange(len(kept))
     sector = scene.sector
@@ -286,6 +285,8 @@ def restricted(scene: ReducedScene, kept: np.ndarray) -> ReducedScene:
             sector,
             lower=number[sector.lower].astype(np.int32),
             upper=number[sector.upper].astype(np.int32),
+            along=number[sector.along].astype(np.int32),
+            across=number[sector.across].astype(np.int32),
             next_directions=np.ascontiguousarray(sector.next_directions[:, kept]),
             # Nothing is drawn of it along the model's own axes.
             axes=None,

@@ -80,6 +80,9 @@ def _next_keys(contact: dict[str, Any]) -> list[str]:
 def _check_boundary(job: Job) -> list[Fault]:
     """Both sides or none, of one kind, of equal length, no dof twice."""
     lower, upper = job["cyclic"]["lower"], job["cyclic"]["upper"]
+    if isinstance(lower, str) and job["cyclic"]["on_axis"]:
+        expected = "no such key beside node sets, whose nodes on the axis are found by their places"
+        return [job.fault("[cyclic] on_axis", "given", expected)]
     if (lower is None) != (upper is None):
         missing, other = ("lower", "upper") if lower is None else ("upper", "lower")
         return [job.fault(f"[cyclic] {missing}", "missing", f"this key, to go with {other}")]
@@ -99,7 +102,8 @@ def _check_boundary(job: Job) -> list[Fault]:
             faults.append(job.fault(f"[cyclic] {name}", _shown(twice[0]), "dofs that differ"))
     both = [dof for dof in upper if dof in lower]
     if both:
-        faults.append(job.fault("[cyclic] upper", _shown(both[0]), "dofs that are not in lower"))
+        expected = "dofs that are not in lower; those of a node on the axis go into on_axis"
+        faults.append(job.fault("[cyclic] upper", _shown(both[0]), expected))
     return faults
 
 

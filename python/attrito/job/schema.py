@@ -165,6 +165,13 @@ TABLES: dict[str, dict[str, Key]] = {
             None,
             "the boundary to the next sector: a node set, or as many dofs as `lower`, in its order",
         ),
+        "on_axis": Key(
+            listing(listing(dof, 1, 3)),
+            [],
+            "where boundaries are lists of dofs: of each node on the axis, which all sectors share, two dofs across it,"
+            " the second a quarter turn ahead of the first, and one along it; or the two, or the one"
+            " ([cyclic.md](cyclic.md#nodes-on-the-axis))",
+        ),
         "axis_point": Key(listing(number(), 3, 3), None, "on the axis, of node sets"),
         "axis_direction": Key(
             listing(number(), 3, 3), None, "of the axis: the next sector is this one turned by +2 pi / N about it"

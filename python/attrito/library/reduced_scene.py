@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import coo_matrix, csr_matrix
 
 # Of a contact's law, what its stuck state does not show
 FREE_OF_MODES = ("friction_coefficient", "gap", "preload", "law", "law_numbers")
@@ -23,7 +23,10 @@ class Sector:
         next one
     next_directions : rows of B on the next sector's coordinates, `[rows, m]`; zero of contacts inside or to the ground
     axes : A `[m, m]`, with A p the coordinates along the model's own axes, p those solved, whose upper boundary
-        is along the next sector's; None where they are the same
+        is along the next sector's, and nodes on the axis along and across it; None where they are the same
+    along, across : int32 `[a]` and `[c, 2]`, coordinates of nodes on the axis: along it, and across it in pairs, the
+        second a quarter turn ahead of the first. These are in all sectors at once: of their matrices and loads a
+        sector has its share
     """
 
     sectors: int
@@ -32,12 +35,41 @@ class Sector:
     upper: np.ndarray
     next_directions: np.ndarray
     axes: csr_matrix | None = None
+    along: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
+    across: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int32))
+
+    def expansion(self, size: int, diameter: int) -> csr_matrix:
+        """S_n `[m, n]`, complex: coordinates `[m]` from those that move at a nodal diameter.
+
+        The upper boundary follows the lower one, and nodes on the axis move along it (n = 0), across it (1 and N - 1)
+        or not at all.
+        """
+        factor, owner = np.ones(size, dtype=complex), np.arange(size)
+        factor[self.upper] = np.exp(-2j * np.pi * diameter / self.sectors)
+        owner[self.upper] = owner[self.lower]
+        if self.sectors > 1:
+            number = diameter % self.sectors
+            factor[self.along] = number == 0
+            turns = {1: 1.0, self.sectors - 1: -1.0}.get(number, 0.0)
+            factor[self.across] = turns != 0.0
+            if self.sectors > 2:
+                factor[self.across] *= np.array([1.0, -1j * turns]) * np.sqrt(0.5)
+                owner[self.across[:, 1]] = owner[self.across[:, 0]]
+        moving = np.unique(owner[factor != 0.0])
+        entries = np.flatnonzero(factor)
+        place = np.searchsorted(moving, owner[entries])
+        return coo_matrix((factor[entries], (entries, place)), shape=(size, len(moving))).tocsr()
+
+    def own(self, size: int) -> np.ndarray:
+        """Coordinates that each sector has for itself: neither of the upper boundary nor on the axis, ascending."""
+        others: np.ndarray = np.concatenate([self.upper, self.along, self.across.ravel()]).astype(int)
+        return np.delete(np.arange(size), others)
 
     @property
     def digest(self) -> str:
         """SHA-256 of all its numbers."""
         total = hashlib.sha256(f"{self.sectors} {self.engine_order}".encode())
-        for values in (self.lower, self.upper, self.next_directions):
+        for values in (self.lower, self.upper, self.next_directions, self.along, self.across):
             total.update(np.ascontiguousarray(values).tobytes())
         return total.hexdigest()
 
@@ -72,6 +104,14 @@ class ReducedScene:
     reduction: str = ""
     sector: Sector | None = None
 
+    @property
+    def coordinates(self) -> int:
+        """How many are solved for at a harmonic: of a sector, without those that others say."""
+        sector, size = self.sector, len(self.mass)
+        if sector is None:
+            return size
+        return size - len(sector.upper) - (len(sector.across) if sector.sectors > 2 else 0)
+
     def has_the_modes_of(self, other: ReducedScene) -> bool:
         """Whether two scenes differ in `FREE_OF_MODES` alone."""
         plain = ("mass", "stiffness", "damping", "directions", "static", "harmonic", "monitors")
@@ -88,13 +128,11 @@ class ReducedScene:
 def all_alike(scene: ReducedScene) -> ReducedScene:
     """What a sector is while all sectors move alike, as at rest: its upper boundary is its own lower one.
 
-    The upper boundary's coordinates are gone; a whole model stays as it is.
+    The upper boundary's coordinates are gone, and nodes on the axis move along it; a whole model stays as it is.
     """
     if scene.sector is None:
         return scene
-    tie = np.eye(len(scene.mass))
-    tie[scene.sector.upper, scene.sector.lower] = 1.0
-    tie = np.delete(tie, scene.sector.upper, axis=1)
+    tie = scene.sector.expansion(len(scene.mass), 0).toarray().real
     damping = None if scene.damping is None else np.ascontiguousarray(tie.T @ scene.damping @ tie)
     return replace(
         scene,

@@ -155,13 +155,21 @@ class Solver:
         self._call("attrito_prepare", ctypes.byref(given))
 
     def _set_sector(self, sector: Sector) -> None:
-        boundaries = (np.ascontiguousarray(dofs, dtype=np.int32) for dofs in (sector.lower, sector.upper))
+        lower, upper, along, across = (
+            pointer(np.ascontiguousarray(places, dtype=np.int32))
+            for places in (sector.lower, sector.upper, sector.along, sector.across)
+        )
         self._library.attrito_set_sector(
             self._handle,
             sector.sectors,
             sector.engine_order,
             len(sector.lower),
-            *(pointer(dofs) for dofs in boundaries),
+            lower,
+            upper,
+            len(sector.along),
+            along,
+            len(sector.across),
+            across,
             len(sector.next_directions),
             pointer(np.ascontiguousarray(sector.next_directions, dtype=float)),
         )
@@ -363,7 +371,7 @@ class Solver:
         if self._scene.sector is None:
             raise ValueError("nodal diameters are those of a sector's wheel: take linear_modes")
         m = len(self._scene.mass)
-        count = min(count, m - len(self._scene.sector.upper))
+        count = min(count, self._scene.sector.expansion(m, diameter).shape[1])
         natural, ratio, rigid = np.zeros(count), np.zeros(count), ctypes.c_int()
         cosine, sine = np.zeros((count, m)), np.zeros((count, m))
         arrays = (pointer(values) for values in (natural, ratio, cosine, sine))

@@ -7,6 +7,9 @@ its partner of the upper one at R x, and with displacements along axes that turn
 
 so that q = A p, A the block R at the nodes of the upper boundary and 1 elsewhere, takes the upper boundary's
 displacements along the next sector's axes: p_upper of a sector is p_lower of the next.
+
+A node on the axis is in all sectors at once. Its p are two displacements across the axis, the second a quarter turn
+ahead of the first, and one along it.
 """
 
 from __future__ import annotations
@@ -78,26 +81,36 @@ def pair_boundaries(
     names : of the sets, for messages
     axis, sectors : of the wheel
 
+    Nodes on the axis have no image but themselves, and are left out, whichever set has them.
+
     Raises
     ------
-    PairingError : nodes on the axis, or without a partner
+    PairingError : nodes of both sets that are not on the axis, or without a partner
     """
-    lower, upper = np.unique(lower), np.unique(upper)
-    places = [model.coordinates[node_rows(model, ids)] for ids in (lower, upper)]
-    extent = float(np.linalg.norm(np.ptp(model.coordinates, axis=0)))
-    near = NEAR * extent
-    for ids, place, name in zip((lower, upper), places, names, strict=True):
-        on_axis = ids[axis.distance(place) <= near]
-        if len(on_axis):
-            raise PairingError(f"{name} ({some(on_axis)})", "boundaries without nodes on the axis")
+    aside = nodes_on_axis(model, axis)
+    lower, upper = np.setdiff1d(lower, aside), np.setdiff1d(upper, aside)
     common = np.intersect1d(lower, upper)
     if len(common):
-        raise PairingError(f"{names[1]} ({some(common)})", f"a node set without nodes of {names[0]}")
-    near = min(near, OF_SPACING * _spacing(places[0]), OF_SPACING * _spacing(places[1]))
+        expected = f"a node set without nodes of {names[0]}, but for nodes on the axis"
+        raise PairingError(f"{names[1]} ({some(common)})", expected)
+    places = [model.coordinates[node_rows(model, ids)] for ids in (lower, upper)]
+    if not len(lower) and not len(upper):
+        return lower, upper
+    near = min(_near(model), OF_SPACING * _spacing(places[0]), OF_SPACING * _spacing(places[1]))
     index = _images(places, axis, 2.0 * np.pi / sectors, near)
     if index is not None:
         return lower, upper[index]
     raise _unpaired(places, (lower, upper), names, axis, sectors, near)
+
+
+def _near(model: Model) -> float:
+    """How far from each other nodes of a model may be that are one another's image."""
+    return NEAR * float(np.linalg.norm(np.ptp(model.coordinates, axis=0)))
+
+
+def nodes_on_axis(model: Model, axis: Axis) -> np.ndarray:
+    """Ids of the nodes on the axis, ascending."""
+    return np.unique(model.node_ids[axis.distance(model.coordinates) <= _near(model)])
 
 
 def _spacing(points: np.ndarray) -> float:
@@ -108,7 +121,7 @@ def _spacing(points: np.ndarray) -> float:
 def _images(places: list[np.ndarray], axis: Axis, angle: float, near: float) -> np.ndarray | None:
     """Which point of the second cloud is the image of each of the first; None unless the clouds are one another's."""
     lower, upper = places
-    if len(lower) != len(upper):
+    if len(lower) != len(upper) or not len(lower):
         return None
     distance, index = cKDTree(upper).query(axis.turned(lower, angle))
     fits = np.all(distance <= near) and len(np.unique(index)) == len(upper)
@@ -152,6 +165,8 @@ def _unpaired(
 def _angles(places: list[np.ndarray], axis: Axis, near: float) -> list[float]:
     """Angles (rad) by which the lower point farthest from the axis might come onto points of the upper cloud."""
     lower, upper = places
+    if not len(lower) or not len(upper):
+        return []
     first = lower[np.argmax(axis.distance(lower))] - axis.point
     height = (upper - axis.point) @ axis.direction
     same = np.abs(axis.distance(upper) - axis.distance(first[None] + axis.point)) <= near
@@ -214,6 +229,61 @@ def paired_dofs(
     places = np.concatenate([others, rows]).astype(int), np.concatenate([others, columns]).astype(int)
     axes = coo_matrix((entries, places), shape=(model.size, model.size)).tocsr()
     return np.array(below, dtype=np.int64), np.array(above, dtype=np.int64), axes
+
+
+def axis_dofs(model: Model, axis: Axis) -> tuple[np.ndarray, np.ndarray, csr_matrix]:
+    """Free dofs of nodes on the axis, and their axes: along the wheel's axis and across it.
+
+    Returns
+    -------
+    dofs along the axis `[a]` and in pairs across it `[c, 2]`, each a dof of the node as it is numbered, and A `[n, n]`,
+    q = A p, with p along the axis and across it; the second of a pair is a quarter turn ahead of the first
+
+    Raises
+    ------
+    PairingError : a node that is held along a direction neither along nor across the axis, or half across it
+    """
+    along, across = [], []
+    axes = identity(model.size, format="lil")
+    near = np.flatnonzero(np.isin(model.dof_node, nodes_on_axis(model, axis)))
+    pairs = zip(model.dof_node[near].tolist(), model.dof_direction[near].tolist(), strict=True)
+    dofs = dict(zip(pairs, near.tolist(), strict=True))
+    for node in np.unique(model.dof_node[near]).tolist():
+        for kind in ((1, 2, 3), (4, 5, 6)):
+            own = np.array([dofs.get((node, direction), -1) for direction in kind])
+            free = own >= 0
+            if not np.any(free):
+                continue
+            basis = _along_and_across(axis.direction, free)
+            if basis is None:
+                expected = (
+                    "nodes on the axis that are free or held along it, and free or held in all directions across it"
+                )
+                raise PairingError(f"node {node} on the axis, held in part", expected)
+            own = own[free]
+            axes[np.ix_(own, own)] = basis
+            if free.sum() > 1:
+                across.append(own[:2])
+            if free.sum() != 2:
+                along.append(own[-1])
+    shape = np.array(across, dtype=np.int64).reshape(-1, 2)
+    return np.array(along, dtype=np.int64), shape, axes.tocsr()
+
+
+def _along_and_across(direction: np.ndarray, free: np.ndarray) -> np.ndarray | None:
+    """Columns across the axis and along it, of the free directions of a node; None where these are neither."""
+    of_axis = np.abs(direction) > NEGLIGIBLE
+    if free.sum() == 1:
+        return np.eye(1) if np.array_equal(free, of_axis) else None
+    if free.sum() == 2 and np.any(of_axis & free):
+        return None
+    first = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
+    if free.sum() == 2:
+        first = np.eye(3)[np.argmax(free)]
+    first /= np.linalg.norm(first)
+    columns = np.column_stack([first, np.cross(direction, first), direction])
+    basis: np.ndarray = columns if free.all() else columns[free, :2]
+    return basis
 
 
 def beside_the_next(model: Model, name: str, axis: Axis, sectors: int) -> tuple[Model, np.ndarray]:

@@ -61,14 +61,14 @@ class DofResolver:
         return vector
 
     def boundary(self, contacts: Contacts, sector: CyclicSector | None = None) -> np.ndarray:
-        """Dofs to keep: those of contacts, all of a contact's nodes, of nodes that the job names, of a sector's ends.
+        """Dofs to keep: of contacts, all of their nodes, of nodes that the job names, of a sector's ends and axis.
 
         What contacts touch of the next sector is kept of this one, which is its equal.
         """
         rows = contacts.rows if contacts.next_rows is None else contacts.rows + contacts.next_rows
         keep = [np.unique(rows.indices)]
         if sector is not None:
-            keep += [sector.lower, sector.upper]
+            keep += [sector.lower, sector.upper, sector.along, sector.across.ravel()]
         nodes = [contacts.places["node_a"], contacts.places["node_b"]]
         if self.model.dof_node is not None:
             # Contacts on faces have several nodes a side; one dof of each is in their rows.

@@ -22,6 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, eigh
 
+from attrito.library.reduced_scene import Sector
+
 # Singular values that are left out, parts of the largest: at first, how much less where frequencies are off, at last
 FIRST, SMALLER, LAST = 1e-5, 0.1, 1e-9
 # Modes are taken up to so many times the highest frequency that matters, and so many more
@@ -37,20 +39,16 @@ class Boundary:
     Parameters
     ----------
     mass, stiffness : `[m, m]`
-    rows, next_rows : of contacts, on its own coordinates and on the next sector's, `[rows, m]`
+    rows : of contacts, on its own coordinates, `[rows, m]`
     loads : `[loads, m]`
-    lower, upper : coordinates of the boundaries, paired `[k]`
-    sectors : N
+    sector : its boundaries, and the contacts' rows on the next sector
     """
 
     mass: np.ndarray
     stiffness: np.ndarray
     rows: np.ndarray
-    next_rows: np.ndarray
     loads: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-    sectors: int
+    sector: Sector
 
 
 @dataclass(frozen=True)
@@ -91,35 +89,30 @@ def interface_modes(boundary: Boundary, count: int | None, top_hz: float, accept
 
 def _diameters(boundary: Boundary) -> Iterator[_Diameter]:
     """One after the other: each holds matrices as large as the sector's."""
-    for number in range(boundary.sectors // 2 + 1):
+    for number in range(boundary.sector.sectors // 2 + 1):
         yield _Diameter(boundary, number)
 
 
 class _Diameter:
-    """A sector at one nodal diameter: K~_n, M_n, and its loads in columns, without the upper boundary."""
+    """A sector at one nodal diameter: K~_n, M_n, and its loads in columns, of the coordinates that move there."""
 
     def __init__(self, boundary: Boundary, number: int):
-        turn = np.exp(-2j * np.pi * number / boundary.sectors)
-        kept = np.delete(np.arange(len(boundary.mass)), boundary.upper)
-        self._lower = np.searchsorted(kept, boundary.lower)
-
-        def tied(columns: np.ndarray) -> np.ndarray:
-            """Columns S_n."""
-            found = columns.astype(complex)
-            found[:, boundary.lower] += turn * found[:, boundary.upper]
-            return found[:, kept]
+        sector = boundary.sector
+        turn = np.exp(-2j * np.pi * number / sector.sectors)
+        shape = sector.expansion(len(boundary.mass), number)
+        self._lower = shape[sector.lower].indices
 
         def coupled(matrix: np.ndarray) -> np.ndarray:
-            found = tied(tied(matrix).conj().T).conj().T
+            found = shape.conj().T @ (matrix @ shape)
             return 0.5 * (found + found.conj().T)
 
-        rows = tied(boundary.rows + turn * boundary.next_rows)
+        rows = (boundary.rows + turn * sector.next_directions) @ shape
         stiffness = coupled(boundary.stiffness)
         size = np.square(np.abs(rows))
         springs = (size @ np.diag(stiffness).real) / np.square(size.sum(axis=1)).clip(np.finfo(float).tiny)
         self.stiffness = stiffness + rows.conj().T @ (springs[:, None] * rows)
         self.mass = coupled(boundary.mass)
-        self._loads = np.vstack([rows, tied(boundary.loads)]).conj().T
+        self._loads = np.vstack([rows, boundary.loads @ shape]).conj().T
 
     def traces(self, count: int | None, top: float) -> tuple[np.ndarray, np.ndarray]:
         """Natural angular frequencies, and what modes and static motion leave on the lower boundary `[k, columns]`."""

@@ -21,7 +21,7 @@ from attrito.library.reduced_scene import ReducedScene
 from attrito.library.reduction import Listener, Report, reduce_model
 from attrito.model.model_file import write_model
 from attrito.scene.interface_modes import Boundary, interface_modes
-from attrito.scene.reduced_sector import on_coordinates, places_of, sector_of, solved_axes, turned_axes
+from attrito.scene.reduced_sector import on_coordinates, sector_of, solved_axes, turned_axes
 from attrito.scene.rom_claim import Claim, claim
 from attrito.scene.scene import Scene
 from attrito.support.atomic_files import whole_hdf5
@@ -380,7 +380,7 @@ def _fingerprint(job: Job, scene: Scene) -> str:
         cyclic = job["cyclic"]
         digest.update(json.dumps([cyclic["interface_modes"], cyclic["sectors"], _interface_error(job)]).encode())
         digest.update(json.dumps(excited_hz(job)).encode())
-        for places in (scene.sector.lower, scene.sector.upper):
+        for places in (scene.sector.lower, scene.sector.upper, scene.sector.along, scene.sector.across):
             digest.update(places.tobytes())
         for rows in (scene.contacts.rows, scene.contacts.next_rows, scene.sector.axes):
             if rows is not None:
@@ -402,21 +402,21 @@ def _write_interface(file: h5py.File, job: Job, scene: Scene, say: Any) -> None:
     """Find the interface modes of a reduced sector and keep them beside it."""
     boundary, size = file["boundary/dof"][:], len(file["mass"])
     mass, stiffness, loads = (file[name][()] for name in ("mass", "stiffness", "vectors/reduced"))
-    rows, beyond = (on_coordinates(rows, size, boundary) for rows in (scene.contacts.rows, scene.contacts.next_rows))
+    rows = on_coordinates(scene.contacts.rows, size, boundary)
     axes = turned_axes(scene.sector, size, boundary)
     if axes is not None:
         mass, stiffness = axes.T @ mass @ axes, axes.T @ stiffness @ axes
-        loads, rows, beyond = loads @ axes, rows @ axes, beyond @ axes
+        loads, rows = loads @ axes, rows @ axes
     asked, accepted = job["cyclic"]["interface_modes"], _interface_error(job)
-    places = places_of(scene.sector, boundary)
-    sector = Boundary(mass, stiffness, rows, beyond, loads, *places, scene.sector.sectors)
-    found = interface_modes(sector, None if asked == "auto" else asked, excited_hz(job), accepted)
+    sector = sector_of(scene, size, boundary, None, axes)
+    held = Boundary(mass, stiffness, rows, loads, sector)
+    found = interface_modes(held, None if asked == "auto" else asked, excited_hz(job), accepted)
     shapes = "W, shapes of the lower boundary's dofs, and of the upper one's along the next sector's axes"
     described(file, "interface/basis", shapes, data=found.basis)
     what = "largest relative error of natural frequencies up to the highest that is excited, by the interface modes"
     described(file, "interface/error", what, data=found.error)
     say(
-        f"boundaries of {len(places[0])} dofs each in {found.basis.shape[1]} interface modes: natural frequencies of"
+        f"boundaries of {len(sector.lower)} dofs each in {found.basis.shape[1]} interface modes: natural frequencies of"
         f" all nodal diameters, with every contact stuck, within {found.error:.1e}"
     )
 

@@ -35,11 +35,13 @@ def turned_axes(sector: CyclicSector | None, size: int, boundary: np.ndarray | N
     return csr_matrix(block_diag([sector.axes[boundary][:, boundary], inside]))
 
 
-def places_of(sector: CyclicSector, boundary: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-    """Coordinates of the lower and of the upper boundary, `[k]` each, where all their dofs are kept."""
-    if boundary is None:
-        return sector.lower, sector.upper
-    return np.searchsorted(boundary, sector.lower), np.searchsorted(boundary, sector.upper)
+def places_of(sector: CyclicSector, boundary: np.ndarray | None) -> tuple[np.ndarray, ...]:
+    """Coordinates of the lower and the upper boundary, `[k]` each, and on the axis along `[a]` and across it `[c, 2]`.
+
+    All dofs of both boundaries are kept.
+    """
+    dofs = sector.lower, sector.upper, sector.along, sector.across
+    return dofs if boundary is None else tuple(np.searchsorted(boundary, places) for places in dofs)
 
 
 def solved_axes(
@@ -49,7 +51,7 @@ def solved_axes(
     axes = turned_axes(sector, size, boundary)
     if interface is None or sector is None:
         return axes
-    lower, upper = places_of(sector, boundary)
+    lower, upper, _, _ = places_of(sector, boundary)
     shapes = eye(size, format="csc")
     others = np.delete(np.arange(size), np.concatenate([lower, upper]))
     of_boundary = [csr_matrix(shapes[:, side] @ interface) for side in (lower, upper)]
@@ -85,10 +87,11 @@ def sector_of(
     """The scene's sector on the coordinates; None where the model is whole."""
     if scene.sector is None:
         return None
-    if interface is None or axes is None:
-        lower, upper = places_of(scene.sector, boundary)
-    else:
+    lower, upper, along, across = places_of(scene.sector, boundary)
+    if interface is not None and axes is not None:
         shapes = interface.shape[1]
+        others = np.delete(np.arange(size), np.concatenate([lower, upper]))
+        along, across = np.searchsorted(others, along), np.searchsorted(others, across)
         lower, upper = np.split(np.arange(axes.shape[1] - 2 * shapes, axes.shape[1]), 2)
     beyond = on_coordinates(scene.contacts.next_rows, size, boundary)
     return Sector(
@@ -98,4 +101,6 @@ def sector_of(
         upper.astype(np.int32),
         np.ascontiguousarray(beyond if axes is None else beyond @ axes),
         axes,
+        along.astype(np.int32),
+        across.astype(np.int32),
     )

@@ -44,6 +44,8 @@ class CyclicSector:
     lower, upper : dofs of the boundaries, paired `[k]`
     axes : A `[n, n]`, q = A p: p_upper, in the next sector's axes, is p_lower of the next sector; None where dofs are
         in such axes as they stand
+    along, across : dofs of nodes on the axis, `[a]` and `[c, 2]`; in p along it, and in pairs across it, the second a
+        quarter turn ahead of the first
     """
 
     sectors: int
@@ -51,6 +53,8 @@ class CyclicSector:
     lower: np.ndarray
     upper: np.ndarray
     axes: csr_matrix | None = None
+    along: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    across: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
 
 
 @dataclass

@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from attrito.importers.check import massless
 from attrito.job.cyclic import is_cyclic
 from attrito.job.job import Job
 from attrito.model.model import Model
-from attrito.model.sector import Axis, PairingError, axis_of, pair_boundaries, paired_dofs
+from attrito.model.sector import Axis, PairingError, axis_dofs, axis_of, pair_boundaries, paired_dofs
 from attrito.scene.dofs import DofResolver
 from attrito.scene.scene import CyclicSector
 
@@ -23,10 +24,15 @@ def build_sector(job: Job, model: Model, places: DofResolver) -> CyclicSector | 
     numbers = keys["sectors"], keys["engine_order"]
     if not isinstance(keys["lower"], str):
         lower, upper = (_listed(places, keys[name] or [], f"[cyclic] {name}") for name in ("lower", "upper"))
-        both = np.intersect1d(lower, upper)
-        if len(both):
-            places.add("[cyclic] upper", f"dof {both[0]}", "dofs that are not in lower")
-        return CyclicSector(*numbers, lower, upper)
+        along, across = _on_axis(places, keys["on_axis"])
+        used = np.concatenate([lower, upper, along, across.ravel()])
+        values, counts = np.unique(used, return_counts=True)
+        if np.any(counts > 1):
+            twice = values[counts > 1][0]
+            key = "on_axis" if twice in along or twice in across else "upper"
+            expected = "dofs that are not in lower" if key == "upper" else "dofs that are in no other place of [cyclic]"
+            places.add(f"[cyclic] {key}", f"dof {twice}", expected)
+        return CyclicSector(*numbers, lower, upper, None, along, across)
     nodes = [_nodes(model, places, keys[name], f"[cyclic] {name}") for name in ("lower", "upper")]
     if any(found is None for found in nodes):
         return None
@@ -37,7 +43,15 @@ def build_sector(job: Job, model: Model, places: DofResolver) -> CyclicSector | 
     except PairingError as error:
         places.add("[cyclic] upper", error.value, str(error))
         return None
-    return CyclicSector(*numbers, lower, upper, axes)
+    if keys["sectors"] == 1:
+        # What is on the axis of a single sector moves as all else does.
+        return CyclicSector(*numbers, lower, upper, axes)
+    try:
+        along, across, own = axis_dofs(model, axis)
+    except PairingError as error:
+        places.add("[cyclic] axis_direction", error.value, str(error))
+        return None
+    return CyclicSector(*numbers, lower, upper, csr_matrix(axes @ own), along, across)
 
 
 def check_mass_of_sector(job: Job, model: Model, sector: CyclicSector, places: DofResolver, expected: str) -> None:
@@ -65,6 +79,20 @@ def _listed(places: DofResolver, dofs: list[Any], key: str) -> np.ndarray:
     if np.any(counts > 1):
         places.add(key, f"dof {values[counts > 1][0]}", "dofs that differ")
     return known
+
+
+def _on_axis(places: DofResolver, nodes: list[list[Any]]) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the dofs along the axis `[a]`, and in pairs across it `[c, 2]`, of nodes that a job lists."""
+    along: list[int] = []
+    across: list[list[int]] = []
+    for i, node in enumerate(nodes):
+        found = [places.dof(dof, f"[cyclic] on_axis[{i}]") for dof in node]
+        known = [dof for dof in found if dof is not None]
+        if len(known) < len(node):
+            continue
+        along += known[2:] if len(known) > 1 else known
+        across += [known[:2]] if len(known) > 1 else []
+    return np.array(along, dtype=np.int64), np.array(across, dtype=np.int64).reshape(-1, 2)
 
 
 def _nodes(model: Model, places: DofResolver, name: str, key: str) -> np.ndarray | None:

@@ -12,8 +12,9 @@ from attrito.library.reduced_scene import ReducedScene, Sector
 def whole_wheel(scene: ReducedScene) -> ReducedScene:
     """The N sectors of a sector's wheel, tied at their boundaries; loads are f_j(t) = f_0(t - j EO T / N).
 
-    Coordinates and contacts are those of sector 0, 1, ..., each without its upper boundary; monitors are those of the
-    first. There is no `sector` left.
+    Coordinates and contacts are those of sector 0, 1, ..., each without its upper boundary and what it has on the axis;
+    at the end come those of nodes on the axis, along the first sector's axes. Monitors are those of the first. There is
+    no `sector` left.
     """
     sector = scene.sector
     if sector is None:
@@ -41,15 +42,20 @@ def whole_wheel(scene: ReducedScene) -> ReducedScene:
 
 
 def of_sector(sector: Sector, size: int, number: int) -> np.ndarray:
-    """From a sector's coordinates to the wheel's, `[N n, m]`, n coordinates of each being not of its upper boundary."""
-    kept = np.delete(np.arange(size), sector.upper)
+    """From a sector's coordinates to the wheel's, `[n, m]`; sector j sees a node on the axis turned by R^-j."""
+    own = sector.own(size)
+    last = sector.sectors * len(own)
     place = np.full(size, -1)
-    place[kept] = (number % sector.sectors) * len(kept) + np.arange(len(kept))
-    place[sector.upper] = place[sector.lower] + (((number + 1) % sector.sectors) - (number % sector.sectors)) * len(
-        kept
-    )
-    onto = np.zeros((sector.sectors * len(kept), size))
+    place[own] = (number % sector.sectors) * len(own) + np.arange(len(own))
+    place[sector.upper] = place[sector.lower] + (((number + 1) % sector.sectors) - (number % sector.sectors)) * len(own)
+    place[sector.along] = last + np.arange(len(sector.along))
+    across = last + len(sector.along) + np.arange(sector.across.size).reshape(-1, 2)
+    place[sector.across] = across
+    onto = np.zeros((last + len(sector.along) + sector.across.size, size))
     onto[place, np.arange(size)] = 1.0
+    angle = 2.0 * np.pi * (number % sector.sectors) / sector.sectors
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    onto[across[:, :, None], sector.across[:, None, :]] = turn
     return onto
 
 
@@ -65,6 +71,7 @@ def delayed(series: np.ndarray, sector: Sector, number: int) -> np.ndarray:
 
 
 def wave_in_wheel(motion: np.ndarray, sector: Sector) -> np.ndarray:
-    """Coefficients of the wheel's coordinates `[N n, 2 H + 1]` from those of a sector, `[m, 2 H + 1]`."""
-    kept = np.delete(np.arange(len(motion)), sector.upper)
-    return np.hstack([delayed(motion.T, sector, j)[:, kept] for j in range(sector.sectors)]).T
+    """Coefficients of the wheel's coordinates `[n, 2 H + 1]` from those of a sector, `[m, 2 H + 1]`."""
+    own = sector.own(len(motion))
+    sectors = [delayed(motion.T, sector, j)[:, own] for j in range(sector.sectors)]
+    return np.hstack([*sectors, motion[sector.along].T, motion[sector.across.ravel()].T]).T
