@@ -198,11 +198,15 @@ def mesh(file: Path, read_other: Callable[[Path], independent.MeshParts]) -> tup
         return "DIFFERENT", "coordinates"
     known = found.node_ids[order]
     by_id = np.argsort(known)
-    for kind, (_, nodes) in found.elements.items():
-        rows = by_id[np.searchsorted(known, nodes, sorter=by_id)]
-        if others and not np.array_equal(in_order(rows), in_order(others.get(nodes.shape[1], rows[:0]))):
-            return "DIFFERENT", f"nodes of elements {kind}"
-    what = ", ".join(f"{len(x)} of {x.shape[1]} nodes" for _, x in found.elements.values()) or "no solids"
+    # The other readers know elements by their number of nodes.
+    solids: dict[int, list[np.ndarray]] = {}
+    for _, nodes in found.elements.values():
+        solids.setdefault(nodes.shape[1], []).append(nodes)
+    for width, parts in solids.items():
+        rows = by_id[np.searchsorted(known, np.concatenate(parts), sorter=by_id)]
+        if others and not np.array_equal(in_order(rows), in_order(others.get(width, rows[:0]))):
+            return "DIFFERENT", f"elements of {width} nodes"
+    what = ", ".join(f"{sum(map(len, parts))} of {width} nodes" for width, parts in solids.items()) or "no solids"
     left_out = f"; left out: {'; '.join(found.skipped[:3])}" if found.skipped else ""
     return "equal", f"{len(found.node_ids)} nodes; elements: {what}{left_out}"
 

@@ -151,6 +151,7 @@ def test_linear_modes_have_the_stress_of_an_amplitude(tmp_path, capfd):
     done = attrito_here(tmp_path, capfd, "stress", "bar.modes.h5", "--mode", "2", "--amplitude", "0.5")
     assert done.returncode == 0, done.stderr
     row = rows(tmp_path / "bar.modes.stress.csv")[0]
+    assert row["mode"] == "2" and "mode 2, 101 Hz" in done.stdout
     assert float(row["alternating_xx"]) == pytest.approx(ALTERNATING * CONSTRAINED) and float(row["mean_xx"]) == 0.0
     assert attrito_here(tmp_path, capfd, "stress", "bar.modes.h5").returncode == 2
 
@@ -168,6 +169,17 @@ def test_nodes_whose_motion_was_not_recovered_are_left_out_or_refused_where_aske
     assert "left out: nodes of 1 elements for their motion" in done.stdout and "8 nodes" in done.stdout
     done = attrito_here(tmp_path, capfd, "stress", "result.h5", "--set", "tip")
     assert done.returncode == 2 and "motion = '1 elements C3D8 at the chosen nodes'" in done.stderr
+
+
+def test_strains_are_those_of_the_motion(tmp_path, capfd):
+    bar(tmp_path)
+    assert attrito_here(tmp_path, capfd, "stress", "result.h5", "--strain", "--points", "0").returncode == 0
+    for row in rows(tmp_path / "stress.csv"):
+        values = {name: float(text) for name, text in row.items() if "strain" in name}
+        expected = {"alternating_strain_xx": ALTERNATING, "alternating_principal_strain": ALTERNATING}
+        expected |= {"mean_strain_xx": STATIC, "mean_principal_strain": STATIC}
+        assert len(values) == 14
+        assert values == pytest.approx(dict.fromkeys(values, 0.0) | expected, abs=1e-12)
 
 
 def test_what_is_read_is_not_written_over(tmp_path, capfd):

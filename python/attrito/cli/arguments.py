@@ -359,6 +359,7 @@ def _stress(parsers: Parsers) -> None:
         "--mode", type=_whole, metavar="N", help="of linear modes: the Nth; of a nonlinear mode: its point N"
     )
     one.add_argument("--monitor", help="monitor whose largest amplitude is meant (default: the first)")
+    one.add_argument("--strain", action="store_true", help="columns of strains, too")
     one.add_argument("--young", type=_measured, metavar="E", help="Young's modulus of elements whose deck gives none")
     one.add_argument("--poisson", type=_measured, metavar="NU", help="their Poisson's ratio")
     one.add_argument(

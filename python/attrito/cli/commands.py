@@ -358,6 +358,7 @@ def stress(options: argparse.Namespace) -> None:
         points=options.points,
         mode=options.mode,
         monitor=options.monitor,
+        strain=options.strain,
     )
     path = options.output or _beside(options.result, "stress.csv")
 

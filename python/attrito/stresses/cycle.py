@@ -62,7 +62,7 @@ def cycle_of(harmonics: np.ndarray) -> Cycle:
     mean = 0.5 * (one + other)
     mean_von_mises = von_mises(mean)
     is_compressive = mean[:, :3].sum(axis=1) < -ROUNDING * mean_von_mises
-    principal = _principal(alternating, mean)
+    principal = principal_of(alternating, mean)
     return Cycle(
         alternating=alternating,
         mean=mean,
@@ -86,8 +86,8 @@ def von_mises(stress: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.norm(deviator(stress), axis=-1))
 
 
-def _principal(alternating: np.ndarray, mean: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The largest |n A n| of the principal directions n of A, and n M n."""
+def principal_of(alternating: np.ndarray, mean: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The largest |n A n| of the principal directions n of tensors A `[n, 6]`, and n M n, `[n]` each."""
     values, directions = np.linalg.eigh(_matrices(alternating))
     along = np.einsum("nai,nab,nbi->ni", directions, _matrices(mean), directions)
     size = np.abs(values)

@@ -47,12 +47,8 @@ class NodalStress:
     harmonics: np.ndarray
 
     def strains(self) -> np.ndarray:
-        """Coefficients of the strains, `[nk, n, 6]`; of shear those of the tensor, half the engineer's."""
-        young, poisson = self.elastic.T[:, :, None]
-        pressure = self.harmonics[..., :3].sum(axis=2, keepdims=True)
-        found = (1.0 + poisson) / young * self.harmonics
-        found[..., :3] -= poisson / young * pressure
-        return np.asarray(found)
+        """Coefficients of the strains, `[nk, n, 6]`."""
+        return strain_of(self.harmonics, self.elastic)
 
 
 def nodal_stress(model: Model, harmonics: np.ndarray, wanted: np.ndarray) -> NodalStress:
@@ -183,6 +179,19 @@ def hooke(strain: np.ndarray, young: float, poisson: float) -> np.ndarray:
     stress = 2.0 * shear * strain
     stress[..., :3] += lame * strain[..., :3].sum(axis=-1, keepdims=True)
     return np.asarray(stress)
+
+
+def strain_of(stress: np.ndarray, elastic: np.ndarray) -> np.ndarray:
+    """Strains of stresses `[..., n, 6]`; of shear the tensor's, half the engineer's.
+
+    Parameters
+    ----------
+    elastic : Young's modulus and Poisson's ratio, `[n, 2]`
+    """
+    young, poisson = elastic.T[:, :, None]
+    found = (1.0 + poisson) / young * stress
+    found[..., :3] -= poisson / young * stress[..., :3].sum(axis=-1, keepdims=True)
+    return np.asarray(found)
 
 
 def _strain(motion: np.ndarray, gradients: np.ndarray) -> np.ndarray:

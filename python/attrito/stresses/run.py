@@ -40,6 +40,7 @@ class Wanted:
     young, poisson : of elements whose deck gives none, user force/length^2; both or neither
     amplitude : of a linear mode, whose modal mass is 1; None: 1
     points, mode, monitor : as of `chosen_points`
+    strain : columns of strains in the table
     """
 
     sets: tuple[str, ...] = ()
@@ -49,6 +50,7 @@ class Wanted:
     points: Sequence[int] | None = None
     mode: int | None = None
     monitor: str | None = None
+    strain: bool = False
 
     def __post_init__(self) -> None:
         if (self.young is None) != (self.poisson is None):
@@ -125,7 +127,7 @@ def write_stresses(
         check_spared("stress", "--vtu", list(files.values()), filter(None, read))
         for point in points:
             found, motion = _at_point(result, point, model, wanted)
-            tables.append(found.to_csv(header=not tables))
+            tables.append(found.to_csv(header=not tables, strain=wanted.strain))
             lines += found.summary()
             if point in files:
                 write_field(files[point], model, found, motion, result if wheel else None)
@@ -206,6 +208,7 @@ def _at_point(result: Result, point: int, model: Model, wanted: Wanted) -> tuple
         stress_unit=units.name(STRESS_UNIT) if units else "",
         length_unit=units.length if units else "",
         notes=tuple(notes),
+        is_mode=result.attribute("format") == LINEAR_MODES,
     ), harmonics
 
 

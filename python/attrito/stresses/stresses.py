@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from attrito.stresses.cycle import Cycle
-from attrito.stresses.recovery import COMPONENTS
+from attrito.stresses.cycle import Cycle, principal_of
+from attrito.stresses.recovery import COMPONENTS, strain_of
 from attrito.support.csv_text import numbers
 from attrito.support.errors import Fault, InputError
 
@@ -26,6 +26,7 @@ class Stresses:
     cycle : alternating and mean stress, see `Cycle`
     stress_unit, length_unit : names, of a job with `[model] units`; else empty
     notes : what was left out
+    is_mode : of a linear mode, whose number is `point` + 1
     """
 
     point: int
@@ -39,14 +40,25 @@ class Stresses:
     stress_unit: str = ""
     length_unit: str = ""
     notes: tuple[str, ...] = ()
+    is_mode: bool = False
 
-    def columns(self) -> dict[str, np.ndarray]:
-        """Columns of the table by their names, with units where these are known."""
+    @property
+    def alternating_strain(self) -> np.ndarray:
+        """Strain tensors of `cycle.alternating`, `[n, 6]`; shear strains are half the engineer's."""
+        return strain_of(self.cycle.alternating, self.elastic)
+
+    @property
+    def mean_strain(self) -> np.ndarray:
+        """Strain tensors of `cycle.mean`, `[n, 6]`."""
+        return strain_of(self.cycle.mean, self.elastic)
+
+    def columns(self, strain: bool = False) -> dict[str, np.ndarray]:
+        """Columns of the table by their names, with units where these are known; strains, too, if asked for."""
         length = f" [{self.length_unit}]" if self.length_unit else ""
         stress = f" [{self.stress_unit}]" if self.stress_unit else ""
         cycle = self.cycle
         found: dict[str, np.ndarray] = {
-            "point": np.full(len(self.node), self.point),
+            self._what: np.full(len(self.node), self.point + self.is_mode),
             "frequency_hz": np.full(len(self.node), self.frequency_hz),
             "node": self.node,
         }
@@ -61,13 +73,28 @@ class Stresses:
             found[f"{name}{stress}"] = getattr(cycle, name)
         for name, tensor in (("alternating", cycle.alternating), ("mean", cycle.mean)):
             found |= {f"{name}_{part}{stress}": tensor[:, k] for k, part in enumerate(COMPONENTS)}
+        if strain:
+            found |= self._strain_columns()
         found |= {f"phase_{k + 1}_deg": np.degrees(cycle.phases[:, k]) for k in range(2)}
         found[f"young_modulus{stress}"] = self.elastic[:, 0]
         return found
 
-    def to_csv(self, header: bool = True) -> str:
+    def _strain_columns(self) -> dict[str, np.ndarray]:
+        both = {"alternating_strain": self.alternating_strain, "mean_strain": self.mean_strain}
+        found = dict(
+            zip(("alternating_principal_strain", "mean_principal_strain"), principal_of(*both.values()), strict=True)
+        )
+        for name, tensor in both.items():
+            found |= {f"{name}_{part}": tensor[:, k] for k, part in enumerate(COMPONENTS)}
+        return found
+
+    @property
+    def _what(self) -> str:
+        return "mode" if self.is_mode else "point"
+
+    def to_csv(self, header: bool = True, strain: bool = False) -> str:
         """The table as CSV, a line a place; 12 significant digits."""
-        columns = self.columns()
+        columns = self.columns(strain)
         cells = [
             [str(value) for value in values.tolist()] if values.dtype.kind == "i" else numbers(values)
             for values in columns.values()
@@ -76,19 +103,21 @@ class Stresses:
         lines += [",".join(row) for row in zip(*cells, strict=True)]
         return "\n".join(lines) + "\n"
 
-    def to_dataframe(self) -> Any:
-        """The table as a frame of pandas, which must be installed."""
+    def to_dataframe(self, strain: bool = False) -> Any:
+        """The table as a frame of pandas, which must be installed; with strains if asked for."""
         try:
             import pandas
         except ImportError:
             raise InputError(Fault("to_dataframe", "pandas", "absent", "pandas, of Debian python3-pandas")) from None
-        return pandas.DataFrame(self.columns())
+        return pandas.DataFrame(self.columns(strain))
 
     def summary(self) -> list[str]:
         """The greatest stresses in words."""
         cycle = self.cycle
         unit = f" {self.stress_unit}" if self.stress_unit else ""
-        lines = [f"point {self.point}, {self.frequency_hz:.6g} Hz: {len(np.unique(self.node))} nodes"]
+        lines = [
+            f"{self._what} {self.point + self.is_mode}, {self.frequency_hz:.6g} Hz: {len(np.unique(self.node))} nodes"
+        ]
         worst = int(np.argmax(cycle.alternating_von_mises))
         lines.append(
             f"largest alternating von Mises stress {cycle.alternating_von_mises[worst]:.5g}{unit}"
