@@ -21,7 +21,7 @@ install(FILES cmake/debian/completion DESTINATION share/bash-completion/completi
 # The examples keep the folders in which they find each other; documentation is as in the source tree.
 install(DIRECTORY input meshes DESTINATION ${debian_documents}/examples COMPONENT debian EXCLUDE_FROM_ALL PATTERN __pycache__ EXCLUDE)
 install(DIRECTORY docs/ DESTINATION ${debian_documents}/docs COMPONENT debian EXCLUDE_FROM_ALL
-  FILES_MATCHING PATTERN "*.md" PATTERN "*.png" PATTERN __pycache__ EXCLUDE)
+  FILES_MATCHING PATTERN "*.md" PATTERN "*.png" PATTERN "*.svg" PATTERN __pycache__ EXCLUDE)
 install(FILES README.md DESTINATION ${debian_documents} COMPONENT debian EXCLUDE_FROM_ALL)
 file(READ LICENSE license)
 string(REGEX REPLACE "^.*\n\n(Permission)" " \\1" license "${license}")

@@ -22,6 +22,7 @@ from mkdocs.exceptions import Abort
 from attrito.cli.arguments import parser
 from attrito.fits.design import read_fit
 from attrito.job.checks import integer, listing, number, takes, term
+from attrito.job.key_units import UNITS, unit_of
 from attrito.job.reading import read_job
 from attrito.job.reference import as_job, as_text, tables
 from attrito.job.schema import ARRAYS, TABLES
@@ -60,6 +61,18 @@ def test_every_key_of_the_job_has_a_meaning_and_every_table_a_purpose():
     assert [key for keys in tables().values() for key, spec in keys.items() if not spec.meaning] == []
     printed = as_text()
     assert all(f"\n  {key}: " in printed for keys in tables().values() for key in keys)
+
+
+def test_every_key_that_takes_a_number_with_a_point_has_a_unit_and_every_unit_is_of_a_key():
+    numbers = r"\ba number|\beach a number|numbers|pair \[dof"
+    lacking = [
+        f"{table}.{key}"
+        for table, keys in tables().items()
+        for key, spec in keys.items()
+        if re.search(numbers, takes(spec.check)) and not unit_of(table, key)
+    ]
+    assert lacking == []
+    assert [(table, key) for table, keys in UNITS.items() for key in keys if key not in tables()[table]] == []
 
 
 def test_what_a_key_takes_is_said_down_to_the_items_of_lists():
@@ -113,6 +126,8 @@ def test_pages_build_with_equations_contents_and_a_search_that_finds_their_words
     build_pages.build(tmp_path / "site", tmp_path / "source")
     home = (tmp_path / "site" / "index.html").read_text()
     assert "<svg" in home and "$$" not in home
+    # On a phone a row of many columns is a list, whose lines have the headings of the columns.
+    assert '<td data-heading="default">' in (tmp_path / "site" / "docs" / "job.html").read_text()
     # The index of the search is a script, so that it works without a server.
     index = (tmp_path / "site" / "search" / "search_index.js").read_text()
     for page in PAGES:
@@ -125,7 +140,8 @@ def test_pages_build_with_equations_contents_and_a_search_that_finds_their_words
     # Its worker, too, is there: nothing of a page is loaded from a network.
     assert (tmp_path / "site" / "docs" / "iframe-worker.js").is_file() and "iframe-worker.js" in home
     loaded = r'<(?:script|img|iframe)[^>]* src="https?:[^"]*"|<link[^>]* rel="stylesheet"[^>]* href="https?:[^"]*"'
-    assert [found for page in (tmp_path / "site").rglob("*.html") for found in re.findall(loaded, page.read_text())] == []
+    pages = [page.read_text() for page in (tmp_path / "site").rglob("*.html")]
+    assert [found for page in pages for found in re.findall(loaded, page)] == []
 
 
 @pytest.mark.parametrize("link", ["nowhere.md", "job.md#nowhere"])
@@ -134,7 +150,7 @@ def test_a_link_that_leads_nowhere_is_an_error(tmp_path, monkeypatch, link):
     for page in (ROOT / "docs").glob("*.md"):
         text = page.read_text() + (f"\n[see]({link})\n" if page.name == "jobs.md" else "")
         (tmp_path / "source" / "docs" / page.name).write_text(text)
-    for picture in (ROOT / "docs").glob("*.png"):
+    for picture in (*(ROOT / "docs").glob("*.png"), *(ROOT / "docs").glob("*.svg")):
         (tmp_path / "source" / "docs" / picture.name).symlink_to(picture)
     with pytest.raises(Abort):
         build_pages.build(tmp_path / "site", tmp_path / "source")

@@ -7,8 +7,10 @@ import re
 from typing import Any
 
 from attrito.job.checks import takes
+from attrito.job.key_units import unit_of
 from attrito.job.schema import ARRAYS, REQUIRED_TABLES, TABLES, Key
 
+HEADINGS = "| key | takes | unit | default | meaning |"
 # What a table is for; each table of the schema has its line.
 PURPOSES = {
     "model": "Required. The matrices, from a file of `attrito import` or as they are.",
@@ -60,11 +62,12 @@ def as_markdown() -> str:
     """The reference for docs/job.md: a heading and a table of keys for each table."""
     parts = []
     for name, keys in tables().items():
-        rows = [f"### {heading(name)}", PURPOSES[name], "", "| key | takes | default | meaning |", "|---|---|---|---|"]
+        rows = [f"### {heading(name)}", PURPOSES[name], "", HEADINGS, "|---|---|---|---|---|"]
         for key_name, key in keys.items():
             default = default_in_words(key)
             shown = default if default in ("", "required") else f"`{default}`"
-            rows.append(f"| `{key_name}` | {_cell(takes(key.check))} | {shown} | {key.meaning} |")
+            takes_what, unit = _cell(takes(key.check)), unit_of(name, key_name)
+            rows.append(f"| `{key_name}` | {takes_what} | {unit} | {shown} | {key.meaning} |")
         parts.append("\n".join(rows))
     return "\n\n".join(parts)
 
@@ -79,7 +82,9 @@ def as_text(name: str | None = None) -> str:
         for key_name, key in keys.items():
             default = default_in_words(key)
             note = f" ({default})" if default == "required" else f" (default {default})" if default else ""
-            lines += [f"  {key_name}: {takes(key.check)}{note}", f"      {_plain(key.meaning)}"]
+            unit = unit_of(table, key_name)
+            of = f", {unit}" if unit not in ("", "1") else ""
+            lines += [f"  {key_name}: {takes(key.check)}{of}{note}", f"      {_plain(key.meaning)}"]
         lines.append("")
     return "\n".join(lines).rstrip()
 
