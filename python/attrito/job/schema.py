@@ -370,8 +370,8 @@ TABLES: dict[str, dict[str, Key]] = {
             listing(text),
             [],
             "parameters that amplitudes, means, peaks and modes are differentiated by: `contact[0].KEY`,"
-            " `contact_set[0].KEY`, `[*]` for all, KEY a number of the contact's law; `load.NAME` of a static load; `level`"
-            " ([sensitivity.md](sensitivity.md))",
+            " `contact_set[0].KEY`, `[*]` for all, KEY a number of the contact's law; `load.NAME` of a static load;"
+            " `level` ([sensitivity.md](sensitivity.md))",
         ),
     },
     "integrate": {
