@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 
 import h5py
+import matplotlib
 import meshio
 import numpy as np
 import pytest
 import synthetic
+from figures import line
 from jobs import attrito_here
 from scipy.sparse import identity
 
 import attrito
 from attrito.importers.mesh import read_mesh
 from attrito.model.model_file import read_model, write_model
+from attrito.stresses.cycle import cycle_of
+from attrito.stresses.picture import DARKEST, DIRECTIONS, MAP
 from attrito.support.errors import InputError
 
 YOUNG, POISSON = 2000.0, 0.25
@@ -124,6 +129,9 @@ def test_constants_that_no_deck_gives_are_given_by_options(tmp_path, capfd):
         (("--young", "2000"), "--young = 'given': expected --poisson with it"),
         (("--young", "0", "--poisson", "0.3"), "--young = 0.0: expected a number above 0"),
         (("--young", "1", "--poisson", "0.5"), "--poisson = 0.5: expected a number above -1 and below 0.5"),
+        (("--tensile-strength", "9"), "--tensile-strength = 'given': expected --fatigue-strength with it"),
+        (("--fatigue-strength", "-1", "--tensile-strength", "9"), "--fatigue-strength = -1.0: expected a number above"),
+        (("--picture", "stress.vtu"), "a writable .png, .pdf or .svg file"),
         (("--points", "7"), "point = 7: expected a number from 0 to 1"),
         (("--monitor", "root"), "--monitor = 'root': expected one of tip"),
         (("--mode", "1"), "--mode = 1: expected a file of `attrito linear-modes` or `attrito mode`"),
@@ -169,6 +177,43 @@ def test_nodes_whose_motion_was_not_recovered_are_left_out_or_refused_where_aske
     assert "left out: nodes of 1 elements for their motion" in done.stdout and "8 nodes" in done.stdout
     done = attrito_here(tmp_path, capfd, "stress", "result.h5", "--set", "tip")
     assert done.returncode == 2 and "motion = '1 elements C3D8 at the chosen nodes'" in done.stderr
+
+
+def test_strengths_add_goodman_s_sum(tmp_path, capfd):
+    bar(tmp_path)
+    arguments = ("--points", "0", "--fatigue-strength", "8", "--tensile-strength", "16")
+    done = attrito_here(tmp_path, capfd, "stress", "result.h5", *arguments)
+    expected = ALTERNATING * VON_MISES / 8 + STATIC * VON_MISES / 16
+    assert done.returncode == 0 and f"largest part of the strength by Goodman {expected:.4g} at node" in done.stdout
+    assert [float(row["goodman"]) for row in rows(tmp_path / "stress.csv")] == pytest.approx([expected] * 16)
+    found = attrito.stress(tmp_path / "result.h5", 0, strengths=(8.0, 16.0))
+    # Compression neither helps nor harms.
+    squeezed = replace(found, cycle=cycle_of(found.harmonics * [[[-1.0]], [[1.0]], [[1.0]]]))
+    assert squeezed.goodman == pytest.approx(np.full(16, ALTERNATING * VON_MISES / 8))
+
+
+def test_the_picture_shows_the_stress_of_faces_and_the_nodes_on_a_goodman_diagram(tmp_path, capfd, written):
+    bar(tmp_path, units="mm, t, s")
+    arguments = ("--set", "tip", "--fatigue-strength", "8", "--tensile-strength", "16", "--picture", "bar.png")
+    done = attrito_here(tmp_path, capfd, "stress", "result.h5", *arguments)
+    assert done.returncode == 0 and done.stdout.split()[1] == "bar.png", done.stderr
+    (figure,) = written
+    body, diagram = figure.axes[:2]
+    (faces,) = body.collections
+    # Of the 14 outer faces of three bricks seven are seen from a corner, one of them with four known nodes.
+    colours = faces.get_facecolor()[:, :3]
+    known = np.ptp(colours, axis=1) > 1e-9
+    assert len(colours) == 7 and known.sum() == 1
+    # Bricks without curvature have the largest stress at all nodes.
+    towards = np.abs(DIRECTIONS[0]) / np.linalg.norm(DIRECTIONS[0])
+    shade = DARKEST + (1 - DARKEST) * towards[0]
+    assert colours[known][0] == pytest.approx(np.array(matplotlib.colormaps[MAP](1.0))[:3] * shade)
+    nodes = line(diagram, "nodes")
+    assert nodes.get_ydata() == pytest.approx(np.full(4, 2 * ALTERNATING * VON_MISES))
+    assert nodes.get_xdata() == pytest.approx(np.full(4, STATIC * VON_MISES))
+    limit = line(diagram, "Goodman's line")
+    assert limit.get_xydata().tolist() == [[0.0, 8.0], [0.0, 8.0], [16.0, 0.0]]
+    assert "(N/mm^2)" in diagram.get_ylabel()
 
 
 def test_strains_are_those_of_the_motion(tmp_path, capfd):

@@ -351,6 +351,9 @@ def _stress(parsers: Parsers) -> None:
     one.add_argument("-o", "--output", metavar="FILE", help="table to write (default: stress.csv beside the result)")
     one.add_argument("--vtu", metavar="FILE", help="the field on the mesh, for ParaView")
     one.add_argument("--wheel", action="store_true", help="with --vtu: all sectors of a wheel")
+    one.add_argument(
+        "--picture", metavar="FILE", help="alternating stress on the mesh, and a Goodman diagram; .png, .pdf or .svg"
+    )
     one.add_argument("--set", nargs="+", metavar="NAME", help="node sets (default: all nodes of solid elements)")
     one.add_argument(
         "--points", "--point", type=_numbers, metavar="LIST", help="points, as 12,30 (default: the largest amplitude)"
@@ -359,6 +362,13 @@ def _stress(parsers: Parsers) -> None:
         "--mode", type=_whole, metavar="N", help="of linear modes: the Nth; of a nonlinear mode: its point N"
     )
     one.add_argument("--monitor", help="monitor whose largest amplitude is meant (default: the first)")
+    one.add_argument(
+        "--fatigue-strength",
+        type=_measured,
+        metavar="S",
+        help="under stress that alternates about zero, for a column goodman: stresses over strengths",
+    )
+    one.add_argument("--tensile-strength", type=_measured, metavar="S", help="where the alternating stress may be zero")
     one.add_argument("--strain", action="store_true", help="columns of strains, too")
     one.add_argument("--young", type=_measured, metavar="E", help="Young's modulus of elements whose deck gives none")
     one.add_argument("--poisson", type=_measured, metavar="NU", help="their Poisson's ratio")

@@ -359,11 +359,13 @@ def stress(options: argparse.Namespace) -> None:
         mode=options.mode,
         monitor=options.monitor,
         strain=options.strain,
+        fatigue_strength=options.fatigue_strength,
+        tensile_strength=options.tensile_strength,
     )
     path = options.output or _beside(options.result, "stress.csv")
 
     def write() -> None:
-        print("\n".join(write_stresses(options.result, path, wanted, options.vtu, options.wheel)))
+        print("\n".join(write_stresses(options.result, path, wanted, options.vtu, options.wheel, options.picture)))
 
     on_root(MPI.COMM_WORLD, write)
 

@@ -15,11 +15,13 @@ from attrito.export.export import full_field, node_harmonics
 from attrito.export.wheel import wheel_of
 from attrito.model.model import Model
 from attrito.model.model_file import read_model
+from attrito.plots.style import check_picture, save
 from attrito.results.chosen_points import chosen_points
 from attrito.results.result import LINEAR_MODES, Result
 from attrito.stresses.cycle import cycle_of
 from attrito.stresses.field import write_field
 from attrito.stresses.neighbours import with_neighbours
+from attrito.stresses.picture import stress_picture
 from attrito.stresses.recovery import EXPECTED, nodal_stress, recoverable
 from attrito.stresses.stresses import Stresses
 from attrito.support.atomic_files import whole_file
@@ -41,6 +43,7 @@ class Wanted:
     amplitude : of a linear mode, whose modal mass is 1; None: 1
     points, mode, monitor : as of `chosen_points`
     strain : columns of strains in the table
+    fatigue_strength, tensile_strength : for Goodman's line, user force/length^2; both or neither
     """
 
     sets: tuple[str, ...] = ()
@@ -51,15 +54,25 @@ class Wanted:
     mode: int | None = None
     monitor: str | None = None
     strain: bool = False
+    fatigue_strength: float | None = None
+    tensile_strength: float | None = None
 
     def __post_init__(self) -> None:
-        if (self.young is None) != (self.poisson is None):
-            given, lacks = ("--young", "--poisson") if self.poisson is None else ("--poisson", "--young")
-            raise InputError(Fault("stress", given, "given", f"{lacks} with it"))
-        if self.young is not None and not self.young > 0.0:
-            raise InputError(Fault("stress", "--young", self.young, "a number above 0"))
+        for pair in (("young", "poisson"), ("fatigue_strength", "tensile_strength")):
+            given = [name for name in pair if getattr(self, name) is not None]
+            if len(given) == 1:
+                (other,) = set(pair) - set(given)
+                raise InputError(Fault("stress", _option(given[0]), "given", f"{_option(other)} with it"))
+        for name in ("young", "fatigue_strength", "tensile_strength"):
+            value = getattr(self, name)
+            if value is not None and not value > 0.0:
+                raise InputError(Fault("stress", _option(name), value, "a number above 0"))
         if self.poisson is not None and not -1.0 < self.poisson < 0.5:
             raise InputError(Fault("stress", "--poisson", self.poisson, "a number above -1 and below 0.5"))
+
+
+def _option(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
 
 
 def stress(
@@ -71,6 +84,7 @@ def stress(
     poisson: float | None = None,
     mode: int | None = None,
     amplitude: float | None = None,
+    strengths: tuple[float, float] | None = None,
 ) -> Stresses:
     """Stresses at nodes over a period, and the cycle between their extremes.
 
@@ -82,6 +96,7 @@ def stress(
     young, poisson : elastic constants (user force/length^2, 1) of elements whose deck gives none
     mode : of linear modes the number, from 1
     amplitude : of a linear mode, whose modal mass is 1; None: 1
+    strengths : under stress that alternates about zero, and in tension (user force/length^2), for Goodman's line
 
     Raises
     ------
@@ -92,16 +107,31 @@ def stress(
     >>> root = attrito.stress("result.h5", sets=["root"])
     >>> root.cycle.alternating_von_mises.max(), root.to_dataframe()
     """
-    wanted = Wanted(tuple(sets), young, poisson, amplitude, None if point is None else [point], mode)
+    fatigue, tensile = strengths or (None, None)
+    wanted = Wanted(
+        sets=tuple(sets),
+        young=young,
+        poisson=poisson,
+        amplitude=amplitude,
+        points=None if point is None else [point],
+        mode=mode,
+        fatigue_strength=fatigue,
+        tensile_strength=tensile,
+    )
     with contextlib.nullcontext(result) if isinstance(result, Result) else Result(result) as opened:
         (chosen,) = _chosen(opened, wanted)
         return _at_point(opened, chosen, _model_of(opened, wanted), wanted)[0]
 
 
 def write_stresses(
-    result_file: str, path: str, wanted: Wanted, field_file: str | None = None, wheel: bool = False
+    result_file: str,
+    path: str,
+    wanted: Wanted,
+    field_file: str | None = None,
+    wheel: bool = False,
+    picture_file: str | None = None,
 ) -> list[str]:
-    """Write the table, and the field on the mesh; returns lines on what was found.
+    """Write the table, and the field on the mesh and the picture if asked for; returns lines on what was found.
 
     Parameters
     ----------
@@ -110,29 +140,36 @@ def write_stresses(
     wanted : points, nodes and constants
     field_file : VTU to write; with several points their numbers are added; None: none
     wheel : all sectors in it, of a wheel
+    picture_file : PNG, PDF or SVG to write, numbered likewise; None: none
     """
     if wheel and field_file is None:
         raise InputError(Fault("stress", "--wheel", "given", "--vtu with it: a table of a sector is that of the wheel"))
     for key, file, ending in (("-o", path, ".csv"), ("--vtu", field_file, ".vtu")):
         if file is not None and not file.endswith(ending):
             raise InputError(Fault("stress", key, file, f"a file {ending}"))
+    if picture_file is not None:
+        check_picture(picture_file)
     lines: list[str] = []
     tables: list[str] = []
     with Result(result_file) as result:
         points = _chosen(result, wanted)
         model = _model_of(result, wanted)
         files = {point: _numbered(field_file, point, len(points)) for point in points} if field_file else {}
+        pictures = {point: _numbered(picture_file, point, len(points)) for point in points} if picture_file else {}
         read = [result_file, result.attribute("model_file"), result.attribute("rom_file")]
         check_spared("stress", "-o", [path], filter(None, read))
         check_spared("stress", "--vtu", list(files.values()), filter(None, read))
+        check_spared("stress", "--picture", list(pictures.values()), filter(None, read))
         for point in points:
             found, motion = _at_point(result, point, model, wanted)
             tables.append(found.to_csv(header=not tables, strain=wanted.strain))
             lines += found.summary()
             if point in files:
                 write_field(files[point], model, found, motion, result if wheel else None)
+            if point in pictures:
+                save(stress_picture(model, found), pictures[point])
     _write_text(path, "".join(tables))
-    return [path, *files.values(), *(f"  {line}" for line in lines)]
+    return [path, *files.values(), *pictures.values(), *(f"  {line}" for line in lines)]
 
 
 def _chosen(result: Result, wanted: Wanted) -> list[int]:
@@ -209,6 +246,9 @@ def _at_point(result: Result, point: int, model: Model, wanted: Wanted) -> tuple
         length_unit=units.length if units else "",
         notes=tuple(notes),
         is_mode=result.attribute("format") == LINEAR_MODES,
+        strengths=None
+        if wanted.fatigue_strength is None or wanted.tensile_strength is None
+        else (wanted.fatigue_strength, wanted.tensile_strength),
     ), harmonics
 
 

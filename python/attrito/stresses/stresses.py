@@ -27,6 +27,7 @@ class Stresses:
     stress_unit, length_unit : names, of a job with `[model] units`; else empty
     notes : what was left out
     is_mode : of a linear mode, whose number is `point` + 1
+    strengths : under stress that alternates about zero, and in tension; None: not given
     """
 
     point: int
@@ -41,6 +42,7 @@ class Stresses:
     length_unit: str = ""
     notes: tuple[str, ...] = ()
     is_mode: bool = False
+    strengths: tuple[float, float] | None = None
 
     @property
     def alternating_strain(self) -> np.ndarray:
@@ -58,7 +60,7 @@ class Stresses:
         stress = f" [{self.stress_unit}]" if self.stress_unit else ""
         cycle = self.cycle
         found: dict[str, np.ndarray] = {
-            self._what: np.full(len(self.node), self.point + self.is_mode),
+            self.what: np.full(len(self.node), self.number),
             "frequency_hz": np.full(len(self.node), self.frequency_hz),
             "node": self.node,
         }
@@ -71,6 +73,8 @@ class Stresses:
             "peak_von_mises",
         ):
             found[f"{name}{stress}"] = getattr(cycle, name)
+        if self.goodman is not None:
+            found["goodman"] = self.goodman
         for name, tensor in (("alternating", cycle.alternating), ("mean", cycle.mean)):
             found |= {f"{name}_{part}{stress}": tensor[:, k] for k, part in enumerate(COMPONENTS)}
         if strain:
@@ -89,8 +93,26 @@ class Stresses:
         return found
 
     @property
-    def _what(self) -> str:
+    def what(self) -> str:
+        """What `number` counts: points from 0, linear modes from 1."""
         return "mode" if self.is_mode else "point"
+
+    @property
+    def number(self) -> int:
+        """Of the point or the mode."""
+        return self.point + self.is_mode
+
+    @property
+    def goodman(self) -> np.ndarray | None:
+        """Alternating stress over fatigue strength and tensile mean stress over tensile strength, summed, `[n]`.
+
+        1 is Goodman's line; None without strengths.
+        """
+        if self.strengths is None:
+            return None
+        fatigue, tensile = self.strengths
+        mean = np.maximum(self.cycle.mean_signed_von_mises, 0.0)
+        return np.asarray(self.cycle.alternating_von_mises / fatigue + mean / tensile)
 
     def to_csv(self, header: bool = True, strain: bool = False) -> str:
         """The table as CSV, a line a place; 12 significant digits."""
@@ -115,9 +137,7 @@ class Stresses:
         """The greatest stresses in words."""
         cycle = self.cycle
         unit = f" {self.stress_unit}" if self.stress_unit else ""
-        lines = [
-            f"{self._what} {self.point + self.is_mode}, {self.frequency_hz:.6g} Hz: {len(np.unique(self.node))} nodes"
-        ]
+        lines = [f"{self.what} {self.number}, {self.frequency_hz:.6g} Hz: {len(np.unique(self.node))} nodes"]
         worst = int(np.argmax(cycle.alternating_von_mises))
         lines.append(
             f"largest alternating von Mises stress {cycle.alternating_von_mises[worst]:.5g}{unit}"
@@ -127,6 +147,9 @@ class Stresses:
         lines.append(
             f"largest von Mises stress of the period {cycle.peak_von_mises[worst]:.5g}{unit} {self._place(worst)}"
         )
+        if self.goodman is not None:
+            worst = int(np.argmax(self.goodman))
+            lines.append(f"largest part of the strength by Goodman {self.goodman[worst]:.4g} {self._place(worst)}")
         return [*lines, *self.notes]
 
     def _place(self, one: int) -> str:
