@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import meshio
 import numpy as np
 
 from attrito.importers.deck import Block, read_blocks
@@ -19,6 +19,9 @@ from attrito.importers.deck_ids import ELEMENT_TYPES, element_ids, element_type,
 from attrito.importers.mesh_data import Mesh, check_coordinates
 from attrito.model.surfaces import element_family
 from attrito.support.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    import meshio
 
 # What removes dofs from CalculiX's matrices without holding them at zero.
 CONSTRAINTS = ("EQUATION", "MPC", "TIE", "RIGID BODY", "COUPLING", "CYCLIC SYMMETRY MODEL")
@@ -82,6 +85,9 @@ def _refuse_assembly(blocks: list[Block]) -> None:
 
 
 def _read_with_meshio(nodes: list[list[str]], element_blocks: list[Block], path: Path) -> meshio.Mesh:
+    # Only where a mesh is read: loading it takes as long as a small job.
+    import meshio
+
     lines = ["*NODE"]
     # CalculiX takes coordinates left out as zero.
     lines += [",".join([*words, "0", "0", "0"][:4]) for words in nodes]

@@ -11,13 +11,15 @@ import contextlib
 import importlib
 import io
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import meshio
 import numpy as np
 
 from attrito.importers.mesh_data import Mesh, check_nodes, new_mesh
 from attrito.support.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    import meshio
 
 # Modules of meshio by the ending of a file
 READERS = {".med": "med", ".vtk": "vtk", ".vtu": "vtu", ".xdmf": "xdmf", ".xmf": "xdmf", ".e": "exodus",

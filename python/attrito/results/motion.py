@@ -9,7 +9,6 @@ Velocity and acceleration are half the range of q' and q'' over the period, as t
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from attrito.results.curve import Curve, curve_of, stretches
 from attrito.results.result import Result
@@ -125,6 +124,9 @@ def curve_of_quantity(result: Result, monitor: str, quantity: str) -> Curve:
     else:
         rows = [whole.values[0], quantity_of(result, monitor, quantity) * solved]
         floor = -np.inf if quantity == "phase" else 0.0
+    # Only where curves are drawn: loading it takes longer than most tables.
+    from scipy.interpolate import PchipInterpolator
+
     values = np.array(rows)
     rates = np.full_like(values, np.nan)
     if quantity != "nyquist":
