@@ -28,6 +28,7 @@ import points
 import scenes
 from mpi4py import MPI
 
+from attrito.library.derivatives import Inquiry
 from attrito.library.family import Family
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver, StoredPoint
@@ -76,20 +77,19 @@ def moved(scene: ReducedScene, parameter: Parameter, change: float) -> ReducedSc
 
 def gradient(solver: Solver, scene: ReducedScene, parameters: list[Parameter]) -> np.ndarray | None:
     """Derivatives of amplitudes, then of means, `[2, monitors, parameters]`."""
-    family = Family(MPI.COMM_WORLD, solver, len(scene.laws["tangents"]), len(scene.monitors))
-
-    def work(family: Family) -> list[np.ndarray] | None:
-        return None if family.describe() is None else list(family.differentiate_by_adjoint(len(scene.static)) or ())
-
-    found = family.visit(work)
-    if not found:
+    monitors = len(scene.monitors)
+    family = Family(MPI.COMM_WORLD, solver, len(scene.laws["tangents"]), monitors)
+    quantities = [(kind, unit) for kind in ("amplitude", "mean") for unit in np.eye(monitors)]
+    family.ask(Inquiry(quantities, scene))
+    found = family.visit(lambda family: None if family.describe() is None else family.differentiate_by_adjoint())
+    if found is None:
         return None
-    laws, loads, level = found
     columns = [
-        level if name == "level" else loads[:, :, place] if name == "load" else laws[:, :, place, NUMBERS.index(name)]
+        found.level if name == "level" else found.static_factors[:, place] if name == "load"
+        else found.laws[:, place, NUMBERS.index(name)]
         for name, place in parameters
-    ]
-    return np.stack(columns, axis=-1)
+    ]  # fmt: skip
+    return np.stack(columns, axis=-1).reshape(2, monitors, -1)
 
 
 def follow_loads(solver: Solver, scene: ReducedScene, frequency_hz: float) -> None:

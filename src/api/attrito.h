@@ -484,14 +484,38 @@ int attrito_reduce(int comm, const char *model_path, const char *rom_path, const
     const attrito_reduce_options *options, attrito_listener listener, attrito_reduce_report *report, int length,
     char *message);
 
-/* By parameters that each change the contacts' laws [parameters, contacts, 5], the factors on static loads [parameters, loads] and
- * the level [parameters]: derivatives of amplitudes and means [parameters, monitors]. 0, or not: the equations are singular. */
-int attrito_differentiate_directly(void *handle, int parameters, const double *laws, const double *static_factors,
-    const double *level, double *amplitude, double *mean);
+/* What parameters change, or derivatives of quantities by it, one after another */
+typedef struct {
+    int count;
+    int columns;
+    int loads;
+    int harmonics;
+    void *laws;
+    void *static_factors;
+    void *level;
+    void *harmonic_factors;
+    void *damping;
+} attrito_rates;
 
-/* Of amplitudes, then of means, by all numbers of laws [2, monitors, contacts, 5], factors on static loads [2, monitors, loads] and
- * the level [2, monitors]. 0, or not: the equations are singular. */
-int attrito_differentiate_by_adjoint(void *handle, double *laws, double *static_factors, double *level);
+/* What derivatives are asked for from now on. */
+void attrito_ask_derivatives(void *handle, int quantities, const int *kinds, int width, const double *factors,
+    int count, const attrito_contact_law *laws, int sliders, int damping);
+
+/* By parameters: derivatives of the quantities [quantities, parameters]. 0, or not: the equations are singular. */
+int attrito_differentiate_directly(void *handle, const attrito_rates *rates, double *derivatives);
+
+/* Of the quantities by everything. 0, or not: the equations are singular. */
+int attrito_differentiate_by_adjoint(void *handle, const attrito_rates *gradients);
+
+/* By parameters: derivatives of the frequency, rad/s, of the peak of a monitor's half range (from 0) at which the solver stands
+ * [parameters]. 0, or not: the equations are singular. */
+int attrito_differentiate_peak_frequency(void *handle, int monitor, const attrito_rates *rates, double *derivatives);
+
+/* By parameters, of a mode where it stands, its amplitude Q = |w . q_1| held: derivatives of the angular frequency, of the negative
+ * damping and of the structure's damping ratio [3, parameters], and of the quantities [quantities, parameters]. 0, or not: the
+ * equations are singular. */
+int attrito_differentiate_mode(void *handle, const attrito_rates *rates, const double *cosine, const double *sine,
+    const double *own, double *mode, double *quantities);
 
 typedef struct {
     int verdict;

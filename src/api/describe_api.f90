@@ -14,6 +14,8 @@ module attrito_api_describe
   use attrito_peak_condition, only: parameter_level, parameter_preload
   use attrito_reduce_report, only: step_names
   use attrito_solve_strategy_table, only: strategy_type, strategies
+  use attrito_sensitivity_quantities, only: quantity_amplitude, quantity_mean, quantity_dissipated_energy, quantity_t1_mean, &
+                                            quantity_t2_mean, quantity_n_mean
   use attrito_stability_examination, only: by_monodromy, by_hill, balanced_orbit, exact_orbit, automatic_orbit
   use attrito_stability_multipliers, only: kind_names
   use attrito_stability_verdict, only: unstable, stable, indeterminate
@@ -26,6 +28,7 @@ module attrito_api_describe
   use attrito_api_peak, only: peak_type
   use attrito_peak_endings, only: ending_names
   use attrito_api_reduce, only: reduction_options_type => options_type, reduction_report_type => report_type
+  use attrito_api_sensitivity, only: rates_type
   use attrito_api_session, only: contact_law_type
   use attrito_api_quasi_static, only: quasi_static_type
   use attrito_api_solver, only: solver_options_type => options_type, point_type
@@ -78,6 +81,9 @@ contains
                     [reference_stuck, reference_frictionless, reference_tangent])// &
            numbered('amplitudes', [character(14) :: 'half_range', 'first_harmonic'], [half_range, first_harmonic])// &
            numbered('parameters', [character(7) :: 'level', 'preload'], [parameter_level, parameter_preload])// &
+           numbered('quantities', [character(17) :: 'amplitude', 'mean', 'dissipated_energy', 't1_mean', 't2_mean', 'n_mean'], &
+                    [quantity_amplitude, quantity_mean, quantity_dissipated_energy, quantity_t1_mean, quantity_t2_mean, &
+                     quantity_n_mean])// &
            numbered('schemes', [character(18) :: 'event', 'central_difference', 'newmark', 'hht', 'generalised_alpha', &
                                 'exponential'], [scheme_event, scheme_central_difference, scheme_newmark, scheme_hht, &
                                                  scheme_generalised_alpha, scheme_exponential])// &
@@ -97,6 +103,7 @@ contains
     type(quasi_static_type) :: quasi_static
     type(examination_report_type) :: examination_report
     type(bifurcation_report_type) :: bifurcation_report
+    type(rates_type) :: rates
     type(scene_type) :: scene
     type(run_options_type) :: run_options
     type(run_report_type) :: run_report
@@ -111,6 +118,7 @@ contains
            sized('quasi_static', c_sizeof(quasi_static))// &
            sized('examination_report', c_sizeof(examination_report))// &
            sized('bifurcation_report', c_sizeof(bifurcation_report))// &
+           sized('rates', c_sizeof(rates))// &
            sized('integrate_scene', c_sizeof(scene))// &
            sized('integrate_options', c_sizeof(run_options))// &
            sized('integrate_report', c_sizeof(run_report))// &

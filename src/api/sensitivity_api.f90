@@ -1,78 +1,196 @@
 !> C interface of sensitivities: between `attrito_enter_family`, `attrito_describe_member` and `attrito_leave_family` the derivatives
-!> of the last point's amplitudes and means. Collective.
+!> of the last point's quantities. What is asked for is said first, once. Collective.
 !>
-!> Numbers of laws are in the order of tangential and normal stiffness, friction coefficient, gap, preload.
+!> Columns of a contact are tangential and normal stiffness, friction coefficient, gap, preload; then further numbers of its law, and
+!> its sliders, as many as are asked for.
 module attrito_api_sensitivity
   use, intrinsic :: iso_c_binding
   use attrito_core_kinds, only: wp
-  use attrito_api_session, only: session_type, session_of
-  use attrito_sensitivity_law_derivatives, only: law_numbers
-  use attrito_sensitivity_parameter_derivatives, only: by_parameters_type, differentiate_directly, &
-                                                       differentiate_by_adjoint
+  use attrito_api_session, only: session_type, session_of, contact_law_type
+  use attrito_peak_frequency_slopes, only: frequency_slopes
+  use attrito_peak_mode_slopes, only: mode_slopes_type, mode_slopes
+  use attrito_sensitivity_damping_derivatives, only: damping_numbers
+  use attrito_sensitivity_parameters, only: by_parameters_type
+  use attrito_sensitivity_parameter_derivatives, only: differentiate_directly, differentiate_by_adjoint
   implicit none
   private
+  public :: rates_type
+
+  !> What parameters change, or derivatives of quantities by it, one after another
+  type, bind(c) :: rates_type
+    !> How many parameters or quantities; columns of a contact; static loads; harmonics that are loaded
+    integer(c_int) :: count, columns, loads, harmonics
+    !> [count, contacts, columns], [count, loads], [count], [count, harmonics], [count, 4]
+    type(c_ptr) :: laws, static_factors, level, harmonic_factors, damping
+  end type rates_type
 
 contains
 
-  !> By parameters that each change the contacts' laws [parameters, contacts, 5], the factors on static loads [parameters, loads] and
-  !> the level [parameters]: derivatives of amplitudes and means [parameters, monitors]. 0, or not: the equations are singular.
-  integer(c_int) function attrito_differentiate_directly(handle, parameters, laws, static_factors, level, amplitude, mean) bind(c)
+  !> What derivatives are asked for from now on.
+  subroutine attrito_ask_derivatives(handle, quantities, kinds, width, factors, count, laws, sliders, damping) bind(c)
     !> Session, see `session_of`
     type(c_ptr), value :: handle
-    !> How many
-    integer(c_int), value :: parameters
-    !> Rates of the laws' numbers, of the factors on static loads, of the level
-    real(c_double), intent(in) :: laws(*), static_factors(*), level(*)
-    !> Derivatives of half the range, and of the mean
-    real(c_double), intent(out) :: amplitude(*), mean(*)
+    !> How many quantities; how many factors each has; number of contacts
+    integer(c_int), value :: quantities, width, count
+    !> Kind of each quantity
+    integer(c_int), intent(in) :: kinds(*)
+    !> On monitors, or on contacts [quantities, width]
+    real(c_double), intent(in) :: factors(*)
+    !> Contact laws: a kind above 0 asks for derivatives by its further numbers
+    type(contact_law_type), intent(in) :: laws(count)
+    !> Are derivatives by sliders asked for, and by damping?
+    integer(c_int), value :: sliders, damping
     type(session_type), pointer :: session
-    type(by_parameters_type) :: parameter(parameters)
-    real(wp), allocatable :: by_parameter(:, :), mean_by_parameter(:, :)
-    integer :: i, j, contacts, loads, status
+    real(c_double), pointer :: numbers(:)
+    integer :: i, j
 
     session => session_of(handle)
-    contacts = size(session%contacts%law)
-    loads = size(session%structure%static_loads, 2)
-    do i = 1, parameters
-      associate (first => law_numbers*contacts*(i - 1))
-        parameter(i)%laws = reshape(laws(first + 1:first + law_numbers*contacts), [law_numbers, contacts])
-      end associate
-      parameter(i)%static_factors = [(static_factors(loads*(i - 1) + j), j=1, loads)]
-      parameter(i)%level = level(i)
-    end do
-    call differentiate_directly(session%solver, parameter, by_parameter, mean_by_parameter, status)
+    associate (inquiry => session%inquiry)
+      if (allocated(inquiry%quantities)) deallocate (inquiry%quantities, inquiry%recipes)
+      allocate (inquiry%quantities(quantities), inquiry%recipes(count))
+      do i = 1, quantities
+        inquiry%quantities(i)%kind = kinds(i)
+        inquiry%quantities(i)%factors = [(factors(width*(i - 1) + j), j=1, width)]
+      end do
+      inquiry%numbers = 0
+      do i = 1, count
+        inquiry%recipes(i)%kind = laws(i)%law
+        allocate (inquiry%recipes(i)%numbers(0))
+        if (laws(i)%law == 0) cycle
+        call c_f_pointer(laws(i)%numbers, numbers, [laws(i)%count])
+        inquiry%recipes(i)%numbers = numbers
+        inquiry%numbers = max(inquiry%numbers, size(numbers))
+      end do
+      inquiry%sliders = merge(size(session%solver%context%balance%slider, 1), 0, sliders /= 0)
+      inquiry%damping = damping /= 0
+    end associate
+  end subroutine attrito_ask_derivatives
+
+  !> By parameters: derivatives of the quantities [quantities, parameters]. 0, or not: the equations are singular.
+  integer(c_int) function attrito_differentiate_directly(handle, rates, derivatives) bind(c)
+    !> Session, see `session_of`
+    type(c_ptr), value :: handle
+    !> What parameters change
+    type(rates_type), intent(in) :: rates
+    !> Derivatives
+    real(c_double), intent(out) :: derivatives(*)
+    type(session_type), pointer :: session
+    real(wp), allocatable :: found(:, :)
+    integer :: status
+
+    session => session_of(handle)
+    call differentiate_directly(session%solver, session%inquiry, parameters_of(session, rates), found, status)
     attrito_differentiate_directly = status
-    if (status /= 0) return
-    amplitude(:size(by_parameter)) = reshape(by_parameter, [size(by_parameter)])
-    mean(:size(mean_by_parameter)) = reshape(mean_by_parameter, [size(mean_by_parameter)])
+    if (status == 0) derivatives(:size(found)) = reshape(transpose(found), [size(found)])
   end function attrito_differentiate_directly
 
-  !> Of amplitudes, then of means, by all numbers of laws [2, monitors, contacts, 5], factors on static loads [2, monitors, loads] and
-  !> the level [2, monitors]. 0, or not: the equations are singular.
-  integer(c_int) function attrito_differentiate_by_adjoint(handle, laws, static_factors, level) bind(c)
+  !> Of the quantities by everything. 0, or not: the equations are singular.
+  integer(c_int) function attrito_differentiate_by_adjoint(handle, gradients) bind(c)
     !> Session, see `session_of`
     type(c_ptr), value :: handle
-    !> Derivatives by the laws' numbers, by the factors on static loads, by the level
-    real(c_double), intent(out) :: laws(*), static_factors(*), level(*)
+    !> Takes the derivatives
+    type(rates_type), intent(in) :: gradients
     type(session_type), pointer :: session
-    type(by_parameters_type), allocatable :: gradients(:, :)
-    integer :: contacts, i, kind, next, status
+    type(by_parameters_type), allocatable :: found(:)
+    real(c_double), pointer :: laws(:, :, :), static_factors(:, :), level(:), harmonic_factors(:, :), damping(:, :)
+    integer :: i, status
 
     session => session_of(handle)
-    contacts = size(session%contacts%law)
-    call differentiate_by_adjoint(session%solver, contacts, gradients, status)
+    call differentiate_by_adjoint(session%solver, session%inquiry, found, status)
     attrito_differentiate_by_adjoint = status
     if (status /= 0) return
-    next = 0
-    do kind = 1, 2
-      do i = 1, size(gradients, 1)
-        associate (gradient => gradients(i, kind), loads => size(gradients(i, kind)%static_factors))
-          laws(law_numbers*contacts*next + 1:law_numbers*contacts*(next + 1)) = reshape(gradient%laws, [law_numbers*contacts])
-          static_factors(loads*next + 1:loads*(next + 1)) = gradient%static_factors
-          next = next + 1
-          level(next) = gradient%level
-        end associate
-      end do
+    call point_to(session, gradients, laws, static_factors, level, harmonic_factors, damping)
+    do i = 1, size(found)
+      laws(:, :, i) = found(i)%laws
+      static_factors(:, i) = found(i)%static_factors
+      level(i) = found(i)%level
+      harmonic_factors(:, i) = 0.0_wp
+      associate (loaded => min(size(found(i)%harmonic_factors), size(harmonic_factors, 1)))
+        harmonic_factors(:loaded, i) = found(i)%harmonic_factors(:loaded)
+      end associate
+      damping(:, i) = found(i)%damping
     end do
   end function attrito_differentiate_by_adjoint
+
+  !> By parameters: derivatives of the frequency, rad/s, of the peak of a monitor's half range (from 0) at which the solver stands
+  !> [parameters]. 0, or not: the equations are singular.
+  integer(c_int) function attrito_differentiate_peak_frequency(handle, monitor, rates, derivatives) bind(c)
+    !> Session, see `session_of`
+    type(c_ptr), value :: handle
+    !> Monitor
+    integer(c_int), value :: monitor
+    !> What parameters change
+    type(rates_type), intent(in) :: rates
+    !> Derivatives
+    real(c_double), intent(out) :: derivatives(*)
+    type(session_type), pointer :: session
+    real(wp), allocatable :: found(:)
+    integer :: status
+
+    session => session_of(handle)
+    call frequency_slopes(session%solver, session%inquiry, monitor + 1, parameters_of(session, rates), found, status)
+    attrito_differentiate_peak_frequency = status
+    if (status == 0) derivatives(:size(found)) = found
+  end function attrito_differentiate_peak_frequency
+
+  !> By parameters, of a mode where it stands, its amplitude Q = |w . q_1| held: derivatives of the angular frequency, of the negative
+  !> damping and of the structure's damping ratio [3, parameters], and of the quantities [quantities, parameters]. 0, or not: the
+  !> equations are singular.
+  integer(c_int) function attrito_differentiate_mode(handle, rates, cosine, sine, own, mode, quantities) bind(c)
+    !> Session, see `session_of`
+    type(c_ptr), value :: handle
+    !> What parameters change
+    type(rates_type), intent(in) :: rates
+    !> w = cosine - i sine, by the model's coordinates [m]
+    real(c_double), intent(in) :: cosine(*), sine(*)
+    !> Derivatives of Q at the motion held [parameters]
+    real(c_double), intent(in) :: own(*)
+    !> Derivatives of the mode, and of the quantities
+    real(c_double), intent(out) :: mode(*), quantities(*)
+    type(session_type), pointer :: session
+    type(mode_slopes_type) :: slopes
+    integer :: i, status
+
+    session => session_of(handle)
+    associate (m => size(session%structure%mass, 1))
+      call mode_slopes(session%solver, session%backbone, session%inquiry, parameters_of(session, rates), &
+                       cmplx(cosine(:m), -sine(:m), wp), [(own(i), i=1, rates%count)], slopes, status)
+    end associate
+    attrito_differentiate_mode = status
+    if (status /= 0) return
+    mode(:3*rates%count) = [slopes%omega, slopes%excitation, slopes%structural_ratio]
+    quantities(:size(slopes%quantities)) = reshape(transpose(slopes%quantities), [size(slopes%quantities)])
+  end function attrito_differentiate_mode
+
+  !> As the numerics have them.
+  function parameters_of(session, rates) result(parameters)
+    !> Session behind a handle
+    type(session_type), intent(in) :: session
+    !> As C hands them over
+    type(rates_type), intent(in) :: rates
+    type(by_parameters_type) :: parameters(rates%count)
+    real(c_double), pointer :: laws(:, :, :), static_factors(:, :), level(:), harmonic_factors(:, :), damping(:, :)
+    integer :: i
+
+    call point_to(session, rates, laws, static_factors, level, harmonic_factors, damping)
+    do i = 1, size(parameters)
+      parameters(i) = by_parameters_type(laws(:, :, i), static_factors(:, i), harmonic_factors(:, i), damping(:, i), level(i))
+    end do
+  end function parameters_of
+
+  !> Arrays behind a structure.
+  subroutine point_to(session, rates, laws, static_factors, level, harmonic_factors, damping)
+    !> Session behind a handle
+    type(session_type), intent(in) :: session
+    !> As C hands them over
+    type(rates_type), intent(in) :: rates
+    !> [columns, contacts, count], [loads, count], [count], [harmonics, count], [4, count]
+    real(c_double), pointer, intent(out) :: laws(:, :, :), static_factors(:, :), level(:), harmonic_factors(:, :), damping(:, :)
+
+    call c_f_pointer(rates%laws, laws, [int(rates%columns), size(session%contacts%law), int(rates%count)])
+    call c_f_pointer(rates%static_factors, static_factors, [rates%loads, rates%count])
+    call c_f_pointer(rates%level, level, [rates%count])
+    call c_f_pointer(rates%harmonic_factors, harmonic_factors, [rates%harmonics, rates%count])
+    call c_f_pointer(rates%damping, damping, [damping_numbers, int(rates%count)])
+  end subroutine point_to
 end module attrito_api_sensitivity

@@ -11,6 +11,7 @@ module attrito_api_session
   use attrito_continuation_sweep, only: sweep_type
   use attrito_continuation_stored_points, only: stored_points_type
   use attrito_family_members, only: family_type, member_type
+  use attrito_sensitivity_point_rates, only: inquiry_type
   use attrito_solve_solver, only: solver_type
   use attrito_integrate_system, only: system_type
   use attrito_peak_backbone, only: backbone_type
@@ -50,6 +51,8 @@ module attrito_api_session
     !> While other members of the last point's family are visited: the point, and two of them to return to
     type(family_type) :: family
     type(member_type) :: members(0:1)
+    !> What derivatives are asked for
+    type(inquiry_type) :: inquiry
     !> A peak that is followed; a mode's backbone, and finer balances that estimate its errors; a mode loaded quasi-statically
     type(curve_type) :: peak
     type(backbone_type) :: backbone

@@ -11,63 +11,72 @@
 !> the first degree in k_t and mu, which Euler's theorem turns into the last.
 !>
 !> w: where a slider rests that never moves; that of one that slips leaves no trace, J being zero along a constant tangential
-!> displacement. Of elements in parallel some may rest and others slip: their derivative by k_t is a difference.
+!> displacement. So is the derivative by it, -J e_t. Of elements in parallel some may rest and others slip: their derivatives by k_t
+!> and by sliders are differences, and so are those by further numbers that a kind of law is made of.
 module attrito_sensitivity_law_derivatives
   use attrito_core_kinds, only: wp
+  use attrito_contact_law_laws, only: new_law
   use attrito_model_contacts, only: contact_type
   use attrito_contact_evaluation, only: quadrature_type, evaluate_contact
   use attrito_contact_forces, only: contact_forces_type
+  use attrito_sensitivity_parameters, only: recipe_type, law_numbers, by_tangential_stiffness, by_normal_stiffness, by_friction, &
+                                            by_gap, by_preload
   implicit none
   private
-  public :: differentiate_law, law_numbers
+  public :: differentiate_law, differentiate_by_sliders, beside, step
 
-  !> Numbers of a law: k_t, k_n, mu, gap, N_p
-  integer, parameter :: law_numbers = 5
-
-  !> Part of k_t that it is changed by for a central difference: errors are near the square of it, of rounding near 1e-16 over it
+  !> Part of a number that it is changed by for a central difference: errors are near the square of it, of rounding near 1e-16 over it
   real(wp), parameter :: step = 1.0e-5_wp ! derived
 
 contains
 
-  !> By each of the numbers.
-  subroutine differentiate_law(law, quadrature, motion, slider, forces, change)
+  !> By each of the numbers, then by those of its recipe.
+  subroutine differentiate_law(law, recipe, quadrature, motion, slider, forces, change)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
+    !> What its law is made of
+    type(recipe_type), intent(in) :: recipe
     !> What evaluations of all contacts share
     type(quadrature_type), intent(in) :: quadrature
     !> Coefficients of relative displacement [k, tangents + 1]; sliders at the start [width]
     real(wp), intent(in) :: motion(:, :), slider(:)
     !> Of the last evaluation there
     type(contact_forces_type), intent(in) :: forces
-    !> Coefficients of the forces' derivatives [k, tangents + 1, law_numbers]
+    !> Coefficients of the forces' derivatives [k, tangents + 1, columns]
     real(wp), intent(out) :: change(:, :, :)
     real(wp) :: shift(size(motion, 1), size(motion, 2))
-    integer :: t
+    integer :: i, t
 
     change = 0.0_wp
     associate (n => law%tangents, kt => law%tangential_stiffness, kn => law%normal_stiffness, mu => law%friction_coefficient)
       if (law%elements() > 1) then
-        call differentiate_by_tangential_stiffness(law, quadrature, motion, slider, forces, change(:, :, 1))
+        change(:, :, by_tangential_stiffness) = difference(law, beside(law, recipe, by_tangential_stiffness, step*kt), &
+                                                           beside(law, recipe, by_tangential_stiffness, -step*kt), quadrature, &
+                                                           motion, slider, slider, forces)/(2.0_wp*step*kt)
       else
         shift = 0.0_wp
         shift(:, :n) = motion(:, :n)
         do t = 1, n
           shift(1, t) = shift(1, t) - slider(t)
         end do
-        change(:, :, 1) = forces_by_motion(law, forces, shift)/kt
+        change(:, :, by_tangential_stiffness) = forces_by_motion(law, forces, shift)/kt
       end if
       shift = 0.0_wp
       shift(:, n + 1) = motion(:, n + 1)
       shift(1, n + 1) = shift(1, n + 1) - law%gap
-      change(:, :, 2) = forces_by_motion(law, forces, shift)/kn
+      change(:, :, by_normal_stiffness) = forces_by_motion(law, forces, shift)/kn
       shift = 0.0_wp
       shift(1, n + 1) = 1.0_wp
-      change(:, :, 5) = forces_by_motion(law, forces, shift)/kn
-      change(:, :, 4) = -kn*change(:, :, 5)
+      change(:, :, by_preload) = forces_by_motion(law, forces, shift)/kn
+      change(:, :, by_gap) = -kn*change(:, :, by_preload)
       if (mu > 0.0_wp) then
-        change(:, :n, 3) = (tangential_forces(law, motion, forces%deviation(:size(motion, 1), :)) - kt*change(:, :n, 1))/mu
+        change(:, :n, by_friction) = (tangential_forces(law, motion, forces%deviation(:size(motion, 1), :)) &
+                                      - kt*change(:, :n, by_tangential_stiffness))/mu
       end if
     end associate
+    do i = 1, size(recipe%numbers)
+      call differentiate_by_number(law, recipe, i, quadrature, motion, slider, forces, change(:, :, law_numbers + i))
+    end do
   end subroutine differentiate_law
 
   !> J times a change of the motion [k, tangents + 1].
@@ -99,8 +108,35 @@ contains
     force = law%tangential_stiffness*motion(:, :law%tangents) + deviation(:, :law%tangents)
   end function tangential_forces
 
-  !> Of several elements: a central difference, exact where all of them rest.
-  subroutine differentiate_by_tangential_stiffness(law, quadrature, motion, slider, forces, change)
+  !> By a further number of its law: a central difference.
+  subroutine differentiate_by_number(law, recipe, number, quadrature, motion, slider, forces, change)
+    !> Contact: its springs and its law
+    type(contact_type), intent(in) :: law
+    !> What its law is made of
+    type(recipe_type), intent(in) :: recipe
+    !> Which of its numbers, from 1
+    integer, intent(in) :: number
+    !> What evaluations of all contacts share
+    type(quadrature_type), intent(in) :: quadrature
+    !> Coefficients of relative displacement [k, tangents + 1]; sliders at the start [width]
+    real(wp), intent(in) :: motion(:, :), slider(:)
+    !> Of the last evaluation there
+    type(contact_forces_type), intent(in) :: forces
+    !> Coefficients of the forces' derivative [k, tangents + 1]
+    real(wp), intent(out) :: change(:, :)
+    type(contact_type) :: more, less
+    real(wp) :: reach
+
+    reach = step*abs(recipe%numbers(number))
+    if (.not. reach > 0.0_wp) reach = step
+    more = beside(law, recipe, law_numbers + number, reach)
+    less = beside(law, recipe, law_numbers + number, -reach)
+    change = difference(law, more, less, quadrature, motion, slider, slider, forces)/(2.0_wp*reach)
+    deallocate (more%law, less%law)
+  end subroutine differentiate_by_number
+
+  !> By the sliders at the start of the period, where they stay there.
+  subroutine differentiate_by_sliders(law, quadrature, motion, slider, forces, change)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
     !> What evaluations of all contacts share
@@ -109,21 +145,82 @@ contains
     real(wp), intent(in) :: motion(:, :), slider(:)
     !> Of the last evaluation there
     type(contact_forces_type), intent(in) :: forces
-    !> Coefficients of the forces' change [k, tangents + 1]
-    real(wp), intent(out) :: change(:, :)
+    !> Coefficients of the forces' derivatives [k, tangents + 1, width]
+    real(wp), intent(out) :: change(:, :, :)
+    real(wp) :: moved(size(slider), 2), shift(size(motion, 1), size(motion, 2)), reach
+    integer :: i
+
+    change = 0.0_wp
+    if (forces%unique) return
+    if (law%elements() == 1) then
+      do i = 1, law%tangents
+        shift = 0.0_wp
+        shift(1, i) = -1.0_wp
+        change(:, :, i) = forces_by_motion(law, forces, shift)
+      end do
+      return
+    end if
+    reach = step*(maxval(abs(motion)) + maxval(abs(slider)))
+    do i = 1, size(change, 3), 2
+      moved = spread(slider, 2, 2)
+      moved(i, :) = moved(i, :) + [reach, -reach]
+      change(:, :, i) = difference(law, law, law, quadrature, motion, moved(:, 1), moved(:, 2), forces)/(2.0_wp*reach)
+    end do
+  end subroutine differentiate_by_sliders
+
+  !> A contact with another value of one of its columns; a law that it is given is the caller's to deallocate.
+  function beside(law, recipe, column, change) result(other)
+    !> Contact: its springs and its law
+    type(contact_type), intent(in) :: law
+    !> What its law is made of
+    type(recipe_type), intent(in) :: recipe
+    !> Number of its law, or beyond these one of its recipe
+    integer, intent(in) :: column
+    !> What it is more by
+    real(wp), intent(in) :: change
+    type(contact_type) :: other
+    real(wp), allocatable :: numbers(:)
+
+    other = law
+    select case (column)
+     case (by_tangential_stiffness)
+      other%tangential_stiffness = law%tangential_stiffness + change
+     case (by_normal_stiffness)
+      other%normal_stiffness = law%normal_stiffness + change
+     case (by_friction)
+      other%friction_coefficient = law%friction_coefficient + change
+     case (by_gap)
+      other%gap = law%gap + change
+     case (by_preload)
+      other%preload = law%preload + change
+     case default
+      numbers = recipe%numbers
+      numbers(column - law_numbers) = numbers(column - law_numbers) + change
+      other%law => new_law(recipe%kind, numbers)
+    end select
+  end function beside
+
+  !> Difference of the tangential forces of two contacts at one motion [k, tangents + 1].
+  function difference(law, more, less, quadrature, motion, slider_more, slider_less, forces) result(change)
+    !> Contact: its springs and its law
+    type(contact_type), intent(in) :: law
+    !> The two
+    type(contact_type), intent(in) :: more, less
+    !> What evaluations of all contacts share
+    type(quadrature_type), intent(in) :: quadrature
+    !> Coefficients of relative displacement [k, tangents + 1]; sliders of both at the start [width]
+    real(wp), intent(in) :: motion(:, :), slider_more(:), slider_less(:)
+    !> Of the last evaluation there
+    type(contact_forces_type), intent(in) :: forces
+    real(wp) :: change(size(motion, 1), size(motion, 2))
     type(contact_forces_type) :: there
-    type(contact_type) :: beside
-    integer :: side
 
     change = 0.0_wp
     allocate (there%deviation(size(motion, 1), size(motion, 2)))
     there%without_jacobian = .true.
-    do side = -1, 1, 2
-      beside = law
-      beside%tangential_stiffness = (1.0_wp + side*step)*law%tangential_stiffness
-      call evaluate_contact(beside, quadrature, motion, slider, forces%periodic, there)
-      change(:, :law%tangents) = change(:, :law%tangents) + side*tangential_forces(beside, motion, there%deviation)
-    end do
-    change = change/(2.0_wp*step*law%tangential_stiffness)
-  end subroutine differentiate_by_tangential_stiffness
+    call evaluate_contact(more, quadrature, motion, slider_more, forces%periodic, there)
+    change(:, :law%tangents) = tangential_forces(more, motion, there%deviation)
+    call evaluate_contact(less, quadrature, motion, slider_less, forces%periodic, there)
+    change(:, :law%tangents) = change(:, :law%tangents) - tangential_forces(less, motion, there%deviation)
+  end function difference
 end module attrito_sensitivity_law_derivatives

@@ -1,15 +1,10 @@
-!> Derivatives of a point's monitors by numbers of contact laws, factors on static loads and the level, at the point's frequency and
-!> at given sliders of the contacts that never slip. A change of these changes contact forces and loads at the point's own motion by
-!> lambda' and f', and the point by
+!> Derivatives of a point's quantities by numbers of contact laws, factors on loads, the level and damping, at the point's frequency
+!> and at given sliders of the contacts that never slip, or by these. Directly, that is one linear system a parameter
+!> (`attrito_sensitivity_point_rates`). The adjoint takes one for each quantity and gives the derivatives by all parameters there are:
+!> with its weights c on monitors, l on contact forces and k on the contacts' motion (`attrito_sensitivity_quantities`),
 !>
-!> $$ (I + R D) \, \delta d = B \tilde Z^{-1} (f' - B^T \lambda'), \qquad
-!>    \delta q = \tilde Z^{-1} (f' - B^T (\lambda' + D \, \delta d)), \qquad a' = c^T \delta q $$
-!>
-!> c being the gradient of an amplitude or a mean by the coefficients of its monitor. Directly, that is one linear system a
-!> parameter. The adjoint takes one for each c and gives the derivatives by all parameters there are:
-!>
-!> $$ a' = \bar a^T (f' - B^T \lambda'), \qquad \bar a = \tilde Z^{-T} (c - B^T D^T \bar d), \qquad
-!>    (I + R^T D^T) \, \bar d = B \tilde Z^{-T} c $$
+!> $$ Q' = l \cdot \lambda' + \bar a^T (f' - B^T \lambda'), \qquad \bar a = \tilde Z^{-T} (s - B^T D^T \bar d), \qquad
+!>    (I + R^T D^T) \, \bar d = B \tilde Z^{-T} s, \qquad s = C^T c + B^T (k + (K_c + D)^T l) $$
 !>
 !> Z~_h is symmetric, so in cosines and sines R^T = S R S, S turning the sign of sines: time runs backwards. With S D^T S in D's
 !> place the adjoint system is again one of Newton's, and is solved as these are.
@@ -20,157 +15,135 @@ module attrito_sensitivity_parameter_derivatives
   use attrito_contact_forces, only: contact_forces_type
   use attrito_newton_linearised_step, only: change_of_deviation
   use attrito_newton_preconditioners, only: preconditioners_type
-  use attrito_balance_unknowns, only: unknowns_type
+  use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_sensitivity_accurate_step, only: solve_accurately
-  use attrito_sensitivity_amplitude_gradient, only: amplitude_gradient
-  use attrito_sensitivity_law_derivatives, only: differentiate_law, law_numbers
+  use attrito_sensitivity_damping_derivatives, only: damping_numbers, damping_load
+  use attrito_sensitivity_parameters, only: by_parameters_type
+  use attrito_sensitivity_point_rates, only: inquiry_type, rate_type, derivatives_of_laws, rate_of_parameter
+  use attrito_sensitivity_quantities, only: weights_type, weights_of
   use attrito_solve_solver, only: solver_type
   implicit none
   private
-  public :: by_parameters_type, differentiate_directly, differentiate_by_adjoint, by_mean, by_amplitude
-
-  !> What is differentiated of a monitor
-  integer, parameter :: by_amplitude = 1, by_mean = 2
-
-  !> A number for each number of all contacts' laws [law_numbers, contacts], each factor on static loads and the level: what a
-  !> parameter changes them by, or derivatives by them
-  type :: by_parameters_type
-    real(wp), allocatable :: laws(:, :), static_factors(:)
-    real(wp) :: level = 0.0_wp
-  end type by_parameters_type
+  public :: differentiate_directly, differentiate_by_adjoint, derivative_along
 
 contains
 
   !> By parameters, at the solver's present point, which was evaluated last.
-  subroutine differentiate_directly(solver, parameters, amplitude, mean, status)
+  subroutine differentiate_directly(solver, inquiry, parameters, derivatives, status)
     !> Solver of points: its balance
     type(solver_type), target, intent(inout) :: solver
+    !> What is asked for
+    type(inquiry_type), intent(in) :: inquiry
     !> What each changes
     type(by_parameters_type), intent(in) :: parameters(:)
-    !> Derivatives of the monitors' amplitudes and means [monitors, parameters]
-    real(wp), allocatable, intent(out) :: amplitude(:, :), mean(:, :)
+    !> Of the quantities [quantities, parameters]
+    real(wp), allocatable, intent(out) :: derivatives(:, :)
     !> 0, or not: the linearised equations are singular there
     integer, intent(out) :: status
-    type(balance_type), pointer :: balance
     type(preconditioners_type) :: kept
-    type(unknowns_type) :: right, moved
-    complex(wp), allocatable :: response(:, :), by_loads(:, :)
-    real(wp), allocatable :: laws(:, :, :), deviation(:, :), own(:, :), change(:, :)
+    type(weights_type) :: weights(size(inquiry%quantities))
+    type(rate_type) :: rate
+    real(wp), allocatable :: laws(:, :, :)
     integer :: i, j
 
-    balance => solver%context%balance
-    laws = derivatives_of_laws(balance)
-    allocate (amplitude(balance%monitors%number(), size(parameters)), mean(balance%monitors%number(), size(parameters)))
-    allocate (response, by_loads, mold=balance%response)
-    right = unknowns_type(0.0_wp*balance%residual, 0.0_wp*balance%slider, 0.0_wp)
-    moved = right
-    own = balance%monitors%motion_of(balance%response)
-    do j = 1, size(parameters)
-      deviation = force_change(balance, laws, parameters(j))
-      by_loads = 0.0_wp
-      associate (loads => load_change(balance, parameters(j)))
-        call balance%receptance%respond(loads, by_loads(:, :size(loads, 2)))
-      end associate
-      call balance%respond_to_deviation(deviation, response)
-      right%motion = balance%recover(response + by_loads)
-      call solve_accurately(balance, right%motion, solver%context%linear, kept, moved%motion, status)
-      if (status /= 0) return
-      right%motion = 0.0_wp
-      call balance%respond_to_deviation(deviation + change_of_deviation(balance, right, moved), response)
-      change = balance%monitors%motion_of(response + by_loads)
-      mean(:, j) = change(1, :)
-      amplitude(:, j) = [(dot_product(amplitude_gradient(own(:, i)), change(:, i)), i=1, size(own, 2))]
-    end do
+    associate (balance => solver%context%balance)
+      laws = derivatives_of_laws(balance, inquiry)
+      weights = [(weights_of(inquiry%quantities(i), balance), i=1, size(weights))]
+      allocate (derivatives(size(weights), size(parameters)))
+      status = 0
+      do j = 1, size(parameters)
+        call rate_of_parameter(solver, laws, parameters(j), kept, rate, status)
+        if (status /= 0) return
+        derivatives(:, j) = [(derivative_along(balance, weights(i), rate), i=1, size(weights))]
+      end do
+    end associate
   end subroutine differentiate_directly
 
-  !> Of every monitor's amplitude and mean [monitors, 2], at the solver's present point, which was evaluated last.
-  subroutine differentiate_by_adjoint(solver, contacts, gradients, status)
+  !> c . delta a + l . delta lambda + k . delta d.
+  real(wp) function derivative_along(balance, weights, rate) result(derivative)
+    !> Harmonic balance
+    type(balance_type), intent(in) :: balance
+    !> Of a quantity
+    type(weights_type), intent(in) :: weights
+    !> How the point changes
+    type(rate_type), intent(in) :: rate
+
+    derivative = sum(weights%motion*rate%motion + weights%forces*(rate%deviation + spring_forces(balance, rate%motion)))
+    call balance%ranks%sum(derivative)
+    derivative = derivative + sum(weights%monitors*balance%monitors%motion_of(rate%response))
+  end function derivative_along
+
+  !> K_c d of this rank's rows [2 H + 1, rows].
+  pure function spring_forces(balance, motion) result(forces)
+    !> Harmonic balance
+    type(balance_type), intent(in) :: balance
+    !> d [2 H + 1, rows]
+    real(wp), intent(in) :: motion(:, :)
+    real(wp) :: forces(size(motion, 1), size(motion, 2))
+    integer :: i
+
+    do i = 1, size(balance%law)
+      associate (law => balance%law(i), first => balance%law(i)%first_row)
+        forces(:, first:first + law%tangents - 1) = law%tangential_stiffness*motion(:, first:first + law%tangents - 1)
+        forces(:, first + law%tangents) = law%normal_stiffness*motion(:, first + law%tangents)
+      end associate
+    end do
+  end function spring_forces
+
+  !> By everything, of all quantities, at the solver's present point, which was evaluated last.
+  subroutine differentiate_by_adjoint(solver, inquiry, gradients, status)
     !> Solver of points: its balance
     type(solver_type), target, intent(inout) :: solver
-    !> How many there are on all ranks
-    integer, intent(in) :: contacts
-    !> Derivatives by everything
-    type(by_parameters_type), allocatable, intent(out) :: gradients(:, :)
+    !> What is asked for
+    type(inquiry_type), intent(in) :: inquiry
+    !> Derivatives by everything [quantities]
+    type(by_parameters_type), allocatable, intent(out) :: gradients(:)
     !> 0, or not: the linearised equations are singular there
     integer, intent(out) :: status
     type(balance_type), pointer :: balance
     type(contact_forces_type), allocatable :: forward(:)
     type(preconditioners_type) :: kept
-    real(wp), allocatable :: laws(:, :, :), own(:, :), weight(:, :)
-    complex(wp), allocatable :: adjoint(:, :)
-    integer :: i, kind
+    type(weights_type) :: weights(size(inquiry%quantities))
+    real(wp), allocatable :: laws(:, :, :)
+    complex(wp), allocatable :: adjoint(:, :), damped(:, :, :)
+    integer :: i
 
     balance => solver%context%balance
-    laws = derivatives_of_laws(balance)
-    own = balance%monitors%motion_of(balance%response)
-    allocate (gradients(size(own, 2), 2))
-    allocate (weight, mold=own)
+    laws = derivatives_of_laws(balance, inquiry)
+    weights = [(weights_of(inquiry%quantities(i), balance), i=1, size(weights))]
+    damped = damping_loads(solver, inquiry)
+    allocate (gradients(size(weights)))
     forward = balance%forces
     call run_backwards(balance)
-    do kind = by_amplitude, by_mean
-      do i = 1, size(own, 2)
-        weight = 0.0_wp
-        if (kind == by_mean) weight(1, i) = 1.0_wp
-        if (kind == by_amplitude) weight(:, i) = amplitude_gradient(own(:, i))
-        call respond_backwards(solver, weight, kept, adjoint, status)
-        if (status /= 0) exit
-        gradients(i, kind) = gradient_of(balance, contacts, laws, adjoint)
-      end do
+    status = 0
+    do i = 1, size(weights)
+      call respond_backwards(solver, weights(i), kept, adjoint, status)
       if (status /= 0) exit
+      gradients(i) = gradient_of(balance, size(inquiry%recipes), laws, damped, weights(i), adjoint)
     end do
     balance%forces = forward
     call balance%active%find(balance%law, balance%forces, balance%contact_rows)
   end subroutine differentiate_by_adjoint
 
-  !> Derivatives of the forces of this rank's contacts by the numbers of their laws [2 H + 1, rows, law_numbers].
-  function derivatives_of_laws(balance) result(laws)
-    !> Harmonic balance, evaluated at the point
-    type(balance_type), intent(inout) :: balance
-    real(wp), allocatable :: laws(:, :, :)
-    real(wp), allocatable :: motion(:, :)
+  !> Loads f' by each number of damping [n, 0:H, numbers]; none where they are not asked for.
+  function damping_loads(solver, inquiry) result(loads)
+    !> Solver of points, at the point
+    type(solver_type), intent(in) :: solver
+    !> What is asked for
+    type(inquiry_type), intent(in) :: inquiry
+    complex(wp), allocatable :: loads(:, :, :)
+    real(wp) :: unit(damping_numbers)
     integer :: i
 
-    ! Contacts may have been held since.
-    call balance%active%find(balance%law, balance%forces, balance%contact_rows)
-    motion = balance%recover(balance%response)
-    allocate (laws(size(motion, 1), size(motion, 2), law_numbers))
-    do i = 1, size(balance%law)
-      associate (first => balance%law(i)%first_row, last => balance%law(i)%first_row + balance%law(i)%tangents)
-        call differentiate_law(balance%law(i), balance%quadrature, motion(:, first:last), balance%slider(:, i), balance%forces(i), &
-                               laws(:, first:last, :))
-      end associate
-    end do
-  end function derivatives_of_laws
-
-  !> lambda' on this rank's rows [2 H + 1, rows].
-  pure function force_change(balance, laws, parameter) result(change)
-    !> Harmonic balance
-    type(balance_type), intent(in) :: balance
-    !> Derivatives of forces by the numbers of the laws
-    real(wp), intent(in) :: laws(:, :, :)
-    !> What it changes
-    type(by_parameters_type), intent(in) :: parameter
-    real(wp) :: change(size(laws, 1), size(laws, 2))
-    integer :: i, row
-
-    do i = 1, size(balance%law)
-      do row = balance%law(i)%first_row, balance%law(i)%first_row + balance%law(i)%tangents
-        change(:, row) = matmul(laws(:, row, :), parameter%laws(:, balance%first_contact - 1 + i))
+    associate (balance => solver%context%balance)
+      allocate (loads(size(balance%response, 1), 0:ubound(balance%response, 2), merge(damping_numbers, 0, inquiry%damping)))
+      do i = 1, size(loads, 3)
+        unit = 0.0_wp
+        unit(i) = 1.0_wp
+        loads(:, :, i) = damping_load(solver%structure, solver%stuck, balance, unit, balance%response)
       end do
-    end do
-  end function force_change
-
-  !> f' in generalised coordinates, as far as harmonics are loaded [n, 0:highest].
-  pure function load_change(balance, parameter) result(loads)
-    !> Harmonic balance
-    type(balance_type), intent(in) :: balance
-    !> What it changes
-    type(by_parameters_type), intent(in) :: parameter
-    complex(wp) :: loads(size(balance%harmonic_load, 1), 0:balance%highest_load())
-
-    loads = parameter%level*balance%harmonic_load(:, :balance%highest_load())
-    loads(:, 0) = loads(:, 0) + matmul(balance%static_loads, parameter%static_factors)
-  end function load_change
+    end associate
+  end function damping_loads
 
   !> Put S D^T S in the place of D.
   subroutine run_backwards(balance)
@@ -203,11 +176,11 @@ contains
   end function backwards
 
   !> The adjoint response S a-bar, the balance running backwards [n, 0:H].
-  subroutine respond_backwards(solver, weight, kept, adjoint, status)
+  subroutine respond_backwards(solver, weights, kept, adjoint, status)
     !> Solver of points: its balance
     type(solver_type), target, intent(inout) :: solver
-    !> c [2 H + 1, monitors]
-    real(wp), intent(in) :: weight(:, :)
+    !> Of a quantity
+    type(weights_type), intent(in) :: weights
     !> Preconditioners that serve more than one step
     type(preconditioners_type), intent(inout) :: kept
     !> Coordinates, by harmonic
@@ -217,45 +190,67 @@ contains
     type(balance_type), pointer :: balance
     type(unknowns_type) :: right, moved
     complex(wp), allocatable :: response(:, :)
+    real(wp), allocatable :: load(:, :)
 
     balance => solver%context%balance
-    allocate (response, mold=balance%response)
-    allocate (adjoint(size(response, 1), 0:ubound(response, 2)))
-    call balance%receptance%respond(to_complex(balance%monitors%load_of(spread(backwards(size(weight, 1)), 2, size(weight, 2)) &
-                                                                        *weight)), adjoint)
-    right = unknowns_type(balance%recover(adjoint), 0.0_wp*balance%slider, 0.0_wp)
+    allocate (adjoint, response, mold=balance%response)
+    right = new_unknowns([balance%coefficients(), balance%rows()], shape(balance%slider))
     moved = right
+    moved%motion = turned(weights%forces)
+    load = balance%contact_rows%load_of(turned(weights%motion) + spring_forces(balance, moved%motion) &
+                                        + change_of_deviation(balance, right, moved))
+    call balance%ranks%sum(load)
+    call balance%receptance%respond(to_complex(load + balance%monitors%load_of(turned(weights%monitors))), adjoint)
+    right%motion = balance%recover(adjoint)
     call solve_accurately(balance, right%motion, solver%context%linear, kept, moved%motion, status)
     if (status /= 0) return
     call balance%respond_to_deviation(change_of_deviation(balance, right, moved), response)
     adjoint = adjoint + response
   end subroutine respond_backwards
 
+  !> S times a field [2 H + 1, any].
+  pure function turned(field)
+    !> Coefficients
+    real(wp), intent(in) :: field(:, :)
+    real(wp) :: turned(size(field, 1), size(field, 2))
+
+    turned = spread(backwards(size(field, 1)), 2, size(field, 2))*field
+  end function turned
+
   !> Derivatives by everything, from the adjoint response.
-  function gradient_of(balance, contacts, laws, adjoint) result(gradient)
+  function gradient_of(balance, contacts, laws, damped, weights, adjoint) result(gradient)
     !> Harmonic balance
     type(balance_type), intent(in) :: balance
     !> How many there are on all ranks
     integer, intent(in) :: contacts
-    !> Derivatives of forces by the numbers of the laws
+    !> Derivatives of forces by the columns of contacts
     real(wp), intent(in) :: laws(:, :, :)
+    !> Loads by numbers of damping [n, 0:H, numbers or 0]
+    complex(wp), intent(in) :: damped(:, 0:, :)
+    !> Of the quantity
+    type(weights_type), intent(in) :: weights
     !> S a-bar
     complex(wp), intent(in) :: adjoint(:, 0:)
     type(by_parameters_type) :: gradient
-    real(wp), allocatable :: motion(:, :)
-    integer :: i, number
+    real(wp), allocatable :: felt(:, :)
+    integer :: h, i, column
 
     gradient%static_factors = matmul(real(adjoint(:, 0), wp), balance%static_loads)
     associate (highest => balance%highest_load())
-      gradient%level = sum(real(adjoint(:, :highest)*balance%harmonic_load(:, :highest), wp))
+      gradient%harmonic_factors = [(sum(real(adjoint(:, h)*balance%harmonic_load(:, h), wp)), h=1, highest)]
+      gradient%level = sum(gradient%harmonic_factors) + sum(real(adjoint(:, 0)*balance%harmonic_load(:, 0), wp))
+      gradient%harmonic_factors = balance%level*gradient%harmonic_factors
     end associate
-    motion = balance%recover(adjoint)
-    motion = spread(backwards(size(motion, 1)), 2, size(motion, 2))*motion
-    allocate (gradient%laws(law_numbers, contacts), source=0.0_wp)
+    gradient%damping = [(0.0_wp, i=1, damping_numbers)]
+    do i = 1, size(damped, 3)
+      gradient%damping(i) = sum(real(adjoint*damped(:, :, i), wp))
+    end do
+    felt = weights%forces - turned(balance%recover(adjoint))
+    allocate (gradient%laws(size(laws, 3), contacts), source=0.0_wp)
     do i = 1, size(balance%law)
       associate (first => balance%law(i)%first_row, last => balance%law(i)%first_row + balance%law(i)%tangents)
-        do number = 1, law_numbers
-          gradient%laws(number, balance%first_contact - 1 + i) = -sum(motion(:, first:last)*laws(:, first:last, number))
+        do column = 1, size(laws, 3)
+          gradient%laws(column, balance%first_contact - 1 + i) = sum(felt(:, first:last)*laws(:, first:last, column))
         end do
       end associate
     end do

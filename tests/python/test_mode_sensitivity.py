@@ -7,8 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from jobs import Job, attrito_here, chain, write_job
+from jobs import Job, attrito_here, chain, table, write_job
+from mode_jobs import weakly_damped_wedge
 
+from attrito.modes import tracker
 from attrito.results.result import Result
 
 SPRINGS = {"tangential_stiffness": 3.0e4, "normal_stiffness": 5.0e4, "friction_coefficient": 0.4}
@@ -81,3 +83,77 @@ def test_a_free_body_has_no_derivative(tmp_path: Path, capfd: pytest.CaptureFixt
     _, found = slopes(tmp_path, job, capfd, "frictionless")
     assert np.isnan(found[0, 0])
     assert found[1, 0] > 0.0
+
+
+def test_a_nonlinear_mode_changes_at_its_amplitude_as_differences_say(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Differences over 1e-3 show what is left of Q: as little as the balance's own residual.
+    monkeypatch.setattr(tracker, "AMPLITUDE_TOLERANCE", 1e-13)
+    job = weakly_damped_wedge()
+    job["damping"] = {"rayleigh": [0.5, 2e-5]}
+    job["balance"] = {"harmonics": 5, "residual_tolerance": 1e-13}
+    # It slips at every amplitude, so that its slider does not remember the load path.
+    job["mode"] = {"start": 2.0e-3, "stop": 3.0e-3, "points": 2}
+    keys = ("tangential_stiffness", "normal_stiffness", "friction_coefficient")
+    names = [
+        *(f"contact[0].{key}" for key in keys),
+        "load.preload",
+        "damping.rayleigh[0]",
+        "damping.rayleigh[1]",
+        "level",
+    ]
+    quantities = (
+        "frequency_hz",
+        "damping_ratio",
+        "damping_ratio_structure",
+        "x_amplitude",
+        "x_mean",
+        "dissipated_energy",
+    )
+
+    def found(changed: Job, *options: str) -> list[dict[str, str]]:
+        done = attrito_here(tmp_path, capfd, "mode", write_job(tmp_path, changed))
+        assert done.returncode == 0, done.stderr
+        return table(tmp_path, *options, result="result.mode.h5")
+
+    def moved(name: str, part: float) -> Job:
+        other = copy.deepcopy(job)
+        if name.startswith("contact"):
+            other["contact"][0][name[11:]] *= 1.0 + part
+        elif name == "load.preload":
+            other["load"][0]["dofs"] = [[dof, force * (1.0 + part)] for dof, force in other["load"][0]["dofs"]]
+        else:
+            other["damping"]["rayleigh"][int(name[-2])] *= 1.0 + part
+        return other
+
+    rows = found(job | {"sensitivity": {"to": names, "of": ["dissipated_energy"]}}, "--sensitivities")
+    exact = {(row["point"], row["quantity"], row["parameter"]): float(row["derivative"]) for row in rows}
+    for point in ("0", "1"):
+        assert all(exact[point, quantity, "level"] == 0.0 for quantity in quantities)
+    scales = [job["contact"][0][key] for key in keys] + [1.0, *job["damping"]["rayleigh"]]
+    expected = np.zeros((2, len(quantities), len(scales)))
+    for number, name in enumerate(names[:-1]):
+        slopes = []
+        for step in (1e-3, 2e-3):
+            sides = [
+                np.array([[float(row[quantity]) for quantity in quantities] for row in found(moved(name, side * step))])
+                for side in (-1.0, 1.0)
+            ]
+            slopes.append((sides[1] - sides[0]) / (2.0 * step))
+        expected[:, :, number] = (4.0 * slopes[0] - slopes[1]) / 3.0
+    for point in range(2):
+        for place, quantity in enumerate(quantities):
+            ours = [exact[str(point), quantity, name] * scale for name, scale in zip(names, scales, strict=False)]
+            largest = np.abs(expected[point, place]).max()
+            assert largest > 0.0
+            # Two differences extrapolated leave the fourth power of the step.
+            assert ours == pytest.approx(expected[point, place], abs=1e-6 * largest), quantity
+
+
+def test_a_mode_by_quasi_static_loading_has_no_derivatives(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    job = weakly_damped_wedge() | {"sensitivity": {"to": ["level"]}}
+    job["mode"]["method"] = "quasi_static"
+    done = attrito_here(tmp_path, capfd, "mode", write_job(tmp_path, job))
+    assert done.returncode == 2
+    assert '"epmc" with [sensitivity]' in done.stderr

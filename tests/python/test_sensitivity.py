@@ -41,10 +41,15 @@ def with_parameter(job: Job, name: str, change: float) -> tuple[Job, float]:
     if name == "level":
         job["sweep"]["levels"] = [level + change for level in job["sweep"].get("levels", [1.0])]
         return job, change
+    if name.startswith("damping."):
+        value = job["damping"]["rayleigh"]
+        value[int(name[-2])] += change * value[int(name[-2])]
+        return job, value[int(name[-2])] * change / (1.0 + change)
     if name.startswith("load."):
         loads = [load for load in job["load"] if load.get("name") == name[5:]]
         for load in loads:
-            load["dofs"] = [[dof, force * (1.0 + change)] for dof, force in load["dofs"]]
+            for key in {"dofs", "cosine", "sine"} & set(load):
+                load[key] = [[dof, force * (1.0 + change)] for dof, force in load[key]]
         return job, change
     contact = job["contact"][int(name[8])]
     key = name.split(".")[1]
@@ -99,6 +104,44 @@ def test_by_events(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     job["balance"] = {"harmonics": 7, "quadrature": "event", "residual_tolerance": 1e-13}
     job["sweep"] = {"frequencies_hz": [110.0, 125.0, 140.0]}
     compared(tmp_path, job, STEP, 1e-6, capfd)
+
+
+def test_quantities_of_contacts_by_loads_and_damping(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Directly, and by the adjoint where there are more parameters than quantities."""
+    job = pressed(wedge(force=30.0)) | {"damping": {"rayleigh": [3.0, 1e-4]}}
+    job["balance"] = {"harmonics": 5, "quadrature": "event", "residual_tolerance": 1e-13}
+    job["sweep"] = {"frequencies_hz": [125.0], "levels": [1.1]}
+    job["output"]["monitors"] = job["output"]["monitors"][:1]
+    job["load"][1]["name"] = "shaker"
+    columns = ("dissipated_energy", "n_mean", "t1_mean")
+    names = ["load.shaker", "damping.rayleigh[0]", "damping.rayleigh[1]", "load.preload"]
+    names += [f"contact[0].{key}" for key in LAW]
+
+    def derivatives(to: list[str]) -> np.ndarray:
+        asked = {"to": to, "of": [f"contact[0].{name}" for name in columns[:2]] + ["t1_mean"]}
+        rows = solved(tmp_path, job | {"sensitivity": asked}, capfd, "--sensitivities")
+        assert [row["quantity"] for row in rows[2 * len(to) :: len(to)]] == asked["of"]
+        return np.array([float(row["derivative"]) for row in rows]).reshape(5, len(to))
+
+    def found(changed: Job) -> np.ndarray:
+        (point,), (contact,) = solved(tmp_path, changed, capfd), solved(tmp_path, changed, capfd, "--contacts")
+        return np.array([float(point["x_amplitude"]), float(point["x_mean"]), *(float(contact[c]) for c in columns)])
+
+    adjoint, direct = derivatives(names), np.hstack([derivatives(names[:4]), derivatives(names[4:])])
+    expected = np.zeros_like(adjoint)
+    scales = np.array([with_parameter(job, name, 1.0)[1] if "damp" not in name else 1.0 for name in names])
+    scales[1:3] = job["damping"]["rayleigh"]
+    for number, name in enumerate(names):
+        slopes = []
+        for step in (STEP, 2.0 * STEP):
+            sides = [found(with_parameter(job, name, side * step)[0]) for side in (-1.0, 1.0)]
+            slopes.append((sides[1] - sides[0]) / (2.0 * step * scales[number]))
+        expected[:, number] = (4.0 * slopes[0] - slopes[1]) / 3.0
+    largest = np.max(np.abs(expected * scales), axis=1)
+    assert np.all(largest > 0.0)
+    for exact in (adjoint, direct):
+        # As above, of each quantity.
+        assert np.max(np.abs(exact - expected) * scales / largest[:, np.newaxis]) < 1e-6
 
 
 def test_contacts_that_stick_hold_their_sliders(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -181,15 +224,25 @@ def test_peaks_change_as_their_derivatives_say(tmp_path: Path) -> None:
         slope = (1.0 + float(row["elasticity"])) * float(row["response"])
         assert float(row["amplitude by level"]) == pytest.approx(slope, rel=1e-6)
     first = rows[0]
-    for name in names[:3]:
-        values = []
+    slopes: dict[str, list[float]] = {"frequency by level": []}
+    for name in names:
+        there = []
         for side in (-1.0, 1.0):
             changed, change = with_parameter(job | {"peak": {"start": 18.0, "stop": 18.5}}, name, side * 1e-3)
-            values.append(float(peaks(changed)[0]["amplitude"]))
-        slope = (values[1] - values[0]) / (2.0 * abs(change))
-        scale = float(first["amplitude"]) / (abs(change) / 1e-3)
-        # Central differences over 1e-3, of peaks that are exact to second order in their frequency.
-        assert float(first[f"amplitude by {name}"]) == pytest.approx(slope, abs=1e-5 * scale)
+            if name == "level":
+                changed["peak"]["start"] += side * 1e-3
+            there.append(peaks(changed)[0])
+        for what, column in (("amplitude", "amplitude"), ("frequency", "frequency_hz")):
+            slope = (float(there[1][column]) - float(there[0][column])) / (2.0 * abs(change))
+            scale = float(first[column]) / (abs(change) / 1e-3)
+            # Central differences over 1e-3, of peaks that are exact to second order in their frequency.
+            assert float(first[f"{what} by {name}"]) == pytest.approx(slope, abs=1e-5 * scale)
+            if what == "frequency":
+                slopes[name] = [float(first[f"{what} by {name}"]) / scale, slope / scale]
+    # Frequencies change little: relative to the largest change, whose differences leave 1e-6 times third derivatives.
+    largest = max(abs(slope) for _, slope in filter(None, slopes.values()))
+    for exact, slope in filter(None, slopes.values()):
+        assert abs(exact - slope) < 1e-4 * largest
 
 
 def test_derivatives_of_another_amplitude_than_the_peak_s_are_refused(
@@ -219,8 +272,11 @@ def test_a_set_is_the_sum_of_its_contacts(tmp_path: Path) -> None:
     [
         ("contact[3].gap", "one of the job's [[contact]], of which there are 1"),
         ("contact[0].law", "KEY one of tangential_stiffness"),
-        ("load.excitation", "the name of a static load: preload"),
-        ("damping.ratio", 'or "level"'),
+        ("load.none", "the name of a load: preload"),
+        ("damping.scale", 'or "level"'),
+        ("damping.ratio", "a damping that the job gives"),
+        ("contact[0].chi", "a parameter that is a number"),
+        ("contact[0].friction_coefficient[1]", "a row, from 0, of a table by pressure"),
     ],
 )
 def test_no_parameter(tmp_path: Path, capfd: pytest.CaptureFixture[str], name: str, expected: str) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from attrito.fits.design import Parameter
 from attrito.job.laws import LAW_KEYS
+from attrito.library.derivatives import Inquiry, Rates, zero_rates
 from attrito.library.family import Family
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
 
 # A scene, its load path `[corners, loads]`, and the solver's options
 Solvable = tuple[ReducedScene, np.ndarray, Options]
-# How parameters change laws, `[parameters, nc, 5]` in the order of `LAW_KEYS`, and factors, `[parameters, loads]`
-Rates = tuple[np.ndarray, np.ndarray]
 
 
 def rates_of(
@@ -34,11 +33,11 @@ def rates_of(
     here, at : what is solved there; what is solved at other values
     """
     reduced, load_path, options = here
-    contacts, loads = len(reduced.laws["tangents"]), load_path.shape[1]
-    laws, factors = np.full((len(values), contacts, len(LAW_KEYS)), np.nan), np.full((len(values), loads), np.nan)
+    rates = zero_rates(reduced, len(values))
+    rates.laws[:], rates.static_factors[:] = np.nan, np.nan
     if options.uncoupled or reduced.sector is not None:
         # A frozen mean follows the static solution; of sectors there is no adjoint.
-        return laws, factors
+        return rates
     for i, parameter in enumerate(parameters):
         # Laws are linear in each of their numbers: any change gives the rate.
         step = 0.5 * (parameter.high - parameter.low)
@@ -52,29 +51,26 @@ def rates_of(
         if not np.array_equal(path[:-1], load_path[:-1]):
             continue
         change = beside[i] - values[i]
-        laws[i] = np.column_stack([(there.laws[key] - reduced.laws[key]) / change for key in LAW_KEYS])
-        factors[i] = (path[-1] - load_path[-1]) / change
-    return laws, factors
+        rates.laws[i] = np.column_stack([(there.laws[key] - reduced.laws[key]) / change for key in LAW_KEYS])
+        rates.static_factors[i] = (path[-1] - load_path[-1]) / change
+    return rates
 
 
-def amplitude_slopes(comm: Comm, family: Family, monitor: int, rates: Rates) -> np.ndarray:
+def amplitude_slopes(comm: Comm, family: Family, scene: ReducedScene, monitor: int, rates: Rates) -> np.ndarray:
     """Derivatives of a monitor's amplitude at the solver's last point, at its frequency, `[parameters]`.
 
     NaN where the equations are singular, and of parameters without rates. Collective.
     """
-    laws, factors = rates
-    if not np.any(np.isfinite(factors)) and not np.any(np.isfinite(laws)):
-        return np.full(len(laws), np.nan)
+    if not np.any(np.isfinite(rates.laws)) and not np.any(np.isfinite(rates.static_factors)):
+        return np.full(len(rates), np.nan)
 
     def work(family: Family) -> np.ndarray | None:
-        gradient = None if family.describe() is None else family.differentiate_by_adjoint(factors.shape[1])
-        if gradient is None:
-            return None
-        by_laws, by_factors, _ = gradient
-        return np.asarray(np.tensordot(laws, by_laws[0, monitor], axes=2) + factors @ by_factors[0, monitor])
+        gradient = None if family.describe() is None else family.differentiate_by_adjoint()
+        return None if gradient is None else gradient.along(rates)[0]
 
+    family.ask(Inquiry([("amplitude", np.arange(len(scene.monitors)) == monitor)], scene))
     found: np.ndarray | None = comm.bcast(family.visit(work))
-    return np.full(len(laws), np.nan) if found is None else found
+    return np.full(len(rates), np.nan) if found is None else found
 
 
 def _but_for_laws(one: ReducedScene, other: ReducedScene) -> bool:

@@ -124,7 +124,7 @@ class Solution(SampleModes):
                     continue
                 found[i] = point.amplitude[monitor]
                 if exact is not None and rates is not None:
-                    exact[i] = amplitude_slopes(self._comm, family, monitor, rates)
+                    exact[i] = amplitude_slopes(self._comm, family, reduced, monitor, rates)
         return found, exact
 
 

@@ -370,8 +370,14 @@ TABLES: dict[str, dict[str, Key]] = {
             listing(text),
             [],
             "parameters that amplitudes, means, peaks and modes are differentiated by: `contact[0].KEY`,"
-            " `contact_set[0].KEY`, `[*]` for all, KEY a number of the contact's law; `load.NAME` of a static load;"
+            " `contact_set[0].KEY`, `[*]` for all, KEY a number of the contact's law; `load.NAME`; `damping.KEY`;"
             " `level` ([sensitivity.md](sensitivity.md))",
+        ),
+        "of": Key(
+            listing(text),
+            [],
+            "quantities that are differentiated beside the monitors: `contact[0].NAME`, `contact_set[0].NAME`, `[*]`"
+            " for all of these, or `NAME` of all contacts; NAME: `dissipated_energy`, `t1_mean`, `t2_mean`, `n_mean`",
         ),
     },
     "integrate": {

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from attrito.library.derivatives import Inquiry, Rates
 from attrito.library.session import Solver
 from attrito.library.structures import pointer
 
@@ -48,8 +50,14 @@ class Family:
     ):
         self._comm, self._solver, self._interrupted = comm, solver, interrupted
         self._sizes = contacts, monitors
+        self._inquiry: Inquiry | None = None
         # Why visits were to stop, on every rank; empty: nothing asked for it
         self.stopped = ""
+
+    def ask(self, inquiry: Inquiry) -> None:
+        """Say what derivatives are asked for from now on. Collective."""
+        inquiry.tell(self._solver)
+        self._inquiry = inquiry
 
     def visit(self, work: Callable[[Family], Found]) -> Found | None:
         """Do some work on the root, where its result is, all ranks at hand; the solver is left as it was."""
@@ -77,27 +85,44 @@ class Family:
         change: Member | None = self._ask("differentiate", contact, tangent)
         return change
 
-    def differentiate_directly(
-        self, laws: np.ndarray, static_factors: np.ndarray, level: np.ndarray
+    def differentiate_directly(self, parameters: Rates) -> np.ndarray | None:
+        """Derivatives `[quantities, parameters]` of the member described last; None if singular.
+
+        The quantities are those of the last `Inquiry`.
+        """
+        found: np.ndarray | None = self._ask("differentiate_directly", parameters)
+        return found
+
+    def differentiate_by_adjoint(self) -> Rates | None:
+        """Derivatives of the quantities by everything, of the member described last; None if singular."""
+        found: Rates | None = self._ask("differentiate_by_adjoint")
+        return found
+
+    def differentiate_peak_frequency(self, monitor: int, parameters: Rates) -> np.ndarray | None:
+        """Derivatives of the frequency, Hz, of a peak of a monitor's half range that the solver is at, `[parameters]`.
+
+        NaN where there are none: by samples; None if singular.
+        """
+        found: np.ndarray | None = self._ask("differentiate_peak_frequency", monitor, parameters)
+        return found
+
+    def differentiate_mode(
+        self, parameters: Rates, weight: np.ndarray, own: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray] | None:
-        """Derivatives of amplitudes and means, `[np, monitors]` each, of the member described last; None if singular.
+        """Derivatives at a mode's point, its amplitude Q = |weight . q_1| held; None if singular.
 
         Parameters
         ----------
-        laws : rates of the contacts' tangential and normal stiffness, friction coefficient, gap and preload,
-            `[np, nc, 5]`
-        static_factors, level : rates of the factors on static loads, `[np, loads]`, and of the level, `[np]`
-        """
-        found: tuple[np.ndarray, np.ndarray] | None = self._ask("differentiate_directly", laws, static_factors, level)
-        return found
+        parameters : level and harmonic factors have no meaning
+        weight : complex `[m]`
+        own : of Q by the parameters, the motion held, `[parameters]`
 
-    def differentiate_by_adjoint(self, loads: int) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-        """Derivatives of amplitudes, then of means, of the member described last; None if singular.
-
-        By the numbers of laws, in the order above, `[2, monitors, nc, 5]`, by the factors on static loads, of which
-        there are `loads`, `[2, monitors, loads]`, and by the level, `[2, monitors]`.
+        Returns
+        -------
+        of frequency, Hz, of xi and of the structure's damping ratio, `[3, parameters]`; of the quantities,
+        `[quantities, parameters]`
         """
-        found: tuple[np.ndarray, np.ndarray, np.ndarray] | None = self._ask("differentiate_by_adjoint", loads)
+        found: tuple[np.ndarray, np.ndarray] | None = self._ask("differentiate_mode", parameters, weight, own)
         return found
 
     def move(self, slider: np.ndarray) -> bool:
@@ -140,16 +165,8 @@ class Family:
         if what == "move":
             return self._solver.call("attrito_solve_member", pointer(np.ascontiguousarray(arguments[0]))) == 1
         (contacts, monitors), coefficients = self._sizes, self._solver.coefficients
-        if what == "differentiate_directly":
-            rates = [np.ascontiguousarray(values, dtype=float) for values in arguments]
-            found = np.zeros((2, len(rates[2]), monitors))
-            pointers = *map(pointer, rates), pointer(found[0]), pointer(found[1])
-            status = self._solver.call("attrito_differentiate_directly", len(rates[2]), *pointers)
-            return (found[0], found[1]) if status == 0 else None
-        if what == "differentiate_by_adjoint":
-            gradient = [np.zeros((2, monitors, *shape)) for shape in ((contacts, 5), (arguments[0],), ())]
-            status = self._solver.call("attrito_differentiate_by_adjoint", *map(pointer, gradient))
-            return tuple(gradient) if status == 0 else None
+        if what.startswith("differentiate_"):
+            return self._differentiate(what, *arguments)
         member = Member(
             np.zeros((contacts, 3, coefficients)),
             np.zeros((monitors, coefficients)),
@@ -164,3 +181,29 @@ class Family:
         else:
             status = self._solver.call("attrito_differentiate_member", *arguments, *series)
         return member if status == 0 else None
+
+    def _differentiate(self, what: str, *arguments: Any) -> Any:
+        """By parameters or by everything; None where the equations are singular."""
+        name = f"attrito_{what}"
+        if self._inquiry is None:
+            raise TypeError("an Inquiry is needed first: ask")
+        quantities = len(self._inquiry.quantities)
+        if what == "differentiate_by_adjoint":
+            gradients = self._inquiry.zeros(self._solver, quantities)
+            return gradients if self._solver.call(name, ctypes.byref(gradients.raw())) == 0 else None
+        if what == "differentiate_peak_frequency":
+            monitor, rates = arguments
+            slopes = np.zeros(len(rates))
+            status = self._solver.call(name, monitor, ctypes.byref(rates.raw()), pointer(slopes))
+            return slopes / (2.0 * np.pi) if status == 0 else None
+        rates = arguments[0]
+        found = np.zeros((quantities, len(rates)))
+        if what == "differentiate_directly":
+            status = self._solver.call(name, ctypes.byref(rates.raw()), pointer(found))
+            return found if status == 0 else None
+        _, weight, own = arguments
+        parts = [np.ascontiguousarray(part, dtype=float) for part in (weight.real, -weight.imag, own)]
+        mode = np.zeros((3, len(rates)))
+        status = self._solver.call(name, ctypes.byref(rates.raw()), *map(pointer, parts), pointer(mode), pointer(found))
+        mode[0] /= 2.0 * np.pi
+        return (mode, found) if status == 0 else None

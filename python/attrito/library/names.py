@@ -50,6 +50,9 @@ PARAMETERS = ("level", "preload")
 # Why a curve of peaks ends
 ENDINGS = ("none", "not_found", "leaves_band", "no_periodic_motion")
 
+# What is differentiated: of monitors the first two, of contacts the others
+QUANTITIES = ("amplitude", "mean", "dissipated_energy", "t1_mean", "t2_mean", "n_mean")
+
 # Of integration in time, and why its motion has not converged
 SCHEMES = ("event", "central_difference", "newmark", "hht", "generalised_alpha", "exponential")
 REASONS = ("none", "settling", "step", "diverged")
@@ -89,6 +92,7 @@ ENUMERATIONS: dict[str, tuple[str, ...] | dict[str, int]] = {
     "amplitudes": AMPLITUDES,
     "parameters": PARAMETERS,
     "endings": ENDINGS,
+    "quantities": QUANTITIES,
     "schemes": SCHEMES,
     "reasons": REASONS,
     "reduction_steps": REDUCTION_STEPS,

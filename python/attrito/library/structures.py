@@ -92,6 +92,15 @@ class RawBifurcation(ctypes.Structure):
     _fields_ = [("kind", c_int), *_all(c_double, "frequency_hz", "uncertain_hz", "re", "im")]
 
 
+class RawRates(ctypes.Structure):
+    """`attrito.library.derivatives.Rates`."""
+
+    _fields_ = [
+        *_all(c_int, "count", "columns", "loads", "harmonics"),
+        *_all(c_void_p, "laws", "static_factors", "level", "harmonic_factors", "damping"),
+    ]
+
+
 class RawScene(ctypes.Structure):
     """A scene for integration in time; the arrays are those of `ReducedScene`."""
 
@@ -160,6 +169,7 @@ STRUCTURES: dict[str, type[ctypes.Structure]] = {
     "quasi_static": RawQuasiStatic,
     "examination_report": RawExamination,
     "bifurcation_report": RawBifurcation,
+    "rates": RawRates,
     "integrate_scene": RawScene,
     "integrate_options": RawRun,
     "integrate_report": RawOrbit,

@@ -79,7 +79,7 @@ def _slopes(
     modes = solver.linear_modes(state, len(prepared.reduced.mass))
 
     def find() -> np.ndarray:
-        laws = np.array([rates_of(job, scene, one)[0] for one in parameters])
+        laws = rates_of(job, scene, prepared.reduced, parameters).laws
         rates = spring_rates(prepared.reduced.laws["tangents"], laws, state, closed)
         return frequency_slopes(modes, prepared.reduced.directions, rates)
 

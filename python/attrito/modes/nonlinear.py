@@ -16,6 +16,7 @@ from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series
 from attrito.library.session import LinearModes, Options, Solver
 from attrito.modes.mode_point import ModePoint
+from attrito.modes.mode_slopes import ModeDifferentiator
 from attrito.modes.patched import PatchedModeTracker
 from attrito.modes.quasi_static import QuasiStaticTracker
 from attrito.modes.scene_at_rest import Prepared, prepare, solver_at_rest
@@ -97,11 +98,12 @@ def _follow_and_show(
     with solver_at_rest(comm, job, prepared, progress) as solver:
         number, modes = chosen_mode(comm, job, solver)
         progress.say(f"tangent mode {number}: {modes.natural_hz[number - 1]:.6g} Hz")
+        differentiator = ModeDifferentiator(comm, solver, job, scene, prepared.reduced, number - 1)
         tracker = new_tracker(job, solver, prepared.reduced, modes, number - 1)
         recorder = Recorder(comm, solver, journal, (tracker,))
         try:
             place = _begin(comm, job, recorder, tracker, journal, first, resume, progress)
-            missed = _follow(comm, job, tracker, recorder, place, progress)
+            missed = _follow(comm, job, tracker, differentiator, recorder, place, progress)
         finally:
             recorder.close()
 
@@ -190,13 +192,22 @@ def amplitudes(job: Job) -> np.ndarray:
     return values
 
 
-def _follow(comm: Comm, job: Job, tracker: Tracker, recorder: Recorder, place: RunPosition, progress: Progress) -> str:
+def _follow(
+    comm: Comm,
+    job: Job,
+    tracker: Tracker,
+    differentiator: ModeDifferentiator,
+    recorder: Recorder,
+    place: RunPosition,
+    progress: Progress,
+) -> str:
     """Point after point into the journal, those of `place` being there; what is missing, in words."""
     values = amplitudes(job)
     while place.points < len(values) and "not_converged" not in place.outcomes:
         one = tracker.at(float(values[place.points]))
         recorder.hear()
         ratio = _record(comm, recorder, one)
+        differentiator.visit(one, recorder)
         place.add(one.point)
         recorder.write(one.point, place)
         progress.say(
@@ -283,6 +294,8 @@ def check_mode(job: Job) -> None:
     if is_cyclic(job) and keys["method"] == "quasi_static":
         expected = '"epmc" with [cyclic]: loading in cycles is no travelling wave'
         faults.append(job.fault("[mode] method", keys["method"], expected))
+    if job["sensitivity"]["to"] and keys["method"] == "quasi_static":
+        faults.append(job.fault("[mode] method", keys["method"], '"epmc" with [sensitivity]: derivatives are of that'))
     if keys["start"] == keys["stop"]:
         faults.append(job.fault("[mode] stop", keys["stop"], "an amplitude other than start"))
     if keys["steps"] % 8:

@@ -123,7 +123,7 @@ class _Peaks(SamplePeaks):
         rates = rates_of(
             self._asked.parameters, self._values, here, lambda values: self.scene_of(self._changed(values))
         )
-        self._slopes.append(amplitude_slopes(self._comm, family, monitor, rates))
+        self._slopes.append(amplitude_slopes(self._comm, family, reduced, monitor, rates))
 
     def _changed(self, values: np.ndarray) -> Job:
         pairs = list(zip(self._asked.parameters, values.tolist(), strict=True))

@@ -59,7 +59,7 @@ KINDS = ("step", "value", "optimum")
 
 @dataclass(frozen=True)
 class Found:
-    """A peak on the curve, why it is there (one of `KINDS`), and its height's derivatives by `[sensitivity] to`."""
+    """A peak on the curve, why it is there (one of `KINDS`), and its derivatives, see `_derivatives` in `run.py`."""
 
     peak: Peak
     kind: str

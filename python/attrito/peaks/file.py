@@ -52,7 +52,20 @@ COUNTS = {
     "corner": "1: the response rises to the peak on one side and falls on the other, with a corner; 0: it is smooth",
 }
 
-SENSITIVITY = "derivative of the peak's amplitude by each of [sensitivity] to; NaN at a corner, or without a peak"
+# By name of its dataset what is differentiated: in short, in words, and its unit
+SENSITIVITY = {
+    "sensitivity": (
+        "amplitude",
+        "derivative of the peak's amplitude by each of [sensitivity] to",
+        "user length by parameter",
+    ),
+    "sensitivity_frequency": (
+        "frequency",
+        "derivative of the peak's frequency by each of [sensitivity] to",
+        "Hz by parameter",
+    ),
+}
+NO_SENSITIVITY = "NaN at a corner, by samples (frequency), or without a peak"
 # Of a backbone at the peaks' levels, and along it
 AT_PEAKS = {
     "backbone_frequency_hz": ("where the backbone expects the peak of this level", "Hz"),
@@ -159,7 +172,9 @@ def write(
             put(f"monitors/{name}/amplitude", ranges, "half the range over the period", "user length")
         if parameters := job["sensitivity"]["to"]:
             file.attrs["sensitivity_to"] = parameters
-            put("sensitivity", np.array([one.derivatives for one in found]), SENSITIVITY, "user length by parameter")
+            slopes = np.array([one.derivatives for one in found])
+            for i, (name, (_, words, unit)) in enumerate(SENSITIVITY.items()):
+                put(name, np.ascontiguousarray(slopes[:, i]), f"{words}; {NO_SENSITIVITY}", unit)
         if backbone is not None:
             file.attrs["backbone_mode"] = backbone.mode
             for name, values in at_peaks(backbone).items():
@@ -206,8 +221,11 @@ def read_peaks(path: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
             raise InputError(Fault(path, "format", file.attrs.get("format", "absent"), "peaks of `attrito peak`"))
         names = [*COLUMNS, *COUNTS, "kind", "outcome", "states", *(name for name in AT_PEAKS if name in file["peaks"])]
         data = {name: file[f"peaks/{name}"][()] for name in names}
-        for i, parameter in enumerate(file.attrs.get("sensitivity_to", ())):
-            data[f"amplitude by {as_text(parameter)}"] = file["peaks/sensitivity"][:, i]
+        for name, (short, *_) in SENSITIVITY.items():
+            if name not in file["peaks"]:
+                continue
+            for i, parameter in enumerate(file.attrs.get("sensitivity_to", ())):
+                data[f"{short} by {as_text(parameter)}"] = file[f"peaks/{name}"][:, i]
         return data, dict(file.attrs)
 
 
@@ -225,7 +243,7 @@ def holds_peaks(path: str) -> bool:
 def table(path: str) -> str:
     """The peaks as CSV."""
     data, _ = read_peaks(path)
-    numbers = [*COLUMNS, *(name for name in data if name in AT_PEAKS or name.startswith("amplitude by "))]
+    numbers = [*COLUMNS, *(name for name in data if name in AT_PEAKS or " by " in name)]
     names = ["kind", *numbers, *COUNTS, *STATES, "outcome"]
     lines = [",".join(map(cell, names))]
     for i in range(len(data["level"])):

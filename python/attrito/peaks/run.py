@@ -105,11 +105,17 @@ def _follow_and_show(
 
 
 def _derivatives(differentiator: Differentiator, job: Job, scene: ReducedScene, found: Found) -> np.ndarray:
-    """Of a peak's height by the parameters of `[sensitivity]`: along the response it does not change to first order."""
+    """Of a peak's height and of its frequency, Hz, by the parameters of `[sensitivity]`, `[2, parameters]`.
+
+    Along the response the height does not change to first order.
+    """
     preload = found.peak.parameter if job["peak"]["parameter"] == "preload" else 1.0
-    amplitude, _ = differentiator.derivatives(found.peak.point, preload)
+    monitor = _monitor(job, scene)
+    height = differentiator.amplitudes(found.peak.point, preload)[:, monitor]
+    frequency = differentiator.peak_frequencies(found.peak.point, monitor, preload)
+    both = np.array([height, frequency])
     # At a corner the frequency response has a slope on either side.
-    return np.full(len(amplitude), np.nan) if found.peak.at_corner else amplitude[:, _monitor(job, scene)]
+    return np.full(both.shape, np.nan) if found.peak.at_corner else both
 
 
 @contextlib.contextmanager

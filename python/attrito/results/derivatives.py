@@ -22,6 +22,12 @@ def parameters_of(result: Result) -> list[str]:
     return names
 
 
+def quantities_of(result: Result) -> list[str]:
+    """Names of the quantities beside monitors that a result has derivatives of."""
+    names: list[str] = json.loads(result.attribute("job"))["sensitivity"]["of"]
+    return names if result.has("/sensitivity/quantities") else []
+
+
 def derivatives_of(result: Result) -> tuple[list[str], np.ndarray]:
     """Quantities, as `tip_amplitude` or `frequency_hz`, and their derivatives `[points, quantities, parameters]`."""
     names: list[str] = []
@@ -30,6 +36,10 @@ def derivatives_of(result: Result) -> tuple[list[str], np.ndarray]:
     for i, monitor in enumerate(result.monitors):
         names += [f"{monitor}_{name}" for name in monitors]
         found += [values[:, :, i] for values in monitors.values()]
+    if result.has("/sensitivity/quantities"):
+        others = result.array("/sensitivity/quantities")
+        names += quantities_of(result)
+        found += [others[:, :, i] for i in range(others.shape[2])]
     for name in OF_POINTS:
         if result.has(f"/sensitivity/{name}"):
             names.append(name)

@@ -179,23 +179,31 @@ class Result:
         return self.array(f"/monitors/{name}/{quantity}")
 
     def sensitivity(self, parameter: str, monitor: str, quantity: str = "amplitude") -> np.ndarray:
-        """Derivative of a monitor's `amplitude` or `mean` by one of `[sensitivity] to`, `[np]`, per unit of it.
+        """Derivative by one of `[sensitivity] to`, `[np]`, per unit of it.
+
+        Parameters
+        ----------
+        parameter : as the job names it
+        monitor : whose `amplitude` or `mean`; or one of `[sensitivity] of`, as the job names it
+        quantity : of the monitor
 
         Raises
         ------
         InputError : the job did not ask for it, or there is no such monitor or quantity
         """
-        asked = json.loads(self.attribute("job"))["sensitivity"]["to"] if self.has("/sensitivity/value") else []
-        quantities = ("amplitude", "mean")
+        asked = json.loads(self.attribute("job"))["sensitivity"] if self.has("/sensitivity/value") else {"to": []}
+        names, others = asked["to"], asked.get("of", [])
         for what, given, known in (
-            ("sensitivity", parameter, asked),
-            ("monitor", monitor, self.monitors),
-            ("quantity", quantity, quantities),
+            ("sensitivity", parameter, names),
+            ("monitor", monitor, [*self.monitors, *others]),
+            ("quantity", quantity, ("amplitude", "mean")),
         ):
             if given not in known:
                 expected = f"one of {', '.join(known)}" if known else "a job with [sensitivity] to"
                 raise InputError(Fault(self.path, what, given, expected))
-        return self.array(f"/sensitivity/{quantity}")[:, asked.index(parameter), self.monitors.index(monitor)]
+        if monitor in self.monitors:
+            return self.array(f"/sensitivity/{quantity}")[:, names.index(parameter), self.monitors.index(monitor)]
+        return self.array("/sensitivity/quantities")[:, names.index(parameter), others.index(monitor)]
 
     def to_dataframe(self) -> Any:
         """The table of `attrito table` as a frame of pandas, which must be installed; one row a point.

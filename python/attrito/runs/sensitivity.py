@@ -12,7 +12,8 @@ import numpy as np
 
 from attrito.job.job import Job
 from attrito.job.laws import LAW_KEYS
-from attrito.job.sensitivity import Parameter, parameters_of
+from attrito.job.sensitivity import DAMPING, Parameter, parameters_of, quantities_of
+from attrito.library.derivatives import LAW_NUMBERS, Inquiry, Rates, zero_rates
 from attrito.library.family import Family
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series
@@ -25,19 +26,18 @@ from attrito.support.parallel import on_root
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
-# What a parameter changes: laws `[nc, 5]` in the order of `LAW_KEYS`, factors on static loads, the level
-Rates = tuple[np.ndarray, np.ndarray, float]
-
 SOLVED = ("converged", "above_tolerance", "unstable", "indeterminate")
+HELD = "by each parameter of [sensitivity] to, at the point's frequency, sliders of contacts that never slip held"
+OF_A_MODE = "by each parameter of [sensitivity] to, at the mode's amplitude Q; NaN: none"
 SERIES = {
-    name: Series(
-        "real64",
-        f"derivative of the monitors' {name} by each parameter of [sensitivity] to, at the point's frequency and with"
-        " the sliders of contacts that never slip held; NaN: none",
-        f"{name} per unit of the parameter",
-    )
+    name: Series("real64", f"derivative of the monitors' {name} {HELD}; NaN: none", f"{name} per unit of the parameter")
     for name in ("amplitude", "mean")
 } | {
+    "quantities": Series(
+        "real64",
+        f"derivative of each quantity of [sensitivity] of {HELD}; NaN: none",
+        "quantity per unit of the parameter",
+    ),
     "value": Series(
         "real64", "the parameters, in the order of [sensitivity] to; NaN: its contacts differ", "each its own"
     ),
@@ -46,6 +46,8 @@ SERIES = {
         "derivative of the frequency by each parameter of [sensitivity] to; NaN: none, as of rigid-body modes",
         "Hz per unit of the parameter",
     ),
+    "damping_ratio": Series("real64", f"derivative of the contacts' damping ratio {OF_A_MODE}", "1 per unit of it"),
+    "damping_ratio_structure": Series("real64", f"derivative of the structure's {OF_A_MODE}", "1 per unit of it"),
 }
 
 
@@ -56,67 +58,142 @@ class Differentiator:
     ----------
     comm, solver : what solves
     job, scene, reduced : what is solved; `scene` at the root
+
+    Attributes
+    ----------
+    family : members of the last point
+    values : of the parameters
+    rates : what each changes
     """
 
     def __init__(self, comm: Comm, solver: Solver, job: Job, scene: Scene | None, reduced: ReducedScene):
-        self._solver, self._root, self._monitors = solver, comm.rank == 0, len(reduced.monitors)
-        self._family = Family(comm, solver, len(reduced.laws["tangents"]), self._monitors)
+        self._solver, self._root = solver, comm.rank == 0
+        self.family = Family(comm, solver, len(reduced.laws["tangents"]), len(reduced.monitors))
         parameters = parameters_of(job)
-        self._values = np.array([one.value(job) for one in parameters])
-        rates: list[Rates] = on_root(comm, lambda: [rates_of(job, scene, one) for one in parameters])
-        self._rates = [np.array(column) for column in zip(*rates, strict=True)]
+        self.values = np.array([one.value(job) for one in parameters])
+        self._shape = len(parameters), len(reduced.monitors)
+        self._others = len(job["sensitivity"]["of"])
+        if not parameters:
+            return
+        inquiry = on_root(comm, lambda: inquiry_of(job, scene, reduced))
+        self.family.ask(inquiry)
+        self.rates: Rates = on_root(comm, lambda: rates_of(job, scene, reduced, parameters, inquiry.columns(solver)))
 
     def visit(self, point: Point, recorder: Recorder) -> None:
         """Add the derivatives at the point where the solver stands to its record. Collective."""
-        if not self._rates:
+        if not len(self.values):
             return
-        amplitude, mean = self.derivatives(point)
+        found = self.derivatives(point)
         if self._root:
-            here = np.where(self._rates[2] != 0.0, point.level, self._values)
-            for name, values in (("amplitude", amplitude), ("mean", mean), ("value", here)):
-                recorder.add(f"/sensitivity/{name}", SERIES[name], values)
+            self.record(recorder, found, np.where(self.rates.level != 0.0, point.level, self.values))
+
+    def record(self, recorder: Recorder, found: np.ndarray, values: np.ndarray) -> None:
+        """Add derivatives `[quantities, parameters]` and the parameters' values to a point's record. At the root."""
+        amplitude, mean, others = self._parts(found)
+        series = {"amplitude": amplitude, "mean": mean, "value": values}
+        if self._others:
+            series["quantities"] = others
+        for name, numbers in series.items():
+            recorder.add(f"/sensitivity/{name}", SERIES[name], np.ascontiguousarray(numbers))
+
+    def amplitudes(self, point: Point, preload: float = 1.0) -> np.ndarray:
+        """Of the monitors' amplitudes, `[parameters, monitors]`, as `derivatives`. Collective."""
+        return self._parts(self.derivatives(point, preload))[0]
+
+    def peak_frequencies(self, point: Point, monitor: int, preload: float = 1.0) -> np.ndarray:
+        """Of the frequency of a monitor's peak where the solver stands, Hz, `[parameters]`, as `derivatives`."""
+        found: np.ndarray | None = None
+
+        def work(family: Family) -> np.ndarray | None:
+            rates = self.rates.with_preload(preload)
+            return None if family.describe() is None else family.differentiate_peak_frequency(monitor, rates)
+
+        if len(self.values) and point.outcome in SOLVED:
+            found = self.family.visit(work)
+        return np.full(len(self.values), np.nan) if found is None else found
 
     def derivatives(self, point: Point, preload: float = 1.0) -> np.ndarray:
-        """Of amplitudes and means at the point where the solver stands, `[2, parameters, monitors]` on the root.
+        """Of all quantities at the point where the solver stands, `[quantities, parameters]` on the root.
 
-        `preload`: factor on the load path. NaN where the point is not solved, or is singular. Collective.
+        Amplitudes of the monitors, their means, then those of `[sensitivity] of`. `preload`: factor on the load path.
+        NaN where the point is not solved, or is singular. Collective.
         """
-        found = np.full((2, len(self._values), self._monitors), np.nan)
-        if self._rates and point.outcome in SOLVED:
-            self._family.visit(lambda family: self._fill(family, preload, *found))
-        return found
+        found: np.ndarray | None = None
+        if len(self.values) and point.outcome in SOLVED:
+            found = self.family.visit(lambda family: self._find(family, self.rates.with_preload(preload)))
+        return self.nothing(0)[1] if found is None else found
 
-    def _fill(self, family: Family, preload: float, amplitude: np.ndarray, mean: np.ndarray) -> None:
+    def nothing(self, rows: int) -> tuple[np.ndarray, np.ndarray]:
+        """NaN in place of derivatives of so many things, and of all quantities."""
+        parameters, monitors = self._shape
+        return np.full((rows, parameters), np.nan), np.full((2 * monitors + self._others, parameters), np.nan)
+
+    def _find(self, family: Family, rates: Rates) -> np.ndarray | None:
         """Directly or by the adjoint, whichever takes fewer linear systems."""
         if family.describe() is None:
-            return
-        laws, factors, level = self._rates
-        factors = preload * factors
-        if len(level) <= 2 * self._monitors:
-            if (direct := family.differentiate_directly(laws, factors, level)) is not None:
-                amplitude[:], mean[:] = direct
-        elif (gradient := family.differentiate_by_adjoint(factors.shape[1])) is not None:
-            by_laws, by_factors, by_level = gradient
-            amplitude[:], mean[:] = (
-                np.tensordot(laws, by_laws[kind], axes=([1, 2], [1, 2]))
-                + factors @ by_factors[kind].T
-                + np.outer(level, by_level[kind])
-                for kind in range(2)
-            )
+            return None
+        parameters, monitors = self._shape
+        if parameters <= 2 * monitors + self._others:
+            return family.differentiate_directly(rates)
+        gradient = family.differentiate_by_adjoint()
+        return None if gradient is None else gradient.along(rates)
+
+    def _parts(self, found: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of amplitudes and means, `[parameters, monitors]`, and of other quantities."""
+        monitors = self._shape[1]
+        return found[:monitors].T, found[monitors : 2 * monitors].T, found[2 * monitors :].T
 
 
-def rates_of(job: Job, scene: Scene, parameter: Parameter) -> Rates:
-    """What a parameter changes of a scene."""
+def inquiry_of(job: Job, scene: Scene, reduced: ReducedScene) -> Inquiry:
+    """What a job asks derivatives of: amplitudes of the monitors, their means, then other quantities."""
+    units = np.eye(len(reduced.monitors))
+    quantities = [(kind, row) for kind in ("amplitude", "mean") for row in units]
+    quantities += [(one.kind, one.factors(job, scene.contacts.tables)) for one in quantities_of(job)]
+    parameters = parameters_of(job)
+    return Inquiry(
+        quantities,
+        reduced,
+        numbers=any(one.places and (one.key not in LAW_KEYS or one.row is not None) for one in parameters),
+        damping=any(one.name in DAMPING for one in parameters),
+    )
+
+
+def rates_of(
+    job: Job, scene: Scene, reduced: ReducedScene, parameters: list[Parameter], columns: int = LAW_NUMBERS
+) -> Rates:
+    """What parameters change of a scene; `columns`: of a contact."""
+    rates = zero_rates(reduced, len(parameters), columns)
+    for i, parameter in enumerate(parameters):
+        rates.level[i] = parameter.name == "level"
+        if parameter.places:
+            _add_laws(job, scene, parameter, rates.laws[i])
+        elif parameter.name in DAMPING:
+            rates.damping[i, DAMPING.index(parameter.name)] = 1.0
+        elif parameter.key:
+            _add_load(job, scene, parameter.key, rates, i)
+    return rates
+
+
+def _add_laws(job: Job, scene: Scene, parameter: Parameter, laws: np.ndarray) -> None:
+    """Rates of contacts' columns `[nc, columns]`; laws are linear in each of their numbers: any change gives them."""
     here = scene.contacts.laws
-    laws = np.zeros((len(here["tangents"]), len(LAW_KEYS)))
-    factors = np.zeros(len(scene.static))
-    if parameter.places:
-        # Laws are linear in each of their numbers: any change gives the rate.
-        change = abs(parameter.value(job)) if parameter.value(job) else 1.0
-        change = change if np.isfinite(change) else 1.0
-        there = laws_of(parameter.moved(job, change), scene.contacts)
-        laws[:] = np.column_stack([(there[key] - here[key]) / change for key in LAW_KEYS])
-    elif parameter.key:
-        number = list(scene.static).index(parameter.key)
-        factors[number] = scene.load_path[-1, number] if len(scene.load_path) else 1.0
-    return laws, factors, float(parameter.name == "level")
+    value = parameter.value(job)
+    change = abs(value) if value and np.isfinite(value) else 1.0
+    there = laws_of(parameter.moved(job, change), scene.contacts)
+    laws[:, :LAW_NUMBERS] = np.column_stack([(there[key] - here[key]) / change for key in LAW_KEYS])
+    if parameter.row is not None:
+        # The law has the coefficients of the table; mu is not asked for.
+        laws[:, LAW_KEYS.index("friction_coefficient")] = 0.0
+    if "law_numbers" in here and laws.shape[1] > LAW_NUMBERS:
+        further = (there["law_numbers"] - here["law_numbers"]) / change
+        laws[:, LAW_NUMBERS : LAW_NUMBERS + further.shape[1]] = np.nan_to_num(further)
+
+
+def _add_load(job: Job, scene: Scene, name: str, rates: Rates, place: int) -> None:
+    """Rates of the factor on a load; of harmonic ones on all loads of its harmonic, where it is alone."""
+    if name in scene.static:
+        number = list(scene.static).index(name)
+        rates.static_factors[place, number] = scene.load_path[-1, number] if len(scene.load_path) else 1.0
+        return
+    harmonic = next(keys["harmonic"] for keys in job["load"] if keys["name"] == name)
+    rates.harmonic_factors[place, harmonic - 1] = 1.0

@@ -1,0 +1,92 @@
+!> What a change of the structure's damping adds to the loads, at the response as it is:
+!>
+!> $$ f'_h = -i h \omega C' q_h, \qquad C' = M, \; K, \; \sum_r 2 \omega_r M x_r x_r^T M \; (x_r^T M x_r = 1), \; K / (h \omega) $$
+!>
+!> by Rayleigh's alpha and beta, a ratio of the stuck modes x_r, and a loss factor. The last is as large at all harmonics above 0.
+module attrito_sensitivity_damping_derivatives
+  use attrito_core_kinds, only: wp
+  use attrito_balance_harmonic_balance, only: balance_type
+  use attrito_linear_stuck_system, only: stuck_system_type
+  use attrito_model_structure, only: structure_type
+  implicit none
+  private
+  public :: damping_numbers, by_alpha, by_beta, by_ratio, by_loss_factor, damping_load, damping_load_by_omega, damping_product
+
+  !> Numbers of damping, in this order
+  integer, parameter :: damping_numbers = 4
+  integer, parameter :: by_alpha = 1, by_beta = 2, by_ratio = 3, by_loss_factor = 4
+
+contains
+
+  !> f' of a response in generalised coordinates [n, 0:H].
+  function damping_load(structure, stuck, balance, rates, response) result(load)
+    !> Mass, stiffness, damping, loads and monitors
+    type(structure_type), intent(in) :: structure
+    !> Linear system with every contact stuck
+    type(stuck_system_type), intent(in) :: stuck
+    !> Harmonic balance, set to its frequency
+    type(balance_type), intent(in) :: balance
+    !> Of the numbers of damping [damping_numbers]
+    real(wp), intent(in) :: rates(:)
+    !> X [n, 0:H]
+    complex(wp), intent(in) :: response(:, 0:)
+    complex(wp) :: load(size(response, 1), 0:ubound(response, 2))
+    integer :: h
+
+    load = 0.0_wp
+    if (.not. any(abs(rates) > 0.0_wp)) return
+    associate (receptance => balance%receptance)
+      do h = 1, ubound(response, 2)
+        load(:, h) = receptance%project_load(h, -(0.0_wp, 1.0_wp)*h*receptance%omega* &
+                                             damping_product(structure, stuck, rates, receptance%recover(h, response(:, h)), &
+                                                             h*receptance%omega))
+      end do
+    end associate
+  end function damping_load
+
+  !> df'/domega, the response held: that of a loss factor does not depend on omega.
+  function damping_load_by_omega(structure, stuck, balance, rates, response) result(load)
+    !> Mass, stiffness, damping, loads and monitors
+    type(structure_type), intent(in) :: structure
+    !> Linear system with every contact stuck
+    type(stuck_system_type), intent(in) :: stuck
+    !> Harmonic balance, set to its frequency
+    type(balance_type), intent(in) :: balance
+    !> Of the numbers of damping [damping_numbers]
+    real(wp), intent(in) :: rates(:)
+    !> X [n, 0:H]
+    complex(wp), intent(in) :: response(:, 0:)
+    complex(wp) :: load(size(response, 1), 0:ubound(response, 2))
+    real(wp) :: viscous(damping_numbers)
+
+    viscous = rates
+    viscous(by_loss_factor) = 0.0_wp
+    load = damping_load(structure, stuck, balance, viscous, response)/balance%receptance%omega
+  end function damping_load_by_omega
+
+  !> C' q of a motion Re q exp(i Omega t) of the model's coordinates [m].
+  function damping_product(structure, stuck, rates, displacement, frequency) result(product)
+    !> Mass, stiffness, damping, loads and monitors
+    type(structure_type), intent(in) :: structure
+    !> Linear system with every contact stuck
+    type(stuck_system_type), intent(in) :: stuck
+    !> Of the numbers of damping [damping_numbers]
+    real(wp), intent(in) :: rates(:)
+    !> q, of the model's coordinates [m]
+    complex(wp), intent(in) :: displacement(:)
+    !> Omega
+    real(wp), intent(in) :: frequency
+    complex(wp) :: product(size(displacement))
+    real(wp) :: by_stiffness
+
+    product = 0.0_wp
+    if (abs(rates(by_alpha)) > 0.0_wp) product = product + rates(by_alpha)*matmul(structure%mass, displacement)
+    by_stiffness = rates(by_beta) + rates(by_loss_factor)/frequency
+    if (abs(by_stiffness) > 0.0_wp) product = product + by_stiffness*matmul(structure%stiffness, displacement)
+    if (.not. abs(rates(by_ratio)) > 0.0_wp) return
+    associate (coordinates => matmul(transpose(stuck%modes), matmul(structure%mass, displacement))/stuck%modal_mass, &
+               damping => 2.0_wp*sqrt(stuck%modal_stiffness/stuck%modal_mass))
+      product = product + rates(by_ratio)*matmul(structure%mass, matmul(stuck%modes, damping*coordinates))
+    end associate
+  end function damping_product
+end module attrito_sensitivity_damping_derivatives
