@@ -17,12 +17,15 @@ from wheels import ring, sector_job, sector_on_axis
 from attrito.cli import main
 from attrito.job.reading import read_job
 from attrito.library.session import Options, Solver
+from attrito.model.model import Model
 from attrito.model.model_file import write_model
 from attrito.modes.families import families_of
 from attrito.results.result import Result
 from attrito.scene.build import build_scene
 from attrito.scene.reduced_model import make_rom, reduced_scene
 from attrito.scene.wheel import wave_in_wheel, whole_wheel
+from attrito.stresses.cycle import cycle_of
+from attrito.stresses.recovery import nodal_stress
 from attrito.support.errors import InputError
 
 LEVEL, FREQUENCIES = 2.0, [0.24, 0.2, 0.17, 0.15, 0.12]
@@ -277,6 +280,25 @@ def test_a_wave_drawn_on_all_sectors_of_a_disc_meets_itself(tmp_path, capfd, eng
     axis = np.flatnonzero(np.hypot(*home[:, :2].T) < 1e-9)
     moves = np.abs(mesh.point_data["cosine_1"][axis]).max(axis=0) > 1e-6 * scale
     assert moves.tolist() == {0: [False, False, True], 2: [False] * 3}.get(engine_order, [True, True, False])
+
+    arguments = ["--young", "2e11", "--poisson", "0.3", "--wheel", "--vtu", str(tmp_path / "stress.vtu")]
+    assert main(["stress", str(tmp_path / "result.h5"), *arguments]) == 0, capfd.readouterr().err
+    drawn = meshio.read(tmp_path / "stress.vtu").point_data["alternating_von_mises"]
+    # The disc whose nodes that meet are one
+    one = np.array([min(members) for members in groups])
+    order = np.argsort(disc.model.node_ids)
+    ((kind, (ids, connectivity)),) = disc.model.elements.items()
+    rows = order[np.searchsorted(disc.model.node_ids, connectivity, sorter=order)]
+    bricks = one[np.concatenate([rows + j * len(order) for j in range(6)])]
+    constants = {kind: np.tile([2e11, 0.3], (len(bricks), 1))}
+    elements = {kind: (np.arange(len(bricks)), bricks)}
+    whole = Model(None, None, node_ids=np.arange(len(home)), coordinates=home, elements=elements, elastic=constants)
+    wave = np.stack([mesh.point_data[name] for name in ("mean", "cosine_1", "sine_1")])
+    stresses = nodal_stress(whole, wave, one == np.arange(len(home)))
+    expected = cycle_of(stresses.harmonics).alternating_von_mises
+    # By differences of displacements over a brick, a tenth of the disc
+    assert drawn[stresses.node] == pytest.approx(expected, abs=1e-7 * expected.max())
+    assert drawn == pytest.approx(drawn[one], abs=1e-7 * expected.max())
 
 
 def disc_points(model, sectors, number):
