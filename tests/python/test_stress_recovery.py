@@ -183,6 +183,13 @@ def test_blocks_of_elements_give_what_all_at_once_give(monkeypatch):
     assert blocks.harmonics == pytest.approx(whole.harmonics, rel=1e-12, abs=1e-6)
 
 
+def test_elements_without_volume_are_refused():
+    model, pulled = two_bars()
+    model.coordinates = model.coordinates * [1.0, 1.0, 0.0]
+    with pytest.raises(InputError, match=r"elements = '2 elements C3D8 that are flat or inside out'"):
+        everywhere(model, pulled)
+
+
 def test_what_an_element_lacks_is_said_and_its_nodes_can_be_left_out():
     model, pulled = two_bars()
     model.elastic["C3D8"][3] = np.nan

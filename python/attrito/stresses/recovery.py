@@ -158,6 +158,10 @@ def _element_stress(kind: str, places: np.ndarray, motion: np.ndarray, young: fl
     """
     shapes = solid_shapes(kind)
     jacobian = np.einsum("eix,pir->eprx", places, shapes.gradients)
+    flat = np.count_nonzero((np.linalg.det(jacobian) <= 0.0).any(axis=1))
+    if flat:
+        expected = "elements with a positive volume at their integration points"
+        raise InputError(Fault("stress", "elements", f"{flat} elements {kind} that are flat or inside out", expected))
     gradients = np.einsum("pir,epxr->epix", shapes.gradients, np.linalg.inv(jacobian), optimize=True)
     volume = shapes.weights * np.linalg.det(jacobian)
     if shapes.is_uniform:
