@@ -179,6 +179,15 @@ def test_nodes_whose_motion_was_not_recovered_are_left_out_or_refused_where_aske
     assert done.returncode == 2 and "motion = '1 elements C3D8 at the chosen nodes'" in done.stderr
 
 
+def test_a_result_of_several_levels_names_them(tmp_path, capfd):
+    bar(tmp_path)
+    with h5py.File(tmp_path / "result.h5", "r+") as file:
+        file["points/level"][:] = [0.5, 2.0]
+    done = attrito_here(tmp_path, capfd, "stress", "result.h5", "--points", "0,1")
+    assert "point 0, 100 Hz, level 0.5: 16 nodes" in done.stdout, done.stderr
+    assert [row["level"] for row in rows(tmp_path / "stress.csv")] == ["0.5"] * 16 + ["2"] * 16
+
+
 def test_strengths_add_goodman_s_sum(tmp_path, capfd):
     bar(tmp_path)
     arguments = ("--points", "0", "--fatigue-strength", "8", "--tensile-strength", "16")

@@ -127,4 +127,4 @@ def _draw_diagram(axes: Axes, found: Stresses) -> None:
     axes.set_ylabel(with_unit("alternating von Mises stress", found.stress_unit))
     axes.set_ylim(bottom=0.0)
     legend_below(axes, 2)
-    axes.set_title(f"{found.what} {found.number}, {found.frequency_hz:.6g} Hz")
+    axes.set_title(found.title)

@@ -17,7 +17,7 @@ from attrito.model.model import Model
 from attrito.model.model_file import read_model
 from attrito.plots.style import check_picture, save
 from attrito.results.chosen_points import chosen_points
-from attrito.results.result import LINEAR_MODES, Result
+from attrito.results.result import LINEAR_MODES, MODE, Result
 from attrito.stresses.cycle import cycle_of
 from attrito.stresses.field import write_field
 from attrito.stresses.neighbours import with_neighbours
@@ -246,10 +246,19 @@ def _at_point(result: Result, point: int, model: Model, wanted: Wanted) -> tuple
         length_unit=units.length if units else "",
         notes=tuple(notes),
         is_mode=result.attribute("format") == LINEAR_MODES,
+        level=_level(result, point),
         strengths=None
         if wanted.fatigue_strength is None or wanted.tensile_strength is None
         else (wanted.fatigue_strength, wanted.tensile_strength),
     ), harmonics
+
+
+def _level(result: Result, point: int) -> float | None:
+    """Level of excitation of a point, where there are several."""
+    if result.attribute("format") in (LINEAR_MODES, MODE) or not result.has("/points/level"):
+        return None
+    levels = result.array("/points/level")
+    return float(levels[point]) if len(np.unique(levels)) > 1 else None
 
 
 def _numbered(path: str, point: int, count: int) -> str:

@@ -27,6 +27,7 @@ class Stresses:
     stress_unit, length_unit : names, of a job with `[model] units`; else empty
     notes : what was left out
     is_mode : of a linear mode, whose number is `point` + 1
+    level : of excitation, of a result with several; None: one alone
     strengths : under stress that alternates about zero, and in tension; None: not given
     """
 
@@ -42,6 +43,7 @@ class Stresses:
     length_unit: str = ""
     notes: tuple[str, ...] = ()
     is_mode: bool = False
+    level: float | None = None
     strengths: tuple[float, float] | None = None
 
     @property
@@ -81,6 +83,8 @@ class Stresses:
             found |= self._strain_columns()
         found |= {f"phase_{k + 1}_deg": np.degrees(cycle.phases[:, k]) for k in range(2)}
         found[f"young_modulus{stress}"] = self.elastic[:, 0]
+        if self.level is not None:
+            found["level"] = np.full(len(self.node), self.level)
         return found
 
     def _strain_columns(self) -> dict[str, np.ndarray]:
@@ -101,6 +105,12 @@ class Stresses:
     def number(self) -> int:
         """Of the point or the mode."""
         return self.point + self.is_mode
+
+    @property
+    def title(self) -> str:
+        """Which point or mode it is, in words."""
+        level = "" if self.level is None else f", level {self.level:.4g}"
+        return f"{self.what} {self.number}, {self.frequency_hz:.6g} Hz{level}"
 
     @property
     def goodman(self) -> np.ndarray | None:
@@ -137,7 +147,7 @@ class Stresses:
         """The greatest stresses in words."""
         cycle = self.cycle
         unit = f" {self.stress_unit}" if self.stress_unit else ""
-        lines = [f"{self.what} {self.number}, {self.frequency_hz:.6g} Hz: {len(np.unique(self.node))} nodes"]
+        lines = [f"{self.title}: {len(np.unique(self.node))} nodes"]
         worst = int(np.argmax(cycle.alternating_von_mises))
         lines.append(
             f"largest alternating von Mises stress {cycle.alternating_von_mises[worst]:.5g}{unit}"
