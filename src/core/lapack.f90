@@ -339,10 +339,11 @@ contains
 
   !> Vectors in columns that a symmetric matrix makes nothing of. Pivoted Cholesky factors P^T a P = r^T r go as far as pivots are
   !> positive; n = P [-r_11^-1 r_12; 1] spans what is left, and n^T a n is the rest of the matrix, small, whose own null space it is.
+  !> The last pivot is 1 / (a^-1)_jj, j where the vector of the least eigenvalue is largest: up to n times that eigenvalue.
   subroutine null_space(a, tolerance, vectors)
     !> [n, n], its diagonal of order one
     real(wp), intent(in) :: a(:, :)
-    !> Pivots and eigenvalues up to which are none
+    !> Eigenvalues up to which are none
     real(wp), intent(in) :: tolerance
     !> [n, nullity]
     real(wp), allocatable, intent(out) :: vectors(:, :)
@@ -353,7 +354,7 @@ contains
     n = size(a, 1)
     factors = 0.5_wp*(a + transpose(a))
     allocate (pivots(n), work(2*n))
-    call dpstrf('U', n, factors, n, pivots, rank, tolerance, work, info)
+    call dpstrf('U', n, factors, n, pivots, rank, n*tolerance, work, info)
     left = n - rank
     allocate (permuted(n, left), vectors(n, left), source=0.0_wp)
     if (left == 0) return

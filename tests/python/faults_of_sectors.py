@@ -81,6 +81,11 @@ BOUNDARIES = [
         ("job.toml: [cyclic] upper = 2: expected dofs that are not in lower; those of a node on the axis go into",),
     ),
     Case(
+        "a distance of nodes between lists of dofs",
+        put("cyclic", tolerance=1e-3),
+        ("job.toml: [cyclic] tolerance = 0.001: expected no such key without node sets",),
+    ),
+    Case(
         "a node on the axis that a boundary has too",
         put("cyclic", on_axis=[[0, 1], [3]]),
         ("job.toml: [cyclic] on_axis = 'dof 3': expected dofs that are in no other place of [cyclic]",),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import re
 import subprocess
 import sys
@@ -10,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from calculix_printed import calculix_frequencies
 from jobs import attrito, table, write_job
 from mpi4py import MPI
 from scipy.sparse import csc_matrix, csr_matrix, diags, identity
@@ -24,17 +24,6 @@ from attrito.scene.reduced_model import make_rom, reduced_scene
 from attrito.scene.wheel import whole_wheel
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-
-
-def calculix_frequencies(path):
-    """Hz by nodal diameter, ascending; the file has a part for each."""
-    found = {}
-    for part in path.read_text().split("E I G E N V A L U E   O U T P U T")[1:]:
-        for line in part.split("P A R T I C I P A T I O N")[0].splitlines():
-            words = line.split()
-            if len(words) == 6 and words[0].isdigit():
-                found.setdefault(int(words[0]), []).append(float(words[4]))
-    return found
 
 
 def wheel_frequencies(scene, number, count, stuck=False):
@@ -216,46 +205,3 @@ def test_the_job_of_the_bladed_disc_damps_its_peak_by_friction(tmp_path):
     with Result(tmp_path / "result.h5") as result:
         again = result.monitor("tip", "amplitude") / result.array("/points/level")
     assert again == pytest.approx([stuck, damped], rel=1e-7)
-
-
-@pytest.fixture(scope="module")
-def deck_of_calculix(tmp_path_factory):
-    """A folder with CalculiX's test deck `segment` and its printed result, of Debian's package of them."""
-    folder = tmp_path_factory.mktemp("segment")
-    package = ["apt-get", "download", "-q", "calculix-ccx-test"]
-    if subprocess.run(package, cwd=folder, check=False, capture_output=True).returncode != 0:
-        pytest.skip("Debian's calculix-ccx-test cannot be fetched")
-    (archive,) = folder.glob("*.deb")
-    subprocess.run(["dpkg-deb", "-x", archive, folder], check=True)
-    examples = folder / "usr/share/doc/calculix-ccx-test/examples/test"
-    (folder / "deck.inp").write_bytes(gzip.decompress((examples / "segment.inp.gz").read_bytes()))
-    (folder / "deck.dat").write_bytes((examples / "segment.dat.ref").read_bytes())
-    return folder
-
-
-@pytest.mark.slow
-def test_frequencies_of_calculix_s_deck_segment_are_its_printed_ones(deck_of_calculix):
-    """A free ring of 12, one nodal diameter; the first two are rigid motions, whose frequencies are rounding."""
-    folder = deck_of_calculix
-    mesh = (folder / "deck.inp").read_text().partition("*SURFACE,NAME=left")[0]
-    (folder / "mesh.inp").write_text(mesh)
-    (folder / "job.inp").write_text(f"{mesh}*STEP\n*FREQUENCY, SOLVER=MATRIXSTORAGE\n1\n*END STEP\n")
-    subprocess.run(["ccx", "job"], cwd=folder, check=True, capture_output=True)
-    done = attrito(folder, "import", "model.h5", "--calculix", "job", "--mesh", "mesh.inp")
-    assert done.returncode == 0, done.stderr
-    # Along -x the next sector lies beyond the right side.
-    axis = {"axis_point": [0.0, 0.0, 0.0], "axis_direction": [-1.0, 0.0, 0.0]}
-    law = {"tangential_stiffness": 1.0, "normal_stiffness": 1.0, "friction_coefficient": 0.3}
-    job = {
-        "model": {"file": "model.h5"},
-        "cyclic": {"sectors": 12, "engine_order": 1, "lower": "Nright", "upper": "Nleft", **axis},
-        "contact": [{"normal": [[0, 1.0]], "tangents": [[[1, 1.0]]], **law}],
-        "load": [{"kind": "harmonic", "cosine": [[0, 1.0]]}],
-        "sweep": {"frequencies_hz": [100.0]},
-        "output": {"file": "result.h5", "monitors": [{"name": "node", "dofs": [[0, 1.0]]}]},
-    }
-    scene = build_scene(read_job(folder / write_job(folder, job)))
-    expected = np.array(calculix_frequencies(folder / "deck.dat")[1][4::2])
-    assert len(expected) == 3
-    # Seven digits in the result; nodes of the two sides are one another's image to six.
-    assert wheel_frequencies(scene, 1, 5)[2:] == pytest.approx(expected, rel=2e-6)

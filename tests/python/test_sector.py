@@ -232,6 +232,19 @@ def turned(model, node, sectors=6):
     return np.array([x * np.cos(angle) - y * np.sin(angle), x * np.sin(angle) + y * np.cos(angle), z])
 
 
+def test_a_mesh_that_is_not_quite_periodic_is_paired_within_a_tolerance(tmp_path):
+    model = ring(6)
+    rows = np.isin(model.node_ids, model.node_sets["high"])
+    model.coordinates[rows, 2] += 1e-3
+    assert "4 of 4 nodes of high are alone" in fault_of(Ring(tmp_path, model, 6))
+    assert "at most 0.0009 from them" in fault_of(Ring(tmp_path, model, 6, tolerance=9e-4))
+    scene, _ = Ring(tmp_path, model, 6, tolerance=2e-3).read()
+    assert len(scene.sector.lower) == 12
+    assert (
+        "12 dofs of its boundaries paired, nodes at most 0.001 from their partners' images" in scene.contacts.notes[0]
+    )
+
+
 def test_nodes_of_both_boundaries_are_refused_by_number(tmp_path):
     model = ring(6)
     node = int(model.node_sets["low"][0])

@@ -19,6 +19,7 @@ program test_rigid_body_modes
   call run_in_session('rigid-body modes', [ &
                       test('a structure that stands by itself has none', held), &
                       test('of a structure that buckles they are told from what it does not resist', buckling), &
+                      test('one in which all coordinates move alike is told by its stiffness, not by the last pivot', spread_out), &
                       test('they are those that its stiffness makes nothing of, the first of them those that slide', found), &
                       test('what mean forces lack along them is the residual''s part there, at any motion', balance_of_forces), &
                       test('of forces that balance but for rounding nothing is missing, but for a millionth something is', &
@@ -110,6 +111,26 @@ contains
       call check_close(error, matmul(softened, motions), 0.0_wp*motions, rounding, 'forces along them')
     end associate
   end subroutine buckling
+
+  !> a = 1 - (1 - delta) e e^T, e of unit length with all entries alike: delta is an eigenvalue, and the last pivot n delta.
+  subroutine spread_out(error)
+    type(error_type), allocatable, intent(out) :: error
+    integer, parameter :: n = 40
+    real(wp), parameter :: tolerance = 1.0e-10_wp, parts(2) = [0.5_wp, 2.0_wp]
+    real(wp), allocatable :: motions(:, :)
+    real(wp) :: matrix(n, n)
+    integer :: i, j
+
+    do j = 1, size(parts)
+      matrix = (parts(j)*tolerance - 1.0_wp)/n
+      do i = 1, n
+        matrix(i, i) = matrix(i, i) + 1.0_wp
+      end do
+      call null_space(matrix, tolerance, motions)
+      call check(error, size(motions, 2) == merge(1, 0, parts(j) < 1.0_wp), 'not the motions up to the tolerance')
+      if (allocated(error)) return
+    end do
+  end subroutine spread_out
 
   !> s = -(K_c B Z)^T r_0
   subroutine balance_of_forces(error)

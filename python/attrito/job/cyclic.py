@@ -83,6 +83,8 @@ def _check_boundary(job: Job) -> list[Fault]:
     if isinstance(lower, str) and job["cyclic"]["on_axis"]:
         expected = "no such key beside node sets, whose nodes on the axis are found by their places"
         return [job.fault("[cyclic] on_axis", "given", expected)]
+    if not isinstance(lower, str) and job["cyclic"]["tolerance"] is not None:
+        return [job.fault("[cyclic] tolerance", job["cyclic"]["tolerance"], "no such key without node sets")]
     if (lower is None) != (upper is None):
         missing, other = ("lower", "upper") if lower is None else ("upper", "lower")
         return [job.fault(f"[cyclic] {missing}", "missing", f"this key, to go with {other}")]

@@ -21,7 +21,7 @@ UNITS = {
     | {"normal": "1", "tangents": "1", "normal_next": "1", "tangents_next": "1", "area": "length^2"},
     "contact_set": OF_CONTACTS | {"tolerance": "length", "gap_file": "length"},
     "load": {"dofs": "force", "cosine": "force", "sine": "force", "axis_point": "length", "axis_direction": "1"},
-    "cyclic": {"axis_point": "length", "axis_direction": "1"},
+    "cyclic": {"tolerance": "length", "axis_point": "length", "axis_direction": "1"},
     "static": {"load_path": "1"},
     "balance": {"tolerance": "1", "residual_tolerance": "1"},
     "sweep": {"levels": "1"},

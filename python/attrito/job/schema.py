@@ -165,6 +165,12 @@ TABLES: dict[str, dict[str, Key]] = {
             None,
             "the boundary to the next sector: a node set, or as many dofs as `lower`, in its order",
         ),
+        "tolerance": Key(
+            number(0),
+            None,
+            "of node sets: how far a node of `upper` may be from its partner of `lower`, turned by 2 pi / N; absent:"
+            " what rounding in a deck leaves. More pairs meshes that are not quite periodic",
+        ),
         "on_axis": Key(
             listing(listing(dof, 1, 3)),
             [],

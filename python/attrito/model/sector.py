@@ -71,15 +71,24 @@ class PairingError(ValueError):
 
 
 def pair_boundaries(
-    model: Model, lower: np.ndarray, upper: np.ndarray, names: tuple[str, str], axis: Axis, sectors: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Node ids of the lower boundary and of their images on the upper one, `[k]` each.
+    model: Model,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    names: tuple[str, str],
+    axis: Axis,
+    sectors: int,
+    tolerance: float | None = None,
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Node ids of the lower boundary and of their partners on the upper one, `[k]` each, the nearest to their images.
+
+    The last is how far at most a partner is from an image (user length).
 
     Parameters
     ----------
     lower, upper : node ids of the two sets
     names : of the sets, for messages
     axis, sectors : of the wheel
+    tolerance : how far partners may be (user length); None: what rounding leaves
 
     Nodes on the axis have no image but themselves, and are left out, whichever set has them.
 
@@ -95,11 +104,13 @@ def pair_boundaries(
         raise PairingError(f"{names[1]} ({some(common)})", expected)
     places = [model.coordinates[node_rows(model, ids)] for ids in (lower, upper)]
     if not len(lower) and not len(upper):
-        return lower, upper
+        return lower, upper, 0.0
     near = min(_near(model), OF_SPACING * _spacing(places[0]), OF_SPACING * _spacing(places[1]))
+    near = near if tolerance is None else tolerance
     index = _images(places, axis, 2.0 * np.pi / sectors, near)
     if index is not None:
-        return lower, upper[index]
+        apart = axis.turned(places[0], 2.0 * np.pi / sectors) - places[1][index]
+        return lower, upper[index], float(np.linalg.norm(apart, axis=1).max())
     raise _unpaired(places, (lower, upper), names, axis, sectors, near)
 
 

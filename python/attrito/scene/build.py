@@ -53,6 +53,8 @@ def build_scene(job: Job) -> Scene:
         check_mass_of_sector(job, model, sector, places, STATIC_BY_REDUCTION)
         wave = nodal_diameter_in_words(sector.sectors, sector.engine_order)
         paired = f"{len(sector.lower)} dofs of its boundaries paired"
+        if job["cyclic"]["tolerance"] is not None:
+            paired += f", nodes at most {sector.apart:.3g} from their partners' images"
         if len(sector.along) + len(sector.across):
             paired += f", {len(sector.along)} along the axis and {sector.across.size} across it in all sectors at once"
         contacts.notes.insert(

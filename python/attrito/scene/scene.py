@@ -46,6 +46,7 @@ class CyclicSector:
         in such axes as they stand
     along, across : dofs of nodes on the axis, `[a]` and `[c, 2]`; in p along it, and in pairs across it, the second a
         quarter turn ahead of the first
+    apart : how far at most a node of the upper boundary is from its partner's image, user length
     """
 
     sectors: int
@@ -55,6 +56,7 @@ class CyclicSector:
     axes: csr_matrix | None = None
     along: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     across: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
+    apart: float = 0.0
 
 
 @dataclass

@@ -38,20 +38,21 @@ def build_sector(job: Job, model: Model, places: DofResolver) -> CyclicSector | 
         return None
     axis = wheel_axis(job)
     try:
-        paired = pair_boundaries(model, *nodes, (keys["lower"], keys["upper"]), axis, keys["sectors"])
+        names = keys["lower"], keys["upper"]
+        *paired, apart = pair_boundaries(model, *nodes, names, axis, keys["sectors"], keys["tolerance"])
         lower, upper, axes = paired_dofs(model, *paired, axis.turn(2.0 * np.pi / keys["sectors"]))
     except PairingError as error:
         places.add("[cyclic] upper", error.value, str(error))
         return None
     if keys["sectors"] == 1:
         # What is on the axis of a single sector moves as all else does.
-        return CyclicSector(*numbers, lower, upper, axes)
+        return CyclicSector(*numbers, lower, upper, axes, apart=apart)
     try:
         along, across, own = axis_dofs(model, axis)
     except PairingError as error:
         places.add("[cyclic] axis_direction", error.value, str(error))
         return None
-    return CyclicSector(*numbers, lower, upper, csr_matrix(axes @ own), along, across)
+    return CyclicSector(*numbers, lower, upper, csr_matrix(axes @ own), along, across, apart)
 
 
 def check_mass_of_sector(job: Job, model: Model, sector: CyclicSector, places: DofResolver, expected: str) -> None:
