@@ -11,7 +11,8 @@ import synthetic
 from matplotlib.collections import PolyCollection
 
 from attrito.report.outcome import half_power_width, outcome
-from attrito.report.structure import axes_of_view, model_picture, structure
+from attrito.report.solid import axes_of_view
+from attrito.report.structure import model_picture, structure
 from attrito.report.view import View
 from attrito.results.result import Result
 

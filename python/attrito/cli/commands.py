@@ -295,13 +295,15 @@ def plot(options: argparse.Namespace) -> None:
 
 
 def report(options: argparse.Namespace) -> None:
-    """A result -> one HTML page."""
+    """A result -> one HTML page, or two pages of PDF."""
     from attrito.pictures import refuse_linear_modes
-    from attrito.report.report import write_report
+    from attrito.report.report import is_printout, write_report
     from attrito.results.chosen_points import chosen_point
     from attrito.results.result import Result
 
-    path = options.output or _beside(options.result, "report.html")
+    if options.pdf and options.output and not is_printout(options.output):
+        raise InputError(Fault("report", "-o", options.output, "a name that ends in .pdf, with --pdf"))
+    path = options.output or _beside(options.result, "report.pdf" if options.pdf else "report.html")
     with Result(options.result) as result:
         refuse_linear_modes(result)
         point = None if options.point is None else chosen_point(result, options.point, "")

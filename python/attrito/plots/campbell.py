@@ -29,7 +29,7 @@ def campbell_diagram(result: Result, look: Look | None = None) -> Figure:
     known = np.unique(diameter)
     colours = _colours(len(known))
     with matplotlib.rc_context(look.style()):
-        figure = Figure(figsize=look.size((6.4, 4.8)), constrained_layout=True)
+        figure = look.figure((6.4, 4.8))
         axes = figure.subplots()
         marker = "." if len(np.unique(speed)) > 1 else "o"
         for place, n in enumerate(known):

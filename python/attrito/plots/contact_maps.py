@@ -36,6 +36,8 @@ QUANTITIES = {
     "energy": "Dissipated energy a period",
     "pressure": "Mean normal force",
 }
+# Height beside its width below which a map has its colours below
+FLAT = 0.62
 # Edges between cells; cells of no contact, and of those that never touch
 SEAM, BARE, PARTED = "#5c6b7a", "#eceff2", "#ffffff"
 
@@ -85,6 +87,9 @@ def contact_map(
         grid = figure.subplots(len(panels), 1, squeeze=False, gridspec_kw={"height_ratios": heights})[:, 0]
         for axes, panel in zip(grid, panels, strict=True):
             draw_surface(axes, result, point, panel, quantity)
+        if len({axes.get_xlabel() for axes in grid}) == 1:
+            for axes in grid[:-1]:
+                axes.set_xlabel("")
         if titled:
             figure.suptitle(place_in_words(result, point), fontsize=matplotlib.rcParams["axes.titlesize"])
         finish_map(figure, list(grid), result, point, quantity)
@@ -104,8 +109,12 @@ def finish_map(figure: Figure, axes: Sequence[Axes], result: Result, point: int,
         legend_below(axes[-1], columns=len(present), lines=3.4)
         return
     _, colours, name, unit = _values(result, point, quantity)
-    label = with_unit(name, unit, 0.8 * figure.bbox.height / figure.dpi)
-    figure.colorbar(colours, ax=list(axes), label=label, shrink=0.9, pad=0.02)
+    width, height = figure.bbox.width / figure.dpi, figure.bbox.height / figure.dpi
+    if height < FLAT * width:
+        label = with_unit(name, unit, 0.8 * width)
+        figure.colorbar(colours, ax=list(axes), label=label, location="bottom", shrink=0.8, pad=0.04, aspect=30)
+    else:
+        figure.colorbar(colours, ax=list(axes), label=with_unit(name, unit, 0.8 * height), shrink=0.9, pad=0.02)
 
 
 def _entries(axes: Axes) -> tuple[list, list[str]]:

@@ -96,7 +96,7 @@ def diameter_diagram(result: Result, speed_hz: float | None = None, look: Look |
     diameter, frequency = result.array("/points/nodal_diameter"), result.array("/points/frequency_hz")
     given, what = (speed_hz, "") if speed_hz is not None else speed_of(result)
     with matplotlib.rc_context(look.style()):
-        figure = Figure(figsize=look.size((6.4, 4.8)), constrained_layout=True)
+        figure = look.figure((6.4, 4.8))
         axes = figure.subplots()
         _draw_families(axes, diameter, frequency, f"modes, {result.attribute('state')}")
         axes.set_xlim(-0.4, sectors // 2 + 0.4)

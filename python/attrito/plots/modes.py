@@ -25,7 +25,7 @@ def mode_curve(result: Result, look: Look | None = None) -> Figure:
         values[solved] for values in (amplitude, frequency, contacts, structure)
     )
     with matplotlib.rc_context(look.style()):
-        figure = Figure(figsize=look.size((6.4, 5.6)), constrained_layout=True)
+        figure = look.figure((6.4, 5.6))
         upper, lower = figure.subplots(2, 1, sharex=True)
         upper.axhline(float(result.attribute("tangent_hz")), color=LIMIT_COLOUR, linestyle="--", label="tangent")
         upper.plot(amplitude, frequency, ".-", color=BRANCH_COLOURS[0], label="mode")

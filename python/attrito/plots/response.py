@@ -99,7 +99,7 @@ def responses(
     several = len(levels) > 1 and quantity != "phase"
     with matplotlib.rc_context(look.style()):
         usual = (5.4, 5.0) if quantity == "nyquist" else (6.6, 4.0 if look.width is None else 5.3)
-        figure = Figure(figsize=look.size(usual), constrained_layout=True)
+        figure = look.figure(usual)
         axes = figure.add_subplot()
         # The linear responses are stored at level 1, which is also what amplitude / level compares with.
         factor = 1.0 if several or not len(levels) else float(levels[0])
@@ -116,7 +116,7 @@ def responses(
             sides = [with_unit(f"{side} part of {monitor}{by_level}", unit, 4.0) for side in ("Real", "Imaginary")]
             axes.set(xlabel=sides[0], ylabel=sides[1], aspect="equal", adjustable="datalim")
         else:
-            axes.set(xlabel="Frequency (Hz)", ylabel=with_unit(name, unit, 0.8 * figure.get_figheight()))
+            axes.set(xlabel="Frequency (Hz)", ylabel=with_unit(name, unit, 0.8 * figure.bbox.height / figure.dpi))
             _span_frequencies(axes, [part.result for part in parts], drawing.xlim)
             if quantity != "phase":
                 _scale_amplitudes(axes, np.concatenate(spans) if spans else np.empty(0), drawing.log)

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from attrito.plots.style import BRANCH_COLOURS, Look, legend_below, plain_text, with_unit
 from attrito.results.result import Result
+from attrito.results.tables import contact_sets
 
 LOOK = Look(width=130.0, font_size=10.0)
 SMALL = Look(width=75.0, height=62.0, font_size=9.0)
@@ -28,8 +29,8 @@ ERROR_LOOKS = {
 KIND_LOOKS = {"floquet": ("o", "#0072B2"), "slip": ("s", "#E69F00"), "stuck": ("^", "#009E73")}
 
 
-def _axes(height: float = 3.0, rows: int = 1) -> tuple[Figure, np.ndarray]:
-    figure = Figure(figsize=LOOK.size((5.1, height)), constrained_layout=True)
+def _axes(height: float = 3.0, rows: int = 1, look: Look = LOOK) -> tuple[Figure, np.ndarray]:
+    figure = look.figure((5.1, height))
     return figure, np.atleast_1d(figure.subplots(rows, 1, sharex=True))
 
 
@@ -48,29 +49,42 @@ def _lines(axes: Axes, result: Result, own: np.ndarray, values: np.ndarray, labe
 
 
 def contact_shares(result: Result, own: np.ndarray) -> Figure:
-    """How much of the contacts' time is stick, slip and lift-off, and what they dissipate, over some points."""
+    """How much of the contacts' time is stick, slip and lift-off over some points."""
     with matplotlib.rc_context(LOOK.style()):
-        figure, (upper, lower) = _axes(4.0, rows=2)
+        figure, (axes,) = _axes(3.4)
         colours = {"stick": "#0072B2", "slip": "#E69F00", "open": "#D55E00"}
         dashes = {"stick": "-", "slip": (0, (4, 1.5)), "open": (0, (1, 1.2))}
         for name, colour in colours.items():
             share = _solved(result, f"/contacts/{name}").mean(axis=1)
-            _lines(upper, result, own, share, name, color=colour, linestyle=dashes[name])
-        upper.set(ylabel="Share of time", ylim=(-0.03, 1.03))
-        energy = _solved(result, "/contacts/dissipated_energy").sum(axis=1)
-        _lines(lower, result, own, energy, None, color=BRANCH_COLOURS[3])
-        unit = result.unit("/contacts/dissipated_energy")
-        lower.set(xlabel="Frequency (Hz)", ylabel=with_unit("Dissipated a period", unit, 1.2), ylim=(0, None))
-        legend_below(lower, 3, labelled=upper)
+            _lines(axes, result, own, share, name, color=colour, linestyle=dashes[name])
+        axes.set(xlabel="Frequency (Hz)", ylabel="Share of time", ylim=(-0.03, 1.03))
+        legend_below(axes, 3)
     return figure
 
 
-def harmonics(result: Result, monitor: str, own: np.ndarray) -> Figure:
+def dissipation(result: Result, own: np.ndarray, look: Look = LOOK) -> Figure:
+    """What all contacts dissipate a period over some points, and each contact set where there are several."""
+    with matplotlib.rc_context(look.style()):
+        figure, (axes,) = _axes(3.4, look=look)
+        energy = _solved(result, "/contacts/dissipated_energy")
+        sets = {name: contacts for name, contacts in contact_sets(result).items() if name}
+        _lines(axes, result, own, energy.sum(axis=1), "all", color="k")
+        if 1 < len(sets) <= len(BRANCH_COLOURS):
+            for (name, contacts), colour in zip(sets.items(), BRANCH_COLOURS, strict=False):
+                part = energy[:, contacts].sum(axis=1)
+                _lines(axes, result, own, part, plain_text(name), color=colour, linestyle=(0, (4, 1.5)), linewidth=1.2)
+        unit = result.unit("/contacts/dissipated_energy")
+        axes.set(xlabel="Frequency (Hz)", ylabel=with_unit("Dissipated a period", unit, 2.6), ylim=(0, None))
+        legend_below(axes, 3 if len(sets) < 2 else 1)
+    return figure
+
+
+def harmonics(result: Result, monitor: str, own: np.ndarray, look: Look = LOOK) -> Figure:
     """Amplitude of each harmonic of a monitor over some points, and its mean."""
     coefficients = result.monitor(monitor, "harmonics")
     highest = (coefficients.shape[1] - 1) // 2
-    with matplotlib.rc_context(LOOK.style()):
-        figure, (axes,) = _axes(3.8)
+    with matplotlib.rc_context(look.style()):
+        figure, (axes,) = _axes(4.4, look=look)
         lines = {"mean": np.abs(coefficients[:, 0])}
         for harmonic in range(1, min(highest, MOST_HARMONICS) + 1):
             lines[str(harmonic)] = np.hypot(coefficients[:, 2 * harmonic - 1], coefficients[:, 2 * harmonic])
@@ -93,19 +107,26 @@ def harmonics(result: Result, monitor: str, own: np.ndarray) -> Figure:
     return figure
 
 
-def convergence(result: Result) -> Figure:
-    """Newton iterations of each point; its residual, and its estimated error with the parts that are known."""
-    point = np.arange(result.points)
-    solved = result.converged
+def iterations(result: Result) -> Figure:
+    """Newton iterations of each point."""
+    point, solved = np.arange(result.points), result.converged
     with matplotlib.rc_context(LOOK.style()):
-        figure, (upper, lower) = _axes(4.2, rows=2)
-        iterations = result.array("/points/iterations")
+        figure, (axes,) = _axes(3.4)
+        count = result.array("/points/iterations")
         for part, colour, label in ((solved, BRANCH_COLOURS[0], "solved"), (~solved, "#D55E00", "without a solution")):
             if part.any():
-                upper.vlines(point[part], 0, iterations[part], color=colour, linewidth=1.2, label=label)
-        upper.set(ylabel="Newton iterations", ylim=(0, None))
+                axes.vlines(point[part], 0, count[part], color=colour, linewidth=1.2, label=label)
+        axes.set(xlabel="Point", ylabel="Newton iterations", ylim=(0, None))
         if not solved.all():
-            upper.legend(loc="best")
+            legend_below(axes, 2)
+    return figure
+
+
+def errors(result: Result) -> Figure:
+    """Relative residual of each point, and its estimated error with the parts that are known."""
+    point = np.arange(result.points)
+    with matplotlib.rc_context(LOOK.style()):
+        figure, (axes,) = _axes(3.4)
         kept = {name: result.array(f"/points/{name}") for name in ERROR_LOOKS if result.has(f"/points/{name}")}
         known = {name: np.isfinite(values) & (values > 0) for name, values in kept.items()}
         # One part alone is the whole estimate, and would hide it.
@@ -113,11 +134,11 @@ def convergence(result: Result) -> Figure:
         for name, values in kept.items():
             good, (marker, colour, label) = known[name], ERROR_LOOKS[name]
             if good.any() and (several or not name.startswith("error_")):
-                lower.plot(point[good], values[good], marker, color=colour, markersize=2.6, label=label)
-                lower.set_yscale("log")
-        lower.set(xlabel="Point", ylabel="Of the motion")
-        if lower.get_legend_handles_labels()[0]:
-            legend_below(lower, 3)
+                axes.plot(point[good], values[good], marker, color=colour, markersize=2.6, label=label)
+                axes.set_yscale("log")
+        axes.set(xlabel="Point", ylabel="Part of the motion")
+        if axes.get_legend_handles_labels()[0]:
+            legend_below(axes, 3)
     return figure
 
 

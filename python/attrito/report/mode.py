@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from attrito.plots.contact_maps import contact_map
 from attrito.plots.modes import mode_curve
 from attrito.report import figures as report_figures
-from attrito.report.page import Page
+from attrito.report.motion import animation, moving
+from attrito.report.page import Animation, Page
 from attrito.report.view import View
 
 METHODS = {
@@ -58,7 +60,11 @@ def mode(page: Page, view: View) -> None:
     result = view.result
     page.section("Nonlinear mode")
     words = "Frequency and damping ratios against the amplitude Q. Dashed: the tangent mode."
-    page.figures([(mode_curve(result, report_figures.LOOK), words)])
+    drawn: list[tuple[Figure | Animation, str]] = [(mode_curve(result, report_figures.LOOK), words)]
+    if (found := moving(view)) is not None:
+        amplitude = result.array("/points/amplitude")[view.point]
+        drawn.append(animation(found, f"point {view.point}, Q = {amplitude:.4g}"))
+    page.figures(drawn)
     page.subsection("Points")
     names = ("amplitude", "frequency_hz", "damping_ratio", "damping_ratio_structure", "dissipated_energy", "estimate")
     columns = [result.array(f"/points/{name}") for name in names]

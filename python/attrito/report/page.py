@@ -1,4 +1,4 @@
-"""The page of a report: HTML without network, fonts or scripts, figures as inline SVG.
+"""The page of a report: HTML without network or fonts, figures as inline SVG, one script where something moves.
 
 Everything that comes from a file is escaped here, and only here.
 """
@@ -8,7 +8,9 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from html import escape
+from importlib.resources import files
 
 import matplotlib
 from matplotlib.figure import Figure
@@ -29,6 +31,8 @@ a { color: #0b5cad; }
 ul.glance { list-style: none; margin: 1rem 0; padding: .7rem 1rem; background: var(--wash);
   border-left: 4px solid #0072B2; }
 ul.glance li { margin: .15rem 0; }
+ul.labelled li { display: grid; grid-template-columns: 7rem 1fr; gap: .8rem; }
+ul.labelled b { font-weight: 600; color: var(--faint); }
 li.warn, p.warn { color: var(--warn); font-weight: 600; }
 .panels { display: grid; gap: .6rem 1.6rem; }
 .panels { grid-template-columns: repeat(auto-fit, minmax(min(100%, 25rem), 1fr)); }
@@ -39,6 +43,13 @@ figure svg { display: block; width: 100%; height: auto; }
   figure.alone { display: grid; grid-template-columns: minmax(0, 36rem) minmax(14rem, 1fr); gap: 2rem; }
   figure.alone figcaption { align-self: center; }
 }
+.motion .live, .motion.is-live .still { display: none; }
+.motion.is-live .live { display: block; }
+.motion canvas { display: block; width: 100%; aspect-ratio: 5 / 4; cursor: grab; touch-action: pan-y; }
+.steer { display: flex; gap: .8rem; align-items: center; font-size: .92rem; }
+.steer button { font: inherit; padding: .15rem .7rem; min-width: 2rem; }
+.steer label { display: flex; gap: .4rem; align-items: center; }
+.steer input { width: 8rem; }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-size: .92rem; font-variant-numeric: tabular-nums; }
 th, td { padding: .22rem 1rem .22rem 0; text-align: right; border-bottom: 1px solid var(--line); }
@@ -55,6 +66,7 @@ pre { font: 13px/1.45 ui-monospace, "DejaVu Sans Mono", monospace; }
   body { font-size: 15px; }
   th, td { padding-right: .6rem; }
   dl { grid-template-columns: 1fr; }
+  ul.labelled li { grid-template-columns: 1fr; gap: 0; }
   dd { margin-bottom: .4rem; }
 }
 @media print {
@@ -67,12 +79,39 @@ pre { font: 13px/1.45 ui-monospace, "DejaVu Sans Mono", monospace; }
   .panels { grid-template-columns: 1fr 1fr; }
   .panels.small { grid-template-columns: 1fr 1fr 1fr; }
   figure.alone svg { max-width: 12cm; }
+  .panels svg { max-height: 6.4cm; }
+  figcaption { font-size: 8pt; }
+  .motion.is-live .live { display: none; }
+  .motion.is-live .still { display: block; }
   .wide { overflow: visible; }
   table { font-size: 7.5pt; }
   th, td { padding-right: .5rem; }
   a { color: inherit; text-decoration: none; }
 }
 """
+
+
+# What a browser may load: nothing but what is in the page itself
+POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
+
+
+@dataclass(frozen=True)
+class Animation:
+    """A figure that moves where scripts run.
+
+    Parameters
+    ----------
+    still : what is printed, or shown without scripts
+    numbers : what `viewer.js` draws it from, JSON
+    """
+
+    still: Figure
+    numbers: str
+
+
+def viewer() -> str:
+    """The script that draws animations."""
+    return files("attrito.report").joinpath("viewer.js").read_text(encoding="utf-8")
 
 
 class Page:
@@ -82,7 +121,7 @@ class Page:
         self._title = title
         self._body: list[str] = []
         self._sections: list[tuple[str, str]] = []
-        self._figures = self._tables = 0
+        self._figures = self._tables = self._animations = 0
 
     def head(self, line: str) -> None:
         """Title and a line below it."""
@@ -109,6 +148,15 @@ class Page:
         items = "".join(f"<li{' class=warn' if warn else ''}>{escape(line)}</li>" for line, warn in lines)
         self._body.append(f'<ul class="glance">{items}</ul>')
 
+    def labelled(self, lines: Sequence[tuple[str, str, bool]]) -> None:
+        """Sentences, each with what it is about, which is said once, and whether it is a warning."""
+        items, before = "", None
+        for about, line, warn in lines:
+            label = f"<b>{escape(about)}</b>" if about != before else "<b></b>"
+            items += f"<li{' class=warn' if warn else ''}>{label}<span>{escape(line)}</span></li>"
+            before = about
+        self._body.append(f'<ul class="glance labelled">{items}</ul>')
+
     def table(self, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
         """A table; the first column is text."""
         head = "".join(f"<th>{escape(name)}</th>" for name in header)
@@ -129,7 +177,7 @@ class Page:
         """Text as it is."""
         self._body.append(f"<pre>{escape(text)}</pre>")
 
-    def figures(self, figures: Sequence[tuple[Figure, str]], small: bool = False) -> None:
+    def figures(self, figures: Sequence[tuple[Figure | Animation, str]], small: bool = False) -> None:
         """Figures side by side where there is room, each with what it shows."""
         alone = len(figures) == 1 and not small
         shown = "".join(self._figure(figure, caption, alone) for figure, caption in figures)
@@ -139,17 +187,39 @@ class Page:
         """The page."""
         links = "".join(f'<a href="#{anchor}">{escape(title)}</a>' for anchor, title in self._sections)
         body = "\n".join(self._body).replace("<!--nav-->", f"<nav>{links}</nav>", 1)
+        script = f"<script>\n{viewer()}</script>\n" if self._animations else ""
         return (
             '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
             '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-            f"<title>{escape(self._title)}</title>\n<style>{CSS}</style>\n</head>\n<body>\n<main>\n{body}\n</main>\n</body>\n</html>\n"
+            f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
+            f"<title>{escape(self._title)}</title>\n<style>{CSS}</style>\n</head>\n<body>\n<main>\n{body}\n</main>\n{script}</body>\n</html>\n"
         )
 
-    def _figure(self, figure: Figure, caption: str, alone: bool) -> str:
+    def _figure(self, figure: Figure | Animation, caption: str, alone: bool) -> str:
         self._figures += 1
+        if isinstance(figure, Animation):
+            self._animations += 1
+            still = inline_svg(figure.still, f"f{self._figures}", caption)
+            numbers = figure.numbers.replace("<", "\\u003c")
+            return (
+                f'<figure class="motion"><div class="still">{still}</div>{_stage(caption)}'
+                f'<script type="application/json">{numbers}</script>'
+                f"<figcaption>{escape(caption)}</figcaption></figure>"
+            )
         kind = ' class="alone"' if alone else ""
         drawn = inline_svg(figure, f"f{self._figures}", caption)
         return f"<figure{kind}>{drawn}<figcaption>{escape(caption)}</figcaption></figure>"
+
+
+def _stage(caption: str) -> str:
+    """Where an animation is drawn, and what steers it."""
+    return (
+        f'<div class="live"><canvas tabindex="0" role="img" aria-label="{escape(caption)}"></canvas>'
+        '<p class="steer"><button type="button">Play</button> '
+        '<label>Size <input type="range" min="0" max="3" step="0.05" value="1"></label> '
+        '<button type="button" class="nearer" aria-label="nearer">+</button>'
+        '<button type="button" class="farther" aria-label="farther">&minus;</button></p></div>'
+    )
 
 
 def inline_svg(figure: Figure, prefix: str, label: str) -> str:
@@ -166,7 +236,14 @@ def inline_svg(figure: Figure, prefix: str, label: str) -> str:
     text = re.sub(r'href="#([^"]+)"', rf'href="#{prefix}-\1"', text)
     # A style for all of the page belongs to nobody; here it is the one matplotlib means for its own lines.
     text = re.sub(r"<style[^>]*>.*?</style>", "", text, flags=re.DOTALL)
+    # Hundredths of a point cannot be seen; all digits would be half of the page.
+    text = re.sub(r' (d|x|y|x1|y1|x2|y2|points)="([^"]*)"', _rounded, text)
     opening = re.match(r"<svg[^>]*>", text).group(0)
     box = re.search(r'viewBox="[^"]+"', opening).group(0)
     start = f'<svg {box} role="img" aria-label="{escape(label)}" style="stroke-linejoin:round;stroke-linecap:butt">'
     return re.sub(r"\n\s*", "\n", start + text[len(opening) :]).strip()
+
+
+def _rounded(attribute: re.Match[str]) -> str:
+    numbers = re.sub(r"-?\d+\.\d{3,}", lambda found: f"{float(found[0]):.2f}", attribute[2])
+    return f' {attribute[1]}="{numbers}"'

@@ -17,6 +17,7 @@ from attrito.plots.contact_maps import contact_map
 from attrito.plots.contacts import hysteresis
 from attrito.plots.response import Drawing, frequency_response
 from attrito.report import figures as report_figures
+from attrito.report import period
 from attrito.report.page import Page
 from attrito.report.view import View
 from attrito.results.loops import contact_loops, most_dissipating
@@ -92,8 +93,11 @@ def contacts(page: Page, view: View) -> None:
     if view.point is None or not view.result.contacts:
         page.text("No contact of a point that was solved.")
         return
-    words = f"Over the sweep of level {view.level[view.point]:.4g}: shares of the time of all contacts, and the energy"
-    page.figures([(report_figures.contact_shares(view.result, view.sweep()), f"{words} that they dissipate together.")])
+    own, level = view.sweep(), f"level {view.level[view.point]:.4g}"
+    words = f"Over the sweep of {level}: shares of the time of all contacts."
+    drawn = [(report_figures.contact_shares(view.result, own), words)]
+    drawn.append((report_figures.dissipation(view.result, own), f"Over the sweep of {level}: what contacts dissipate."))
+    page.figures(drawn)
     if not view.surfaces:
         page.text("These contacts have no place in space, so there is no map of them.")
         return
@@ -129,8 +133,8 @@ def loops(page: Page, view: View) -> None:
         " Contacts with two tangents are seen along their largest motion."
     )
     units = [result.unit(f"/contacts/{name}") for name in ("displacement", "force")]
-    drawn = []
-    for contact, loop in zip(busiest, contact_loops(result, view.point, busiest), strict=True):
+    drawn, found = [], contact_loops(result, view.point, busiest)
+    for contact, loop in zip(busiest, found, strict=True):
         energy, slip, opened = (
             result.dataset(f"/contacts/{name}")[view.point, contact] for name in ("dissipated_energy", "slip", "open")
         )
@@ -138,8 +142,13 @@ def loops(page: Page, view: View) -> None:
             f"Contact {contact}: {energy:.3g} a period ({result.unit('/contacts/dissipated_energy')});"
             f" slips {100 * slip:.0f} % of it, is open {100 * opened:.0f} %."
         )
-        drawn.append((hysteresis([loop], *units, look=report_figures.SMALL, legend=False), words))
-    page.figures(drawn, small=True)
+        look = report_figures.SMALL if len(busiest) > 1 else report_figures.LOOK
+        drawn.append((hysteresis([loop], *units, look=look, legend=False), words))
+    if len(busiest) == 1:
+        forces = period.contact_forces(found[0], units[1])
+        page.figures([*drawn, (forces, f"Forces of contact {busiest[0]} over the period.")])
+    else:
+        page.figures(drawn, small=True)
 
 
 def harmonics(page: Page, view: View) -> None:
@@ -148,11 +157,14 @@ def harmonics(page: Page, view: View) -> None:
     if view.point is None:
         page.text("No point was solved.")
         return
-    level = f"level {view.level[view.point]:.4g}"
-    page.figures(
-        [(report_figures.harmonics(view.result, name, view.sweep()), f"{name}, {level}: amplitude of each harmonic.")
-         for name in view.monitors]
-    )  # fmt: skip
+    level, place = f"level {view.level[view.point]:.4g}", view.place(view.point)
+    drawn = []
+    for name in view.monitors:
+        swept = report_figures.harmonics(view.result, name, view.sweep())
+        drawn.append((swept, f"{name}, {level}: amplitude of each harmonic."))
+        words = f"{name} over a period about its mean, at {place}; below its harmonics."
+        drawn.append((period.content(view.result, name, view.point), words))
+    page.figures(drawn)
     units = {view.result.unit(f"/monitors/{name}/harmonics") for name in view.monitors}
     page.text(f"At {view.place(view.point)} ({'; '.join(sorted(units))}):")
     rows, count = [], 0
@@ -179,6 +191,13 @@ def uniqueness(page: Page, view: View) -> None:
         page.text(
             f"Intervals: {kinds['exact']} points exact, {kinds['sampled']} sampled (attained; the true ones may be"
             f" wider), {kinds['none']} not known."
+        )
+    widths = view.amplitude_widths()
+    if np.isfinite(widths).any() and np.nanmax(widths) > 0:
+        most = int(np.nanargmax(widths))
+        page.text(
+            f"What that changes of the amplitude: most at {view.place(most)}, by {100 * widths[most]:.2g} % between the"
+            f" members visited there; nothing where all contacts stick."
         )
     widest = view.widest_force()
     if widest is None:
@@ -251,7 +270,13 @@ def convergence(page: Page, view: View) -> None:
     words += f"; relative residuals of solutions at most {known.max():.1e}." if len(known) else "."
     if (iterations[view.solved] == 0).any():
         words += " Points without a line took none: where every contact sticks the response is linear."
-    page.figures([(report_figures.convergence(view.result), words)])
+    page.text(words)
+    page.figures(
+        [
+            (report_figures.iterations(view.result), "Iterations of each point."),
+            (report_figures.errors(view.result), "Residuals, and estimated errors where they are known."),
+        ]
+    )
     missing = np.flatnonzero(~view.solved)
     if len(missing):
         first = f" (the first {MOST_FAILURES})" if len(missing) > MOST_FAILURES else ""

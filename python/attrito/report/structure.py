@@ -6,7 +6,6 @@ straighter it is looked at.
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import matplotlib
@@ -16,14 +15,19 @@ from matplotlib.figure import Figure
 
 from attrito.model.face_shapes import corners
 from attrito.model.model import Model
+from attrito.model.outer_surface import outer_surface
 from attrito.model.surfaces import set_faces
-from attrito.plots.style import BRANCH_COLOURS, legend_below
+from attrito.plots.style import BRANCH_COLOURS, Look, legend_below
 from attrito.report.figures import LOOK
-from attrito.report.page import Page
+from attrito.report.motion import animation, moving
+from attrito.report.page import Animation, Page
+from attrito.report.solid import DIRECTION, axes_of_view, seen_faces
 from attrito.report.view import View
+from attrito.results.mesh import mass_of
+from attrito.support.units import axis_unit
 
-# From where the model is seen
-DIRECTION = np.array([1.0, -1.6, 0.9])
+# Natural frequencies that are listed
+MOST_MODES = 6
 # More faces than this are drawn as an image within the figure.
 MOST_FACES = 6000
 
@@ -32,24 +36,39 @@ def structure(page: Page, view: View) -> None:
     """What was solved: the picture of the model, where its file is there, and its sizes."""
     page.section("Model")
     model = view.model
-    page.pairs(_sizes(view, model))
-    if model is not None:
+    page.pairs(sizes(view))
+    if model is None:
+        return
+    drawn: list[tuple[Figure | Animation, str]] = []
+    if (figure := model_picture(view, model)) is not None:
         words = "The model without perspective, z upwards. Contact faces are shown through the structure."
-        if (figure := model_picture(view, model)) is not None:
-            page.figures([(figure, words)])
+        drawn.append((figure, words))
+    if (found := moving(view)) is not None:
+        drawn.append(animation(found, view.place(view.point)))
+    if drawn:
+        page.figures(drawn)
 
 
-def _sizes(view: View, model: Model | None) -> list[tuple[str, object]]:
+def sizes(view: View) -> list[tuple[str, object]]:
+    """What was solved, and what was asked for: names and values."""
+    model = view.model
     pairs: list[tuple[str, object]] = []
     if model is not None:
         count = sum(len(ids) for ids, _ in model.elements.values())
         pairs.append(("model", f"{model.size} dofs, {len(model.node_ids)} nodes, {count} elements"))
-    job = _job(view)
+    job = view.job()
     if view.result.has("/points/coordinates"):
         modes = job.get("reduction", {}).get("modes")
         of = f", {modes} of them fixed-interface modes" if isinstance(modes, int) else ""
         pairs.append(("solved in", f"{view.result.dataset('/points/coordinates').shape[1]} coordinates{of}"))
+    if (mass := mass_of(view.result)) is not None:
+        unit = axis_unit("user mass", view.result.attribute("units"))
+        pairs.append(("mass that moves", f"{mass:.5g}" + (f" {unit}" if "," not in unit else "")))
     pairs.append(("contacts", view.result.contacts))
+    stuck = "/linear/stuck/natural_hz"
+    if view.result.has(stuck) and len(view.result.array(stuck)):
+        listed = ", ".join(f"{hertz:.5g}" for hertz in view.result.array(stuck)[:MOST_MODES])
+        pairs.append(("natural frequencies, stuck", f"{listed} Hz"))
     units = view.result.attribute("units")
     pairs.append(("units", units or "the user's own"))
     if view.result.points:
@@ -60,44 +79,27 @@ def _sizes(view: View, model: Model | None) -> list[tuple[str, object]]:
     return pairs
 
 
-def model_picture(view: View, model: Model) -> Figure | None:
+def model_picture(view: View, model: Model, look: Look = LOOK) -> Figure | None:
     """The figure; None where no element has faces that are known."""
-    faces = set_faces(model.elements, model.node_ids)
-    if not faces:
+    surface = outer_surface(model, len(model.node_ids))
+    if not len(surface.faces):
         return None
-    seat = {int(node): place for place, node in enumerate(model.node_ids)}
-    across, up, towards = axes_of_view(DIRECTION)
-    polygons, depths, lights = [], [], []
-    for block in faces:
-        outline = block[:, : corners(block.shape[1])]
-        points = model.coordinates[np.vectorize(seat.__getitem__)(outline)]
-        if outline.shape[1] > 3:
-            normal = np.cross(points[:, 2] - points[:, 0], points[:, 3] - points[:, 1])
-        else:
-            normal = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
-        length = np.linalg.norm(normal, axis=1)
-        light = normal @ towards / np.where(length > 0, length, 1.0)
-        seen = light > 1e-3
-        polygons += list(points[seen] @ np.array([across, up]).T)
-        depths.append((points[seen] @ towards).mean(axis=1))
-        lights.append(light[seen])
-    depth, light = np.concatenate(depths), np.concatenate(lights)
-    order = np.argsort(depth)
-    with matplotlib.rc_context(LOOK.style()):
-        figure = Figure(figsize=LOOK.size((5.1, 4.2)), constrained_layout=True)
+    seen = seen_faces(model.coordinates[surface.nodes], surface.faces)
+    across, up, _ = axes_of_view(DIRECTION)
+    with matplotlib.rc_context(look.style()):
+        flat = np.ptp(np.concatenate(seen.polygons), axis=0)
+        figure = look.figure((5.1, float(np.clip(5.1 * flat[1] / flat[0], 1.8, 4.0)) + 0.6))
         axes = figure.subplots()
-        grey = matplotlib.colormaps["Greys"](0.42 - 0.32 * light[order])
-        drawn = PolyCollection(
-            [polygons[place] for place in order], facecolors=grey, edgecolors="#7a858f", linewidths=0.2
-        )
-        drawn.set_rasterized(len(order) > MOST_FACES)
+        grey = matplotlib.colormaps["Greys"](0.42 - 0.32 * seen.light)
+        drawn = PolyCollection(seen.polygons, facecolors=grey, edgecolors="#7a858f", linewidths=0.2)
+        drawn.set_rasterized(len(seen.polygons) > MOST_FACES)
         axes.add_collection(drawn)
-        _mark(axes, view, model, seat, np.array([across, up]))
+        _mark(axes, view, model, np.array([across, up]))
         axes.autoscale()
         axes.set_aspect("equal")
         axes.set_axis_off()
         if axes.get_legend_handles_labels()[1]:
-            legend_below(axes, 3, lines=0.8)
+            legend_below(axes, 2, lines=0.8)
     return figure
 
 
@@ -111,17 +113,10 @@ def contact_faces(model: Model, job: dict[str, Any]) -> list[list[int]]:
     return found
 
 
-def axes_of_view(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """To the right, up and towards the viewer, unit vectors; z is up."""
-    towards = direction / np.linalg.norm(direction)
-    across = np.cross([0.0, 0.0, 1.0], towards)
-    across /= np.linalg.norm(across)
-    return across, np.cross(towards, across), towards
-
-
-def _mark(axes: Any, view: View, model: Model, seat: dict[int, int], plane: np.ndarray) -> None:
+def _mark(axes: Any, view: View, model: Model, plane: np.ndarray) -> None:
     result = view.result
-    job = _job(view)
+    job = view.job()
+    seat = {int(node): place for place, node in enumerate(model.node_ids)}
     if faces := contact_faces(model, job):
         polygons = [model.coordinates[[seat[node] for node in face]] @ plane.T for face in faces]
         colour = BRANCH_COLOURS[1]
@@ -164,11 +159,3 @@ def _nodes(model: Model, term: Any) -> list[int]:
     if isinstance(dof[1], str):
         return [int(node) for node in model.node_sets.get(dof[1], ())]
     return [int(dof[1])] if isinstance(dof[1], int) else []
-
-
-def _job(view: View) -> dict[str, Any]:
-    try:
-        tables = json.loads(view.result.attribute("job"))
-    except ValueError:
-        return {}
-    return tables if isinstance(tables, dict) else {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -56,6 +57,14 @@ class View:
     def surfaces(self) -> list[Surface]:
         """Where contacts lie, one a contact set."""
         return surfaces(self.result, self.model)
+
+    def job(self) -> dict[str, Any]:
+        """Tables of the job; none where the file does not tell them."""
+        try:
+            tables = json.loads(self.result.attribute("job"))
+        except ValueError:
+            return {}
+        return tables if isinstance(tables, dict) else {}
 
     def peak(self, monitor: str | None, among: np.ndarray) -> int | None:
         """The point of the largest amplitude of a monitor among some."""
