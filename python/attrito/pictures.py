@@ -21,6 +21,7 @@ from attrito.plots.response import Drawing, responses
 from attrito.plots.style import Look, save
 from attrito.results.chosen_points import chosen_point
 from attrito.results.loops import contact_loops, most_dissipating
+from attrito.results.motion import QUANTITIES
 from attrito.results.result import CAMPBELL, LINEAR_MODES, MODE, Result
 from attrito.studies.picture import picture_of_file
 from attrito.studies.table import holds_study
@@ -60,6 +61,9 @@ APPLIES = {
     "a Campbell diagram": (),
     "modes of nodal diameters": ("speed_hz",),
 }
+
+# Of frequency responses: quantities that have no such axis, or no linear responses behind
+NOT_OF = {"phase": ("log", "references"), "nyquist": ("log", "references", "xlim")}
 
 # Files that are no results: what they are called, how to know them, how to draw them, what the picture is called
 FILES = (
@@ -130,9 +134,9 @@ def draw(files: Sequence[str], wishes: Wishes, look: Look) -> tuple[Figure, str]
             if len(files) > 1:
                 raise InputError(Fault(files[1], "file", "given", f"one file alone for {kind}"))
             if given := wishes.given():
-                option = next(iter(given)).replace("_", "-")
-                raise InputError(Fault(files[0], f"--{option}", "given", f"none for {kind}"))
-            return drawn(files[0]), name
+                option = _option(*next(iter(given.items())))
+                raise InputError(Fault(files[0], option, "given", f"none for {kind}"))
+            return drawn(files[0], look), name
     with contextlib.ExitStack() as stack:
         results = [stack.enter_context(Result(file)) for file in files]
         kind = _kind(results[0], wishes)
@@ -203,13 +207,22 @@ def _check_wishes(result: Result, kind: str, wishes: Wishes) -> None:
     faults = []
     for name, value in wishes.given().items():
         if name not in APPLIES[kind]:
-            option = "--linear" if name == "log" and value is False else f"--{name.replace('_', '-')}"
+            option = _option(name, value)
             of = " or ".join(other for other, names in APPLIES.items() if name in names)
             faults.append(
-                Fault(result.path, option, "given" if value in (True, False) else value, f"none but for {of}")
+                Fault(result.path, option, "given" if isinstance(value, bool) else value, f"none but for {of}")
             )
+    for name in NOT_OF.get(wishes.quantity or "", ()):
+        if kind == "frequency responses" and name in wishes.given():
+            option, others = _option(name, getattr(wishes, name)), [one for one in QUANTITIES if one not in NOT_OF]
+            faults.append(Fault(result.path, option, "given", f"--quantity {', '.join(others)}"))
     if faults:
         raise InputError(*faults)
+
+
+def _option(name: str, value: object) -> str:
+    """What the command line calls a wish."""
+    return "--linear" if name == "log" and value is False else f"--{name.replace('_', '-')}"
 
 
 def refuse_linear_modes(result: Result) -> None:

@@ -14,6 +14,7 @@ leave() {
   rm -rf --one-file-system "$place"
 }
 trap leave EXIT
+chmod 755 "$place"
 debootstrap --variant=minbase bookworm "$place" "$mirror" > "$place.log" || { tail -n 20 "$place.log" >&2; exit 1; }
 rm "$place.log"
 cp /etc/resolv.conf "$place/etc"

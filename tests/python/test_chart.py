@@ -44,6 +44,7 @@ def test_a_chart_is_a_table_a_picture_and_data_that_describe_themselves(tmp_path
     assert done.returncode == 0
     assert "reference: " in done.stderr
     rows = list(csv.DictReader(io.StringIO(done.stdout)))
+    assert attrito_here(tmp_path, capfd, "table", "wedge.h5").stdout == done.stdout
     error = {(row["series"], row["setting"]): float(row["error"]) for row in rows if row["error"]}
     # More harmonics, samples or steps are nearer; the mean that is frozen keeps its error.
     assert error["event", "H = 1"] > error["event", "H = 5"] > error["event", "H = 20"]

@@ -8,7 +8,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from jobs import Job, attrito_here, toml, write_job
+from jobs import Job, attrito_here, table, toml, write_job
 from mpi4py import MPI
 
 from attrito.job.reading import read_job
@@ -53,6 +53,10 @@ def test_the_optimum_of_the_paper_is_found_in_at_most_fifteen_samples(
         assert file["value"][()] == pytest.approx(7.044e-6, abs=1e-9)
         assert file["parameters/preload"][()] * PRELOAD == pytest.approx(20.2, abs=0.1)
         assert len(file["tried/value"]) <= 15
+        count, best = len(file["tried/value"]), file["parameters/preload"][()]
+    rows = table(tmp_path, result="optimum.h5")
+    assert list(rows[0]) == ["sample", "preload", "value", "least"] and len(rows) == count
+    assert [float(row["preload"]) for row in rows if row["least"] == "true"] == pytest.approx([best], rel=1e-11)
 
 
 def test_derivatives_of_peaks_are_those_by_differences(tmp_path: Path) -> None:

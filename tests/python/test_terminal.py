@@ -12,7 +12,7 @@ import pytest
 from jobs import ENVIRONMENT, attrito, wedge, write_job
 
 from attrito.job.settings import apply_settings
-from attrito.runs.progress import fitted, in_time, share_done
+from attrito.runs.progress import fitted, in_time, share_done, wrapped
 from attrito.support.errors import InputError
 
 
@@ -94,6 +94,12 @@ def test_a_line_leaves_out_what_matters_least_until_it_fits():
     assert fitted(parts, 37) == "frequency amplitude outcome left"
     assert fitted(parts, 17) == "frequency outcome"
     assert fitted(parts, 5) == "frequ"
+
+
+def test_a_sentence_is_broken_between_words_and_a_name_stays_whole():
+    assert wrapped("static load path followed", 25) == "static load path followed"
+    assert wrapped("static load path followed", 24) == "static load path\n  followed"
+    assert wrapped("points: out/a-long-name.h5", 10) == "points:\n  out/a-long-name.h5"
 
 
 def test_the_share_of_a_sweep_grows_from_nothing_to_all_over_its_levels():

@@ -9,9 +9,11 @@ import numpy as np
 
 from attrito.support.atomic_files import whole_hdf5
 from attrito.support.csv_text import cell
+from attrito.support.hdf5_reading import as_text, is_of_format, stored
 from attrito.support.hdf5_writing import described
 from attrito.support.version import __version__
 
+FORMAT = "attrito chart"
 SERIES = {
     "tolerance": "harmonics and samples by tolerance",
     "event": "by events, H fixed",
@@ -111,13 +113,21 @@ COLUMNS = {
 
 def table(chart: Chart) -> str:
     """CSV, a line a way."""
-    efficient, chosen = chart.efficient(), chart.chosen()
+    texts = {name: [getattr(way, name) for way in chart.ways] for name in ("series", "label", "note")}
+    columns = {name: np.array([getattr(way, name) for way in chart.ways]) for name in COLUMNS}
+    return _lines(texts, columns, chart.efficient(), chart.chosen())
+
+
+def _lines(
+    texts: dict[str, list[str]], columns: dict[str, np.ndarray], efficient: np.ndarray, chosen: int | None
+) -> str:
+    """A line a way, out of columns."""
     lines = [",".join(["series", "setting", *COLUMNS, "efficient", "chosen", "note"])]
-    for i, way in enumerate(chart.ways):
-        values = [getattr(way, name) for name in COLUMNS]
+    for i, series in enumerate(texts["series"]):
+        values = [columns[name][i] for name in COLUMNS]
         numbers = ["" if value != value or value == 0 else f"{value:.6g}" for value in values]
         flags = ["true" if flag else "false" for flag in (efficient[i], i == chosen)]
-        lines.append(",".join([way.series, f'"{way.label}"', *numbers, *flags, _quoted(way.note)]))
+        lines.append(",".join([series, f'"{texts["label"][i]}"', *numbers, *flags, _quoted(texts["note"][i])]))
     return "\n".join(lines) + "\n"
 
 
@@ -130,7 +140,7 @@ def _quoted(text: str) -> str:
 def write(chart: Chart, path: str, job: str) -> None:
     """`chart.h5`: a dataset a column, an entry a way."""
     with whole_hdf5(path) as file:
-        file.attrs["format"], file.attrs["attrito_version"], file.attrs["job_file"] = "attrito chart", __version__, job
+        file.attrs["format"], file.attrs["attrito_version"], file.attrs["job_file"] = FORMAT, __version__, job
         file.attrs["description"] = "error against cost of the ways to solve a scene; see docs/accuracy.md of attrito"
         for name, value in chart.places.items():
             file.attrs[name] = value
@@ -144,3 +154,17 @@ def write(chart: Chart, path: str, job: str) -> None:
         for name, (values, description, unit) in data.items():
             described(file, name, description, unit, data=values)
         file["label"].attrs["chosen"] = chart.chosen()
+
+
+def holds_chart(path: str) -> bool:
+    """Whether a file is that of a chart."""
+    return is_of_format(path, FORMAT)
+
+
+def stored_table(path: str) -> str:
+    """The table of a chart that is in a file: CSV, a line a way."""
+    with stored(path, "a file of `attrito chart`") as file:
+        columns = {name: file[name][()] for name in ("series", "label", *COLUMNS, "efficient", "note")}
+        chosen = int(file["label"].attrs["chosen"])
+    texts = {name: [as_text(text) for text in columns[name]] for name in ("series", "label", "note")}
+    return _lines(texts, {name: columns[name] for name in COLUMNS}, columns["efficient"], chosen)

@@ -272,7 +272,7 @@ def _plot(parsers: Parsers) -> None:
     one.add_argument("--font", help="a font that is installed, as 'DejaVu Serif'")
     one.add_argument("--font-size", type=_measure, default=9.0, metavar="POINTS", help="default: 9")
     one.add_argument("--style", help="a style of matplotlib, as ggplot, or a file of one (.mplstyle)")
-    one.add_argument("--dpi", type=_positive, default=220, help="of a .png (default: 220)")
+    one.add_argument("--dpi", type=_positive, help="of a .png (default: 220)")
     one.set_defaults(work=commands.plot)
 
 
@@ -336,8 +336,7 @@ def _export(parsers: Parsers) -> None:
     one.add_argument("--format", choices=["vtu", "xdmf"], help="default: by the ending of -o, else vtu")
     one.add_argument(
         "--scale",
-        type=float,
-        default=0.0,
+        type=_measured,
         help="draw the geometry displaced by this times the displacement (default: 0)",
     )
     one.add_argument("--wheel", action="store_true", help="all sectors of a wheel, of a job with [cyclic]")

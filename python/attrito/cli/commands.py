@@ -206,12 +206,14 @@ def integrate(options: argparse.Namespace) -> None:
 
 def table(options: argparse.Namespace) -> None:
     """A result -> CSV on standard output, or into a file."""
+    from attrito.cli.applies import TEXTS, check_ending
     from attrito.support.atomic_files import whole_file
     from attrito.support.overwrite_check import check_spared
 
     if options.output is None:
         sys.stdout.write(_table(options))
         return
+    check_ending("table", options.output, TEXTS)
     check_spared("table", "-o", [options.output], [options.result])
     text = _table(options)
     try:
@@ -225,10 +227,15 @@ def table(options: argparse.Namespace) -> None:
 
 def _table(options: argparse.Namespace) -> str:
     """The text of a table."""
+    from attrito.charts.file import holds_chart
+    from attrito.charts.file import stored_table as chart_table
+    from attrito.cli.applies import check_table
     from attrito.fits.table import holds_fit
     from attrito.fits.table import table as fit_table
     from attrito.modes import campbell, linear
     from attrito.modes.table import table as mode_table
+    from attrito.optima.table import holds_optimum
+    from attrito.optima.table import table as optimum_table
     from attrito.peaks.file import holds_peaks
     from attrito.peaks.file import table as peak_table
     from attrito.results import tables
@@ -244,25 +251,28 @@ def _table(options: argparse.Namespace) -> str:
         "bifurcations": tables.bifurcation_table,
     }
     asked = next((name for name in kinds if getattr(options, name)), None)
-    is_plain = asked is None and options.curve is None
-    if options.columns and not is_plain:
+    if options.columns and (asked or options.curve is not None):
         raise InputError(Fault("table", "--columns", ", ".join(options.columns), "the table of points"))
-    for holds, work in ((holds_peaks, peak_table), (holds_study, study_table), (holds_fit, fit_table)):
-        if is_plain and not options.columns and holds(options.result):
+    others = (
+        (holds_peaks, peak_table),
+        (holds_study, study_table),
+        (holds_fit, fit_table),
+        (holds_optimum, optimum_table),
+        (holds_chart, chart_table),
+    )
+    for holds, work in others:
+        if holds(options.result):
+            check_table(options, None)
             return work(options.result)
     with Result(options.result) as result:
+        form = result.attribute("format")
+        check_table(options, form)
         if options.curve is not None:
             return tables.curve_table(result, options.curve)
         if asked is not None:
             return kinds[asked](result)
         of_format = {LINEAR_MODES: linear.table, MODE: mode_table, CAMPBELL: campbell.table}
-        if (form := result.attribute("format")) in of_format:
-            if options.columns:
-                raise InputError(
-                    Fault(options.result, "--columns", ", ".join(options.columns), "a result of `attrito run`")
-                )
-            return of_format[form](result)
-        return tables.table(result, options.columns or ())
+        return of_format[form](result) if form in of_format else tables.table(result, options.columns or ())
 
 
 def plot(options: argparse.Namespace) -> None:
@@ -273,6 +283,8 @@ def plot(options: argparse.Namespace) -> None:
 
     if options.output is not None:
         style.check_picture(options.output)
+        if options.dpi and not options.output.lower().endswith(".png"):
+            raise InputError(Fault("plot", "--dpi", options.dpi, "a picture ending .png"))
     look = style.Look(options.width, options.height, options.font, options.font_size, options.style)
     names = (
         "monitor",
@@ -290,12 +302,13 @@ def plot(options: argparse.Namespace) -> None:
     figure, name = draw(options.results, Wishes(**{name: getattr(options, name) for name in names}), look)
     stem = "_".join(distinct_names(options.results)) if len(options.results) > 1 else None
     path = options.output or _beside(options.results[0], name, stem)
-    style.save(figure, path, options.dpi)
+    style.save(figure, path, options.dpi or style.DPI)
     print(path)
 
 
 def report(options: argparse.Namespace) -> None:
     """A result -> one HTML page, or two pages of PDF."""
+    from attrito.cli.applies import check_ending
     from attrito.pictures import refuse_linear_modes
     from attrito.report.report import is_printout, write_report
     from attrito.results.chosen_points import chosen_point
@@ -303,6 +316,8 @@ def report(options: argparse.Namespace) -> None:
 
     if options.pdf and options.output and not is_printout(options.output):
         raise InputError(Fault("report", "-o", options.output, "a name that ends in .pdf, with --pdf"))
+    if options.output is not None:
+        check_ending("report", options.output, (".html", ".htm", ".pdf"))
     path = options.output or _beside(options.result, "report.pdf" if options.pdf else "report.html")
     with Result(options.result) as result:
         refuse_linear_modes(result)
@@ -315,11 +330,12 @@ def export(options: argparse.Namespace) -> None:
     """Motion of the whole structure at points of a result -> VTU or XDMF; or matrices of a model."""
     from mpi4py import MPI
 
+    from attrito.cli.applies import check_export
+
+    check_export(options)
     if options.matrices:
         _export_matrices(options)
         return
-    if options.model:
-        raise InputError(Fault("export", "--model", options.model, "--matrices with it"))
 
     from attrito.export.export import Options, export_point
     from attrito.model.model_file import read_model
@@ -329,7 +345,7 @@ def export(options: argparse.Namespace) -> None:
 
     comm = MPI.COMM_WORLD
     ending = "xdmf" if str(options.output).endswith(".xdmf") else "vtu"
-    how = Options(options.phases, options.format or ending, options.scale, options.wheel)
+    how = Options(options.phases, options.format or ending, options.scale or 0.0, options.wheel)
     with everywhere(comm, lambda: Result(options.result)) as result:
         points = everywhere(comm, lambda: chosen_points(result, options.points, options.mode, options.monitor))
         name = result.attribute("model_file")

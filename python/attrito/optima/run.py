@@ -23,6 +23,7 @@ from attrito.library.peak_tracker import Peak
 from attrito.library.session import Solver
 from attrito.optima.design import Optimum, read_optimum
 from attrito.optima.search import Least, least
+from attrito.optima.table import FORMAT
 from attrito.runs.progress import Progress
 from attrito.studies.sample_peaks import SamplePeaks
 from attrito.studies.samples import shared_scene
@@ -135,7 +136,7 @@ def _write(asked: Optimum, job: Job, found: Least, peaks: _Peaks) -> None:
     tried = np.array([peaks.values(row[:-1]) for row in found.tried])
     own = "that of the job's key, or a factor on it"
     with whole_hdf5(asked.file) as file:
-        file.attrs["format"], file.attrs["format_version"] = "attrito optimum", 1
+        file.attrs["format"], file.attrs["format_version"] = FORMAT, 1
         file.attrs["attrito_version"] = __version__
         file.attrs["description"] = (
             "Parameters of a job at which its largest peak is least; see docs/optima.md of attrito"

@@ -10,18 +10,19 @@ from matplotlib.figure import Figure
 from attrito.library.names import OUTCOMES
 from attrito.peaks.curve import KINDS
 from attrito.peaks.file import read_backbone, read_peaks, smooth_curve
-from attrito.plots.style import BRANCH_COLOURS, STYLE, plain_text, with_unit
+from attrito.plots.style import BRANCH_COLOURS, Look, plain_text, with_unit
 from attrito.support.units import axis_unit
 
 STUCK_COLOUR = "#8a8a8a"
 BACKBONE_COLOUR = BRANCH_COLOURS[2]
 
 
-def peak_curve(path: str) -> Figure:
+def peak_curve(path: str, look: Look | None = None) -> Figure:
     """Amplitude of the peak (by level, where that is followed) and its frequency against the parameter.
 
     With a backbone also what that expects, dashed, and how far it is from the peaks.
     """
+    look = look or Look()
     data, attributes = read_peaks(path)
     backbone = read_backbone(path)
     parameter = str(attributes["parameter"])
@@ -30,8 +31,8 @@ def peak_curve(path: str) -> Figure:
     value = data[parameter]
     height = data["response"] if parameter == "level" else data["amplitude"]
     sticks = data["states"][:, 2:].sum(axis=1) == 0
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(6.4, 5.6 if backbone is None else 7.0), constrained_layout=True)
+    with matplotlib.rc_context(look.style()):
+        figure = look.figure((6.4, 5.6 if backbone is None else 7.0))
         heights = (2, 1) if backbone is None else (2, 1, 1)
         upper, lower, *differences = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
         for stuck, colour, label in (

@@ -18,6 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from attrito.library.names import NO_SOLUTION, REFERENCES
 from attrito.plots.labels import names_of
@@ -41,6 +42,8 @@ PIECES = 16
 ERROR_BARS = 40
 # Points of the page: bars shorter than a line is wide are not seen.
 SEEN = 2.0
+# Ticks of a phase: 15, 30, 45, 90 degrees
+PHASE_STEPS = (1.0, 1.5, 3.0, 4.5, 9.0, 10.0)
 # More levels than this are read off a colour bar.
 LEGEND_LEVELS = 8
 
@@ -118,7 +121,9 @@ def responses(
         else:
             axes.set(xlabel="Frequency (Hz)", ylabel=with_unit(name, unit, 0.8 * figure.bbox.height / figure.dpi))
             _span_frequencies(axes, [part.result for part in parts], drawing.xlim)
-            if quantity != "phase":
+            if quantity == "phase":
+                axes.yaxis.set_major_locator(MaxNLocator(steps=PHASE_STEPS))
+            else:
                 _scale_amplitudes(axes, np.concatenate(spans) if spans else np.empty(0), drawing.log)
         _explain_errors(axes)
         if len(results) == 1 and len(levels) > LEGEND_LEVELS:

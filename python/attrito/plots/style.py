@@ -23,6 +23,7 @@ from attrito.support.errors import Fault, InputError
 BRANCH_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 LIMIT_COLOUR = "#8a8a8a"
 DASHES = (0, (3, 1.8))
+DPI = 220
 PICTURES = (".png", ".pdf", ".svg")
 STYLE = {
     "font.size": 9,
@@ -130,7 +131,7 @@ def check_picture(path: str | os.PathLike[str]) -> None:
         )
 
 
-def save(figure: Figure, path: str | os.PathLike[str], dpi: int = 220) -> None:
+def save(figure: Figure, path: str | os.PathLike[str], dpi: int = DPI) -> None:
     """Write a figure; the ending chooses the format (.png, .pdf, .svg). Letters stay letters in PDF and SVG."""
     check_picture(path)
     kind = Path(path).suffix.removeprefix(".").lower()
@@ -142,7 +143,8 @@ def save(figure: Figure, path: str | os.PathLike[str], dpi: int = 220) -> None:
         with whole_file(path) as new:
             Path(new).write_bytes(drawn.getbuffer())
     except (OSError, ValueError) as error:
-        raise InputError(Fault(str(path), "figure", str(error), "a writable .png, .pdf or .svg file")) from error
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise InputError(Fault(str(path), "figure", reason, "a writable .png, .pdf or .svg file")) from error
 
 
 def legend_below(axes: Axes, columns: int, labelled: Axes | None = None, lines: float = 3.4) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from attrito.results.result import LINEAR_MODES, MODE, Result
+from attrito.results.result import CAMPBELL, LINEAR_MODES, MODE, Result
 from attrito.support.errors import Fault, InputError
 
 
@@ -18,6 +18,9 @@ def chosen_point(result: Result, point: int | None, monitor: str, levels: Sequen
             outcome = result.outcome[point]
             raise InputError(Fault(result.path, "--point", f"{point}, {outcome}", "a point with a solution"))
         return point
+    if not result.monitors and result.attribute("format") == MODE:
+        # Amplitudes of a mode rise along its points.
+        return int(np.flatnonzero(result.converged)[-1])
     amplitude = result.monitor(monitor, "amplitude")
     if levels:
         level = result.array("/points/level")
@@ -44,10 +47,12 @@ def chosen_points(
     monitor : whose largest amplitude is meant; None: the first
     """
     form = result.attribute("format")
+    if form == CAMPBELL:
+        raise InputError(Fault(result.path, "format", form, "a result of `attrito run`, `mode` or `linear-modes`"))
     if form == LINEAR_MODES:
         count = result.points
         if points is not None or mode is None or not 1 <= mode <= count:
-            key, given = ("--points", points) if points is not None else ("--mode", mode)
+            key, given = ("--points", _listed(points)) if points is not None else ("--mode", mode or "not given")
             raise InputError(Fault(result.path, key, given, f"--mode and a number from 1 to {count}"))
         return [mode - 1]
     if form == MODE and mode is not None:
@@ -61,3 +66,7 @@ def chosen_points(
     if points is None:
         return [chosen_point(result, None, monitor or result.monitors[0])]
     return [chosen_point(result, point, "") for point in points]
+
+
+def _listed(points: Sequence[int]) -> str:
+    return ", ".join(map(str, points))

@@ -62,7 +62,8 @@ class Result:
         """It is a result, and its series have an entry for each point and contact."""
         form = self.attribute("format") or "absent"
         if "result" not in form and form not in (LINEAR_MODES, MODE, CAMPBELL):
-            expected = "a result of `attrito run`, `mode`, `linear-modes` or `campbell` (studies: by h5py)"
+            made_by = "`attrito run`, `mode`, `linear-modes` or `campbell`"
+            expected = f"a result of {made_by} (`attrito info` describes other files)"
             raise InputError(Fault(self.path, "format", form, expected))
         check_datasets(self._file, self.path)
         points = self._file.get("points/frequency_hz")

@@ -10,6 +10,7 @@ import math
 import os
 import shutil
 import sys
+import textwrap
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -62,7 +63,7 @@ class Progress:
         if not self._speaks:
             return
         self._leave_standing()
-        print(line, flush=True)
+        print(wrapped(line, shutil.get_terminal_size().columns - 1) if self._terminal else line, flush=True)
 
     def warn(self, warnings: Iterable[str]) -> None:
         """Warnings, each once however often it is found."""
@@ -187,6 +188,13 @@ def fitted(parts: Sequence[tuple[str, int]], width: int | None) -> str:
         left.remove(max(left, key=lambda part: part[1]))
     line = "".join(text for text, _ in left)
     return line if width is None else line[: max(width, 1)]
+
+
+def wrapped(line: str, width: int) -> str:
+    """A sentence in lines of at most a width, broken between words; names of files stay whole."""
+    if len(line) <= width:
+        return line
+    return textwrap.fill(line, max(width, 1), subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
 
 
 def share_done(sweep: Mapping[str, Any], frequency_hz: float, level: float, number: int) -> float:

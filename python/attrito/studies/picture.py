@@ -9,7 +9,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from attrito.plots.style import BRANCH_COLOURS, STYLE, plain_text, with_unit
+from attrito.plots.style import BRANCH_COLOURS, Look, plain_text, with_unit
 from attrito.support.errors import Fault, InputError
 from attrito.support.hdf5_reading import as_text, stored
 from attrito.support.units import axis_unit
@@ -17,6 +17,7 @@ from attrito.support.units import axis_unit
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 # Parts of a quantity's range that quantiles are taken over, and the fewest samples in one.
 MOST_PARTS, FEWEST = 15, 8
+USUAL = Look()
 # Lines of a grid
 MOST_LINES = 6
 # Of the largest damping ratio: what is drawn of it
@@ -39,24 +40,25 @@ def picture_of_peaks(
     parameter: str,
     unit: str,
     is_grid: bool = False,
+    look: Look = USUAL,
 ) -> Figure:
     """Quantile bands of the peak: over the parameter, if there are several values, else over each quantity.
 
     A grid whose other quantities have few values together is drawn as it is, a line each.
     """
     if is_grid and (lines := _grid_lines(values, len(stops))) is not None:
-        return _picture_of_grid(names, stops, values, amplitude, f"{parameter.capitalize()} factor", unit, *lines)
-    with matplotlib.rc_context(STYLE):
+        return _picture_of_grid(names, stops, values, amplitude, f"{parameter.capitalize()} factor", unit, *lines, look)
+    with matplotlib.rc_context(look.style()):
         label = with_unit("Amplitude of the peak", unit)
         if len(stops) > 1:
-            figure = Figure(figsize=(6.4, 4.2), constrained_layout=True)
+            figure = look.figure((6.4, 4.2))
             axes = figure.subplots()
             _bands(axes, np.array(stops), quantiles_of(amplitude))
             axes.set(xlabel=f"{parameter.capitalize()} factor", ylabel=label)
             axes.legend()
             return figure
         count = len(names)
-        figure = Figure(figsize=(4.2 * count, 3.8), constrained_layout=True)
+        figure = look.figure((4.2 * count, 3.8))
         for axes, name, column in zip(figure.subplots(1, count, squeeze=False)[0], names, values.T, strict=True):
             axes.plot(column, amplitude[:, 0], ".", color="0.6", markersize=2.5)
             known = np.flatnonzero(np.isfinite(amplitude[:, 0]))
@@ -96,18 +98,17 @@ def _picture_of_grid(
     unit: str,
     axis: int,
     lines: list[np.ndarray],
+    look: Look,
 ) -> Figure:
     """One line for each of the values of all quantities but one."""
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(6.4, 4.2), constrained_layout=True)
+    with matplotlib.rc_context(look.style()):
+        figure = look.figure((6.4, 4.2))
         axes = figure.subplots()
         for number, own in enumerate(lines):
             others = [column for column in range(len(names)) if column != axis]
             label = ", ".join(f"{plain_text(names[column])} {values[own[0], column]:.4g}" for column in others)
             x, y = (np.array(stops), amplitude[own[0]]) if axis < 0 else (values[own, axis], amplitude[own, 0])
-            axes.plot(
-                x, y, "o-", markersize=3.0, color=BRANCH_COLOURS[number % len(BRANCH_COLOURS)], label=label or None
-            )
+            axes.plot(x, y, "o-", markersize=3.0, color=look.hues()[number % len(look.hues())], label=label or None)
         axes.set(
             xlabel=parameter if axis < 0 else plain_text(names[axis]), ylabel=with_unit("Amplitude of the peak", unit)
         )
@@ -116,7 +117,7 @@ def _picture_of_grid(
     return figure
 
 
-def picture_of_file(path: str) -> Figure:
+def picture_of_file(path: str, look: Look = USUAL) -> Figure:
     """The picture of the file of a study.
 
     Raises
@@ -129,7 +130,7 @@ def picture_of_file(path: str) -> Figure:
         if "modes" in file:
             found = [file[f"modes/{name}"][()] for name in ("frequency_hz", "damping_ratio")]
             unit = axis_unit(as_text(file["parameter"].attrs.get("unit", "1")), units)
-            return picture_of_modes(file["parameter"][()].tolist(), *found, unit)
+            return picture_of_modes(file["parameter"][()].tolist(), *found, unit, look)
         names = [vary["name"] for vary in study.get("vary", [])]
         missing = [
             name for name in ("parameter", "peaks/amplitude", *(f"values/{one}" for one in names)) if name not in file
@@ -140,13 +141,15 @@ def picture_of_file(path: str) -> Figure:
         amplitude = file["peaks/amplitude"]
         unit = axis_unit(as_text(amplitude.attrs.get("unit", "1")), units)
         stops, is_grid = file["parameter"][()].tolist(), study.get("design") == "grid"
-        return picture_of_peaks(names, stops, values, amplitude[()], parameter, unit, is_grid)
+        return picture_of_peaks(names, stops, values, amplitude[()], parameter, unit, is_grid, look)
 
 
-def picture_of_modes(amplitudes: list[float], frequency_hz: np.ndarray, damping_ratio: np.ndarray, unit: str) -> Figure:
+def picture_of_modes(
+    amplitudes: list[float], frequency_hz: np.ndarray, damping_ratio: np.ndarray, unit: str, look: Look = USUAL
+) -> Figure:
     """Quantile bands of frequency and damping ratio of the contacts `[samples, amplitudes]` over the amplitude."""
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(6.4, 5.6), constrained_layout=True)
+    with matplotlib.rc_context(look.style()):
+        figure = look.figure((6.4, 5.6))
         upper, lower = figure.subplots(2, 1, sharex=True)
         for axes, quantity in ((upper, frequency_hz), (lower, damping_ratio)):
             _bands(axes, np.array(amplitudes), quantiles_of(quantity))
