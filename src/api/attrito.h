@@ -77,6 +77,9 @@ typedef struct {
 void *attrito_create(int comm, int m, const double *mass, const double *stiffness, int damping_kind,
     double damping_value, void *damping);
 
+/* Coriolis forces at the speed of rotation, G [m, m], -G^T = G: a row of C's is a column here. */
+void attrito_set_gyroscopic(void *handle, int m, const double *gyroscopic);
+
 /* Loads and monitors: static loads [static_count, m], harmonic load [coefficients, m], monitors [monitor_count, m]. */
 void attrito_set_loads(void *handle, int static_count, const double *static_loads, int coefficients,
     const double *harmonic_load, int monitor_count, const double *monitors);
@@ -229,6 +232,7 @@ typedef struct {
     void *mass;
     void *stiffness;
     void *damping;
+    void *gyroscopic;
     void *laws;
     void *directions;
     void *static_loads;

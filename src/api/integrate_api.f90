@@ -30,8 +30,8 @@ module attrito_api_integrate
   type, bind(c) :: scene_type
     integer(c_int) :: size, contacts, rows, statics, coefficients, monitors, damping_kind
     real(c_double) :: damping_value
-    !> [m, m]; damping may be null
-    type(c_ptr) :: mass, stiffness, damping
+    !> [m, m]; damping and the matrix of Coriolis forces may be null
+    type(c_ptr) :: mass, stiffness, damping, gyroscopic
     !> [contacts], [rows, m], [statics, m], [coefficients, m], [monitors, m]
     type(c_ptr) :: laws, directions, static_loads, harmonic_load, monitor_rows
   end type scene_type
@@ -75,6 +75,8 @@ contains
       structure%damping_kind = scene%damping_kind
       structure%damping_value = scene%damping_value
       if (c_associated(scene%damping)) structure%damping = matrix(scene%damping, m, m)
+      ! A row of C's is a column here.
+      if (c_associated(scene%gyroscopic)) structure%gyroscopic = transpose(matrix(scene%gyroscopic, m, m))
       structure%static_loads = matrix(scene%static_loads, m, scene%statics)
       structure%harmonic_load = matrix(scene%harmonic_load, m, scene%coefficients)
       structure%monitors = matrix(scene%monitor_rows, m, scene%monitors)

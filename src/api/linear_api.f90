@@ -44,17 +44,17 @@ contains
     complex(wp), allocatable :: load(:, :), response(:, :)
     real(wp), allocatable :: coefficients(:, :), own(:)
     real(wp) :: range(2)
-    integer :: i, monitor, harmonics, n, status
+    integer :: i, monitor, harmonics, n, resting, status
 
     session => session_of(handle)
     call new_reference(session%structure, session%contacts, session%solver%stuck, kind, session%solver%closed, reference, error)
     attrito_linear_response = report_error(error, message)
     if (allocated(error)) return
-    rigid = reference%rigid
-    own = reference%system%omega_at(1)
-    n = min(frequencies, size(own) - rigid)
+    call reference%natural(session%structure, own, resting)
+    rigid = resting
+    n = min(frequencies, size(own) - resting)
     natural_hz = 0.0_wp
-    natural_hz(:n) = own(rigid + 1:rigid + n)/two_pi
+    natural_hz(:n) = own(resting + 1:resting + n)/two_pi
     harmonics = (size(session%structure%harmonic_load, 2) - 1)/2
     call new_receptance(session%structure, session%contacts, reference%system, harmonics, receptance)
     ! The mean carries no harmonic load, and without friction it may have no support.

@@ -78,6 +78,20 @@ contains
     handle = c_loc(session)
   end function attrito_create
 
+  !> Coriolis forces at the speed of rotation, G [m, m], -G^T = G: a row of C's is a column here.
+  subroutine attrito_set_gyroscopic(handle, m, gyroscopic) bind(c)
+    !> Session, see `session_of`
+    type(c_ptr), value :: handle
+    !> Number of coordinates
+    integer(c_int), value :: m
+    !> Matrix of the Coriolis forces
+    real(c_double), intent(in) :: gyroscopic(m, m)
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    session%structure%gyroscopic = transpose(gyroscopic)
+  end subroutine attrito_set_gyroscopic
+
   !> Loads and monitors: static loads [static_count, m], harmonic load [coefficients, m], monitors [monitor_count, m].
   subroutine attrito_set_loads(handle, static_count, static_loads, coefficients, harmonic_load, monitor_count, monitors) bind(c)
     !> Session, see `session_of`

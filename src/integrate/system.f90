@@ -19,7 +19,7 @@ module attrito_integrate_system
     real(wp) :: clock = 1.0_wp
     !> Squares of the stuck system's frequencies, and modal damping, over the clock's powers [m]
     real(wp), allocatable :: eigenvalues(:), damping(:)
-    !> What damping couples of the modes, zero on its diagonal [m, m]; not allocated if nothing
+    !> What damping and Coriolis forces couple of the modes, zero on its diagonal [m, m]; not allocated if nothing
     real(wp), allocatable :: coupling(:, :)
     !> Rows of B Phi in columns [m, rows], and the acceleration per unit of each row's force [m, rows]
     real(wp), allocatable :: rows(:, :), input_map(:, :)
@@ -78,6 +78,8 @@ contains
     self%damping = stuck%modal_damping/stuck%modal_mass/self%clock
     if (structure%damping_kind == damping_viscous) call set_viscous(self, &
       matmul(transpose(modes), matmul(structure%damping, modes))/self%clock)
+    if (allocated(structure%gyroscopic)) call add_gyroscopic(self, &
+      matmul(transpose(modes), matmul(structure%gyroscopic, modes))/self%clock)
     self%rows = matmul(transpose(modes), contacts%directions)
     self%input_map = self%rows/self%clock**2
     self%springs = contacts%row_stiffness
@@ -115,4 +117,14 @@ contains
     end do
     if (maxval(abs(rest)) > 1.0e-14_wp*maxval(abs(damping))) self%coupling = rest
   end subroutine set_viscous
+
+  !> Coriolis forces couple modes; being skew they have no diagonal, but for rounding.
+  pure subroutine add_gyroscopic(self, gyroscopic)
+    type(system_type), intent(inout) :: self
+    !> Phi^T G Phi / clock [m, m]
+    real(wp), intent(in) :: gyroscopic(:, :)
+
+    if (.not. allocated(self%coupling)) allocate (self%coupling, source=0.0_wp*gyroscopic)
+    self%coupling = self%coupling + 0.5_wp*(gyroscopic - transpose(gyroscopic))
+  end subroutine add_gyroscopic
 end module attrito_integrate_system

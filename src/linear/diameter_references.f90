@@ -7,12 +7,17 @@
 !> damping ratio is defined on the stuck system's modes of the same nodal diameter,
 !>
 !> $$ x^H C_n x = \sum_r c_r |x_r^H M_n x|^2 / m_r^2. $$
+!>
+!> With Coriolis forces modes of n and N - n differ, and to first order in C
+!>
+!> $$ (K_n - \omega_r^2 M_n + i \omega_r G_n) x_r = 0, \qquad 2 \zeta_r \omega_r = x_r^H C_n x_r / (1 - i x_r^H G_n x_r / (2 \omega_r)). $$
 module attrito_linear_diameter_references
   use attrito_core_errors, only: error_type, raise, fault_of_input
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contacts_type, stuck_springs
   use attrito_model_structure, only: structure_type, damping_viscous, damping_ratio, damping_mass, damping_loss_factor
   use attrito_linear_diameter_modes, only: diameter_modes_type, new_diameter_modes
+  use attrito_linear_gyroscopic_modes, only: gyroscopic_modes_of_diameter, gyroscopic_form
   use attrito_linear_references, only: reference_springs, free_motions
   implicit none
   private
@@ -39,22 +44,36 @@ contains
     !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     type(diameter_modes_type) :: modes
-    real(wp), allocatable :: springs(:)
-    complex(wp), allocatable :: vectors(:, :)
-    integer :: count, first
+    real(wp), allocatable :: springs(:), all_omega(:), inertia(:)
+    complex(wp), allocatable :: vectors(:, :), gyroscopic(:, :)
+    integer :: count, first, free, status
 
     rigid = 0
     call reference_springs(contacts, kind, closed, springs, error)
     if (.not. allocated(error)) call held_modes(structure, contacts%directions, springs, diameter, modes, error)
     if (allocated(error)) return
     count = size(omega)
-    vectors = modes%modes(:, :count)/spread(sqrt(modes%modal_mass(:count)), 1, size(modes%modes, 1))
+    free = free_motions(modes%stiffness)
+    rigid = free
+    if (allocated(structure%gyroscopic)) then
+      gyroscopic = structure%sector%couple(structure%gyroscopic, diameter)
+      call gyroscopic_modes_of_diameter(structure, modes%stiffness, diameter, free, all_omega, vectors, rigid, status)
+      if (status /= 0) then
+        call raise(error, 'the modes with Coriolis forces were not found')
+        return
+      end if
+      vectors = vectors(:, :count)
+      omega = all_omega(:count)
+    else
+      vectors = modes%modes(:, :count)/spread(sqrt(modes%modal_mass(:count)), 1, size(modes%modes, 1))
+      omega = modes%omega(:count)
+    end if
     call set_phases(vectors)
-    omega = modes%omega(:count)
-    rigid = free_motions(modes%stiffness)
     first = min(rigid, count) + 1
+    inertia = 2.0_wp*omega(first:)
+    if (allocated(gyroscopic)) inertia = inertia - gyroscopic_form(gyroscopic, vectors(:, first:))
     damping_ratios = 0.0_wp
-    damping_ratios(first:) = damping_form(structure, contacts, diameter, vectors(:, first:), omega(first:))/(2.0_wp*omega(first:))
+    damping_ratios(first:) = damping_form(structure, contacts, diameter, vectors(:, first:), omega(first:))/inertia
     shapes = structure%sector%expand(vectors, diameter)
   end subroutine modes_of_diameter
 

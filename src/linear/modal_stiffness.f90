@@ -60,7 +60,7 @@ contains
     real(wp) :: finite_damping
 
     finite_damping = damping
-    if (damping + loss <= 0.0_wp) finite_damping = 2.0_wp*least_ratio*sqrt(stiffness*mass)
+    if (damping + loss <= 0.0_wp) finite_damping = 2.0_wp*least_ratio*sqrt(abs(stiffness)*mass)
     finite_stiffness = cmplx(stiffness - frequency**2*mass, frequency*finite_damping + loss, wp)
   end function finite_stiffness
 end module attrito_linear_modal_stiffness

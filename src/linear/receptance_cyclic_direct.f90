@@ -1,10 +1,14 @@
-!> Receptance of a sector by a dense factorisation per harmonic: for any damping. Slower than modes, never wrong.
+!> Receptance of a sector by a dense factorisation per harmonic: for any damping, and with Coriolis forces. Slower than modes, never
+!> wrong.
 !>
-!> $$ Z_h = \tilde K_n - (h \omega)^2 M_n + i h \omega C_n + i \eta K_n \; [h > 0], \qquad n = h \, EO \bmod N $$
+!> $$ Z_h = \tilde K_n - (h \omega)^2 M_n + i h \omega (C_n + G_n) + i \eta K_n \; [h > 0], \qquad n = h \, EO \bmod N $$
+!>
+!> G_n = S_n^H G S_n is skew-Hermitian, so that i h omega G_n is Hermitian as stiffness and mass are, but changes its sign from the
+!> wave of diameter n to the one that runs the other way round: conj(G_n) = G_(N - n).
 module attrito_linear_receptance_cyclic_direct
   use attrito_core_kinds, only: wp
   use attrito_model_sector, only: first_alike, is_mirrored
-  use attrito_model_structure, only: structure_type, damping_viscous, damping_mass, damping_loss_factor
+  use attrito_model_structure, only: structure_type, damping_viscous, damping_ratio, damping_mass, damping_loss_factor
   use attrito_linear_diameter_modes, only: diameter_modes_type
   use attrito_linear_harmonic_factors, only: harmonic_factors_type
   use attrito_linear_modal_stiffness, only: finite_stiffness
@@ -14,7 +18,7 @@ module attrito_linear_receptance_cyclic_direct
   public :: receptance_cyclic_direct_type, new_receptance_cyclic_direct
 
   type, extends(receptance_cyclic_type) :: receptance_cyclic_direct_type
-    !> M_n, viscous C_n and eta K_n [n, n, 0:period/2]
+    !> M_n, viscous C_n, with G_n where there are Coriolis forces, and eta K_n [n, n, 0:period/2]
     complex(wp), allocatable, private :: mass(:, :, :), viscous(:, :, :), structural(:, :, :)
     !> Of Z_h [n, n]
     type(harmonic_factors_type), private :: factors
@@ -53,12 +57,28 @@ contains
         self%mass(:, :, h) = self%sector%couple(structure%mass, diameter)
         if (structure%damping_kind == damping_viscous) self%viscous(:, :, h) = self%sector%couple(structure%damping, diameter)
         if (structure%damping_kind == damping_mass) self%viscous(:, :, h) = structure%damping_value*self%mass(:, :, h)
+        if (structure%damping_kind == damping_ratio) self%viscous(:, :, h) = damping_by_modes(self%mass(:, :, h), diameters(h))
         if (structure%damping_kind == damping_loss_factor) self%structural(:, :, h) = &
           structure%damping_value*self%sector%couple(structure%stiffness, diameter)
+        if (allocated(structure%gyroscopic)) self%viscous(:, :, h) = self%viscous(:, :, h) &
+                                                                     + self%sector%couple(structure%gyroscopic, diameter)
       end associate
     end do
     call self%set_harmonics(harmonics)
   end function new_receptance_cyclic_direct
+
+  !> The matrix that damps each mode by itself, C = sum c_r M x_r x_r^H M / m_r^2 [n, n].
+  pure function damping_by_modes(mass, modes) result(damping)
+    !> M_n [n, n]
+    complex(wp), intent(in) :: mass(:, :)
+    !> With the damping of each
+    type(diameter_modes_type), intent(in) :: modes
+    complex(wp) :: damping(size(mass, 1), size(mass, 1))
+    complex(wp) :: inertia(size(mass, 1), size(mass, 1))
+
+    inertia = matmul(mass, modes%modes)
+    damping = matmul(inertia*spread(modes%modal_damping/modes%modal_mass**2, 1, size(mass, 1)), conjg(transpose(inertia)))
+  end function damping_by_modes
 
   subroutine allocate_factors(self, harmonics)
     class(receptance_cyclic_direct_type), intent(inout) :: self
@@ -122,7 +142,7 @@ contains
     if (is_mirrored(h, self%period)) matrix = conjg(matrix)
   end function of_harmonic
 
-  !> Viscous damping at a harmonic, with what is taken away [n, n].
+  !> Viscous damping and Coriolis forces at a harmonic, with what is taken away [n, n].
   pure function damping_at(self, h) result(damping)
     class(receptance_cyclic_direct_type), intent(in) :: self
     !> Number of the harmonic
@@ -164,7 +184,7 @@ contains
               - 2.0_wp*h**2*self%omega*matmul(of_harmonic(self, self%mass, h), response)
   end function stiffness_rate
 
-  !> Damping counts for each mode by itself, structural damping as it is.
+  !> Damping and Coriolis forces count for each mode by itself, structural damping as it is: i h omega x^H G x is real.
   subroutine respond_beyond(self, omega, least_ratio, force, response)
     class(receptance_cyclic_direct_type), intent(in) :: self
     !> Angular frequency, rad/s; damping ratio of modes that have no damping
@@ -173,18 +193,19 @@ contains
     complex(wp), intent(in) :: force(:, :)
     !> Coordinates of the response from harmonic H + 1 on
     complex(wp), intent(out) :: response(:, :)
-    complex(wp) :: shapes(size(force, 1), size(force, 1))
-    real(wp), dimension(size(force, 1)) :: damping, loss
+    complex(wp) :: shapes(size(force, 1), size(force, 1)), viscous(size(force, 1))
+    real(wp) :: loss(size(force, 1))
     integer :: i
 
     do i = 1, size(force, 2)
       associate (h => self%harmonics + i, modes => self%diameters(first_alike(self%harmonics + i, self%period)))
         shapes = modes%modes
         if (is_mirrored(h, self%period)) shapes = conjg(shapes)
-        damping = real(sum(conjg(shapes)*matmul(of_harmonic(self, self%viscous, h), shapes), 1), wp)
+        viscous = sum(conjg(shapes)*matmul(of_harmonic(self, self%viscous, h), shapes), 1)
         loss = real(sum(conjg(shapes)*matmul(of_harmonic(self, self%structural, h), shapes), 1), wp)
         response(:, i) = matmul(conjg(transpose(shapes)), force(:, i)) &
-                         /finite_stiffness(h*omega, modes%modal_stiffness, modes%modal_mass, damping, loss, least_ratio)
+                         /finite_stiffness(h*omega, modes%modal_stiffness - h*omega*aimag(viscous), modes%modal_mass, &
+                                           real(viscous, wp), loss, least_ratio)
         response(:, i) = matmul(shapes, response(:, i))
       end associate
     end do

@@ -1,11 +1,11 @@
-!> Receptance by a dense factorisation per harmonic: for any damping. Slower than modes, never wrong.
+!> Receptance by a dense factorisation per harmonic: for any damping, and with Coriolis forces. Slower than modes, never wrong.
 !>
-!> $$ \tilde Z_h = \tilde K - (h \omega)^2 M + i h \omega C + i \eta K \; [h > 0] $$
+!> $$ \tilde Z_h = \tilde K - (h \omega)^2 M + i h \omega (C + G) + i \eta K \; [h > 0] $$
 !>
-!> Structural damping acts on K, not on the contact springs, and not at harmonic 0.
+!> Structural damping acts on K, not on the contact springs, and not at harmonic 0. G is skew, so that Z~_h is not symmetric.
 module attrito_linear_receptance_direct
   use attrito_core_kinds, only: wp
-  use attrito_model_structure, only: structure_type, damping_viscous, damping_mass, damping_loss_factor
+  use attrito_model_structure, only: structure_type, damping_viscous, damping_ratio, damping_mass, damping_loss_factor
   use attrito_linear_harmonic_factors, only: harmonic_factors_type
   use attrito_linear_modal_stiffness, only: finite_stiffness
   use attrito_linear_opened_modes, only: find_opened_modes
@@ -17,7 +17,7 @@ module attrito_linear_receptance_direct
   public :: receptance_direct_type, new_receptance_direct
 
   type, extends(receptance_real_type) :: receptance_direct_type
-    !> K~, M and viscous C [m, m]
+    !> K~, M and viscous C, with the skew G where there are Coriolis forces [m, m]
     real(wp), allocatable :: stuck_stiffness(:, :), mass(:, :), viscous(:, :)
     !> Modes of (K~, M) [m, m]
     real(wp), allocatable :: modes(:, :)
@@ -31,6 +31,7 @@ module attrito_linear_receptance_direct
     procedure :: allocate_factors
     procedure :: factor
     procedure :: solve
+    procedure :: solve_adjoint
     procedure :: stiffness_rate
     procedure :: respond_beyond
     procedure :: inertia_of
@@ -44,13 +45,15 @@ module attrito_linear_receptance_direct
 contains
 
   !> From the structure, K~ [m, m], its modes [m, m] and the rows of B in columns [m, rows].
-  function new_receptance_direct(structure, stuck_stiffness, modes, directions, harmonics) result(self)
+  function new_receptance_direct(structure, stuck_stiffness, modes, directions, harmonics, modal_damping) result(self)
     !> Mass, stiffness, damping, loads and monitors
     type(structure_type), intent(in) :: structure
     !> Stiffness with every contact stuck; modes of the stuck system, a column each; rows of B, a column each
     real(wp), intent(in) :: stuck_stiffness(:, :), modes(:, :), directions(:, :)
     !> Highest harmonic, H
     integer, intent(in) :: harmonics
+    !> Damping of each mode by itself where it is a ratio, which Coriolis forces leave as it is [m]
+    real(wp), intent(in) :: modal_damping(:)
     type(receptance_direct_type) :: self
     integer :: i, m
 
@@ -61,6 +64,8 @@ contains
     allocate (self%viscous(m, m), self%structural(m, m), self%basis(m, m), source=0.0_wp)
     if (structure%damping_kind == damping_viscous) self%viscous = structure%damping
     if (structure%damping_kind == damping_mass) self%viscous = structure%damping_value*structure%mass
+    if (structure%damping_kind == damping_ratio) self%viscous = damping_by_modes(structure%mass, modes, modal_damping)
+    if (allocated(structure%gyroscopic)) self%viscous = self%viscous + structure%gyroscopic
     if (structure%damping_kind == damping_loss_factor) self%structural = structure%damping_value*structure%stiffness
     do i = 1, m
       self%basis(i, i) = 1.0_wp
@@ -81,6 +86,19 @@ contains
 
     diagonal = sum(modes*matmul(matrix, modes), 1)
   end function projected
+
+  !> The matrix that damps each mode by itself, C = sum c_r M x_r x_r^T M / (x_r^T M x_r)^2 [m, m].
+  pure function damping_by_modes(mass, modes, modal_damping) result(damping)
+    !> Mass [m, m]; modes, a column each
+    real(wp), intent(in) :: mass(:, :), modes(:, :)
+    !> c [m]
+    real(wp), intent(in) :: modal_damping(:)
+    real(wp) :: damping(size(mass, 1), size(mass, 1))
+    real(wp) :: inertia(size(mass, 1), size(modes, 2))
+
+    inertia = matmul(mass, modes)
+    damping = matmul(inertia*spread(modal_damping/sum(modes*inertia, 1)**2, 1, size(mass, 1)), transpose(inertia))
+  end function damping_by_modes
 
   subroutine allocate_factors(self, harmonics)
     class(receptance_direct_type), intent(inout) :: self
@@ -116,6 +134,16 @@ contains
 
     call self%factors%solve(h, columns)
   end subroutine solve
+
+  subroutine solve_adjoint(self, h, columns)
+    class(receptance_direct_type), intent(in) :: self
+    !> Number of the harmonic
+    integer, intent(in) :: h
+    !> Right-hand sides [m, k], then solutions
+    complex(wp), intent(inout), contiguous :: columns(:, :)
+
+    call self%factors%solve(h, columns, adjoint=.true.)
+  end subroutine solve_adjoint
 
   function stiffness_rate(self, h, response) result(product)
     class(receptance_direct_type), intent(in) :: self
@@ -156,7 +184,7 @@ contains
     product = matmul(self%mass, response)
   end subroutine inertia_of
 
-  !> Viscous damping, with what is taken away [m, m].
+  !> Viscous damping and Coriolis forces, with what is taken away [m, m].
   pure function damping_of(self) result(damping)
     class(receptance_direct_type), intent(in) :: self
     real(wp) :: damping(size(self%mass, 1), size(self%mass, 1))

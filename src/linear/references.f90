@@ -15,6 +15,7 @@ module attrito_linear_references
   use attrito_model_sector, only: first_alike
   use attrito_model_structure, only: structure_type, damping_ratio
   use attrito_linear_damping, only: damping_form
+  use attrito_linear_gyroscopic_modes, only: gyroscopic_modes, gyroscopic_modes_of_diameter
   use attrito_linear_rigid_body_modes, only: rigid_body_modes
   use attrito_linear_stuck_system, only: stuck_system_type, new_stuck_system, new_spring_system
   implicit none
@@ -30,6 +31,7 @@ module attrito_linear_references
     integer :: rigid = 0
   contains
     procedure :: shapes
+    procedure :: natural
   end type reference_type
 
 contains
@@ -71,6 +73,31 @@ contains
       damping_form(structure, stuck, self%system%modes, self%system%omega)
     self%rigid = size(rigid_body_modes(self%system%stiffness), 2)
   end subroutine new_reference
+
+  !> Natural angular frequencies of a structure, or of a sector in the wave of its first harmonic, with Coriolis forces.
+  subroutine natural(self, structure, omega, rigid)
+    class(reference_type), intent(in) :: self
+    !> Mass, stiffness, damping, loads and monitors
+    type(structure_type), intent(in) :: structure
+    !> Ascending [n]
+    real(wp), allocatable, intent(out) :: omega(:)
+    !> How many of them, the first, are of rigid-body modes
+    integer, intent(out) :: rigid
+    complex(wp), allocatable :: shapes(:, :)
+    integer :: status
+
+    rigid = self%rigid
+    omega = self%system%omega_at(1)
+    if (.not. allocated(structure%gyroscopic)) return
+    if (allocated(structure%sector)) then
+      call gyroscopic_modes_of_diameter(structure, self%system%diameters(first_alike(1, self%system%period))%stiffness, &
+                                        structure%sector%diameter(1), self%rigid, omega, shapes, rigid, status)
+    else
+      call gyroscopic_modes(cmplx(self%system%stiffness, kind=wp), cmplx(structure%mass, kind=wp), &
+                            cmplx(structure%gyroscopic, kind=wp), self%rigid, omega, shapes, rigid, status)
+    end if
+    if (status /= 0) omega = 0.0_wp*self%system%omega_at(1)
+  end subroutine natural
 
   !> Stiffness of each row in one of them.
   subroutine reference_springs(contacts, kind, closed, springs, error)

@@ -39,7 +39,7 @@ module attrito_linear_stuck_system
     real(wp), allocatable :: omega(:)
     !> Modal damping x^T C x = 2 zeta omega_r or alpha, times the modal mass [m]; 0 for other kinds
     real(wp), allocatable :: modal_damping(:)
-    !> Do these modes stay uncoupled under the structure's damping?
+    !> Do these modes stay uncoupled under the structure's damping and Coriolis forces?
     logical :: uncoupled = .true.
     !> Of a sector: modes at the nodal diameters of harmonics 0, 1, ... half of those after which they repeat; beyond they are
     !> conjugates, as N - n is of n
@@ -270,6 +270,7 @@ contains
      case default
       self%uncoupled = .false.
     end select
+    if (allocated(structure%gyroscopic)) self%uncoupled = .false.
   end subroutine set_damping
 
   !> Modes of M x = mu K~ x: K~ must be positive definite, or there is no static equilibrium.
@@ -357,7 +358,8 @@ contains
       receptance = new_receptance_modal(stuck%modal_stiffness, stuck%modal_mass, stuck%modal_damping, stuck%modes, &
                                         contacts%directions, harmonics)
     else
-      receptance = new_receptance_direct(structure, stuck%stiffness, stuck%modes, contacts%directions, harmonics)
+      receptance = new_receptance_direct(structure, stuck%stiffness, stuck%modes, contacts%directions, harmonics, &
+                                         stuck%modal_damping)
     end if
   end subroutine new_receptance
 end module attrito_linear_stuck_system

@@ -1,6 +1,8 @@
 !> The linear structure: what its matrices, loads and monitors are.
 !>
-!> $$ M \ddot q + C \dot q + K q = f_0 + \mathrm{Re} \sum_h f_h e^{i h \omega t} - B^T \lambda $$
+!> $$ M \ddot q + (C + G) \dot q + K q = f_0 + \mathrm{Re} \sum_h f_h e^{i h \omega t} - B^T \lambda $$
+!>
+!> G, skew, is of the Coriolis forces in axes that turn: they do no work, and are no damping.
 !>
 !> A real Fourier series a_0 + sum (a_c cos + a_s sin) is stored as its coefficients [mean, cos 1, sin 1, cos 2, sin 2, ...].
 module attrito_model_structure
@@ -31,6 +33,8 @@ module attrito_model_structure
     real(wp) :: damping_value = 0.0_wp
     !> Viscous damping [m, m], if of that kind
     real(wp), allocatable :: damping(:, :)
+    !> Coriolis forces at the speed of rotation, -G^T = G [m, m]; not allocated: there are none
+    real(wp), allocatable :: gyroscopic(:, :)
     !> Static loads in columns [m, loads]
     real(wp), allocatable :: static_loads(:, :)
     !> Harmonic load at level 1 [m, coefficients up to the highest loaded harmonic]; the mean is 0

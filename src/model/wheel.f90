@@ -38,6 +38,7 @@ contains
       wheel%damping_kind = structure%damping_kind
       wheel%damping_value = structure%damping_value
       if (structure%damping_kind == damping_viscous) allocate (wheel%damping, source=wheel%mass)
+      if (allocated(structure%gyroscopic)) allocate (wheel%gyroscopic, source=wheel%mass)
       allocate (law(0))
       do j = 0, sector%sectors - 1
         at = coordinates_of(sector, j)
@@ -45,6 +46,7 @@ contains
         call add(wheel%mass, along_first(sector, structure%mass, j), at)
         call add(wheel%stiffness, along_first(sector, structure%stiffness, j), at)
         if (allocated(wheel%damping)) call add(wheel%damping, along_first(sector, structure%damping, j), at)
+        if (allocated(wheel%gyroscopic)) call add(wheel%gyroscopic, along_first(sector, structure%gyroscopic, j), at)
         static = on_axis_turned(sector, structure%static_loads, j)
         load = on_axis_turned(sector, transpose(delayed(sector, transpose(structure%harmonic_load), j)), j)
         here = on_axis_turned(sector, contacts%directions, j)

@@ -34,9 +34,9 @@ contains
     type(hdf5_file_type), intent(in) :: file
     !> The ranks that share the rows
     type(communicator_type), intent(in) :: ranks
-    !> `stiffness`, `mass` or `damping`
+    !> `stiffness`, `mass`, `damping` or `gyroscopic`
     character(*), intent(in) :: name
-    !> Square, symmetric, both triangles stored
+    !> Square, symmetric but for `gyroscopic`, which is skew; both triangles stored
     type(tMat), intent(out) :: matrix
     !> Missing, or not a CSR matrix
     type(error_type), allocatable, intent(out) :: error
@@ -45,8 +45,9 @@ contains
 
     call read_rows(file, ranks, name, rows, error)
     if (allocated(error)) return
-    if (name == 'mass') call drop_zeros(rows)
+    if (name == 'mass' .or. name == 'gyroscopic') call drop_zeros(rows)
     call create_matrix(ranks%handle, rows, rows%values, matrix, ierr)
+    if (ierr == 0 .and. name == 'gyroscopic') call MatSetOption(matrix, MAT_SYMMETRIC, PETSC_FALSE, ierr)
     call raise_petsc(error, ierr, 'storing the '//name//' matrix')
   end subroutine read_model_matrix
 

@@ -1,6 +1,6 @@
 #include <petsc/finclude/petscmat.h>
 #include "petsc_compatibility.h"
-!> Projection of matrices on the basis, whose columns are on disk, a panel of them at a time; exactly symmetric.
+!> Projection of matrices on the basis, whose columns are on disk, a panel of them at a time; exactly symmetric, or skew.
 !>
 !> $$ \tilde A = T^T A T $$
 !>
@@ -35,8 +35,9 @@ module attrito_reduce_project
 
   !> A matrix of the full model and its projection
   type :: projected_type
-    !> Symmetric, as a sum of slices
+    !> As a sum of slices; symmetric, or skew as that of Coriolis forces is
     type(tMat), allocatable :: slices(:)
+    logical :: is_skew = .false.
     !> [m, m], the same on every rank
     real(wp), allocatable :: reduced(:, :)
     !> This rank's rows of A T for the columns of a panel
@@ -83,22 +84,25 @@ contains
       first = last + 1
     end do
     do i = 1, size(matrices)
-      call complete(split%ranks, matrices(i)%reduced)
+      call complete(split%ranks, matrices(i)%reduced, merge(-1.0_wp, 1.0_wp, matrices(i)%is_skew))
     end do
     call progress%step('projection', offsets(size(offsets)), offsets(size(offsets)))
   end subroutine project_matrices
 
-  !> Sums over ranks, and the lower triangle.
-  subroutine complete(ranks, reduced)
+  !> Sums over ranks, and the lower triangle, A^T = sign A.
+  subroutine complete(ranks, reduced, sign)
     !> Ranks that share the work
     type(communicator_type), intent(in) :: ranks
     !> Matrix of the reduced model
     real(wp), intent(inout), contiguous :: reduced(:, :)
+    !> 1, or -1 of a skew matrix
+    real(wp), intent(in) :: sign
     integer :: i
 
     call ranks%sum(reduced)
     do i = 1, size(reduced, 1)
-      reduced(i + 1:, i) = reduced(i, i + 1:)
+      reduced(i + 1:, i) = sign*reduced(i, i + 1:)
+      if (sign < 0.0_wp) reduced(i, i) = 0.0_wp
     end do
   end subroutine complete
 

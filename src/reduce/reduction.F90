@@ -93,7 +93,7 @@ contains
     if (.not. allocated(error)) call work%save_report(error)
   end subroutine take_inertia_step
 
-  !> Stiffness in slices that make its projection independent of rounding, damping, loads and monitors.
+  !> Stiffness in slices that make its projection independent of rounding, damping, Coriolis forces, loads and monitors.
   subroutine take_projection_step(work, model, error)
     !> Store of columns, memory and steps of the reduction
     type(workspace_type), intent(inout) :: work
@@ -101,15 +101,22 @@ contains
     type(reduced_model_type), intent(inout) :: model
     !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
-    type(projected_type) :: matrices(merge(2, 1, work%has_damping))
-    integer :: i, k
+    type(projected_type) :: matrices(1 + count([work%has_damping, work%has_gyroscopic]))
+    integer :: i, k, last
     PetscErrorCode :: ierr
 
+    ! By a variable: gfortran 12 moves nothing out of matrices(size(matrices)).
+    last = size(matrices)
     call work%begin(step_project)
     call read_slices(work, matrices(1), error)
     if (work%has_damping .and. .not. allocated(error)) then
       allocate (matrices(2)%slices(1))
       call work%read_matrix('damping', matrices(2)%slices(1), error)
+    end if
+    if (work%has_gyroscopic .and. .not. allocated(error)) then
+      allocate (matrices(last)%slices(1))
+      matrices(last)%is_skew = .true.
+      call work%read_matrix('gyroscopic', matrices(last)%slices(1), error)
     end if
     if (allocated(error)) return
     call project_matrices(work%split, basis_blocks(work), work%store, panel_columns(work, size(matrices)), work%progress, &
@@ -125,6 +132,7 @@ contains
     if (allocated(error)) return
     call move_alloc(matrices(1)%reduced, model%stiffness)
     if (work%has_damping) call move_alloc(matrices(2)%reduced, model%damping)
+    if (work%has_gyroscopic) call move_alloc(matrices(last)%reduced, model%gyroscopic)
     call move_alloc(work%vectors, model%vectors)
   end subroutine take_projection_step
 

@@ -34,7 +34,8 @@ module attrito_reduce_workspace
     type(progress_type) :: progress
     type(reduction_options_type) :: options
     type(reduction_report_type) :: report
-    logical :: has_damping = .false.
+    !> Beside stiffness and mass
+    logical :: has_damping = .false., has_gyroscopic = .false.
     !> Columns treated at a time
     integer :: block_size = 1
     !> Loads and monitors: this rank's rows
@@ -111,14 +112,18 @@ contains
     !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     type(hdf5_file_type) :: file
-    integer :: sizes(3), extent(1), length, i
-    character(9), parameter :: names(3) = [character(9) :: 'stiffness', 'mass', 'damping']
+    integer :: sizes(4), extent(1), length, i
+    logical :: there(4)
+    character(10), parameter :: names(4) = [character(10) :: 'stiffness', 'mass', 'damping', 'gyroscopic']
 
     n = 0
     call open_file(file, ranks%handle, self%path, error)
     if (allocated(error)) return
     self%has_damping = exists_in_file(file, '/damping/row_offsets')
-    do i = 1, merge(3, 2, self%has_damping)
+    self%has_gyroscopic = exists_in_file(file, '/gyroscopic/row_offsets')
+    there = [.true., .true., self%has_damping, self%has_gyroscopic]
+    do i = 1, size(names)
+      if (.not. there(i)) cycle
       extent = array_shape(file, '/'//trim(names(i))//'/row_offsets', error)
       if (allocated(error)) exit
       sizes(i) = extent(1) - 1
@@ -126,8 +131,8 @@ contains
     call close_file(file)
     if (allocated(error)) return
     n = sizes(1)
-    if (.not. self%has_damping) sizes(3) = n
-    if (any(sizes /= n)) call raise(error, self%path//': mass, stiffness and damping differ in size', fault_of_input)
+    if (any(there .and. sizes /= n)) call raise(error, self%path//': mass, stiffness, damping or gyroscopic differ in size', &
+                                                fault_of_input)
     length = size(vectors, 1)
     call ranks%broadcast_integer(length)
     if (allocated(error) .or. size(vectors, 2) == 0 .or. length == n) return
@@ -137,7 +142,7 @@ contains
   !> Read a matrix of the full model; the caller destroys it.
   subroutine read_matrix(self, name, matrix, error)
     class(workspace_type), intent(in) :: self
-    !> `stiffness`, `mass` or `damping`
+    !> `stiffness`, `mass`, `damping` or `gyroscopic`
     character(*), intent(in) :: name
     !> Matrix, spread over the ranks
     type(tMat), intent(out) :: matrix

@@ -17,8 +17,8 @@ module attrito_reduce_write_rom
   public :: reduced_model_type, write_rom
 
   type :: reduced_model_type
-    !> Reduced matrices [m, m]; damping only where the model has one
-    real(wp), allocatable :: mass(:, :), stiffness(:, :), damping(:, :)
+    !> Reduced matrices [m, m]; damping and that of Coriolis forces at unit speed only where the model has them
+    real(wp), allocatable :: mass(:, :), stiffness(:, :), damping(:, :), gyroscopic(:, :)
     !> Loads and monitors: this rank's rows [rows, vectors], and projected [m, vectors]
     real(wp), allocatable :: vectors(:, :), reduced_vectors(:, :)
   end type reduced_model_type
@@ -81,7 +81,7 @@ contains
     integer(int64) :: m
 
     m = coordinates
-    numbers_of = m*in_chunks(kept) + vectors*in_chunks(n) + 3*m**2 + m*(vectors + 6) + 2*receptances
+    numbers_of = m*in_chunks(kept) + vectors*in_chunks(n) + 4*m**2 + m*(vectors + 6) + 2*receptances
   contains
     !> A row of so many numbers, in whole chunks.
     pure integer(int64) function in_chunks(width)
@@ -117,8 +117,13 @@ contains
     call write_array(file, '/mass', model%mass, 'reduced mass matrix', 'user mass', error)
     if (.not. allocated(error)) call write_array(file, '/stiffness', model%stiffness, 'reduced stiffness matrix', &
                                                  'user force per length', error)
-    if (allocated(error) .or. .not. allocated(model%damping)) return
-    call write_array(file, '/damping', model%damping, 'reduced damping matrix', 'user force per velocity', error)
+    if (allocated(model%damping) .and. .not. allocated(error)) &
+      call write_array(file, '/damping', model%damping, 'reduced damping matrix', 'user force per velocity', error)
+    if (.not. allocated(model%gyroscopic) .or. allocated(error)) return
+    ! A column here is a row of the file.
+    call write_array(file, '/gyroscopic', transpose(model%gyroscopic), &
+                     'reduced matrix G of the Coriolis forces, skew, at a speed of rotation of 1 rad per unit of time', &
+                     'user mass', error)
   end subroutine write_matrices
 
   subroutine write_coordinates(file, split, modes, report, error)

@@ -95,6 +95,7 @@ contains
     real(wp), intent(in) :: clock
     type(wave_modes_type) :: self
     complex(wp), allocatable :: shapes(:, :)
+    integer :: r
 
     associate (n => modes%count, sector => structure%sector)
       self%eigenvalues = (modes%omega(:n)/clock)**2
@@ -102,10 +103,28 @@ contains
       shapes = modes%modes(:, :n)/spread(sqrt(modes%modal_mass(:n)), 1, size(modes%modes, 1))
       ! A unit of force accelerates by the clock's square less.
       self%rows = matmul(conjg(transpose(shapes)), sector%project_rows(contacts%directions, diameter))/clock
-      if (structure%damping_kind == damping_viscous) then
-        self%coupling = matmul(conjg(transpose(shapes)), matmul(sector%couple(structure%damping, diameter), shapes))/clock
+      if (structure%damping_kind == damping_viscous) self%coupling = in_shapes(structure%damping)
+      if (allocated(structure%gyroscopic)) then
+        if (.not. allocated(self%coupling)) then
+          allocate (self%coupling(n, n), source=(0.0_wp, 0.0_wp))
+          do r = 1, n
+            self%coupling(r, r) = self%damping(r)
+          end do
+        end if
+        self%coupling = self%coupling + in_shapes(structure%gyroscopic)
       end if
     end associate
+
+  contains
+
+    !> Phi^H S^H A S Phi in the clock's time [n, n].
+    pure function in_shapes(matrix) result(coupled)
+      !> A, of the sector's coordinates [m, m]
+      real(wp), intent(in) :: matrix(:, :)
+      complex(wp), allocatable :: coupled(:, :)
+
+      coupled = matmul(conjg(transpose(shapes)), matmul(structure%sector%couple(matrix, diameter), shapes))/clock
+    end function in_shapes
   end function wave_modes
 
   !> What every row moves by a unit of each force, R(s) [2 K + 1, forces, rows].

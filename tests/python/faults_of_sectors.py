@@ -188,11 +188,6 @@ CONTACTS = [
 ]
 NOT_TAKEN = [
     Case(
-        "a sector with Coriolis forces",
-        put("cyclic", coriolis=True),
-        ("job.toml: [cyclic] coriolis = True: expected false, as there are no Coriolis forces yet, with [cyclic]",),
-    ),
-    Case(
         "a sector whose orbit in time is examined",
         put("stability", method="monodromy", orbit="exact"),
         ('job.toml: [stability] orbit = \'exact\': expected "balance" or "auto", which here is the same',),
@@ -204,4 +199,82 @@ NOT_TAKEN = [
     ),
 ]
 
-SECTOR = [replace(case, base=lumped_sector) for case in NUMBERS + SPINS + BOUNDARIES + CONTACTS + NOT_TAKEN]
+
+def turning(name):
+    """Add a centrifugal load."""
+
+    def change(job):
+        load = {"name": name, "kind": "centrifugal", "speed_hz": 10.0, "axis_point": [0.0, 0.0, 0.0]}
+        job["load"].append(load | {"axis_direction": [0.0, 0.0, 1.0]})
+
+    return change
+
+
+SKEW = [[0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 2.0, 0.0], [0.0, -2.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0]]
+CORIOLIS = [
+    Case(
+        "Coriolis forces of no speed",
+        put("cyclic", coriolis=True),
+        (
+            "job.toml: [cyclic] coriolis = True: expected false without a [[load]] of kind centrifugal, whose speed"
+            " they are of, or [model] gyroscopic",
+        ),
+    ),
+    Case(
+        "Coriolis forces of a speed that is not reached",
+        both(put("cyclic", coriolis=True), turning("spin"), put("static", load_path=[0.0, 0.5])),
+        (
+            "job.toml: [static] load_path[1] = 0.5: expected 1 at the end for spin: the Coriolis forces are of its"
+            " speed_hz",
+        ),
+    ),
+    Case(
+        "Coriolis forces of two speeds",
+        both(put("cyclic", coriolis=True), turning("spin"), turning("more")),
+        (
+            "job.toml: load[2] kind = 'centrifugal': expected one centrifugal load with Coriolis forces, which are of"
+            " its speed",
+        ),
+    ),
+    Case(
+        "a matrix of Coriolis forces that nobody asks for",
+        put("model", gyroscopic=SKEW),
+        ("job.toml: [cyclic] coriolis = False: expected true, to go with [model] gyroscopic",),
+    ),
+    Case(
+        "a speed of no matrix",
+        put("model", gyroscopic_hz=10.0),
+        ("job.toml: [model] gyroscopic_hz = 10.0: expected no such key without gyroscopic",),
+    ),
+    Case(
+        "a matrix of Coriolis forces that is not skew",
+        both(put("cyclic", coriolis=True), put("model", gyroscopic=[[abs(x) for x in row] for row in SKEW])),
+        (
+            "job.toml: [model] gyroscopic = '2 and 2 at (1, 2) and its mirror image': expected a skew matrix, G^T = -G"
+            " (to 1e-09 of its largest entry)",
+        ),
+    ),
+    Case(
+        "a matrix of Coriolis forces of another size",
+        both(put("cyclic", coriolis=True), put("model", gyroscopic=[[0.0, 1.0], [-1.0, 0.0]])),
+        ("job.toml: [model] gyroscopic = '2 x 2': expected",),
+    ),
+    Case(
+        "a nonlinear mode with Coriolis forces",
+        both(
+            put("cyclic", coriolis=True),
+            put("model", gyroscopic=SKEW),
+            put("mode", start=1e-3, stop=1e-2),
+        ),
+        ("job.toml: [mode] method = 'epmc': expected no table [mode]: modes are followed without Coriolis forces",),
+    ),
+    Case(
+        "a backbone with Coriolis forces",
+        both(
+            put("cyclic", coriolis=True), put("model", gyroscopic=SKEW), put("peak", start=1.0, stop=2.0, backbone=True)
+        ),
+        ("job.toml: [peak] backbone = True: expected false: backbones are without Coriolis forces",),
+    ),
+]
+
+SECTOR = [replace(case, base=lumped_sector) for case in NUMBERS + SPINS + BOUNDARIES + CONTACTS + NOT_TAKEN + CORIOLIS]

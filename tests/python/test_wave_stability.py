@@ -7,36 +7,19 @@ import pytest
 from cyclic_scenes import random_sector
 from jobs import run, table
 from mpi4py import MPI
-from scipy.optimize import linear_sum_assignment
+from multipliers import HILL, MONODROMY, examined, farthest
 from wheels import lumped_sector
 
-from attrito.library.names import ENGINES, MULTIPLIER_KINDS, ORBITS
 from attrito.library.session import Options, Solver, StoredPoint
-from attrito.runs.stability import examine_point, fetch_multipliers, fetch_wavenumbers
 from attrito.scene.wheel import wave_in_wheel, whole_wheel
 
 FREQUENCY, LEVEL = 0.15, 1.0
-MONODROMY, HILL = ENGINES["monodromy"], ENGINES["hill"]
-FLOQUET = MULTIPLIER_KINDS.index("floquet")
 
 
 def solver_of(scene, tangents=1):
     solver = Solver(MPI.COMM_SELF, scene, Options(harmonics=5, samples=120, by_events=tangents == 1, tolerance=1e-12))
     solver.follow_static_path(np.array([[0.0], [1.0]]), 10, FREQUENCY)
     return solver
-
-
-def examined(solver, methods):
-    """Verdict, reason, change, and by engine multipliers, wavenumbers and how many of each kind."""
-    report, reason = examine_point(solver, methods, ORBITS["balance"])
-    found = {}
-    for engine, count in ((MONODROMY, report.monodromy), (HILL, report.hill)):
-        if count:
-            real, imaginary, kind = fetch_multipliers(solver, engine, count)
-            chosen = kind == FLOQUET
-            waves = fetch_wavenumbers(solver, engine, count)[chosen]
-            found[engine] = (real + 1j * imaginary)[chosen], waves, np.bincount(kind, minlength=3)
-    return report.verdict, reason, report.change, found
 
 
 def in_wheel(sectors, engine_order, seed, tangents=1, level=LEVEL, methods=MONODROMY):
@@ -51,13 +34,6 @@ def in_wheel(sectors, engine_order, seed, tangents=1, level=LEVEL, methods=MONOD
         start = StoredPoint(FREQUENCY, wave_in_wheel(motion, scene.sector), np.zeros((2 * sectors, 2)))
         assert solver.start_from(start, level)
         return sector, examined(solver, MONODROMY)
-
-
-def farthest(one, other):
-    """The largest distance of partners."""
-    assert len(one) == len(other)
-    distance = np.abs(one[:, None] - other[None, :])
-    return distance[linear_sum_assignment(distance)].max()
 
 
 # The fourth and fifth leave the wave as it is by rotations of two and of three sectors; unstable: all but the third.

@@ -84,7 +84,7 @@ contains
     integer :: status
 
     direct = new_receptance_direct(scene%structure, stuck_stiffness(scene%contacts, scene%structure%stiffness, .true.), &
-                                   scene%structure%mass(:, :0), scene%contacts%directions, harmonics)
+                                   scene%structure%mass(:, :0), scene%contacts%directions, harmonics, [real(wp) ::])
     call direct%set_frequency(omega, status)
     response = response_of(direct, force)
   end function dense_response

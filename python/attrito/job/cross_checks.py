@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from attrito.job.coriolis import check_coriolis
 from attrito.job.cyclic import check_cyclic
 from attrito.job.fewer_contacts import check_contacts
 from attrito.job.job import Job, campbell_path, files_by_key, mode_path, model_path, peak_path, rom_path
@@ -35,6 +36,7 @@ def cross_check(job: Job, earlier: list[Fault], excited: bool = True) -> list[Fa
         check_contacts,
         check_sensitivity,
         check_cyclic,
+        check_coriolis,
         _check_monitors,
         _check_inputs,
         _check_outputs,
@@ -62,7 +64,7 @@ def _check_model(job: Job) -> list[Fault]:
                 for name, other in (("mass", "stiffness"), ("stiffness", "mass"))
                 if model[name] is None
             ]
-    elif any(model[name] is not None for name in ("mass", "stiffness", "damping")):
+    elif any(model[name] is not None for name in ("mass", "stiffness", "damping", "gyroscopic")):
         faults.append(job.fault("[model] file", model["file"], "no matrices beside a model file"))
     kinds = [name for name, value in damping.items() if value is not None]
     if len(kinds) > 1:

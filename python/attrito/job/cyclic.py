@@ -28,6 +28,12 @@ def folded_diameter(sectors: int, engine_order: int) -> int:
     return min(number, sectors - number)
 
 
+def excited_diameter(sectors: int, engine_order: int) -> int:
+    """The nodal diameter that an engine order excites, below 0 of a wave running backward."""
+    number = nodal_diameter(sectors, engine_order)
+    return number - sectors if 2 * number > sectors else number
+
+
 def nodal_diameter_in_words(sectors: int, engine_order: int) -> str:
     """The nodal diameter of the first harmonic, and which way it runs."""
     number = nodal_diameter(sectors, engine_order)
@@ -67,7 +73,6 @@ def take_no_sector(job: Job, command: str) -> None:
 def _not_with_a_sector(job: Job) -> list[tuple[str, str, bool, str]]:
     """Table, key, whether it is at fault, and what is expected."""
     return [
-        ("cyclic", "coriolis", job["cyclic"]["coriolis"], "false, as there are no Coriolis forces yet,"),
         ("balance", "contacts", job["balance"]["contacts"] == "auto", '"all": patches are not of a travelling wave,'),
         ("stability", "orbit", job["stability"]["orbit"] == "exact", '"balance" or "auto", which here is the same,'),
     ]

@@ -14,7 +14,12 @@ OF_CONTACTS = {
     "preload": "force",
 }
 UNITS = {
-    "model": {"mass": "mass", "stiffness": "force/length", "damping": "force*time/length"},
+    "model": {
+        "mass": "mass",
+        "stiffness": "force/length",
+        "damping": "force*time/length",
+        "gyroscopic": "force*time/length",
+    },
     "damping": {"rayleigh": "1/time, time", "ratio": "1", "loss_factor": "1"},
     "reduction": {"error": "1"},
     "contact": OF_CONTACTS

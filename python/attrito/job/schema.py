@@ -86,6 +86,15 @@ TABLES: dict[str, dict[str, Key]] = {
         ),
         "stiffness": Key(matrix, None, "likewise"),
         "damping": Key(matrix, None, "likewise, viscous; may be left out"),
+        "gyroscopic": Key(
+            matrix,
+            None,
+            "likewise, of the Coriolis forces in axes that turn, G of M q'' + (C + G) q' + K q = f, skew, at the job's"
+            " speed of rotation ([cyclic.md](cyclic.md#coriolis-forces)); may be left out",
+        ),
+        "gyroscopic_hz": Key(
+            frequency(), None, "with `gyroscopic`: the speed that it is of, which `attrito campbell` needs"
+        ),
         "units": Key(
             unit_set,
             None,
@@ -189,7 +198,12 @@ TABLES: dict[str, dict[str, Key]] = {
             " they do, or as many as natural frequencies with the error of `[reduction]` ask for"
             " ([cyclic.md](cyclic.md#boundaries))",
         ),
-        "coriolis": Key(boolean, False, "Coriolis forces, at the speed of the centrifugal load (not yet: false)"),
+        "coriolis": Key(
+            boolean,
+            False,
+            "Coriolis forces, at the speed of the centrifugal load, or those of `[model] gyroscopic`"
+            " ([cyclic.md](cyclic.md#coriolis-forces))",
+        ),
     },
     "static": {
         "load_path": Key(
@@ -501,7 +515,13 @@ ARRAYS: dict[str, dict[str, Key]] = {
         "spin_softening": Key(
             boolean,
             False,
-            "centrifugal: take Omega^2 P M P from the stiffness, P what is across the axis; no Coriolis forces",
+            "centrifugal: take Omega^2 P M P from the stiffness, P what is across the axis",
+        ),
+        "coriolis": Key(
+            boolean,
+            False,
+            "centrifugal: Coriolis forces on a whole model; of a sector `[cyclic] coriolis`"
+            " ([cyclic.md](cyclic.md#coriolis-forces))",
         ),
     },
 }
@@ -510,5 +530,5 @@ REQUIRED_TABLES = ("model", "sweep", "output")
 LOAD_KEYS = {
     "static": {"name", "kind", "dofs", "file"},
     "harmonic": {"name", "kind", "harmonic", "cosine", "sine"},
-    "centrifugal": {"name", "kind", "speed_hz", "axis_point", "axis_direction", "spin_softening"},
+    "centrifugal": {"name", "kind", "speed_hz", "axis_point", "axis_direction", "spin_softening", "coriolis"},
 }

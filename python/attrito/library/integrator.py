@@ -119,7 +119,10 @@ class Integrator:
             scene.monitors,
         ]
         mass, stiffness, *vectors = (np.ascontiguousarray(array, dtype=float) for array in arrays)
-        damping = None if scene.damping is None else np.ascontiguousarray(scene.damping, dtype=float)
+        damping, gyroscopic = (
+            None if matrix is None else np.ascontiguousarray(matrix, dtype=float)
+            for matrix in (scene.damping, scene.gyroscopic)
+        )
         raw = RawScene(
             len(mass),
             self.contacts,
@@ -131,7 +134,7 @@ class Integrator:
             scene.damping_value,
             mass.ctypes.data,
             stiffness.ctypes.data,
-            None if damping is None else damping.ctypes.data,
+            *(None if matrix is None else matrix.ctypes.data for matrix in (damping, gyroscopic)),
             ctypes.cast(laws, ctypes.c_void_p),
             *(vector.ctypes.data for vector in vectors),
         )

@@ -88,6 +88,7 @@ class ReducedScene:
     monitor_names : their names
     reduction : fingerprint of the reduced model; empty without one
     sector : None where the model is a whole one
+    gyroscopic : G of the Coriolis forces at the speed of the job, `[m, m]`, skew; None without them
     """
 
     mass: np.ndarray
@@ -103,6 +104,13 @@ class ReducedScene:
     monitor_names: list[str]
     reduction: str = ""
     sector: Sector | None = None
+    gyroscopic: np.ndarray | None = None
+
+    def turning(self, factor: float) -> ReducedScene:
+        """The same with the Coriolis forces of another speed, so many times the scene's own."""
+        if self.gyroscopic is None:
+            return self
+        return replace(self, gyroscopic=np.ascontiguousarray(factor * self.gyroscopic))
 
     @property
     def coordinates(self) -> int:
@@ -114,7 +122,7 @@ class ReducedScene:
 
     def has_the_modes_of(self, other: ReducedScene) -> bool:
         """Whether two scenes differ in `FREE_OF_MODES` alone."""
-        plain = ("mass", "stiffness", "damping", "directions", "static", "harmonic", "monitors")
+        plain = ("mass", "stiffness", "damping", "gyroscopic", "directions", "static", "harmonic", "monitors")
         same = all(
             getattr(self, name) == getattr(other, name) for name in ("damping_kind", "damping_value", "monitor_names")
         )
@@ -133,12 +141,16 @@ def all_alike(scene: ReducedScene) -> ReducedScene:
     if scene.sector is None:
         return scene
     tie = scene.sector.expansion(len(scene.mass), 0).toarray().real
-    damping = None if scene.damping is None else np.ascontiguousarray(tie.T @ scene.damping @ tie)
+    damping, gyroscopic = (
+        None if matrix is None else np.ascontiguousarray(tie.T @ matrix @ tie)
+        for matrix in (scene.damping, scene.gyroscopic)
+    )
     return replace(
         scene,
         mass=np.ascontiguousarray(tie.T @ scene.mass @ tie),
         stiffness=np.ascontiguousarray(tie.T @ scene.stiffness @ tie),
         damping=damping,
+        gyroscopic=gyroscopic,
         directions=np.ascontiguousarray((scene.directions + scene.sector.next_directions) @ tie),
         static=np.ascontiguousarray(scene.static @ tie),
         harmonic=np.ascontiguousarray(scene.harmonic @ tie),

@@ -137,6 +137,8 @@ class Solver:
                 damping,
             )
         )
+        if scene.gyroscopic is not None:
+            self._library.attrito_set_gyroscopic(self._handle, m, pointer(scene.gyroscopic))
         self._library.attrito_set_loads(
             self._handle,
             len(scene.static),
@@ -351,6 +353,11 @@ class Solver:
     def sector(self) -> Sector | None:
         """What makes the scene one of N sectors; None: it is whole."""
         return self._scene.sector
+
+    @property
+    def has_coriolis(self) -> bool:
+        """Whether there are Coriolis forces."""
+        return self._scene.gyroscopic is not None
 
     def linear_modes(self, reference: str, count: int) -> LinearModes:
         """The lowest modes, at most `count`, of one of `REFERENCES`; `tangent` after the static path."""

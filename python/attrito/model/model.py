@@ -20,6 +20,7 @@ class Model:
     ----------
     stiffness, mass, damping : `[n, n]`, both triangles; damping may be absent; all None where a file was read
         without its matrices
+    gyroscopic : G of the Coriolis forces at 1 rad/s, `[n, n]`, skew; None where it is not known or not asked for
     dof_node, dof_direction : `[n]`, node id and direction of each dof (1, 2, 3 for displacements along x, y, z; 4, 5, 6
         for rotations about them; 0 for generalised coordinates, whose node is a number of their own); None where dofs
         are only numbered
@@ -46,6 +47,7 @@ class Model:
     size: int = 0
     stiffness_holds: tuple[str, ...] = ()
     spin_hz: float | None = None
+    gyroscopic: csr_matrix | None = None
 
     def __post_init__(self) -> None:
         if self.stiffness is not None:

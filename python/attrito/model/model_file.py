@@ -27,6 +27,7 @@ MATRICES = {
     "stiffness": ("stiffness matrix", "user force/length"),
     "mass": ("mass matrix", "user mass"),
     "damping": ("viscous damping matrix", "user force*time/length"),
+    "gyroscopic": ("matrix of the Coriolis forces at a speed of rotation of 1 rad per unit of time", "user mass"),
 }
 
 
@@ -145,6 +146,7 @@ class _Reader:
         size = len(offsets) - 1
         read = {name: self.matrix(name, size) for name in MATRICES if matrices and self.wanted(name)}
         model = Model(read.get("stiffness"), read.get("mass"), read.get("damping"), size=size)
+        model.gyroscopic = read.get("gyroscopic")
         self.holdings(model)
         if "dofs" in self.file:
             self.dofs(model)
@@ -215,7 +217,7 @@ class _Reader:
         model.elastic[kind] = np.column_stack(constants)
 
     def wanted(self, name: str) -> bool:
-        return name != "damping" or name in self.file
+        return name in ("stiffness", "mass") or name in self.file
 
     def array(self, name: str, dimensions: int, unknown: bool = False) -> np.ndarray:
         """A dataset; `unknown`: it may hold NaN."""

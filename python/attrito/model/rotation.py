@@ -5,8 +5,7 @@ In the frame that turns with speed Omega about an axis a through a point p, smal
     f = Omega^2 M P (x - p),    K - Omega^2 P M P,    P = 1 - a a^T at every node,
 
 P (x - p) being the vector from the axis: the mass times the acceleration of a point in a turning frame, which is
-x'' + 2 Omega a x x' - Omega^2 P (x - p). The Coriolis term 2 Omega a x q' is neglected: it couples motions across the
-axis and matters where Omega comes near the frequencies of vibration.
+x'' + 2 Omega a x x' - Omega^2 P (x - p). The Coriolis term 2 Omega a x q' is in `coriolis`.
 
 Held dofs have no row: a node beside a support misses the mass that it shares with it, in the load as in the softening.
 """

@@ -16,11 +16,12 @@ from typing import TYPE_CHECKING
 import h5py
 import numpy as np
 
-from attrito.job.cyclic import folded_diameter, is_cyclic
+from attrito.job.coriolis import take_no_coriolis
+from attrito.job.cyclic import excited_diameter, folded_diameter, is_cyclic
 from attrito.job.job import Job, campbell_path, model_path
 from attrito.job.reading import read_job
 from attrito.modes.crossings import Crossing, crossings
-from attrito.modes.families import KINDS, Family, families_of
+from attrito.modes.families import KINDS, Family, families_of, meaning_of_diameters
 from attrito.modes.scene_at_rest import Prepared, prepare, solver_at_rest
 from attrito.plots.campbell import campbell_diagram
 from attrito.plots.style import save
@@ -113,6 +114,8 @@ def campbell_job(comm: Comm, path: str | Job, picture: str | None = None) -> str
 
 
 def _checked(job: Job) -> Job:
+    if not is_cyclic(job):
+        take_no_coriolis(job, "campbell on a whole model")
     if "campbell" not in job.given:
         raise InputError(job.fault("[campbell]", "missing", "this table, with speeds_hz"))
     if job["balance"]["contacts"] == "auto":
@@ -132,7 +135,8 @@ def _prepared(
     if not varies:
         own = prepare(comm, job, None if scene is None else scene.at(speeds[-1]), progress)
         for speed in speeds:
-            yield speed, replace(own, load_path=on_root(comm, lambda at=speed: scene.load_path(at)))
+            reduced = own.reduced.turning(speed / speeds[-1] if speeds[-1] else 1.0)
+            yield speed, replace(own, reduced=reduced, load_path=on_root(comm, lambda at=speed: scene.load_path(at)))
         return
     with _folder(comm, job) as folder:
         for number, speed in enumerate(speeds):
@@ -178,16 +182,23 @@ def engine_orders(job: Job) -> list[int]:
     return sorted({*ORDERS, *own} - {0})
 
 
+def _excited(job: Job, order: int) -> int:
+    """The nodal diameter of an engine order; where waves both ways differ it runs as that of the job does."""
+    sectors = job["cyclic"]["sectors"]
+    if not job["cyclic"]["coriolis"]:
+        return folded_diameter(sectors, order)
+    return excited_diameter(sectors, -order if job["cyclic"]["engine_order"] < 0 else order)
+
+
 def crossings_of(job: Job, found: list[AtSpeed]) -> list[Crossing]:
     """Critical speeds, lowest first: of each nodal diameter by the engine orders that excite it."""
     speeds = np.array([one.speed_hz for one in found])
     met = []
     for at_each in zip(*(one.families for one in found), strict=True):
         diameter = at_each[0].diameter
-        orders = engine_orders(job)
-        if diameter is not None:
-            orders = [order for order in orders if folded_diameter(job["cyclic"]["sectors"], order) == diameter]
-        met += crossings(speeds, np.array([family.modes.natural_hz for family in at_each]), orders, diameter)
+        differ = diameter is not None and any(family.diameter == -diameter != 0 for family in found[0].families)
+        orders = [order for order in engine_orders(job) if diameter is None or _excited(job, order) == diameter]
+        met += crossings(speeds, np.array([one.modes.natural_hz for one in at_each]), orders, diameter, differ)
     return sorted(met, key=lambda one: (one.speed_hz, one.engine_order))
 
 
@@ -241,7 +252,7 @@ def _write_modes(file: h5py.File, rows: list[tuple[AtSpeed, Family, int]]) -> No
 
     described(file, "points/speed_hz", "speed of rotation", "Hz", data=column(lambda at, family, i: at.speed_hz, float))
     if rows and rows[0][1].diameter is not None:
-        what = "nodal diameter; those above 0 and below N/2 stand for N - n too, the wave the other way round"
+        what = meaning_of_diameters(family for _, family, _ in rows)
         described(file, "points/nodal_diameter", what, data=column(lambda at, family, i: family.diameter, np.int32))
     described(
         file,

@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 import h5py
 import numpy as np
 
+from attrito.job.coriolis import take_no_coriolis
+from attrito.job.cyclic import is_cyclic
 from attrito.job.job import Job, linear_modes_path, model_path
 from attrito.job.reading import read_job
 from attrito.job.sensitivity import parameters_of
 from attrito.library.session import Solver
-from attrito.modes.families import KINDS, Family, families_of
+from attrito.modes.families import KINDS, Family, families_of, meaning_of_diameters
 from attrito.modes.frequency_slopes import frequency_slopes, spring_rates
 from attrito.modes.scene_at_rest import Prepared, prepare, solver_at_rest
 from attrito.results.derivatives import derivative_columns
@@ -48,7 +50,7 @@ def linear_modes_job(comm: Comm, path: str | Job, state: str = "tangent", count:
     the file's path
     """
     progress = Progress(comm)
-    job = on_root(comm, lambda: read_job(path, excited=False))
+    job = on_root(comm, lambda: _checked(read_job(path, excited=False)))
     scene = on_root_only(comm, lambda: build_scene(job))
     file = linear_modes_path(job)
     with writing_alone(comm, file):
@@ -67,6 +69,12 @@ def linear_modes_job(comm: Comm, path: str | Job, state: str = "tangent", count:
 
     on_root(comm, show)
     return file
+
+
+def _checked(job: Job) -> Job:
+    if not is_cyclic(job):
+        take_no_coriolis(job, "linear-modes on a whole model")
+    return job
 
 
 def _slopes(
@@ -124,7 +132,7 @@ def _write(
         described(file, "points/frequency_hz", "natural frequency", "Hz", data=frequency)
         if sector is not None:
             diameter = np.repeat([family.diameter for family in families], [len(modes.natural_hz) for modes in of_all])
-            what = "nodal diameter; those above 0 and below N/2 stand for N - n too, the wave the other way round"
+            what = meaning_of_diameters(families)
             described(file, "points/nodal_diameter", what, data=diameter.astype(np.int32))
         ratio = "of the structure's own damping, x^H C x / (2 omega); 0 of rigid-body modes"
         described(file, "points/damping_ratio", ratio, data=np.concatenate([modes.damping_ratio for modes in of_all]))

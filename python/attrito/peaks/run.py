@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import brentq
 
+from attrito.job.coriolis import asking_key
 from attrito.job.fewer_contacts import take_all_contacts
 from attrito.job.job import Job, peak_path
 from attrito.library.peak_tracker import Peak, PeakTracker
@@ -285,8 +286,8 @@ def _check(job: Job) -> None:
             faults.append(job.fault("[peak] parameter", "preload", expected))
         if not any(load["kind"] in ("static", "centrifugal") for load in job["load"]):
             faults.append(job.fault("[peak] parameter", "preload", '"level", since the job has no static load'))
-        if any(load["spin_softening"] for load in job["load"]):
-            expected = '"level": spin softening belongs to one speed, and so to one preload'
+        if any(load["spin_softening"] for load in job["load"]) or asking_key(job) is not None:
+            expected = '"level": spin softening and Coriolis forces belong to one speed, and so to one preload'
             faults.append(job.fault("[peak] parameter", "preload", expected))
     elif keys["level"] != 1.0:
         faults.append(job.fault("[peak] level", keys["level"], 'no such key but with parameter = "preload"'))

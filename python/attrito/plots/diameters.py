@@ -50,6 +50,25 @@ def folded(engine_order: np.ndarray | int, sectors: int) -> np.ndarray:
     return np.minimum(rest, sectors - rest)
 
 
+def excited(engine_order: np.ndarray | int, sectors: int, way: int) -> np.ndarray:
+    """The nodal diameter that an engine order excites, below 0 of a wave running backward.
+
+    Parameters
+    ----------
+    way : 1 where engine orders run forward, -1 backward; 0: whichever way, as without Coriolis forces
+    """
+    if way == 0:
+        return folded(engine_order, sectors)
+    rest = np.mod(way * np.asarray(engine_order), sectors)
+    return np.where(2 * rest > sectors, rest - sectors, rest)
+
+
+def way_of(result: Result) -> int:
+    """Which way the job's engine order runs, 1 or -1, where modes of waves both ways differ; else 0."""
+    parted = np.any(result.array("/points/nodal_diameter") < 0)
+    return (-1 if int(result.attribute("engine_order")) < 0 else 1) if parted else 0
+
+
 def zigzag(sectors: int, speed_hz: float, highest_hz: float) -> np.ndarray:
     """Corners of the line of engine orders up to a frequency, `[corners, 2]`: nodal diameter and Hz."""
     last = highest_hz / speed_hz
@@ -60,13 +79,15 @@ def zigzag(sectors: int, speed_hz: float, highest_hz: float) -> np.ndarray:
     return np.column_stack([folded(corners, sectors), corners * speed_hz])
 
 
-def meetings(diameter: np.ndarray, frequency_hz: np.ndarray, sectors: int, speed_hz: float) -> list[Meeting]:
-    """Modes that some engine order comes as near to as `MARGIN`, at its own nodal diameter."""
+def meetings(
+    diameter: np.ndarray, frequency_hz: np.ndarray, sectors: int, speed_hz: float, way: int = 0
+) -> list[Meeting]:
+    """Modes that some engine order comes as near to as `MARGIN`, at its own nodal diameter; `way` as in `excited`."""
     found = []
     for n, hz in zip(diameter, frequency_hz, strict=True):
         low, high = (hz * (1.0 + sign * MARGIN) / speed_hz for sign in (-1.0, 1.0))
         orders = np.arange(max(int(np.ceil(low)), 1), int(high) + 1)
-        found += [Meeting(int(e), int(n), float(hz)) for e in orders[folded(orders, sectors) == n]]
+        found += [Meeting(int(e), int(n), float(hz)) for e in orders[excited(orders, sectors, way) == n]]
     return found
 
 
@@ -80,7 +101,8 @@ def speed_of(result: Result) -> tuple[float | None, str]:
     if speeds:
         return float(speeds[0]), "the job's speed"
     order, sectors = abs(int(result.attribute("engine_order"))), int(result.attribute("sectors"))
-    elastic = (result.array("/points/kind") == 0) & (result.array("/points/nodal_diameter") == folded(order, sectors))
+    own = result.array("/points/nodal_diameter") == excited(order, sectors, way_of(result))
+    elastic = (result.array("/points/kind") == 0) & own
     if order == 0 or not np.any(elastic):
         return None, ""
     return float(result.array("/points/frequency_hz")[elastic].min() / order), f"where engine order {order} is critical"
@@ -98,19 +120,29 @@ def diameter_diagram(result: Result, speed_hz: float | None = None, look: Look |
     with matplotlib.rc_context(look.style()):
         figure = look.figure((6.4, 4.8))
         axes = figure.subplots()
-        _draw_families(axes, diameter, frequency, f"modes, {result.attribute('state')}")
+        _draw_both_ways(axes, diameter, frequency, f"modes, {result.attribute('state')}", sectors)
         axes.set_xlim(-0.4, sectors // 2 + 0.4)
         axes.set_ylim(0.0, 1.08 * max(frequency.max(), 1e-300))
         axes.xaxis.set_major_locator(matplotlib.ticker.MaxNLocator(integer=True))
         if given is not None:
-            _draw_orders(axes, diameter, frequency, sectors, given, what)
+            _draw_orders(axes, meetings(diameter, frequency, sectors, given, way_of(result)), sectors, given, what)
         axes.set_xlabel("Nodal diameter")
         axes.set_ylabel("Frequency (Hz)")
         legend_below(axes, 2)
     return figure
 
 
-def _draw_families(axes: Axes, diameter: np.ndarray, frequency: np.ndarray, label: str) -> None:
+def _draw_both_ways(axes: Axes, diameter: np.ndarray, frequency: np.ndarray, label: str, sectors: int) -> None:
+    """Modes of each diameter; where they differ those of waves running forward and those running backward."""
+    if not np.any(diameter < 0):
+        _draw_families(axes, diameter, frequency, label)
+        return
+    standing = np.mod(2 * diameter, sectors) == 0
+    for own, way, look in ((diameter >= 0, "forward", ".-"), ((diameter < 0) | standing, "backward", "x--")):
+        _draw_families(axes, np.abs(diameter[own]), frequency[own], f"{label}, running {way}", look)
+
+
+def _draw_families(axes: Axes, diameter: np.ndarray, frequency: np.ndarray, label: str, look: str = ".-") -> None:
     """Modes of each diameter as dots, those of equal number joined."""
     numbers = np.array([np.count_nonzero(diameter[:i] == n) for i, n in enumerate(diameter)])
     for number in range(numbers.max(initial=-1) + 1):
@@ -118,7 +150,7 @@ def _draw_families(axes: Axes, diameter: np.ndarray, frequency: np.ndarray, labe
         axes.plot(
             diameter[own],
             frequency[own],
-            ".-",
+            look,
             color=BRANCH_COLOURS[0],
             linewidth=0.8,
             markersize=5,
@@ -126,9 +158,7 @@ def _draw_families(axes: Axes, diameter: np.ndarray, frequency: np.ndarray, labe
         )
 
 
-def _draw_orders(
-    axes: Axes, diameter: np.ndarray, frequency: np.ndarray, sectors: int, speed_hz: float, what: str
-) -> None:
+def _draw_orders(axes: Axes, met: list[Meeting], sectors: int, speed_hz: float, what: str) -> None:
     """The line of engine orders, its reflections, and the modes that are met."""
     line = zigzag(sectors, speed_hz, axes.get_ylim()[1])
     words = f"engine orders at {speed_hz:.4g} Hz" + (f", {what}" if what else "")
@@ -136,9 +166,8 @@ def _draw_orders(
     if len(line) > 2:
         ends = f"reflected at {sectors / 2:g}" + (" and 0" if len(line) > 3 else "")
         axes.plot(*line[1:].T, color=BRANCH_COLOURS[1], linestyle="--", linewidth=1.0, label=ends)
-    met = meetings(diameter, frequency, sectors, speed_hz)
     axes.plot(
-        [one.diameter for one in met],
+        [abs(one.diameter) for one in met],
         [one.frequency_hz for one in met],
         "o",
         markerfacecolor="none",
@@ -151,7 +180,7 @@ def _draw_orders(
         top = max((one for one in met if one.engine_order == order), key=lambda one: one.frequency_hz)
         axes.annotate(
             str(order),
-            (top.diameter, top.frequency_hz),
+            (abs(top.diameter), top.frequency_hz),
             xytext=(0, 7),
             textcoords="offset points",
             ha="center",

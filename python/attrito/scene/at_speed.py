@@ -8,7 +8,7 @@ job's model may hold stress stiffening, softening, or both, of a speed Omega_m; 
     K(Omega) = K_0 + (Omega / Omega_m)^2 (K - K_0).
 
 Softening that the job asks for, or that the stiffness holds alone, is known by itself. Static loads but the centrifugal
-one, and contacts, are those of the job at every speed.
+one, and contacts, are those of the job at every speed. Coriolis forces, where the job asks for them, grow with Omega.
 """
 
 from __future__ import annotations
@@ -71,11 +71,12 @@ class RotatingScene:
 
     def at(self, speed_hz: float) -> Scene:
         """The scene at a speed, its matrices its own."""
+        spin = None if self.scene.spin is None else 2.0 * np.pi * speed_hz
         if self.per_square is None:
-            return replace(self.scene, load_path=self.load_path(speed_hz))
+            return replace(self.scene, load_path=self.load_path(speed_hz), spin=spin)
         stiffness = csr_matrix(self.at_rest + (2.0 * np.pi * speed_hz) ** 2 * self.per_square)
         model = replace(self.scene.model, stiffness=stiffness)
-        return replace(self.scene, model=model, load_path=self.load_path(speed_hz), altered=True)
+        return replace(self.scene, model=model, load_path=self.load_path(speed_hz), altered=True, spin=spin)
 
 
 def rotating_scene(job: Job, scene: Scene) -> RotatingScene:
@@ -113,7 +114,7 @@ def rotating_scene(job: Job, scene: Scene) -> RotatingScene:
         parts.append(-taken)
     cautions = []
     if spinning is None and not parts:
-        cautions.append(NOTHING_TURNS)
+        cautions += [] if scene.spin is not None else [NOTHING_TURNS]
     elif keys["stiffness_at_rest"] is None:
         cautions.append(NO_STIFFENING)
     per_square = csr_matrix(sum(parts[1:], parts[0])) if parts else None
@@ -128,6 +129,9 @@ def _axis(load: dict) -> tuple[np.ndarray, np.ndarray]:
 def _faults(job: Job, model: Model) -> list[Fault]:
     """What is missing, or contradicts another key."""
     faults, keys = [], job["campbell"]
+    if job["model"]["gyroscopic"] is not None and job["model"]["gyroscopic_hz"] is None:
+        expected = "the speed of rotation that gyroscopic is of, with [campbell]"
+        faults.append(job.fault("[model] gyroscopic_hz", "missing", expected))
     spinning = [(i, load) for i, load in enumerate(job["load"]) if load["kind"] == "centrifugal"]
     for i, _ in spinning[1:]:
         faults.append(job.fault(f"load[{i}] kind", "centrifugal", "one centrifugal load with [campbell]"))

@@ -23,6 +23,7 @@ from attrito.model.model_file import read_model
 from attrito.model.pairing import pair_sets
 from attrito.model.pairs import contact_rows
 from attrito.model.sector import beside_the_next, rows_across
+from attrito.scene.coriolis import take_coriolis
 from attrito.scene.dofs import DofResolver
 from attrito.scene.gap_file import read_gaps
 from attrito.scene.loads import build_loads, soften, spin_faults
@@ -65,10 +66,13 @@ def build_scene(job: Job) -> Scene:
     places.faults += spin_faults(job, model)
     if places.faults:
         raise InputError(*places.faults)
+    spin = take_coriolis(job, model, places)
+    if places.faults:
+        raise InputError(*places.faults)
     softened = soften(job, model)
     check_finite(job, contacts, static, harmonic, monitors)
     path = load_path_of(job, list(static))
-    return Scene(model, contacts, static, harmonic, monitors, path, boundary, recovered, sector, softened)
+    return Scene(model, contacts, static, harmonic, monitors, path, boundary, recovered, sector, softened, spin)
 
 
 def check_finite(
@@ -128,7 +132,7 @@ def load_model(job: Job) -> Model:
         where: Any = path
     else:
         sources, where = {}, {}
-        for name in ("stiffness", "mass", "damping"):
+        for name in ("stiffness", "mass", "damping", "gyroscopic"):
             source = keys[name]
             where[name] = job.file(source) if isinstance(source, str) else f"{job.path}: [model]"
             if source is not None:
@@ -136,6 +140,7 @@ def load_model(job: Job) -> Model:
         parts = read_matrices(sources, "[model] {}", job.path)
         model = Model(parts.matrices["stiffness"], parts.matrices["mass"], parts.matrices.get("damping"))
         model.dof_node, model.dof_direction = parts.node, parts.direction
+        model.gyroscopic = parts.matrices.get("gyroscopic")
     # Of a sector's boundaries one may carry the mass of both.
     without_mass = "" if "reduction" in job.given or is_cyclic(job) else STATIC_BY_REDUCTION
     faults = check_matrices(model.stiffness, model.mass, model.damping, where, without_mass=without_mass)

@@ -57,6 +57,7 @@ class Rom:
     kind : of each coordinate, `[m]`: 0 a boundary dof, 1 a mode, 2 a correction
     mode_error : what the modes left out cost the monitors, relative to the largest response; 0 where it is not known
     interface : W of a sector's boundaries, `[k, r]`; None: all their dofs are solved
+    gyroscopic : of the Coriolis forces at 1 rad/s, `[m, m]`; None without them
     """
 
     path: str
@@ -69,6 +70,7 @@ class Rom:
     kind: np.ndarray
     mode_error: float
     interface: np.ndarray | None = None
+    gyroscopic: np.ndarray | None = None
 
 
 def make_rom(
@@ -155,17 +157,19 @@ def _make(
     """Reduce the scene into a file under the lock of it."""
     keys = job["reduction"]
     # The library reads matrices from files; those of an altered stiffness are of use to nobody else.
-    altered = comm.rank == 0 and scene.altered
+    altered = comm.rank == 0 and (scene.altered or scene.spin is not None)
     own = job["model"]["file"] is None
 
     def prepare() -> tuple[str, str, np.ndarray, np.ndarray | None]:
         work = held[0].work
         source = f"{work}.altered" if altered else model_path(job, path)
-        if own or altered:
+        if own:
+            write_model(model_path(job, path), dataclasses.replace(scene.model, gyroscopic=None), [])
+        if altered:
             write_model(source, scene.model, [])
         _check_unfinished(f"{work}.partial")
         say(f"reducing {scene.model.size} dofs onto {len(scene.boundary)} boundary dofs and {_modes_in_words(job)}")
-        scene.model.stiffness = scene.model.mass = scene.model.damping = None
+        scene.model.stiffness = scene.model.mass = scene.model.damping = scene.model.gyroscopic = None
         return source, f"{work}.partial", scene.boundary, scene.recovered
 
     source, partial, boundary, recovered = on_root(comm, prepare)
@@ -261,17 +265,18 @@ def reduced_scene(job: Job, scene: Scene, rom: Rom | None = None) -> ReducedScen
                 )
             )
         mass, stiffness = model.mass.toarray(), model.stiffness.toarray()
-        damping = None if model.damping is None else model.damping.toarray()
+        damping, gyroscopic = (None if one is None else one.toarray() for one in (model.damping, model.gyroscopic))
         vectors = np.array(list(_vectors(scene).values()))
     else:
         mass, stiffness, damping, vectors = rom.mass, rom.stiffness, rom.damping, rom.vectors
+        gyroscopic = rom.gyroscopic
     place = len(mass), None if rom is None else rom.boundary
     interface = None if rom is None else rom.interface
     directions = on_coordinates(scene.contacts.rows, *place)
     axes = solved_axes(scene.sector, *place, interface)
     if axes is not None:
         mass, stiffness = (axes.T @ matrix @ axes for matrix in (mass, stiffness))
-        damping = None if damping is None else axes.T @ damping @ axes
+        damping, gyroscopic = (None if one is None else axes.T @ one @ axes for one in (damping, gyroscopic))
         vectors, directions = vectors @ axes, directions @ axes
     static, harmonic, monitors = np.split(np.ascontiguousarray(vectors, dtype=float), np.cumsum(counts)[:-1])
     kind, value, damping = _damping(job, mass, stiffness, damping)
@@ -286,6 +291,7 @@ def reduced_scene(job: Job, scene: Scene, rom: Rom | None = None) -> ReducedScen
         list(scene.monitors),
         "" if rom is None else rom.fingerprint,
         sector_of(scene, *place, interface, axes),
+        None if scene.spin is None else np.ascontiguousarray(scene.spin * gyroscopic),
     )
 
 
@@ -304,7 +310,7 @@ def _read_rom(path: str, vectors: int, dofs: int, paired: int) -> Rom:
     with stored(path, ROM) as file:
         size = len(file["mass"])
         wanted = {"mass": (size, size), "stiffness": (size, size), "vectors/reduced": (vectors, size)}
-        wanted |= {"damping": (size, size)} if "damping" in file else {}
+        wanted |= {name: (size, size) for name in ("damping", "gyroscopic") if name in file}
         read = {name: file[name][()] for name in wanted}
         boundary, kind = file["boundary/dof"][:], file["coordinates/kind"][:]
         interface = file["interface/basis"][()] if "interface" in file else None
@@ -322,8 +328,9 @@ def _read_rom(path: str, vectors: int, dofs: int, paired: int) -> Rom:
         faults.append(Fault(path, "coordinates/kind", f"shape {kind.shape}", f"one for each of {size} coordinates"))
     if faults:
         raise InputError(*faults)
-    damping, reduced = read.get("damping"), read["vectors/reduced"]
-    return Rom(path, fingerprint, read["mass"], read["stiffness"], damping, reduced, boundary, kind, cost, interface)
+    damping, reduced, gyroscopic = read.get("damping"), read["vectors/reduced"], read.get("gyroscopic")
+    matrices = read["mass"], read["stiffness"], damping
+    return Rom(path, fingerprint, *matrices, reduced, boundary, kind, cost, interface, gyroscopic)
 
 
 def _faults_of_interface(path: str, basis: np.ndarray, paired: int) -> list[Fault]:
@@ -363,7 +370,8 @@ def _vectors(scene: Scene) -> dict[str, np.ndarray]:
 
 def _fingerprint(job: Job, scene: Scene) -> str:
     digest = hashlib.sha256(f"reduction {REDUCTION_VERSION}".encode())
-    for matrix in (scene.model.stiffness, scene.model.mass, scene.model.damping):
+    gyroscopic = None if scene.spin is None else scene.model.gyroscopic
+    for matrix in (scene.model.stiffness, scene.model.mass, scene.model.damping, gyroscopic):
         if matrix is not None:
             for array in (matrix.indptr, matrix.indices, matrix.data):
                 digest.update(np.ascontiguousarray(array).tobytes())

@@ -74,6 +74,8 @@ class Scene:
     recovered : other dofs whose motion a reduced model is to give back, ascending; None: of all
     sector : what makes the model one of N sectors; None: it is whole
     altered : whether the stiffness is another than that of the model's file
+    spin : speed of rotation of the Coriolis forces, rad/s, the model's `gyroscopic` being of one unit; None: there are
+        no such forces
     """
 
     model: Model
@@ -86,3 +88,4 @@ class Scene:
     recovered: np.ndarray | None = None
     sector: CyclicSector | None = None
     altered: bool = False
+    spin: float | None = None

@@ -30,6 +30,7 @@ def whole_wheel(scene: ReducedScene) -> ReducedScene:
         mass=assembled(scene.mass),
         stiffness=assembled(scene.stiffness),
         damping=None if scene.damping is None else assembled(scene.damping),
+        gyroscopic=None if scene.gyroscopic is None else assembled(scene.gyroscopic),
         laws={name: np.concatenate([values] * sector.sectors) for name, values in scene.laws.items()},
         directions=np.vstack(
             [scene.directions @ t.T + sector.next_directions @ u.T for t, u in zip(onto, ahead, strict=True)]
