@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import subprocess
 import sys
 
@@ -72,6 +73,15 @@ def test_a_result_holds_the_job_with_its_settings(tmp_path):
         resolved = json.loads(file.attrs["job"])
         assert file["contacts/parameters/friction_coefficient"][:].tolist() == [0.75]
     assert [contact["friction_coefficient"] for contact in resolved["contact"]] == [0.75]
+
+
+def test_a_run_that_was_stopped_says_how_to_go_on_with_its_settings(tmp_path):
+    job = write_job(tmp_path, wedge(force=1.0) | {"sweep": {"frequencies_hz": [132.0, 131.0]}})
+    settings = ["--set", "contact[*].friction_coefficient=0.75"]
+    done = attrito(tmp_path, "run", job, *settings, "--max-seconds", "1e-9")
+    hint = "attrito run --resume job.toml --set 'contact[*].friction_coefficient=0.75'"
+    assert done.returncode == 1 and done.stderr.rstrip().endswith(f"go on with {hint}")
+    assert attrito(tmp_path, *shlex.split(hint)[1:]).returncode == 0
 
 
 def test_quiet_says_nothing_and_verbose_a_line_for_every_point(tmp_path):

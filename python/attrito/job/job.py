@@ -20,11 +20,13 @@ class Job:
     path : the job file, as the user wrote it
     tables : every table with every key, defaults filled in; lists of tables for `contact`, `contact_set`, `load`
     given : the tables that the file holds
+    settings : values that stand for those of the file, as `balance.harmonics=9`
     """
 
     path: str
     tables: dict[str, Any]
     given: frozenset[str]
+    settings: tuple[str, ...] = ()
 
     def __getitem__(self, table: str) -> Any:
         return self.tables[table]

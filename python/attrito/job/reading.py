@@ -43,7 +43,7 @@ def read_job(
     check_files(path, "file", [path])
     raw = read_toml(path, "a job")
     apply_settings(raw, list(settings), path)
-    return check_job(raw, path, excited)
+    return replace(check_job(raw, path, excited), settings=tuple(settings))
 
 
 def plain(value: Any) -> Any:

@@ -81,7 +81,7 @@ class Parameter:
                 tables[table][number] = entry | {self.key: rows}
             else:
                 tables[table][number] = entry | {self.key: value}
-        return Job(job.path, tables, job.given)
+        return Job(job.path, tables, job.given, job.settings)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -218,9 +219,10 @@ class _Run:
         self.recorder.begin(first)
 
     def _left(self) -> str:
+        settings = "".join(f" --set {shlex.quote(setting)}" for setting in self._job.settings)
         return (
             f"the {self.recorder.written} points solved so far are in {self.journal} (attrito table reads it);"
-            f" go on with attrito run --resume {self._job.path}"
+            f" go on with attrito run --resume {self._job.path}{settings}"
         )
 
     def finish(self, warnings: list[str]) -> None:
