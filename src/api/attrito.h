@@ -429,6 +429,8 @@ typedef struct {
     double area;
     double work;
     double coarse_work;
+    double masing_omega;
+    double masing_ratio;
 } attrito_quasi_static;
 
 /* Load a mode's shape with unit modal mass [m] quasi-statically. The static path has been followed; the session serves nothing but
@@ -438,6 +440,9 @@ void attrito_begin_quasi_static(void *handle, const double *shape, double omega)
 /* A closed cycle of an amplitude of the load, in so many steps, from the static solution. */
 void attrito_quasi_static_at(void *handle, double load, int steps, int settling, int branch,
     attrito_quasi_static *cycle);
+
+/* The amplitude Q of a cycle that is not reported, from the static solution. */
+void attrito_try_quasi_static(void *handle, double load, int steps, int settling, double *amplitude, int *iterations);
 
 /* Work of each contact in the last cycle, at the root. */
 void attrito_quasi_static_work(void *handle, double *work);

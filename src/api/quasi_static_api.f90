@@ -16,8 +16,8 @@ module attrito_api_quasi_static
     !> Without an estimate of its error
     type(point_type) :: point
     !> Amplitude of the load; Q; damping ratio of the structure alone; area of the loop; work of all contacts, and the same from every
-    !> second state
-    real(c_double) :: load, amplitude, structural_ratio, area, work, coarse_work
+    !> second state; angular frequency and damping ratio by Masing's rule
+    real(c_double) :: load, amplitude, structural_ratio, area, work, coarse_work, masing_omega, masing_ratio
   end type quasi_static_type
 
 contains
@@ -54,8 +54,8 @@ contains
     associate (mode => session%quasi_static)
       call mode%cycle_at(session%solver, load, steps, settling)
       ended = session%solver%report
-      ended%converged = mode%found
-      ended%iterations = mode%iterations
+      ended%converged = mode%path%found
+      ended%iterations = mode%path%iterations
       ended%defect = mode%defect
       call report_point(session%solver, ended, branch, point_errors_type(), no_tolerance, session%point)
       cycle%point = point_of(session%point)
@@ -65,8 +65,32 @@ contains
       cycle%area = mode%area
       cycle%work = mode%work
       cycle%coarse_work = mode%coarse_work
+      cycle%masing_omega = mode%masing_omega
+      cycle%masing_ratio = mode%masing_ratio
     end associate
   end subroutine attrito_quasi_static_at
+
+  !> The amplitude Q of a cycle that is not reported, from the static solution.
+  subroutine attrito_try_quasi_static(handle, load, steps, settling, amplitude, iterations) bind(c)
+    !> Session, see `session_of`
+    type(c_ptr), value :: handle
+    !> Amplitude of the load
+    real(c_double), value :: load
+    !> Of a cycle, a multiple of 4; cycles until one closes, at most
+    integer(c_int), value :: steps, settling
+    !> Q, or less than zero where the contacts do not carry the load
+    real(c_double), intent(out) :: amplitude
+    !> Of Newton's method
+    integer(c_int), intent(out) :: iterations
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    associate (mode => session%quasi_static)
+      call mode%try_cycle(session%solver, load, steps, settling)
+      amplitude = merge(mode%amplitude, -1.0_wp, mode%path%found)
+      iterations = mode%path%iterations
+    end associate
+  end subroutine attrito_try_quasi_static
 
   !> Work of each contact in the last cycle, at the root.
   subroutine attrito_quasi_static_work(handle, work) bind(c)

@@ -3,13 +3,18 @@
 !> $$ K x + B^T \lambda(B x, w) = f_0 + \alpha M \phi, \qquad q = \phi^T M (x - x_0), \qquad \phi^T M \phi = 1, $$
 !>
 !> alpha going from 0 to the load's amplitude A and then through whole cycles A cos(theta), loading, unloading and loading again,
-!> until a cycle closes. The preload f_0 stays, and the sliders w go along. Nothing is assumed of the loop's shape: Masing's rule
-!> would make it out of the first loading, which lift-off and normal forces that vary do not allow.
+!> until a cycle closes. The preload f_0 stays, and the sliders w go along. Nothing is assumed of the loop's shape.
 !>
 !> An oscillator of unit mass, q'' + 2 zeta omega q' + omega^2 q = 0, has the secant stiffness omega^2, and at the amplitude Q its
 !> damper takes pi (2 zeta omega) omega Q^2 a period. With the loop's secant and the work W that its contacts do,
 !>
 !> $$ Q = \tfrac{1}{2} (q_{max} - q_{min}), \quad \omega^2 = A/Q, \quad \zeta = W/(2 \pi (\omega Q)^2), \quad W = \oint \alpha dq. $$
+!>
+!> Masing's rule makes the loop out of the first loading, twice as large, and is noted beside it:
+!>
+!> $$ \omega_M^2 = A/q(A), \quad W_M = 8 \int_0^{q(A)} \alpha dq - 4 A q(A), \quad \zeta_M = W_M/(2 \pi A q(A)). $$
+!>
+!> It takes for loss what contacts that open give back, and does not hold where normal forces vary.
 !>
 !> Sources: Festjens, Chevallier & Dion 2013, Int. J. Mech. Sci. 75, 170-177; Lacayo & Allen 2019, Mech. Syst. Signal Process. 118,
 !> 133-157; Jewell, Allen, Zare & Wall 2020, J. Sound Vib. 479, 115376.
@@ -19,19 +24,19 @@ module attrito_peak_quasi_static
   use attrito_contact_state, only: state_stuck, state_shaken_down, state_slipping, state_open
   use attrito_linear_damping, only: damping_form
   use attrito_linear_rigid_body_modes, only: new_rigid_body_modes
+  use attrito_peak_loading_path, only: loading_path_type, new_loading_path
   use attrito_peak_slip_work, only: slip_work
-  use attrito_solve_homotopy, only: follow_homotopy
-  use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
-  use attrito_solve_static_path, only: load_homotopy_type
   implicit none
   private
   public :: quasi_static_type, begin_quasi_static
 
-  !> Cycles that are recorded before one that does not close is left as it is; steps of those that let the sliders settle before
-  integer, parameter :: most_cycles = 6, settling_steps = 8 ! guess
+  !> Steps of the cycles that let the sliders settle
+  integer, parameter :: settling_steps = 8 ! guess
   !> By how much sliders may miss where they began: parts of the motion, and multiples of the tolerance
   real(wp), parameter :: closed = 3.0e-7_wp, closed_tolerances = 10.0_wp ! guess
+  !> Creep that is extrapolated: largest part that a cycle leaves, and by what part two steps may differ in direction
+  real(wp), parameter :: slowest_creep = 0.97_wp, alike = 0.2_wp ! guess
   !> Samples a period of what does not move
   integer, parameter :: static_samples = 4 ! conventional
 
@@ -51,9 +56,8 @@ module attrito_peak_quasi_static
     real(wp) :: area = 0.0_wp, work = 0.0_wp, coarse_work = 0.0_wp
     !> Work of this rank's contacts
     real(wp), allocatable :: contact_work(:)
-    !> Was there an equilibrium everywhere? Newton's iterations that it took
-    logical :: found = .false.
-    integer :: iterations = 0
+    !> By Masing's rule from the first loading: angular frequency and damping ratio
+    real(wp) :: masing_omega = 0.0_wp, masing_ratio = 0.0_wp
     !> What the last cycle misses of closing, relative to the motion's scale
     real(wp) :: defect = 0.0_wp
     !> M phi in generalised coordinates [n]; norm of the contacts' motion that a unit of load gives the mode
@@ -61,11 +65,11 @@ module attrito_peak_quasi_static
     real(wp), private :: motion_per_load = 0.0_wp
     !> Of the motion that is reported
     integer, private :: harmonics = 0, samples = 0
-    !> Factors on the static loads of the job; the static solution
-    real(wp), allocatable, private :: factors(:)
-    type(snapshot_type), private :: rest
+    !> The equilibria that it goes through
+    type(loading_path_type) :: path
   contains
     procedure :: cycle_at
+    procedure :: try_cycle
   end type quasi_static_type
 
 contains
@@ -92,16 +96,15 @@ contains
       balance%static_loads = balance%receptance%project_mean_loads(structure%static_loads)
       balance%free = new_rigid_body_modes(structure, solver%contacts)
       balance%kept = stuck_mean_type()
-      self%factors = balance%static_factors
       self%reader = balance%static_loads(:, count + 1)
       self%harmonics = solver%options%harmonics
       self%samples = solver%options%samples
       call solver%set_resolution(0, static_samples)
-      call solver%set_loads([self%factors, 0.0_wp], 0.0_wp)
+      call solver%set_loads([balance%static_factors, 0.0_wp], 0.0_wp)
       solver%options%reset_slider = .false.
-      self%rest = snapshot_of(solver)
       self%motion_per_load = norm2(matmul(shape, solver%contacts%directions))/omega**2
     end associate
+    self%path = new_loading_path(solver, self%reader)
   end subroutine begin_quasi_static
 
   !> Load from the static solution and through cycles of an amplitude of the load; the solver's point is then the last cycle as a
@@ -114,31 +117,70 @@ contains
     real(wp), intent(in) :: load
     !> Of a cycle, a multiple of 4
     integer, intent(in) :: steps
-    !> Cycles of few steps before, until one closes, at most
+    !> Cycles of few steps before, until one closes, and as many of so many steps, at most
     integer, intent(in) :: settling
     type(history_type) :: history
+
+    call load_up(self, solver, load, steps)
+    if (self%path%found) call settle(self, solver, load, settling_steps, settling)
+    if (self%path%found) call settle(self, solver, load, steps, settling)
+    if (self%path%found) call record_cycle(self, solver, load, steps, history)
+    if (self%path%found) call measure(self, solver, history)
+    call solver%set_resolution(self%harmonics, self%samples)
+    if (self%path%found) call make_motion(self, solver, history)
+  end subroutine cycle_at
+
+  !> The amplitude Q of a cycle that is not reported, from the static solution.
+  subroutine try_cycle(self, solver, load, steps, settling)
+    class(quasi_static_type), intent(inout) :: self
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> Amplitude A
+    real(wp), intent(in) :: load
+    !> Of a cycle, a multiple of 4; cycles until one closes, at most, and at least one
+    integer, intent(in) :: steps, settling
+
+    call load_up(self, solver, load, steps/4)
+    if (self%path%found) call settle(self, solver, load, steps, max(settling, 1))
+    call solver%set_resolution(self%harmonics, self%samples)
+  end subroutine try_cycle
+
+  !> From the static solution to the load's amplitude.
+  subroutine load_up(self, solver, load, steps)
+    type(quasi_static_type), intent(inout) :: self
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> Amplitude A
+    real(wp), intent(in) :: load
+    !> On the way
+    integer, intent(in) :: steps
+    real(wp) :: before, now, at_rest, area
     integer :: i
 
     self%load = load
-    self%iterations = 0
     ! At rest there is nothing but the mean.
     call solver%set_resolution(0, static_samples)
-    call restore(solver, self%rest)
-    call solver%set_loads([self%factors, 0.0_wp], 0.0_wp)
-    call solver%set_motion_scale(abs(load)*self%motion_per_load, 0.0_wp)
-    do i = 1, steps/4
-      call go_to(self, solver, load*sin(two_pi*i/steps))
-      if (.not. self%found) exit
+    call self%path%start(solver, abs(load)*self%motion_per_load)
+    at_rest = self%path%coordinate(solver)
+    before = at_rest
+    area = 0.0_wp
+    do i = 1, steps
+      call self%path%walk_to(solver, load*sin(0.25_wp*two_pi*i/steps))
+      if (.not. self%path%found) return
+      now = self%path%coordinate(solver)
+      area = area + 0.5_wp*load*(sin(0.25_wp*two_pi*(i - 1)/steps) + sin(0.25_wp*two_pi*i/steps))*(now - before)
+      before = now
     end do
-    if (self%found) call follow_cycles(self, solver, load, settling_steps, settling, history)
-    if (self%found) call follow_cycles(self, solver, load, steps, most_cycles, history)
-    if (self%found) call measure(self, solver, history)
-    call solver%set_resolution(self%harmonics, self%samples)
-    if (self%found) call make_motion(self, solver, history)
-  end subroutine cycle_at
+    now = now - at_rest
+    self%masing_omega = sqrt(max(load/now, 0.0_wp))
+    self%masing_ratio = (8.0_wp*area - 4.0_wp*load*now)/(two_pi*load*now)
+  end subroutine load_up
 
-  !> Cycles until one closes, each recorded.
-  subroutine follow_cycles(self, solver, load, steps, most, history)
+  !> Cycles until one closes. None is recorded, but the range of q of the last is.
+  !>
+  !> Sliders under normal forces that vary creep, each cycle by a part rho of what the one before moved them by. Where two cycles say
+  !> so they are taken to where that leads, w + rho/(1 - rho) delta w.
+  subroutine settle(self, solver, load, steps, most)
     type(quasi_static_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
@@ -146,43 +188,82 @@ contains
     real(wp), intent(in) :: load
     !> Of a cycle; cycles at most
     integer, intent(in) :: steps, most
-    !> The last cycle
-    type(history_type), intent(out) :: history
-    real(wp) :: defect
-    integer :: cycle, i
+    real(wp) :: lowest, highest, ratio
+    real(wp), allocatable :: slider(:, :), creep(:, :), last(:, :)
+    integer :: number, i
 
-    associate (context => solver%context, balance => solver%context%balance)
-      allocate (history%response(size(self%reader), 0:steps), history%motion(balance%rows(), 0:steps), &
-                history%deviation(balance%rows(), 0:steps), history%state(size(balance%forces), 0:steps), &
-                history%slider(size(balance%slider, 1), size(balance%slider, 2), 0:steps))
-      do cycle = 1, most
-        call record(solver, 0, history)
-        do i = 1, steps
-          call go_to(self, solver, load*cos(two_pi*i/steps))
-          if (.not. self%found) return
-          call record(solver, i, history)
-        end do
-        defect = 0.0_wp
-        do i = 1, size(balance%slider, 2)
-          defect = max(defect, norm2(history%slider(:, i, steps) - history%slider(:, i, 0)))
-        end do
-        self%defect = balance%ranks%largest(defect)/context%motion_scale
-        if (self%defect <= max(closed, closed_tolerances*context%tolerance)) exit
+    do number = 1, most
+      slider = self%path%state%slider
+      lowest = self%path%coordinate(solver)
+      highest = lowest
+      do i = 1, steps
+        call self%path%walk_to(solver, load*cos(two_pi*i/steps))
+        if (.not. self%path%found) return
+        lowest = min(lowest, self%path%coordinate(solver))
+        highest = max(highest, self%path%coordinate(solver))
       end do
-    end associate
-  end subroutine follow_cycles
+      self%amplitude = 0.5_wp*(highest - lowest)
+      self%defect = defect_of(solver, slider, self%path%state%slider)
+      if (self%defect <= accepted(solver)) exit
+      creep = self%path%state%slider - slider
+      if (allocated(last)) then
+        ratio = sum(creep*last)/max(sum(last**2), tiny(1.0_wp))
+        if (ratio > 0.0_wp .and. ratio <= slowest_creep .and. norm2(creep - ratio*last) <= alike*norm2(creep)) then
+          self%path%state%slider = self%path%state%slider + ratio/(1.0_wp - ratio)*creep
+          deallocate (last)
+          cycle
+        end if
+      end if
+      last = creep
+    end do
+  end subroutine settle
 
-  !> The equilibrium at another load, in as many steps as it takes.
-  subroutine go_to(self, solver, load)
+  !> What a cycle misses of closing: by how much sliders miss where they began, relative to the motion's scale.
+  pure real(wp) function defect_of(solver, before, after) result(defect)
+    !> Solver of points: its scale
+    type(solver_type), intent(in) :: solver
+    !> Sliders where the cycle begins and ends [width, contacts]
+    real(wp), intent(in) :: before(:, :), after(:, :)
+
+    defect = maxval(norm2(after - before, 1))/solver%context%motion_scale
+  end function defect_of
+
+  !> The defect of a cycle that is taken to close.
+  pure real(wp) function accepted(solver)
+    !> Solver of points: its tolerance
+    type(solver_type), intent(in) :: solver
+
+    accepted = max(closed, closed_tolerances*solver%context%tolerance)
+  end function accepted
+
+  !> One cycle, each of whose steps is the balance's.
+  subroutine record_cycle(self, solver, load, steps, history)
     type(quasi_static_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
-    !> alpha
+    !> Amplitude A
     real(wp), intent(in) :: load
+    !> Of a cycle
+    integer, intent(in) :: steps
+    !> The cycle
+    type(history_type), intent(out) :: history
+    real(wp), allocatable :: slider(:, :)
+    integer :: i
 
-    call follow_homotopy(load_homotopy_type(solver%context%balance%static_factors, [self%factors, load], solver%omega), solver, &
-                         self%iterations, self%found, 1.0_wp)
-  end subroutine go_to
+    associate (balance => solver%context%balance)
+      allocate (history%response(size(self%reader), 0:steps), history%motion(balance%rows(), 0:steps), &
+                history%deviation(balance%rows(), 0:steps), history%state(size(balance%forces), 0:steps), &
+                history%slider(size(balance%slider, 1), size(balance%slider, 2), 0:steps))
+    end associate
+    slider = self%path%state%slider
+    call self%path%visit(solver, load)
+    do i = 0, steps
+      if (i > 0) call self%path%visit(solver, load*cos(two_pi*i/steps))
+      if (.not. self%path%found) return
+      call record(solver, i, history)
+    end do
+    self%defect = defect_of(solver, slider, self%path%state%slider)
+  end subroutine record_cycle
 
   !> Note the solver's equilibrium.
   subroutine record(solver, step, history)

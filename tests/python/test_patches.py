@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -12,6 +13,7 @@ from jobs import blocks, run, swept, write_blocks, write_job
 from mpi4py import MPI
 from restarts import differences, run_in_pieces, run_to_the_end
 
+from attrito.charts import patches as chart
 from attrito.job.fewer_contacts import take_all_contacts
 from attrito.job.reading import read_job
 from attrito.library.reduced_scene import ReducedScene
@@ -176,6 +178,36 @@ def test_patches_are_refined_until_the_error_is_within_the_tolerance_and_the_est
         assert np.all(estimates >= errors / 3.0 - 1e-6)
         found[tolerance] = reports[-1]["/points/patches"]
     assert found[0.1] < found[0.001] < count
+
+
+def test_a_chart_has_the_error_of_ever_more_patches_against_all_pairs(monkeypatch):
+    scene, places = block()
+    frequencies = [900.0, 1000.0]
+    reference = amplitudes(of_all(scene, frequencies)[1])[-1]
+    monkeypatch.setattr(chart, "TOLERANCES", (3e-1, 3e-2, 3e-3))
+    *patched, whole = chart.patched_ways(
+        MPI.COMM_SELF,
+        scene,
+        OPTIONS,
+        places,
+        frequencies,
+        lambda solver: solver.follow_static_path(FULL, 1, frequencies[0]),
+        1.0,
+        lambda amplitude: abs(float(amplitude[0]) / reference - 1.0),
+    )
+    counts = [way.contacts for way in patched]
+    assert counts == sorted(counts) and counts[0] < counts[-1] <= whole.contacts == len(places.tables)
+    assert patched[0].error > patched[-1].error
+    # Patches are refined until the estimate, which is at least a third of the error, is within half of the tolerance.
+    assert all(way.error < 1.5 * way.tolerance for way in patched)
+    # The same points, solved to residuals of 1e-10.
+    assert whole.error < 1e-8
+
+
+def test_pairs_without_a_place_are_no_patches():
+    scene, places = block()
+    assert chart.can_merge(scene, places)
+    assert not chart.can_merge(scene, replace(places, positions=np.full_like(places.positions, np.nan)))
 
 
 def test_a_mode_followed_with_patches_is_that_of_all_pairs():

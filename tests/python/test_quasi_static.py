@@ -5,6 +5,7 @@ from __future__ import annotations
 import h5py
 import numpy as np
 import pytest
+from dense_loading import Loading
 from jobs import Job, attrito, chain, table, wedge, write_job
 from mode_jobs import KT, LIMIT, MASS, K, follow, rubbing
 
@@ -39,6 +40,18 @@ def test_a_coulomb_element_has_the_secant_stiffness_and_the_loop_of_its_closed_f
         # C = 2 M: alpha / (2 omega)
         assert row["damping_ratio_structure"] == pytest.approx(2.0 / (2.0 * omega), rel=1e-8)
     assert 0 < slipping < len(rows), "the test is void unless it sticks at first and slips later"
+
+
+def test_masing_s_rule_holds_where_the_normal_force_is_constant(tmp_path):
+    rows = follow(tmp_path, quasi_static(rubbing(), steps=256))
+    with h5py.File(tmp_path / "result.mode.h5") as file:
+        frequency, ratio = file["points/masing_hz"][:], file["points/masing_damping_ratio"][:]
+    assert frequency == pytest.approx([row["frequency_hz"] for row in rows], rel=1e-8)
+    # The onset of slip is within one of 256 steps of the first loading, pi / 512 long: trapezoids miss a triangle of at
+    # most an eighth of its square there, eight times that of the loop, 2 pi times smaller in the ratio.
+    missed = (np.pi / 512) ** 2 / (2 * np.pi)
+    assert ratio == pytest.approx([row["damping_ratio"] for row in rows], rel=1e-7, abs=missed)
+    assert ratio.max() > 1e3 * missed
 
 
 def marched(job: Job, shape: np.ndarray, load: float, steps: int) -> tuple[float, float]:
@@ -97,6 +110,28 @@ def test_a_wedge_that_slips_and_lifts_off_has_the_loop_of_small_steps(tmp_path):
         assert row["amplitude"] == pytest.approx(amplitude, rel=2e-3)
         assert row["dissipated_energy"] == pytest.approx(area, rel=2e-2, abs=1e-9)
         assert row["frequency_hz"] == pytest.approx(np.sqrt(load / row["amplitude"]) / (2 * np.pi), rel=1e-9)
+
+
+def test_contacts_that_slip_open_and_land_take_the_steps_of_a_dense_solution(tmp_path):
+    # The same steps, 16 a cycle, from the same static solution: no error but what is left of the cycles' settling.
+    job = sliding(contacts=4, tangents=2, start=5.0e-4, stop=4.0e-3, points=3, steps=16)
+    # Two that press hardly at all, and one that is open at rest.
+    job["load"][0]["dofs"][0][1], job["load"][0]["dofs"][1][1] = 6.0, 12.0
+    job["contact"][2]["gap"] = 4.0e-4
+    rows = follow(tmp_path, job)
+    done = attrito(tmp_path, "linear-modes", "job.toml", "--state", "tangent")
+    assert done.returncode == 0, done.stderr
+    with h5py.File(tmp_path / "result.modes.h5") as file:
+        shape = file["points/coordinates"][0, :, 1]
+    with h5py.File(tmp_path / "result.mode.h5") as file:
+        loads, areas = file["points/load"][:], file["points/loop_area"][:]
+    opened = []
+    for row, load, area in zip(rows, loads, areas, strict=True):
+        amplitude, own, count = Loading(job, shape).cycles(load, 16, 12)
+        opened.append(count)
+        assert row["amplitude"] == pytest.approx(amplitude, rel=1e-6)
+        assert area == pytest.approx(own, rel=1e-5)
+    assert max(opened) > 1, "the test is void unless contacts open"
 
 
 def test_what_contacts_dissipate_adds_up_to_the_loop_s_area(tmp_path):

@@ -20,6 +20,7 @@ SERIES = {
     "sampled": "by samples, H and J fixed",
     "uncoupled": "uncoupled, H fixed",
     "modes": "fewer modes of the reduction",
+    "patches": "pairs merged into patches",
     "wheel": "the whole wheel by events or samples, H fixed",
     "uncondensed": "Newton's method on all coordinates (work by formula)",
     "integration": "time integration by steps, to the steady state",

@@ -1,4 +1,4 @@
-"""The picture of `attrito chart`: error against processor time, and against counted work."""
+"""The picture of `attrito chart`: error against processor time, counted work, and the number of patches."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from attrito.charts.file import SERIES, Chart, Way
 from attrito.charts.labels import label_marks
 from attrito.plots.style import BRANCH_COLOURS, STYLE
 
-MARKERS = dict(zip(SERIES, ("o", "s", "^", "v", "D", "p", "x", "+", "P", "s", "D", "o", "s"), strict=True))
+MARKERS = dict(zip(SERIES, ("o", "s", "^", "v", "D", "h", "p", "x", "+", "P", "s", "D", "o", "s"), strict=True))
 HUES = (
     "#000000",
     *BRANCH_COLOURS[:4],
+    "#8a5a2b",
     "#000000",
     *BRANCH_COLOURS[4:],
     "#000000",
@@ -33,12 +34,20 @@ SIZE, TOLERANCE_SIZE, STAR_SIZE = 4.5, 5.5, 15.0
 def picture(chart: Chart) -> Figure:
     """A panel a cost; the efficient front is a line, the way that the job asks for a star.
 
+    Patches have a panel of their own beside these.
+
     The dotted line is the reference's own estimated error: errors below it mean nothing.
     """
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(12.4, 4.6), constrained_layout=True)
-        panels = figure.subplots(1, 2, sharey=True)
-        for axes, cost in zip(panels, ("seconds", "work"), strict=True):
+        patches = [way for way in chart.ways if way.series == "patches" and np.isfinite(way.error)]
+        costs = ("seconds", "work", "contacts") if patches else ("seconds", "work")
+        figure = Figure(figsize=(12.4 if not patches else 15.6, 4.6), constrained_layout=True)
+        panels = figure.subplots(1, len(costs), sharey=True)
+        for axes, cost in zip(panels, costs, strict=True):
+            if cost == "contacts":
+                _draw(axes, patches, cost, "patches", SERIES["patches"])
+                axes.set(xscale="log", xlabel="Number of patches")
+                continue
             for series, label in SERIES.items():
                 _draw(axes, [way for way in chart.ways if way.series == series], cost, series, label)
             _mark(axes, chart, cost)
@@ -57,9 +66,9 @@ def picture(chart: Chart) -> Figure:
         entries: dict[str, object] = {}
         for axes in panels:
             entries |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
-        panels[1].legend(entries.values(), entries.keys(), loc="upper left", bbox_to_anchor=(1.01, 1.0))
+        panels[-1].legend(entries.values(), entries.keys(), loc="upper left", bbox_to_anchor=(1.01, 1.0))
         figure.draw_without_rendering()
-        for axes, cost in zip(panels, ("seconds", "work"), strict=True):
+        for axes, cost in zip(panels[:2], costs[:2], strict=True):
             _label(figure, axes, chart, cost)
     return figure
 

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from attrito.charts.file import LEAST_SHARE, SOLVED, Chart, Way
+from attrito.charts.patches import can_merge, patched_ways
 from attrito.job.defaults import TOLERANCE
 from attrito.job.job import Job
 from attrito.job.reading import read_job
@@ -31,6 +32,7 @@ from attrito.library.integrator import Integrator, Run
 from attrito.library.laws import are_coulomb
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Point, Solver
+from attrito.patches.solver import places_of
 from attrito.scene.build import build_scene
 from attrito.scene.reduced_model import make_rom, reduced_scene
 from attrito.scene.solver_options import solver_options
@@ -65,6 +67,7 @@ class Bench:
         self._comm, self._job, self._seconds, self._say = comm, job, seconds, say
         whole = build_scene(job)
         self._path = whole.load_path
+        self._places = places_of(whole.contacts.tables, whole.contacts.places)
         self._rom, _ = make_rom(comm, job, whole, say)
         self._scene = reduced_scene(job, whole, self._rom)
         # Where the job's model is a sector, all of them; otherwise the scene itself
@@ -144,6 +147,7 @@ class Bench:
                 "uncoupled", ((h, self._fixed(h, 256, by_events=False, uncoupled=True)) for h in ladder if h <= 20)
             )
         yield from self._fewer_modes()
+        yield from self._fewer_contacts()
         if self._scene.sector is not None:
             by_events = self._tangents == 1
             runs = (
@@ -174,6 +178,18 @@ class Bench:
             scene = restricted(self._scene, kept)
             options = self._automatic(max(1e-4, 10.0 * REFERENCE[self._tangents]))
             yield self._balance("modes", scene, options, label=f"{count} modes", modes=count)
+
+    def _fewer_contacts(self) -> Iterator[Way]:
+        """Pairs merged into patches, ever more of them."""
+        if not can_merge(self._scene, self._places):
+            return
+
+        def come_to_rest(solver: Solver) -> None:
+            solver.follow_static_path(self._path, self._job["static"]["steps"], self._frequencies[0])
+
+        options = self._automatic(max(1e-3, 10.0 * REFERENCE[self._tangents]))
+        asked = self._frequencies, come_to_rest, self._level, self._error
+        yield from patched_ways(self._comm, self._scene, options, self._places, *asked)
 
     def _scene_kinds(self) -> np.ndarray:
         """Kinds of the coordinates that are solved, as in `Rom`: interface modes come last."""

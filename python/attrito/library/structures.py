@@ -77,6 +77,7 @@ class RawQuasiStatic(ctypes.Structure):
     _fields_ = [
         ("point", RawPoint),
         *_all(c_double, "load", "amplitude", "structural_ratio", "area", "work", "coarse_work"),
+        *_all(c_double, "masing_omega", "masing_ratio"),
     ]
 
 

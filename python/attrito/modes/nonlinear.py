@@ -59,6 +59,8 @@ SERIES = {
     # What keeps the motion up, by the method
     "excitation": ("negative damping that keeps the motion up, a part of the mass", "rad/s"),
     "load": ("amplitude A of the load A M phi", "user length (user mass)^0.5 / (user time)^2"),
+    "masing_hz": ("by Masing's rule from the first loading: its secant's frequency", "Hz"),
+    "masing_damping_ratio": ("by Masing's rule from the first loading: of the contacts", "1"),
     "loop_area": ("area of the loop of load and Q, by trapezoids: what the contacts' work adds up to", "user energy"),
 }
 

@@ -7,6 +7,7 @@ the load is varied until Q is the amplitude asked for.
 from __future__ import annotations
 
 import ctypes
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,15 +16,25 @@ from attrito.library.structures import RawQuasiStatic, omega, pointer
 from attrito.modes.mode_point import ModePoint
 
 # Steps of the cycles that the load is found with: a monotonic path needs few, and what these miss the last cycle shows.
-TRIAL_STEPS = 8
-# Cycles of few steps before the one that is reported, until they close: sliders under a normal force that varies creep
-# to where they stay.
+TRIAL_STEPS, TRIAL_CYCLES = 8, 6
+# Cycles of few steps before the one that is reported, and as many of its own steps, until they close: sliders under a
+# normal force that varies creep to where they stay.
 SETTLING = 60
-# Relative difference of Q from what is asked for: of a trial, and of the cycle that is reported
-TRIAL_TOLERANCE, AMPLITUDE_TOLERANCE = 1e-9, 1e-3
+# Relative difference of Q from what is asked for: of a trial, of one by cycles like the reported one where a trial does
+# not do, and of the cycle that is reported
+TRIAL_TOLERANCE, CLOSE_TOLERANCE, AMPLITUDE_TOLERANCE = 1e-9, 2e-4, 1e-3
 MOST_TRIALS = 40
 # Between the load that carries too little and that which nothing carries: the limit of the contacts
 LIMIT = 1e-9
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """Cycles that loads are tried with: steps, cycles until one closes, tolerance of Q."""
+
+    steps: int
+    settling: int
+    tolerance: float
 
 
 class QuasiStaticTracker:
@@ -62,10 +73,16 @@ class QuasiStaticTracker:
 
     def at(self, amplitude: float) -> ModePoint:
         """The point of an amplitude, whatever amplitudes came before: each begins at the static solution."""
-        load, trials = self._load_of(amplitude)
-        cycle = self._cycle(load, self._steps, SETTLING)
-        trials += cycle.point.iterations
+        load, iterations = self._load_of(amplitude, _Trial(TRIAL_STEPS, TRIAL_CYCLES, TRIAL_TOLERANCE), self.known)
+        cycle = self._cycle(load)
+        iterations += cycle.point.iterations
         point = self._solver.point_of(cycle.point)
+        if point.is_solved and abs(cycle.amplitude / amplitude - 1.0) > AMPLITUDE_TOLERANCE:
+            known = [(load, cycle.amplitude)]
+            load, more = self._load_of(amplitude, _Trial(self._steps, SETTLING, CLOSE_TOLERANCE), known)
+            cycle = self._cycle(load)
+            iterations += more + cycle.point.iterations
+            point = self._solver.point_of(cycle.point)
         found = cycle.amplitude if point.is_solved else np.nan
         if point.is_solved and abs(found / amplitude - 1.0) > AMPLITUDE_TOLERANCE:
             point = point._replace(outcome="not_converged")
@@ -79,25 +96,29 @@ class QuasiStaticTracker:
             found if point.is_solved else amplitude,
             found**2,
             cycle.structural_ratio,
-            {"load": load, "loop_area": abs(cycle.area)},
-            trials,
+            {
+                "load": load,
+                "loop_area": abs(cycle.area),
+                "masing_hz": cycle.masing_omega / (2.0 * np.pi),
+                "masing_damping_ratio": cycle.masing_ratio,
+            },
+            iterations,
             error_samples=error,
             contact_work=work,
         )
 
-    def _load_of(self, amplitude: float) -> tuple[float, int]:
-        """The load whose coarse cycle has an amplitude, or the largest that was carried; iterations of Newton's method.
+    def _load_of(self, amplitude: float, trial: _Trial, known: list[tuple[float, float]]) -> tuple[float, int]:
+        """The load whose cycle has an amplitude, or the largest that was carried; iterations of Newton's method.
 
         By secants of the logarithms within what is known to be too little and too much.
         """
-        known, iterations = [*self.known], 0
+        known, iterations = [*known], 0
         low, high = 0.0, np.inf
         load = self._guess(known, amplitude)
         for _ in range(MOST_TRIALS):
-            cycle = self._cycle(load, TRIAL_STEPS, 0)
-            iterations += cycle.point.iterations
-            found = cycle.amplitude if self._solver.point_of(cycle.point).is_solved else np.inf
-            if abs(found / amplitude - 1.0) <= TRIAL_TOLERANCE:
+            found, taken = self._tried(load, trial)
+            iterations += taken
+            if abs(found / amplitude - 1.0) <= trial.tolerance:
                 break
             if found < amplitude:
                 low = max(low, load)
@@ -122,7 +143,14 @@ class QuasiStaticTracker:
             slope = np.log(load / known[0][0]) / np.log(found / known[0][1])
         return float(load * (amplitude / found) ** slope)
 
-    def _cycle(self, load: float, steps: int, settling: int) -> RawQuasiStatic:
+    def _tried(self, load: float, trial: _Trial) -> tuple[float, int]:
+        """Q at a load, infinite where nothing carries it, and iterations of Newton's method."""
+        amplitude, iterations = np.zeros(1), np.zeros(1, dtype=np.int32)
+        places = pointer(amplitude), pointer(iterations)
+        self._solver.call("attrito_try_quasi_static", load, trial.steps, trial.settling, *places)
+        return float(amplitude[0]) if amplitude[0] >= 0.0 else np.inf, int(iterations[0])
+
+    def _cycle(self, load: float) -> RawQuasiStatic:
         raw = RawQuasiStatic()
-        self._solver.call("attrito_quasi_static_at", load, steps, settling, 0, ctypes.byref(raw))
+        self._solver.call("attrito_quasi_static_at", load, self._steps, SETTLING, 0, ctypes.byref(raw))
         return raw
