@@ -14,13 +14,16 @@ from scipy.spatial import cKDTree
 from wheels import AXIS, ring, sector_job
 
 from attrito.cli import main
+from attrito.export.wheel import Wheel
 from attrito.job.reading import read_job
 from attrito.model.model import Model
 from attrito.model.model_file import write_model
+from attrito.model.sector import axis_of
 from attrito.scene.build import build_scene
 from attrito.scene.reduced_model import reduced_scene
 from attrito.scene.reduced_sector import attributes_of_sector, axes_of_sector
 from attrito.stresses.cycle import cycle_of
+from attrito.stresses.neighbours import boundaries_of, with_neighbours
 from attrito.stresses.recovery import nodal_stress
 
 SECTORS = 6
@@ -148,6 +151,30 @@ def test_the_wheel_drawn_from_one_sector_is_the_whole_wheel_s_motion(tmp_path, e
         stress = getattr(stresses, name)
         # Strains are displacements over a length of the order of an element, a tenth of the wheel: 1e-9 becomes 1e-8.
         assert mesh.point_data[name] == pytest.approx(stress[row], abs=1e-7 * stress.max()), name
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-4])
+def test_faces_that_touch_across_sectors_have_the_stress_of_their_own_side(apart):
+    """Their nodes stand at one place and are not of the boundaries; nodes that are have a stress by both sides."""
+    model = ring(SECTORS, seed=2)
+    ends = np.union1d(model.node_sets["low"], model.node_sets["high"])
+    is_slit = np.isin(model.node_ids, ends) & (np.hypot(*model.coordinates[:, :2].T) > 0.19)
+    is_tied = np.isin(model.node_ids, ends) & ~is_slit
+    for name in ("low", "high"):
+        model.node_sets[name] = np.setdiff1d(model.node_sets[name], model.node_ids[is_slit])
+    model.coordinates[np.isin(model.node_ids, model.node_sets["high"]), 2] += apart
+    ((kind, (ids, _)),) = model.elements.items()
+    model.elastic = {kind: np.tile([2e11, 0.3], (len(ids), 1))}
+    harmonics = np.random.default_rng(4).standard_normal((3, len(model.node_ids), 3))
+    wheel = Wheel(SECTORS, 1, axis_of(AXIS["axis_point"], AXIS["axis_direction"]))
+    keys = {"lower": "low", "upper": "high", "tolerance": 2e-4 if apart else None}
+    whole, motion = with_neighbours(model, harmonics, wheel, boundaries_of(keys, model, wheel))
+    for wanted, is_alone in ((is_slit, True), (is_tied, False)):
+        alone = nodal_stress(model, harmonics, wanted).harmonics
+        found = nodal_stress(whole, motion, np.append(wanted, np.zeros(len(whole.node_ids) - len(wanted), dtype=bool)))
+        change = np.abs(found.harmonics - alone).max(axis=(0, 2)) / np.abs(alone).max()
+        # Sums of the same numbers in another order; of random motion both sides' stresses have nothing in common.
+        assert np.all(change < 1e-12 if is_alone else change > 1e-3)
 
 
 def write_wave(folder, job, sector, motion, frequency):

@@ -1,23 +1,54 @@
 """A sector with elements of those beside it, so that a node on its boundary has a stress from those of both sides.
 
-A node on the axis has elements of all sectors.
+A node on the axis has elements of all sectors. Nodes of a contact across the boundary may stand at one place, and are
+two nonetheless.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from attrito.export.wheel import Wheel
 from attrito.model.model import Model
+from attrito.model.pairs import node_rows
+from attrito.model.sector import PairingError, nodes_on_axis, pair_boundaries
+from attrito.support.errors import Fault, InputError
 
-# Part of the sector's extent within which nodes on the boundary are one
+# Part of the sector's extent within which held nodes on the boundary are one
 MATCHING = 1e-5
 
 
-def with_neighbours(model: Model, harmonics: np.ndarray, wheel: Wheel) -> tuple[Model, np.ndarray]:
+def boundaries_of(keys: dict[str, Any], model: Model, wheel: Wheel) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of the nodes of the lower boundary and of their partners on the upper one, `[k]` each.
+
+    Parameters
+    ----------
+    keys : `[cyclic]` of the job, with node sets or without boundaries
+    model : the sector
+    wheel : what it is a sector of
+
+    Raises
+    ------
+    InputError : the sets are not those of the run
+    """
+    names = keys["lower"], keys["upper"]
+    nothing = np.empty(0, dtype=np.int64)
+    lower, upper = (model.node_sets.get(name, nothing) for name in names)
+    try:
+        *paired, _ = pair_boundaries(model, lower, upper, names, wheel.axis, wheel.sectors, keys.get("tolerance"))
+    except PairingError as error:
+        raise InputError(Fault("stress", "[cyclic] upper", error.value, str(error))) from error
+    first, second = (node_rows(model, ids) for ids in paired)
+    return first, second
+
+
+def with_neighbours(
+    model: Model, harmonics: np.ndarray, wheel: Wheel, boundaries: tuple[np.ndarray, np.ndarray]
+) -> tuple[Model, np.ndarray]:
     """The mesh and the motion of a sector and of the elements of others that touch it.
 
     Parameters
@@ -25,6 +56,7 @@ def with_neighbours(model: Model, harmonics: np.ndarray, wheel: Wheel) -> tuple[
     model : the sector, N nodes
     harmonics : coefficients of its nodes' motion `[nk, N, 3]`
     wheel : what it is a sector of
+    boundaries : rows of the nodes of the lower and of the upper one, paired `[k]`; held nodes need not be among them
 
     Returns
     -------
@@ -37,22 +69,27 @@ def with_neighbours(model: Model, harmonics: np.ndarray, wheel: Wheel) -> tuple[
         kind: order[np.searchsorted(model.node_ids, connectivity, sorter=order)]
         for kind, (_, connectivity) in model.elements.items()
     }
-    on_axis = np.linalg.norm(wheel.axis.turned(own, wheel.angle(1)) - own, axis=1) <= reach
+    on_axis = np.isin(model.node_ids, nodes_on_axis(model, wheel.axis))
+    held = ~np.isin(model.node_ids, model.dof_node)
+    lower, upper = boundaries
     points, motions = [own], [harmonics]
     elements = {kind: [own_rows] for kind, own_rows in rows.items()}
     elastic = {kind: [values] for kind, values in model.elastic.items()}
     for j in _others(wheel.sectors, bool(on_axis.any())):
-        place, nearest, meets = wheel.axis.turned(own, wheel.angle(j)), np.arange(len(own)), on_axis
-        if j in (1, wheel.sectors - 1):
-            distance, nearest = tree.query(place)
-            meets = distance <= reach
+        place, partner, meets = wheel.axis.turned(own, wheel.angle(j)), np.arange(len(own)), on_axis.copy()
+        for beside, theirs, ours in ((1, lower, upper), (wheel.sectors - 1, upper, lower)):
+            if j == beside:
+                partner[theirs], meets[theirs] = ours, True
+        distance, nearest = tree.query(place)
+        stands = held & held[nearest] & (distance <= reach) & ~meets
+        partner[stands], meets[stands] = nearest[stands], True
         # Elements without a node of this sector's have no part in its stresses.
         touching = {kind: meets[own_rows].any(axis=1) for kind, own_rows in rows.items()}
         used = np.zeros(len(own), dtype=bool)
         for kind, some in touching.items():
             used[rows[kind][some].ravel()] = True
         new = used & ~meets
-        number = nearest.copy()
+        number = partner.copy()
         number[new] = sum(map(len, points)) + np.arange(np.count_nonzero(new))
         points.append(place[new])
         motions.append(wheel.of_sector(harmonics, j)[:, new])

@@ -20,7 +20,7 @@ from attrito.results.chosen_points import chosen_points
 from attrito.results.result import LINEAR_MODES, MODE, Result
 from attrito.stresses.cycle import cycle_of
 from attrito.stresses.field import write_field
-from attrito.stresses.neighbours import with_neighbours
+from attrito.stresses.neighbours import boundaries_of, with_neighbours
 from attrito.stresses.picture import stress_picture
 from attrito.stresses.recovery import EXPECTED, nodal_stress, recoverable
 from attrito.stresses.stresses import Stresses
@@ -209,10 +209,13 @@ def _at_point(result: Result, point: int, model: Model, wanted: Wanted) -> tuple
     notes = []
     whole, motion = model, harmonics
     if result.attribute("sectors"):
-        if json.loads(result.attribute("job"))["cyclic"]["axis_direction"] is None:
-            notes.append("nodes on the boundary: by elements of this sector alone, for [cyclic] names no axis")
+        keys = json.loads(result.attribute("job"))["cyclic"]
+        lacking = "no axis" if keys["axis_direction"] is None else "dofs"
+        if lacking == "no axis" or isinstance(keys["lower"], list) or keys.get("on_axis"):
+            notes.append(f"nodes on the boundary: by elements of this sector alone, for [cyclic] names {lacking}")
         else:
-            whole, motion = with_neighbours(model, harmonics, wheel_of(result, point))
+            wheel = wheel_of(result, point)
+            whole, motion = with_neighbours(model, harmonics, wheel, boundaries_of(keys, model, wheel))
     nodes = np.zeros(len(whole.node_ids), dtype=bool)
     own = slice(0, len(model.node_ids))
     if wanted.sets:
