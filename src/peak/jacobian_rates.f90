@@ -13,7 +13,7 @@ module attrito_peak_jacobian_rates
   use attrito_contact_forces, only: contact_forces_type
   use attrito_model_contacts, only: contact_type
   use attrito_peak_second_derivative, only: differentiate_twice
-  use attrito_sensitivity_law_derivatives, only: beside, step
+  use attrito_sensitivity_law_derivatives, only: forces_by_motion, beside, step
   use attrito_sensitivity_parameters, only: by_parameters_type, recipe_type, law_numbers, by_normal_stiffness, by_friction, &
                                             by_gap, by_preload
   use attrito_sensitivity_point_rates, only: inquiry_type
@@ -99,7 +99,7 @@ contains
     associate (law => balance%law(contact), forces => balance%forces(contact), normal => balance%law(contact)%tangents + 1)
       part = 0.0_wp
       part(:, normal) = rates(by_normal_stiffness)/law%normal_stiffness*along(:, normal)
-      change = product_of(law, forces, part)
+      change = forces_by_motion(law, forces, part)
       do column = 1, law_numbers + size(recipe%numbers)
         if (any(column == [by_normal_stiffness, by_gap, by_preload]) .or. .not. abs(rates(column)) > 0.0_wp) cycle
         reach = step*scale_of(law, recipe, column)
@@ -127,22 +127,6 @@ contains
     if (.not. scale_of > 0.0_wp) scale_of = 1.0_wp
   end function scale_of
 
-  !> J x of the last evaluation of a contact [2 H + 1, rows].
-  pure function product_of(law, forces, direction) result(product)
-    !> Contact: its springs and its law
-    type(contact_type), intent(in) :: law
-    !> Of an evaluation
-    type(contact_forces_type), intent(in) :: forces
-    !> x [2 H + 1, rows]
-    real(wp), intent(in) :: direction(:, :)
-    real(wp) :: product(size(direction, 1), size(direction, 2))
-
-    product(:, :law%tangents) = law%tangential_stiffness*direction(:, :law%tangents)
-    product(:, law%tangents + 1) = law%normal_stiffness*direction(:, law%tangents + 1)
-    if (.not. allocated(forces%jacobian)) return
-    product = product + reshape(matmul(forces%jacobian, reshape(direction, [size(direction)])), shape(direction))
-  end function product_of
-
   !> J x of a contact with other numbers at the same motion [2 H + 1, rows].
   function product_with(balance, contact, other, motion, direction) result(product)
     !> Harmonic balance, evaluated at the point
@@ -158,6 +142,6 @@ contains
 
     allocate (forces%deviation, mold=balance%forces(contact)%deviation)
     call evaluate_contact(other, balance%quadrature, motion, balance%slider(:, contact), balance%forces(contact)%periodic, forces)
-    product = product_of(other, forces, direction)
+    product = forces_by_motion(other, forces, direction)
   end function product_with
 end module attrito_peak_jacobian_rates

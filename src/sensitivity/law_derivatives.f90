@@ -23,7 +23,7 @@ module attrito_sensitivity_law_derivatives
                                             by_gap, by_preload
   implicit none
   private
-  public :: differentiate_law, differentiate_by_sliders, beside, step
+  public :: differentiate_law, differentiate_by_sliders, forces_by_motion, beside, step
 
   !> Part of a number that it is changed by for a central difference: errors are near the square of it, of rounding near 1e-16 over it
   real(wp), parameter :: step = 1.0e-5_wp ! derived
@@ -79,7 +79,7 @@ contains
     end do
   end subroutine differentiate_law
 
-  !> J times a change of the motion [k, tangents + 1].
+  !> J of the last evaluation times a change of the motion [k, tangents + 1].
   pure function forces_by_motion(law, forces, motion) result(change)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import gzip
 import os
 import re
@@ -47,7 +48,10 @@ def package(tmp_path_factory) -> Path:
     """The package of Debian, unpacked; `attrito.deb` beside it."""
     folder = tmp_path_factory.mktemp("package")
     build = ROOT / "build" / "release"
-    ended("cpack", "-G", "DEB", "--config", str(build / "CPackConfig.cmake"), "-B", str(folder), folder=folder)
+    # What the package has beside the source tree is made in the build folder, which all workers share.
+    with (build / "package.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        ended("cpack", "-G", "DEB", "--config", str(build / "CPackConfig.cmake"), "-B", str(folder), folder=folder)
     (made,) = folder.glob("attrito_*.deb")
     made.rename(folder / "attrito.deb")
     ended("dpkg-deb", "--extract", str(folder / "attrito.deb"), str(folder / "unpacked"), folder=folder)
