@@ -7,7 +7,9 @@ import pytest
 import synthetic
 from jobs import attrito_here
 
-from attrito.results.result import CAMPBELL, LINEAR_MODES, MODE
+from attrito.results.chosen_points import chosen_points
+from attrito.results.result import CAMPBELL, LINEAR_MODES, MODE, Result
+from attrito.support.errors import InputError
 
 FORMATS = {"run": "attrito result", "mode": MODE, "modes": LINEAR_MODES, "campbell": CAMPBELL, "peaks": "attrito peaks"}
 
@@ -63,3 +65,17 @@ def test_what_does_not_apply_is_refused(files, capfd, command, said):
         code, written = ended.code, capfd.readouterr().err
     assert code == 2 and said in written, written
     assert "Traceback" not in written and not [path for path in files.iterdir() if path.suffix != ".h5"]
+
+
+def test_of_a_nonlinear_mode_the_last_point_with_a_solution_is_meant(tmp_path):
+    expected = {("converged", "not_converged"): [0], ("converged", "converged"): [1]}
+    for number, outcome in enumerate([*expected, ("not_converged", "not_converged")]):
+        path = synthetic.write_result(tmp_path / f"{number}.h5", [90.0, 91.0], {"tip": [3.0, 4.0]}, outcome=outcome)
+        with h5py.File(path, "r+") as file:
+            file.attrs["format"] = MODE
+        with Result(path) as result:
+            if outcome in expected:
+                assert chosen_points(result) == expected[outcome]
+            else:
+                with pytest.raises(InputError, match="at least one converged point"):
+                    chosen_points(result)

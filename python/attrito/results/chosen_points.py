@@ -19,8 +19,7 @@ def chosen_point(result: Result, point: int | None, monitor: str, levels: Sequen
             raise InputError(Fault(result.path, "--point", f"{point}, {outcome}", "a point with a solution"))
         return point
     if not result.monitors and result.attribute("format") == MODE:
-        # Amplitudes of a mode rise along its points.
-        return int(np.flatnonzero(result.converged)[-1])
+        return _last_solved(result)
     amplitude = result.monitor(monitor, "amplitude")
     if levels:
         level = result.array("/points/level")
@@ -52,7 +51,8 @@ def chosen_points(
     if form == LINEAR_MODES:
         count = result.points
         if points is not None or mode is None or not 1 <= mode <= count:
-            key, given = ("--points", _listed(points)) if points is not None else ("--mode", mode or "not given")
+            shown = "not given" if mode is None else mode
+            key, given = ("--points", _listed(points)) if points is not None else ("--mode", shown)
             raise InputError(Fault(result.path, key, given, f"--mode and a number from 1 to {count}"))
         return [mode - 1]
     if form == MODE and mode is not None:
@@ -60,12 +60,20 @@ def chosen_points(
     if mode is not None:
         raise InputError(Fault(result.path, "--mode", mode, "a file of `attrito linear-modes` or `attrito mode`"))
     if form == MODE and points is None:
-        return [result.points - 1]
+        return [_last_solved(result)]
     if monitor is not None and monitor not in result.monitors:
         raise InputError(Fault(result.path, "--monitor", monitor, "one of " + ", ".join(result.monitors)))
     if points is None:
         return [chosen_point(result, None, monitor or result.monitors[0])]
     return [chosen_point(result, point, "") for point in points]
+
+
+def _last_solved(result: Result) -> int:
+    """Of a nonlinear mode the point of the largest amplitude, since amplitudes rise along its points."""
+    solved = np.flatnonzero(result.converged)
+    if not len(solved):
+        raise InputError(Fault(result.path, "points", result.points, "at least one converged point"))
+    return int(solved[-1])
 
 
 def _listed(points: Sequence[int]) -> str:
