@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import h5py
 import numpy as np
 import pytest
@@ -405,6 +407,9 @@ def test_what_shows_results_shows_a_diagram(diagram, capfd, command, said):
         page = (diagram / "result.campbell.report.html").read_text()
         assert "Campbell diagram" in page and "Critical speeds" in page and "[campbell]" in page
         assert "Southwell" in page
+        assert attrito_here(diagram, capfd, command, "result.campbell.h5", "--pdf").returncode == 0
+        printed = (diagram / "result.campbell.report.pdf").read_bytes()
+        assert len(re.findall(rb"/Type /Page\b", printed)) == 2
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from jobs import TIMEOUT, attrito_here, blocks, write_blocks, write_job
 from attrito.model.outer_surface import outer_surface
 from attrito.report.motion import STEPS, drawn_harmonics, moving
 from attrito.report.page import viewer
-from attrito.report.report import make_page
+from attrito.report.report import make_page, make_printout
 from attrito.report.solid import seen_faces
 from attrito.report.trust import trust
 from attrito.report.view import View
@@ -160,6 +160,19 @@ def test_the_reduction_s_own_errors_are_among_what_to_trust(result, solved):
         "Uniqueness",
         "Reduction",
     ]
+
+
+def test_the_report_of_a_nonlinear_mode_moves_and_is_printed_too(solved, tmp_path, capfd):
+    job = blocks() | {"mode": {"number": 1, "start": 1e-7, "stop": 1.2e-7, "points": 2, "file": "result.mode.h5"}}
+    job["model"]["file"] = str(solved / "model.h5")
+    write_job(tmp_path, job)
+    attrito_here(tmp_path, capfd, "mode", "job.toml")
+    with Result(tmp_path / "result.mode.h5") as mode:
+        text = make_page(mode).html()
+        found = moving(View(mode))
+        assert make_printout(mode)._panels[0][-1][0] == "Frequency and damping against amplitude"
+    assert text.count('<figure class="motion">') == 1 and "Q = 1" in text
+    assert json.loads(found.numbers())["harmonics"] == [1]
 
 
 def test_without_its_reduced_model_a_report_has_no_moving_view(result, solved, tmp_path):

@@ -112,7 +112,9 @@ def finish_map(figure: Figure, axes: Sequence[Axes], result: Result, point: int,
     width, height = figure.bbox.width / figure.dpi, figure.bbox.height / figure.dpi
     if height < FLAT * width:
         label = with_unit(name, unit, 0.8 * width)
-        figure.colorbar(colours, ax=list(axes), label=label, location="bottom", shrink=0.8, pad=0.04, aspect=30)
+        bar = figure.colorbar(colours, ax=list(axes), label=label, location="bottom", shrink=0.8, pad=0.04, aspect=30)
+        # Below, a power of ten at the end of the numbers would lie on it.
+        bar.ax.xaxis.set_label_position("top")
     else:
         figure.colorbar(colours, ax=list(axes), label=with_unit(name, unit, 0.8 * height), shrink=0.9, pad=0.02)
 

@@ -15,7 +15,7 @@ from attrito.report.printout import Printout
 from attrito.report.structure import model_picture, sizes
 from attrito.report.view import View
 from attrito.results.loops import contact_loops, most_dissipating
-from attrito.results.result import MODE, Result
+from attrito.results.result import Result
 
 # Levels whose peaks, contacts whose loops, critical speeds that are printed
 MOST_PEAKS, MOST_LOOPS, MOST_SPEEDS = 8, 4, 45
@@ -31,7 +31,7 @@ def essentials(view: View, printout: Printout, outcome: list[str], trust: list[t
     outcome : sentences on what came out
     trust : sentences on how far to trust it, each with whether it is a warning
     """
-    result, is_mode = view.result, view.result.attribute("format") == MODE
+    result, is_mode = view.result, view.is_mode
     for sentence in outcome:
         printout.text(0, sentence)
     printout.heading(0, "How far to trust it")

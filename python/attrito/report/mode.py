@@ -62,8 +62,7 @@ def mode(page: Page, view: View) -> None:
     words = "Frequency and damping ratios against the amplitude Q. Dashed: the tangent mode."
     drawn: list[tuple[Figure | Animation, str]] = [(mode_curve(result, report_figures.LOOK), words)]
     if (found := moving(view)) is not None:
-        amplitude = result.array("/points/amplitude")[view.point]
-        drawn.append(animation(found, f"point {view.point}, Q = {amplitude:.4g}"))
+        drawn.append(animation(found, view.place(view.point)))
     page.figures(drawn)
     page.subsection("Points")
     names = ("amplitude", "frequency_hz", "damping_ratio", "damping_ratio_structure", "dissipated_energy", "estimate")

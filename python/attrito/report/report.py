@@ -17,7 +17,7 @@ from attrito.report.structure import structure
 from attrito.report.trust import glance, trust
 from attrito.report.view import View
 from attrito.report.wheel import wheel
-from attrito.results.result import CAMPBELL, MODE, Result
+from attrito.results.result import CAMPBELL, Result
 from attrito.support.atomic_files import whole_file
 from attrito.support.errors import Fault, InputError
 from attrito.support.overwrite_check import check_spared
@@ -76,9 +76,8 @@ def make_printout(result: Result, point: int | None = None) -> Printout:
         campbell_essentials(result, printout, campbell_glance(result))
         return printout
     view = View(result, point)
-    is_mode = result.attribute("format") == MODE
-    lines = mode_glance(view) if is_mode else glance(view)
-    essentials(view, printout, [] if is_mode else outcome(view), lines)
+    lines = mode_glance(view) if view.is_mode else glance(view)
+    essentials(view, printout, [] if view.is_mode else outcome(view), lines)
     return printout
 
 
@@ -104,15 +103,14 @@ def make_page(result: Result, point: int | None = None) -> Page:
         sections.references(page, result)
         return page
     view = View(result, point)
-    is_mode = result.attribute("format") == MODE
-    if is_mode:
+    if view.is_mode:
         page.glance(mode_glance(view))
     else:
         if found := outcome(view):
             page.glance([(line, False) for line in found])
         page.section("How far to trust it")
         page.labelled(trust(view))
-    for section in MODE_SECTIONS if is_mode else SECTIONS:
+    for section in MODE_SECTIONS if view.is_mode else SECTIONS:
         section(page, view)
     sections.job(page, result)
     sections.references(page, result)

@@ -71,7 +71,7 @@ def sizes(view: View) -> list[tuple[str, object]]:
         pairs.append(("natural frequencies, stuck", f"{listed} Hz"))
     units = view.result.attribute("units")
     pairs.append(("units", units or "the user's own"))
-    if view.result.points:
+    if view.result.points and not view.is_mode:
         levels = ", ".join(f"{level:.4g}" for level in list(view.peaks)[:8]) + (", ..." if len(view.peaks) > 8 else "")
         span = f"{view.frequency.min():.6g} to {view.frequency.max():.6g} Hz"
         asked = f"{span} at level{'s' * (len(view.peaks) > 1)} {levels}"

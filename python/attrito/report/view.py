@@ -31,6 +31,7 @@ class View:
     ----------
     solved : bool [np], whether a point holds a solution
     level, frequency : [np], factor on the harmonic loads; Hz
+    is_mode : whether the result is a nonlinear mode
     peaks : the point of the largest amplitude of the first monitor by level; None where a level has no solution
     point : None where no point has a solution
     """
@@ -44,7 +45,8 @@ class View:
         everywhere = np.ones(result.points, dtype=bool)
         first = self.monitors[0] if self.monitors else None
         self.peaks = {level: self.peak(first, self.level == level) for level in np.unique(self.level)}
-        if point is None and result.attribute("format") == MODE:
+        self.is_mode = result.attribute("format") == MODE
+        if point is None and self.is_mode:
             point = int(np.flatnonzero(self.solved)[-1]) if self.solved.any() else None
         self.point = self.peak(first, everywhere) if point is None else point
 
@@ -80,6 +82,9 @@ class View:
 
     def place(self, point: int) -> str:
         """Where a point is, in words."""
+        if self.is_mode:
+            amplitude = self.result.array("/points/amplitude")[point]
+            return f"point {point}, Q = {amplitude:.4g}, {self.frequency[point]:.6g} Hz"
         return f"point {point}, {self.frequency[point]:.6g} Hz, level {self.level[point]:.4g}"
 
     def approach(self) -> str:
