@@ -9,7 +9,7 @@ import pytest
 from cyclic_scenes import random_sector
 from mpi4py import MPI
 from multipliers import HILL, MONODROMY, examined, farthest
-from scipy.linalg import eig
+from scipy.linalg import eig, eigh
 
 from attrito.library.integrator import Integrator, Run
 from attrito.library.session import Options, Solver, StoredPoint
@@ -19,9 +19,9 @@ from attrito.scene.wheel import wave_in_wheel, whole_wheel
 EVERY = 10_000
 
 
-def turning_sector(seed, sectors, engine_order, tangents=1, strength=0.5):
+def turning_sector(seed, sectors, engine_order, tangents=1, strength=0.5, **more):
     """A random sector with a random skew matrix; natural frequencies are 0.1 to 1 Hz, and its forces some tenths."""
-    scene = random_sector(seed, sectors, engine_order, tangents=tangents)
+    scene = random_sector(seed, sectors, engine_order, tangents=tangents, **more)
     mixed = np.random.default_rng(1000 + seed).uniform(-1.0, 1.0, scene.mass.shape)
     return replace(scene, gyroscopic=np.ascontiguousarray(strength * (mixed - mixed.T)))
 
@@ -55,9 +55,9 @@ def dense_response(wheel, hz):
     return found
 
 
-@pytest.mark.parametrize("order", [2, -2, 1, 0])
-def test_contacts_that_stick_leave_the_linear_response_of_the_wheel(order):
-    scene = turning_sector(3, 5, order)
+@pytest.mark.parametrize(("order", "axis_nodes"), [(2, 0), (-2, 0), (1, 1), (0, 0)])
+def test_contacts_that_stick_leave_the_linear_response_of_the_wheel(order, axis_nodes):
+    scene = turning_sector(3, 5, order, axis_nodes=axis_nodes)
     scene = replace(scene, laws=scene.laws | {"friction_coefficient": np.full(2, 1e3), "preload": np.full(2, 1e3)})
     with solver_of(scene, harmonics=2) as solver:
         (point,) = solver.solve_at([0.15], 1.0, 0)
@@ -103,9 +103,9 @@ def gyroscopic_hz(stiffness, mass, gyroscopic):
     return np.sort(values.imag[values.imag > 0.0]) / (2.0 * np.pi)
 
 
-@pytest.mark.parametrize("sectors", [1, 2, 3, 5, 6])
-def test_modes_of_waves_both_ways_are_those_of_the_wheel(sectors):
-    scene = turning_sector(1, sectors, 1)
+@pytest.mark.parametrize(("sectors", "axis_nodes"), [(1, 0), (2, 0), (3, 1), (5, 1), (6, 0)])
+def test_modes_of_waves_both_ways_are_those_of_the_wheel(sectors, axis_nodes):
+    scene = turning_sector(1, sectors, 1, axis_nodes=axis_nodes)
     with solver_of(scene) as solver:
         families = families_of(solver, "stuck", EVERY)
     ways = {n % sectors for n in range(sectors)}
@@ -118,6 +118,58 @@ def test_modes_of_waves_both_ways_are_those_of_the_wheel(sectors):
     if sectors > 2:
         split = families[1].modes.natural_hz - families[2].modes.natural_hz
         assert np.abs(split / families[1].modes.natural_hz).max() > 0.01
+
+
+@pytest.mark.parametrize("kind", ["mass", "ratio", "viscous"])
+def test_damping_ratios_are_those_of_the_wheel_to_first_order_in_the_damping(kind):
+    """Against the real parts of the wheel's exponents; what is left is of the third order in the damping, 1e-4 here."""
+    scene = turning_sector(1, 4, 1)
+    viscous = np.ascontiguousarray(1e-4 * scene.mass + 2e-5 * scene.stiffness)
+    scene = replace(scene, damping_kind=kind, damping_value=1e-4, damping=viscous if kind == "viscous" else None)
+    with solver_of(scene) as solver:
+        families = families_of(solver, "stuck", EVERY)
+    wheel = whole_wheel(scene)
+    n, stiffness = len(wheel.mass), stuck_stiffness(wheel)
+    damping = {"mass": 1e-4 * wheel.mass, "viscous": wheel.damping}.get(kind)
+    if damping is None:
+        squares, shapes = eigh(stiffness, wheel.mass)
+        damping = wheel.mass @ shapes @ np.diag(2e-4 * np.sqrt(squares)) @ shapes.T @ wheel.mass
+    companion = np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness, -wheel.gyroscopic - damping]])
+    values = eig(companion, np.block([[np.eye(n), np.zeros((n, n))], [np.zeros((n, n)), wheel.mass]]), right=False)
+    values = values[values.imag > 0.0]
+    hz = np.concatenate([family.modes.natural_hz for family in families])
+    ratios = np.concatenate([family.modes.damping_ratio for family in families])
+    nearest = np.abs(2.0 * np.pi * hz[:, None] - values.imag).argmin(axis=1)
+    assert len(set(nearest)) == len(values)
+    assert ratios == pytest.approx(-values.real[nearest] / np.abs(values[nearest]), rel=1e-5)
+
+
+def test_what_contacts_leave_free_moves_round_circles_at_twice_the_speed():
+    """Masses in axes that turn at Omega, held by contacts that slide freely: of two motions across one is at rest.
+
+    Contacts press along the second coordinate with the spring k: m x'' = 2 Omega m y', m y'' + k y = -2 Omega m x'.
+    """
+    mass, omega, spring = 2.0, 3.0, 5.0
+    turn = 2.0 * omega * mass * np.array([[0.0, -1.0], [1.0, 0.0]])
+    scene = random_sector(0, 4, 1, boundary=False, inside=2)
+    rows = np.array([[1.0, 0.0], [0.0, 1.0]])
+    laws = {name: values[:1] for name, values in scene.laws.items()} | {"normal_stiffness": np.array([spring])}
+    scene = replace(
+        scene,
+        mass=mass * np.eye(2),
+        stiffness=np.zeros((2, 2)),
+        gyroscopic=np.ascontiguousarray(turn),
+        laws=laws,
+        directions=rows,
+        static=np.zeros((1, 2)),
+        sector=replace(scene.sector, next_directions=np.zeros((2, 2))),
+    )
+    with solver_of(scene) as solver:
+        families = families_of(solver, "frictionless", EVERY)
+    for family in families:
+        assert family.modes.rigid == 1 and family.modes.natural_hz[0] == 0.0
+        expected = np.sqrt(spring / mass + (2.0 * omega) ** 2) / (2.0 * np.pi)
+        assert family.modes.natural_hz[1] == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize(("sectors", "order", "engines"), [(3, 1, MONODROMY | HILL), (5, -2, MONODROMY)])

@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
+import h5py
 import numpy as np
 import pytest
 from elastic import CORNERS, DENSITY
 from jobs import attrito_here, table, write_job
+from mpi4py import MPI
 from scipy.linalg import eig
 from scipy.sparse import coo_matrix
 from wheels import AXIS, ring, sector_job
 
+from attrito.job.reading import read_job
+from attrito.library.session import Solver
 from attrito.model.coriolis import coriolis_matrix
 from attrito.model.model_file import write_model
 from attrito.model.rotation import Spin, softening
+from attrito.scene.build import build_scene
+from attrito.scene.reduced_model import reduced_scene
+from attrito.scene.solver_options import solver_options
 
 MASS, HUB, CHORD, SPIN = 2.0, 5.0e4, 3.0e4, 12.0
 OMEGA = 2.0 * np.pi * SPIN
+# Sectors of the elastic ring, and its speed in Hz
+SECTORS, TURNS = 6, 400.0
 
 
 def masses_on_chords(sectors, *, softened=True, chord=CHORD, engine_order=1):
@@ -120,6 +129,74 @@ def test_a_campbell_diagram_has_waves_both_ways_at_every_speed(tmp_path, capfd):
         assert at[6.0, n] == pytest.approx(frequencies, rel=1e-9)
 
 
+def slipping_wave(engine_order, way):
+    """Amplitudes outwards and along of a mass that slips on the ground; `way` -1: rotation and load are mirrored."""
+    job = masses_on_chords(5, engine_order=engine_order)
+    job["model"]["gyroscopic"] = (way * np.array(job["model"]["gyroscopic"])).tolist()
+    job["damping"] = {"rayleigh": [5.0, 0.0]}
+    law = {"tangential_stiffness": 2e4, "normal_stiffness": 2e4, "friction_coefficient": 0.3, "preload": 20.0}
+    job["contact"] = [{"normal": [[0, 1.0]], "tangents": [[[1, 1.0]]], **law}]
+    job["load"] = [{"kind": "harmonic", "cosine": [[0, 8.0]], "sine": [[1, 12.0 * way]]}]
+    job["balance"] = {"harmonics": 5, "residual_tolerance": 1e-13}
+    job["sweep"] = {"frequencies_hz": [24.0]}
+    job["output"]["monitors"].append({"name": "along", "dofs": [[1, 1.0]]})
+    checked = read_job(job)
+    scene = build_scene(checked)
+    with Solver(MPI.COMM_SELF, reduced_scene(checked, scene), solver_options(checked, None)) as solver:
+        solver.follow_static_path(scene.load_path, 10, 24.0)
+        (point,) = solver.solve_at([24.0], 1.0, 0)
+    assert point.is_solved and point.states[2] == 1, "the mass does not slip: the test is void"
+    return point.amplitude
+
+
+def test_engine_order_and_speed_reversed_together_give_the_mirror_image():
+    forward, mirrored, backward = slipping_wave(1, 1), slipping_wave(-1, -1), slipping_wave(-1, 1)
+    # Residuals of 1e-13 times the condition of the balance.
+    assert mirrored == pytest.approx(forward, rel=1e-10)
+    assert np.abs(backward / forward - 1.0).max() > 0.05
+
+
+def test_a_whole_model_that_turns_answers_as_a_dense_solve_says(tmp_path, capfd):
+    """`coriolis` of the centrifugal load, the contact is next to nothing."""
+    model = ring(3, seed=4)
+    write_model(tmp_path / "model.h5", model, [])
+    node = ["node", int(model.node_sets["rim"][1])]
+    law = {"tangential_stiffness": 1e-3, "normal_stiffness": 1e-3, "friction_coefficient": 0.3, "preload": 1e3}
+    dofs = [int(np.flatnonzero((model.dof_node == node[1]) & (model.dof_direction == i))[0]) for i in (1, 2)]
+    job = {
+        "model": {"file": "model.h5"},
+        "damping": {"rayleigh": [50.0, 0.0]},
+        "contact": [{"normal": [[[*node, "z"], 1.0]], "tangents": [[[[*node, "x"], 1.0]]], **law}],
+        "load": [
+            {"name": "spin", "kind": "centrifugal", "speed_hz": TURNS, "coriolis": True, **AXIS},
+            {"kind": "harmonic", "cosine": [[[*node, "x"], 1e3]]},
+        ],
+        "static": {"load_path": [1.0]},
+        "balance": {"harmonics": 1},
+        "sweep": {"frequencies_hz": [3000.0]},
+        "output": {
+            "file": "result.h5",
+            "monitors": [{"name": name, "dofs": [[[*node, name], 1.0]]} for name in ("x", "y")],
+        },
+    }
+    amplitudes = {}
+    for coriolis in (True, False):
+        job["load"][0]["coriolis"] = coriolis
+        done = attrito_here(tmp_path, capfd, "run", write_job(tmp_path, job))
+        assert done.returncode == 0, done.stderr
+        (row,) = table(tmp_path)
+        amplitudes[coriolis] = np.array([float(row["x_amplitude"]), float(row["y_amplitude"])])
+    omega, spin = 2.0 * np.pi * 3000.0, 2.0 * np.pi * TURNS
+    damping = 50.0 * model.mass + spin * by_quadrature(model, np.array([0.0, 0.0, 1.0]))
+    matrix = model.stiffness - omega**2 * model.mass + 1j * omega * damping
+    force = np.zeros(model.size)
+    force[dofs[0]] = 1e3
+    expected = np.abs(np.linalg.solve(matrix.toarray(), force))[dofs]
+    # The contact's springs are 1e-12 of the structure's; rounding 1e-16 times the condition, 1e6.
+    assert amplitudes[True] == pytest.approx(expected, rel=1e-8)
+    assert np.abs(amplitudes[False] / expected - 1.0).max() > 1e-3
+
+
 def by_quadrature(model, axis):
     """2 integral rho N^T (a x N) over the bricks of a model, two Gauss points a direction as for its mass."""
     order = np.argsort(model.node_ids)
@@ -216,9 +293,6 @@ def test_what_a_mass_must_be_for_coriolis_forces_is_told_in_one_message(tmp_path
     assert "[cyclic] coriolis = 'a mass of" in done.stderr and "which Coriolis forces follow from" in done.stderr
 
 
-SECTORS, TURNS = 6, 400.0
-
-
 def turning_ring(**reduction):
     """A job on a sector of an elastic ring that turns fast, its contact next to nothing."""
     model = ring(SECTORS, seed=3)
@@ -268,6 +342,12 @@ def test_modes_of_a_turning_ring_are_those_of_the_ring_assembled_whole(tmp_path,
     model, job = turning_ring(**reduction)
     write_model(tmp_path / "model.h5", model, [])
     found = modes_of(tmp_path, capfd, job, "--count", "4")
+    if reduction:
+        with h5py.File(tmp_path / "rom.h5") as file:
+            basis, reduced = file["recovery/basis"][()], file["gyroscopic"][()]
+        full = basis @ coriolis_matrix(model, np.array([0.0, 0.0, 1.0])) @ basis.T
+        # Rounding; G^T = -G tells a row from a column.
+        assert reduced == pytest.approx(full, abs=1e-14 * np.abs(full).max())
     whole = whole_ring()
     assert list(found) == [0, 1, -1, 2, -2, 3]
     for n, frequencies in found.items():
