@@ -187,7 +187,8 @@ contains
     integer, intent(out) :: info
     type(hill_sector_problem_type) :: problem, fine
     type(multiplier_type), allocatable :: found(:)
-    complex(wp), allocatable :: exponents(:), vectors(:, :)
+    complex(wp), allocatable :: exponents(:), vectors(:, :), strip(:)
+    integer, allocatable :: wavenumbers(:)
     real(wp) :: largest
     integer :: i
 
@@ -202,6 +203,7 @@ contains
     if (problem%unknowns() > most_unknowns) info = too_large
     if (info /= 0) return
     largest = 0.0_wp
+    allocate (strip(0), wavenumbers(0))
     do i = 0, wheel%sectors - 1
       if (problem%unknowns() == 0) exit
       problem%wavenumber = i
@@ -211,6 +213,7 @@ contains
       call refine(fine, vectors, exponents)
       call take()
     end do
+    found = [found, from_half_strip(wheel, strip, wavenumbers)]
     found = pack(found, abs(found%value) >= least)
     multipliers = [by_size(found), &
                    spread(multiplier_type(0.0_wp, kind_slip), 1, wheel%sectors*count(.not. orbit%stuck)), &
@@ -218,30 +221,99 @@ contains
 
   contains
 
-    !> Those of one wavenumber: exponents on the edges of the half strip are their own conjugates' neighbours, which another
-    !> wavenumber has; those between come with their conjugates.
+    !> Exponents of one wavenumber, all of the half strip and of its edges.
     subroutine take()
-      !> Part that is rounding
-      real(wp), parameter :: rounding = 1.0e-7_wp ! derived
-      complex(wp) :: value
+      real(wp) :: height
       integer :: j
 
       do j = 1, size(exponents)
-        associate (height => aimag(exponents(j)))
-          value = exp(two_pi*exponents(j))
-          if (height < -rounding .or. height > 0.5_wp + truncation) cycle
-          found = [found, multiplier_type(value, kind_floquet, i)]
-          if (height > rounding .and. height < 0.5_wp - truncation) then
-            found = [found, multiplier_type(conjg(value), kind_floquet, modulo(-i, wheel%sectors))]
-          end if
-        end associate
-        if (abs(value) <= largest) cycle
-        largest = abs(value)
+        height = aimag(exponents(j))
+        if (height < -truncation .or. height > 0.5_wp + truncation) cycle
+        strip = [strip, exponents(j)]
+        wavenumbers = [wavenumbers, i]
+        if (exp(two_pi*real(exponents(j), wp)) <= largest) cycle
+        largest = exp(two_pi*real(exponents(j), wp))
         call find_largest_harmonic(problem, exponents(j), vectors(:, j), breaks_into, breaks_at)
         breaks_at = breaks_at*omega
       end do
     end subroutine take
   end subroutine wheel_multipliers
+
+  !> Multipliers of all exponents with Im s in (-omega/2, omega/2], from those of half the strip, each with its conjugate.
+  !>
+  !> (s, kappa) has the conjugates (s*, -kappa) and (s* + i, EO - kappa), s over omega. On the strip's edges one of these is in the
+  !> half strip, too, and was found by itself, in its own problem: it is known by its place. It may be the perturbation itself.
+  pure function from_half_strip(wheel, exponents, wavenumbers) result(found)
+    !> Modes of all nodal diameters
+    type(wheel_modes_type), intent(in) :: wheel
+    !> Over the angular frequency, of all wavenumbers, and these
+    complex(wp), intent(in) :: exponents(:)
+    integer, intent(in) :: wavenumbers(:)
+    type(multiplier_type), allocatable :: found(:)
+    logical :: used(size(exponents))
+    integer :: i, partner
+
+    allocate (found(0))
+    used = .false.
+    do i = 1, size(exponents)
+      if (used(i)) cycle
+      partner = conjugate_of(i)
+      used(i) = .true.
+      found = [found, multiplier_of(i)]
+      if (partner == 0) then
+        found = [found, multiplier_of(i)]
+        associate (last => found(size(found)))
+          last%value = conjg(last%value)
+          last%wavenumber = modulo(-last%wavenumber, wheel%sectors)
+        end associate
+      else if (partner /= i) then
+        used(partner) = .true.
+        found = [found, multiplier_of(partner)]
+      end if
+    end do
+
+  contains
+
+    !> With the wavenumber of the exponent in the strip.
+    pure type(multiplier_type) function multiplier_of(i)
+      !> Number of the exponent
+      integer, intent(in) :: i
+      !> How far an exponent on the edge, of a negative multiplier, is from it at most by what harmonics leave out
+      real(wp), parameter :: blurred = 1.0e-4_wp ! guess
+
+      multiplier_of = multiplier_type(exp(two_pi*exponents(i)), kind_floquet, wavenumbers(i))
+      if (aimag(exponents(i)) > 0.5_wp + blurred) then
+        multiplier_of%wavenumber = modulo(wavenumbers(i) - wheel%engine_order, wheel%sectors)
+      end if
+    end function multiplier_of
+
+    !> The nearest exponent that is not used yet to a conjugate of one; 0: there is none. Problems of kappa and -kappa are each
+    !> other's conjugates to rounding, those of kappa and EO - kappa but for truncation.
+    pure integer function conjugate_of(i)
+      !> Number of the exponent
+      integer, intent(in) :: i
+      !> Part that is rounding
+      real(wp), parameter :: rounding = 1.0e-7_wp ! derived
+      real(wp) :: distance, nearest
+      integer :: j
+
+      conjugate_of = 0
+      nearest = truncation
+      do j = 1, size(exponents)
+        if (used(j)) cycle
+        distance = huge(distance)
+        associate (sum_of_both => wavenumbers(i) + wavenumbers(j), apart => exponents(j) - conjg(exponents(i)))
+          if (modulo(sum_of_both, wheel%sectors) == 0 .and. abs(apart) <= rounding) distance = abs(apart)
+          if (modulo(sum_of_both - wheel%engine_order, wheel%sectors) == 0) then
+            distance = min(distance, abs(apart - (0.0_wp, 1.0_wp)))
+          end if
+        end associate
+        if (distance > nearest) cycle
+        nearest = distance
+        conjugate_of = j
+      end do
+    end function conjugate_of
+  end function from_half_strip
 
   !> Modes of the nodal diameter that has most.
   pure integer function most_of_a_diameter(wheel) result(most)
