@@ -82,14 +82,17 @@ def points_of(scene, frequencies=FREQUENCIES):
 
 
 def damped(scene, kind):
-    """The same with damping that leaves its modes uncoupled, or not."""
+    """The same with damping that leaves its modes uncoupled, or not, or with Coriolis forces."""
     if kind == "mass":
         return scene
+    if kind == "coriolis":
+        skew = 0.1 * np.random.default_rng(9).uniform(-1.0, 1.0, scene.mass.shape)
+        return replace(scene, gyroscopic=np.ascontiguousarray(skew - skew.T))
     viscous = 0.05 * scene.mass + 0.02 * scene.stiffness + 0.02 * np.diag(np.arange(len(scene.mass)) % 3)
     return replace(scene, damping_kind="viscous", damping=np.ascontiguousarray(viscous))
 
 
-@pytest.mark.parametrize("kind", ["mass", "viscous"])
+@pytest.mark.parametrize("kind", ["mass", "viscous", "coriolis"])
 @pytest.mark.parametrize(
     ("sectors", "order"), [(2, 1), *[(sectors, order) for sectors in (3, 5, 6) for order in (0, 1, 2, sectors - 1)]]
 )
