@@ -7,6 +7,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from attrito.library.names import REFERENCES
@@ -168,6 +169,10 @@ def _drawn(results: Sequence[Result], kind: str, wishes: Wishes, look: Look) -> 
         xlim = None if wishes.xlim is None else (float(wishes.xlim[0]), float(wishes.xlim[1]))
         if xlim is not None and not xlim[0] < xlim[1]:
             raise InputError(Fault(result.path, "--xlim", xlim, "a frequency and a higher one"))
+        solved = np.concatenate([one.array("/points/frequency_hz") for one in results])
+        if xlim is not None and len(solved) and not (xlim[0] < solved.max() and solved.min() < xlim[1]):
+            known = f"frequencies among {solved.min():.6g} to {solved.max():.6g} Hz"
+            raise InputError(Fault(result.path, "--xlim", xlim, known))
         references = REFERENCES if wishes.references is None else tuple(wishes.references)
         quantity, levels = wishes.quantity or "amplitude", tuple(wishes.level or ())
         drawing = Drawing(quantity, levels, xlim, wishes.log, references)

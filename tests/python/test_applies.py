@@ -45,6 +45,7 @@ def files(tmp_path):
         ("plot run.h5 --loops --point 999", "point = 999: expected a number from 0 to 1"),
         ("plot run.h5 --monitor root", "--monitor = 'root': expected one of tip"),
         ("plot run.h5 --quantity nyquist --xlim 80 90", "--xlim = 'given': expected --quantity amplitude"),
+        ("plot run.h5 --xlim 1 2", "--xlim = (1.0, 2.0): expected frequencies among 90 to 91 Hz"),
         ("plot run.h5 --quantity phase --linear", "--linear = 'given': expected --quantity amplitude, first_harmonic"),
         ("plot peaks.h5 --linear", "--linear = 'given': expected none for peaks"),
         ("export campbell.h5", "format = 'attrito campbell diagram': expected a result of `attrito run`, `mode`"),

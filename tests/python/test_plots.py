@@ -8,12 +8,13 @@ import synthetic
 from figures import marks
 from matplotlib import image
 from matplotlib.collections import PathCollection, PolyCollection
+from matplotlib.figure import Figure
 
 from attrito.plots.contact_maps import contact_map
 from attrito.plots.contact_surfaces import surfaces
 from attrito.plots.contacts import hysteresis
 from attrito.plots.response import frequency_response
-from attrito.plots.style import Look, save
+from attrito.plots.style import Look, legend_below, save
 from attrito.results.loops import Loop
 from attrito.results.result import Result
 from attrito.support.errors import InputError
@@ -254,3 +255,12 @@ def test_a_pdf_keeps_its_letters_as_letters(tmp_path):
     # Fonts of type 42 are embedded TrueType; type 3 would be outlines, which journals refuse.
     assert written.startswith(b"%PDF") and b"/Type3" not in written
     assert b"/TrueType" in written or b"/CIDFontType2" in written
+
+
+def test_a_legend_below_has_as_many_columns_as_its_figure_has_room_for():
+    for width, columns in ((8.0, 3), (5.0, 2), (2.5, 1), (0.5, 1)):
+        axes = Figure(figsize=(width, 3.0)).add_subplot()
+        for number in range(3):
+            axes.plot([0.0, 1.0], label=f"a label of some length {number}")
+        legend_below(axes, 3)
+        assert axes.get_legend()._ncols == columns

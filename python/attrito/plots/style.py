@@ -148,11 +148,18 @@ def save(figure: Figure, path: str | os.PathLike[str], dpi: int = DPI) -> None:
 
 
 def legend_below(axes: Axes, columns: int, labelled: Axes | None = None, lines: float = 3.4) -> None:
-    """A legend some lines below the axes (ticks, numbers and label take three), of other axes' entries if given."""
+    """A legend some lines below the axes (ticks, numbers and label take three), of other axes' entries if given.
+
+    It has so many columns, or as many as the figure has room for.
+    """
     drop = ScaledTranslation(0.0, -lines * _label_points() / 72.0, axes.figure.dpi_scale_trans)
     place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "bbox_transform": axes.transAxes + drop}
     entries = (labelled or axes).get_legend_handles_labels()
     handles = {label: handle for handle, label in zip(*entries, strict=True)}
+    letters = font_manager.FontProperties(size=matplotlib.rcParams["legend.fontsize"]).get_size_in_points()
+    # A letter is half as wide as high; the line of an entry and the gap beside it are four letters high.
+    widest = (0.5 * max(map(len, handles), default=0) + 3.8) * letters / 72.0
+    columns = max(min(columns, int(axes.figure.bbox.width / axes.figure.dpi / widest)), 1)
     axes.legend(
         handles.values(), handles.keys(), **place, ncol=columns, columnspacing=1.2, handlelength=1.8, borderaxespad=0
     )
