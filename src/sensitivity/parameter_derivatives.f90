@@ -19,7 +19,8 @@ module attrito_sensitivity_parameter_derivatives
   use attrito_sensitivity_accurate_step, only: solve_accurately
   use attrito_sensitivity_damping_derivatives, only: damping_numbers, damping_load
   use attrito_sensitivity_parameters, only: by_parameters_type
-  use attrito_sensitivity_point_rates, only: inquiry_type, rate_type, derivatives_of_laws, rate_of_parameter
+  use attrito_sensitivity_point_rates, only: inquiry_type, rate_type, begin_at_sliders, derivatives_of_laws, &
+                                             rate_of_parameter
   use attrito_sensitivity_quantities, only: weights_type, weights_of
   use attrito_solve_solver, only: solver_type
   implicit none
@@ -46,6 +47,8 @@ contains
     real(wp), allocatable :: laws(:, :, :)
     integer :: i, j
 
+    call begin_at_sliders(solver, inquiry, status)
+    if (status /= 0) return
     associate (balance => solver%context%balance)
       laws = derivatives_of_laws(balance, inquiry)
       weights = [(weights_of(inquiry%quantities(i), balance), i=1, size(weights))]
@@ -108,6 +111,8 @@ contains
     complex(wp), allocatable :: adjoint(:, :), damped(:, :, :)
     integer :: i
 
+    call begin_at_sliders(solver, inquiry, status)
+    if (status /= 0) return
     balance => solver%context%balance
     laws = derivatives_of_laws(balance, inquiry)
     weights = [(weights_of(inquiry%quantities(i), balance), i=1, size(weights))]

@@ -17,7 +17,7 @@ module attrito_sensitivity_point_rates
   use attrito_solve_solver, only: solver_type
   implicit none
   private
-  public :: inquiry_type, rate_type, derivatives_of_laws, rate_of_parameter, rate_of_response, force_change, load_change
+  public :: inquiry_type, rate_type, begin_at_sliders, derivatives_of_laws, rate_of_parameter, rate_of_response
 
   !> What is asked for
   type :: inquiry_type
@@ -37,6 +37,24 @@ module attrito_sensitivity_point_rates
   end type rate_type
 
 contains
+
+  !> Where derivatives by sliders are asked for, points begin at those of the static solution: a contact that these are no place to
+  !> rest for takes its slider along with the motion. Elsewhere the point's own sliders are given.
+  subroutine begin_at_sliders(solver, inquiry, status)
+    !> Solver of points, at the point
+    type(solver_type), intent(inout) :: solver
+    !> What is asked for
+    type(inquiry_type), intent(in) :: inquiry
+    !> 0, or not: it cannot be evaluated
+    integer, intent(out) :: status
+
+    status = 0
+    if (inquiry%sliders == 0) return
+    associate (balance => solver%context%balance)
+      balance%slider = merge(balance%slider, solver%static_slider, spread(balance%periodic, 1, size(balance%slider, 1)))
+      call balance%evaluate(solver%motion, solver%omega, status)
+    end associate
+  end subroutine begin_at_sliders
 
   !> Derivatives of the forces of this rank's contacts by their columns [2 H + 1, rows, columns].
   function derivatives_of_laws(balance, inquiry) result(laws)

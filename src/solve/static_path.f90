@@ -38,6 +38,27 @@ contains
     real(wp), intent(in) :: omega
     !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
+    logical :: reset_slider
+
+    ! What points begin at is the path's end: along it sliders go on.
+    reset_slider = solver%options%reset_slider
+    solver%options%reset_slider = .false.
+    call follow_corners(solver, path, steps, omega, error)
+    solver%options%reset_slider = reset_slider
+  end subroutine follow_static_path
+
+  !> From corner to corner, sliders going on.
+  subroutine follow_corners(solver, path, steps, omega, error)
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> Factors on the static loads at the corners [loads, corners]
+    real(wp), intent(in) :: path(:, :)
+    !> Steps from corner to corner
+    integer, intent(in) :: steps
+    !> Angular frequency, which matters to nothing but the scales
+    real(wp), intent(in) :: omega
+    !> Allocated: what has failed
+    type(error_type), allocatable, intent(out) :: error
     real(wp) :: from(size(path, 1)), to(size(path, 1))
     integer :: corner, iterations
     logical :: converged
@@ -70,7 +91,7 @@ contains
       from = to
     end do
     call keep_static_state(solver)
-  end subroutine follow_static_path
+  end subroutine follow_corners
 
   !> Take a static state that is known, but for rounding, under full static loads: it is solved for from there, without a path.
   subroutine take_static_state(solver, displacements, slider, omega, error)
@@ -83,6 +104,7 @@ contains
     !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     real(wp) :: coordinates(1, size(displacements))
+    logical :: reset_slider
 
     coordinates(1, :) = displacements
     solver%evidence = evidence_type()
@@ -94,7 +116,10 @@ contains
       solver%motion(1:1, :) = solver%contacts%relative_motion(coordinates, balance%first_row, balance%rows())
     end associate
     call solver%set_scales(omega, omega)
+    reset_slider = solver%options%reset_slider
+    solver%options%reset_slider = .false.
     call solver%solve_at(omega)
+    solver%options%reset_slider = reset_slider
     if (.not. solver%report%converged) then
       call raise(error, 'static state: no equilibrium found beside the one that was given')
       return

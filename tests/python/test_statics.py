@@ -7,7 +7,7 @@ from itertools import product
 import h5py
 import numpy as np
 import pytest
-from jobs import attrito, run, wedge
+from jobs import attrito, run, table, wedge
 
 from attrito.library.reduced_scene import ReducedScene
 from attrito.scene.friction_margin import friction_margin
@@ -119,3 +119,19 @@ def test_a_run_with_little_friction_has_one_static_solution(tmp_path):
         assert file["static/unique"][()] == 1
         assert file["static/friction_margin"][()] > 1.0
     assert attrito(tmp_path, "table", "result.h5").returncode == 0
+
+
+def test_points_that_begin_at_the_static_sliders_know_the_load_path(tmp_path):
+    """A push leaves the contact at its other limit: the first point is the same whether sliders are reset or kept."""
+    job = wedge(force=1.0)
+    job["load"].append({"name": "push", "kind": "static", "dofs": [[0, -60.0], [1, 60.0]]})
+    job["sweep"] = {"frequencies_hz": [120.0]}
+    means = []
+    for slider in ("keep", "reset"):
+        path = [{"preload": 1.0}, {"preload": 1.0, "push": 1.0}, {"preload": 1.0}]
+        run(tmp_path, job | {"static": {"load_path": path, "slider": slider}})
+        (contact,) = table(tmp_path, "--contacts")
+        means.append(float(contact["t1_mean"]))
+    assert means[0] < -5.0
+    # Both are solved to 1e-10 of the motion.
+    assert means[1] == pytest.approx(means[0], rel=1e-7)

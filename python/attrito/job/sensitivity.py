@@ -9,7 +9,7 @@ import numpy as np
 
 from attrito.job.job import Job
 from attrito.job.laws import LAW_KEYS
-from attrito.support.errors import Fault
+from attrito.support.errors import Fault, InputError
 
 # Numbers that Iwan's law has beside those of every law
 IWAN_KEYS = ("chi", "beta")
@@ -133,10 +133,9 @@ def check_sensitivity(job: Job) -> list[Fault]:
         for table, key, fine in (("balance", "approach", "coupled"), ("balance", "contacts", "all"))
         if job[table][key] != fine
     ]
-    if "cyclic" in job.given:
-        faults.append(
-            job.fault("[sensitivity] to", names, "no such key with [cyclic]: derivatives are of whole models")
-        )
+    if "cyclic" in job.given and "damping.ratio" in names:
+        expected = "no ratio of the stuck modes with [cyclic]: they are those of each nodal diameter"
+        faults.append(job.fault(f"[sensitivity] to[{names.index('damping.ratio')}]", "damping.ratio", expected))
     for number, name in enumerate(names):
         try:
             found = _parameter(job, name)
@@ -150,6 +149,17 @@ def check_sensitivity(job: Job) -> list[Fault]:
         except ValueError as error:
             faults.append(job.fault(f"[sensitivity] of[{number}]", name, str(error)))
     return faults
+
+
+def refuse_for_sectors(job: Job, what: str) -> None:
+    """Raise where derivatives of something are asked for that are of whole models alone."""
+    names = job["sensitivity"]["to"]
+    if names and "cyclic" in job.given:
+        raise InputError(
+            job.fault(
+                "[sensitivity] to", names, f"no such key with [cyclic]: derivatives of {what} are of whole models"
+            )
+        )
 
 
 def _parameter(job: Job, name: str) -> Parameter:

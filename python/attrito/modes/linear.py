@@ -12,7 +12,7 @@ from attrito.job.coriolis import take_no_coriolis
 from attrito.job.cyclic import is_cyclic
 from attrito.job.job import Job, linear_modes_path, model_path
 from attrito.job.reading import read_job
-from attrito.job.sensitivity import parameters_of
+from attrito.job.sensitivity import parameters_of, refuse_for_sectors
 from attrito.library.session import Solver
 from attrito.modes.families import KINDS, Family, families_of, meaning_of_diameters
 from attrito.modes.frequency_slopes import frequency_slopes, spring_rates
@@ -51,6 +51,7 @@ def linear_modes_job(comm: Comm, path: str | Job, state: str = "tangent", count:
     """
     progress = Progress(comm)
     job = on_root(comm, lambda: _checked(read_job(path, excited=False)))
+    on_root(comm, lambda: refuse_for_sectors(job, "modes"))
     scene = on_root_only(comm, lambda: build_scene(job))
     file = linear_modes_path(job)
     with writing_alone(comm, file):

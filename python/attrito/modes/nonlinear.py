@@ -11,6 +11,7 @@ import numpy as np
 from attrito.job.cyclic import is_cyclic, nodal_diameter
 from attrito.job.fewer_contacts import take_all_contacts
 from attrito.job.job import Job, mode_path
+from attrito.job.sensitivity import refuse_for_sectors
 from attrito.library.names import OUTCOMES
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series
@@ -287,6 +288,7 @@ def check_mode(job: Job) -> None:
     """Faults between the keys of `[mode]` and the rest of the job."""
     if job["mode"]["method"] == "quasi_static":
         take_all_contacts(job, 'mode with method = "quasi_static"')
+    refuse_for_sectors(job, "modes")
     keys = job["mode"]
     if "mode" not in job.given:
         raise InputError(job.fault("[mode]", "missing", "this table, with start and stop"))

@@ -27,6 +27,7 @@ from attrito.runs.position import RunPosition
 from attrito.runs.progress import Progress
 from attrito.runs.recorder import Recorder
 from attrito.runs.sensitivity import Differentiator
+from attrito.runs.slider_rates import LoadPath
 from attrito.runs.stability import Examiner
 from attrito.runs.sweeps import Course, band_hz, beginning
 from attrito.scene import cautions
@@ -127,7 +128,8 @@ def _solve(
         progress.expect(job["sweep"], job["continuation"]["branches"])
         first = on_root_only(comm, lambda: first_record(job, scene, rom, reduced, comm.size, linear, margin))
         stages.end("linear responses")
-        differentiator = Differentiator(comm, solver, job, scene, reduced)
+        path = LoadPath(options, load_path, beginning(job, start)) if job["static"]["slider"] == "reset" else None
+        differentiator = Differentiator(comm, solver, job, scene, reduced, path)
         run = _Run(comm, job, solver, reduced, options, progress, stages, load_path, stop, differentiator)
         run.start, run.static_means = start, means
         try:

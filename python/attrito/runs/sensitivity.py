@@ -19,6 +19,7 @@ from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series
 from attrito.library.session import Point, Solver
 from attrito.runs.recorder import Recorder
+from attrito.runs.slider_rates import LoadPath, slider_rates
 from attrito.scene.build import laws_of
 from attrito.scene.scene import Scene
 from attrito.support.parallel import on_root
@@ -58,6 +59,7 @@ class Differentiator:
     ----------
     comm, solver : what solves
     job, scene, reduced : what is solved; `scene` at the root
+    path : what the start sliders of points come from; None: they are given
 
     Attributes
     ----------
@@ -66,7 +68,15 @@ class Differentiator:
     rates : what each changes
     """
 
-    def __init__(self, comm: Comm, solver: Solver, job: Job, scene: Scene | None, reduced: ReducedScene):
+    def __init__(
+        self,
+        comm: Comm,
+        solver: Solver,
+        job: Job,
+        scene: Scene | None,
+        reduced: ReducedScene,
+        path: LoadPath | None = None,
+    ):
         self._solver, self._root = solver, comm.rank == 0
         self.family = Family(comm, solver, len(reduced.laws["tangents"]), len(reduced.monitors))
         parameters = parameters_of(job)
@@ -75,9 +85,13 @@ class Differentiator:
         self._others = len(job["sensitivity"]["of"])
         if not parameters:
             return
-        inquiry = on_root(comm, lambda: inquiry_of(job, scene, reduced))
+        self._sector = reduced.sector is not None
+        inquiry = on_root(comm, lambda: inquiry_of(job, scene, reduced, path is not None))
         self.family.ask(inquiry)
         self.rates: Rates = on_root(comm, lambda: rates_of(job, scene, reduced, parameters, inquiry.columns(solver)))
+        if path is not None:
+            sliders = slider_rates(comm, job, scene, reduced, parameters, path)
+            self.rates.laws[:, :, -sliders.shape[2] :] = sliders
 
     def visit(self, point: Point, recorder: Recorder) -> None:
         """Add the derivatives at the point where the solver stands to its record. Collective."""
@@ -133,7 +147,8 @@ class Differentiator:
         if family.describe() is None:
             return None
         parameters, monitors = self._shape
-        if parameters <= 2 * monitors + self._others:
+        # Of a sector receptances are not symmetric.
+        if self._sector or parameters <= 2 * monitors + self._others:
             return family.differentiate_directly(rates)
         gradient = family.differentiate_by_adjoint()
         return None if gradient is None else gradient.along(rates)
@@ -144,7 +159,7 @@ class Differentiator:
         return found[:monitors].T, found[monitors : 2 * monitors].T, found[2 * monitors :].T
 
 
-def inquiry_of(job: Job, scene: Scene, reduced: ReducedScene) -> Inquiry:
+def inquiry_of(job: Job, scene: Scene, reduced: ReducedScene, sliders: bool = False) -> Inquiry:
     """What a job asks derivatives of: amplitudes of the monitors, their means, then other quantities."""
     units = np.eye(len(reduced.monitors))
     quantities = [(kind, row) for kind in ("amplitude", "mean") for row in units]
@@ -154,6 +169,7 @@ def inquiry_of(job: Job, scene: Scene, reduced: ReducedScene) -> Inquiry:
         quantities,
         reduced,
         numbers=any(one.places and (one.key not in LAW_KEYS or one.row is not None) for one in parameters),
+        sliders=sliders,
         damping=any(one.name in DAMPING for one in parameters),
     )
 
