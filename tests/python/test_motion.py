@@ -175,6 +175,35 @@ def test_the_report_of_a_nonlinear_mode_moves_and_is_printed_too(solved, tmp_pat
     assert json.loads(found.numbers())["harmonics"] == [1]
 
 
+def test_faces_whose_motion_is_not_recovered_are_left_out_and_too_few_are_no_view(solved, tmp_path, capfd, monkeypatch):
+    job = blocks()
+    job["model"]["file"], job["reduction"]["recovery"] = str(solved / "model.h5"), "monitors"
+    write_job(tmp_path, job)
+    done = attrito_here(tmp_path, capfd, "run", "job.toml")
+    assert done.returncode == 0, done.stderr
+    with Result(tmp_path / "result.h5") as few:
+        view = View(few)
+        whole, found = outer_surface(view.model, 10**6), moving(view)
+        part = len(found.faces) / len(whole.faces)
+        # Nodes of the contact and held ones are known: of the upper box one side of six.
+        assert 0.5 < part < 1.0
+        monkeypatch.setattr("attrito.report.motion.LEAST_KNOWN", part + 0.01)
+        assert moving(view) is None
+
+
+def test_an_unfinished_mode_says_what_its_job_asked_for(tmp_path):
+    path = synthetic.write_result(tmp_path / "m.h5", [100.0], {"tip": [1.0]})
+    with h5py.File(path, "r+") as file:
+        file.attrs["format"] = "attrito mode"
+        job = json.loads(file.attrs["job"]) | {"mode": {"method": "quasi_static", "near_hz": 99.0}}
+        file.attrs["job"] = json.dumps(job)
+        for name in ("amplitude", "damping_ratio", "damping_ratio_structure", "dissipated_energy"):
+            file[f"points/{name}"] = np.full(1, 0.01)
+    with Result(path) as result:
+        text = make_page(result).html()
+    assert "Tangent mode near 99.0 Hz, followed by cycles of quasi-static loading" in text and "100 Hz." in text
+
+
 def test_without_its_reduced_model_a_report_has_no_moving_view(result, solved, tmp_path):
     path = tmp_path / "r.h5"
     path.write_bytes((solved / "result.h5").read_bytes())

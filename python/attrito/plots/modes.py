@@ -27,7 +27,9 @@ def mode_curve(result: Result, look: Look | None = None) -> Figure:
     with matplotlib.rc_context(look.style()):
         figure = look.figure((6.4, 5.6))
         upper, lower = figure.subplots(2, 1, sharex=True)
-        upper.axhline(float(result.attribute("tangent_hz")), color=LIMIT_COLOUR, linestyle="--", label="tangent")
+        # A mode that is not finished does not say it.
+        if tangent := result.attribute("tangent_hz"):
+            upper.axhline(float(tangent), color=LIMIT_COLOUR, linestyle="--", label="tangent")
         upper.plot(amplitude, frequency, ".-", color=BRANCH_COLOURS[0], label="mode")
         upper.set_ylabel("Frequency (Hz)")
         upper.ticklabel_format(axis="y", useOffset=False)

@@ -30,14 +30,18 @@ def mode_glance(view: View) -> list[tuple[str, bool]]:
     if len(solved) == 0:
         return [("No point was solved.", True), *warned]
     amplitude, damping = result.array("/points/amplitude"), result.array("/points/damping_ratio")
-    frequency, tangent = view.frequency[solved], float(result.attribute("tangent_hz"))
-    kind = str(result.attribute("method"))
+    frequency, tangent = view.frequency[solved], result.attribute("tangent_hz")
+    # A mode that is not finished has them in its job alone.
+    asked = view.job().get("mode") or {}
+    kind = result.attribute("method") or str(asked.get("method", "epmc"))
+    number = result.attribute("mode") or asked.get("number") or f"near {asked.get('near_hz')} Hz"
     largest = int(solved[np.nanargmax(damping[solved])])
     lines = [
-        (f"Tangent mode {result.attribute('mode')}, followed by {METHODS[kind]}.", False),
+        (f"Tangent mode {number}, followed by {METHODS[kind]}.", False),
         (
             f"{len(solved)} points, Q from {amplitude[solved].min():.4g} to {amplitude[solved].max():.4g}:"
-            f" {frequency.min():.6g} to {frequency.max():.6g} Hz, tangent {tangent:.6g} Hz.",
+            f" {frequency.min():.6g} to {frequency.max():.6g} Hz"
+            + (f", tangent {float(tangent):.6g} Hz." if tangent else "."),
             False,
         ),
         (f"Contacts damp most at Q = {amplitude[largest]:.4g}: damping ratio {damping[largest]:.3e}.", False),

@@ -36,6 +36,8 @@ from attrito.support.hdf5_reading import UNREADABLE
 VERTICES, OF_A_SECTOR = 3000, 320
 # Harmonics that are drawn at most, and the part of the largest coefficient below which one is left out
 HARMONICS, UNSEEN = 5, 0.01
+# Part of the faces whose motion must be known, where the reduction recovers that of some nodes alone
+LEAST_KNOWN = 0.5
 # Largest displacement that is drawn, part of the structure's extent
 LARGEST = 0.08
 # Bytes of a recovery basis that a report still reads
@@ -149,7 +151,8 @@ def moving(view: View) -> Moving | None:
     points, own = model.coordinates[surface.nodes], harmonics[:, surface.nodes]
     known = np.append(np.isfinite(own).all(axis=(0, 2)), True)
     faces = surface.faces[known[surface.faces].all(axis=1)]
-    if not len(faces):
+    # Pieces would not show what the structure does.
+    if len(faces) < LEAST_KNOWN * len(surface.faces) or not len(faces):
         return None
     own = np.nan_to_num(own)
     if wheel is not None:
