@@ -8,7 +8,7 @@
 !> conjugates. So half a strip of each of the N problems says all of the wheel.
 module attrito_stability_hill_sector
   use attrito_core_kinds, only: wp, two_pi
-  use attrito_core_lapack, only: complex_singular_values
+  use attrito_core_lapack, only: complex_eigenvalues_of, complex_singular_values
   use attrito_core_lapack_complex, only: factor_complex, solve_factored_complex
   use attrito_model_contacts, only: contacts_type
   use attrito_model_structure, only: structure_type, damping_viscous
@@ -349,14 +349,35 @@ contains
     frequency = abs(aimag(s) + k)
   end subroutine find_largest_harmonic
 
+  !> Exponents of one nodal diameter while all contacts stick, s^2 + D s + Lambda singular, by its eigenvalues in first order; none
+  !> where they are not found.
+  function free_exponents(modes) result(exponents)
+    !> In modes that damping or Coriolis forces couple
+    type(wave_modes_type), intent(in) :: modes
+    complex(wp), allocatable :: exponents(:), vectors(:, :)
+    complex(wp) :: companion(2*size(modes%eigenvalues), 2*size(modes%eigenvalues))
+    integer :: m, r, info
+
+    m = size(modes%eigenvalues)
+    companion = 0.0_wp
+    companion(m + 1:, m + 1:) = -modes%coupling
+    do r = 1, m
+      companion(r, m + r) = 1.0_wp
+      companion(m + r, r) = -modes%eigenvalues(r)
+    end do
+    call complex_eigenvalues_of(companion, exponents, vectors, info)
+    if (info /= 0) exponents = exponents(:0)
+  end function free_exponents
+
   !> Multipliers of modes that no contact moves or is moved by: theirs stay as they are, with the wavenumber of the exponent in the
-  !> strip.
+  !> strip. Damping and Coriolis forces that couple modes leave none unseen, unless nothing sees.
   function unseen_multipliers(problem, omega) result(values)
     !> Hill's problem, of any wavenumber
     type(hill_sector_problem_type), intent(in) :: problem
     !> Angular frequency of the excitation
     real(wp), intent(in) :: omega
     type(multiplier_type), allocatable :: values(:)
+    complex(wp), allocatable :: exponents(:)
     complex(wp) :: root
     real(wp) :: half
     integer :: n, r, sign
@@ -364,7 +385,15 @@ contains
     allocate (values(0))
     do n = 0, ubound(problem%wheel%diameters, 1)
       associate (modes => problem%wheel%diameters(n))
-        if (allocated(modes%coupling)) cycle
+        if (allocated(modes%coupling)) then
+          if (size(problem%row) > 0) cycle
+          exponents = free_exponents(modes)
+          do r = 1, size(exponents)
+            call add(exponents(r), n)
+            if (modulo(2*n, problem%wheel%sectors) /= 0) call add(conjg(exponents(r)), -n)
+          end do
+          cycle
+        end if
         do r = 1, size(modes%eigenvalues)
           if (is_seen(problem, n, r)) cycle
           half = 0.5_wp*modes%damping(r)

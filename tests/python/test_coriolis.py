@@ -120,6 +120,23 @@ def test_modes_of_waves_both_ways_are_those_of_the_wheel(sectors, axis_nodes):
         assert np.abs(split / families[1].modes.natural_hz).max() > 0.01
 
 
+def test_where_all_contacts_stick_both_engines_have_the_multipliers_of_the_linear_wheel():
+    scene = turning_sector(3, 4, 1, strength=0.2)
+    scene = replace(scene, laws=scene.laws | {"friction_coefficient": np.full(2, 1e3), "preload": np.full(2, 1e3)})
+    with solver_of(scene) as solver:
+        (point,) = solver.solve_at([0.15], 1.0, 0)
+        assert point.is_solved and point.states[0] == 2
+        verdict, reason, _, found = examined(solver, MONODROMY | HILL)
+    # Stable but for contacts that stick: a neutral multiplier each.
+    assert "differ" not in reason, (verdict, reason)
+    hill = found[HILL][0]
+    flow = found[MONODROMY][0][np.abs(found[MONODROMY][0]) > 0.011]
+    assert farthest(hill[np.abs(hill) > 0.011], flow) < 1e-8
+    for value, wave in zip(*found[HILL][:2], strict=True):
+        same = np.abs(found[MONODROMY][0] - value) < 1e-8
+        assert wave in found[MONODROMY][1][same]
+
+
 @pytest.mark.parametrize("kind", ["mass", "ratio", "viscous"])
 def test_damping_ratios_are_those_of_the_wheel_to_first_order_in_the_damping(kind):
     """Against the real parts of the wheel's exponents; what is left is of the third order in the damping, 1e-4 here."""
