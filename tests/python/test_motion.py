@@ -16,10 +16,10 @@ import synthetic
 from jobs import TIMEOUT, attrito_here, blocks, write_blocks, write_job
 
 from attrito.model.outer_surface import outer_surface
+from attrito.plots.solid import seen_faces
 from attrito.report.motion import STEPS, drawn_harmonics, moving
 from attrito.report.page import viewer
 from attrito.report.report import make_page, make_printout
-from attrito.report.solid import seen_faces
 from attrito.report.trust import trust
 from attrito.report.view import View
 from attrito.results.mesh import mass_of, reduction_errors

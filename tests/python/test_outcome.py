@@ -10,8 +10,8 @@ import pytest
 import synthetic
 from matplotlib.collections import PolyCollection
 
+from attrito.plots.solid import axes_of_view
 from attrito.report.outcome import half_power_width, outcome
-from attrito.report.solid import axes_of_view
 from attrito.report.structure import model_picture, structure
 from attrito.report.view import View
 from attrito.results.result import Result

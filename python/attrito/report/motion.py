@@ -24,10 +24,10 @@ from attrito.export.export import Motion, full_field, motion_of, node_harmonics
 from attrito.export.wheel import wheel_of
 from attrito.model.model import Model
 from attrito.model.outer_surface import outer_surface
+from attrito.plots.solid import DIRECTION, axes_of_view, seen_faces
 from attrito.plots.style import Look, with_unit
 from attrito.report.figures import LOOK
 from attrito.report.page import Animation
-from attrito.report.solid import DIRECTION, axes_of_view, seen_faces
 from attrito.report.view import View
 from attrito.support.errors import InputError
 from attrito.support.hdf5_reading import UNREADABLE

@@ -17,11 +17,11 @@ from attrito.model.face_shapes import corners
 from attrito.model.model import Model
 from attrito.model.outer_surface import outer_surface
 from attrito.model.surfaces import set_faces
+from attrito.plots.solid import DIRECTION, axes_of_view, seen_faces
 from attrito.plots.style import BRANCH_COLOURS, Look, legend_below
 from attrito.report.figures import LOOK
 from attrito.report.motion import animation, moving
 from attrito.report.page import Animation, Page
-from attrito.report.solid import DIRECTION, axes_of_view, seen_faces
 from attrito.report.view import View
 from attrito.results.mesh import mass_of
 from attrito.support.units import axis_unit

@@ -6,8 +6,6 @@ shows.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,7 +15,9 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from attrito.model.model import Model
+from attrito.model.pairs import node_rows
 from attrito.model.surfaces import FACETS, set_faces
+from attrito.plots.solid import Seen, seen_faces
 from attrito.plots.style import BRANCH_COLOURS, LIMIT_COLOUR, STYLE, legend_below, with_unit
 from attrito.stresses.stresses import Stresses
 
@@ -31,77 +31,48 @@ DARKEST = 0.6
 MOST_FACETS = 6000
 
 
-@dataclass(frozen=True)
-class Facets:
-    """Triangles and quadrilaterals of the outer faces that look at the viewer, far ones first.
-
-    Parameters
-    ----------
-    outlines : in the plane of view, `[corners, 2]` each
-    light, value : cosine of the angle to the viewer; mean of the nodes' values, NaN where one has none
-    """
-
-    outlines: list[np.ndarray]
-    light: np.ndarray
-    value: np.ndarray
-
-
 def stress_picture(model: Model, found: Stresses) -> Figure:
     """The figure: the mesh coloured by the alternating von Mises stress, and the Goodman diagram of the nodes."""
     values = np.full(len(model.node_ids), np.nan)
     np.fmax.at(values, found.row, found.cycle.alternating_von_mises)
-    views = [facets(model, values, direction) for direction in DIRECTIONS]
-    highest = [np.nanmax(view.value, initial=-1.0) for view in views]
+    faces, value = facets(model, values)
+    views = [seen_faces(model.coordinates, faces, direction) for direction in DIRECTIONS]
+    highest = [np.nanmax(value[view.face], initial=-1.0) for view in views]
     view = views[int(np.argmax(highest))]
-    extent = np.ptp(np.concatenate([np.empty((0, 2)), *view.outlines]), axis=0) if view.outlines else np.ones(2)
+    extent = np.ptp(np.concatenate(view.polygons), axis=0) if view.polygons else np.ones(2)
     # The colour bar stands beside the mesh, as wide as a third of the figure's height.
     width = float(np.clip(extent[0] / max(extent[1], 1e-12), 0.3, 1.2)) + 0.35
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(4.4 + 3.6 * width, 3.9), constrained_layout=True)
         body, diagram = figure.subplots(1, 2, width_ratios=[3.6 * width, 4.4])
-        _draw_body(figure, body, view, found)
+        _draw_body(figure, body, view, value[view.face], found)
         _draw_diagram(diagram, found)
     return figure
 
 
-def facets(model: Model, values: np.ndarray, direction: np.ndarray) -> Facets:
-    """The facets seen from outside along a direction, with values at nodes `[N]`."""
-    towards = direction / np.linalg.norm(direction)
-    across = np.cross([0.0, 0.0, 1.0], towards)
-    across /= np.linalg.norm(across)
-    plane = np.stack([across, np.cross(towards, across)], axis=1)
-    order = np.argsort(model.node_ids)
-    outlines, depth, light, value = [], [np.empty(0)], [np.empty(0)], [np.empty(0)]
+def facets(model: Model, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Facets of the outer faces, `[F, 4]`, rows of nodes, a triangle's last -1; and means of values at nodes, `[F]`.
+
+    NaN where a node has none.
+    """
+    found, means = [np.empty((0, 4), dtype=int)], [np.empty(0)]
     for block in set_faces(model.elements, model.node_ids):
-        rows = order[np.searchsorted(model.node_ids, block, sorter=order)]
+        rows = node_rows(model, block)
         for facet in FACETS[rows.shape[1]]:
             own = rows[:, facet]
-            points = model.coordinates[own]
-            # The diagonals of a quadrilateral; of a triangle its sides
-            normal = np.cross(points[:, 2] - points[:, 0], points[:, -1] - points[:, 1])
-            size = np.linalg.norm(normal, axis=1)
-            facing = normal @ towards / np.where(size > 0.0, size, 1.0)
-            seen = facing > 1e-3
-            outlines += list(points[seen] @ plane)
-            depth.append((points[seen] @ towards).mean(axis=1))
-            light.append(facing[seen])
-            value.append(values[own[seen]].mean(axis=1))
-    far_first = np.argsort(np.concatenate(depth), kind="stable")
-    return Facets(
-        [outlines[place] for place in far_first],
-        np.concatenate(light)[far_first],
-        np.concatenate(value)[far_first],
-    )
+            found.append(np.pad(own, ((0, 0), (0, 4 - own.shape[1])), constant_values=-1))
+            means.append(values[own].mean(axis=1))
+    return np.concatenate(found), np.concatenate(means)
 
 
-def _draw_body(figure: Figure, axes: Axes, view: Facets, found: Stresses) -> None:
+def _draw_body(figure: Figure, axes: Axes, view: Seen, value: np.ndarray, found: Stresses) -> None:
     scale = Normalize(0.0, found.cycle.alternating_von_mises.max() or 1.0)
-    colours = matplotlib.colormaps[MAP](scale(np.nan_to_num(view.value)))[:, :3]
-    colours[np.isnan(view.value)] = UNKNOWN
+    colours = matplotlib.colormaps[MAP](scale(np.nan_to_num(value)))[:, :3]
+    colours[np.isnan(value)] = UNKNOWN
     colours *= (DARKEST + (1.0 - DARKEST) * view.light)[:, None]
     # Edges of the same colour, lest the background shows between facets
-    drawn = PolyCollection(view.outlines, facecolors=colours, edgecolors=colours, linewidths=0.2)
-    drawn.set_rasterized(len(view.outlines) > MOST_FACETS)
+    drawn = PolyCollection(view.polygons, facecolors=colours, edgecolors=colours, linewidths=0.2)
+    drawn.set_rasterized(len(view.polygons) > MOST_FACETS)
     axes.add_collection(drawn)
     axes.autoscale()
     axes.set_aspect("equal")

@@ -19,11 +19,13 @@ class Seen:
     polygons : `[corners, 2]` each, to the right and up
     corners : their vertices
     light : `[F]`, cosine of the angle between a face's normal and the direction to the viewer
+    face : `[F]`, which of the faces they are
     """
 
     polygons: list[np.ndarray]
     corners: list[np.ndarray]
     light: np.ndarray
+    face: np.ndarray
 
 
 def seen_faces(points: np.ndarray, faces: np.ndarray, direction: np.ndarray = DIRECTION) -> Seen:
@@ -39,7 +41,7 @@ def seen_faces(points: np.ndarray, faces: np.ndarray, direction: np.ndarray = DI
     seen = seen[np.argsort(depth[seen], kind="stable")]
     corners = [face[face >= 0] for face in faces[seen]]
     flat = points @ np.array([across, up]).T
-    return Seen([flat[ring] for ring in corners], corners, light[seen])
+    return Seen([flat[ring] for ring in corners], corners, light[seen], seen)
 
 
 def axes_of_view(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
