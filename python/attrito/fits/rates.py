@@ -35,8 +35,8 @@ def rates_of(
     reduced, load_path, options = here
     rates = zero_rates(reduced, len(values))
     rates.laws[:], rates.static_factors[:] = np.nan, np.nan
-    if options.uncoupled or reduced.sector is not None:
-        # A frozen mean follows the static solution; of sectors there is no adjoint.
+    if options.uncoupled or reduced.sector is not None or reduced.gyroscopic is not None:
+        # A frozen mean follows the static solution; of sectors, and with Coriolis forces, there is no adjoint.
         return rates
     for i, parameter in enumerate(parameters):
         # Laws are linear in each of their numbers: any change gives the rate.

@@ -3,7 +3,7 @@
 Of one variable by Brent's method on the interval (scipy `minimize_scalar`, bounded): it needs no slope, so plateaus
 where all contacts stick, and corners where two levels change places, do not end it early. Of several variables the
 largest of some functions is made least with their gradients (`minimize`, SLSQP), as the least t with f_i(x) <= t, from
-the best of some points spread between the bounds.
+the best of some points spread between the bounds. Gradients that are not known are differences.
 """
 
 from __future__ import annotations
@@ -15,7 +15,9 @@ import numpy as np
 from scipy.optimize import minimize, minimize_scalar
 from scipy.stats import qmc
 
-# Values [k] and their gradients [k, n] of the functions at a point [n] between 0 and 1
+# Step of a difference where there is no gradient
+STEP = 1e-4
+# Values [k] and their gradients [k, n] of the functions at a point [n] between 0 and 1; NaN: not known
 Functions = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
@@ -79,8 +81,8 @@ def _several(known: _Known, variables: int, tolerance: float, seed: int) -> bool
         bounds=[(0.0, 1.0)] * variables + [(None, None)],
         constraints={
             "type": "ineq",
-            "fun": lambda z: z[-1] - known.at(z[:-1])[0] / size,
-            "jac": lambda z: np.column_stack([-known.at(z[:-1])[1] / size, np.ones(len(known.at(z[:-1])[0]))]),
+            "fun": lambda z: z[-1] - known.at(z[:-1]) / size,
+            "jac": lambda z: np.column_stack([-known.gradients(z[:-1]) / size, np.ones(len(known.at(z[:-1])))]),
         },
         method="SLSQP",
         options={"ftol": tolerance**2},
@@ -93,10 +95,31 @@ class _Known:
 
     def __init__(self, functions: Functions, most: int):
         self._functions, self._most = functions, most
-        self._found: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+        # Values, gradients, and which have no value
+        self._found: dict[bytes, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         self.tried: list[np.ndarray] = []
 
-    def at(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def at(self, x: np.ndarray) -> np.ndarray:
+        """Values, `[k]`."""
+        return self._evaluated(x)[0]
+
+    def gradients(self, x: np.ndarray) -> np.ndarray:
+        """Gradients, `[k, n]`: differences where they are not known, zero where a function has no value."""
+        x = np.clip(x, 0.0, 1.0)
+        values, gradients, lost = self._evaluated(x)
+        found = np.where(lost[:, np.newaxis], 0.0, gradients)
+        for i in np.flatnonzero(~np.isfinite(found).all(axis=0)):
+            beside = x.copy()
+            beside[i] += STEP if x[i] + STEP <= 1.0 else -STEP
+            there, _, lost_there = self._evaluated(beside)
+            slope = np.where(lost_there, 0.0, (there - values) / (beside[i] - x[i]))
+            found[:, i] = np.where(np.isfinite(found[:, i]), found[:, i], slope)
+        return found
+
+    def largest(self, x: np.ndarray) -> float:
+        return float(self.at(x).max())
+
+    def _evaluated(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         x = np.clip(x, 0.0, 1.0)
         key = x.tobytes()
         if key not in self._found:
@@ -106,9 +129,5 @@ class _Known:
             self.tried.append(np.append(x, values.max() if np.all(np.isfinite(values)) else np.nan))
             known = [row[-1] for row in self.tried if np.isfinite(row[-1])]
             lost = ~np.isfinite(values)
-            values = np.where(lost, 10.0 * max(known, default=1.0), values)
-            self._found[key] = values, np.where(np.isfinite(gradients), gradients, 0.0)
+            self._found[key] = np.where(lost, 10.0 * max(known, default=1.0), values), gradients, lost
         return self._found[key]
-
-    def largest(self, x: np.ndarray) -> float:
-        return float(self.at(x)[0].max())
