@@ -39,8 +39,8 @@ NUMBERS = ("tangential_stiffness", "normal_stiffness", "friction_coefficient", "
 # Part of a parameter's scale by which differences move it, and what derivatives are to keep: by events, by samples
 STEPS, TOLERANCES = ((1e-3, 1e-4, 1e-5, 1e-6), (1e-6, 1e-7)), (1e-6, 1e-4)
 HARMONICS, SAMPLES, RESIDUAL = 5, 128, 1e-13
-# Part of the springs' work below which there is no dissipation
-NO_WORK = 1e-6
+# Part of the springs' work, and of the largest force, below which there is no dissipation and no force of a contact
+NOTHING = 1e-4
 
 # Numbers of damping by its kind, in the order of the library: alpha, beta, ratio, loss factor
 DAMPED = {"none": (), "viscous": (0, 1), "ratio": (2,), "mass": (0,), "loss_factor": (3,)}
@@ -227,11 +227,12 @@ def compare(seed: int, number: int, most: int) -> dict:
             return row
         every = parameters_of(scene)
         chosen = sorted(random.choice(len(every), min(most, len(every)), replace=False))
-        contact = int(random.integers(len(scene.laws["tangents"])))
-        found = gradient(solver, scene, every, contact)
         member = Family(MPI.COMM_WORLD, solver, len(scene.laws["tangents"]), len(scene.monitors)).visit(
             lambda family: family.describe()
         )
+        # The one that carries most: forces of one that is open are zero.
+        contact = 0 if member is None else int(np.argmax(np.abs(member.force[:, :, 0]).max(axis=1)))
+        found = gradient(solver, scene, every, contact)
         coordinates = solver.coordinates()
     if found is None or member is None:
         return row | {"outcome": "no derivatives"}
@@ -243,7 +244,8 @@ def compare(seed: int, number: int, most: int) -> dict:
         largest[places] = np.abs(found[places] * scales).max()
     # Where nothing slips dissipation is the rounding of work that springs give back.
     springs = float(np.abs(member.force).max() * np.abs(scene.directions @ coordinates).max())
-    largest[KINDS["dissipation"]] = np.maximum(largest[KINDS["dissipation"]], NO_WORK * springs)
+    for kind, scale in (("dissipation", springs), ("forces", float(np.abs(member.force).max()))):
+        largest[KINDS[kind]] = np.maximum(largest[KINDS[kind]], NOTHING * scale)
     errors, unsure = np.zeros((len(chosen), len(found))), np.zeros((len(chosen), len(found)))
     for row_of_errors, place in enumerate(chosen):
         parameter = every[place]
