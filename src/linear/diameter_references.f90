@@ -10,7 +10,8 @@
 !>
 !> With Coriolis forces modes of n and N - n differ, and to first order in C
 !>
-!> $$ (K_n - \omega_r^2 M_n + i \omega_r G_n) x_r = 0, \qquad 2 \zeta_r \omega_r = x_r^H C_n x_r / (1 - i x_r^H G_n x_r / (2 \omega_r)). $$
+!> $$ (K_n - \omega_r^2 M_n + i \omega_r G_n) x_r = 0, \qquad
+!>    2 \zeta_r \omega_r = x_r^H C_n x_r / (1 - i x_r^H G_n x_r / (2 \omega_r)). $$
 module attrito_linear_diameter_references
   use attrito_core_errors, only: error_type, raise, fault_of_input
   use attrito_core_kinds, only: wp

@@ -3,8 +3,8 @@
 !> $$ (K - \omega^2 M + i \omega G) x = 0, \qquad G^H = -G, \qquad x^H M x = 1 $$
 !>
 !> i G is Hermitian, so all omega are real where K is positive definite; those below zero belong to the conjugate motion, of a wheel
-!> to the wave that runs the other way round. Two Hermitian pencils of twice the order have these omega, the first for K that holds every
-!> motion, accurate in the lowest of them,
+!> to the wave that runs the other way round. Two Hermitian pencils of twice the order have these omega, the first for K that holds
+!> every motion, accurate in the lowest of them,
 !>
 !> $$ \begin{bmatrix} -i G & M \\ M & 0 \end{bmatrix} \begin{bmatrix} x \\ \omega x \end{bmatrix}
 !>    = \frac{1}{\omega} \begin{bmatrix} K & 0 \\ 0 & M \end{bmatrix} \begin{bmatrix} x \\ \omega x \end{bmatrix}, \qquad
