@@ -6,6 +6,7 @@ program test_curve
   use attrito_continuation_between, only: estimate_between
   use attrito_continuation_curve_point, only: curve_point_type, new_curve_point
   use attrito_continuation_predictor, only: predictor_type, prediction_type
+  use attrito_continuation_step_length, only: next_length
   use attrito_continuation_sweep, only: sweep_type, new_sweep
   use attrito_continuation_tangent, only: tangent_type
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
@@ -25,6 +26,7 @@ program test_curve
                       test('tangents of a sweep are difference quotients of solved points', tangents), &
                       test('the estimate of a point between is what is solved there', middles), &
                       test('a step has the length that is asked for where means move further than anything else', lengths), &
+                      test('the length of steps follows the error, and rounding of the error does not change it', rounded), &
                       test('a finer curve has more points', finer)])
 
 contains
@@ -251,6 +253,26 @@ contains
     end associate
     call solver%destroy()
   end subroutine lengths
+
+  !> Errors in whose middle the changes 2^(k/8) lie: a thousandth of the error is 2e-3 of the way to the next of these.
+  subroutine rounded(error)
+    type(error_type), allocatable, intent(out) :: error
+    !> The error, relative to what is accepted, at which the length stays
+    real(wp), parameter :: aimed = 0.3_wp
+    real(wp) :: change
+    integer :: k
+
+    do k = -8, 8
+      change = 2.0_wp**(k/8.0_wp)
+      call check_close(error, next_length(1.0_wp, aimed/change**4), change, 1.0e-14_wp*change, 'change of the length')
+      call check_close(error, next_length(1.0_wp, 1.001_wp*aimed/change**4), change, 1.0e-14_wp*change, 'with another error')
+    end do
+    do k = -40, 40
+      change = min(max(2.0_wp**(0.013_wp*k), 0.5_wp), 2.0_wp)
+      call check_close(error, next_length(3.0_wp, aimed/change**4), 3.0_wp*change, 3.0_wp*change*(2.0_wp**0.0625_wp - 1.0_wp), &
+                       'of any error')
+    end do
+  end subroutine rounded
 
   subroutine finer(error)
     type(error_type), allocatable, intent(out) :: error

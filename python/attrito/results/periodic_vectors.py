@@ -111,8 +111,9 @@ def _widest(vectors: np.ndarray, samples: int) -> np.ndarray:
     values = np.einsum("sk,knd->nsd", fourier(grid, len(vectors)), vectors)
     length = (values**2).sum(axis=2)
     squared = length[:, :, None] + length[:, None, :] - 2.0 * values @ values.transpose(0, 2, 1)
+    # f(s, t) = f(t, s), which rounding must not change: of two equal maxima one is taken.
+    squared = np.maximum(squared, squared.transpose(0, 2, 1))
     one, start = _humps(squared)
-    # f(s, t) = f(t, s)
     once = start[:, 0] < start[:, 1]
     one, start = one[once], start[once]
     own = vectors[:, one]
