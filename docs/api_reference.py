@@ -20,6 +20,8 @@ ORDER = (
     "study",
     "fit",
     "optimise",
+    "value_and_gradient",
+    "jax_function",
     "import_model",
     "plot",
     "write_report",

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
         run,
         study,
     )
+    from attrito.differentiable import jax_function, value_and_gradient
     from attrito.importers import import_model
     from attrito.pictures import plot
     from attrito.report.report import write_report
@@ -60,6 +61,8 @@ _PLACES = {
     "fit": "api",
     "optimise": "api",
     "open": "api",
+    "value_and_gradient": "differentiable",
+    "jax_function": "differentiable",
     "import_model": "importers",
     "plot": "pictures",
     "write_report": "report.report",
@@ -97,6 +100,7 @@ __all__ = [
     "contact_table",
     "import_model",
     "integrate",
+    "jax_function",
     "linear_modes",
     "mode",
     "multiplier_table",
@@ -110,6 +114,7 @@ __all__ = [
     "fit",
     "optimise",
     "table",
+    "value_and_gradient",
     "write_report",
 ]
 

@@ -31,6 +31,7 @@ FLOORS = (
     ("fits",),
     ("optima",),
     ("api", "pictures", VERIFICATION),
+    ("differentiable",),
     ("cli",),
 )
 FLOOR_OF = {package: floor for floor, packages in enumerate(FLOORS) for package in packages}
