@@ -510,6 +510,10 @@ typedef struct {
 void attrito_ask_derivatives(void *handle, int quantities, const int *kinds, int width, const double *factors,
     int count, const attrito_contact_law *laws, int sliders, int damping);
 
+/* Friction coefficients of all contacts times a factor, until 1 gives them back: a contact at the onset of slip sticks with a
+ * little more friction, and slips with a little less. */
+void attrito_scale_friction(void *handle, double factor);
+
 /* By parameters: derivatives of the quantities [quantities, parameters]. 0, or not: the equations are singular. */
 int attrito_differentiate_directly(void *handle, const attrito_rates *rates, double *derivatives);
 

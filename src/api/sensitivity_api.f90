@@ -66,6 +66,24 @@ contains
     end associate
   end subroutine attrito_ask_derivatives
 
+  !> Friction coefficients of all contacts times a factor, until 1 gives them back: a contact at the onset of slip sticks with a
+  !> little more friction, and slips with a little less.
+  subroutine attrito_scale_friction(handle, factor) bind(c)
+    !> Session, see `session_of`
+    type(c_ptr), value :: handle
+    !> On what the contacts have
+    real(c_double), value :: factor
+    type(session_type), pointer :: session
+    integer :: i
+
+    session => session_of(handle)
+    associate (balance => session%solver%context%balance)
+      do i = 1, size(balance%law)
+        balance%law(i)%friction_coefficient = factor*session%contacts%law(balance%first_contact - 1 + i)%friction_coefficient
+      end do
+    end associate
+  end subroutine attrito_scale_friction
+
   !> By parameters: derivatives of the quantities [quantities, parameters]. 0, or not: the equations are singular.
   integer(c_int) function attrito_differentiate_directly(handle, rates, derivatives) bind(c)
     !> Session, see `session_of`

@@ -85,6 +85,10 @@ class Family:
         change: Member | None = self._ask("differentiate", contact, tangent)
         return change
 
+    def scale_friction(self, factor: float) -> None:
+        """Scale the friction coefficients that contacts have; within a visit, whose work gives them back by 1."""
+        self._ask("scale_friction", factor)
+
     def differentiate_directly(self, parameters: Rates) -> np.ndarray | None:
         """Derivatives `[quantities, parameters]` of the member described last; None if singular.
 
@@ -162,6 +166,8 @@ class Family:
             return self._solver.call("attrito_keep_member", *arguments)
         if what == "go_back":
             return self._solver.call("attrito_return_to_member", *arguments)
+        if what == "scale_friction":
+            return self._solver.call("attrito_scale_friction", *arguments)
         if what == "move":
             return self._solver.call("attrito_solve_member", pointer(np.ascontiguousarray(arguments[0]))) == 1
         (contacts, monitors), coefficients = self._sizes, self._solver.coefficients

@@ -12,6 +12,8 @@ from attrito.support.csv_text import cell, numbers
 # Of monitors, and of a point as a whole
 OF_MONITORS = ("amplitude", "mean")
 OF_POINTS = ("frequency_hz", "damping_ratio", "damping_ratio_structure")
+# What contacts at the onset of slip are taken as
+BRANCHES = ("stuck", "slipping")
 
 
 def parameters_of(result: Result) -> list[str]:
@@ -28,22 +30,29 @@ def quantities_of(result: Result) -> list[str]:
     return names if result.has("/sensitivity/quantities") else []
 
 
-def derivatives_of(result: Result) -> tuple[list[str], np.ndarray]:
-    """Quantities, as `tip_amplitude` or `frequency_hz`, and their derivatives `[points, quantities, parameters]`."""
+def derivatives_of(result: Result, branch: str = "") -> tuple[list[str], np.ndarray]:
+    """Quantities, as `tip_amplitude` or `frequency_hz`, and their derivatives `[points, quantities, parameters]`.
+
+    Parameters
+    ----------
+    result : with derivatives
+    branch : one of `BRANCHES`, NaN where no contact is at the onset of slip; empty: the point as it is
+    """
+    folder = f"/sensitivity/{branch}".rstrip("/")
     names: list[str] = []
     found: list[np.ndarray] = []
-    monitors = {name: result.array(path) for name in OF_MONITORS if result.has(path := f"/sensitivity/{name}")}
+    monitors = {name: result.array(path) for name in OF_MONITORS if result.has(path := f"{folder}/{name}")}
     for i, monitor in enumerate(result.monitors):
         names += [f"{monitor}_{name}" for name in monitors]
         found += [values[:, :, i] for values in monitors.values()]
-    if result.has("/sensitivity/quantities"):
-        others = result.array("/sensitivity/quantities")
+    if result.has(f"{folder}/quantities"):
+        others = result.array(f"{folder}/quantities")
         names += quantities_of(result)
         found += [others[:, :, i] for i in range(others.shape[2])]
     for name in OF_POINTS:
-        if result.has(f"/sensitivity/{name}"):
+        if result.has(f"{folder}/{name}"):
             names.append(name)
-            found.append(result.array(f"/sensitivity/{name}"))
+            found.append(result.array(f"{folder}/{name}"))
     shape = result.points, 0, len(parameters_of(result))
     return names, np.stack(found, axis=1) if found else np.empty(shape)
 
@@ -52,13 +61,14 @@ def sensitivity_columns(result: Result) -> tuple[np.ndarray, dict[str, list[str]
     """The point of each line, and columns: one line a point, quantity and parameter.
 
     `point, frequency_hz, quantity, parameter, value, derivative`. `value` is the parameter's; blank where its contacts
-    differ. No line if the job asked for none.
+    differ. No line if the job asked for none. Of a run also `stuck, slipping`, the derivatives on both sides of an
+    onset of slip; blank where there is none.
     """
     parameters = parameters_of(result)
     names, derivatives = derivatives_of(result)
     point, number, parameter = (axis.ravel() for axis in np.indices(derivatives.shape))
     value = result.array("/sensitivity/value")[point, parameter] if parameters else np.empty(0)
-    return point, {
+    columns = {
         "point": list(map(str, point)),
         "frequency_hz": numbers(result.array("/points/frequency_hz")[point]),
         "quantity": [cell(names[index]) for index in number],
@@ -66,6 +76,10 @@ def sensitivity_columns(result: Result) -> tuple[np.ndarray, dict[str, list[str]
         "value": numbers(value),
         "derivative": numbers(derivatives.ravel()),
     }
+    for branch in BRANCHES:
+        if result.has(f"/sensitivity/{branch}"):
+            columns[branch] = numbers(derivatives_of(result, branch)[1].ravel())
+    return point, columns
 
 
 def derivative_columns(result: Result, short: dict[str, str]) -> list[tuple[str, list[str]]]:

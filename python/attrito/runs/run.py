@@ -188,7 +188,8 @@ class _Run:
                 self.recorder.hear()
                 self._sampler.visit(point)
                 stages.end("bounds")
-                self._differentiator.visit(point, self.recorder)
+                if corner := self._differentiator.visit(point, self.recorder):
+                    progress.say(f"{point.frequency_hz:.6g} Hz: {corner}")
                 stages.end("derivatives")
                 self._finder.visit(point)
                 stages.end("bifurcations")

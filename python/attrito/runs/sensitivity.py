@@ -27,6 +27,11 @@ from attrito.support.parallel import on_root
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
+# Part of friction within which a contact is at the onset of slip: ten times what points are solved to (1e-10). With so
+# much less it slips for some sqrt(MARGIN) of a period, and that is how exact derivatives are there.
+MARGIN = 1e-9
+BRANCHES = {"stuck": 1.0 + MARGIN, "slipping": 1.0 - MARGIN}
+CORNER = "a contact is at the onset of slip here: derivatives on both sides are in the columns stuck and slipping"
 SOLVED = ("converged", "above_tolerance", "unstable", "indeterminate")
 HELD = "by each parameter of [sensitivity] to, at the point's frequency, sliders of contacts that never slip held"
 OF_A_MODE = "by each parameter of [sensitivity] to, at the mode's amplitude Q; NaN: none"
@@ -86,6 +91,8 @@ class Differentiator:
         if not parameters:
             return
         self._sector = reduced.sector is not None
+        # With two tangents sliders of contacts that slip are unknowns of the point.
+        self._has_onsets = bool(np.all(reduced.laws["tangents"] == 1)) and not self._sector
         inquiry = on_root(comm, lambda: inquiry_of(job, scene, reduced, path is not None))
         self.family.ask(inquiry)
         self.rates: Rates = on_root(comm, lambda: rates_of(job, scene, reduced, parameters, inquiry.columns(solver)))
@@ -93,22 +100,59 @@ class Differentiator:
             sliders = slider_rates(comm, job, scene, reduced, parameters, path)
             self.rates.laws[:, :, -sliders.shape[2] :] = sliders
 
-    def visit(self, point: Point, recorder: Recorder) -> None:
-        """Add the derivatives at the point where the solver stands to its record. Collective."""
+    def visit(self, point: Point, recorder: Recorder) -> str:
+        """Add the derivatives at the point where the solver stands to its record; what is to be said. Collective."""
         if not len(self.values):
-            return
+            return ""
         found = self.derivatives(point)
         if self._root:
             self.record(recorder, found, np.where(self.rates.level != 0.0, point.level, self.values))
+        branches = self.at_onset(point)
+        if self._root:
+            for name, there in branches.items():
+                self.record(recorder, there, None, f"{name}/")
+        return CORNER if self._root and np.any(np.isfinite(branches["stuck"])) else ""
 
-    def record(self, recorder: Recorder, found: np.ndarray, values: np.ndarray) -> None:
+    def record(self, recorder: Recorder, found: np.ndarray, values: np.ndarray | None, folder: str = "") -> None:
         """Add derivatives `[quantities, parameters]` and the parameters' values to a point's record. At the root."""
         amplitude, mean, others = self._parts(found)
-        series = {"amplitude": amplitude, "mean": mean, "value": values}
+        series = {"amplitude": amplitude, "mean": mean}
+        if values is not None:
+            series["value"] = values
         if self._others:
             series["quantities"] = others
         for name, numbers in series.items():
-            recorder.add(f"/sensitivity/{name}", SERIES[name], np.ascontiguousarray(numbers))
+            recorder.add(f"/sensitivity/{folder}{name}", SERIES[name], np.ascontiguousarray(numbers))
+
+    def at_onset(self, point: Point) -> dict[str, np.ndarray]:
+        """Derivatives as `derivatives`, contacts at the onset of slip taken as `stuck`, and as `slipping`.
+
+        NaN where no contact is at an onset. Collective.
+        """
+        found: dict[str, np.ndarray] | None = None
+        if self._has_onsets and point.outcome in SOLVED:
+            found = self.family.visit(self._branches)
+        return found or {name: self.nothing(0)[1] for name in BRANCHES}
+
+    def _branches(self, family: Family) -> dict[str, np.ndarray] | None:
+        """Of both; None unless they differ in which contacts slip."""
+        found, free = {}, []
+        try:
+            for factor in BRANCHES.values():
+                family.scale_friction(factor)
+                member = family.describe()
+                free.append(None if member is None else member.free)
+            if any(each is None for each in free) or np.array_equal(*free):
+                return None
+            for name, factor in BRANCHES.items():
+                family.scale_friction(factor)
+                branch = self._find(family, self.rates)
+                if branch is None:
+                    return None
+                found[name] = branch
+            return found
+        finally:
+            family.scale_friction(1.0)
 
     def amplitudes(self, point: Point, preload: float = 1.0) -> np.ndarray:
         """Of the monitors' amplitudes, `[parameters, monitors]`, as `derivatives`. Collective."""
