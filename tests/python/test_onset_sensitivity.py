@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from jobs import Job, run, table, wedge
 from mpi4py import MPI
-from slopes import pressed
+from slopes import pressed, with_parameter
 
 import attrito
 
@@ -59,52 +59,79 @@ def onset_of_slip(folder: Path, job: Job) -> float:
     return float(2.0 * ratio * (normal[1] - slope * levels[1]) / (swing - 2.0 * ratio * slope))
 
 
-def one_sided(folder: Path, job: Job, level: float, side: float) -> dict[str, float]:
-    """Derivatives by the level from one side of it, where the rest is in powers of the root of the step.
+def one_sided(values: np.ndarray) -> float:
+    """f' from f(0), then f at `STEPS` of one side of it, where f(h) = f(0) + a h + b h^(3/2) + c h^2 + ...
 
-    With f(h) = a + b sqrt(h) + c h: 2 f(h / 4) - f(h) is without b, and the like again without c.
+    Quotients q(h) = a + b sqrt(h) + c h: 2 q(h / 4) - q(h) is without b, and the like again without c.
     """
+    first = (values[1:] - values[0]) / STEPS
+    second = 2.0 * first[1:] - first[:-1]
+    return float((4.0 * second[1] - second[0]) / 3.0)
+
+
+def of_level(folder: Path, job: Job, level: float, side: float, name: str) -> float:
+    """Derivative by the level of what `at_levels` finds, from one side of it."""
     found = at_levels(folder, job, [level, *(level * (1.0 + side * STEPS))])
-    slopes = {}
-    for name in ("x_amplitude", "dissipated_energy"):
-        first = (found[name][1:] - found[name][0]) / (side * level * STEPS)
-        second = 2.0 * first[1:] - first[:-1]
-        slopes[name] = float((4.0 * second[1] - second[0]) / 3.0)
-    return slopes
+    return side * one_sided(found[name]) / level
+
+
+def of_parameter(folder: Path, job: Job, name: str, side: float) -> float:
+    """Derivative of the amplitude by a parameter times its scale, from one side."""
+    levels = job["sweep"]["levels"]
+    jobs = [job, *(with_parameter(job, name, side * step)[0] for step in STEPS)]
+    return side * one_sided(np.array([at_levels(folder, each, levels)["x_amplitude"][0] for each in jobs]))
 
 
 def test_both_derivatives_at_the_onset_of_slip(tmp_path: Path, job: Job) -> None:
     level = onset_of_slip(tmp_path, job)
     assert at_levels(tmp_path, job, [level * (1 - 1e-6), level * (1 + 1e-6)])["slips"].tolist() == [False, True]
-    asked = {"to": ["level"], "of": ["dissipated_energy"]}
-    done = run(tmp_path, job | {"sweep": job["sweep"] | {"levels": [level, 1.01 * level]}, "sensitivity": asked})
+    names = ["level", "load.preload"]
+    names += [
+        f"contact[0].{key}" for key in ("friction_coefficient", "tangential_stiffness", "normal_stiffness", "gap")
+    ]
+    asked = {"to": names, "of": ["dissipated_energy"]}
+    job["sweep"]["levels"] = [level, 1.01 * level]
+    done = run(tmp_path, job | {"sensitivity": asked})
     assert done.stdout.count("120 Hz: a contact is at the onset of slip") == 1
-    rows = {(row["point"], row["quantity"]): row for row in table(tmp_path, "--sensitivities")}
-    sides = {name: one_sided(tmp_path, job, level, side) for name, side in (("stuck", -1.0), ("slipping", 1.0))}
-    for quantity in ("x_amplitude", "dissipated_energy"):
-        largest = max(abs(sides[name][quantity]) for name in sides)
-        for name, slopes in sides.items():
-            # Taken as slipping a contact slips for sqrt(1e-9) of a period; differences leave h^(3/2), as much.
-            assert abs(float(rows["0", quantity][name]) - slopes[quantity]) < 1e-3 * largest
-        # Sliding begins with a loop whose area grows in proportion: the response has a corner.
-        assert abs(sides["stuck"][quantity] - sides["slipping"][quantity]) > 0.1 * largest
-        assert rows["1", quantity]["stuck"] == rows["1", quantity]["slipping"] == ""
+    rows = {(row["point"], row["quantity"], row["parameter"]): row for row in table(tmp_path, "--sensitivities")}
+    job["sweep"]["levels"] = [level]
+    found, expected = [], []
+    for name in names:
+        _, scale = with_parameter(job, name, 1.0)
+        row = rows["0", "x_amplitude", name]
+        found.append([float(row[side]) * scale for side in ("below", "above")])
+        if name == "level":
+            expected.append([of_level(tmp_path, job, level, side, "x_amplitude") for side in (-1.0, 1.0)])
+        else:
+            expected.append([of_parameter(tmp_path, job, name, side) for side in (-1.0, 1.0)])
+        assert rows["1", "x_amplitude", name]["below"] == rows["1", "x_amplitude", name]["above"] == ""
+    differences = np.array(expected)
+    largest = np.abs(differences).max(axis=1)
+    # Taken as slipping a contact slips for sqrt(1e-9) of a period, and differences leave h^(3/2), as much.
+    assert np.all(np.abs(np.array(found) - differences).max(axis=1) < 1e-3 * largest)
+    # Sliding begins with a loop whose area grows in proportion: the response has a corner.
+    assert np.all(np.abs(differences[:, 1] - differences[:, 0]) > 0.03 * largest)
+    lost = rows["0", "dissipated_energy", "level"]
+    slope = of_level(tmp_path, job, level, 1.0, "dissipated_energy")
+    assert float(lost["above"]) == pytest.approx(slope, rel=1e-3)
+    assert abs(float(lost["below"])) < 1e-9 * slope
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.5])
 def test_one_derivative_at_the_onset_of_lift_off(tmp_path: Path, job: Job, friction: float) -> None:
-    """Forces leave those of a closed contact as the power 3/2 of how far it opens, and land as they would have slid."""
+    """Forces leave those of a closed contact as the power 3/2 of how far it opens, and slide on as before."""
     job = job | {"contact": [job["contact"][0] | {"friction_coefficient": friction, "preload": 5.0}]}
     # Along both axes of the contact, so that it moves along its tangent when it opens
     job["load"] = [job["load"][0], job["load"][1] | {"cosine": [[0, 30.0]]}]
     low, high = 0.1, 30.0
     assert at_levels(tmp_path, job, [low, high])["opens"].tolist() == [False, True]
-    for _ in range(40):
+    # To a thousandth of the shortest step
+    while high - low > 1e-3 * STEPS[-1] * low:
         middle = 0.5 * (low + high)
         low, high = (low, middle) if at_levels(tmp_path, job, [middle])["opens"][0] else (middle, high)
     run(tmp_path, job | {"sweep": job["sweep"] | {"levels": [low]}, "sensitivity": {"to": ["level"]}})
     row = next(row for row in table(tmp_path, "--sensitivities") if row["quantity"] == "x_amplitude")
     for side in (-1.0, 1.0):
-        slope = one_sided(tmp_path, job, low, side)["x_amplitude"]
+        slope = of_level(tmp_path, job, low, side, "x_amplitude")
         assert float(row["derivative"]) == pytest.approx(slope, rel=1e-3)
-    assert row["stuck"] == row["slipping"] == ""
+    assert row["below"] == row["above"] == ""

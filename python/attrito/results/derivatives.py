@@ -12,8 +12,8 @@ from attrito.support.csv_text import cell, numbers
 # Of monitors, and of a point as a whole
 OF_MONITORS = ("amplitude", "mean")
 OF_POINTS = ("frequency_hz", "damping_ratio", "damping_ratio_structure")
-# What contacts at the onset of slip are taken as
-BRANCHES = ("stuck", "slipping")
+# Towards smaller and larger parameters, where contacts are at the onset of slip
+SIDES = ("below", "above")
 
 
 def parameters_of(result: Result) -> list[str]:
@@ -30,15 +30,15 @@ def quantities_of(result: Result) -> list[str]:
     return names if result.has("/sensitivity/quantities") else []
 
 
-def derivatives_of(result: Result, branch: str = "") -> tuple[list[str], np.ndarray]:
+def derivatives_of(result: Result, side: str = "") -> tuple[list[str], np.ndarray]:
     """Quantities, as `tip_amplitude` or `frequency_hz`, and their derivatives `[points, quantities, parameters]`.
 
     Parameters
     ----------
     result : with derivatives
-    branch : one of `BRANCHES`, NaN where no contact is at the onset of slip; empty: the point as it is
+    side : one of `SIDES`, NaN where no contact is at the onset of slip; empty: the point as it is
     """
-    folder = f"/sensitivity/{branch}".rstrip("/")
+    folder = f"/sensitivity/{side}".rstrip("/")
     names: list[str] = []
     found: list[np.ndarray] = []
     monitors = {name: result.array(path) for name in OF_MONITORS if result.has(path := f"{folder}/{name}")}
@@ -61,7 +61,7 @@ def sensitivity_columns(result: Result) -> tuple[np.ndarray, dict[str, list[str]
     """The point of each line, and columns: one line a point, quantity and parameter.
 
     `point, frequency_hz, quantity, parameter, value, derivative`. `value` is the parameter's; blank where its contacts
-    differ. No line if the job asked for none. Of a run also `stuck, slipping`, the derivatives on both sides of an
+    differ. No line if the job asked for none. Of a run also `below, above`, the derivatives on both sides of an
     onset of slip; blank where there is none.
     """
     parameters = parameters_of(result)
@@ -76,9 +76,9 @@ def sensitivity_columns(result: Result) -> tuple[np.ndarray, dict[str, list[str]
         "value": numbers(value),
         "derivative": numbers(derivatives.ravel()),
     }
-    for branch in BRANCHES:
-        if result.has(f"/sensitivity/{branch}"):
-            columns[branch] = numbers(derivatives_of(result, branch)[1].ravel())
+    for side in SIDES:
+        if result.has(f"/sensitivity/{side}"):
+            columns[side] = numbers(derivatives_of(result, side)[1].ravel())
     return point, columns
 
 

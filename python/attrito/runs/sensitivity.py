@@ -6,6 +6,7 @@ At a point's frequency, with the sliders of contacts that never slip held where 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,8 +31,11 @@ if TYPE_CHECKING:
 # Part of friction within which a contact is at the onset of slip: ten times what points are solved to (1e-10). With so
 # much less it slips for some sqrt(MARGIN) of a period, and that is how exact derivatives are there.
 MARGIN = 1e-9
-BRANCHES = {"stuck": 1.0 + MARGIN, "slipping": 1.0 - MARGIN}
-CORNER = "a contact is at the onset of slip here: derivatives on both sides are in the columns stuck and slipping"
+STUCK, SLIPPING = 1.0 + MARGIN, 1.0 - MARGIN
+SIDES = ("below", "above")
+CORNER = (
+    "a contact is at the onset of slip: derivatives towards smaller and larger parameters are in columns below, above"
+)
 SOLVED = ("converged", "above_tolerance", "unstable", "indeterminate")
 HELD = "by each parameter of [sensitivity] to, at the point's frequency, sliders of contacts that never slip held"
 OF_A_MODE = "by each parameter of [sensitivity] to, at the mode's amplitude Q; NaN: none"
@@ -82,7 +86,7 @@ class Differentiator:
         reduced: ReducedScene,
         path: LoadPath | None = None,
     ):
-        self._solver, self._root = solver, comm.rank == 0
+        self._comm, self._solver, self._root = comm, solver, comm.rank == 0
         self.family = Family(comm, solver, len(reduced.laws["tangents"]), len(reduced.monitors))
         parameters = parameters_of(job)
         self.values = np.array([one.value(job) for one in parameters])
@@ -94,6 +98,7 @@ class Differentiator:
         # With two tangents sliders of contacts that slip are unknowns of the point.
         self._has_onsets = bool(np.all(reduced.laws["tangents"] == 1)) and not self._sector
         inquiry = on_root(comm, lambda: inquiry_of(job, scene, reduced, path is not None))
+        self._inquiry = inquiry
         self.family.ask(inquiry)
         self.rates: Rates = on_root(comm, lambda: rates_of(job, scene, reduced, parameters, inquiry.columns(solver)))
         if path is not None:
@@ -107,11 +112,11 @@ class Differentiator:
         found = self.derivatives(point)
         if self._root:
             self.record(recorder, found, np.where(self.rates.level != 0.0, point.level, self.values))
-        branches = self.at_onset(point)
+        sides = self.at_onset(point)
         if self._root:
-            for name, there in branches.items():
+            for name, there in sides.items():
                 self.record(recorder, there, None, f"{name}/")
-        return CORNER if self._root and np.any(np.isfinite(branches["stuck"])) else ""
+        return CORNER if self._root and np.any(np.isfinite(sides["below"])) else ""
 
     def record(self, recorder: Recorder, found: np.ndarray, values: np.ndarray | None, folder: str = "") -> None:
         """Add derivatives `[quantities, parameters]` and the parameters' values to a point's record. At the root."""
@@ -125,34 +130,48 @@ class Differentiator:
             recorder.add(f"/sensitivity/{folder}{name}", SERIES[name], np.ascontiguousarray(numbers))
 
     def at_onset(self, point: Point) -> dict[str, np.ndarray]:
-        """Derivatives as `derivatives`, contacts at the onset of slip taken as `stuck`, and as `slipping`.
+        """Derivatives as `derivatives` towards smaller and larger parameters, where contacts are at the onset of slip.
 
-        NaN where no contact is at an onset. Collective.
+        NaN where none is. Collective.
         """
-        found: dict[str, np.ndarray] | None = None
-        if self._has_onsets and point.outcome in SOLVED:
-            found = self.family.visit(self._branches)
-        return found or {name: self.nothing(0)[1] for name in BRANCHES}
+        nothing = dict.fromkeys(SIDES, self.nothing(0)[1])
+        if not self._has_onsets or point.outcome not in SOLVED:
+            return nothing
+        begin = self._comm.bcast(self.family.visit(self._contacts_at_onset))
+        if begin is None:
+            return nothing
+        quantities = [*self._inquiry.quantities, ("dissipated_energy", begin)]
+        self.family.ask(replace(self._inquiry, quantities=quantities))
+        found = self.family.visit(self._sides)
+        self.family.ask(self._inquiry)
+        return found or nothing
 
-    def _branches(self, family: Family) -> dict[str, np.ndarray] | None:
-        """Of both; None unless they differ in which contacts slip."""
-        found, free = {}, []
-        try:
-            for factor in BRANCHES.values():
-                family.scale_friction(factor)
-                member = family.describe()
-                free.append(None if member is None else member.free)
-            if any(each is None for each in free) or np.array_equal(*free):
-                return None
-            for name, factor in BRANCHES.items():
-                family.scale_friction(factor)
-                branch = self._find(family, self.rates)
-                if branch is None:
-                    return None
-                found[name] = branch
-            return found
-        finally:
-            family.scale_friction(1.0)
+    def _contacts_at_onset(self, family: Family) -> np.ndarray | None:
+        """1 of those that slip with a little less friction and never with a little more, else 0, `[nc]`; None: none."""
+        free = []
+        for factor in (STUCK, SLIPPING):
+            family.scale_friction(factor)
+            member = family.describe()
+            free.append(None if member is None else member.free)
+        family.scale_friction(1.0)
+        stuck, slipping = free
+        if stuck is None or slipping is None or not np.any(stuck > slipping):
+            return None
+        return np.maximum(stuck - slipping, 0.0)
+
+    def _sides(self, family: Family) -> dict[str, np.ndarray] | None:
+        """Of both, the last quantity being what the contacts at the onset dissipate: what grows on the side of slip."""
+        branches = []
+        for factor in (STUCK, SLIPPING):
+            family.scale_friction(factor)
+            branches.append(self._find(family, self.rates))
+        family.scale_friction(1.0)
+        stuck, slipping = branches
+        if stuck is None or slipping is None:
+            return None
+        slips_above = slipping[-1] > 0.0
+        sides = np.where(slips_above, stuck, slipping)[:-1], np.where(slips_above, slipping, stuck)[:-1]
+        return dict(zip(SIDES, sides, strict=True))
 
     def amplitudes(self, point: Point, preload: float = 1.0) -> np.ndarray:
         """Of the monitors' amplitudes, `[parameters, monitors]`, as `derivatives`. Collective."""
