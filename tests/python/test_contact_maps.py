@@ -141,7 +141,7 @@ def test_a_map_colours_the_faces_of_every_contact_by_its_own_value(joined):
         density = result.array("/contacts/dissipated_energy")[0] / result.array("/contacts/parameters/area")
         opened = result.array("/contacts/open")[0]
     axes, bar = figure.axes
-    assert "mJ/mm^2" in bar.get_ylabel().replace("\n", " ")
+    assert "mJ/mm\u00b2" in bar.get_ylabel().replace("\n", " ")
     drawn = {}
     for collection in axes.collections:
         assert isinstance(collection, PolyCollection)

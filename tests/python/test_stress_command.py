@@ -222,7 +222,7 @@ def test_the_picture_shows_the_stress_of_faces_and_the_nodes_on_a_goodman_diagra
     assert nodes.get_xdata() == pytest.approx(np.full(4, STATIC * VON_MISES))
     limit = line(diagram, "Goodman's line")
     assert limit.get_xydata().tolist() == [[0.0, 8.0], [0.0, 8.0], [16.0, 0.0]]
-    assert "(N/mm^2)" in diagram.get_ylabel()
+    assert "(N/mm\u00b2)" in diagram.get_ylabel()
 
 
 def test_strains_are_those_of_the_motion(tmp_path, capfd):

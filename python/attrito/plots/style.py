@@ -176,8 +176,8 @@ def plain_text(text: str) -> str:
 
 
 def with_unit(name: str, unit: str, room: float = np.inf) -> str:
-    """An axis label; in two lines where it is longer than some inches."""
-    name, unit = plain_text(name), plain_text(unit)
+    """An axis label, powers of the unit raised; in two lines where it is longer than some inches."""
+    name, unit = plain_text(name), plain_text(unit).replace("^2", "\u00b2").replace("^3", "\u00b3")
     if not unit:
         return name
     # A letter is half as wide as high.
