@@ -13,7 +13,8 @@ import numpy as np
 from attrito.job.cross_checks import cross_check
 from attrito.job.defaults import fill_accuracy
 from attrito.job.job import Job
-from attrito.job.schema import ARRAYS, REQUIRED_TABLES, TABLES, Key
+from attrito.job.key import Key
+from attrito.job.schema import ARRAYS, REQUIRED_TABLES, TABLES
 from attrito.job.settings import apply_settings
 from attrito.support.errors import Fault, InputError
 from attrito.support.overwrite_check import check_files

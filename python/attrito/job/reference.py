@@ -7,8 +7,9 @@ import re
 from typing import Any
 
 from attrito.job.checks import takes
+from attrito.job.key import Key
 from attrito.job.key_units import unit_of
-from attrito.job.schema import ARRAYS, REQUIRED_TABLES, TABLES, Key
+from attrito.job.schema import ARRAYS, REQUIRED_TABLES, TABLES
 
 HEADINGS = "| key | takes | unit | default | meaning |"
 # What a table is for; each table of the schema has its line.
