@@ -417,7 +417,7 @@ def test_what_shows_results_shows_a_diagram(diagram, capfd, command, said):
     [
         (("plot", "--map"), "--map = 'given': expected a result of `attrito run`"),
         (("plot", "--speed-hz", "3"), "--speed-hz = 3.0: expected a file of `attrito linear-modes`"),
-        (("table", "--contacts"), "absent"),
+        (("table", "--contacts"), "--contacts = 'given': expected a file of `attrito run`"),
         (("export",), "expected"),
     ],
 )

@@ -187,7 +187,10 @@ def test_the_shape_of_a_mode_is_exported_on_the_nodes_with_unit_modal_mass(tmp_p
 
 @pytest.mark.parametrize(
     ("options", "said"),
-    [(("--mode", "9"), "--mode = 9: expected --mode and a number from 1 to 4"), ((), "--mode = None: expected --mode")],
+    [
+        (("--mode", "9"), "--mode = 9: expected --mode and a number from 1 to 4"),
+        ((), "--mode = 'not given': expected --mode"),
+    ],
 )
 def test_a_mode_that_is_not_there_is_a_fault_of_the_option(tmp_path, options, said):
     attrito(tmp_path, "linear-modes", write_job(tmp_path, two_masses()))

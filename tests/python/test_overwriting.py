@@ -34,6 +34,7 @@ def folder(tmp_path) -> Path:
     with h5py.File(tmp_path / "result.h5", "r+") as file:
         file.attrs["model_file"] = str(tmp_path / "model.h5")
     os.symlink("result.h5", tmp_path / "link.h5")
+    os.symlink("result.h5", tmp_path / "link.html")
     return tmp_path
 
 
@@ -43,8 +44,8 @@ def folder(tmp_path) -> Path:
         (("import", "K.mtx", "--stiffness", "K.mtx", "--mass", "K.mtx"), "K.mtx"),
         (("study", "study.toml"), "job.toml"),
         (("chart", "job.toml", "-o", "job.toml"), "job.toml"),
-        (("report", "result.h5", "-o", "result.h5"), "result.h5"),
-        (("report", "link.h5", "-o", "./result.h5"), "result.h5"),
+        (("report", "result.h5", "-o", "link.html"), "result.h5"),
+        (("report", "link.h5", "-o", "./link.html"), "result.h5"),
         (("export", "result.h5", "--format", "xdmf", "-o", "result.xdmf"), "result.h5"),
         (("export", "result.h5", "--format", "xdmf", "-o", "model.xdmf"), "model.h5"),
     ],
