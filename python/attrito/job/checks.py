@@ -208,6 +208,16 @@ def term(value: Any) -> tuple[Any, float]:
 terms = listing(term)
 
 
+def acceleration(value: Any) -> list[float] | list[tuple[Any, float]]:
+    """Along x, y, z, or of dofs."""
+    for check in (listing(number(), 3, 3), listing(term, 1)):
+        try:
+            return check(value)  # type: ignore[no-any-return]
+        except ValueError:
+            continue
+    raise ValueError("a list of 3 numbers, along x, y, z, or of pairs [dof, acceleration]")
+
+
 def monitor(value: Any) -> dict[str, Any]:
     """A table { name, dofs }."""
     if not isinstance(value, dict) or set(value) != {"name", "dofs"}:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from attrito.job.base_motion import check_base_motion, moves_base
 from attrito.job.coriolis import check_coriolis
 from attrito.job.cyclic import check_cyclic
 from attrito.job.fewer_contacts import check_contacts
@@ -37,6 +38,7 @@ def cross_check(job: Job, earlier: list[Fault], excited: bool = True) -> list[Fa
         check_sensitivity,
         check_cyclic,
         check_coriolis,
+        check_base_motion,
         _check_monitors,
         _check_inputs,
         _check_outputs,
@@ -108,8 +110,9 @@ def _check_loads(job: Job) -> list[Fault]:
                 faults.append(job.fault(f"{place} {key}", value, f"no such key on a load of kind {load['kind']}"))
         if load["kind"] == "static" and (load["dofs"] is None) == (load["file"] is None):
             faults.append(job.fault(f"{place} dofs", load["dofs"], "either dofs or file"))
-        if load["kind"] == "harmonic" and not load["cosine"] and not load["sine"]:
-            faults.append(job.fault(f"{place} cosine", [], "cosine or sine terms, or a file of them"))
+        if load["kind"] == "harmonic" and not load["cosine"] and not load["sine"] and not moves_base(load):
+            expected = "cosine or sine terms, or a file of them, or motion of the base (base_cosine, base_sine)"
+            faults.append(job.fault(f"{place} cosine", [], expected))
         if load["kind"] == "centrifugal":
             for key in ("speed_hz", "axis_point", "axis_direction"):
                 if load[key] is None:

@@ -151,17 +151,17 @@ def _check_rotation(job: Job) -> list[Fault]:
         other, way = load["axis_point"], load["axis_direction"]
         if load["kind"] != "centrifugal" or other is None or way is None:
             continue
-        if _beside(way, direction) > SAME_AXIS * math.hypot(*way):
+        if beside(way, direction) > SAME_AXIS * math.hypot(*way):
             expected = f"{direction}, the axis_direction of [cyclic], or its opposite: the sectors' loads are the same"
             faults.append(job.fault(f"load[{i}] axis_direction", way, expected))
         arm = [mine - its for mine, its in zip(other, point, strict=True)]
-        if _beside(arm, direction) > SAME_AXIS * (math.hypot(*other) + math.hypot(*point)):
+        if beside(arm, direction) > SAME_AXIS * (math.hypot(*other) + math.hypot(*point)):
             expected = f"a point of the axis of [cyclic], which goes through {point}"
             faults.append(job.fault(f"load[{i}] axis_point", other, expected))
     return faults
 
 
-def _beside(vector: list[float], direction: list[float]) -> float:
+def beside(vector: list[float], direction: list[float]) -> float:
     """How far a vector leads away from a line."""
     (a, b, c), (d, e, f) = vector, direction
     return math.hypot(b * f - c * e, c * d - a * f, a * e - b * d) / math.hypot(d, e, f)

@@ -25,7 +25,15 @@ UNITS = {
     "contact": OF_CONTACTS
     | {"normal": "1", "tangents": "1", "normal_next": "1", "tangents_next": "1", "area": "length^2"},
     "contact_set": OF_CONTACTS | {"tolerance": "length", "gap_file": "length"},
-    "load": {"dofs": "force", "cosine": "force", "sine": "force", "axis_point": "length", "axis_direction": "1"},
+    "load": {
+        "dofs": "force",
+        "cosine": "force",
+        "sine": "force",
+        "base_cosine": "length/time^2",
+        "base_sine": "length/time^2",
+        "axis_point": "length",
+        "axis_direction": "1",
+    },
     "cyclic": {"tolerance": "length", "axis_point": "length", "axis_direction": "1"},
     "static": {"load_path": "1"},
     "balance": {"tolerance": "1", "residual_tolerance": "1"},

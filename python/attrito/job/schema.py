@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from attrito.job.checks import (
+    acceleration,
     boolean,
     choice,
     corner,
@@ -350,6 +351,13 @@ ARRAYS: dict[str, dict[str, Key]] = {
         "harmonic": Key(integer(1), 1, "harmonic: of the fundamental frequency"),
         "cosine": Key(either(terms, text), [], "harmonic: forces with cos h omega t, or a file of them"),
         "sine": Key(either(terms, text), [], "harmonic: forces with sin h omega t, or a file of them"),
+        "base_cosine": Key(
+            acceleration,
+            None,
+            "harmonic: acceleration of the base with cos h omega t, along x, y, z, or of every dof that moves with it;"
+            " motion is relative to the base ([below](#base-motion))",
+        ),
+        "base_sine": Key(acceleration, None, "harmonic: likewise, with sin h omega t"),
         "speed_hz": Key(
             frequency(above=False),
             None,
@@ -374,6 +382,6 @@ ARRAYS: dict[str, dict[str, Key]] = {
 REQUIRED_TABLES = ("model", "sweep", "output")
 LOAD_KEYS = {
     "static": {"name", "kind", "dofs", "file"},
-    "harmonic": {"name", "kind", "harmonic", "cosine", "sine"},
+    "harmonic": {"name", "kind", "harmonic", "cosine", "sine", "base_cosine", "base_sine"},
     "centrifugal": {"name", "kind", "speed_hz", "axis_point", "axis_direction", "spin_softening", "coriolis"},
 }

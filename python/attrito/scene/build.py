@@ -26,7 +26,7 @@ from attrito.model.sector import beside_the_next, rows_across
 from attrito.scene.coriolis import take_coriolis
 from attrito.scene.dofs import DofResolver
 from attrito.scene.gap_file import read_gaps
-from attrito.scene.loads import build_loads, soften, spin_faults
+from attrito.scene.loads import build_loads, check_base_holds, soften, spin_faults
 from attrito.scene.scene import Contacts, Scene
 from attrito.scene.sector import build_sector, check_mass_of_sector, wheel_axis
 from attrito.support.errors import InputError
@@ -46,6 +46,7 @@ def build_scene(job: Job) -> Scene:
         raise InputError(*places.faults)
     contacts = _contacts(job, model, places)
     static, harmonic = build_loads(job, model, places)
+    check_base_holds(job, model, contacts, places)
     monitors = {
         monitor["name"]: places.vector(monitor["dofs"], f"[output] monitors[{i}]")
         for i, monitor in enumerate(job["output"]["monitors"])

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from attrito.job.base_motion import BASE_KEYS, is_vector
+from attrito.model.base_motion import HELD_BY_NOTHING, base_load, is_held, rigid_translation
 from attrito.model.model import SPIN_SOFTENING
 from attrito.model.rotation import centrifugal_load, partly_held, softening, spin_of
 from attrito.scene.deck_loads import deck_force
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
     from attrito.job.job import Job
     from attrito.model.model import Model
     from attrito.scene.dofs import DofResolver
+    from attrito.scene.scene import Contacts
 
 # Relative difference of two speeds that count as one.
 SAME_SPEED = 1e-6
@@ -31,6 +34,9 @@ def build_loads(job: Job, model: Model, places: DofResolver) -> tuple[dict[str, 
         if load["kind"] == "harmonic":
             for row, name in ((2 * load["harmonic"] - 1, "cosine"), (2 * load["harmonic"], "sine")):
                 harmonic[row] += _given(job, model, places, load[name], f"{key} {name}")
+                moved = base_acceleration(load, f"base_{name}", model, places, key)
+                if moved is not None:
+                    harmonic[row] += base_load(model, moved)
         elif load["kind"] == "centrifugal":
             static[load["name"]] = np.zeros(model.size)
             if model.has_mesh:
@@ -42,6 +48,42 @@ def build_loads(job: Job, model: Model, places: DofResolver) -> tuple[dict[str, 
         else:
             static[load["name"]] = _given(job, model, places, load["dofs"], f"{key} dofs")
     return static, harmonic
+
+
+def base_acceleration(
+    load: dict[str, Any], name: str, model: Model, places: DofResolver, key: str
+) -> np.ndarray | None:
+    """Acceleration of every dof with the base, `[n]`; None where the load has none of this name."""
+    given = load[name]
+    if given is None:
+        return None
+    if not is_vector(given):
+        return places.vector(given, f"{key} {name}")
+    if model.dof_direction is not None:
+        return rigid_translation(model, given)
+    places.add(f"{key} {name}", given, "pairs [dof, acceleration], since the model does not say where its dofs point")
+    return np.zeros(model.size)
+
+
+def check_base_holds(job: Job, model: Model, contacts: Contacts, places: DofResolver) -> None:
+    """A fault where the base that a load moves holds the structure by nothing: no support, no contact with ground."""
+    for i, load in enumerate(job["load"]):
+        for name in BASE_KEYS if load["kind"] == "harmonic" else ():
+            given = load[name]
+            if given is None or not is_vector(given) or model.dof_direction is None:
+                continue
+            translation = rigid_translation(model, given)
+            if not is_held(model, translation) and not touches_ground(contacts, translation):
+                expected = "a structure that something holds along it, a support or a contact with the ground"
+                places.add(f"load[{i}] {name}", given, expected)
+
+
+def touches_ground(contacts: Contacts, translation: np.ndarray) -> bool:
+    """Whether a contact feels a translation of the whole model, `[n]`: its other side is the ground."""
+    felt = contacts.rows @ translation
+    if contacts.next_rows is not None:
+        felt = felt + contacts.next_rows @ translation
+    return bool(np.any(np.abs(felt) > HELD_BY_NOTHING * np.abs(translation).max(initial=0.0)))
 
 
 def _given(job: Job, model: Model, places: DofResolver, value: Any, key: str) -> np.ndarray:

@@ -1,0 +1,44 @@
+"""The load of a base that moves to and fro: a shaker's table, a floor, a casing.
+
+Of a structure whose supports all move by x(t) along one direction, q is the displacement relative to the base. The
+inertia is of q + r x, r the displacement of every dof when the whole moves by one; nothing else feels r x, since the
+supports, and what contacts touch of the ground, move with it:
+
+    M q'' + C q' + K q = -M r x''.
+
+Held dofs have no row: a node beside a support misses the mass that it shares with it, as in a centrifugal load.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from attrito.model.model import Model
+
+# K r of a structure that nothing holds is rounded at some 1e-12 of what its entries add up to
+HELD_BY_NOTHING = 1e-9
+
+
+def rigid_translation(model: Model, along: Sequence[float]) -> np.ndarray:
+    """Every dof when the model, whose dofs have directions, moves by `along` (x, y, z) without deformation, `[n]`."""
+    translation = np.zeros(model.size)
+    moves = model.translates
+    translation[moves] = np.asarray(along, dtype=float)[np.asarray(model.dof_direction, dtype=int)[moves] - 1]
+    return translation
+
+
+def base_load(model: Model, acceleration: np.ndarray) -> np.ndarray:
+    """-M r x'', `[n]`, user force, of the acceleration r x'' of every dof with the base, `[n]`."""
+    return -(model.mass @ acceleration)
+
+
+def is_held(model: Model, translation: np.ndarray) -> bool:
+    """Whether the model's own stiffness resists a translation, `[n]`: it is fixed to what moves."""
+    resisted = np.abs(model.stiffness @ translation)
+    entries = abs(model.stiffness) @ np.abs(translation)
+    return bool(np.any(resisted > HELD_BY_NOTHING * entries.max(initial=0.0)))
