@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from attrito.job.base_motion import check_base_motion, moves_base
+from attrito.job.accelerations import check_accelerations, moves_base
 from attrito.job.coriolis import check_coriolis
 from attrito.job.cyclic import check_cyclic
 from attrito.job.fewer_contacts import check_contacts
@@ -38,7 +38,7 @@ def cross_check(job: Job, earlier: list[Fault], excited: bool = True) -> list[Fa
         check_sensitivity,
         check_cyclic,
         check_coriolis,
-        check_base_motion,
+        check_accelerations,
         _check_monitors,
         _check_inputs,
         _check_outputs,
@@ -108,8 +108,8 @@ def _check_loads(job: Job) -> list[Fault]:
             default = next(spec.default for name, spec in ARRAYS["load"].items() if name == key)
             if key not in LOAD_KEYS[load["kind"]] and value != default:
                 faults.append(job.fault(f"{place} {key}", value, f"no such key on a load of kind {load['kind']}"))
-        if load["kind"] == "static" and (load["dofs"] is None) == (load["file"] is None):
-            faults.append(job.fault(f"{place} dofs", load["dofs"], "either dofs or file"))
+        if load["kind"] == "static" and sum(load[key] is not None for key in ("dofs", "file", "gravity")) != 1:
+            faults.append(job.fault(f"{place} dofs", load["dofs"], "either dofs or file or gravity"))
         if load["kind"] == "harmonic" and not load["cosine"] and not load["sine"] and not moves_base(load):
             expected = "cosine or sine terms, or a file of them, or motion of the base (base_cosine, base_sine)"
             faults.append(job.fault(f"{place} cosine", [], expected))

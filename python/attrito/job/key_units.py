@@ -29,6 +29,7 @@ UNITS = {
         "dofs": "force",
         "cosine": "force",
         "sine": "force",
+        "gravity": "length/time^2",
         "base_cosine": "length/time^2",
         "base_sine": "length/time^2",
         "axis_point": "length",

@@ -348,6 +348,11 @@ ARRAYS: dict[str, dict[str, Key]] = {
         "kind": Key(choice("static", "harmonic", "centrifugal"), None, "which of the keys below apply", required=True),
         "dofs": Key(terms, None, "static: forces"),
         "file": Key(text, None, "static, instead of `dofs`: a file ([below](#forces-by-file))"),
+        "gravity": Key(
+            acceleration,
+            None,
+            "static, instead of `dofs`: f = M g, the weight, of the acceleration g along x, y, z, or of every dof",
+        ),
         "harmonic": Key(integer(1), 1, "harmonic: of the fundamental frequency"),
         "cosine": Key(either(terms, text), [], "harmonic: forces with cos h omega t, or a file of them"),
         "sine": Key(either(terms, text), [], "harmonic: forces with sin h omega t, or a file of them"),
@@ -381,7 +386,7 @@ ARRAYS: dict[str, dict[str, Key]] = {
 
 REQUIRED_TABLES = ("model", "sweep", "output")
 LOAD_KEYS = {
-    "static": {"name", "kind", "dofs", "file"},
+    "static": {"name", "kind", "dofs", "file", "gravity"},
     "harmonic": {"name", "kind", "harmonic", "cosine", "sine", "base_cosine", "base_sine"},
     "centrifugal": {"name", "kind", "speed_hz", "axis_point", "axis_direction", "spin_softening", "coriolis"},
 }

@@ -84,7 +84,7 @@ class _Reader:
     def _pressure(self, block: Block, line: str) -> None:
         where, label, value = self._fields(block, line, "element or element set, P1 to P6, pressure")
         if not (label.upper().startswith("P") and label[1:].isdecimal()):
-            expected = "a pressure P1 to P6 (rotation: a [[load]] of kind centrifugal)"
+            expected = "a pressure P1 to P6 (rotation: a [[load]] of kind centrifugal; weight: gravity of a static one)"
             raise InputError(block.fault(line, expected))
         ids = self._members(block, where, self.element_sets, "an element of the model, or an *ELSET of this deck")
         for faces in self.elements.faces(ids, int(label[1:]), block):

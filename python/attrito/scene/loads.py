@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from attrito.job.base_motion import BASE_KEYS, is_vector
-from attrito.model.base_motion import HELD_BY_NOTHING, base_load, is_held, rigid_translation
+from attrito.job.accelerations import BASE_KEYS, is_vector
+from attrito.model.accelerations import HELD_BY_NOTHING, is_held, rigid_translation
 from attrito.model.model import SPIN_SOFTENING
 from attrito.model.rotation import centrifugal_load, partly_held, softening, spin_of
 from attrito.scene.deck_loads import deck_force
@@ -34,15 +34,15 @@ def build_loads(job: Job, model: Model, places: DofResolver) -> tuple[dict[str, 
         if load["kind"] == "harmonic":
             for row, name in ((2 * load["harmonic"] - 1, "cosine"), (2 * load["harmonic"], "sine")):
                 harmonic[row] += _given(job, model, places, load[name], f"{key} {name}")
-                moved = base_acceleration(load, f"base_{name}", model, places, key)
-                if moved is not None:
-                    harmonic[row] += base_load(model, moved)
+                harmonic[row] -= _inertia(load, f"base_{name}", model, places, key)
         elif load["kind"] == "centrifugal":
             static[load["name"]] = np.zeros(model.size)
             if model.has_mesh:
                 static[load["name"]] = centrifugal_load(model, spin_of(load))
             else:
                 places.add(f"{key} kind", "centrifugal", "a model with a mesh: the load needs the nodes' coordinates")
+        elif load["gravity"] is not None:
+            static[load["name"]] = _inertia(load, "gravity", model, places, key)
         elif load["file"] is not None:
             static[load["name"]] = _given(job, model, places, load["file"], f"{key} file")
         else:
@@ -50,17 +50,15 @@ def build_loads(job: Job, model: Model, places: DofResolver) -> tuple[dict[str, 
     return static, harmonic
 
 
-def base_acceleration(
-    load: dict[str, Any], name: str, model: Model, places: DofResolver, key: str
-) -> np.ndarray | None:
-    """Acceleration of every dof with the base, `[n]`; None where the load has none of this name."""
+def _inertia(load: dict[str, Any], name: str, model: Model, places: DofResolver, key: str) -> np.ndarray:
+    """M times an acceleration of the load, `[n]`, user force; zero where it has none of this name."""
     given = load[name]
     if given is None:
-        return None
+        return np.zeros(model.size)
     if not is_vector(given):
-        return places.vector(given, f"{key} {name}")
+        return np.asarray(model.mass @ places.vector(given, f"{key} {name}"))
     if model.dof_direction is not None:
-        return rigid_translation(model, given)
+        return np.asarray(model.mass @ rigid_translation(model, given))
     places.add(f"{key} {name}", given, "pairs [dof, acceleration], since the model does not say where its dofs point")
     return np.zeros(model.size)
 

@@ -1,10 +1,10 @@
-"""The load of a base that moves to and fro: a shaker's table, a floor, a casing.
+"""The loads of an acceleration that is the same everywhere: weight, and a base that moves to and fro.
 
 Of a structure whose supports all move by x(t) along one direction, q is the displacement relative to the base. The
 inertia is of q + r x, r the displacement of every dof when the whole moves by one; nothing else feels r x, since the
 supports, and what contacts touch of the ground, move with it:
 
-    M q'' + C q' + K q = -M r x''.
+    M q'' + C q' + K q = -M r x'',        and with weight, of the acceleration g along r, = M r g.
 
 Held dofs have no row: a node beside a support misses the mass that it shares with it, as in a centrifugal load.
 """
@@ -30,11 +30,6 @@ def rigid_translation(model: Model, along: Sequence[float]) -> np.ndarray:
     moves = model.translates
     translation[moves] = np.asarray(along, dtype=float)[np.asarray(model.dof_direction, dtype=int)[moves] - 1]
     return translation
-
-
-def base_load(model: Model, acceleration: np.ndarray) -> np.ndarray:
-    """-M r x'', `[n]`, user force, of the acceleration r x'' of every dof with the base, `[n]`."""
-    return -(model.mass @ acceleration)
 
 
 def is_held(model: Model, translation: np.ndarray) -> bool:

@@ -1,4 +1,4 @@
-"""A base that shakes, as a load on the motion relative to it."""
+"""Weight, and a base that shakes, as loads on the motion relative to it."""
 
 from __future__ import annotations
 
@@ -124,6 +124,18 @@ def test_a_base_motion_that_is_none_or_has_other_frequencies_where_it_turns_is_a
     description = job()
     description["load"] = loads
     assert said in faults_of(tmp_path, brick(held=lambda points: points[:, 0] < 1e-9), description)
+
+
+def test_weight_is_mass_times_gravity_and_no_load_has_two_of_its_kinds(tmp_path):
+    model = brick(held=lambda points: points[:, 0] < 1e-9)
+    weight = {"kind": "static", "name": "weight", "gravity": [0.0, 0.0, -9.81]}
+    force = scene_of(tmp_path, model, job(weight)).static["weight"]
+    upward = np.asarray(model.dof_direction) == 3
+    assert force == pytest.approx(-9.81 * (model.mass @ upward.astype(float)))
+    said = "expected either dofs or file or gravity"
+    assert said in faults_of(tmp_path, model, job(weight | {"dofs": [[0, 1.0]]}))
+    turning = job(centrifugal(), weight | {"gravity": [0.0, 9.81, 0.0]})
+    assert "the axis of load[0]: in axes that turn, weight across is not steady" in faults_of(tmp_path, model, turning)
 
 
 def test_a_body_that_nothing_holds_does_not_feel_the_base(tmp_path):
