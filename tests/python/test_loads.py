@@ -367,7 +367,10 @@ def test_forces_by_numbers_lists_and_files_are_one_and_the_same(tmp_path):
         ("*CLOAD, AMPLITUDE=ramp\nlow, 1, 1.0\n", "expected *CLOAD without parameters"),
         ("*DLOAD\n1, P7, 1.0\n", "'P7 on element 1': expected a face that the element has"),
         ("*DLOAD\n77, P1, 1.0\n", "'element 77': expected an element of the model"),
-        ("*DLOAD\n1, CENTRIF, 1.0\n", "expected a pressure P1 to P6 (rotation: a [[load]] of kind centrifugal)"),
+        (
+            "*DLOAD\n1, CENTRIF, 1.0\n",
+            "expected a pressure P1 to P6 (rotation: a [[load]] of kind centrifugal; weight: gravity of a static one)",
+        ),
         ("*STEP\n*CLOAD\n1, 1, 1.0\n", "expected one of *CLOAD, *DLOAD"),
         ("*NSET, NSET=two\n101, 102\n", "expected a deck with forces or pressures"),
     ],
