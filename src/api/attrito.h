@@ -133,6 +133,10 @@ void attrito_destroy(void *handle);
 void attrito_sample_contact(const attrito_contact_law *law, int coefficients, int samples, const double *motion,
     const double *slider, int passes, double *displacement, double *force);
 
+/* Tangential force [samples] of one contact along a given path of displacement and normal force: `follow_path`. */
+void attrito_follow_path(const attrito_contact_law *law, int samples, const double *displacement, const double *normal,
+    int passes, double *force);
+
 /* How many numbers the sliders of a contact take where contacts have these laws: a pair for each element. */
 int attrito_slider_width(int count, const attrito_contact_law *laws);
 

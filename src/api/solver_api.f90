@@ -12,6 +12,7 @@ module attrito_api_solver
   use attrito_model_contacts, only: contact_type, contacts_type, new_contacts, slider_width
   use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_evaluation, only: sample_forces
+  use attrito_contact_given_path, only: follow_path
   use attrito_continuation_sweep, only: new_sweep
   use attrito_solve_strategies, only: solve_by_strategy
   use attrito_solve_strategy_outcome, only: evidence_type
@@ -399,6 +400,23 @@ contains
     call release_laws(contact)
     call fourier%destroy()
   end subroutine attrito_sample_contact
+
+  !> Tangential force [samples] of one contact along a given path of displacement and normal force: `follow_path`.
+  subroutine attrito_follow_path(law, samples, displacement, normal, passes, force) bind(c)
+    !> Contact laws
+    type(contact_law_type), intent(in) :: law
+    !> How many there are; marches over them
+    integer(c_int), value :: samples, passes
+    !> Relative displacement; normal force
+    real(c_double), intent(in) :: displacement(samples), normal(samples)
+    !> Tangential force
+    real(c_double), intent(out) :: force(samples)
+    type(contact_type) :: contact(1)
+
+    contact(1) = law_of(law)
+    call follow_path(contact(1), displacement, normal, passes, force)
+    call release_laws(contact)
+  end subroutine attrito_follow_path
 
   !> How many numbers the sliders of a contact take where contacts have these laws: a pair for each element.
   integer(c_int) function attrito_slider_width(count, laws) bind(c)

@@ -10,17 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from attrito.fits.measured import COLUMNS, Measured, read_measured
+from attrito.fits.data import Data, data_of
 from attrito.job.checks import Check, boolean, choice, dataset_name, integer, listing, number, text
 from attrito.job.job import Job, files_read, rom_path
 from attrito.job.reading import read_job
 from attrito.job.varied import checked, faults_of_keys, read_keys, with_values
-from attrito.modes.nonlinear import check_mode
 from attrito.support.errors import Fault, InputError
 from attrito.support.overwrite_check import check_spared
-
-# Relative standard deviations of measurements that say none: of amplitudes, frequencies, damping ratios
-USUAL = {"amplitude": 0.05, "frequency": 1e-3, "damping": 0.1}
 
 
 @dataclass(frozen=True)
@@ -53,36 +49,6 @@ class Parameter:
 
 
 @dataclass(frozen=True)
-class Data:
-    """Measurements of one kind, and what they are of.
-
-    Parameters
-    ----------
-    name, of : how it is called; a name of `COLUMNS`
-    file, job : of the measurements; the job whose solution they are compared with
-    monitor, level : of a response
-    weight : on all of its residuals
-    deviations : relative standard deviations by the names of `USUAL`, where the file has none
-    measured : the numbers
-    """
-
-    name: str
-    of: str
-    file: str
-    job: str | Job
-    monitor: str | None
-    level: float
-    weight: float
-    deviations: dict[str, float]
-    measured: Measured
-
-    @property
-    def is_excited(self) -> bool:
-        """Whether its job needs harmonic loads and a sweep."""
-        return self.of == "response"
-
-
-@dataclass(frozen=True)
 class Fit:
     """A checked fit.
 
@@ -112,10 +78,7 @@ class Fit:
         """All that the result depends on beside the jobs and measurements."""
         return {
             "parameters": [vars(parameter) for parameter in self.parameters],
-            "data": [
-                {name: value for name, value in vars(one).items() if name not in ("measured", "job")}
-                for one in self.data
-            ],
+            "data": [one.as_table() for one in self.data],
             "noise": self.noise,
             "starts": self.starts,
             "seed": self.seed,
@@ -125,7 +88,7 @@ class Fit:
         """Raise unless every key is a number of each data's job, and takes its bounds."""
         faults: list[Fault] = []
         for one, job in zip(self.data, jobs, strict=True):
-            faults += self._faults_of_job(one, job)
+            faults += one.faults_of_job(self.path, job)
             for i, parameter in enumerate(self.parameters):
                 faults += faults_of_keys(job, parameter.keys, self.path, f"parameter[{i}] keys")
         if faults:
@@ -143,18 +106,6 @@ class Fit:
                         faults += error.faults
         if faults:
             raise InputError(*dict.fromkeys(faults))
-
-    def _faults_of_job(self, one: Data, job: Job) -> list[Fault]:
-        if one.of == "mode":
-            try:
-                check_mode(job)
-            except InputError as error:
-                return list(error.faults)
-            return []
-        names = [monitor["name"] for monitor in job["output"]["monitors"]]
-        if one.monitor is not None and one.monitor not in names:
-            return [Fault(self.path, f"data {one.name}: monitor", one.monitor, f"one of {', '.join(names)}")]
-        return []
 
 
 CHECKS: dict[str, tuple[Check, Any]] = {
@@ -174,15 +125,6 @@ PARAMETER_CHECKS: dict[str, tuple[Check, Any]] = {
     "log": (boolean, None),
     "factor": (boolean, False),
 }
-DATA_CHECKS: dict[str, tuple[Check, Any]] = {
-    "name": (dataset_name, None),
-    "of": (choice(*COLUMNS), "response"),
-    "file": (text, None),
-    "job": (text, None),
-    "monitor": (text, None),
-    "level": (number(0, above=True), 1.0),
-    "weight": (number(0, above=True), 1.0),
-} | {f"{name}_deviation": (number(0, above=True), value) for name, value in USUAL.items()}
 
 
 def read_fit(source: str | os.PathLike[str] | Mapping[str, Any] | Fit, folder: str | os.PathLike[str] = ".") -> Fit:
@@ -220,7 +162,7 @@ def _check_fit(raw: dict[str, Any], path: str) -> Fit:
     parameters = parameters_in(path, raw, faults)
     rows = _rows(path, raw.pop("data", []), "data", faults)
     keys = checked(path, "", raw, CHECKS, faults)
-    data = [_data(path, i, row, keys["job"], faults) for i, row in enumerate(rows)]
+    data = [data_of(path, i, row, keys["job"], faults) for i, row in enumerate(rows)]
     names = [one.name for one in data if one is not None]
     for name in sorted({name for name in names if names.count(name) > 1}):
         faults.append(Fault(path, "data name", name, "names that differ"))
@@ -254,23 +196,3 @@ def _parameter(path: str, i: int, row: dict[str, Any], faults: list[Fault]) -> P
     if one["start"] is not None and not low <= one["start"] <= high:
         faults.append(Fault(path, f"{where} start", one["start"], f"a number from {low:g} to {high:g}"))
     return Parameter(one["name"], tuple(one["keys"]), low, high, one["start"], log, one["factor"])
-
-
-def _data(path: str, i: int, row: dict[str, Any], job: str | None, faults: list[Fault]) -> Data | None:
-    where, folder = f"data[{i}]", Path(path).parent
-    one = checked(path, f"{where} ", row, DATA_CHECKS, faults)
-    own = one["job"] or job
-    if own is None:
-        faults.append(Fault(path, f"{where} job", "missing", "a job file, here or for all data"))
-    if one["name"] is None or one["file"] is None:
-        faults.append(Fault(path, where, "missing", "name and file"))
-        return None
-    file = os.path.normpath(folder / one["file"])
-    deviations = {name: one[f"{name}_deviation"] for name in USUAL}
-    try:
-        measured = read_measured(file, one["of"], one["monitor"], deviations)
-    except InputError as error:
-        faults += error.faults
-        return None
-    rest = one["monitor"], one["level"], one["weight"], deviations, measured
-    return Data(one["name"], one["of"], file, os.path.normpath(folder / (own or "job")), *rest)

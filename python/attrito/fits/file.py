@@ -16,10 +16,8 @@ from attrito.job.job import Job
 from attrito.plots.style import save
 from attrito.support.atomic_files import whole_hdf5
 from attrito.support.hdf5_writing import described
-from attrito.support.units import axis_unit
 from attrito.support.version import __version__
 
-UNITS = {"frequency_hz": "Hz", "frequency_ratio": "1", "damping_ratio": "1"}
 OWN = "that of the job's key, or a factor on it"
 
 
@@ -37,18 +35,17 @@ def write_fit(fit: Fit, jobs: list[Job], found: Found) -> None:
         for one, solved in zip(fit.data, found.solved, strict=True):
             group = file.create_group(f"data/{one.name}")
             group.attrs["file"], group.attrs["of"] = one.file, one.of
-            where = COLUMNS[one.of][0]
-            length = "user length" if one.of == "response" else "user length (user mass)^0.5"
-            described(group, where, "where it was measured", UNITS.get(where, length), data=one.measured.at)
+            where, units = COLUMNS[one.of][0], one.units
+            described(group, where, "where it was measured", units[where], data=one.measured.at)
+            for name, values in one.measured.beside.items():
+                described(group, name, "as measured, or given", "user force", data=values)
             for name, values in one.measured.values.items():
-                unit = UNITS.get(name, length)
-                described(group, f"measured/{name}", "as measured", unit, data=values)
-                relative = name in one.measured.relative
-                deviation = one.measured.deviations[name] * (values if relative else 1.0)
-                described(group, f"deviation/{name}", "standard deviation", unit, data=deviation)
-                described(group, f"solved/{name}", "with the parameters found", unit, data=solved[name])
-    length = axis_unit("user length", jobs[0].attributes["units"])
-    save(picture_of_fit(found, length), fit.picture)
+                described(group, f"measured/{name}", "as measured", units[name], data=values)
+                deviation = one.measured.deviation(name)
+                described(group, f"deviation/{name}", "standard deviation", units[name], data=deviation)
+                shown = one.measured.shown(solved, name)
+                described(group, f"solved/{name}", "with the parameters found", units[name], data=shown)
+    save(picture_of_fit(found, jobs[0].attributes["units"]), fit.picture)
 
 
 def _write_parameters(file: h5py.File, found: Found) -> None:

@@ -1,26 +1,24 @@
-"""Measurements from a CSV file, and how far a solution is from them.
+"""Measurements, and how far a solution is from them.
 
-A residual is a difference over a standard deviation, which is relative unless the file has a column of it. Amplitudes
-and frequencies with a relative one are compared by their logarithms, so that an amplitude half as large is as far off
-as one twice as large.
+A residual is a difference over a standard deviation. Amplitudes and frequencies with a relative one are compared by
+their logarithms, so that an amplitude half as large is as far off as one twice as large; phases by the nearer way
+round; the force of a steady loop up to a constant, which neither the instrument's zero nor the slider's place gives.
 """
 
 from __future__ import annotations
 
-import csv
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from attrito.support.errors import Fault, InputError
-
 # By kind of measurement: the column that says where, and those that are compared, with what names their deviation
 COLUMNS = {
-    "response": ("frequency_hz", {"amplitude": "amplitude"}),
+    "response": ("frequency_hz", {"amplitude": "amplitude", "phase_deg": "phase"}),
     "mode": ("amplitude", {"frequency_hz": "frequency", "frequency_ratio": "frequency", "damping_ratio": "damping"}),
+    "loop": ("displacement", {"tangential_force": "force"}),
 }
-# What may be zero is compared as it is
-LINEAR = ("damping_ratio",)
+# What may be zero is compared as it is, and what may have either sign
+LINEAR, SIGNED = ("damping_ratio",), ("phase_deg", "tangential_force")
 
 
 @dataclass(frozen=True)
@@ -29,21 +27,30 @@ class Measured:
 
     Parameters
     ----------
-    at : where, `[n]`: frequencies of a response, ascending; amplitudes of a mode, ascending
+    at : where, `[n]`: frequencies of a response, ascending; amplitudes of a mode, ascending; displacements of a loop
     values : by column `[n]`; NaN: not measured
     deviations : standard deviation of each, `[n]`
     relative : columns whose deviations are relative
+    centred : columns that are compared up to a constant
+    beside : what else is known there, `[n]`: the normal force of a loop
     """
 
     at: np.ndarray
     values: dict[str, np.ndarray]
     deviations: dict[str, np.ndarray]
     relative: tuple[str, ...]
+    centred: tuple[str, ...] = ()
+    beside: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def count(self) -> int:
         """How many numbers are compared."""
         return sum(int(np.isfinite(values).sum()) for values in self.values.values())
+
+    def deviation(self, name: str) -> np.ndarray:
+        """Standard deviations of a column, absolute `[n]`."""
+        own = self.deviations[name]
+        return own * self.values[name] if name in self.relative else own
 
     def residuals(self, found: dict[str, np.ndarray], weight: float) -> np.ndarray:
         """Differences over standard deviations, column after column `[count]`."""
@@ -52,84 +59,37 @@ class Measured:
 
     def differences(self, found: dict[str, np.ndarray], name: str) -> np.ndarray:
         """Of one column, over standard deviations `[n]`; NaN where it was not measured."""
-        own, there, deviation = self.values[name], found[name], self.deviations[name]
+        own, there, deviation = self.values[name], self.shown(found, name), self.deviations[name]
         if name not in self.relative:
-            return np.asarray((there - own) / deviation)
+            apart = there - own
+            return np.asarray((_nearer(apart) if name == "phase_deg" else apart) / deviation)
         if name in LINEAR:
             return np.asarray((there - own) / (deviation * np.abs(own)))
         return np.asarray(np.log(there / own) / deviation)
+
+    def shown(self, found: dict[str, np.ndarray], name: str) -> np.ndarray:
+        """A column of the solution as it is compared: with the constant that suits the measurements best."""
+        there = found[name]
+        if name not in self.centred:
+            return there
+        weights = np.where(np.isfinite(self.values[name]), self.deviations[name] ** -2, 0.0)
+        apart = np.where(weights > 0.0, self.values[name] - there, 0.0)
+        return np.asarray(there + (weights @ apart) / weights.sum())
 
     def slopes(self, found: dict[str, np.ndarray], rates: dict[str, np.ndarray], weight: float) -> np.ndarray:
         """Derivatives of the residuals where those of the solution are `rates`, `[n, parameters]` by column."""
         parts = []
         for name, values in self.values.items():
             known = np.isfinite(values)
-            scale = self.deviations[name][known]
+            scale, slopes = self.deviations[name][known], rates[name][known]
             if name in self.relative:
                 scale = scale * np.abs(values[known] if name in LINEAR else found[name][known])
-            parts.append(rates[name][known] / scale[:, np.newaxis])
+            if name in self.centred:
+                slopes = slopes - (scale**-2 @ slopes) / np.sum(scale**-2)
+            parts.append(slopes / scale[:, np.newaxis])
         return weight * np.concatenate(parts)
 
 
-def read_measured(path: str, of: str, monitor: str | None, deviations: dict[str, float]) -> Measured:
-    """Read a CSV file with a line of names.
-
-    Parameters
-    ----------
-    path, of : the file; a name of `COLUMNS`
-    monitor : of a response, whose amplitudes may be in a column `<monitor>_amplitude`, as those of `attrito table`
-    deviations : relative, by kind, where the file has no column `<name>_deviation`
-
-    Raises
-    ------
-    InputError : a column is missing, or something is no number
-    """
-    where, compared = COLUMNS[of]
-    table = _columns(path)
-    if monitor is not None and "amplitude" not in table and f"{monitor}_amplitude" in table and of == "response":
-        table["amplitude"] = table[f"{monitor}_amplitude"]
-    names = [name for name in compared if name in table]
-    if where not in table or not names:
-        expected = f"a column {where}, and of {', '.join(compared)} at least one"
-        raise InputError(Fault(path, "columns", ", ".join(table) or "none", expected))
-    order = np.argsort(table[where], kind="stable")
-    at, values, own = table[where][order], {}, {}
-    relative = []
-    for name in names:
-        values[name] = table[name][order]
-        known = np.isfinite(values[name])
-        if not np.any(known) or np.any(values[name][known] <= 0.0):
-            raise InputError(Fault(path, name, "none, or not above 0", "numbers above 0, blank where not measured"))
-        if f"{name}_deviation" in table:
-            own[name] = table[f"{name}_deviation"][order]
-            if not np.all(own[name][known] > 0.0):
-                raise InputError(Fault(path, f"{name}_deviation", "not above 0", "standard deviations above 0"))
-        else:
-            own[name] = np.full(len(at), deviations[compared[name]])
-            relative.append(name)
-    if not np.all(np.isfinite(at)) or np.any(at <= 0.0):
-        raise InputError(Fault(path, where, "missing, or not above 0", "a number above 0 in every line"))
-    return Measured(at, values, own, tuple(relative))
-
-
-def _columns(path: str) -> dict[str, np.ndarray]:
-    try:
-        with open(path, newline="") as stream:
-            rows = [row for row in csv.reader(stream) if row and not row[0].startswith("#")]
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(Fault(path, "file", str(error), "a CSV file of measurements that can be read")) from None
-    if len(rows) < 2:
-        raise InputError(Fault(path, "file", f"{len(rows)} lines", "a line of names, then lines of numbers"))
-    names = [name.strip() for name in rows[0]]
-    columns: dict[str, np.ndarray] = {}
-    for i, name in enumerate(names):
-        try:
-            columns[name] = np.array([_number(row[i]) if i < len(row) else np.nan for row in rows[1:]])
-        except ValueError:
-            # Words: of no use here, unless they are where numbers are looked for.
-            continue
-    return columns
-
-
-def _number(entry: str) -> float:
-    return float(entry) if entry.strip() else np.nan
+def _nearer(angle: np.ndarray) -> np.ndarray:
+    """The same angle, degrees, from -180 on to below 180."""
+    return np.asarray((angle + 180.0) % 360.0 - 180.0)

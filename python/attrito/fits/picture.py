@@ -7,22 +7,30 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from attrito.fits.design import Data, Parameter
+from attrito.fits.data import RANGE, Data
+from attrito.fits.design import Parameter
 from attrito.fits.estimate import Profile
 from attrito.fits.found import Found
-from attrito.fits.measured import COLUMNS
+from attrito.fits.measured import COLUMNS, SIGNED
 from attrito.plots.style import BRANCH_COLOURS, DASHES, LIMIT_COLOUR, STYLE, plain_text, with_unit
+from attrito.support.units import axis_unit
 
 LABELS = {
-    "frequency_hz": "Frequency (Hz)",
+    "frequency_hz": "Frequency",
     "frequency_ratio": "Frequency over that of the tangent mode",
     "damping_ratio": "Damping ratio",
+    "phase_deg": "Phase",
+    "displacement": "Relative displacement",
+    "tangential_force": "Tangential force",
 }
 MEASURED, SOLVED = LIMIT_COLOUR, BRANCH_COLOURS[0]
 
 
-def picture_of_fit(found: Found, length: str) -> Figure:
-    """Panels for the measurements, with residuals below, and one for each parameter's profile, if there are any."""
+def picture_of_fit(found: Found, units: str) -> Figure:
+    """Panels for the measurements, with residuals below, and one for each parameter's profile, if there are any.
+
+    `units` : those that the job names, or nothing
+    """
     pairs = zip(found.fit.data, found.solved, strict=True)
     panels = [(one, name, solved) for one, solved in pairs for name in one.measured.values]
     profiles = list(zip(found.fit.parameters, found.profiles, strict=False))
@@ -33,29 +41,37 @@ def picture_of_fit(found: Found, length: str) -> Figure:
         parts = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
         grid = parts[0].subplots(2, len(panels), squeeze=False, sharex="col", height_ratios=[3, 1])
         for (above, below), (one, name, solved) in zip(grid.T, panels, strict=True):
-            _draw(above, below, one, name, solved, length)
+            _draw(above, below, one, name, solved, units)
         if profiles:
             for i, axes in enumerate(parts[1].subplots(1, len(profiles), squeeze=False)[0]):
                 _draw_profile(axes, found, i, *profiles[i])
         return figure
 
 
-def _draw(above: Axes, below: Axes, one: Data, name: str, solved: dict[str, np.ndarray], length: str) -> None:
+def _draw(above: Axes, below: Axes, one: Data, name: str, solved: dict[str, np.ndarray], units: str) -> None:
     measured, values = one.measured, one.measured.values[name]
-    deviation = measured.deviations[name] * (values if name in measured.relative else 1.0)
-    above.errorbar(measured.at, values, 2.0 * deviation, fmt="o", ms=3, lw=0.8, color=MEASURED,
-                   label="measured, ± 2 standard deviations")  # fmt: skip
-    above.plot(measured.at, solved[name], color=SOLVED, label="fitted")
-    above.set(ylabel=LABELS.get(name, with_unit("Amplitude", length)), title=plain_text(one.name))
-    across = LABELS.get(COLUMNS[one.of][0], "Amplitude Q")
-    below.plot(measured.at, measured.differences(solved, name), "o", ms=3, color=SOLVED)
+    is_loop, shown = one.of == "loop", measured.shown(solved, name)
+    # Bars of a loop's many points would hide it.
+    bars = None if is_loop else 2.0 * measured.deviation(name)
+    label = "measured" if is_loop else "measured, ± 2 standard deviations"
+    above.errorbar(measured.at, values, bars, fmt="o", ms=3, lw=0.8, color=MEASURED, label=label)
+    above.plot(measured.at, shown, color=SOLVED, label="fitted")
+    above.set(ylabel=_label(one, name, units), title=plain_text(one.name))
+    below.plot(measured.at, measured.differences(solved, name), "o", ms=2 if is_loop else 3, color=SOLVED)
     below.axhline(0.0, color=LIMIT_COLOUR, lw=0.8)
-    below.set(xlabel=across, ylabel="Residual / deviation")
+    below.set(xlabel=_label(one, COLUMNS[one.of][0], units), ylabel="Residual / deviation")
     if one.of == "mode":
         below.set_xscale("log")
-    if np.nanmax(values) > 10.0 * np.nanmin(values):
+    if name not in SIGNED and np.nanmax(values) > 10.0 * np.nanmin(values):
         above.set_yscale("log")
     above.legend()
+
+
+def _label(one: Data, name: str, units: str) -> str:
+    words = LABELS.get(name, "Amplitude Q" if one.of == "mode" else "Amplitude")
+    if name == "amplitude" and one.of == "response" and one.keys["quantity"] != RANGE:
+        words = one.keys["quantity"].capitalize()
+    return with_unit(words, axis_unit(one.units[name], units))
 
 
 def _draw_profile(axes: Axes, found: Found, i: int, parameter: Parameter, one: Profile) -> None:

@@ -12,7 +12,7 @@ from attrito.fits.design import Parameter
 from attrito.job.laws import LAW_KEYS
 from attrito.library.derivatives import Inquiry, Rates, zero_rates
 from attrito.library.family import Family
-from attrito.library.reduced_scene import ReducedScene
+from attrito.library.reduced_scene import ReducedScene, Sector
 from attrito.library.session import Options
 
 if TYPE_CHECKING:
@@ -35,8 +35,8 @@ def rates_of(
     reduced, load_path, options = here
     rates = zero_rates(reduced, len(values))
     rates.laws[:], rates.static_factors[:] = np.nan, np.nan
-    if options.uncoupled or reduced.sector is not None or reduced.gyroscopic is not None:
-        # A frozen mean follows the static solution; of sectors, and with Coriolis forces, there is no adjoint.
+    if options.uncoupled or reduced.gyroscopic is not None:
+        # A frozen mean follows the static solution; with Coriolis forces there are no derivatives.
         return rates
     for i, parameter in enumerate(parameters):
         # Laws are linear in each of their numbers: any change gives the rate.
@@ -61,20 +61,36 @@ def amplitude_slopes(comm: Comm, family: Family, scene: ReducedScene, monitor: i
 
     NaN where the equations are singular, and of parameters without rates. Collective.
     """
-    if not np.any(np.isfinite(rates.laws)) and not np.any(np.isfinite(rates.static_factors)):
-        return np.full(len(rates), np.nan)
+    known = known_rates(rates)
+    slopes = np.full(len(rates), np.nan)
+    if not np.any(known):
+        return slopes
+    wanted = Rates(*(getattr(rates, each.name)[known] for each in fields(Rates)))
 
     def work(family: Family) -> np.ndarray | None:
-        gradient = None if family.describe() is None else family.differentiate_by_adjoint()
-        return None if gradient is None else gradient.along(rates)[0]
+        if family.describe() is None:
+            return None
+        if scene.sector is not None:
+            # Receptances of a sector are not symmetric: there is no adjoint.
+            found = family.differentiate_directly(wanted)
+            return None if found is None else found[0]
+        gradient = family.differentiate_by_adjoint()
+        return None if gradient is None else gradient.along(wanted)[0]
 
     family.ask(Inquiry([("amplitude", np.arange(len(scene.monitors)) == monitor)], scene))
     found: np.ndarray | None = comm.bcast(family.visit(work))
-    return np.full(len(rates), np.nan) if found is None else found
+    if found is not None:
+        slopes[known] = found
+    return slopes
+
+
+def known_rates(rates: Rates) -> np.ndarray:
+    """Which parameters have rates, `[parameters]`."""
+    return np.asarray(np.isfinite(rates.laws).all(axis=(1, 2)) & np.isfinite(rates.static_factors).all(axis=1))
 
 
 def _but_for_laws(one: ReducedScene, other: ReducedScene) -> bool:
-    """Whether two scenes of whole models differ in `LAW_KEYS` of their contacts at most."""
+    """Whether two scenes differ in `LAW_KEYS` of their contacts at most."""
     aligned = replace(one, laws=one.laws | {key: other.laws[key] for key in LAW_KEYS})
     return aligned.laws.keys() == other.laws.keys() and all(
         _same(getattr(aligned, each.name), getattr(other, each.name)) for each in fields(ReducedScene)
@@ -84,6 +100,8 @@ def _but_for_laws(one: ReducedScene, other: ReducedScene) -> bool:
 def _same(one: object, other: object) -> bool:
     if isinstance(one, dict) and isinstance(other, dict):
         return one.keys() == other.keys() and all(_same(one[key], other[key]) for key in one)
+    if isinstance(one, Sector) and isinstance(other, Sector):
+        return one.digest == other.digest
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
         return np.array_equal(np.asarray(one), np.asarray(other), equal_nan=np.asarray(one).dtype.kind == "f")
     return one is other or one == other

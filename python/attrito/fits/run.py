@@ -19,7 +19,8 @@ from attrito.fits.estimate import Estimate, Profile, estimate, profile
 from attrito.fits.file import write_fit
 from attrito.fits.found import Found
 from attrito.fits.measured import Measured
-from attrito.fits.solution import Solved, solutions_of, start_of
+from attrito.fits.solution import solutions_of, start_of
+from attrito.fits.source import Solved
 from attrito.job.fewer_contacts import take_all_contacts
 from attrito.job.job import Job
 from attrito.job.reading import read_job
@@ -209,6 +210,7 @@ def _arrays(columns: dict[str, list]) -> dict[str, np.ndarray]:
 
 def _plain_measured(measured: Measured) -> list:
     columns = (
-        {name: values.tolist() for name, values in part.items()} for part in (measured.values, measured.deviations)
+        {name: values.tolist() for name, values in part.items()}
+        for part in (measured.values, measured.deviations, measured.beside)
     )
-    return [measured.at.tolist(), *columns, measured.relative]
+    return [measured.at.tolist(), *columns, measured.relative, measured.centred]

@@ -36,6 +36,22 @@ def sample_contact(
     return displacement, force
 
 
+def follow_path(law: RawLaw, displacement: np.ndarray, normal: np.ndarray, steady: bool) -> np.ndarray:
+    """Tangential force of one contact along a path, one tangent, `[samples]`.
+
+    Parameters
+    ----------
+    law : see `make_law`; its normal spring, gap and preload are not asked
+    displacement, normal : relative displacement and normal force, `[samples]`
+    steady : whether the path is whole cycles of a steady loop; else it begins without tangential force
+    """
+    displacement, normal = (np.ascontiguousarray(values, dtype=float) for values in (displacement, normal))
+    force = np.zeros(len(displacement))
+    places = pointer(displacement), pointer(normal), 2 if steady else 1, pointer(force)
+    loading.load().attrito_follow_path(ctypes.byref(law), len(force), *places)
+    return force
+
+
 def slider_width(laws: dict[str, np.ndarray]) -> int:
     """How many numbers the sliders of a contact take in results: a pair for each element that any of the laws has."""
     raw = make_laws(laws)

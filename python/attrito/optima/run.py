@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from attrito.fits.rates import Solvable, amplitude_slopes, rates_of
+from attrito.fits.rates import Solvable, amplitude_slopes, known_rates, rates_of
 from attrito.job.fewer_contacts import take_all_contacts
 from attrito.job.job import Job
 from attrito.job.reading import read_job
@@ -83,6 +83,7 @@ class _Peaks(SamplePeaks):
         self._slopes: list[np.ndarray] = []
         self._values = np.empty(0)
         self.count = 0
+        self._has_spoken = False
         # Samples with a peak whose estimated error is above the tolerance
         self.inexact = 0
 
@@ -125,6 +126,11 @@ class _Peaks(SamplePeaks):
             self._asked.parameters, self._values, here, lambda values: self.scene_of(self._changed(values))
         )
         self._slopes.append(amplitude_slopes(self._comm, family, reduced, monitor, rates))
+        unknown = [one.name for one, known in zip(self._asked.parameters, known_rates(rates), strict=True) if not known]
+        if unknown and not self._has_spoken:
+            words = f"derivatives by {', '.join(unknown)} are differences, a further sample each"
+            self._progress.say(words)
+        self._has_spoken = True
 
     def _changed(self, values: np.ndarray) -> Job:
         pairs = list(zip(self._asked.parameters, values.tolist(), strict=True))

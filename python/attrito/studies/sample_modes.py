@@ -56,4 +56,6 @@ def _row(one: ModePoint | None, work: float) -> dict[str, Any]:
         "dissipated_energy": None if one is None else work,
         "states": [0, 0, 0, 0] if one is None else list(one.point.states),
         "outcome": "not_converged" if one is None else one.point.outcome,
+        "masing_hz": None if one is None else one.drive.get("masing_hz"),
+        "masing_damping_ratio": None if one is None else one.drive.get("masing_damping_ratio"),
     }

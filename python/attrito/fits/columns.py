@@ -1,0 +1,101 @@
+"""Columns of numbers of a CSV file as instruments and spreadsheets write it.
+
+A line of names, then lines of numbers. Entries are separated by commas, or by semicolons or tabs, where a number may
+have a decimal comma. Lines that begin with `#` or `%` are left out; a blank is not measured.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+
+import numpy as np
+
+from attrito.support.errors import Fault, InputError
+
+SEPARATORS = (";", "\t", ",")
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Of a file.
+
+    Parameters
+    ----------
+    path : of the file
+    numbers : by name `[n]`; NaN: blank
+    words : by name of the other columns, the first entry that is no number, with its line from 1 after the names
+    """
+
+    path: str
+    numbers: dict[str, np.ndarray]
+    words: dict[str, tuple[str, int]]
+
+    @property
+    def names(self) -> str:
+        """All of them, for faults."""
+        return ", ".join([*self.numbers, *self.words]) or "none"
+
+    def named(self, columns: dict[str, str]) -> dict[str, np.ndarray]:
+        """Its numbers by its own names and, first, by others.
+
+        Parameters
+        ----------
+        columns : names in the file by other names
+
+        Raises
+        ------
+        InputError : the file has no such column, or it holds words
+        """
+        faults = []
+        for name, own in columns.items():
+            if own in self.words:
+                faults.append(self.fault_of_words(own))
+            elif own not in self.numbers:
+                faults.append(Fault(self.path, "columns", self.names, f"a column {own!r}, the {name} of the data"))
+        if faults:
+            raise InputError(*faults)
+        return self.numbers | {name: self.numbers[own] for name, own in columns.items()}
+
+    def fault_of_words(self, name: str) -> Fault:
+        """What is wrong with a column that holds words."""
+        entry, line = self.words[name]
+        return Fault(self.path, name, entry, f"a number, or a blank, in every line below the names (line {line})")
+
+
+def read_columns(path: str) -> Columns:
+    """Read a file.
+
+    Raises
+    ------
+    InputError : it cannot be read, or has no lines of numbers
+    """
+    try:
+        with open(path, newline="", encoding="utf-8-sig") as stream:
+            lines = [line for line in stream if line.strip() and not line.lstrip(' "').startswith(("#", "%"))]
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(Fault(path, "file", str(error), "a CSV file of measurements that can be read")) from None
+    if len(lines) < 2:
+        raise InputError(Fault(path, "file", f"{len(lines)} lines", "a line of names, then lines of numbers"))
+    separator = next((one for one in SEPARATORS if one in lines[0]), ",")
+    names, *rows = csv.reader(lines, delimiter=separator, skipinitialspace=True)
+    numbers: dict[str, np.ndarray] = {}
+    words: dict[str, tuple[str, int]] = {}
+    for i, name in enumerate(name.strip() for name in names):
+        values = np.full(len(rows), np.nan)
+        for j, row in enumerate(rows):
+            entry = row[i].strip() if i < len(row) else ""
+            try:
+                values[j] = _number(entry, separator)
+            except ValueError:
+                words[name] = entry, j + 1
+                break
+        else:
+            numbers[name] = values
+    return Columns(path, numbers, words)
+
+
+def _number(entry: str, separator: str) -> float:
+    if not entry:
+        return np.nan
+    return float(entry.replace(",", ".") if separator != "," else entry)
