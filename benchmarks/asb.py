@@ -3,17 +3,22 @@
     .venv/bin/python benchmarks/asb.py FOLDER --fit C1 --predict C2 C3 C4 --picture asb.png > asb.json
 
 FOLDER holds the matrices `MAT_NULLRED_<assembly>.mat` and measured backbones `ASB_<assembly>_20Nm_BB.mat` of
-Nidish96/Computational-Work-For-ASB-Project: six assemblies of one joint of four patches, each with three directions.
-Every patch is a contact with two tangents or, with `--law iwan`, two contacts with one; all share stiffnesses per
-area, friction and the law's numbers. The structure's own damping ratio is fitted, too: it is that of one assembly.
+Nidish96/Computational-Work-For-ASB-Project. C1 to C4a are assemblies of one joint, 64 mm by 64 mm in four patches; CD1
+has another, 121 mm by 25 mm with three bolts in five patches. A patch moves as a rigid face: it is a contact at its
+centre or, with `--points 4`, at four points with its second moments of area, which turn with it. A contact has two
+tangents or, with `--law iwan`, is two with one; all share stiffnesses per area, friction and the law's numbers. The
+structures' own damping ratio is fitted, too, one for all. Several assemblies after `--fit` are fitted together.
 The structures float: (2 pi 1 Hz)^2 M is added to their stiffness.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
+import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import common  # isort: skip  # noqa: F401 (sets the threads of BLAS before numpy is loaded)
@@ -23,7 +28,7 @@ from matplotlib.figure import Figure
 from mpi4py import MPI
 from scipy.io import loadmat
 
-from attrito.fits.design import read_fit
+from attrito.fits.design import Fit, read_fit
 from attrito.fits.run import run_fit
 from attrito.fits.solution import Solution
 from attrito.job.reading import read_job
@@ -35,7 +40,25 @@ POINTS = 12
 SECOND = ("C2", "C4", "C4a")
 
 
-def job_of(folder: Path, assembly: str, law: dict) -> dict:
+def rows_of(data: dict, patch: int, points: int) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Rows x, y, n `[3, dofs]` of a patch's points, and area of each.
+
+    A rigid face moves by u + theta x r; (x, y) of four points have the patch's moments: integral of x^2 = A x^2.
+    """
+    motion = data["LamT"][:, 6 * patch : 6 * patch + 6].T
+    area = data["PatchAreas"].ravel()[patch]
+    if points == 1:
+        return [(motion[:3], area)]
+    moments = data["GTG"].tocsr()[6 * patch : 6 * patch + 6, 6 * patch : 6 * patch + 6].diagonal()
+    across, along = np.sqrt(moments[3:5] / area)
+    found = []
+    for x, y in ((along, across), (-along, across), (-along, -across), (along, -across)):
+        turned = np.array([-y * motion[5], x * motion[5], y * motion[3] - x * motion[4]])
+        found.append((motion[:3] + turned, area / 4.0))
+    return found
+
+
+def job_of(folder: Path, assembly: str, law: dict, points: int) -> dict:
     """The assembly's mode, contacts as the law says, stiffnesses at 1e11 N/m^3."""
     data = loadmat(folder / f"MAT_NULLRED_{assembly}.mat")
     mass, stiffness = data["M"], data["K"]
@@ -47,20 +70,21 @@ def job_of(folder: Path, assembly: str, law: dict) -> dict:
 
     contacts = []
     one_tangent = law.get("law") == "iwan"
-    for patch, area in enumerate(data["PatchAreas"].ravel().tolist()):
-        x, y, n = (row(data["LamT"][:, 6 * patch + i]) for i in range(3))
-        parts = [([x], 0.5), ([y], 0.5)] if one_tangent else [([x, y], 1.0)]
-        for tangents, part in parts:
-            contacts.append(
-                {
-                    "normal": n,
-                    "tangents": tangents,
-                    "tangential_stiffness": 1e11 * area,
-                    "normal_stiffness": 1e11 * area * part,
-                    "friction_coefficient": 0.3,
-                    **law,
-                }
-            )
+    for patch in range(data["PatchAreas"].size):
+        for rows, area in rows_of(data, patch, points):
+            x, y, n = (row(one) for one in rows)
+            parts = [([x], 0.5), ([y], 0.5)] if one_tangent else [([x, y], 1.0)]
+            for tangents, part in parts:
+                contacts.append(
+                    {
+                        "normal": n,
+                        "tangents": tangents,
+                        "tangential_stiffness": 1e11 * area,
+                        "normal_stiffness": 1e11 * area * part,
+                        "friction_coefficient": 0.3,
+                        **law,
+                    }
+                )
     return {
         "model": {"mass": mass.tolist(), "stiffness": (0.5 * (stiffness + stiffness.T)).tolist()},
         "damping": {"ratio": 1e-3},
@@ -94,8 +118,8 @@ def write_backbone(folder: Path, place: Path, assembly: str) -> str:
     return str(path)
 
 
-def fit_of(place: Path, folder: Path, assembly: str, law: dict) -> dict:
-    """What is looked for, from one assembly's backbone."""
+def fit_of(place: Path, folder: Path, assemblies: list[str], law: dict, points: int) -> Fit:
+    """What is looked for, from the backbones of some assemblies."""
     parameters = [
         ("kt", ["contact[*].tangential_stiffness"], 1e-3, 1e3, True),
         ("kn", ["contact[*].normal_stiffness"], 1e-3, 1e3, True),
@@ -104,8 +128,8 @@ def fit_of(place: Path, folder: Path, assembly: str, law: dict) -> dict:
     ]
     if law.get("law") == "iwan":
         parameters += [("chi", ["contact[*].chi"], -0.99, -0.05, False)]
-    return {
-        "job": job_of(folder, assembly, law),
+    keys = {
+        "job": job_of(folder, assemblies[0], law, points),
         "file": str(place / "fit.h5"),
         "profile": False,
         "parameter": [
@@ -121,33 +145,40 @@ def fit_of(place: Path, folder: Path, assembly: str, law: dict) -> dict:
                 "frequency_deviation": 1e-4,
                 "damping_deviation": 0.03,
             }
+            for assembly in assemblies
         ],
     }
+    fit = read_fit(keys, place)
+    jobs = [read_job(job_of(folder, assembly, law, points), place, excited=False) for assembly in assemblies]
+    return replace(fit, data=tuple(replace(one, job=job) for one, job in zip(fit.data, jobs, strict=True)))
 
 
 def main() -> None:
     """Fit, predict, and draw."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--fit", default="C1")
+    parser.add_argument("--fit", nargs="+", default=["C1"])
     parser.add_argument("--predict", nargs="*", default=["C3"])
     parser.add_argument("--law", choices=("coulomb", "iwan"), default="coulomb")
+    parser.add_argument("--points", type=int, choices=(1, 4), default=1)
     parser.add_argument("--picture")
     options = parser.parse_args()
     law = {"law": "iwan", "chi": -0.8, "beta": 1.0, "sliders": 16} if options.law == "iwan" else {}
     with tempfile.TemporaryDirectory() as name:
         place = Path(name)
-        fit = read_fit(fit_of(place, options.folder, options.fit, law), place)
-        run_fit(MPI.COMM_SELF, fit)
+        fit = fit_of(place, options.folder, options.fit, law, options.points)
+        with contextlib.redirect_stdout(sys.stderr):
+            run_fit(MPI.COMM_SELF, fit)
         with h5py.File(place / "fit.h5") as file:
             values = file["parameters/value"][()]
             found = {"values": values.tolist(), "intervals": file["parameters/interval"][()].tolist()}
+            found["warnings"] = file.attrs["warnings"]
         found["parameters"] = [parameter.name for parameter in fit.parameters]
         found["assemblies"] = {}
-        for assembly in (options.fit, *options.predict):
-            other = read_fit(fit_of(place, options.folder, assembly, law), place)
-            job = read_job(job_of(options.folder, assembly, law), place, excited=False)
-            solution = Solution(MPI.COMM_SELF, other, other.data[0], job, Progress(MPI.COMM_SELF))
+        for assembly in (*options.fit, *options.predict):
+            other = fit_of(place, options.folder, [assembly], law, options.points)
+            one = other.data[0]
+            solution = Solution(MPI.COMM_SELF, other, one, read_job(one.job, excited=False), Progress(MPI.COMM_SELF))
             found["assemblies"][assembly] = compared(options.folder, assembly, solution.at(values)[0])
     print(json.dumps(found, indent=1))
     if options.picture:
@@ -168,7 +199,7 @@ def compared(folder: Path, assembly: str, solved: dict[str, np.ndarray]) -> dict
     }
 
 
-def draw(found: dict, fitted: str, path: str) -> None:
+def draw(found: dict, fitted: list[str], path: str) -> None:
     """Frequency and damping of every assembly, measured and solved."""
     count = len(found["assemblies"])
     figure = Figure(figsize=(3.2 * count, 5.2), constrained_layout=True)
@@ -179,7 +210,7 @@ def draw(found: dict, fitted: str, path: str) -> None:
             axes.semilogx(rows["amplitude"], rows[f"measured_{name}"], "o", ms=3, color="#8a8a8a", label="measured")
             axes.semilogx(rows["amplitude"], rows[f"solved_{name}"], color="#0072B2", label="attrito")
             axes.set(ylabel=label)
-        columns[0].set_title(f"{assembly}: {'fitted' if assembly == fitted else 'predicted'}")
+        columns[0].set_title(f"{assembly}: {'fitted' if assembly in fitted else 'predicted'}")
         columns[1].set_xlabel("Amplitude Q")
         columns[0].legend(frameon=False)
     figure.savefig(path, dpi=150)

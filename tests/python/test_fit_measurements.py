@@ -7,7 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from jobs import Job, attrito_here, table, toml, wedge, write_job
+from jobs import Job, attrito_here, run, table, toml, wedge, write_job
 from mpi4py import MPI
 
 from attrito.fits.columns import read_columns
@@ -17,6 +17,8 @@ from attrito.fits.solution import Solution
 from attrito.job.reading import read_job
 from attrito.library.kernels import follow_path
 from attrito.library.structures import make_law
+from attrito.results.loops import contact_loops
+from attrito.results.result import Result
 from attrito.runs.progress import Progress
 from attrito.support.errors import InputError
 
@@ -145,6 +147,40 @@ def test_a_loop_and_a_response_are_fitted_together(tmp_path: Path) -> None:
         assert file["parameters/value"][:] == pytest.approx([3.0e5, FRICTION], rel=1e-5)
 
 
+@pytest.mark.parametrize("monitor", [None, "x"])
+def test_a_loop_of_a_solved_point_gives_stiffness_and_friction(tmp_path: Path, monitor: str | None) -> None:
+    """From the loop that the result of a run has, begun somewhere, with other zeros."""
+    job = wedge(3.0e5, force=60.0)
+    job["contact"] = [contact | {"preload": 30.0, "friction_coefficient": 0.6} for contact in job["contact"]]
+    job["balance"] = {"harmonics": 3, "quadrature": "event"}
+    job["sweep"] = {"frequencies_hz": [125.0]}
+    run(tmp_path, job)
+    with Result(str(tmp_path / "result.h5")) as result:
+        (loop,) = contact_loops(result, 0, [0])
+        _, cosine, sine, *rest = result.dataset("monitors/x/harmonics")[0]
+    turns = np.arange(1024) / 1024.0
+    displacement = loop.displacement
+    if monitor is not None:
+        angles = 2.0 * np.pi * turns
+        displacement = cosine * np.cos(angles) + sine * np.sin(angles)
+        for i, (c, s) in enumerate(zip(rest[::2], rest[1::2], strict=True), 2):
+            displacement = displacement + c * np.cos(i * angles) + s * np.sin(i * angles)
+    chosen = (np.arange(0, 1024, 16) + 200) % 1024
+    measured = {"displacement": displacement + 1.0, "tangential_force": loop.tangential - 7.0}
+    write_csv(tmp_path / "loop.csv", {name: values[chosen] for name, values in measured.items()})
+    data = {"name": "loop", "of": "loop", "file": "loop.csv", "contact": "contact[0]", "frequency_hz": 125.0}
+    both = ["contact[0].tangential_stiffness", "contact[0].normal_stiffness"]
+    parameters = [
+        {"name": "contact stiffness", "keys": both, "low": 1e4, "high": 1e7, "start": 2e5},
+        {"name": "friction coefficient", "keys": ["contact[0].friction_coefficient"], "low": 0.05, "high": 2.0},
+    ]
+    data |= {} if monitor is None else {"monitor": monitor}
+    path = run_fit(MPI.COMM_SELF, read_fit(write_fit(tmp_path, [data], parameter=parameters)))
+    with h5py.File(path) as file:
+        # Forces between samples are straight: (pi / 2048)^2 / 2, 1e-6, of their size.
+        assert file["parameters/value"][:] == pytest.approx([3.0e5, 0.6], rel=1e-4)
+
+
 @pytest.mark.parametrize(
     ("quantity", "power", "over_force"),
     [("velocity", 1, False), ("accelerance", 2, True), ("mobility", 1, True), ("receptance", 0, True)],
@@ -193,7 +229,7 @@ def test_decibels_are_amplitudes(tmp_path: Path) -> None:
 
 def test_columns_as_instruments_write_them(tmp_path: Path) -> None:
     path = tmp_path / "some.csv"
-    path.write_text("\ufeff# rig 3\n% again\n f ;note; a\n1,5;x;2\n2,5;;\n", encoding="utf-8")
+    path.write_text("\ufeff# rig 3\n% again\n f ;note; a\nHz;;g\n1,5;x;2\n2,5;;\n", encoding="utf-8")
     columns = read_columns(str(path))
     assert columns.numbers["f"].tolist() == [1.5, 2.5]
     assert columns.numbers["a"][0] == 2.0 and np.isnan(columns.numbers["a"][1])
@@ -207,10 +243,12 @@ def test_columns_as_instruments_write_them(tmp_path: Path) -> None:
         ({"contact": "joint"}, "the contact whose law it is of"),
         ({"normal_force": None}, "a column of it in the file, or the key normal_force"),
         ({"area": 1.0}, "no such key where stiffnesses are not per area"),
-        ({"monitor": "x"}, 'no such key but with of = "response"'),
+        ({"decibel": True}, 'no such key but with of = "response"'),
         ({"columns": {"slip": "u"}}, "one of displacement, tangential_force, normal_force"),
         ({"columns": {"displacement": "u"}}, "a column 'u', the displacement of the data"),
-        ({"columns": {"displacement": "note"}}, "a number, or a blank, in every line"),
+        ({"columns": {"displacement": "note"}}, "a number, or a blank, in every line of numbers"),
+        ({"frequency_hz": 100.0}, "no such key beside frequency_hz"),
+        ({"level": 2.0}, "no such key without frequency_hz"),
         ({"columns": [1]}, "names of the file by those of columns"),
     ],
 )

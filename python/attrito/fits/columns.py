@@ -1,7 +1,8 @@
 """Columns of numbers of a CSV file as instruments and spreadsheets write it.
 
 A line of names, then lines of numbers. Entries are separated by commas, or by semicolons or tabs, where a number may
-have a decimal comma. Lines that begin with `#` or `%` are left out; a blank is not measured.
+have a decimal comma. Lines that begin with `#` or `%` are left out, and so is a line of units below the names; a blank
+is not measured.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ class Columns:
     ----------
     path : of the file
     numbers : by name `[n]`; NaN: blank
-    words : by name of the other columns, the first entry that is no number, with its line from 1 after the names
+    words : by name of the other columns, the first entry that is no number, with its line from 1 of those
     """
 
     path: str
@@ -60,7 +61,9 @@ class Columns:
     def fault_of_words(self, name: str) -> Fault:
         """What is wrong with a column that holds words."""
         entry, line = self.words[name]
-        return Fault(self.path, name, entry, f"a number, or a blank, in every line below the names (line {line})")
+        return Fault(
+            self.path, name, entry, f"a number, or a blank, in every line of numbers (it is in their line {line})"
+        )
 
 
 def read_columns(path: str) -> Columns:
@@ -79,6 +82,8 @@ def read_columns(path: str) -> Columns:
         raise InputError(Fault(path, "file", f"{len(lines)} lines", "a line of names, then lines of numbers"))
     separator = next((one for one in SEPARATORS if one in lines[0]), ",")
     names, *rows = csv.reader(lines, delimiter=separator, skipinitialspace=True)
+    if len(rows) > 1 and not any(_is_number(entry, separator) for entry in rows[0]):
+        rows = rows[1:]
     numbers: dict[str, np.ndarray] = {}
     words: dict[str, tuple[str, int]] = {}
     for i, name in enumerate(name.strip() for name in names):
@@ -93,6 +98,13 @@ def read_columns(path: str) -> Columns:
         else:
             numbers[name] = values
     return Columns(path, numbers, words)
+
+
+def _is_number(entry: str, separator: str) -> bool:
+    try:
+        return bool(np.isfinite(_number(entry.strip(), separator)))
+    except ValueError:
+        return False
 
 
 def _number(entry: str, separator: str) -> float:

@@ -11,15 +11,15 @@ from typing import Any
 
 from attrito.fits.measured import COLUMNS, Measured
 from attrito.fits.reading import Layout, known_columns, read_measured
-from attrito.job.checks import Check, boolean, choice, dataset_name, number, text
+from attrito.job.checks import Check, boolean, choice, dataset_name, frequency, number, text
 from attrito.job.job import Job
 from attrito.job.varied import checked
 from attrito.modes.nonlinear import check_mode
 from attrito.support.errors import Fault, InputError
 
 # Standard deviations of measurements that say none: relative ones of amplitudes, frequencies and damping ratios, of
-# phases in degrees, of a loop's force part of half its range
-USUAL = {"amplitude": 0.05, "frequency": 1e-3, "damping": 0.1, "phase": 5.0, "force": 0.02}
+# phases in degrees, of a loop's columns part of half their range
+USUAL = {"amplitude": 0.05, "frequency": 1e-3, "damping": 0.1, "phase": 5.0, "force": 0.02, "displacement": 0.02}
 # What a backbone was made by, and the mode's numbers that it is compared with: frequency, and damping by the contacts
 RULES = {"cycle": ("frequency_hz", "damping_ratio"), "masing": ("masing_hz", "masing_damping_ratio")}
 # What an amplitude is of: half the range of a monitor; of its first harmonic, by (power of omega, whether it is over
@@ -37,7 +37,10 @@ HARMONIC = {
 OWN = {
     "response": ("monitor", "level", "quantity", "force", "decibel", "phase", "amplitude_deviation", "phase_deviation"),
     "mode": ("rule", "frequency_deviation", "damping_deviation"),
-    "loop": ("contact", "normal_force", "area", "closed", "force_deviation"),
+    "loop": (
+        *("contact", "normal_force", "area", "closed", "force_deviation"),
+        *("frequency_hz", "level", "monitor", "displacement_deviation"),
+    ),
 }
 
 
@@ -74,6 +77,7 @@ CHECKS: dict[str, tuple[Check, Any]] = {
     "normal_force": (number(0, above=True), None),
     "area": (number(0, above=True), None),
     "closed": (boolean, True),
+    "frequency_hz": (frequency(), None),
 } | {f"{name}_deviation": (number(0, above=True), value) for name, value in USUAL.items()}
 
 
@@ -101,7 +105,7 @@ class Data:
     @property
     def is_excited(self) -> bool:
         """Whether its job needs harmonic loads and a sweep."""
-        return self.of == "response"
+        return self.of == "response" or self.keys.get("frequency_hz") is not None
 
     def as_table(self) -> dict[str, Any]:
         """All but the job and the numbers."""
@@ -153,7 +157,7 @@ def data_of(path: str, i: int, row: dict[str, Any], job: str | None, faults: lis
         return None
     file = os.path.normpath(folder / one["file"])
     deviations = {name: one[f"{name}_deviation"] for name in USUAL}
-    names = "columns", "factors", "decibel", "phase", "monitor", "normal_force", "closed"
+    names = "columns", "factors", "decibel", "phase", "monitor", "normal_force", "closed", "frequency_hz"
     try:
         measured = read_measured(file, of, Layout(*(one[name] for name in names)), deviations)
     except InputError as error:
@@ -167,9 +171,10 @@ def _faults_of_keys(path: str, where: str, row: dict[str, Any], one: dict[str, A
     """Keys and columns of another kind of measurements, and those that ask for others."""
     of, faults = one["of"], []
     for name in row:
-        kind = next((kind for kind, names in OWN.items() if name in names), of)
-        if kind != of:
-            faults.append(Fault(path, f"{where} {name}", row[name], f'no such key but with of = "{kind}"'))
+        kinds = [kind for kind, names in OWN.items() if name in names]
+        if kinds and of not in kinds:
+            expected = " or ".join(f'of = "{kind}"' for kind in kinds)
+            faults.append(Fault(path, f"{where} {name}", row[name], f"no such key but with {expected}"))
     known = known_columns(of)
     for key in ("columns", "factors"):
         for name in one[key]:
@@ -179,6 +184,12 @@ def _faults_of_keys(path: str, where: str, row: dict[str, Any], one: dict[str, A
     if of == "loop" and (one["contact"] is None or not re.fullmatch(r"contact(_set)?\[\d+\]", one["contact"])):
         expected = 'the contact whose law it is of, such as "contact[0]" or "contact_set[1]"'
         faults.append(Fault(path, f"{where} contact", one["contact"] or "missing", expected))
+    if of == "loop":
+        solved = one["frequency_hz"] is not None
+        for name in ("normal_force", "area", "closed") if solved else ("monitor", "level", "displacement_deviation"):
+            if name in row:
+                expected = f"no such key {'beside' if solved else 'without'} frequency_hz"
+                faults.append(Fault(path, f"{where} {name}", row[name], expected))
     over_force = HARMONIC.get(one["quantity"], (0, False))[1]
     if over_force != (one["force"] is not None):
         expected = "the amplitude of the force that the response was divided by" if over_force else _no_force()
@@ -220,6 +231,8 @@ def _faults_of_loop(one: Data, path: str, job: Job) -> list[Fault]:
         expected = f"a [[{table}]] of the job, which has {len(job[table])}"
         return [Fault(path, f"data {one.name}: contact", contact, expected)]
     keys = job[table][index]
+    if one.is_excited:
+        return _faults_of_response(one, path, job)
     has_area = keys.get("stiffness_per") == "area" or (table == "contact_set" and keys["law"] == "pressure")
     if has_area != (area is not None):
         of_area = 'the area of the contact that was measured: stiffness_per = "area", or friction by pressure'

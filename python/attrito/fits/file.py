@@ -38,7 +38,8 @@ def write_fit(fit: Fit, jobs: list[Job], found: Found) -> None:
             where, units = COLUMNS[one.of][0], one.units
             described(group, where, "where it was measured", units[where], data=one.measured.at)
             for name, values in one.measured.beside.items():
-                described(group, name, "as measured, or given", "user force", data=values)
+                unit = "1" if name == "turns" else "user force"
+                described(group, name, "as measured, or given", unit, data=values)
             for name, values in one.measured.values.items():
                 described(group, f"measured/{name}", "as measured", units[name], data=values)
                 deviation = one.measured.deviation(name)

@@ -15,10 +15,10 @@ import numpy as np
 COLUMNS = {
     "response": ("frequency_hz", {"amplitude": "amplitude", "phase_deg": "phase"}),
     "mode": ("amplitude", {"frequency_hz": "frequency", "frequency_ratio": "frequency", "damping_ratio": "damping"}),
-    "loop": ("displacement", {"tangential_force": "force"}),
+    "loop": ("displacement", {"tangential_force": "force", "displacement": "displacement"}),
 }
 # What may be zero is compared as it is, and what may have either sign
-LINEAR, SIGNED = ("damping_ratio",), ("phase_deg", "tangential_force")
+LINEAR, SIGNED = ("damping_ratio",), ("phase_deg", "tangential_force", "displacement")
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Measured:
     deviations : standard deviation of each, `[n]`
     relative : columns whose deviations are relative
     centred : columns that are compared up to a constant
-    beside : what else is known there, `[n]`: the normal force of a loop
+    beside : what else is known there, `[n]`: of a loop the normal force, or of one over a period the part of that
     """
 
     at: np.ndarray

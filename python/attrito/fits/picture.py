@@ -32,7 +32,13 @@ def picture_of_fit(found: Found, units: str) -> Figure:
     `units` : those that the job names, or nothing
     """
     pairs = zip(found.fit.data, found.solved, strict=True)
-    panels = [(one, name, solved) for one, solved in pairs for name in one.measured.values]
+    # Of a loop the force alone, against displacements
+    panels = [
+        (one, name, solved)
+        for one, solved in pairs
+        for name in one.measured.values
+        if not (one.of == "loop" and name == "displacement")
+    ]
     profiles = list(zip(found.fit.parameters, found.profiles, strict=False))
     width = max(3.6 * max(len(panels), len(profiles)), 4.8)
     heights = [4.6, 2.8] if profiles else [4.6]
@@ -55,7 +61,10 @@ def _draw(above: Axes, below: Axes, one: Data, name: str, solved: dict[str, np.n
     bars = None if is_loop else 2.0 * measured.deviation(name)
     label = "measured" if is_loop else "measured, ± 2 standard deviations"
     above.errorbar(measured.at, values, bars, fmt="o", ms=3, lw=0.8, color=MEASURED, label=label)
-    above.plot(measured.at, shown, color=SOLVED, label="fitted")
+    across = measured.shown(solved, "displacement") if "displacement" in measured.values else measured.at
+    if is_loop and measured.centred:
+        across, shown = np.append(across, across[0]), np.append(shown, shown[0])
+    above.plot(across, shown, color=SOLVED, label="fitted")
     above.set(ylabel=_label(one, name, units), title=plain_text(one.name))
     below.plot(measured.at, measured.differences(solved, name), "o", ms=2 if is_loop else 3, color=SOLVED)
     below.axhline(0.0, color=LIMIT_COLOUR, lw=0.8)

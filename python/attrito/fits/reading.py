@@ -11,7 +11,7 @@ from attrito.fits.measured import COLUMNS, SIGNED, Measured
 from attrito.support.errors import Fault, InputError
 
 # Beside columns of `COLUMNS`: what else may be read
-OTHERS = {"response": ("real", "imaginary"), "mode": (), "loop": ("normal_force",)}
+OTHERS = {"response": ("real", "imaginary"), "mode": (), "loop": ("normal_force", "time")}
 # Fewest points of a loop
 FEWEST = 8
 
@@ -29,6 +29,7 @@ class Layout:
     monitor : of a response, whose amplitudes may be in a column `<monitor>_amplitude`, as those of `attrito table`
     normal_force : of a loop without a column of it
     closed : whether a loop is whole cycles of a steady one
+    frequency_hz : of a loop of a solved point
     """
 
     columns: dict[str, str] = field(default_factory=dict)
@@ -38,12 +39,13 @@ class Layout:
     monitor: str | None = None
     normal_force: float | None = None
     closed: bool = True
+    frequency_hz: float | None = None
 
 
 def known_columns(of: str) -> tuple[str, ...]:
     """Names of the columns that a kind of measurements may have, but for deviations."""
     where, compared = COLUMNS[of]
-    return (where, *compared, *OTHERS[of])
+    return tuple(dict.fromkeys((where, *compared, *OTHERS[of])))
 
 
 def read_measured(path: str, of: str, layout: Layout, deviations: dict[str, float]) -> Measured:
@@ -72,7 +74,12 @@ def read_measured(path: str, of: str, layout: Layout, deviations: dict[str, floa
     for name in (where, *compared):
         if name in columns.words and name not in table and (name != "phase_deg" or layout.phase):
             raise InputError(columns.fault_of_words(name))
-    if where not in table or not names or (layout.phase and "phase_deg" not in table):
+    if (
+        where not in table
+        or not names
+        or (of == "loop" and len(names) < 2)
+        or (layout.phase and "phase_deg" not in table)
+    ):
         raise InputError(Fault(path, "columns", columns.names, _expected(of, layout)))
     return _loop(columns, table, layout, deviations) if of == "loop" else _curve(path, of, table, names, deviations)
 
@@ -84,6 +91,8 @@ def _expected(of: str, layout: Layout) -> str:
         others += ", and with phase = true a phase_deg"
     shown = ", ".join(name for name in compared if name != "phase_deg")
     words = f"a column {where}, and of {shown} at least one{others}"
+    if of == "loop":
+        words = "columns displacement and tangential_force"
     return words + ', or columns = { NAME = "that of the file" }'
 
 
@@ -130,26 +139,34 @@ def _curve(
 def _loop(columns: Columns, table: dict[str, np.ndarray], layout: Layout, deviations: dict[str, float]) -> Measured:
     """A loop in the order of its points."""
     path, names = columns.path, ["displacement", "tangential_force"]
-    if ("normal_force" in table) == (layout.normal_force is not None):
+    solved = layout.frequency_hz is not None
+    if not solved and ("normal_force" in table) == (layout.normal_force is not None):
         there = "both" if "normal_force" in table else "missing"
-        expected = "a column of it in the file, or the key normal_force of the data"
+        expected = "a column of it in the file, or the key normal_force of the data; frequency_hz where it is solved"
         raise InputError(Fault(path, "normal_force", there, expected))
-    if "normal_force" in table:
-        names.append("normal_force")
+    along = "time" if solved else "normal_force"
+    if along in table:
+        names.append(along)
     whole = np.all([np.isfinite(table[name]) for name in names], axis=0)
-    if whole.sum() < FEWEST:
-        raise InputError(Fault(path, ", ".join(names), f"{whole.sum()} lines", f"at least {FEWEST} lines of numbers"))
-    at, force = table["displacement"][whole], table["tangential_force"][whole]
-    half = 0.5 * float(np.ptp(force))
-    if half == 0.0 or np.ptp(at) == 0.0:
+    count = int(whole.sum())
+    if count < FEWEST:
+        raise InputError(Fault(path, ", ".join(names), f"{count} lines", f"at least {FEWEST} lines of numbers"))
+    values = {name: table[name][whole] for name in names[:2]}
+    if any(np.ptp(column) == 0.0 for column in values.values()):
         raise InputError(Fault(path, "tangential_force, displacement", "one value", "a loop"))
-    own = np.full(len(at), deviations["force"] * half)
-    if "tangential_force_deviation" in table:
-        own = table["tangential_force_deviation"][whole]
-        if not np.all(own > 0.0):
-            expected = "standard deviations above 0"
-            raise InputError(Fault(path, "tangential_force_deviation", "not above 0", expected))
-    normal = table["normal_force"][whole] if "normal_force" in table else np.full(len(at), layout.normal_force)
-    centred = ("tangential_force",) if layout.closed else ()
-    values = {"tangential_force": force}
-    return Measured(at, values, {"tangential_force": own}, (), centred, {"normal_force": normal})
+    compared = {name: values[name] for name in (("tangential_force", "displacement") if solved else names[1:2])}
+    kinds = COLUMNS["loop"][1]
+    own = {
+        name: np.full(count, deviations[kinds[name]] * 0.5 * float(np.ptp(column))) for name, column in compared.items()
+    }
+    for name in compared:
+        if f"{name}_deviation" in table:
+            own[name] = table[f"{name}_deviation"][whole]
+            if not np.all(own[name] > 0.0):
+                raise InputError(Fault(path, f"{name}_deviation", "not above 0", "standard deviations above 0"))
+    if layout.frequency_hz is None:
+        beside = {"normal_force": table[along][whole] if along in table else np.full(count, layout.normal_force)}
+    else:
+        beside = {"turns": layout.frequency_hz * table[along][whole] if along in table else np.arange(count) / count}
+    centred = tuple(compared) if layout.closed else ()
+    return Measured(values["displacement"], compared, own, (), centred, beside)

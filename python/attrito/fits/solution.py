@@ -13,6 +13,7 @@ from attrito.fits.backbones import Backbone
 from attrito.fits.data import Data
 from attrito.fits.design import Fit
 from attrito.fits.loops import Loop
+from attrito.fits.point_loops import PointLoop
 from attrito.fits.responses import Response
 from attrito.fits.source import Solved
 from attrito.job.job import Job
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 # Part of a parameter, or of the width between its bounds, that differences move it by: above what points are solved to
 STEP = 1e-4
-KINDS = {"response": Response, "mode": Backbone, "loop": Loop}
+KINDS = {"response": Response, "mode": Backbone}
 
 
 class Solution:
@@ -40,7 +41,8 @@ class Solution:
     """
 
     def __init__(self, comm: Comm, fit: Fit, data: Data, job: Job, progress: Progress):
-        self._source = KINDS[data.of](comm, fit, data, job, progress)
+        of_loop = PointLoop if data.is_excited else Loop
+        self._source = KINDS.get(data.of, of_loop)(comm, fit, data, job, progress)
         self._fit, self._data, self._job, self._progress = fit, data, job, progress
         self._speaks = True
 
@@ -77,7 +79,7 @@ class Solution:
 
     def _say(self, by_differences: list[str]) -> None:
         """Once which derivatives take further solutions; a loop's cost nothing."""
-        if self._speaks and by_differences and self._data.of != "loop":
+        if self._speaks and by_differences and not isinstance(self._source, Loop):
             words = f"derivatives by {', '.join(by_differences)} are differences, a further solution each"
             self._progress.say(f"{self._data.name}: {words}")
         self._speaks = False

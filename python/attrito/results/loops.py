@@ -52,12 +52,12 @@ def contact_loops(result: Result, point: int, contacts: Sequence[int]) -> list[L
         slider = result.dataset("contacts/slider")[point, contact]
         u, force = sample_contact(make_law(laws, contact), coefficients, slider, SAMPLES, PASSES)
         friction = float(cone_coefficients(laws)[contact]) if are_coulomb(laws) else None
-        along = _main_direction(u[:tangents])
+        along = main_direction(u[:tangents])
         loops.append(Loop(f"contact {contact}", along @ u[:tangents], along @ force[:tangents], force[-1], friction))
     return loops
 
 
-def _main_direction(motion: np.ndarray) -> np.ndarray:
+def main_direction(motion: np.ndarray) -> np.ndarray:
     """Unit vector `[tangents]` of the largest motion `[tangents, samples]`."""
     if len(motion) == 1:
         return np.ones(1)
