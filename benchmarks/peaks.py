@@ -13,7 +13,8 @@ is no peak farther on. Values asked for are held against two references with the
 - *swept*: a new session at that level and preload, swept up and down; the higher of both peaks, refined likewise.
 
 The first must be the value to 1e-4. The second may differ: where the peak is not unique (sliders keep the way there),
-where solutions coexist, and where the response has another, higher peak; these are counted apart. Cost is counted work
+where solutions coexist, and where the response has another, higher peak; these are counted apart. Whether the
+coarse sweep of `attrito peak` from the followed peak notices it is counted, too, with what that costs. Cost is work
 (`src/balance/work.f90`) of a run without its static path, by value and by peak, in sweeps at the run's values.
 
 JSON on standard output; `--output` keeps a row a run, with the number of its scene.
@@ -39,6 +40,7 @@ from scipy.optimize import minimize_scalar
 
 from attrito.library.session import Options, Point, Solver
 from attrito.peaks.curve import REASONS, Found
+from attrito.peaks.higher import HIGHER, Followed, HigherPeaks
 from attrito.peaks.run import follow
 from attrito.support.errors import NumericsError
 
@@ -60,7 +62,10 @@ WHOLE = 4.0
 
 @dataclass
 class Value:
-    """A value asked for, and what it is held against; errors are relative differences of the amplitude."""
+    """A value asked for, and what it is held against; errors are relative differences of the amplitude.
+
+    `noticed`: by how much the highest peak that the coarse sweep found is higher, NaN if none is; its work.
+    """
 
     parameter: float
     frequency_hz: float
@@ -70,6 +75,8 @@ class Value:
     swept_hz: float
     sweep_work: float
     sweep_points: int
+    noticed: float
+    look_work: float
 
     @property
     def kind(self) -> str:
@@ -186,6 +193,8 @@ def check_value(scene: peaks_scenes.Scene, options: Options, found: Found, state
     peak = found.peak
     preload = peak.parameter if parameter == "preload" else 1.0
     reference = dense(scene, options, found, state, preload)
+    looking = HigherPeaks(MPI.COMM_SELF, scene.reduced, options, PATH, STATIC_STEPS, 0, "half_range", scene.band_hz)
+    (higher,) = looking.beside([Followed(peak, state)], by_preload=parameter == "preload")
     sweeps = [swept(scene, options, peak.level, preload, way) for way in (1, -1)]
     amplitude, at, work, points = max(sweeps)
     return Value(
@@ -198,6 +207,8 @@ def check_value(scene: peaks_scenes.Scene, options: Options, found: Found, state
         # Of either way: which is the cheaper is not known beforehand.
         0.5 * sum(sweep[2] for sweep in sweeps),
         points,
+        higher.amplitude / peak.amplitude - 1.0,
+        looking.work,
     )
 
 
@@ -339,6 +350,16 @@ def write(path: str, runs: list[Run]) -> None:
         writer.writerows(rows)
 
 
+def looks(values: list[Value]) -> float:
+    """What the coarse sweep from a peak costs, in new sweeps: median; linear ones cost next to nothing."""
+    return float(np.median([one.look_work / one.sweep_work for one in values if one.sweep_work > 0.0] or [np.nan]))
+
+
+def is_higher(value: Value) -> bool:
+    """Whether a new sweep has a peak that is higher by more than `attrito peak` tells of."""
+    return value.swept_error > HIGHER
+
+
 def summary(runs: list[Run]) -> dict:
     """Counts and costs by kind of scene and of all."""
     found = {}
@@ -355,6 +376,12 @@ def summary(runs: list[Run]) -> dict:
             "values": len(values),
             "equal to dense listed frequencies": sum(bool(abs(value.dense_error) <= EQUAL) for value in values),
             "against new sweeps": dict(Counter(value.kind for value in values)),
+            "higher by new sweeps": sum(is_higher(value) for value in values),
+            "of these noticed": sum(is_higher(value) and np.isfinite(value.noticed) for value in values),
+            "noticed where new sweeps are not higher": sum(
+                not is_higher(value) and np.isfinite(value.noticed) for value in values
+            ),
+            "a look, sweeps, median": looks(values),
             "peaks a run, median": float(np.median([one.peaks for one in own])),
             "sweeps a value, median": float(np.nanmedian([one.sweeps for one in own])) if values else None,
             "seconds": float(sum(one.seconds for one in own)),

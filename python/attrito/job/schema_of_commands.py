@@ -46,6 +46,12 @@ COMMANDS: dict[str, dict[str, Key]] = {
             "also where the backbone of the peak's mode, motion without excitation, expects the peaks"
             " ([peaks.md](peaks.md#backbone))",
         ),
+        "look_for_higher": Key(
+            boolean,
+            True,
+            "at start, stop and values sweep the band coarsely for a higher peak than the one followed"
+            " ([peaks.md](peaks.md#a-higher-peak))",
+        ),
         "max_points": Key(integer(2), 1000, "of the curve"),
         "file": Key(text, None, "of peaks; absent: that of the output, ending `.peaks.h5`"),
     },

@@ -8,6 +8,7 @@ import numpy as np
 
 from attrito.library.peak_tracker import Peak
 from attrito.library.session import Point
+from attrito.peaks.higher import Higher
 
 
 @dataclass(frozen=True)
@@ -59,11 +60,15 @@ KINDS = ("step", "value", "optimum")
 
 @dataclass(frozen=True)
 class Found:
-    """A peak on the curve, why it is there (one of `KINDS`), and its derivatives, see `_derivatives` in `run.py`."""
+    """A peak on the curve, why it is there (one of `KINDS`), and its derivatives, see `_derivatives` in `run.py`.
+
+    `higher`: what a sweep of the band from there found; None where none was made.
+    """
 
     peak: Peak
     kind: str
     derivatives: np.ndarray = field(default_factory=lambda: np.empty(0))
+    higher: Higher | None = None
 
     @property
     def converged(self) -> bool:

@@ -66,11 +66,23 @@ SENSITIVITY = {
     ),
 }
 NO_SENSITIVITY = "NaN at a corner, by samples (frequency), or without a peak"
+# Of sweeps for a higher peak
+BESIDE = {
+    "higher_frequency_hz": (
+        "frequency of the highest peak, where it is higher than this one; NaN: none, or not swept",
+        "Hz",
+    ),
+    "higher_amplitude": ("its amplitude", "user length"),
+    "swept_low_hz": ("lowest frequency to which the band was swept for a higher peak; NaN: not swept", "Hz"),
+    "swept_high_hz": ("highest frequency of that sweep", "Hz"),
+}
 # Of a backbone at the peaks' levels, and along it
 AT_PEAKS = {
     "backbone_frequency_hz": ("where the backbone expects the peak of this level", "Hz"),
     "backbone_response": ("amplitude by level that it expects", "user length"),
 }
+# Of columns, those that not every file has
+OPTIONAL = (*BESIDE, *AT_PEAKS)
 ALONG = {
     "level": ("factor on the harmonic loads whose work, in quadrature, would keep the motion up", "1"),
     "frequency_hz": ("frequency of the motion without excitation", "Hz"),
@@ -124,6 +136,36 @@ def jumps_in_words(found: list[Found], parameter: str) -> list[str]:
     ]
 
 
+def beside(found: list[Found]) -> dict[str, np.ndarray]:
+    """What sweeps found beside each peak; NaN where none was made."""
+    known = [
+        (np.nan,) * 4 if one.higher is None else (one.higher.frequency_hz, one.higher.amplitude, *one.higher.swept_hz)
+        for one in found
+    ]
+    return dict(zip(BESIDE, np.array(known, dtype=float).reshape(-1, 4).T, strict=True))
+
+
+def higher_in_words(found: list[Found], parameter: str) -> list[str]:
+    """Warnings of peaks that are higher than the one followed, and of where none was looked for."""
+    swept = [(one.peak, one.higher) for one in found if one.higher is not None]
+    above = [
+        f"{peak.parameter:.5g} (at {higher.frequency_hz:.5g} Hz, {higher.amplitude / peak.amplitude:.3g} times as high)"
+        for peak, higher in swept
+        if higher.exists
+    ]
+    partly = [
+        f"{peak.parameter:.5g} ({higher.swept_hz[0]:.5g} to {higher.swept_hz[1]:.5g} Hz)"
+        for peak, higher in swept
+        if not higher.whole
+    ]
+    words = []
+    if above:
+        words.append(f"the peak that is followed is not the highest of the band at {parameter} {', '.join(above)}")
+    if partly:
+        words.append(f"a higher peak was looked for in a part of the band only at {parameter} {', '.join(partly)}")
+    return words
+
+
 def write(
     path: str,
     job: Job,
@@ -175,6 +217,9 @@ def write(
             slopes = np.array([one.derivatives for one in found])
             for i, (name, (_, words, unit)) in enumerate(SENSITIVITY.items()):
                 put(name, np.ascontiguousarray(slopes[:, i]), f"{words}; {NO_SENSITIVITY}", unit)
+        if any(one.higher is not None for one in found):
+            for name, values in beside(found).items():
+                put(name, values, *BESIDE[name])
         if backbone is not None:
             file.attrs["backbone_mode"] = backbone.mode
             for name, values in at_peaks(backbone).items():
@@ -219,7 +264,7 @@ def read_peaks(path: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     with stored(path, "peaks of `attrito peak`") as file:
         if file.attrs.get("format") != FORMAT:
             raise InputError(Fault(path, "format", file.attrs.get("format", "absent"), "peaks of `attrito peak`"))
-        names = [*COLUMNS, *COUNTS, "kind", "outcome", "states", *(name for name in AT_PEAKS if name in file["peaks"])]
+        names = [*COLUMNS, *COUNTS, "kind", "outcome", "states", *(name for name in OPTIONAL if name in file["peaks"])]
         data = {name: file[f"peaks/{name}"][()] for name in names}
         for name, (short, *_) in SENSITIVITY.items():
             if name not in file["peaks"]:
@@ -243,7 +288,7 @@ def holds_peaks(path: str) -> bool:
 def table(path: str) -> str:
     """The peaks as CSV."""
     data, _ = read_peaks(path)
-    numbers = [*COLUMNS, *(name for name in data if name in AT_PEAKS or " by " in name)]
+    numbers = [*COLUMNS, *(name for name in data if name in OPTIONAL or " by " in name)]
     names = ["kind", *numbers, *COUNTS, *STATES, "outcome"]
     lines = [",".join(map(cell, names))]
     for i in range(len(data["level"])):

@@ -49,6 +49,7 @@ def peak_curve(path: str, look: Look | None = None) -> Figure:
             for axes, course in ((upper, height), (lower, data["frequency_hz"])):
                 axes.plot(value[i : i + 2], course[i : i + 2], color=STUCK_COLOUR, linestyle=":", linewidth=1.2)
         _mark(upper, lower, value, height, data)
+        _mark_higher(upper, lower, value, data, parameter == "level")
         if backbone is not None:
             _draw_backbone(upper, lower, backbone, value)
             _draw_differences(differences[0], value, data)
@@ -94,6 +95,17 @@ def _runs(chosen: np.ndarray, begins: np.ndarray) -> list[np.ndarray]:
     stretches = [np.arange(a, b) for a, b in edges.reshape(-1, 2)]
     parts = [part for one in stretches for part in np.split(one, np.flatnonzero(begins[one][1:]) + 1)]
     return [part for part in parts if len(part) > 1]
+
+
+def _mark_higher(upper: Axes, lower: Axes, value: np.ndarray, data: dict[str, np.ndarray], by_level: bool) -> None:
+    """Peaks that a sweep found to be higher than the one that is followed."""
+    higher = np.isfinite(data.get("higher_amplitude", np.full(len(value), np.nan)))
+    if not higher.any():
+        return
+    height = data["higher_amplitude"][higher] / (data["level"][higher] if by_level else 1.0)
+    style = {"linestyle": "", "marker": "^", "color": BRANCH_COLOURS[1], "markersize": 6, "zorder": 4}
+    upper.plot(value[higher], height, label="higher peak elsewhere", **style)
+    lower.plot(value[higher], data["higher_frequency_hz"][higher], **style)
 
 
 def _mark(upper: Axes, lower: Axes, value: np.ndarray, height: np.ndarray, data: dict[str, np.ndarray]) -> None:

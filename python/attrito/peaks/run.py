@@ -19,8 +19,9 @@ from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
 from attrito.peaks.backbone import BackboneTracker, follow_backbone, leading_mode
 from attrito.peaks.curve import Backbone, Ending, Found, elasticity, ending_of
-from attrito.peaks.file import jumps_in_words, table, write
+from attrito.peaks.file import higher_in_words, jumps_in_words, table, write
 from attrito.peaks.fixed_series import fixed_series, is_enough
+from attrito.peaks.higher import Followed, HigherPeaks
 from attrito.peaks.plot import peak_curve
 from attrito.plots.style import save
 from attrito.runs.followed import follow_job
@@ -64,16 +65,18 @@ def _follow_and_show(
     )
     progress.warn(on_root(comm, lambda: cautions.of_damping(reduced)))
     found: list[Found] = []
+    states: list[np.ndarray | None] = []
     leading = None
     broken = ""
     for options in series:
         if found:
             progress.say(f"above the tolerance: anew with {options.harmonics} harmonics, {options.samples} samples")
-        found, leading = [], None
+        found, states, leading = [], [], None
         with Solver(comm, reduced, options) as solver, _warning_of_statics(progress, solver):
             differentiator = Differentiator(comm, solver, job, scene, reduced)
             try:
                 for one in follow(solver, job, reduced, load_path):
+                    states.append(solver.save_state() if one.converged and one.kind == "value" else None)
                     found.append(replace(one, derivatives=_derivatives(differentiator, job, reduced, one)))
                     progress.say(line(one, job["peak"]["parameter"]))
                     if leading is None and one.converged:
@@ -90,7 +93,10 @@ def _follow_and_show(
         backbone = follow_mode(comm, job, options, reduced, load_path, leading, found)
         progress.say(f"backbone of stuck mode {leading[0]}: {sum(map(len, backbone.stretches))} points")
 
-    progress.warn(jumps_in_words(found, job["peak"]["parameter"]))
+    parameter = job["peak"]["parameter"]
+    if job["peak"]["look_for_higher"]:
+        found = look_for_higher(comm, job, options, reduced, load_path, found, states)
+    progress.warn([*jumps_in_words(found, parameter), *higher_in_words(found, parameter)])
 
     def show() -> str:
         write(file, job, reduced, found, backbone, progress.warnings)
@@ -166,6 +172,28 @@ def begin(
     tracker = PeakTracker(solver, _monitor(job, scene), keys["amplitude"], band, load_path[-1])
     near = keys["near_hz"] if keys["near_hz"] is not None else tracker.linear_peak_hz()
     return tracker, tracker.begin(value if by_level else keys["level"], near)
+
+
+def look_for_higher(
+    comm: Comm,
+    job: Job,
+    options: Options,
+    scene: ReducedScene,
+    load_path: np.ndarray,
+    found: list[Found],
+    states: list[np.ndarray | None],
+) -> list[Found]:
+    """The peaks with what a sweep of the band finds beside those that have a state: the values asked for."""
+    band = (min(_band(job)), max(_band(job)))
+    keys = job["peak"]
+    looking = HigherPeaks(
+        comm, scene, options, load_path, job["static"]["steps"], _monitor(job, scene), keys["amplitude"], band
+    )
+    asked = [Followed(one.peak, state) for one, state in zip(found, states, strict=True) if state is not None]
+    results = looking.beside(asked, keys["parameter"] == "preload")
+    return [
+        one if state is None else replace(one, higher=next(results)) for one, state in zip(found, states, strict=True)
+    ]
 
 
 def follow_mode(

@@ -1,0 +1,141 @@
+"""Peaks that are higher than the one followed: they are found, told of, kept and drawn."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import h5py
+import jobs
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from attrito.library.peak_tracker import Peak, PeakTracker
+from attrito.library.reduced_scene import ReducedScene
+from attrito.library.session import Options, Solver
+from attrito.peaks.curve import Found
+from attrito.peaks.file import higher_in_words
+from attrito.peaks.higher import COARSE, Followed, Higher, HigherPeaks, highest_inside
+
+NAMES = ("higher_frequency_hz", "higher_amplitude", "swept_low_hz", "swept_high_hz")
+PATH = np.array([[0.0], [1.0]])
+# Natural angular frequencies of two masses on springs of their own, and the forces on them
+RATES, FORCES, DAMPING = np.array([1.0, 2.5]), np.array([1.0, 12.0]), 0.05
+BAND = (0.5 * RATES[0] / (2.0 * np.pi), 1.5 * RATES[1] / (2.0 * np.pi))
+
+
+def two_masses(limit: float) -> ReducedScene:
+    """The second rubs on the ground and slips at a friction force `limit`; the monitor is the sum of both."""
+    spring = 2.0
+    laws = {"tangents": np.ones(1, dtype=np.int32), "gap": np.zeros(1), "preload": np.full(1, limit)}
+    laws |= {"tangential_stiffness": np.full(1, spring), "normal_stiffness": np.zeros(1)}
+    laws |= {"friction_coefficient": np.ones(1)}
+    rows = np.array([[0.0, 1.0], [0.0, 0.0]])
+    harmonic = np.array([[0.0, 0.0], FORCES, [0.0, 0.0]])
+    stiffness = np.diag(RATES**2 - [0.0, spring])
+    return ReducedScene(
+        np.eye(2), stiffness, "viscous", 0.0, DAMPING * np.eye(2), laws, rows, np.zeros((1, 2)), harmonic,
+        np.ones((1, 2)), ["both"],
+    )  # fmt: skip
+
+
+def look(scene: ReducedScene, near_hz: float, level: float = 1.0) -> tuple[Peak, Higher]:
+    """The peak near a frequency, and what stands beside it."""
+    options = Options(harmonics=3, by_events=True)
+    with Solver(MPI.COMM_SELF, scene, options) as solver:
+        solver.follow_static_path(PATH, 1, BAND[0])
+        tracker = PeakTracker(solver, 0, "half_range", BAND, PATH[-1])
+        peak = tracker.begin(level, near_hz)
+        state = solver.save_state()
+    looking = HigherPeaks(MPI.COMM_SELF, scene, options, PATH, 1, 0, "half_range", BAND)
+    (higher,) = looking.beside([Followed(peak, state)], by_preload=False)
+    assert looking.work > 0.0
+    return peak, higher
+
+
+def linear_peak(scene: ReducedScene, low: float, high: float) -> tuple[float, float]:
+    """Largest amplitude of the sum between two frequencies, Hz, all contacts stuck: both masses by themselves."""
+    frequency = np.linspace(low, high, 200_001)
+    omega = 2.0 * np.pi * frequency[:, None]
+    amplitude = abs((FORCES / (RATES**2 - omega**2 + 1j * DAMPING * omega)).sum(axis=1))
+    return frequency[np.argmax(amplitude)], amplitude.max()
+
+
+def test_a_higher_peak_elsewhere_is_found_at_the_height_of_its_closed_form():
+    scene = two_masses(limit=1e6)
+    peak, higher = look(scene, RATES[0] / (2.0 * np.pi))
+    expected_hz, expected = linear_peak(scene, 0.3, BAND[1])
+    lower_hz, lower = linear_peak(scene, BAND[0], 0.2)
+    assert (peak.frequency_hz, peak.amplitude) == pytest.approx((lower_hz, lower), rel=1e-5)
+    assert expected > 1.02 * peak.amplitude
+    # A sweep misses heights by a tenth of its tolerance, and a damping ratio of 1 % has that within 0.14 % of the
+    # frequency: A falls like 1 - (delta omega / (zeta omega))^2 / 2.
+    assert expected * (1.0 - 0.1 * COARSE) <= higher.amplitude <= expected * (1.0 + 1e-9)
+    assert higher.frequency_hz == pytest.approx(expected_hz, rel=1.5e-3)
+    assert higher.whole and higher.swept_hz == pytest.approx(BAND, rel=1e-9)
+
+
+def test_beside_the_highest_peak_there_is_none():
+    peak, higher = look(two_masses(limit=1e6), RATES[1] / (2.0 * np.pi))
+    assert peak.frequency_hz == pytest.approx(RATES[1] / (2.0 * np.pi), rel=0.01)
+    assert higher.whole and not higher.exists and np.isnan(higher.frequency_hz)
+
+
+def test_a_peak_that_friction_lowers_is_no_longer_the_higher_one():
+    # Stuck, the second mass moves by 12 / (0.05 * 2.5) = 96, the first by 20. Slipping, friction takes 4 R (x - R / 2)
+    # of the 12 pi x that the load gives a period, damping pi c omega x^2, omega being 2.06 to 2.5: R = 14, x = 16.
+    stuck = look(two_masses(limit=1e6), RATES[0] / (2.0 * np.pi))[1]
+    peak, slipping = look(two_masses(limit=14.0), RATES[0] / (2.0 * np.pi))
+    assert stuck.exists and not slipping.exists
+    assert slipping.whole and peak.amplitude == pytest.approx(1.0 / DAMPING, rel=0.2)
+
+
+def test_the_command_says_keeps_and_draws_higher_peaks(tmp_path, capfd, written):
+    made = jobs.peak_of_wedge(near_hz=100.0, start=0.5, stop=1.0, values=[])
+    # Horizontal: stuck at 1 N, where both modes are linear; the mode at 250 Hz is driven much more.
+    made["sweep"] = {"start_hz": 60.0, "stop_hz": 300.0}
+    for load in made["load"]:
+        if load["kind"] == "harmonic":
+            load["cosine"] = [[0, 0.05], [1, 5.0]]
+    made["output"]["monitors"] = [{"name": "x", "dofs": [[0, 1.0], [1, 1.0]]}]
+    done = jobs.attrito_here(tmp_path, capfd, "peak", jobs.write_job(tmp_path, made))
+    assert done.returncode == 0, done.stderr
+    rows = list(csv.DictReader(io.StringIO(done.stdout[done.stdout.index("kind,level") :])))
+    rows = [row for row in rows if row["outcome"] == "converged"]
+    asked = [row for row in rows if row["kind"] == "value"]
+    assert len(asked) == 2
+    for row in rows:
+        is_asked = row["kind"] == "value"
+        assert all((row[name] != "nan") == is_asked for name in NAMES)
+    for row in asked:
+        assert float(row["higher_amplitude"]) > 1.02 * float(row["amplitude"])
+    with h5py.File(tmp_path / "result.peaks.h5") as file:
+        kept = file["peaks/higher_frequency_hz"][:]
+        assert "not the highest of the band at level 0.5 (at " in file.attrs["warnings"]
+    assert "the peak that is followed is not the highest of the band" in done.stderr + done.stdout
+    (figure,) = written
+    marks = [line for axes in figure.axes[:2] for line in axes.lines if line.get_marker() == "^"]
+    assert np.array_equal(marks[1].get_ydata(), kept[np.isfinite(kept)])
+    made["peak"]["look_for_higher"] = False
+    done = jobs.attrito_here(tmp_path, capfd, "peak", jobs.write_job(tmp_path, made))
+    assert done.returncode == 0 and "higher" not in done.stdout + done.stderr
+
+
+def test_what_was_swept_in_part_is_said():
+    peak = Peak(None, 2.0, 2.0, 1.0, 0.0, -1.0, 1, "none", False)
+    none = Higher((10.0, 20.0), True, np.nan, np.nan)
+    partly = Higher((10.0, 15.0), False, np.nan, np.nan)
+    above = Higher((10.0, 20.0), True, 12.5, 1.5)
+    assert higher_in_words([Found(peak, "value", higher=none), Found(peak, "step")], "level") == []
+    words = higher_in_words([Found(peak, "value", higher=one) for one in (above, partly)], "level")
+    assert words == [
+        "the peak that is followed is not the highest of the band at level 2 (at 12.5 Hz, 1.5 times as high)",
+        "a higher peak was looked for in a part of the band only at level 2 (10 to 15 Hz)",
+    ]
+
+
+def test_an_end_of_a_sweep_is_no_peak():
+    assert highest_inside(np.array([3.0, 2.0])) is None
+    assert highest_inside(np.array([3.0, 2.0, 4.0])) is None
+    assert highest_inside(np.array([0.0, 2.0, 1.0, 3.0, 3.0, 2.5, 9.0])) == 3
