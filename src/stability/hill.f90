@@ -1,29 +1,27 @@
 !> Multipliers of an orbit by Hill's problem with memory (`attrito_stability_hill_problem`): the exponents of half a strip of height
-!> omega all at once, by contour integrals around it, polished with more harmonics K and extrapolated,
-!>
-!> $$ s = s_{3K} + (s_{3K} - s_K)/26, $$
-!>
-!> since what is left out falls like their cube; and those of modes that contacts do not see.
+!> omega all at once, by contour integrals around it, each then refined with many more harmonics
+!> (`attrito_stability_hill_refinement`); and those of modes that contacts do not see.
 module attrito_stability_hill
   use attrito_core_kinds, only: wp, two_pi
   use attrito_core_lapack, only: eigenvalues_of, complex_singular_values
   use attrito_integrate_system, only: system_type
-  use attrito_stability_contour, only: ellipse_type, eigenvalues_within, polish
+  use attrito_stability_contour, only: ellipse_type, eigenvalues_within
   use attrito_stability_hill_problem, only: hill_problem_type, new_hill_problem
+  use attrito_stability_hill_refinement, only: refine, many_harmonics
   use attrito_stability_smooth_segments, only: orbit_segments_type
   use attrito_stability_multipliers, only: multiplier_type, sorted_multipliers
   implicit none
   private
-  public :: hill_multipliers, half_strip, refine, least, finer, most_unknowns, truncation, too_large
+  public :: hill_multipliers, half_strip, refined_heights, least, most_unknowns, truncation, too_large
 
   !> Smallest and largest modulus of the multipliers that are looked for
   real(wp), parameter :: least = 1.0e-2_wp, greatest = 1.0e3_wp ! conventional
-  !> How many times as many harmonics for the last digits
-  integer, parameter :: finer = 3 ! guess
   !> Unknowns of a dense nonlinear eigenproblem, at most
   integer, parameter :: most_unknowns = 1500 ! conventional
   !> How far truncation may move an exponent
   real(wp), parameter :: truncation = 1.0e-3_wp ! guess
+  !> Exponents that are refined: those of the half strip and of its edges
+  real(wp), parameter :: refined_heights(2) = [-truncation, 0.5_wp + truncation] ! derived
   !> `info` where there are more
   integer, parameter :: too_large = -1
 
@@ -41,7 +39,7 @@ contains
     type(multiplier_type), allocatable, intent(out) :: multipliers(:)
     !> 0, `too_large`, or another: not found
     integer, intent(out) :: info
-    type(hill_problem_type) :: problem, fine
+    type(hill_problem_type) :: problem, wide
     complex(wp), allocatable :: exponents(:), vectors(:, :), values(:)
     integer :: i
 
@@ -53,8 +51,8 @@ contains
     if (problem%unknowns() > 0) then
       call eigenvalues_within(problem, half_strip(), 6*size(system%eigenvalues) + 12, exponents, vectors, info)
       if (info /= 0) return
-      call new_hill_problem(system, orbit, two_pi/period, fine, finer)
-      call refine(fine, vectors, exponents)
+      call new_hill_problem(system, orbit, two_pi/period, wide, many_harmonics)
+      call refine(problem, wide, refined_heights, vectors, exponents)
       do i = 1, size(exponents)
         values = [values, multipliers_from(exponents, i)]
       end do
@@ -75,44 +73,6 @@ contains
     half_strip%real_axis = 0.5_wp*(high - low)*sqrt(2.0_wp)
     half_strip%imaginary_axis = (0.25_wp + below)*sqrt(2.0_wp)
   end function half_strip
-
-  !> Polish exponents with more harmonics, where those are not too many; one that does not follow stays as it was.
-  subroutine refine(problem, vectors, exponents)
-    !> With more harmonics
-    class(hill_problem_type), intent(in) :: problem
-    !> Of fewer harmonics, in columns
-    complex(wp), intent(in) :: vectors(:, :)
-    !> Floquet exponents, 1/s
-    complex(wp), intent(inout) :: exponents(:)
-    complex(wp), allocatable :: start(:, :)
-    complex(wp) :: polished
-    integer :: i, n, pad, forces
-    logical :: good
-
-    if (problem%unknowns() > most_unknowns) return
-    forces = size(problem%row)
-    n = size(vectors, 1)/forces
-    pad = (problem%unknowns()/forces - n)/2
-    do i = 1, size(exponents)
-      if (aimag(exponents(i)) < -truncation .or. aimag(exponents(i)) > 0.5_wp + truncation) cycle
-      allocate (start(-pad + 1:n + pad, forces), source=(0.0_wp, 0.0_wp))
-      start(1:n, :) = reshape(vectors(:, i), [n, forces])
-      call polish_from(reshape(start, [size(start)]))
-      deallocate (start)
-    end do
-
-  contains
-
-    subroutine polish_from(vector)
-      !> Vector to start from
-      complex(wp), intent(in) :: vector(:)
-      complex(wp) :: x(size(vector))
-
-      x = vector
-      call polish(problem, exponents(i), x, polished, good)
-      if (good) exponents(i) = polished + (polished - exponents(i))/(finer**3 - 1)
-    end subroutine polish_from
-  end subroutine refine
 
   !> The multipliers of an exponent of the half strip, with its conjugate; none if it is a copy from another.
   !>

@@ -20,7 +20,7 @@ module attrito_stability_hill_problem
   use attrito_stability_smooth_segments, only: orbit_segments_type
   implicit none
   private
-  public :: hill_problem_type, new_hill_problem
+  public :: hill_problem_type, new_hill_problem, force_held
 
   !> Harmonics of a perturbation, at least
   integer, parameter :: fewest_harmonics = 40 ! guess
@@ -55,7 +55,7 @@ module attrito_stability_hill_problem
 contains
 
   !> Gather what contacts that slip or open do.
-  subroutine new_hill_problem(system, orbit, nu, self, times)
+  subroutine new_hill_problem(system, orbit, nu, self, harmonics)
     !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
     !> Orbit as segments between its events
@@ -63,15 +63,15 @@ contains
     !> Harmonic in which exponents lie
     real(wp), intent(in) :: nu
     class(hill_problem_type), intent(inout) :: self
-    !> So many times as many harmonics as usual
-    integer, intent(in), optional :: times
+    !> K, where it is not as usual
+    integer, intent(in), optional :: harmonics
     integer :: i
 
     self%system = system
     self%nu = nu
     ! As many beyond the fastest mode as below it, at most three times the fewest: faster modes follow at rest.
     self%harmonics = min(max(fewest_harmonics, ceiling(2.0_wp/nu)), 3*fewest_harmonics)
-    if (present(times)) self%harmonics = times*self%harmonics
+    if (present(harmonics)) self%harmonics = harmonics
     self%row = [integer ::]
     self%row_u = [integer ::]
     self%row_v = [integer ::]
@@ -217,14 +217,14 @@ contains
 
     harmonics = self%harmonics
     n = 2*harmonics + 1
-    response = self%responses(s)
+    response = self%responses(s, [self%row_u, self%row_v])
     allocate (matrix(self%unknowns(), self%unknowns()))
     do i = 1, size(self%row)
       call force_by_motion(self, s, i, by_u, by_v)
       do j = 1, size(self%row)
         do l = 1, n
-          matrix((i - 1)*n + 1:i*n, (j - 1)*n + l) = by_u(:, l - harmonics - 1)*response(l, j, self%row_u(i)) &
-                                                     + by_v(:, l)*response(l, j, self%row_v(i))
+          matrix((i - 1)*n + 1:i*n, (j - 1)*n + l) = by_u(:, l - harmonics - 1)*response(l, j, i) &
+                                                     + by_v(:, l)*response(l, j, size(self%row) + i)
         end do
       end do
     end do
@@ -233,18 +233,20 @@ contains
     end do
   end function hill_matrix
 
-  !> What every row moves by a unit of each force, R(s) [2 K + 1, forces, rows].
-  function responses(self, s) result(response)
+  !> What rows move by a unit of each force, R(s) [2 K + 1, forces, rows].
+  function responses(self, s, rows) result(response)
     class(hill_problem_type), intent(in) :: self
     !> Exponent, 1/s, or time
     complex(wp), intent(in) :: s
+    !> Rows of B
+    integer, intent(in) :: rows(:)
     complex(wp), allocatable :: response(:, :, :)
     complex(wp) :: sigma
     complex(wp), allocatable :: flexible(:, :), matrix(:, :)
     integer, allocatable :: pivots(:)
     integer :: k, r, info
 
-    allocate (response(2*self%harmonics + 1, size(self%row), size(self%system%springs)))
+    allocate (response(2*self%harmonics + 1, size(self%row), size(rows)))
     do k = -self%harmonics, self%harmonics
       sigma = self%nu*(s + cmplx(0.0_wp, k, wp))
       flexible = cmplx(self%system%input_map(:, self%row), 0.0_wp, wp)
@@ -262,7 +264,7 @@ contains
           flexible(r, :) = flexible(r, :)/(sigma**2 + sigma*self%system%damping(r) + self%system%eigenvalues(r))
         end do
       end if
-      response(k + self%harmonics + 1, :, :) = matmul(transpose(flexible), self%system%rows)
+      response(k + self%harmonics + 1, :, :) = matmul(transpose(flexible), self%system%rows(:, rows))
     end do
   end function responses
 
@@ -287,10 +289,7 @@ contains
     do i = 1, size(self%rests)
       associate (rest => self%rests(i))
         if (rest%force /= force) cycle
-        do k = -self%harmonics, self%harmonics
-          held(k) = -self%stiffness(force)*exp(s*rest%origin)*exponential_integral(-(s + cmplx(0.0_wp, k, wp)), rest%from, rest%to) &
-                    /two_pi
-        end do
+        held = force_held(self, s, rest)
         do j = -self%harmonics, self%harmonics
           turn = exp(cmplx(0.0_wp, j*rest%origin, wp))
           by_u(:, j) = by_u(:, j) + turn*held
@@ -299,4 +298,20 @@ contains
       end associate
     end do
   end subroutine force_by_motion
+
+  !> Harmonics of the force while a slider rests, by a unit of what it then had [-K:K].
+  pure function force_held(self, s, rest) result(held)
+    class(hill_problem_type), intent(in) :: self
+    !> Exponent over the angular frequency of the excitation
+    complex(wp), intent(in) :: s
+    !> In which the slider rests
+    type(rest_type), intent(in) :: rest
+    complex(wp) :: held(-self%harmonics:self%harmonics)
+    integer :: k
+
+    do k = -self%harmonics, self%harmonics
+      held(k) = -self%stiffness(rest%force)*exp(s*rest%origin) &
+                *exponential_integral(-(s + cmplx(0.0_wp, k, wp)), rest%from, rest%to)/two_pi
+    end do
+  end function force_held
 end module attrito_stability_hill_problem

@@ -15,8 +15,9 @@ module attrito_stability_hill_sector
   use attrito_linear_diameter_modes, only: diameter_modes_type, new_diameter_modes
   use attrito_integrate_system, only: system_type
   use attrito_stability_contour, only: eigenvalues_within
-  use attrito_stability_hill, only: half_strip, refine, least, finer, most_unknowns, truncation, too_large
+  use attrito_stability_hill, only: half_strip, refined_heights, least, most_unknowns, truncation, too_large
   use attrito_stability_hill_problem, only: hill_problem_type, new_hill_problem
+  use attrito_stability_hill_refinement, only: refine, many_harmonics
   use attrito_stability_multipliers, only: multiplier_type, kind_floquet, kind_slip, kind_stuck
   use attrito_stability_smooth_segments, only: orbit_segments_type
   implicit none
@@ -127,11 +128,13 @@ contains
     end function in_shapes
   end function wave_modes
 
-  !> What every row moves by a unit of each force, R(s) [2 K + 1, forces, rows].
-  function responses(self, s) result(response)
+  !> What rows move by a unit of each force, R(s) [2 K + 1, forces, rows].
+  function responses(self, s, rows) result(response)
     class(hill_sector_problem_type), intent(in) :: self
     !> Exponent over the angular frequency
     complex(wp), intent(in) :: s
+    !> Rows of B
+    integer, intent(in) :: rows(:)
     complex(wp), allocatable :: response(:, :, :)
     complex(wp), allocatable :: flexible(:, :), matrix(:, :)
     complex(wp) :: sigma
@@ -139,7 +142,7 @@ contains
     integer, allocatable :: pivots(:)
     integer :: k, n, r, info
 
-    allocate (response(2*self%harmonics + 1, size(self%row), size(self%system%springs)))
+    allocate (response(2*self%harmonics + 1, size(self%row), size(rows)))
     do k = -self%harmonics, self%harmonics
       n = modulo(self%wavenumber + k*self%wheel%engine_order, self%wheel%sectors)
       mirrored = 2*n > self%wheel%sectors
@@ -163,7 +166,7 @@ contains
             flexible(r, :) = flexible(r, :)/(sigma**2 + sigma*modes%damping(r) + modes%eigenvalues(r))
           end do
         end if
-        flexible = matmul(conjg(transpose(modes%rows)), flexible)
+        flexible = matmul(conjg(transpose(modes%rows(:, rows))), flexible)
         if (mirrored) flexible = conjg(flexible)
         response(k + self%harmonics + 1, :, :) = transpose(flexible)
       end associate
@@ -185,7 +188,7 @@ contains
     real(wp), intent(out) :: breaks_at
     !> 0, `too_large`, or another: not found
     integer, intent(out) :: info
-    type(hill_sector_problem_type) :: problem, fine
+    type(hill_sector_problem_type) :: problem, wide
     type(multiplier_type), allocatable :: found(:)
     complex(wp), allocatable :: exponents(:), vectors(:, :), strip(:)
     integer, allocatable :: wavenumbers(:)
@@ -196,9 +199,9 @@ contains
     breaks_at = 0.0_wp
     info = 0
     problem%wheel = wheel
-    fine%wheel = wheel
+    wide%wheel = wheel
     call new_hill_problem(wheel%contacts, orbit, omega/wheel%contacts%clock, problem)
-    call new_hill_problem(wheel%contacts, orbit, omega/wheel%contacts%clock, fine, finer)
+    call new_hill_problem(wheel%contacts, orbit, omega/wheel%contacts%clock, wide, many_harmonics)
     found = unseen_multipliers(problem, omega)
     if (problem%unknowns() > most_unknowns) info = too_large
     if (info /= 0) return
@@ -207,10 +210,10 @@ contains
     do i = 0, wheel%sectors - 1
       if (problem%unknowns() == 0) exit
       problem%wavenumber = i
-      fine%wavenumber = i
+      wide%wavenumber = i
       call eigenvalues_within(problem, half_strip(), 6*most_of_a_diameter(wheel) + 12, exponents, vectors, info)
       if (info /= 0) return
-      call refine(fine, vectors, exponents)
+      call refine(problem, wide, refined_heights, vectors, exponents)
       call take()
     end do
     found = [found, from_half_strip(wheel, strip, wavenumbers)]
@@ -339,7 +342,7 @@ contains
     real(wp) :: size_of(2*problem%harmonics + 1)
     integer :: k
 
-    response = problem%responses(s)
+    response = problem%responses(s, [(k, k=1, size(problem%system%springs))])
     forces = reshape(vector, [2*problem%harmonics + 1, size(problem%row)])
     do k = 1, size(size_of)
       size_of(k) = norm2(abs(matmul(forces(k, :), response(k, :, :))))

@@ -53,19 +53,21 @@ def test_multipliers_of_all_wavenumbers_are_those_of_the_whole_wheel(sectors, or
         assert abs(multipliers[partner] - np.conj(value)) < 1e-6
 
 
-# The second has a negative multiplier, and a pair whose exponents are 5e-4 of the strip's height from its edge.
-@pytest.mark.parametrize(("sectors", "order", "seed"), [(4, 2, 24), (3, 1, 23)])
-def test_hills_problem_and_the_flow_agree_in_multipliers_and_wavenumbers(sectors, order, seed):
+# The second has a negative multiplier, and a pair whose exponents are 5e-4 of the strip's height from its edge. The
+# third has multipliers that 120 harmonics of a perturbation leave 2e-5 away.
+@pytest.mark.parametrize(("sectors", "order", "seed", "stable"), [(4, 2, 24, 0), (3, 1, 23, 0), (4, 1, 26, 1)])
+def test_hills_problem_and_the_flow_agree_in_multipliers_and_wavenumbers(sectors, order, seed, stable):
     (verdict, reason, _, found), _ = in_wheel(sectors, order, seed, methods=MONODROMY | HILL)
-    assert verdict == 0 and "grows at" in reason
+    assert verdict == stable and ("grows at" in reason) == (not stable)
     (flow, flow_waves, _), (hill, hill_waves, _) = found[MONODROMY], found[HILL]
     assert len(hill) == len(flow) == 14 * sectors
     if sectors == 3:
         edge = np.abs(np.angle(flow)) / (2.0 * np.pi)
         assert np.any(edge > 0.5 - 1e-9) and np.any((edge > 0.499) & (edge < 0.4999)), "the test is void"
     for wave in range(sectors):
-        # What 120 harmonics of a perturbation leave out, some 1e-5, falls like their cube, and is extrapolated.
-        assert farthest(hill[hill_waves == wave], flow[flow_waves == wave]) < 1e-5
+        # What 40 harmonics of a perturbation leave out, 1e-3 at most, falls like their cube: 1e-3 (40/1023)^3 = 6e-8,
+        # times 2 pi.
+        assert farthest(hill[hill_waves == wave], flow[flow_waves == wave]) < 1e-6
 
 
 def test_contacts_with_two_tangents_are_examined_on_enough_samples():

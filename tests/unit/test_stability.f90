@@ -23,6 +23,7 @@ program test_stability
   use scenes, only: scene_type, wedge
   use session, only: run_in_session, only_me
   use testing, only: test, check, check_close
+  use wedge_orbits, only: stiff_wedge, find_orbit, balance_scene
   implicit none
 
   !> Of the wedge at 45 degrees, 132 Hz, 5 N, excited along x and along the contact's tangent, to four digits
@@ -36,7 +37,6 @@ program test_stability
                       test('multipliers of the wedge by Hill''s problem are those that are known', by_harmonics), &
                       test('the monodromy is the derivative of the event-exact period map', derivative), &
                       test('contacts that change at one instant change nothing between', no_length), &
-                      test('on the event-exact orbit both engines agree', exact_orbit), &
                       test('a stable orbit is come back to, an unstable one is left, at the rate of its multiplier', verdicts), &
                       test('motions are as far apart as they get within the period', distances), &
                       test('orbits of the balance come nearer to the event-exact one with more harmonics', approach), &
@@ -44,47 +44,6 @@ program test_stability
                       test('damped modes that follow at rest err by the frequency over theirs', at_rest)])
 
 contains
-
-  !> Stiff contacts, 20 N of preload, 60 N along x: the scene of which half the balance's orbits are unstable.
-  function stiff_wedge() result(scene)
-    type(scene_type) :: scene
-
-    scene = wedge(45.0_wp)
-    scene%contacts%law%tangential_stiffness = 3.0e6_wp
-    scene%contacts%law%normal_stiffness = 3.0e6_wp
-    scene%contacts = new_contacts(scene%contacts%law, scene%contacts%directions)
-    scene%structure%static_loads = reshape([0.0_wp, 20.0_wp], [2, 1])
-    scene%structure%harmonic_load(:, 2) = [60.0_wp, 0.0_wp]
-  end function stiff_wedge
-
-  !> The event-exact orbit of a scene near that of its balance.
-  subroutine find_orbit(scene, frequency_hz, level, system, loading, start, orbit, error)
-    type(scene_type), intent(in) :: scene
-    real(wp), intent(in) :: frequency_hz, level
-    type(system_type), intent(out) :: system
-    type(loading_type), intent(out) :: loading
-    type(state_type), intent(out) :: start
-    type(event_orbit_type), intent(out) :: orbit
-    type(error_type), allocatable, intent(inout) :: error
-    type(solver_type) :: solver
-    type(state_type) :: first, end
-    real(wp) :: range
-    logical :: found
-
-    call balance_scene(scene, frequency_hz, level, 20, solver, error)
-    if (allocated(error)) return
-    call new_system(solver%structure, solver%contacts, system, error)
-    loading = loading_of(solver, system)
-    first = start_of(solver, system, solver%context%balance%slider)
-    start = first
-    call shoot(system, loading, start, orbit, found)
-    call check(error, found, 'no orbit is found')
-    end = start
-    call orbit%march(system, loading, end, range, found)
-    ! What 20 harmonics leave out of forces with kinks.
-    call check(error, norm2(start%motion - first%motion) <= 1.0e-2_wp*range, 'it is another orbit than the balance''s')
-    call solver%destroy()
-  end subroutine find_orbit
 
   subroutine derivative(error)
     type(error_type), allocatable, intent(out) :: error
@@ -162,30 +121,6 @@ contains
     end do
     call check_close(error, parted%monodromy(reduce_to(system, size(system%eigenvalues))), whole, 0.0_wp, 'monodromy')
   end subroutine no_length
-
-  subroutine exact_orbit(error)
-    type(error_type), allocatable, intent(out) :: error
-    type(system_type) :: system
-    type(loading_type) :: loading
-    type(state_type) :: start
-    type(event_orbit_type) :: orbit
-    type(multiplier_type), allocatable :: flow(:), harmonics(:)
-    real(wp) :: change
-    integer :: info, modes, i
-
-    do i = 1, 2
-      if (i == 1) call find_orbit(wedge(45.0_wp), 132.0_wp, 5.0_wp, system, loading, start, orbit, error)
-      if (i == 2) call find_orbit(stiff_wedge(), 110.0_wp, 1.0_wp, system, loading, start, orbit, error)
-      if (allocated(error)) return
-      call multipliers_of(system, orbit, flow, modes, change, info)
-      call check(error, info == 0, 'no eigenvalues')
-      call hill_multipliers(system, orbit%segments, loading%period, harmonics, info)
-      call check(error, info == 0, 'no eigenvalues of Hill''s problem')
-      if (allocated(error)) return
-      call check_close(error, reshape(harmonics%value, [size(harmonics), 1]), reshape(flow%value, [size(flow), 1]), &
-                       1.0e-4_wp, 'multipliers')
-    end do
-  end subroutine exact_orbit
 
   subroutine verdicts(error)
     type(error_type), allocatable, intent(out) :: error
@@ -374,25 +309,6 @@ contains
     if (x) scene%structure%harmonic_load(:, 2) = [1.0_wp, 0.0_wp]
     call balance_scene(scene, 132.0_wp, 5.0_wp, harmonics, solver, error)
   end subroutine balance_wedge
-
-  subroutine balance_scene(scene, frequency_hz, level, harmonics, solver, error)
-    type(scene_type), intent(in) :: scene
-    real(wp), intent(in) :: frequency_hz, level
-    integer, intent(in) :: harmonics
-    type(solver_type), intent(out) :: solver
-    type(error_type), allocatable, intent(inout) :: error
-    type(error_type), allocatable :: fault
-
-    call new_solver(scene%structure, scene%contacts, only_me(), solver_options_type(harmonics=harmonics, by_events=.true.), &
-                    solver, fault)
-    if (.not. allocated(fault)) call follow_static_path(solver, reshape([1.0_wp], [1, 1]), 20, two_pi*frequency_hz, fault)
-    if (allocated(fault)) call check(error, .false., fault%message)
-    if (allocated(error)) return
-    call solver%set_loads([1.0_wp], level)
-    call solver%set_scales(two_pi*85.0_wp, two_pi*140.0_wp)
-    call solve_by_strategies(solver, two_pi*frequency_hz)
-    call check(error, solver%report%converged, 'the balance does not converge')
-  end subroutine balance_scene
 
   subroutine by_flow(error)
     type(error_type), allocatable, intent(out) :: error

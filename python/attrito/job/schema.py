@@ -240,7 +240,12 @@ TABLES: dict[str, dict[str, Key]] = {
             " tolerance, 0.01 unless given, needs at each point; results are of all pairs"
             " ([method.md](method.md#fewer-contacts))",
         ),
-        "residual_tolerance": Key(number(1e-14, 1e-3), 1e-10, "norm of the residual relative to the stuck response"),
+        "residual_tolerance": Key(
+            number(1e-14, 1e-3),
+            1e-10,
+            "norm of the residual relative to the stuck response. The motion's own error is hundreds of times as large"
+            " near a peak; below 1e-12 Newton's method takes one step more against that",
+        ),
         "max_iterations": Key(integer(1), 30, "of Newton's method"),
     },
     "sweep": {
