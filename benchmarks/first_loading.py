@@ -26,6 +26,7 @@ import numpy as np
 from mpi4py import MPI
 from scipy.linalg import cho_factor, cho_solve
 
+from attrito.job.job import Job
 from attrito.job.reading import read_job
 from attrito.modes.nonlinear import chosen_mode
 from attrito.modes.scene_at_rest import prepare, solver_at_rest
@@ -47,15 +48,18 @@ class Curve:
     open: np.ndarray
 
 
-def at_rest(path: Path) -> dict[str, np.ndarray]:
-    """What is loaded: the reduced scene of a job, its static solution, and the tangent mode that `[mode]` means."""
-    comm, job = MPI.COMM_SELF, read_job(str(path), excited=False)
+def at_rest(path: Path | Job) -> dict[str, np.ndarray]:
+    """What is loaded: the reduced scene of a job, its static solution, and the tangent mode that `[mode]` means.
+
+    Its first monitor moves in its positive direction: contacts that open make both ways differ.
+    """
+    comm, job = MPI.COMM_SELF, path if isinstance(path, Job) else read_job(str(path), excited=False)
     progress = Progress(comm)
     prepared = prepare(comm, job, build_scene(job), progress)
     with solver_at_rest(comm, job, prepared, progress) as solver:
         displacements, closed = solver.coordinates()[:, 0], solver.closed_contacts()
         number, modes = chosen_mode(comm, job, solver)
-    scene = prepared.reduced
+    scene, shape = prepared.reduced, modes.shapes[number - 1].real
     names = ("tangential_stiffness", "normal_stiffness", "friction_coefficient", "gap")
     return {name: scene.laws[name] for name in names} | {
         "mass": scene.mass,
@@ -64,7 +68,7 @@ def at_rest(path: Path) -> dict[str, np.ndarray]:
         "load": prepared.load_path[-1] @ scene.static,
         "displacements": displacements,
         "closed": np.asarray(closed, dtype=bool),
-        "shape": modes.shapes[number - 1].real,
+        "shape": shape if scene.monitors[0] @ shape >= 0.0 else -shape,
         "omega": np.array(2.0 * np.pi * modes.natural_hz[number - 1]),
     }
 

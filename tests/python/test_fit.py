@@ -161,26 +161,54 @@ def test_derivatives_are_those_by_differences(
         assert rates["amplitude"][:, i] * value == pytest.approx(slope * value, abs=part * found["amplitude"].max())
 
 
-def test_a_backbone_gives_stiffness_and_friction(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_derivatives_by_a_law_of_its_own_and_by_damping(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of Iwan's model, with a damping ratio of the stuck modes; by that and stiffness together they are differences."""
+    job = rubbing()
+    del job["model"]["damping"]
+    job["contact"] = [contact | {"law": "iwan", "chi": -0.5, "beta": 0.8} for contact in job["contact"]]
+    job |= {"damping": {"ratio": 0.05}, "balance": {"harmonics": 3, "samples": 256, "residual_tolerance": 1e-12}}
+    write_job(tmp_path, job)
+    (tmp_path / "measured.csv").write_text("frequency_hz,x_amplitude\n115.0,1e-4\n125.0,1e-4\n")
+    ranges = {"contact[0].chi": (-0.9, -0.1), "contact[0].beta": (0.1, 2.0), "damping.ratio": (0.01, 0.1)}
+    values = np.array([-0.5, 0.8, 0.05])
+    parameters = [{"name": key, "keys": [key], "low": low, "high": high} for key, (low, high) in ranges.items()]
+    fit = read_fit(write_fit(tmp_path, parameter=parameters))
+    solution = Solution(MPI.COMM_SELF, fit, fit.data[0], read_job(str(tmp_path / "job.toml")), Progress(MPI.COMM_SELF))
+    found, rates = solution.at(values)
+    assert "differences" not in capsys.readouterr().out
+    for i, value in enumerate(values):
+        sides = []
+        for side in (-1.0, 1.0):
+            beside = values.copy()
+            beside[i] += side * 1e-4 * value
+            sides.append(solution.at(beside)[0]["amplitude"])
+        slope = (sides[1] - sides[0]) / 2e-4
+        # By samples differences jump where one changes its regime: each in 256 of 20 sliders by its part of the force.
+        assert rates["amplitude"][:, i] * value == pytest.approx(slope, abs=1e-4 * found["amplitude"].max())
+
+
+@pytest.mark.parametrize("rule", ["cycle", "masing"])
+def test_a_backbone_gives_stiffness_and_friction(tmp_path: Path, capfd: pytest.CaptureFixture[str], rule: str) -> None:
+    """That of the periodic motion, and that of Masing's rule on the first loading, which differ where forces vary."""
     job = rubbing()
     job["static"] = {"load_path": [0.0, 1.0]}
     job["mode"] = {"start": 1e-5, "stop": 5e-4, "points": 8}
+    if rule == "masing":
+        job["mode"] |= {"method": "quasi_static", "steps": 16}
     write_job(tmp_path, job)
     done = attrito_here(tmp_path, capfd, "mode", "job.toml")
     assert done.returncode == 0, done.stderr
     with h5py.File(tmp_path / "result.mode.h5") as file:
         points = file["points"]
-        rows = zip(
-            points["amplitude"][:],
-            points["frequency_hz"][:],
-            points["damping_ratio"][:] + points["damping_ratio_structure"][:],
-            strict=True,
-        )
+        names = ("masing_hz", "masing_damping_ratio") if rule == "masing" else ("frequency_hz", "damping_ratio")
+        frequency, damping = (points[name][:] for name in names)
+        rows = zip(points["amplitude"][:], frequency, damping + points["damping_ratio_structure"][:], strict=True)
         with open(tmp_path / "measured.csv", "w", newline="") as stream:
             writer = csv.writer(stream)
             writer.writerow(["amplitude", "frequency_hz", "damping_ratio"])
             writer.writerows([f"{value:.15g}" for value in row] for row in rows)
-    write_fit(tmp_path, data=[{"name": "backbone", "of": "mode", "file": "measured.csv"}], profile=False)
+    data = {"name": "backbone", "of": "mode", "file": "measured.csv", "rule": rule}
+    write_fit(tmp_path, data=[data], profile=False)
     done = attrito_here(tmp_path, capfd, "fit", "fit.toml")
     assert done.returncode == 0, done.stderr
     with h5py.File(tmp_path / "fit.h5") as file:
@@ -227,10 +255,15 @@ def test_what_data_do_not_identify_is_said(tmp_path: Path, capfd: pytest.Capture
         ),
         ({"parameter": [{"name": "mu", "keys": KEYS["friction coefficient"], "low": -1, "high": 1}]}, "of at least 0"),
         ({"file": "measured.csv"}, "measured.csv"),
+        (
+            {"data": [{"name": "a", "of": "mode", "file": "backbone.csv", "rule": "masing"}]},
+            '"quasi_static" with rule = "masing"',
+        ),
     ],
 )
 def test_faults(tmp_path: Path, keys: dict, expected: str) -> None:
-    write_job(tmp_path, rubbing())
+    write_job(tmp_path, rubbing() | {"mode": {"start": 1e-5, "stop": 1e-4}})
+    (tmp_path / "backbone.csv").write_text("amplitude,frequency_hz\n1e-5,110.0\n")
     (tmp_path / "measured.csv").write_text("frequency_hz,x_amplitude\n110.0,1e-4\n120.0,2e-4\n130.0,1e-4\n")
     path = write_fit(tmp_path, **keys)
     with pytest.raises(InputError, match=expected.replace("[", r"\[")):

@@ -1,4 +1,4 @@
-"""Exact derivatives of an amplitude by parameters of a job: those that change contact laws and static loads alone."""
+"""Exact derivatives of an amplitude by parameters of a job: of contact laws, factors on static loads, and damping."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ import numpy as np
 
 from attrito.fits.design import Parameter
 from attrito.job.laws import LAW_KEYS
-from attrito.library.derivatives import Inquiry, Rates, zero_rates
+from attrito.library.derivatives import LAW_NUMBERS, Inquiry, Rates, zero_rates
 from attrito.library.family import Family
+from attrito.library.names import LAWS
 from attrito.library.reduced_scene import ReducedScene, Sector
 from attrito.library.session import Options
 
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
 
 # A scene, its load path `[corners, loads]`, and the solver's options
 Solvable = tuple[ReducedScene, np.ndarray, Options]
+# Columns of `Rates.damping` by the kind of damping whose value they are by
+DAMPING = {"mass": 0, "ratio": 2, "loss_factor": 3}
+# Numbers of further laws that forces have derivatives by: places in the order of `RULES` in `job/laws.py`
+NUMBERS = {"iwan": slice(0, 2), "pressure": slice(2, None, 2)}
 
 
 def rates_of(
@@ -33,7 +38,7 @@ def rates_of(
     here, at : what is solved there; what is solved at other values
     """
     reduced, load_path, options = here
-    rates = zero_rates(reduced, len(values))
+    rates = zero_rates(reduced, len(values), LAW_NUMBERS + _further(reduced))
     rates.laws[:], rates.static_factors[:] = np.nan, np.nan
     if options.uncoupled or reduced.gyroscopic is not None:
         # A frozen mean follows the static solution; with Coriolis forces there are no derivatives.
@@ -45,15 +50,45 @@ def rates_of(
         beside[i] += step if values[i] + step <= parameter.high else -step
         there, path, other_options = at(beside)
         stiffer = any(not np.array_equal(there.laws[key], reduced.laws[key]) for key in LAW_KEYS[:2])
-        same = _but_for_laws(there, reduced) and other_options == options and path.shape == load_path.shape
+        same = _but_for_numbers(there, reduced) and other_options == options and path.shape == load_path.shape
         if not same or (stiffer and reduced.damping_kind == "ratio"):
             continue
-        if not np.array_equal(path[:-1], load_path[:-1]):
-            continue
         change = beside[i] - values[i]
-        rates.laws[i] = np.column_stack([(there.laws[key] - reduced.laws[key]) / change for key in LAW_KEYS])
+        damping = (there.damping_value - reduced.damping_value) / change
+        if not np.array_equal(path[:-1], load_path[:-1]) or (damping and not _is_known_damping(reduced)):
+            continue
+        laws = _rates_of_laws(there, reduced, change)
+        if laws is None:
+            continue
+        rates.laws[i] = laws
+        if damping:
+            rates.damping[i, DAMPING[reduced.damping_kind]] = damping
         rates.static_factors[i] = (path[-1] - load_path[-1]) / change
     return rates
+
+
+def _further(scene: ReducedScene) -> int:
+    """How many numbers laws have beside those of all."""
+    return scene.laws["law_numbers"].shape[1] if "law_numbers" in scene.laws else 0
+
+
+def _is_known_damping(scene: ReducedScene) -> bool:
+    """Whether there are derivatives by the value of the damping."""
+    return scene.damping_kind in DAMPING and not (scene.damping_kind == "ratio" and scene.sector is not None)
+
+
+def _rates_of_laws(there: ReducedScene, here: ReducedScene, change: float) -> np.ndarray | None:
+    """Of all numbers of the contacts' laws `[nc, columns]`; None where one changes that there are no derivatives by."""
+    rates = np.column_stack([(there.laws[key] - here.laws[key]) / change for key in LAW_KEYS])
+    if not _further(here):
+        return rates
+    further = np.nan_to_num((there.laws["law_numbers"] - here.laws["law_numbers"]) / change)
+    known = np.zeros(further.shape, dtype=bool)
+    for name, places in NUMBERS.items():
+        known[here.laws["law"] == LAWS.index(name), places] = True
+    # The law has the coefficients of its table; there is no other.
+    rates[here.laws["law"] == LAWS.index("pressure"), LAW_KEYS.index("friction_coefficient")] = 0.0
+    return None if np.any(further[~known]) else np.column_stack([rates, further])
 
 
 def amplitude_slopes(comm: Comm, family: Family, scene: ReducedScene, monitor: int, rates: Rates) -> np.ndarray:
@@ -77,7 +112,8 @@ def amplitude_slopes(comm: Comm, family: Family, scene: ReducedScene, monitor: i
         gradient = family.differentiate_by_adjoint()
         return None if gradient is None else gradient.along(wanted)[0]
 
-    family.ask(Inquiry([("amplitude", np.arange(len(scene.monitors)) == monitor)], scene))
+    quantities = [("amplitude", np.arange(len(scene.monitors)) == monitor)]
+    family.ask(Inquiry(quantities, scene, numbers=_further(scene) > 0, damping=bool(np.any(wanted.damping))))
     found: np.ndarray | None = comm.bcast(family.visit(work))
     if found is not None:
         slopes[known] = found
@@ -89,9 +125,11 @@ def known_rates(rates: Rates) -> np.ndarray:
     return np.asarray(np.isfinite(rates.laws).all(axis=(1, 2)) & np.isfinite(rates.static_factors).all(axis=1))
 
 
-def _but_for_laws(one: ReducedScene, other: ReducedScene) -> bool:
-    """Whether two scenes differ in `LAW_KEYS` of their contacts at most."""
-    aligned = replace(one, laws=one.laws | {key: other.laws[key] for key in LAW_KEYS})
+def _but_for_numbers(one: ReducedScene, other: ReducedScene) -> bool:
+    """Whether two scenes differ in numbers of their contacts' laws and the value of their damping at most."""
+    keys = [*LAW_KEYS, *(("law_numbers",) if _further(one) and _further(one) == _further(other) else ())]
+    laws = one.laws | {key: other.laws[key] for key in keys}
+    aligned = replace(one, laws=laws, damping_value=other.damping_value)
     return aligned.laws.keys() == other.laws.keys() and all(
         _same(getattr(aligned, each.name), getattr(other, each.name)) for each in fields(ReducedScene)
     )

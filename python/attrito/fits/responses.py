@@ -1,7 +1,8 @@
 """A response at the frequencies measured.
 
-Derivatives of half a monitor's range by numbers of contact laws and by the last factors on static loads are exact
-(`attrito.library.family`); those of its first harmonic, and by everything else, are differences.
+Derivatives of half a monitor's range by numbers of contact laws, by the last factors on static loads and by damping
+(ratio, loss factor, a part of the mass) are exact (`attrito.library.family`); those of its first harmonic, and by
+everything else, are differences.
 """
 
 from __future__ import annotations
