@@ -9,15 +9,18 @@
 !> last one, and by a sweep about it where that fails (attrito_peak_local_sweep). The peak may jump there.
 module attrito_peak_curve
   use attrito_core_kinds, only: wp
+  use attrito_newton_newton, only: newton_report_type
   use attrito_solve_strategies, only: solve_by_strategies
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
   use attrito_peak_climb, only: climb
   use attrito_peak_local_sweep, only: sweep_for_peak
+  use attrito_peak_highest_maximum, only: climb_to_highest
   use attrito_peak_condition, only: problem_type, linearisation_type, linearise, value_of, set_value
   use attrito_peak_corrector, only: plane_type, correct, relative_size
   use attrito_peak_curve_tangent, only: curve_tangent_type
   use attrito_peak_endings, only: ending_none, ending_not_found
+  use attrito_peak_parameter_range, only: leads_on, look_ahead, passed
   implicit none
   private
   public :: curve_type, follow_parameter
@@ -69,6 +72,7 @@ module attrito_peak_curve
     procedure :: correct_here
     procedure :: find_near
     procedure :: sweep_here
+    procedure :: take_highest
     procedure :: curvature
   end type curve_type
 
@@ -83,7 +87,10 @@ contains
 
     start = base_point_of(self, solver)
     call self%correct_here(solver)
-    if (climbs(solver)) return
+    if (climbs(solver)) then
+      if (self%found) call take_highest(self, solver)
+      return
+    end if
     ! Newton's method finds minima as well.
     if (self%found) self%found = self%curvature() < 0.0_wp
     if (self%found) return
@@ -163,6 +170,7 @@ contains
     if (self%found) self%leap = leaps(1)
     if (self%stepped_over .and. self%may_step_over) call step_over(self, solver, before, stop, iterations, reached)
     self%iterations = iterations
+    if (self%found .and. reached) call take_highest(self, solver)
   end subroutine advance
 
   !> A step along the curve, halved until it is solved near its prediction and leads on towards the stop.
@@ -263,28 +271,6 @@ contains
     call self%tangent%find(self%problem, solver, self%point, 0.0_wp)
   end subroutine step_over
 
-  !> The value of the parameter that is so far ahead, or the last one.
-  pure subroutine look_ahead(from, leap, stop, value, reached)
-    !> Value to go on from; relative change; value to end at
-    real(wp), intent(in) :: from, leap, stop
-    !> Where to look
-    real(wp), intent(out) :: value
-    !> Is that the end?
-    logical, intent(out) :: reached
-
-    value = from*(1.0_wp + leap)**sign(1.0_wp, stop - from)
-    reached = passed(from, value, stop)
-    if (reached) value = stop
-  end subroutine look_ahead
-
-  !> Is a value beyond another on the way to a third?
-  pure logical function leads_on(from, to, stop)
-    !> Value that the way begins at; the value; value of the parameter to end at
-    real(wp), intent(in) :: from, to, stop
-
-    leads_on = (to - from)*(stop - from) > 0.0_wp
-  end function leads_on
-
   !> Predict a step, just to the end if it leads beyond, and say where to correct it: in a plane, or at the value that it has come to.
   subroutine solve_in_plane(self, solver, before, stop, stuck, length, plane, reached)
     type(curve_type), intent(in) :: self
@@ -379,14 +365,6 @@ contains
     self%found = status == 0
   end subroutine sweep_here
 
-  !> Does the way from one value to another pass a third?
-  pure logical function passed(from, to, value)
-    !> Value that the way begins at; value that the way ends at; value of the parameter
-    real(wp), intent(in) :: from, to, value
-
-    passed = (value - from)*(to - value) >= 0.0_wp .and. abs(to - from) > 0.0_wp
-  end function passed
-
   !> Correct, and tell how far the corrector went from the prediction, relative.
   subroutine correct_from(self, solver, plane, error)
     type(curve_type), intent(inout) :: self
@@ -435,6 +413,36 @@ contains
     call linearise(self%problem, solver, self%point, status)
     self%found = status == 0
   end subroutine climb_here
+
+  !> From a maximum of a sampled peak to the highest one about it.
+  subroutine take_highest(self, solver)
+    class(curve_type), intent(inout) :: self
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    type(base_point_type) :: before
+    type(newton_report_type) :: report
+    logical :: moved, corner
+    integer :: status
+
+    if (.not. climbs(solver)) return
+    before = base_point_of(self, solver)
+    report = solver%report
+    corner = self%at_corner
+    call climb_to_highest(self%problem, solver, self%iterations, moved, corner)
+    moved = moved .and. is_in_band(self, solver)
+    if (moved) then
+      self%at_corner = corner
+    else
+      call go_back(self, solver, before)
+      solver%report = report
+    end if
+    ! The balance was evaluated elsewhere.
+    call linearise(self%problem, solver, self%point, status)
+    self%found = status == 0
+    if (.not. moved) return
+    call self%tangent%forget()
+    if (self%found) call self%tangent%find(self%problem, solver, self%point, 0.0_wp)
+  end subroutine take_highest
 
   !> Does the solver's frequency lie in the band in which the peak is looked for?
   pure logical function is_in_band(self, solver)

@@ -66,6 +66,7 @@ contains
     solver%omega = omega
     call set_value(self%problem, solver, target)
     call self%sweep_here(solver)
+    if (self%found) call self%take_highest(solver)
     if (self%found .or. self%ending /= ending_not_found .or. .not. begun) return
     self = way
     call set_value(self%problem, solver, level)

@@ -304,8 +304,8 @@ def test_a_run_reports_every_pair_the_estimate_and_how_many_patches(tmp_path):
 
 def test_a_sweep_that_refines_on_its_way_goes_on_from_every_point_bit_for_bit(tmp_path):
     write_blocks(tmp_path / "model.h5")
-    job = merging(swept(blocks(), 56.0, 64.0, max_points=8), tolerance=1e-3)
-    job["load"][1]["cosine"] = [[["node", "tip", "x"], 100.0]]
+    job = merging(swept(blocks(), 57.0, 64.0, max_points=8), tolerance=1e-3)
+    job["load"][1]["cosine"] = [[["node", "tip", "x"], 70.0]]
     path = tmp_path / write_job(tmp_path, job)
     assert "before its stop" in run_to_the_end(path)
     result = tmp_path / "result.h5"
@@ -318,6 +318,18 @@ def test_a_sweep_that_refines_on_its_way_goes_on_from_every_point_bit_for_bit(tm
     runs, _ = run_in_pieces(path)
     assert runs == 8
     assert differences(tmp_path / "whole.h5", result) == []
+
+
+def test_a_sweep_that_refines_at_its_first_point_goes_on_from_there(tmp_path):
+    write_blocks(tmp_path / "model.h5")
+    job = merging(swept(blocks(), 56.0, 64.0, max_points=4), tolerance=1e-3)
+    # All nine contacts slip at the start: one patch is not enough.
+    job["load"][1]["cosine"] = [[["node", "tip", "x"], 100.0]]
+    run_to_the_end(tmp_path / write_job(tmp_path, job))
+    with h5py.File(tmp_path / "result.h5") as file:
+        frequency, patches = file["points/frequency_hz"][:], file["points/patches"][:]
+    assert patches[0] > 1, "the test is void unless patches are refined at the first point"
+    assert frequency[0] == 56.0 and len(frequency) == 4 and np.all(np.diff(frequency) > 0.0)
 
 
 @pytest.mark.parametrize(

@@ -345,6 +345,30 @@ def test_a_peak_at_a_corner_is_said_to_be_one_and_falls_on_either_side():
     assert 5.0 < falls[1] / falls[0] < 20.0 and 5.0 < falls[3] / falls[2] < 20.0
 
 
+def test_of_maxima_that_samples_make_of_a_peak_the_highest_is_taken():
+    # A wedge with two tangents: its response has corners where samples begin to slip, and several maxima near the peak.
+    scene = peaks_scenes.make(1, 15)
+    job = peaks.keys_of(scene, "preload_down")
+    options = Options(harmonics=5, samples=128, by_events=True)
+    with Solver(MPI.COMM_SELF, scene.reduced, options) as solver:
+        curve = follow(solver, job, scene.reduced, peaks.PATH)
+        peak = next(one for one in curve if one.peak.parameter == job["peak"]["values"][0]).peak
+        state = solver.save_state()
+    # Listed frequencies about it, sliders going on from the peak's: 1 % to either side, the maxima are nearer.
+    offsets = np.linspace(0.0, 0.01, 41)
+    heights = []
+    with Solver(MPI.COMM_SELF, scene.reduced, options) as solver:
+        solver.follow_static_path(peaks.PATH * peak.parameter, peaks.STATIC_STEPS, scene.band_hz[0])
+        for way in (1.0, -1.0):
+            solver.load_state(state)
+            points = solver.solve_at((peak.frequency_hz * (1.0 + way * offsets)).tolist(), peak.level, 0)
+            heights.append([point.amplitude[0] for point in points])
+    assert heights[0][0] == pytest.approx(peak.amplitude, rel=1e-9)
+    assert np.max(heights) <= (1.0 + peaks.EQUAL) * peak.amplitude
+    # The test is void unless the response rises again beside the peak.
+    assert any(np.diff(height).max() > 0.0 for height in heights)
+
+
 def test_the_peak_of_a_joint_that_friction_alone_holds_ends_where_it_drifts():
     scene = peaks_scenes.make(1, 36)
     job = peaks.keys_of(scene, "level_up")
