@@ -7,7 +7,8 @@ Nidish96/Computational-Work-For-ASB-Project. C1 to C4a are assemblies of one joi
 has another, 121 mm by 25 mm with three bolts in five patches. A patch moves as a rigid face: it is a contact at its
 centre or, with `--points 4`, at four points with its second moments of area, which turn with it. A contact has two
 tangents or, with `--law iwan`, is two with one; all share stiffnesses per area, friction and the law's numbers. The
-structures' own damping ratio is fitted, too, one for all. Several assemblies after `--fit` are fitted together.
+structures' own damping ratio is fitted, too, one for all. Several assemblies after `--fit` are fitted together; with
+`--shift` by their frequencies over that at the lowest amplitude, as matrices err by more than joints shift.
 The structures float: (2 pi 1 Hz)^2 M is added to their stiffness.
 """
 
@@ -109,16 +110,19 @@ def backbone(folder: Path, assembly: str) -> tuple[np.ndarray, np.ndarray, np.nd
     return at, np.interp(at, amplitude[order], frequency[order]), np.interp(at, amplitude[order], damping[order])
 
 
-def write_backbone(folder: Path, place: Path, assembly: str) -> str:
+def write_backbone(folder: Path, place: Path, assembly: str, shift: bool) -> str:
     """The same as a file of measurements."""
     path = place / f"{assembly}.csv"
-    rows = zip(*backbone(folder, assembly), strict=True)
-    lines = [",".join(f"{value:.10g}" for value in row) for row in rows]
-    path.write_text("\n".join(["amplitude,frequency_hz,damping_ratio", *lines]) + "\n")
+    amplitude, frequency, damping = backbone(folder, assembly)
+    frequency = frequency / frequency[0] if shift else frequency
+    lines = [",".join(f"{value:.10g}" for value in row) for row in zip(amplitude, frequency, damping, strict=True)]
+    path.write_text(
+        "\n".join([f"amplitude,{'frequency_ratio' if shift else 'frequency_hz'},damping_ratio", *lines]) + "\n"
+    )
     return str(path)
 
 
-def fit_of(place: Path, folder: Path, assemblies: list[str], law: dict, points: int) -> Fit:
+def fit_of(place: Path, folder: Path, assemblies: list[str], law: dict, points: int, shift: bool = False) -> Fit:
     """What is looked for, from the backbones of some assemblies."""
     parameters = [
         ("kt", ["contact[*].tangential_stiffness"], 1e-3, 1e3, True),
@@ -141,7 +145,7 @@ def fit_of(place: Path, folder: Path, assemblies: list[str], law: dict, points: 
             {
                 "name": assembly,
                 "of": "mode",
-                "file": write_backbone(folder, place, assembly),
+                "file": write_backbone(folder, place, assembly, shift),
                 "frequency_deviation": 1e-4,
                 "damping_deviation": 0.03,
             }
@@ -161,12 +165,13 @@ def main() -> None:
     parser.add_argument("--predict", nargs="*", default=["C3"])
     parser.add_argument("--law", choices=("coulomb", "iwan"), default="coulomb")
     parser.add_argument("--points", type=int, choices=(1, 4), default=1)
+    parser.add_argument("--shift", action="store_true")
     parser.add_argument("--picture")
     options = parser.parse_args()
     law = {"law": "iwan", "chi": -0.8, "beta": 1.0, "sliders": 16} if options.law == "iwan" else {}
     with tempfile.TemporaryDirectory() as name:
         place = Path(name)
-        fit = fit_of(place, options.folder, options.fit, law, options.points)
+        fit = fit_of(place, options.folder, options.fit, law, options.points, options.shift)
         with contextlib.redirect_stdout(sys.stderr):
             run_fit(MPI.COMM_SELF, fit)
         with h5py.File(place / "fit.h5") as file:
@@ -179,7 +184,7 @@ def main() -> None:
             other = fit_of(place, options.folder, [assembly], law, options.points)
             one = other.data[0]
             solution = Solution(MPI.COMM_SELF, other, one, read_job(one.job, excited=False), Progress(MPI.COMM_SELF))
-            found["assemblies"][assembly] = compared(options.folder, assembly, solution.at(values)[0])
+            found["assemblies"][assembly] = compared(options.folder, assembly, solution.found(values))
     print(json.dumps(found, indent=1))
     if options.picture:
         draw(found, options.fit, options.picture)

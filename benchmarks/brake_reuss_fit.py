@@ -178,8 +178,7 @@ def solved_at(beam: dict[str, Any], fit: dict[str, Any], work: Path, values: np.
     """Of the fit's backbone at values of its parameters."""
     asked = read_fit(fit, work)
     job = read_job(fit["job"], work, excited=False)
-    found, _ = Solution(MPI.COMM_SELF, asked, asked.data[0], job, Progress(MPI.COMM_SELF)).at(values)
-    return found
+    return Solution(MPI.COMM_SELF, asked, asked.data[0], job, Progress(MPI.COMM_SELF)).found(values)
 
 
 def found_by(fit: dict[str, Any], work: Path, beam: dict[str, Any]) -> dict[str, Any]:

@@ -59,6 +59,10 @@ class Solution:
             found.append(1.0 if parameter.factor else float(values.pop()) if len(values) == 1 else None)
         return found
 
+    def found(self, values: np.ndarray) -> dict[str, np.ndarray]:
+        """What is compared, by column `[n]`, without derivatives. Collective."""
+        return self._source.solve(values, derivatives=False)[0]
+
     def at(self, values: np.ndarray) -> Solved:
         """Solve at values of the parameters; differences fill in what is not exact. Collective."""
         found, rates = self._source.solve(values, derivatives=True)
