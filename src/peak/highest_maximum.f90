@@ -3,8 +3,8 @@
 !> Contacts with two tangents are sampled, and whenever one of the samples begins to slip the slope of the response jumps. A peak then
 !> has several maxima, parts of a thousand apart in height and in frequency, and to climb ends at any of them. From one of them the
 !> response is followed to either side, by relative changes of the motion up to the last of `distances`, or until it has fallen.
-!> An arc whose amplitude rises at its beginning and falls at its end stays below where the tangents at both meet: to the maximum of
-!> the arc that may lead highest, if that is above the maximum, the response is closed in on.
+!> An arc whose amplitude rises at its beginning and falls at its end stays below where the tangents at both meet: of arcs that may
+!> lead above the maximum those that may lead highest are tried first.
 module attrito_peak_highest_maximum
   use attrito_core_kinds, only: wp
   use attrito_solve_snapshot, only: restore
@@ -17,12 +17,12 @@ module attrito_peak_highest_maximum
   public :: climb_to_highest
 
   !> Relative changes of the motion, angles on the circle of a single mode, from the maximum to where the response is looked at
-  real(wp), parameter :: distances(6) = [0.015_wp, 0.03_wp, 0.05_wp, 0.08_wp, 0.12_wp, 0.17_wp] ! guess
+  real(wp), parameter :: distances(8) = [0.004_wp, 0.008_wp, 0.015_wp, 0.03_wp, 0.05_wp, 0.08_wp, 0.12_wp, 0.17_wp] ! guess
   !> What a maximum must be higher by, relative; what the response falls by where no other maximum of the peak is
   real(wp), parameter :: higher_by = 1.0e-5_wp, fallen = 0.02_wp ! guess
   !> From prediction to correction, relative to the motion
   real(wp), parameter :: accepted_error = 0.3_wp ! guess
-  integer, parameter :: most_climbs = 4 ! conventional
+  integer, parameter :: most_climbs = 4, most_arcs = 3 ! conventional
 
   !> A piece of the response, and its length along the tangent at its beginning
   type :: arc_type
@@ -48,20 +48,23 @@ contains
     !> Is it a corner? As it was where it is the same
     logical, intent(inout) :: at_corner
     type(branch_seed_type) :: here, next
-    type(arc_type) :: arc
-    integer :: i
-    logical :: looked, higher, found, corner
+    type(arc_type) :: arcs(2*size(distances))
+    integer :: i, j, order(size(arcs)), count
+    logical :: looked, found, corner
 
     moved = .false.
     call look_here(problem, solver, here, looked)
     if (.not. looked) return
     do i = 1, most_climbs
-      call look_beside(problem, solver, here, arc, iterations, higher)
-      call restore(solver, here%snapshot)
-      if (.not. higher) exit
-      call climb_on(problem, solver, arc, iterations, found, corner)
-      if (found) call look_here(problem, solver, next, found)
-      if (found) found = next%amplitude > here%amplitude
+      call look_beside(problem, solver, here, arcs, count, iterations)
+      order(:count) = by_reach(arcs(:count))
+      found = .false.
+      do j = 1, min(count, most_arcs)
+        call climb_on(problem, solver, arcs(order(j)), iterations, found, corner)
+        if (found) call look_here(problem, solver, next, found)
+        if (found) found = next%amplitude > here%amplitude
+        if (found) exit
+      end do
       if (.not. found) then
         call restore(solver, here%snapshot)
         exit
@@ -118,28 +121,26 @@ contains
     iterations = iterations + used
   end subroutine climb_on
 
-  !> The arc on either side that may lead highest, if that is above the maximum.
-  subroutine look_beside(problem, solver, here, highest, iterations, higher)
+  !> The arcs on either side that may lead above the maximum.
+  subroutine look_beside(problem, solver, here, arcs, count, iterations)
     !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> The maximum
     type(branch_seed_type), intent(in) :: here
-    !> The arc
-    type(arc_type), intent(out) :: highest
+    !> The arcs; how many there are
+    type(arc_type), intent(inout) :: arcs(:)
+    integer, intent(out) :: count
     !> Counts on
     integer, intent(inout) :: iterations
-    !> Is there one?
-    logical, intent(out) :: higher
     type(branch_seed_type) :: at, next
     type(arc_type) :: arc
-    real(wp) :: best, way, length
+    real(wp) :: way, length
     integer :: side, i
     logical :: looked
 
-    higher = .false.
-    best = log(here%amplitude) + higher_by
+    count = 0
     do side = 1, 2
       call restore(solver, here%snapshot)
       at = here
@@ -154,10 +155,9 @@ contains
         call step_aside(problem, solver, at, length, next, iterations, looked)
         if (.not. looked) exit
         arc = arc_type(at, next, length)
-        if (arc%reach() > best) then
-          best = arc%reach()
-          highest = arc
-          higher = .true.
+        if (arc%reach() > log(here%amplitude) + higher_by) then
+          count = count + 1
+          arcs(count) = arc
         end if
         if (next%amplitude < (1.0_wp - fallen)*here%amplitude) exit
         at = next
@@ -194,6 +194,23 @@ contains
     end if
     if (solved) call look_around(problem, solver, at%tangent, next, solved)
   end subroutine step_aside
+
+  !> Arcs in the order of how high they may lead, the highest first.
+  pure function by_reach(arcs) result(order)
+    !> Some arcs
+    type(arc_type), intent(in) :: arcs(:)
+    integer :: order(size(arcs))
+    real(wp) :: height(size(arcs))
+    integer :: i
+
+    do i = 1, size(arcs)
+      height(i) = arcs(i)%reach()
+    end do
+    do i = 1, size(arcs)
+      order(i) = maxloc(height, 1)
+      height(order(i)) = -huge(1.0_wp)
+    end do
+  end function by_reach
 
   !> Does the amplitude rise at the beginning of an arc, and fall at its end?
   pure logical function encloses_maximum(self)
