@@ -19,7 +19,8 @@ the benchmark goes on where it was ended. Constants of `reduce/` are not varied 
     .venv/bin/python benchmarks/constants.py --scenes 2000 --seed 2 --together
 
 Constants that changed nothing in the file's rows are varied all at once; where that changes a scene, the half of them
-that does it is looked for, and so on. A number out of reach tells those that scenes do not meet from those that they do
+that does it is looked for, and so on. What some scenes have shown is kept, so that this too goes on where it was ended.
+A number out of reach tells those that scenes do not meet from those that they do
 not need. Both are written into the rows' notes.
 """
 
@@ -62,6 +63,8 @@ MOST_POINTS = 60
 ROUNDING = 1e-6
 # A factor that shows whether a constant is looked at in a scene
 OUT_OF_REACH = 1e30
+# Scenes that are solved before what is known is written down
+AT_A_TIME = 60
 # Seconds of a processor that the unchanged library may take for a scene that is used, and any other for it
 USUAL_SECONDS, MOST_SECONDS = 2.0, 10.0
 
@@ -251,26 +254,58 @@ def one_by_one(options: argparse.Namespace, library: Path, chosen: list[Constant
 
 
 def together(options: argparse.Namespace, library: Path, chosen: list[Constant]) -> None:
-    """What constants that changed nothing change in other scenes, into the rows' notes."""
-    rows = rows_of(options.output)
-    idle = [row for row in rows if row["same"] == "1" and row["work"] == "1.0"]
+    """What constants that changed nothing change in other scenes, some scenes after the others, into the rows' notes.
+
+    A constant that has been met, or felt, is not varied in scenes that follow. What is known is kept in a file beside
+    the library, from which the same command goes on where it was ended.
+    """
+    kept = options.place / "together.json"
+    known = json.loads(kept.read_text()) if kept.exists() else {}
     for part in options.parts:
+        about = {"met": [], "felt": {factor: [] for factor in FACTORS}, "drawn": 0, "scenes": 0}
+        told = known.setdefault(f"{part} {options.seed} {options.seconds}", about)
+        idle = [row for row in rows_of(options.output) if is_idle(row)]
         group = [one for one in chosen if any(is_of(row, one) and row["part"] == part for row in idle)]
-        before = solve_all(library, part, options.seed, list(range(options.scenes)), seconds=options.seconds)
-        print(f"{part}: {len(before)} of {options.scenes} scenes take at most {options.seconds} s", flush=True)
-        met = search(library, part, options.seed, before, group, OUT_OF_REACH)
-        for factor in FACTORS:
-            some = [one for one in met if any(is_of(row, one) and row["factor"] == factor for row in idle)]
-            felt = search(library, part, options.seed, before, some, float(factor))
-            for row, one in itertools.product(idle, group):
-                if row["factor"] == factor and is_of(row, one):
-                    met_words = "some" if one in felt else "nothing"
-                    row["note"] = f"{met_words if one in met else 'not met'} in {len(before)} others"
-        print(f"{part}: {len(before)} scenes meet {len(met)} of {len(group)}", flush=True)
-        with options.output.open("w", newline="") as file:
-            writer = csv.DictWriter(file, [field.name for field in fields(Row)], lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(rows)
+        while told["drawn"] < options.scenes:
+            numbers = list(range(told["drawn"], min(told["drawn"] + AT_A_TIME, options.scenes)))
+            before = solve_all(library, part, options.seed, numbers, seconds=options.seconds)
+            search_on(told["met"], library, part, options.seed, before, group, OUT_OF_REACH)
+            for factor in FACTORS:
+                some = [one for one in group if constants_library.symbol(one) in told["met"]]
+                some = [one for one in some if any(is_of(row, one) and row["factor"] == factor for row in idle)]
+                search_on(told["felt"][factor], library, part, options.seed, before, some, float(factor))
+            told["drawn"] = numbers[-1] + 1
+            told["scenes"] += len(before)
+            kept.write_text(json.dumps(known, indent=1))
+            write_notes(options.output, part, group, told)
+            quick = f"{told['scenes']} of {told['drawn']} scenes take at most {options.seconds} s of a processor"
+            print(f"{part}: {quick}; they meet {len(told['met'])} of {len(group)}", flush=True)
+
+
+def search_on(found: list[str], library: Path, part: str, seed: int, before: dict[int, list[Solution]],
+              group: list[Constant], factor: float) -> None:  # fmt: skip
+    """Search for those of a group that have not been found yet."""
+    left = [one for one in group if constants_library.symbol(one) not in found]
+    found += [constants_library.symbol(one) for one in search(library, part, seed, before, left, factor)]
+
+
+def write_notes(path: Path, part: str, group: list[Constant], told: dict[str, Any]) -> None:
+    """What is known of the constants of a group, into the rows of a file."""
+    rows = rows_of(path)
+    for row, one in itertools.product(rows, group):
+        if is_of(row, one) and row["part"] == part and is_idle(row):
+            symbol = constants_library.symbol(one)
+            met_words = "some" if symbol in told["felt"][row["factor"]] else "nothing"
+            row["note"] = f"{met_words if symbol in told['met'] else 'not met'} in {told['scenes']} others"
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, [field.name for field in fields(Row)], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def is_idle(row: dict[str, str]) -> bool:
+    """Has a variant changed nothing, in the file's rows?"""
+    return row["same"] == "1" and row["work"] == "1.0"
 
 
 def is_of(row: dict[str, str], constant: Constant) -> bool:

@@ -30,8 +30,9 @@ module attrito_accuracy_finer_balance
   !> the samples of both too often, and both are wrong by the same
   integer, parameter :: densification = 4 ! measured
 
-  !> Relative residual of GMRES, where the step is large: an error needs two digits
-  real(wp), parameter :: accepted_residual = 1.0e-2_wp ! guess
+  !> Residual of GMRES relative to the first step's right-hand side: an error needs two digits. A second step is a part of the first,
+  !> and is not solved in vain
+  real(wp), parameter :: accepted_residual = 1.0e-2_wp, least_reduction = 0.3_wp ! guess
 
   type :: finer_balance_type
     !> K
@@ -55,10 +56,21 @@ module attrito_accuracy_finer_balance
     real(wp), allocatable :: monitors(:, :)
     !> Part of what forces are changed by that is due to samples
     real(wp) :: samples_share = 0.0_wp
+    !> Size of the right-hand side of the step that led here
+    real(wp) :: asked = 0.0_wp
     !> Response that these belong to [n, 0:K], and what start sliders that are unknowns have moved by [width, contacts]
     complex(wp), allocatable :: response(:, :)
     real(wp), allocatable :: slider(:, :)
   end type finer_point_type
+
+  !> What a change of the forces makes
+  type :: force_change_type
+    !> Change of the deviation [2 H + 1, rows], and of where periodic sliders go [width, contacts]
+    real(wp), allocatable :: deviation(:, :), released(:, :)
+    !> The motion that it makes of the contacts, these being stuck: response [n, 0:H] and rows [2 H + 1, rows]
+    complex(wp), allocatable :: response(:, :)
+    real(wp), allocatable :: motion(:, :)
+  end type force_change_type
 
 contains
 
@@ -84,12 +96,13 @@ contains
     !> 0, or not: singular
     integer, intent(out) :: status
     complex(wp), allocatable :: response(:, :)
-    real(wp), allocatable :: deviation(:, :), by_samples(:, :), released_by_samples(:, :), change(:, :), released(:, :)
+    real(wp), allocatable :: deviation(:, :)
+    type(force_change_type) :: by_samples, change
 
     associate (balance => solver%context%balance)
       allocate (response(size(balance%response, 1), 0:self%harmonics), source=(0.0_wp, 0.0_wp))
       response(:, :balance%receptance%harmonics) = balance%response
-      call forces_at_own_motion(self, solver, deviation, by_samples, released_by_samples)
+      call forces_at_own_motion(self, solver, deviation, by_samples)
       call self%respond_beyond(solver, deviation, response)
       point%motion = resized(solver%motion, 2*self%harmonics + 1)
       if (self%harmonics > balance%receptance%harmonics) then
@@ -97,11 +110,11 @@ contains
           point%motion(2*beyond:, :) = balance%contact_rows%motion_from(beyond, response(:, beyond:))
         end associate
       end if
-      call change_forces(self, solver, point%motion, change, released)
+      call change_forces(self, solver, point%motion, change)
       if (self%quadrature%fourier%samples >= densification*balance%quadrature%fourier%samples) then
-        call extrapolate_samples(solver, by_samples, released_by_samples, change, released, point%samples_share)
+        call extrapolate_samples(solver, by_samples, change, point%samples_share)
       end if
-      call step(solver, change, released, response, point, status)
+      call step(solver, change, response, point, status)
       if (status == 0) point%monitors = balance%monitors%motion_of(response)
       point%response = response
       balance%work = balance%work + residual_work(2*self%harmonics + 1, balance%rows(), size(response, 1))
@@ -109,21 +122,21 @@ contains
   end subroutine correct
 
   !> Deviation at the balance's own motion, of which it has mostly kept as many harmonics, and what denser samples change of it.
-  subroutine forces_at_own_motion(self, solver, deviation, by_samples, released)
+  subroutine forces_at_own_motion(self, solver, deviation, by_samples)
     class(finer_balance_type), intent(in) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Of this rank's rows [2 K + 1, rows]
     real(wp), allocatable, intent(out) :: deviation(:, :)
-    !> What denser samples change of the deviation [2 H + 1, rows], and of where periodic sliders go [width, contacts]
-    real(wp), allocatable, intent(out) :: by_samples(:, :), released(:, :)
+    !> What denser samples change of the forces
+    type(force_change_type), intent(out) :: by_samples
     type(contact_forces_type) :: forces
     integer :: i, k
 
     associate (balance => solver%context%balance)
       k = balance%coefficients()
-      allocate (deviation(2*self%harmonics + 1, balance%rows()), by_samples(k, balance%rows()), &
-                released(size(balance%slider, 1), size(balance%law)), source=0.0_wp)
+      by_samples = no_change(solver)
+      allocate (deviation(2*self%harmonics + 1, balance%rows()), source=0.0_wp)
       do i = 1, size(balance%law)
         if (balance%forces(i)%state < state_slipping) cycle
         associate (before => balance%forces(i), first => balance%law(i)%first_row, &
@@ -136,12 +149,45 @@ contains
           call self%evaluate(solver, i, resized(solver%motion(:, first:last), size(deviation, 1)), before%slider, forces)
           deviation(:, first:last) = forces%deviation
           if (.not. self%is_denser_for(balance, i)) cycle
-          by_samples(:, first:last) = forces%deviation(:k, :) - before%deviation(:k, :)
-          if (before%periodic) released(:, i) = forces%moved - before%moved
+          by_samples%deviation(:, first:last) = forces%deviation(:k, :) - before%deviation(:k, :)
+          if (before%periodic) by_samples%released(:, i) = forces%moved - before%moved
         end associate
       end do
     end associate
+    call respond_to_change(solver, by_samples)
   end subroutine forces_at_own_motion
+
+  !> A change by which nothing changes.
+  function no_change(solver) result(change)
+    !> Solver of points: its motion, sliders, angular frequency and balance
+    type(solver_type), intent(in) :: solver
+    type(force_change_type) :: change
+
+    associate (balance => solver%context%balance)
+      allocate (change%deviation(balance%coefficients(), balance%rows()), source=0.0_wp)
+      allocate (change%released(size(balance%slider, 1), size(balance%slider, 2)), source=0.0_wp)
+    end associate
+  end function no_change
+
+  !> The motion that a change of forces makes of the contacts, these being stuck.
+  subroutine respond_to_change(solver, change)
+    !> Solver of points: its motion, sliders, angular frequency and balance
+    type(solver_type), intent(in) :: solver
+    !> Change of the forces
+    type(force_change_type), intent(inout) :: change
+    real(wp) :: largest
+
+    associate (balance => solver%context%balance)
+      allocate (change%response, source=0.0_wp*balance%response)
+      allocate (change%motion, source=0.0_wp*change%deviation)
+      largest = 0.0_wp
+      if (size(change%deviation) > 0) largest = maxval(abs(change%deviation))
+      ! Where all contacts go by events, samples change nothing.
+      if (.not. balance%ranks%largest(largest) > 0.0_wp) return
+      call balance%respond_to_deviation(change%deviation, change%response)
+      change%motion = balance%recover(change%response)
+    end associate
+  end subroutine respond_to_change
 
   !> Response at the harmonics beyond H to the contact forces and loads there.
   subroutine respond_beyond(self, solver, deviation, response)
@@ -152,14 +198,17 @@ contains
     real(wp), intent(in) :: deviation(:, :)
     !> Coordinates of the response, by harmonic
     complex(wp), intent(inout) :: response(:, 0:)
-    real(wp), allocatable :: forces(:, :)
+    real(wp) :: forces(2*self%harmonics + 1, size(response, 1)), beyond(2*self%harmonics + 1, size(deviation, 2))
     complex(wp), allocatable :: columns(:, :)
     integer :: k, loaded
 
     associate (balance => solver%context%balance, lowest => solver%context%balance%receptance%harmonics + 1)
       if (self%harmonics < lowest) return
       k = 2*self%harmonics + 1
-      forces = -balance%contact_rows%load_of(deviation)
+      ! Most contacts stick, and have no force there.
+      beyond = deviation
+      beyond(:2*lowest - 1, :) = 0.0_wp
+      forces = -balance%contact_rows%load_of(beyond)
       call balance%ranks%sum(forces)
       loaded = min(size(solver%structure%harmonic_load, 2), k)
       forces(:loaded, :) = forces(:loaded, :) &
@@ -201,20 +250,20 @@ contains
   end function is_denser_for
 
   !> What the finer balance's forces differ by at the harmonics up to H, and where its periodic sliders would go.
-  subroutine change_forces(self, solver, motion, change, released)
+  subroutine change_forces(self, solver, motion, change)
     class(finer_balance_type), intent(in) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> [2 K + 1, rows]
     real(wp), intent(in) :: motion(:, :)
-    !> [2 H + 1, rows], [width, contacts]
-    real(wp), allocatable, intent(out) :: change(:, :), released(:, :)
+    !> The change
+    type(force_change_type), intent(out) :: change
     type(contact_forces_type) :: forces
     integer :: i, k
 
     associate (balance => solver%context%balance)
       k = balance%coefficients()
-      allocate (change(k, balance%rows()), released(size(balance%slider, 1), size(balance%law)), source=0.0_wp)
+      change = no_change(solver)
       do i = 1, size(balance%law)
         if (balance%forces(i)%state < state_slipping) cycle
         associate (law => balance%law(i), before => balance%forces(i), first => balance%law(i)%first_row, &
@@ -222,57 +271,45 @@ contains
           if (allocated(forces%deviation)) deallocate (forces%deviation)
           allocate (forces%deviation(k, law%tangents + 1))
           call self%evaluate(solver, i, motion(:, first:last), before%slider, forces)
-          change(:, first:last) = forces%deviation - before%deviation(:k, :)
-          if (before%periodic) released(:, i) = forces%moved - before%moved
+          change%deviation(:, first:last) = forces%deviation - before%deviation(:k, :)
+          if (before%periodic) change%released(:, i) = forces%moved - before%moved
         end associate
       end do
     end associate
+    call respond_to_change(solver, change)
   end subroutine change_forces
 
   !> The part of a change of the forces that is due to samples. It is extrapolated: the error falls like the square of their number.
-  subroutine extrapolate_samples(solver, by_samples, released_by_samples, change, released, share)
+  subroutine extrapolate_samples(solver, by_samples, change, share)
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
-    !> What denser samples change of the forces [2 H + 1, rows], and of where periodic sliders go [width, contacts]
-    real(wp), intent(in) :: by_samples(:, :), released_by_samples(:, :)
+    !> What denser samples change of the forces
+    type(force_change_type), intent(in) :: by_samples
     !> The same by harmonics and samples together
-    real(wp), intent(inout) :: change(:, :), released(:, :)
+    type(force_change_type), intent(inout) :: change
     !> Of samples in the motion that both parts by themselves make
     real(wp), intent(out) :: share
     !> What the denser balance's own error adds: s^-2/(1 - s^-2)
     real(wp), parameter :: rest = 1.0_wp/(densification**2 - 1.0_wp) ! derived
     real(wp) :: harmonics, samples
 
-    harmonics = moved_by(solver, change - by_samples)
-    samples = (1.0_wp + rest)*moved_by(solver, by_samples)
+    associate (balance => solver%context%balance)
+      harmonics = balance%norm(change%motion - by_samples%motion)
+      samples = (1.0_wp + rest)*balance%norm(by_samples%motion)
+    end associate
     share = samples/max(samples + harmonics, tiny(1.0_wp))
-    change = change + rest*by_samples
-    released = released + rest*released_by_samples
+    change%deviation = change%deviation + rest*by_samples%deviation
+    change%released = change%released + rest*by_samples%released
+    change%response = change%response + rest*by_samples%response
+    change%motion = change%motion + rest*by_samples%motion
   end subroutine extrapolate_samples
 
-  !> Norm of the motion that a change of forces makes of the contacts, these being stuck.
-  real(wp) function moved_by(solver, change)
-    !> Solver of points: its motion, sliders, angular frequency and balance
-    type(solver_type), intent(in) :: solver
-    !> Change of the forces or of the frequency
-    real(wp), intent(in) :: change(:, :)
-    complex(wp), allocatable :: response(:, :)
-
-    associate (balance => solver%context%balance)
-      allocate (response, mold=balance%response)
-      call balance%respond_to_deviation(change, response)
-      moved_by = sum(balance%recover(response)**2)
-      call balance%ranks%sum(moved_by)
-      moved_by = sqrt(moved_by)
-    end associate
-  end function moved_by
-
   !> One linearised step at the equation that picked the point, for a change of the forces.
-  subroutine step(solver, change, released, response, point, status)
+  subroutine step(solver, change, response, point, status)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
-    !> Change of the forces or of the frequency; change of the forces with sliders released
-    real(wp), intent(in) :: change(:, :), released(:, :)
+    !> Change of the forces
+    type(force_change_type), intent(in) :: change
     !> [n, 0:K]
     complex(wp), intent(inout) :: response(:, 0:)
     !> Point by the finer balance, to first order
@@ -285,14 +322,14 @@ contains
 
     point%omega = solver%omega
     associate (balance => solver%context%balance, harmonics => solver%context%balance%receptance%harmonics)
-      allocate (added, mold=balance%response)
-      call balance%respond_to_deviation(change, added)
-      k = size(change, 1)
-      right = unknowns_type(balance%recover(added), released)
+      k = balance%coefficients()
+      right = unknowns_type(change%motion, change%released)
+      point%asked = size_of(solver, right)
       call solve_for_estimate(solver, right, moved, status)
       if (status /= 0) return
-      call balance%respond_to_deviation(change + change_of_deviation(balance, right, moved), added)
-      response(:, :harmonics) = response(:, :harmonics) + added
+      allocate (added, mold=balance%response)
+      call balance%respond_to_deviation(change_of_deviation(balance, right, moved), added)
+      response(:, :harmonics) = response(:, :harmonics) + change%response + added
       call balance%receptance%respond_derivative(balance%response, added)
       response(:, :harmonics) = response(:, :harmonics) + moved%omega*added
       point%motion(:k, :) = point%motion(:k, :) + moved%motion
@@ -302,7 +339,7 @@ contains
   end subroutine step
 
   !> A linearised step at the solver's point, as exact as an error needs.
-  subroutine solve_for_estimate(solver, right, step, status)
+  subroutine solve_for_estimate(solver, right, step, status, asked)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Right-hand sides of balance and sliders
@@ -311,15 +348,33 @@ contains
     type(unknowns_type), intent(out) :: step
     !> 0, or not: singular
     integer, intent(out) :: status
+    !> Size of the right-hand sides of the first step, if this is not it
+    real(wp), optional, intent(in) :: asked
     type(linear_options_type) :: options
     integer :: iterations
 
     step = new_unknowns(shape(right%motion), shape(right%slider))
     options = solver%context%linear
     options%krylov%tolerance = accepted_residual
+    if (present(asked)) then
+      options%krylov%tolerance = accepted_residual*max(1.0_wp, asked/max(size_of(solver, right), tiny(1.0_wp)))
+      options%krylov%tolerance = min(options%krylov%tolerance, least_reduction)
+    end if
     call solve_linearised(solver%context%balance, solver%context%constraint, right, options, step, iterations, status, &
                           solver%context%preconditioner)
   end subroutine solve_for_estimate
+
+  !> Euclidean norm of right-hand sides, those of the balance and of sliders being displacements.
+  real(wp) function size_of(solver, right)
+    !> Solver of points: its motion, sliders, angular frequency and balance
+    type(solver_type), intent(in) :: solver
+    !> Right-hand sides of balance and sliders
+    type(unknowns_type), intent(in) :: right
+
+    associate (balance => solver%context%balance)
+      size_of = sqrt(balance%norm(right%motion)**2 + balance%norm(right%slider)**2)
+    end associate
+  end function size_of
 
   !> Give the transforms back.
   subroutine destroy(self)

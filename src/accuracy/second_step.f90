@@ -71,7 +71,7 @@ contains
       monitors = balance%monitors%motion_of(response)
       second%unsettled = highest_unsettled(answers_of(solver, first%motion, motion, first%monitors, monitors), (k + 1)/2, threshold)
       right = unknowns_type(motion(:k, :) - first%motion(:k, :), released)
-      call solve_for_estimate(solver, right, moved, status)
+      call solve_for_estimate(solver, right, moved, status, first%asked)
       if (status /= 0) return
       call balance%respond_to_deviation(change_of_deviation(balance, right, moved), added)
       response(:, :harmonics) = response(:, :harmonics) + added
@@ -146,7 +146,8 @@ contains
     change = to_complex(second) - before
     do h = 1, size(sums, 1)
       product = sum(conjg(before(:, h + 1))*change(:, h + 1))
-      sums(h, :) = [sum(abs(before(:, h + 1))**2), sum(abs(change(:, h + 1))**2), real(product, wp), aimag(product)]
+      sums(h, :) = [sum(before(:, h + 1)%re**2 + before(:, h + 1)%im**2), sum(change(:, h + 1)%re**2 + change(:, h + 1)%im**2), &
+                    product%re, product%im]
     end do
     call solver%context%balance%ranks%sum(sums)
     answers%before = sqrt(sums(:, 1))

@@ -134,6 +134,7 @@ contains
     force = 0.0_wp
     do i = 1, law%elements()
       allocate (samples)
+      samples%without_gradients = .true.
       call sample_contact(law%element(i), fourier, motion, slider(2*i - 1:2*i), passes, samples)
       displacement = samples%displacement
       force(:, :n) = force(:, :n) + samples%force(:, :n)

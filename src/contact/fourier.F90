@@ -16,15 +16,18 @@ module attrito_contact_fourier
   type :: fourier_type
     !> Samples a period, J
     integer :: samples = 0
+    !> A quarter of them, at which what a contact does is looked at beforehand
+    integer :: coarse_samples = 0
     !> Coefficients of the motion, 2 H + 1
     integer :: coefficients = 0
     !> Motion at the samples per unit coefficient [coefficients, J]
     real(wp), allocatable :: basis(:, :)
     !> Coefficients per unit sample [coefficients, J]
     real(wp), allocatable :: analysis(:, :)
-    type(c_ptr), private :: to_samples_plan = c_null_ptr, to_coefficients_plan = c_null_ptr
+    type(c_ptr), private :: to_samples_plan = c_null_ptr, to_coarse_plan = c_null_ptr, to_coefficients_plan = c_null_ptr
   contains
     procedure :: to_samples
+    procedure :: to_coarse_samples
     procedure :: to_coefficients
     procedure :: analyse_gradients
     procedure :: destroy
@@ -44,6 +47,8 @@ contains
     self%samples = samples
     self%coefficients = 2*harmonics + 1
     self%to_samples_plan = fftw_plan_dft_c2r_1d(samples, z, x, ior(FFTW_ESTIMATE, FFTW_UNALIGNED))
+    self%coarse_samples = max(samples/4, 1)
+    self%to_coarse_plan = fftw_plan_dft_c2r_1d(self%coarse_samples, z, x, ior(FFTW_ESTIMATE, FFTW_UNALIGNED))
     self%to_coefficients_plan = fftw_plan_dft_r2c_1d(samples, x, z, ior(FFTW_ESTIMATE, FFTW_UNALIGNED))
     allocate (self%basis(self%coefficients, samples))
     self%basis(1, :) = 1.0_wp
@@ -62,7 +67,32 @@ contains
     real(wp), intent(in) :: coefficients(:, :)
     !> Samples [J, columns]
     real(wp), intent(out), contiguous :: x(:, :)
-    complex(c_double_complex) :: z(self%samples/2 + 1)
+
+    call execute(self%to_samples_plan, self%samples, coefficients, x)
+  end subroutine to_samples
+
+  !> The same at a quarter of the samples.
+  subroutine to_coarse_samples(self, coefficients, x)
+    class(fourier_type), intent(in) :: self
+    !> Coefficients [any odd number up to J/4, columns]
+    real(wp), intent(in) :: coefficients(:, :)
+    !> Samples [J/4, columns]
+    real(wp), intent(out), contiguous :: x(:, :)
+
+    call execute(self%to_coarse_plan, self%coarse_samples, coefficients, x)
+  end subroutine to_coarse_samples
+
+  !> Samples of a series by one of the plans.
+  subroutine execute(plan, samples, coefficients, x)
+    !> FFTW's plan
+    type(c_ptr), intent(in) :: plan
+    !> Samples a period that it is made for
+    integer, intent(in) :: samples
+    !> Coefficients [any odd number up to that, columns]
+    real(wp), intent(in) :: coefficients(:, :)
+    !> Samples [samples, columns]
+    real(wp), intent(out), contiguous :: x(:, :)
+    complex(c_double_complex) :: z(samples/2 + 1)
     integer :: column, h
 
     do column = 1, size(coefficients, 2)
@@ -71,9 +101,9 @@ contains
       do h = 1, (size(coefficients, 1) - 1)/2
         z(h + 1) = 0.5_wp*cmplx(coefficients(2*h, column), -coefficients(2*h + 1, column), wp)
       end do
-      call fftw_execute_dft_c2r(self%to_samples_plan, z, x(:, column))
+      call fftw_execute_dft_c2r(plan, z, x(:, column))
     end do
-  end subroutine to_samples
+  end subroutine execute
 
   !> The first coefficients of samples, columnwise.
   subroutine to_coefficients(self, x, coefficients)
@@ -114,8 +144,10 @@ contains
     class(fourier_type), intent(inout) :: self
 
     if (c_associated(self%to_samples_plan)) call fftw_destroy_plan(self%to_samples_plan)
+    if (c_associated(self%to_coarse_plan)) call fftw_destroy_plan(self%to_coarse_plan)
     if (c_associated(self%to_coefficients_plan)) call fftw_destroy_plan(self%to_coefficients_plan)
     self%to_samples_plan = c_null_ptr
+    self%to_coarse_plan = c_null_ptr
     self%to_coefficients_plan = c_null_ptr
   end subroutine destroy
 end module attrito_contact_fourier

@@ -11,18 +11,20 @@ module attrito_contact_quadrature_sampled
   use attrito_model_contacts, only: contact_type
   use attrito_contact_forces, only: contact_forces_type, stay_stuck, hold_slider, released
   use attrito_contact_fourier, only: fourier_type
-  use attrito_contact_friction_disc, only: slide_on_disc
+  use attrito_contact_friction_disc, only: slide_on_disc, differentiate_slide_on_disc
   use attrito_contact_friction_line, only: slide_along_line, slider_interval, side_landed
   use attrito_contact_slider_projection, only: slider_projection_type, project_slider, projection_gradient
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open, state_stuck, state_shaken_down, state_slipping, &
                                    state_open
-  use attrito_contact_stuck_bound, only: is_stuck_by_bound
+  use attrito_contact_stuck_bound, only: is_stuck_by_bound, is_stuck_by_samples
   implicit none
   private
   public :: evaluate_contact_by_samples, contact_samples_type, sample_contact
 
   !> What happens at the samples of one period
   type :: contact_samples_type
+    !> Is no gradient wanted, nor whether the loop forgets its start?
+    logical :: without_gradients = .false.
     !> Displacement and force [J, rows]; slider [J, 2]
     real(wp), allocatable :: displacement(:, :), force(:, :), slider(:, :)
     !> Slip radius F/k_t, where open less than zero by what is missing, and its derivative by v [J]
@@ -67,10 +69,11 @@ contains
     integer :: i
 
     forces%periodic = periodic .and. law%tangents == 2
-    if (is_stuck_by_bound(law, motion, slider)) then
+    if (is_surely_stuck(law, fourier, motion, slider)) then
       call stay_stuck(law, slider, size(motion, 1), forces)
       return
     end if
+    samples%without_gradients = forces%without_jacobian
     call sample_contact(law, fourier, motion, slider, merge(1, 2, forces%periodic), samples)
     deviation = samples%force
     do i = 1, law%tangents
@@ -80,9 +83,27 @@ contains
     deviation(:, i) = samples%force(:, i) - law%normal_stiffness*samples%displacement(:, i)
     call fourier%to_coefficients(deviation, forces%deviation)
     call classify(samples, forces)
-    call differentiate(law, fourier, samples, forces)
+    if (.not. forces%without_jacobian) call differentiate(law, fourier, samples, forces)
     if (forces%state == state_stuck) call hold_slider(law, (forces%slider), forces)
   end subroutine evaluate_contact_by_samples
+
+  !> Does the contact stick whatever happens between samples? What passes is what a march would find: stuck where it is.
+  logical function is_surely_stuck(law, fourier, motion, slider) result(sticks)
+    !> Contact: its springs and its law
+    type(contact_type), intent(in) :: law
+    !> Transforms between coefficients and samples
+    type(fourier_type), intent(in) :: fourier
+    !> Coefficients of relative displacement [k, rows]
+    real(wp), intent(in) :: motion(:, :)
+    !> Slider at the start [2]
+    real(wp), intent(in) :: slider(2)
+    real(wp) :: displacement(fourier%coarse_samples, size(motion, 2))
+
+    sticks = is_stuck_by_bound(law, motion, slider)
+    if (sticks .or. law%tangents == 1 .or. size(motion, 1) > fourier%coarse_samples) return
+    call fourier%to_coarse_samples(motion, displacement)
+    sticks = is_stuck_by_samples(law, displacement, motion, slider)
+  end function is_surely_stuck
 
   !> March the law over the samples of one period until its slider repeats.
   subroutine sample_contact(law, fourier, motion, slider, passes, samples)
@@ -170,6 +191,7 @@ contains
     samples%regimes = regime_stick
     samples%moved = samples%nearest%count > 0
     samples%rests = .true.
+    if (samples%without_gradients) return
     samples%projection_gradient = projection_gradient(samples%nearest, samples%displacement(:, 1:2), samples%radius, fourier%basis, &
                                                 samples%slope, slider)
   end subroutine rest
@@ -190,22 +212,27 @@ contains
     integer :: pass, k
 
     k = fourier%coefficients
-    allocate (gradient(3*k + 2, 2), source=0.0_wp)
-    allocate (samples%gradients(3*k + 2, 2, fourier%samples))
     w = slider
-    if (passes > 1) then
-      w = samples%nearest%slider
-      gradient(:3*k, :) = transpose(projection_gradient(samples%nearest, samples%displacement(:, 1:2), samples%radius, &
-                                                     fourier%basis, samples%slope, slider))
+    if (passes > 1) w = samples%nearest%slider
+    if (.not. samples%without_gradients) then
+      allocate (gradient(3*k + 2, 2), source=0.0_wp)
+      allocate (samples%gradients(3*k + 2, 2, fourier%samples))
+      if (passes > 1) gradient(:3*k, :) = transpose(projection_gradient(samples%nearest, samples%displacement(:, 1:2), &
+                                                                        samples%radius, fourier%basis, samples%slope, slider))
     end if
     do pass = 1, passes
       samples%start = w
-      gradient(3*k + 1:, :) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [2, 2])
-      call slide_on_disc(samples%displacement(:, 1:2), samples%radius, fourier%basis, samples%slope, w, gradient, &
-                         samples%slider, samples%gradients, samples%regimes)
+      if (samples%without_gradients) then
+        call slide_on_disc(samples%displacement(:, 1:2), samples%radius, w, samples%slider, samples%regimes)
+      else
+        gradient(3*k + 1:, :) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [2, 2])
+        call differentiate_slide_on_disc(samples%displacement(:, 1:2), samples%radius, fourier%basis, samples%slope, w, gradient, &
+                                         samples%slider, samples%gradients, samples%regimes)
+      end if
       if (pass < passes) samples%moved = samples%moved .or. any(samples%regimes /= regime_stick)
     end do
     samples%moved_by = w - samples%start
+    if (samples%without_gradients) return
     samples%forgets = largest_singular_value(gradient(3*k + 1:, :)) < 1.0_wp - 1.0e-9_wp
   end subroutine march_disc
 

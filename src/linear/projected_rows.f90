@@ -72,17 +72,23 @@ contains
     end if
   end function number
 
-  !> Loads f = P lambda on the generalised coordinates [2 H + 1, n].
+  !> Loads f = P lambda on the generalised coordinates [2 H + 1, n]. Rows without a force, often most of them, are left out.
   pure function load_of(self, forces) result(load)
     class(projected_rows_type), intent(in) :: self
     !> Forces along the rows, lambda [2 H + 1, rows]
     real(wp), intent(in) :: forces(:, :)
     real(wp), allocatable :: load(:, :)
     complex(wp), allocatable :: columns(:, :), loads(:, :)
-    integer :: h
+    integer, allocatable :: loaded(:)
+    integer :: h, row
 
     if (.not. allocated(self%by_harmonic)) then
-      load = matmul(forces, transpose(self%common))
+      loaded = pack([(row, row=1, size(forces, 2))], [(any(abs(forces(:, row)) > 0.0_wp), row=1, size(forces, 2))])
+      if (2*size(loaded) < size(forces, 2)) then
+        load = matmul(forces(:, loaded), transpose(self%common(:, loaded)))
+      else
+        load = matmul(forces, transpose(self%common))
+      end if
       return
     end if
     columns = to_complex(forces)

@@ -5,11 +5,11 @@
 !> $$ |u - w| = r \;\text{(slip begins)}, \qquad e \cdot u' - r' = 0 \;\text{(it ends)}, \qquad N = 0 \;\text{(open; landing)}. $$
 !>
 !> One tangent is the same on a line, where e does not turn. A contact that lands sticks if |u'| <= r', else it slips along u'.
-!> The direction is carried from sample to sample by the step of `attrito_contact_friction_disc`, of second order; periods are marched
+!> The direction is carried from sample to sample by the step of `attrito_contact_disc_turn`, of second order; periods are marched
 !> until slider and direction come back.
 module attrito_stability_friction_path
   use attrito_core_kinds, only: wp
-  use attrito_contact_friction_disc, only: slip_type, turn
+  use attrito_contact_disc_turn, only: slip_type, turn
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open
   use attrito_model_contacts, only: contact_type
   use attrito_stability_sampled_motion, only: sampled_motion_type, at_contact_type

@@ -5,7 +5,7 @@
 !> both ends of a step.
 module attrito_stability_sampled_steps
   use attrito_core_kinds, only: wp
-  use attrito_contact_friction_disc, only: slip_type
+  use attrito_contact_disc_turn, only: slip_type
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open
   use attrito_model_contacts, only: contact_type
   use attrito_stability_friction_path, only: path_type, follow_path, turn_over, unit

@@ -4,9 +4,10 @@ program test_contact_disc
   use attrito_core_kinds, only: wp, two_pi
   use attrito_model_contacts, only: contact_type
   use attrito_contact_fourier, only: fourier_type, new_fourier
-  use attrito_contact_friction_disc, only: slide_on_disc
+  use attrito_contact_friction_disc, only: slide_on_disc, differentiate_slide_on_disc
   use attrito_contact_forces, only: contact_forces_type
   use attrito_contact_quadrature_sampled, only: evaluate_contact_by_samples
+  use attrito_contact_stuck_bound, only: is_stuck_by_bound, is_stuck_by_samples
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open, state_slipping
   use scenes, only: noise
   use testing, only: test, run_suite, check, check_close
@@ -24,6 +25,8 @@ program test_contact_disc
                 test('forces converge as the number of samples squared where slip turns under constant load', order_constant), &
                 test('forces converge as the number of samples squared where slip turns under varying load', order_varying), &
                 test('forces converge as the number of samples squared through lift-off and landing', order_lift_off), &
+                test('a march without its gradient ends where one with it does', without_gradient), &
+                test('a contact that sticks by a few samples slips nowhere between them', surely_stuck), &
                 test('two sliders on the same motion never part', never_part), &
                 test('no switch between regimes makes the end slider jump', no_jump), &
                 test('the end slider''s gradient is that of differences under constant load', gradient_constant), &
@@ -38,24 +41,21 @@ contains
     real(wp), intent(in) :: u(:, :), r(:)
     real(wp), intent(inout) :: w(2)
     integer, intent(out) :: regimes(:)
-    real(wp) :: gradient(5, 2), slider(size(r), 2), gradients(5, 2, size(r))
+    real(wp) :: slider(size(r), 2)
 
-    gradient = 0.0_wp
-    call slide_on_disc(u, r, spread([1.0_wp], 2, size(r)), 0.0_wp*r, w, gradient, slider, gradients, regimes)
+    call slide_on_disc(u, r, w, slider, regimes)
   end subroutine march
 
   subroutine tractrix(error)
     type(error_type), allocatable, intent(out) :: error
     real(wp), parameter :: r = 0.7_wp, ways(5) = [0.01_wp, 0.3_wp, 1.0_wp, 5.0_wp, 60.0_wp], start = 1.4_wp
-    real(wp) :: w(2), gradient(5, 2), slider(2, 2), gradients(5, 2, 2), angle
+    real(wp) :: w(2), slider(2, 2), angle
     integer :: i, regimes(2)
 
     ! From (0, 0) to (way, 0) and back, the slider on the rim: it follows at an angle phi off the way, phi' = -sin(phi)/r.
     do i = 1, size(ways)
       w = -r*[cos(start), sin(start)]
-      gradient = 0.0_wp
-      call slide_on_disc(reshape([ways(i), 0.0_wp, 0.0_wp, 0.0_wp], [2, 2]), [r, r], spread([1.0_wp], 2, 2), [0.0_wp, 0.0_wp], w, &
-                         gradient, slider, gradients, regimes)
+      call slide_on_disc(reshape([ways(i), 0.0_wp, 0.0_wp, 0.0_wp], [2, 2]), [r, r], w, slider, regimes)
       angle = 2.0_wp*atan(tan(0.5_wp*start)*exp(-ways(i)/r))
       call check(error, regimes(1) == regime_slip, 'it does not slip')
       call check_close(error, slider(1, :), [ways(i), 0.0_wp] - r*[cos(angle), sin(angle)], 1.0e-14_wp*(1.0_wp + ways(i)), &
@@ -225,6 +225,66 @@ contains
     call check(error, switches > 10, 'few switches: the test is void')
   end subroutine no_jump
 
+  !> Both take the same steps, up to rounding of units of 1, which steps that never part sliders add up to no more than their number.
+  subroutine without_gradient(error)
+    type(error_type), allocatable, intent(out) :: error
+    integer, parameter :: samples = 64
+    real(wp), parameter :: rounding = samples*epsilon(1.0_wp)
+    type(contact_type) :: law
+    type(contact_forces_type) :: plain, full
+    type(fourier_type) :: fourier
+    integer :: kind, seed
+
+    law = contact_type(tangents=2, tangential_stiffness=kt, normal_stiffness=kn, friction_coefficient=mu)
+    fourier = new_fourier(harmonics, samples)
+    allocate (plain%deviation(k, 3), full%deviation(k, 3))
+    plain%without_jacobian = .true.
+    do kind = constant_load, lift_off
+      do seed = 1, 5
+        call evaluate_contact_by_samples(law, fourier, motion_of(kind, seed), [0.1_wp, 0.2_wp], modulo(seed, 2) == 0, plain)
+        call evaluate_contact_by_samples(law, fourier, motion_of(kind, seed), [0.1_wp, 0.2_wp], modulo(seed, 2) == 0, full)
+        call check(error, full%state == state_slipping, 'it does not slip: the test is void')
+        call check(error, plain%state == full%state .and. .not. allocated(plain%jacobian), 'state')
+        call check_close(error, plain%deviation, full%deviation, kt*rounding, 'deviation')
+        call check_close(error, plain%slider, full%slider, rounding, 'slider')
+        call check_close(error, plain%moved, full%moved, rounding, 'what a period moves it by')
+      end do
+    end do
+    call fourier%destroy()
+  end subroutine without_gradient
+
+  !> 4096 samples see what is between 16.
+  subroutine surely_stuck(error)
+    type(error_type), allocatable, intent(out) :: error
+    integer, parameter :: samples = 64, dense = 4096
+    type(contact_type) :: law
+    type(fourier_type) :: fourier, many
+    real(wp) :: motion(k, 3), coarse(samples/4, 3), x(dense, 3), slider(2)
+    integer :: seed, not_by_bound, held
+
+    law = contact_type(tangents=2, tangential_stiffness=kt, normal_stiffness=kn, friction_coefficient=mu)
+    fourier = new_fourier(harmonics, samples)
+    many = new_fourier(0, dense)
+    not_by_bound = 0
+    held = 0
+    do seed = 1, 300
+      motion = 0.2_wp*seed/300.0_wp*reshape(noise(3*k, seed), [k, 3])
+      motion(1, 3) = 0.6_wp
+      slider = 0.05_wp*noise(2, seed + 1000)
+      call many%to_samples(motion, x)
+      associate (inside => norm2(x(:, :2) - spread(slider, 1, dense), 2) < slope*x(:, 3))
+        if (all(inside)) held = held + 1
+        call fourier%to_coarse_samples(motion, coarse)
+        if (.not. is_stuck_by_samples(law, coarse, motion, slider)) cycle
+        call check(error, all(inside), 'it slips between samples')
+      end associate
+      if (.not. is_stuck_by_bound(law, motion, slider)) not_by_bound = not_by_bound + 1
+    end do
+    call check(error, held < 250 .and. not_by_bound > 20, 'too few of a kind: the test is void')
+    call fourier%destroy()
+    call many%destroy()
+  end subroutine surely_stuck
+
   !> End slider of a motion from a start slider by one march of 64 samples, and its gradient [3 k + 2, 2].
   subroutine end_slider(motion, start, w, gradient)
     real(wp), intent(in) :: motion(:, :), start(2)
@@ -241,7 +301,8 @@ contains
     gradient = 0.0_wp
     gradient(3*k + 1, 1) = 1.0_wp
     gradient(3*k + 2, 2) = 1.0_wp
-    call slide_on_disc(x(:, :2), slope*x(:, 3), basis, spread(slope, 1, size(x, 1)), w, gradient, slider, gradients, regimes)
+    call differentiate_slide_on_disc(x(:, :2), slope*x(:, 3), basis, spread(slope, 1, size(x, 1)), w, gradient, slider, gradients, &
+                                     regimes)
   end subroutine end_slider
 
   !> Central differences are exact to the step squared times third derivatives, up to 1e4 just after slip sets in, and to rounding
