@@ -31,8 +31,9 @@ from mpi4py import MPI
 
 from attrito.job.reading import read_job
 from attrito.library.names import STRATEGIES
+from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
-from attrito.library.session import Options, Point
+from attrito.library.session import Options
 from attrito.scene.build import build_scene
 from attrito.scene.reduced_model import make_rom, reduced_scene
 from attrito_verification.scene_grid.scenes import BAND, families

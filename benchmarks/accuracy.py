@@ -27,8 +27,9 @@ import numpy as np
 import scenes
 from mpi4py import MPI
 
+from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
-from attrito.library.session import Options, Point, Solver
+from attrito.library.session import Options, Solver
 
 TOLERANCES = (1e-1, 1e-2, 1e-3)
 # Fixed runs beside them: what costs are told against, and short series whose estimates are checked

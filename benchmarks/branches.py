@@ -22,8 +22,9 @@ import scenes
 from scipy.optimize import brentq
 
 from attrito.library.integrator import Integrator
+from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
-from attrito.library.session import Options, Point
+from attrito.library.session import Options
 
 STATIC_PATH = np.array([[0.0], [1.0]])
 

@@ -35,7 +35,8 @@ import numpy as np
 from campaign_truth import PATH, Referee, Solved, Truth, Verdict
 from mpi4py import MPI
 
-from attrito.library.session import Options, Point, Solver
+from attrito.library.points import Point
+from attrito.library.session import Options, Solver
 from attrito.scene.solver_options import FIRST_HARMONICS, FIRST_SAMPLES
 from attrito.support.errors import NumericsError
 

@@ -38,8 +38,9 @@ from mpi4py import MPI
 
 from attrito.integration.attractors import State
 from attrito.library.integrator import Integrator, Orbit, Run
+from attrito.library.points import StoredPoint
 from attrito.library.reduced_scene import ReducedScene
-from attrito.library.session import Options, Solver, StoredPoint
+from attrito.library.session import Options, Solver
 from attrito.support.errors import NumericsError
 from attrito_verification.scene_grid.methods import state_of
 

@@ -20,8 +20,9 @@ import numpy as np
 from mpi4py import MPI
 
 from attrito.library.names import STATES
+from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
-from attrito.library.session import Options, Point, Solver
+from attrito.library.session import Options, Solver
 from attrito.library.structures import make_law, pointer
 
 # A working set of as many bytes is taken to stay in a core's own cache.

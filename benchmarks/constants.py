@@ -51,7 +51,8 @@ from mpi4py import MPI
 
 from attrito.library.names import ENGINES, ORBITS
 from attrito.library.peak_tracker import PeakTracker
-from attrito.library.session import Point, Solver
+from attrito.library.points import Point
+from attrito.library.session import Solver
 from attrito.runs.stability import examine_point
 from attrito.support.errors import NumericsError
 

@@ -33,8 +33,9 @@ from mpi4py import MPI
 
 from attrito.library.integrator import Integrator, Run
 from attrito.library.names import ENGINES, ORBITS, VERDICTS
+from attrito.library.points import Point, StoredPoint
 from attrito.library.reduced_scene import ReducedScene, Sector
-from attrito.library.session import Options, Point, Solver, StoredPoint
+from attrito.library.session import Options, Solver
 from attrito.runs.stability import examine_point, fetch_multipliers
 from attrito.scene.wheel import delayed, wave_in_wheel, whole_wheel
 

@@ -38,7 +38,8 @@ import peaks_scenes
 from mpi4py import MPI
 from scipy.optimize import minimize_scalar
 
-from attrito.library.session import Options, Point, Solver
+from attrito.library.points import Point
+from attrito.library.session import Options, Solver
 from attrito.peaks.curve import REASONS, Found
 from attrito.peaks.higher import HIGHER, Followed, HigherPeaks
 from attrito.peaks.run import follow

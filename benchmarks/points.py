@@ -23,7 +23,8 @@ import numpy as np
 import scenes
 from mpi4py import MPI
 
-from attrito.library.session import Options, Point
+from attrito.library.points import Point
+from attrito.library.session import Options
 
 CASES = ("100:7:sliding", "1000:7:partial", "1000:5:sliding")
 SHIFT = 0.002

@@ -31,8 +31,9 @@ from mpi4py import MPI
 
 from attrito.library.derivatives import Inquiry
 from attrito.library.family import Family
+from attrito.library.points import StoredPoint
 from attrito.library.reduced_scene import ReducedScene
-from attrito.library.session import Options, Solver, StoredPoint
+from attrito.library.session import Options, Solver
 from attrito.support.errors import NumericsError
 
 NUMBERS = ("tangential_stiffness", "normal_stiffness", "friction_coefficient", "gap", "preload")

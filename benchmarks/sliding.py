@@ -22,8 +22,9 @@ import evidence
 import numpy as np
 import scenes
 
+from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
-from attrito.library.session import Options, Point
+from attrito.library.session import Options
 
 DIFFERENT = 0.05
 

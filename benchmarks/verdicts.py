@@ -30,8 +30,9 @@ from attrito.library.family import Family
 from attrito.library.integrator import Integrator, Run
 from attrito.library.names import BIFURCATION_KINDS as BIFURCATIONS
 from attrito.library.names import ENGINES, ORBITS
+from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
-from attrito.library.session import Options, Point, Solver
+from attrito.library.session import Options, Solver
 from attrito.library.structures import RawBifurcation, pointer
 from attrito.runs.stability import examine_point, fetch_multipliers
 from attrito.support.errors import NumericsError

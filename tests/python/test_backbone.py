@@ -17,8 +17,9 @@ from mpi4py import MPI
 from rubbing_mass import DAMPING, KT, element, jenkins
 
 from attrito.library.peak_tracker import PeakTracker
+from attrito.library.points import StoredPoint
 from attrito.library.reduced_scene import ReducedScene
-from attrito.library.session import Options, Solver, StoredPoint
+from attrito.library.session import Options, Solver
 from attrito.peaks.backbone import BackboneTracker, follow_backbone
 from attrito.peaks.curve import BackbonePoint, Found
 from attrito.peaks.file import read_backbone, read_peaks

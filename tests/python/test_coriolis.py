@@ -12,7 +12,8 @@ from multipliers import HILL, MONODROMY, examined, farthest
 from scipy.linalg import eig, eigh
 
 from attrito.library.integrator import Integrator, Run
-from attrito.library.session import Options, Solver, StoredPoint
+from attrito.library.points import StoredPoint
+from attrito.library.session import Options, Solver
 from attrito.modes.families import families_of
 from attrito.scene.wheel import wave_in_wheel, whole_wheel
 

@@ -9,7 +9,8 @@ from mpi4py import MPI
 from wheels import lumped_sector
 
 from attrito.job.reading import read_job
-from attrito.library.session import Options, Solver, StoredPoint
+from attrito.library.points import StoredPoint
+from attrito.library.session import Options, Solver
 from attrito.results.result import Result
 from attrito.scene.build import build_scene
 from attrito.scene.reduced_model import reduced_scene

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from attrito.library.session import Options, Point, Solver
+from attrito.library.points import Point
+from attrito.library.session import Options, Solver
 from attrito_verification.scene_grid.scenes import Family
 
 FREQUENCY = 80.0

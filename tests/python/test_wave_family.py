@@ -9,7 +9,8 @@ from mpi4py import MPI
 from wheels import lumped_sector
 
 from attrito.job.reading import read_job
-from attrito.library.session import Solver, StoredPoint
+from attrito.library.points import StoredPoint
+from attrito.library.session import Solver
 from attrito.scene.build import build_scene
 from attrito.scene.reduced_model import reduced_scene
 from attrito.scene.solver_options import solver_options

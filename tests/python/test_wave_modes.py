@@ -12,8 +12,9 @@ from mpi4py import MPI
 from wheels import lumped_sector
 
 from attrito.job.reading import read_job
+from attrito.library.points import StoredPoint
 from attrito.library.reduced_scene import Sector, all_alike
-from attrito.library.session import Options, Solver, StoredPoint
+from attrito.library.session import Options, Solver
 from attrito.modes.tracker import ModeTracker
 from attrito.report.wheel import displacements
 from attrito.scene.build import build_scene

@@ -10,7 +10,8 @@ from mpi4py import MPI
 from multipliers import HILL, MONODROMY, examined, farthest
 from wheels import lumped_sector
 
-from attrito.library.session import Options, Solver, StoredPoint
+from attrito.library.points import StoredPoint
+from attrito.library.session import Options, Solver
 from attrito.scene.wheel import wave_in_wheel, whole_wheel
 
 FREQUENCY, LEVEL = 0.15, 1.0

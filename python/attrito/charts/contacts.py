@@ -24,7 +24,8 @@ import numpy as np
 from attrito.charts.file import LEAST_SHARE, SOLVED, Chart, Way
 from attrito.job.job import Job
 from attrito.job.reading import read_job
-from attrito.library.session import Point, Solver
+from attrito.library.points import Point
+from attrito.library.session import Solver
 from attrito.model.face_sets import POINTS
 from attrito.model.pairs import GROUND
 from attrito.scene.build import build_scene

@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from attrito.charts.file import SOLVED, Way
+from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
-from attrito.library.session import Options, Point, Solver
+from attrito.library.session import Options, Solver
 from attrito.patches.partition import kinds_of
 from attrito.patches.solver import PatchedSolver, Places
 

@@ -30,8 +30,9 @@ from attrito.job.job import Job
 from attrito.job.reading import read_job
 from attrito.library.integrator import Integrator, Run
 from attrito.library.laws import are_coulomb
+from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
-from attrito.library.session import Options, Point, Solver
+from attrito.library.session import Options, Solver
 from attrito.patches.solver import places_of
 from attrito.scene.build import build_scene
 from attrito.scene.reduced_model import make_rom, reduced_scene

@@ -16,8 +16,9 @@ from attrito.fits.design import Fit
 from attrito.fits.source import Solved, Source, samples_of
 from attrito.job.job import Job
 from attrito.library.kernels import sample_contact
+from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
-from attrito.library.session import Point, Solver
+from attrito.library.session import Solver
 from attrito.library.structures import make_law
 from attrito.results.loops import PASSES, main_direction
 from attrito.runs.progress import Progress

@@ -10,7 +10,8 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from attrito.library.names import AMPLITUDES, ENDINGS, PARAMETERS
-from attrito.library.session import Point, Solver
+from attrito.library.points import Point
+from attrito.library.session import Solver
 from attrito.library.structures import RawPeak, omega, pointer
 from attrito.support.errors import NumericsError
 

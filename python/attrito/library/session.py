@@ -7,13 +7,14 @@ import math
 import operator
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from attrito.library import loading
 from attrito.library.kernels import slider_width
-from attrito.library.names import DAMPING_KINDS, NO_SOLUTION, OUTCOMES, REFERENCES, STARTS, STRATEGIES
+from attrito.library.names import DAMPING_KINDS, OUTCOMES, REFERENCES, STARTS, STRATEGIES
+from attrito.library.points import LinearModes, Point, StoredPoint
 from attrito.library.reduced_scene import ReducedScene, Sector
 from attrito.library.series import Series
 from attrito.library.signatures import SERIES_CALLBACK
@@ -52,62 +53,6 @@ class Options:
     accepted_error: float = 0.0
     mode_error: float = 0.0
     curve_tolerance: float = 0.01
-
-
-class Point(NamedTuple):
-    """One point of a sweep.
-
-    `states` counts contacts stuck, shaken down, slipping, open; `harmonics` are the coefficients of the monitors,
-    `[monitors, 2 H + 1]`, and `amplitude` half their ranges over the period, `[monitors]`, user length. `errors` are
-    the parts of `estimate` in the order of `ERRORS`; `work` counts floating-point operations of the session up to here.
-    `followed`: a point of a sweep, not of a list of frequencies.
-    """
-
-    frequency_hz: float
-    level: float
-    branch: int
-    iterations: int
-    linear_iterations: int
-    outcome: str
-    unique: bool
-    residual: float
-    estimate: float
-    errors: tuple[float, float, float]
-    samples: int
-    work: float
-    states: tuple[int, int, int, int]
-    harmonics: np.ndarray
-    amplitude: np.ndarray
-    finished: bool
-    reached_stop: bool
-    followed: bool
-
-    @property
-    def is_solved(self) -> bool:
-        """Whether there is a solution, whatever is known of its stability and error."""
-        return self.outcome not in NO_SOLUTION
-
-
-@dataclass(frozen=True)
-class StoredPoint:
-    """A point of a result: `coordinates` `[m, nk]`, `slider` `[nc, width]` at the start of the period."""
-
-    frequency_hz: float
-    coordinates: np.ndarray
-    slider: np.ndarray
-
-
-@dataclass(frozen=True)
-class LinearModes:
-    """Modes of a linear system, ascending: natural frequencies `[n]` in Hz, damping ratios `[n]`, shapes `[n, m]`.
-
-    The shapes have unit modal mass. The first `rigid` are rigid-body modes, their damping ratios zero.
-    """
-
-    natural_hz: np.ndarray
-    damping_ratio: np.ndarray
-    shapes: np.ndarray
-    rigid: int
 
 
 _errors_of = operator.attrgetter(*ERRORS)

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from attrito.library.points import LinearModes
 from attrito.library.reduced_scene import Sector
-from attrito.library.session import LinearModes, Solver
+from attrito.library.session import Solver
 from attrito.runs.linear_references import in_words
 
 # What a mode is

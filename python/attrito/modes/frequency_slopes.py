@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from attrito.library.session import LinearModes
+from attrito.library.points import LinearModes
 
 # Relative difference of frequencies that are taken for one: some digits above those that the modes are found to
 REPEATED = 1e-7

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from attrito.library.session import Point
+from attrito.library.points import Point
 
 
 @dataclass(frozen=True)

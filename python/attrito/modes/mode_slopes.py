@@ -14,8 +14,9 @@ import numpy as np
 
 from attrito.job.job import Job
 from attrito.library.family import Family
+from attrito.library.points import LinearModes
 from attrito.library.reduced_scene import ReducedScene
-from attrito.library.session import LinearModes, Solver
+from attrito.library.session import Solver
 from attrito.library.structures import omega
 from attrito.modes.frequency_slopes import REPEATED, spring_rates
 from attrito.modes.mode_point import ModePoint

@@ -13,9 +13,10 @@ from attrito.job.fewer_contacts import take_all_contacts
 from attrito.job.job import Job, mode_path
 from attrito.job.sensitivity import refuse_for_sectors
 from attrito.library.names import OUTCOMES
+from attrito.library.points import LinearModes
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series
-from attrito.library.session import LinearModes, Options, Solver
+from attrito.library.session import Options, Solver
 from attrito.modes.mode_point import ModePoint
 from attrito.modes.mode_slopes import ModeDifferentiator
 from attrito.modes.patched import PatchedModeTracker

@@ -22,8 +22,8 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, qr
 from scipy.sparse.linalg import LinearOperator, eigsh
 
+from attrito.library.points import LinearModes
 from attrito.library.reduced_scene import ReducedScene
-from attrito.library.session import LinearModes
 
 # More coordinates than this part of the model's are not worth another basis
 WORTH_REDUCING = 0.7

@@ -19,9 +19,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from attrito.library.names import OUTCOMES, STATES
+from attrito.library.points import Point, StoredPoint
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series
-from attrito.library.session import Options, Point, Solver, StoredPoint
+from attrito.library.session import Options, Solver
 from attrito.patches.merged_scene import MergedScene, Merger, StaticState
 from attrito.patches.partition import first_partition, kinds_of, refined
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from attrito.library.peak_tracker import Peak
-from attrito.library.session import Point
+from attrito.library.points import Point
 from attrito.peaks.higher import Higher
 
 

@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from attrito.library.peak_tracker import Peak
+from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
-from attrito.library.session import Options, Point, Solver
+from attrito.library.session import Options, Solver
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm

@@ -7,8 +7,8 @@ import numpy as np
 
 from attrito.job.job import Job
 from attrito.library.kernels import slider_width
+from attrito.library.points import StoredPoint
 from attrito.library.reduced_scene import ReducedScene
-from attrito.library.session import StoredPoint
 from attrito.scene.reduced_model import coordinates_fingerprint
 from attrito.support.errors import InputError
 from attrito.support.hdf5_reading import UNREADABLE, check_datasets

@@ -10,7 +10,8 @@ import numpy as np
 from attrito.job.job import Job
 from attrito.library.names import BIFURCATION_KINDS as KINDS
 from attrito.library.names import NO_SOLUTION, ORBITS
-from attrito.library.session import Point, Solver
+from attrito.library.points import Point
+from attrito.library.session import Solver
 from attrito.library.structures import RawBifurcation, pointer
 from attrito.results.bifurcations import Bifurcation, added, as_rows, of_rows
 from attrito.runs.stability import METHODS

@@ -27,8 +27,9 @@ import numpy as np
 from attrito.library.family import Family
 from attrito.library.kernels import extrema
 from attrito.library.laws import are_coulomb, cone_coefficients
+from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene, all_alike
-from attrito.library.session import Options, Point, Solver
+from attrito.library.session import Options, Solver
 from attrito.runs.bounds_by_members import Hull, Search
 from attrito.runs.linear_family import IMMOBILE
 from attrito.support.errors import NumericsError

@@ -15,7 +15,8 @@ import numpy as np
 
 from attrito.job.job import Job
 from attrito.library.names import NO_SOLUTION, STARTS
-from attrito.library.session import Point, Solver
+from attrito.library.points import Point
+from attrito.library.session import Solver
 from attrito.results.bifurcations import FOLDS
 from attrito.runs.bifurcations import Finder
 

@@ -14,8 +14,9 @@ import numpy as np
 from attrito.library.integrator import Integrator, Run
 from attrito.library.laws import are_coulomb
 from attrito.library.names import NO_SOLUTION
+from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
-from attrito.library.session import Point, Solver
+from attrito.library.session import Solver
 from attrito.support.errors import NumericsError
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from attrito.library.session import Point
+from attrito.library.points import Point
 
 
 @dataclass

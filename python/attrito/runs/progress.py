@@ -23,8 +23,8 @@ from attrito.support.verbosity import is_verbose
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
+    from attrito.library.points import Point
     from attrito.library.reduction import Report
-    from attrito.library.session import Point
     from attrito.runs.linear_references import LinearReference
     from attrito.runs.position import RunPosition
     from attrito.support.timing import Stages

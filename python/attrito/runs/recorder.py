@@ -17,9 +17,10 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series
-from attrito.library.session import Point, Solver
+from attrito.library.session import Solver
 from attrito.results.journal import Journal, Record, read_journal
 from attrito.runs.position import RunPosition
 from attrito.support.errors import Fault, InputError

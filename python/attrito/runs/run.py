@@ -11,8 +11,9 @@ import numpy as np
 from attrito.job.fewer_contacts import check_one_process
 from attrito.job.job import Job, rom_path
 from attrito.job.reading import read_job
+from attrito.library.points import StoredPoint
 from attrito.library.reduced_scene import ReducedScene
-from attrito.library.session import Options, Solver, StoredPoint
+from attrito.library.session import Options, Solver
 from attrito.patches.solver import PatchedSolver, places_of
 from attrito.results.journal import Record, find_earlier, remove_journal
 from attrito.results.result_file import fill_result

@@ -16,9 +16,10 @@ from attrito.job.laws import LAW_KEYS
 from attrito.job.sensitivity import DAMPING, Parameter, parameters_of, quantities_of
 from attrito.library.derivatives import LAW_NUMBERS, Inquiry, Rates, zero_rates
 from attrito.library.family import Family
+from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series
-from attrito.library.session import Point, Solver
+from attrito.library.session import Solver
 from attrito.runs.recorder import Recorder
 from attrito.runs.slider_rates import LoadPath, slider_rates
 from attrito.scene.build import laws_of

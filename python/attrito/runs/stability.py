@@ -10,7 +10,8 @@ import numpy as np
 from attrito.job.job import Job
 from attrito.library import loading
 from attrito.library.names import ENGINES, ORBITS
-from attrito.library.session import Point, Solver
+from attrito.library.points import Point
+from attrito.library.session import Solver
 from attrito.library.structures import RawExamination, pointer
 
 if TYPE_CHECKING:

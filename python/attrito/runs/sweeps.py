@@ -10,7 +10,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from attrito.job.job import Job
-from attrito.library.session import Point, Solver, StoredPoint
+from attrito.library.points import Point, StoredPoint
+from attrito.library.session import Solver
 from attrito.runs.branch_search import Search
 from attrito.runs.position import RunPosition
 from attrito.runs.progress import Progress

@@ -14,8 +14,9 @@ import numpy as np
 
 from attrito.job.job import Job
 from attrito.library.peak_tracker import Peak, PeakTracker, Start
+from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
-from attrito.library.session import Options, Point, Solver
+from attrito.library.session import Options, Solver
 from attrito.peaks.fixed_series import fixed_series, is_enough
 from attrito.peaks.run import begin
 from attrito.scene.reduced_model import Rom

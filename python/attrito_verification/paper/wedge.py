@@ -16,8 +16,9 @@ from mpi4py import MPI
 from scipy.optimize import minimize_scalar
 
 from attrito.library.kernels import sample_contact
+from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
-from attrito.library.session import Options, Point, Solver
+from attrito.library.session import Options, Solver
 from attrito.library.structures import make_law
 from attrito.results.loops import Loop
 from attrito.support.errors import NumericsError

@@ -15,8 +15,9 @@ from attrito.integration.attractors import State, pushed
 from attrito.library.family import Family as Members
 from attrito.library.integrator import Integrator, Orbit, Run
 from attrito.library.names import ENGINES, MULTIPLIER_KINDS, ORBITS, OUTCOMES, STRATEGIES
+from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
-from attrito.library.session import Options, Point, Solver
+from attrito.library.session import Options, Solver
 from attrito.runs.stability import examine_point, fetch_multipliers
 from attrito.support.errors import NumericsError
 from attrito_verification.scene_grid.scenes import Family, frequencies
