@@ -182,7 +182,7 @@ def write_table(published: np.ndarray, first: dict[str, np.ndarray], found: dict
 
 def _cells(mode: dict[str, np.ndarray], i: int) -> list[str]:
     """Of one way at one amplitude."""
-    if i >= len(mode["amplitude"]) or not np.isfinite(mode["frequency_hz"][i]):
+    if i >= len(mode["amplitude"]) or not np.isfinite(mode["damping_ratio"][i]):
         return [""] * (2 + ("patches" in mode))
     counts = np.bincount(mode["states"][i], minlength=4)
     states = f"{counts[0] + counts[1]}, {counts[2]}, {counts[3]}, {OUTCOMES[mode['outcome'][i]]}"
@@ -211,7 +211,9 @@ def draw(
     right.loglog(first["amplitude"][shown], first["by_contacts"][shown], linestyle="--", label=label, **style)
     for way, mode in found.items():
         style = {"color": COLOURS[way], "label": way, "marker": "x" if "patches" in way else ".", "linestyle": "none"}
-        left.semilogx(mode["amplitude"], mode["frequency_hz"] / mode["tangent_hz"], **style)
+        # A point at which the mode was lost has no damping.
+        solved = np.isfinite(mode["damping_ratio"])
+        left.semilogx(mode["amplitude"][solved], mode["frequency_hz"][solved] / mode["tangent_hz"], **style)
         damping = np.where(mode["damping_ratio"] > 1e-6, mode["damping_ratio"], np.nan)
         right.loglog(mode["amplitude"], damping, **style)
     left.set(xlabel=r"Amplitude $Q$ (m kg$^{1/2}$)", ylabel="Frequency / that at low amplitude")

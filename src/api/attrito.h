@@ -446,7 +446,8 @@ void attrito_quasi_static_at(void *handle, double load, int steps, int settling,
     attrito_quasi_static *cycle);
 
 /* The amplitude Q of a cycle that is not reported, from the static solution. */
-void attrito_try_quasi_static(void *handle, double load, int steps, int settling, double *amplitude, int *iterations);
+void attrito_try_quasi_static(void *handle, double load, int steps, int settling, double *amplitude, int *closed,
+    int *iterations);
 
 /* Work of each contact in the last cycle, at the root. */
 void attrito_quasi_static_work(void *handle, double *work);

@@ -71,7 +71,7 @@ contains
   end subroutine attrito_quasi_static_at
 
   !> The amplitude Q of a cycle that is not reported, from the static solution.
-  subroutine attrito_try_quasi_static(handle, load, steps, settling, amplitude, iterations) bind(c)
+  subroutine attrito_try_quasi_static(handle, load, steps, settling, amplitude, closed, iterations) bind(c)
     !> Session, see `session_of`
     type(c_ptr), value :: handle
     !> Amplitude of the load
@@ -80,14 +80,15 @@ contains
     integer(c_int), value :: steps, settling
     !> Q, or less than zero where the contacts do not carry the load
     real(c_double), intent(out) :: amplitude
-    !> Of Newton's method
-    integer(c_int), intent(out) :: iterations
+    !> 1: sliders came back; 0: they creep, and a cycle of more steps has another Q. Iterations of Newton's method
+    integer(c_int), intent(out) :: closed, iterations
     type(session_type), pointer :: session
 
     session => session_of(handle)
     associate (mode => session%quasi_static)
       call mode%try_cycle(session%solver, load, steps, settling)
       amplitude = merge(mode%amplitude, -1.0_wp, mode%path%found)
+      closed = merge(1, 0, mode%closed)
       iterations = mode%path%iterations
     end associate
   end subroutine attrito_try_quasi_static

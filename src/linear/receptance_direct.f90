@@ -19,8 +19,9 @@ module attrito_linear_receptance_direct
   type, extends(receptance_real_type) :: receptance_direct_type
     !> K~, M and viscous C, with the skew G where there are Coriolis forces [m, m]
     real(wp), allocatable :: stuck_stiffness(:, :), mass(:, :), viscous(:, :)
-    !> Modes of (K~, M) [m, m]
+    !> Modes of (K~, M) [m, m], and their motion of the contact rows [m, rows]
     real(wp), allocatable :: modes(:, :)
+    real(wp), allocatable, private :: modal_directions(:, :)
     !> eta K [m, m]
     real(wp), allocatable :: structural(:, :)
     !> Stiffness, mass, damping and eta K of each mode by itself [m]
@@ -71,6 +72,7 @@ contains
       self%basis(i, i) = 1.0_wp
     end do
     self%directions = directions
+    self%modal_directions = matmul(transpose(modes), directions)
     self%modal_stiffness = projected(stuck_stiffness, modes)
     self%modal_mass = projected(structure%mass, modes)
     self%modal_damping = projected(self%viscous, modes)
@@ -224,7 +226,7 @@ contains
     integer, intent(in) :: first, last, rows(:)
     real(wp), allocatable :: shapes(:, :)
 
-    shapes = matmul(transpose(self%modes(:, first:last)), self%directions(:, rows))
+    shapes = self%modal_directions(first:last, rows)
   end function mode_shapes
 
   function low_stiffness(self, h, low) result(stiffness)
@@ -232,36 +234,37 @@ contains
     !> Number of the harmonic; number of lowest modes
     integer, intent(in) :: h, low
     complex(wp) :: stiffness(low)
-    integer :: i
 
-    do i = 1, low
-      associate (x => self%modes(:, i), frequency => h*self%omega)
-        stiffness(i) = cmplx(dot_product(x, matmul(self%stuck_stiffness, x)) - frequency**2*dot_product(x, matmul(self%mass, x)), &
-                             frequency*dot_product(x, matmul(damping_of(self), x)), wp)
-        if (h > 0) stiffness(i) = stiffness(i) + (0.0_wp, 1.0_wp)*dot_product(x, matmul(self%structural, x))
-        if (h == 0) stiffness(i) = (1.0_wp + self%held)*stiffness(i)
-        if (h == 1 .and. i == self%lifted_mode) stiffness(i) = stiffness(i) + self%lift
-      end associate
-    end do
+    associate (frequency => h*self%omega, mass => self%modal_mass(:low))
+      stiffness = cmplx(self%modal_stiffness(:low) - frequency**2*mass, &
+                        frequency*(self%modal_damping(:low) - self%excitation*mass), wp)
+    end associate
+    if (h > 0) stiffness = stiffness + (0.0_wp, 1.0_wp)*self%modal_loss(:low)
+    if (h == 0) stiffness = (1.0_wp + self%held)*stiffness
+    if (h == 1 .and. self%lifted_mode > 0 .and. self%lifted_mode <= low) then
+      stiffness(self%lifted_mode) = stiffness(self%lifted_mode) + self%lift
+    end if
   end function low_stiffness
 
+  !> As if damping did not couple the modes above: it serves a preconditioner, and a solve for each contact would cost more than that
+  !> saves.
   subroutine remainder(self, low, rows, blocks)
     class(receptance_direct_type), intent(in) :: self
     !> Number of lowest modes; numbers of contact rows
     integer, intent(in) :: low, rows(:)
     !> Block of the matrix, by harmonic
     complex(wp), intent(out) :: blocks(:, :, 0:)
-    complex(wp) :: stiffness(low)
-    real(wp) :: shapes(low, size(rows))
-    integer :: h, i
+    complex(wp) :: flexibility(size(self%modes, 2))
+    integer :: h, i, j
 
-    shapes = self%mode_shapes(1, low, rows)
-    blocks(:, :, :self%lowest - 1) = 0.0_wp
+    blocks = 0.0_wp
     do h = self%lowest, self%harmonics
-      call self%block_between(h, rows, rows, blocks(:, :, h))
-      stiffness = self%low_stiffness(h, low)
-      do i = 1, low
-        blocks(:, :, h) = blocks(:, :, h) - spread(shapes(i, :), 2, size(rows))*spread(shapes(i, :), 1, size(rows))/stiffness(i)
+      flexibility = 1.0_wp/self%low_stiffness(h, size(flexibility))
+      do j = 1, size(rows)
+        do i = 1, size(rows)
+          blocks(i, j, h) = sum(self%modal_directions(low + 1:, rows(i))*self%modal_directions(low + 1:, rows(j)) &
+                                *flexibility(low + 1:))
+        end do
       end do
     end do
   end subroutine remainder

@@ -8,11 +8,13 @@
 !> $$ (I + G R) y = G r, \qquad \delta d = r - R y, \qquad G = d\lambda/dd - S, \qquad r = d_0 + \alpha d_1 - R g - d, $$
 !>
 !> y on the rows of G that are not zero: two of a contact that slips, three of one that has opened or closed since. A step along the
-!> path begins with the sliders of the one before and moves them by return to the friction limit, as the balance's mean does.
-!> Every rank holds all contacts and does the same.
+!> path begins with the sliders of the one before and moves them by return to the friction limit, as the balance's mean does. Where
+!> the load goes on as before it also begins on the line through the last two equilibria. Every rank holds all contacts and does the
+!> same.
 module attrito_peak_condensed_equilibrium
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: solve_dense, subtract_product, times_vector
+  use attrito_core_refined, only: solve_refined
   use attrito_model_contacts, only: contact_type
   implicit none
   private
@@ -23,7 +25,7 @@ module attrito_peak_condensed_equilibrium
   real(wp), parameter :: smallest_step = 1.0_wp/128.0_wp ! guess
   !> Smallest part of Newton's step, and by what part of it the residual is to fall at least
   real(wp), parameter :: smallest_part = 1.0_wp/512.0_wp, least_fall = 1.0e-4_wp ! conventional
-  !> Part of a spring below which what a contact's stiffness differs from it is rounding
+  !> Part of a spring, or of the friction limit, below which a difference from it is rounding
   real(wp), parameter :: rounding = 1.0e-12_wp ! derived
   !> What rounding may leave of a residual that falls no more, in tolerances
   real(wp), parameter :: stalled = 100.0_wp ! guess
@@ -34,6 +36,9 @@ module attrito_peak_condensed_equilibrium
     real(wp) :: load = 0.0_wp
     !> d [rows]; sliders in pairs, one an element [width, contacts]
     real(wp), allocatable :: motion(:), slider(:, :)
+    !> alpha and d of the equilibrium before, if there is one
+    real(wp), private :: load_before = 0.0_wp
+    real(wp), allocatable, private :: motion_before(:)
   end type equilibrium_type
 
   type :: condensed_equilibrium_type
@@ -113,14 +118,17 @@ contains
     !> Was there an equilibrium?
     logical, intent(out) :: converged
     type(equilibrium_type) :: now
-    real(wp) :: reached, step
+    real(wp) :: reached, step, aim
 
     now = state
     reached = 0.0_wp
     step = 1.0_wp
     do while (reached < 1.0_wp)
       step = min(step, 1.0_wp - reached)
-      call solve(self, state%load + (reached + step)*(load - state%load), now, iterations, converged)
+      aim = state%load + (reached + step)*(load - state%load)
+      converged = .false.
+      if (goes_on(now, aim)) call solve(self, aim, on_the_line(now, aim), now, iterations, converged)
+      if (.not. converged) call solve(self, aim, now%motion, now, iterations, converged)
       if (converged) then
         reached = merge(1.0_wp, reached + step, reached + step > 1.0_wp - 1.0e-9_wp)
         step = 2.0_wp*step
@@ -133,6 +141,28 @@ contains
     state = now
   end subroutine advance
 
+  !> Is a load beyond the last two?
+  pure logical function goes_on(state, load)
+    !> Where the path has come to
+    type(equilibrium_type), intent(in) :: state
+    !> alpha
+    real(wp), intent(in) :: load
+
+    goes_on = allocated(state%motion_before)
+    if (goes_on) goes_on = (load - state%load)*(state%load - state%load_before) > 0.0_wp
+  end function goes_on
+
+  !> Motion on the line through the last two equilibria [rows].
+  pure function on_the_line(state, load) result(motion)
+    !> Where the path has come to
+    type(equilibrium_type), intent(in) :: state
+    !> alpha
+    real(wp), intent(in) :: load
+    real(wp) :: motion(size(state%motion))
+
+    motion = state%motion + (load - state%load)/(state%load - state%load_before)*(state%motion - state%motion_before)
+  end function on_the_line
+
   !> q = phi^T M x, less its value at rest but for a constant.
   real(wp) function coordinate(self, state)
     class(condensed_equilibrium_type), intent(in) :: self
@@ -144,11 +174,11 @@ contains
     coordinate = state%load*self%coordinate_per_load - sum(self%per_load*(force - self%springs*state%motion))
   end function coordinate
 
-  !> Newton's method from the equilibrium before, with backtracking.
-  subroutine solve(self, load, state, iterations, converged)
+  !> Newton's method from a guess, with backtracking.
+  subroutine solve(self, load, guess, state, iterations, converged)
     class(condensed_equilibrium_type), intent(in) :: self
-    !> alpha
-    real(wp), intent(in) :: load
+    !> alpha; motion to begin with [rows]
+    real(wp), intent(in) :: load, guess(:)
     !> Where the path has come to
     type(equilibrium_type), intent(inout) :: state
     !> Counts on
@@ -160,7 +190,7 @@ contains
     real(wp) :: norm, trial_norm, part
     integer :: iteration, status
 
-    motion = state%motion
+    motion = guess
     deviation = 0.0_wp
     response = 0.0_wp
     call find_residual(motion, residual)
@@ -190,6 +220,8 @@ contains
       converged = norm <= self%tolerance
     end do
     if (.not. converged) return
+    state%load_before = state%load
+    state%motion_before = state%motion
     state%load = load
     state%motion = motion
     state%slider = slider
@@ -224,44 +256,44 @@ contains
     real(wp), intent(out) :: step(:)
     !> 0, or not: there is none
     integer, intent(out) :: status
-    !> G of each contact; the rows of it that are not zero, and how many
-    real(wp) :: left(3, 3, size(self%law))
-    integer :: rows(size(residual)), owner(size(residual)), count, i, j, k
-    real(wp), allocatable :: matrix(:, :), right(:, :)
+    !> Rows of G that are not zero and how many; of each its three entries, and the rows of B that they multiply
+    real(wp) :: left(3, size(residual)), block(3, 3)
+    integer :: rows(size(residual)), carriers(3, size(residual)), count, i, j, k
+    real(wp), allocatable :: matrix(:, :), right(:)
 
-    left = stiffness
     count = 0
     do i = 1, size(self%law)
-      associate (first => self%law(i)%first_row)
-        do k = 1, self%law(i)%tangents + 1
+      associate (first => self%law(i)%first_row, tangents => self%law(i)%tangents)
+        block = stiffness(:, :, i)
+        do k = 1, tangents + 1
           associate (spring => self%springs(first + k - 1))
-            left(k, k, i) = left(k, k, i) - spring
-            if (all(abs(left(k, :, i)) <= rounding*spring)) cycle
+            block(k, k) = block(k, k) - spring
+            if (all(abs(block(k, :)) <= rounding*spring)) cycle
           end associate
           count = count + 1
           rows(count) = first + k - 1
-          owner(count) = i
+          left(:, count) = block(k, :)
+          ! A contact of one tangent has no third row: its entry there is zero.
+          carriers(:, count) = [first, first + 1, first + tangents]
         end do
       end associate
     end do
-    allocate (matrix(count, count), right(count, 1), source=0.0_wp)
+    allocate (matrix(count, count), right(count))
     do j = 1, count
-      do i = 1, count
-        associate (first => self%law(owner(i))%first_row, last => self%law(owner(i))%first_row + self%law(owner(i))%tangents)
-          matrix(i, j) = dot_product(left(rows(i) - first + 1, :last - first + 1, owner(i)), self%flexibility(first:last, rows(j)))
-        end associate
-      end do
+      associate (column => self%flexibility(:, rows(j)))
+        do i = 1, count
+          matrix(i, j) = left(1, i)*column(carriers(1, i)) + left(2, i)*column(carriers(2, i)) + left(3, i)*column(carriers(3, i))
+        end do
+      end associate
       matrix(j, j) = matrix(j, j) + 1.0_wp
     end do
     do i = 1, count
-      associate (first => self%law(owner(i))%first_row, last => self%law(owner(i))%first_row + self%law(owner(i))%tangents)
-        right(i, 1) = dot_product(left(rows(i) - first + 1, :last - first + 1, owner(i)), residual(first:last))
-      end associate
+      right(i) = dot_product(left(:, i), residual(carriers(:, i)))
     end do
-    call solve_dense(matrix, right, status)
+    call solve_refined(matrix, right, status)
     step = residual
     do j = 1, count
-      step = step - right(j, 1)*self%flexibility(:, rows(j))
+      step = step - right(j)*self%flexibility(:, rows(j))
     end do
   end subroutine newton_step
 
@@ -316,7 +348,8 @@ contains
           call element%slip_force([normal], limit, slope)
           pull = kt*(motion(:n) - w)
           size_of_pull = norm2(pull)
-          if (size_of_pull <= limit(1)) then
+          ! One that has just come to its limit, but for rounding, sticks: where the load turns it does.
+          if (size_of_pull <= (1.0_wp + rounding)*limit(1)) then
             force(:n) = force(:n) + pull
             do k = 1, n
               stiffness(k, k) = stiffness(k, k) + kt

@@ -3,7 +3,8 @@
 !> $$ K x + B^T \lambda(B x, w) = f_0 + \alpha M \phi, \qquad q = \phi^T M (x - x_0), \qquad \phi^T M \phi = 1, $$
 !>
 !> alpha going from 0 to the load's amplitude A and then through whole cycles A cos(theta), loading, unloading and loading again,
-!> until a cycle closes. The preload f_0 stays, and the sliders w go along. Nothing is assumed of the loop's shape.
+!> until a cycle closes: the sliders come back, or only a few of them creep, ever slower, and the loop is the same from cycle to cycle.
+!> The preload f_0 stays, and the sliders w go along. Nothing is assumed of the loop's shape.
 !>
 !> An oscillator of unit mass, q'' + 2 zeta omega q' + omega^2 q = 0, has the secant stiffness omega^2, and at the amplitude Q its
 !> damper takes pi (2 zeta omega) omega Q^2 a period. With the loop's secant and the work W that its contacts do,
@@ -35,6 +36,8 @@ module attrito_peak_quasi_static
   integer, parameter :: settling_steps = 8 ! guess
   !> By how much sliders may miss where they began: parts of the motion, and multiples of the tolerance
   real(wp), parameter :: closed = 3.0e-7_wp, closed_tolerances = 10.0_wp ! guess
+  !> By how much two cycles may differ whose sliders still creep: parts of Q and of the loop's area
+  real(wp), parameter :: same_amplitude = 3.0e-7_wp, same_area = 3.0e-6_wp ! guess
   !> Creep that is extrapolated: largest part that a cycle leaves, and by what part two steps may differ in direction
   real(wp), parameter :: slowest_creep = 0.97_wp, alike = 0.2_wp ! guess
   !> Samples a period of what does not move
@@ -58,8 +61,13 @@ module attrito_peak_quasi_static
     real(wp), allocatable :: contact_work(:)
     !> By Masing's rule from the first loading: angular frequency and damping ratio
     real(wp) :: masing_omega = 0.0_wp, masing_ratio = 0.0_wp
-    !> What the last cycle misses of closing, relative to the motion's scale
+    !> What the last cycle misses of closing: its sliders relative to the motion's scale, or, where they creep and the loop feels no more
+    !> of it, Q relative to the cycle before
     real(wp) :: defect = 0.0_wp
+    !> Have the sliders come back to where the last cycle of those that let them settle began?
+    logical :: closed = .false.
+    !> What that cycle misses otherwise, huge where the loop still changes
+    real(wp), private :: loop_defect = huge(1.0_wp)
     !> M phi in generalised coordinates [n]; norm of the contacts' motion that a unit of load gives the mode
     real(wp), allocatable, private :: reader(:)
     real(wp), private :: motion_per_load = 0.0_wp
@@ -176,7 +184,8 @@ contains
     self%masing_ratio = (8.0_wp*area - 4.0_wp*load*now)/(two_pi*load*now)
   end subroutine load_up
 
-  !> Cycles until one closes. None is recorded, but the range of q of the last is.
+  !> Cycles until one closes, or until their loop is the same from cycle to cycle though sliders creep. None is recorded, but the range
+  !> of q of the last is.
   !>
   !> Sliders under normal forces that vary creep, each cycle by a part rho of what the one before moved them by. Where two cycles say
   !> so they are taken to where that leads, w + rho/(1 - rho) delta w.
@@ -188,25 +197,33 @@ contains
     real(wp), intent(in) :: load
     !> Of a cycle; cycles at most
     integer, intent(in) :: steps, most
-    real(wp) :: lowest, highest, ratio
+    real(wp) :: coordinate(0:steps), amplitude_before, area_before, ratio
     real(wp), allocatable :: slider(:, :), creep(:, :), last(:, :)
     integer :: number, i
 
+    self%loop_defect = huge(1.0_wp)
     do number = 1, most
       slider = self%path%state%slider
-      lowest = self%path%coordinate(solver)
-      highest = lowest
+      amplitude_before = self%amplitude
+      area_before = self%area
+      coordinate(0) = self%path%coordinate(solver)
       do i = 1, steps
         call self%path%walk_to(solver, load*cos(two_pi*i/steps))
         if (.not. self%path%found) return
-        lowest = min(lowest, self%path%coordinate(solver))
-        highest = max(highest, self%path%coordinate(solver))
+        coordinate(i) = self%path%coordinate(solver)
       end do
-      self%amplitude = 0.5_wp*(highest - lowest)
+      call measure_loop(self, coordinate)
       self%defect = defect_of(solver, slider, self%path%state%slider)
-      if (self%defect <= accepted(solver)) exit
+      self%closed = self%defect <= accepted(solver)
+      if (self%closed) exit
       creep = self%path%state%slider - slider
       if (allocated(last)) then
+        ! What goes on by equal steps is no creep, whatever the loop.
+        if (norm2(creep) <= slowest_creep*norm2(last) .and. abs(self%area - area_before) <= same_area*abs(self%area) &
+            .and. abs(self%amplitude - amplitude_before) <= same_amplitude*self%amplitude) then
+          self%loop_defect = abs(self%amplitude - amplitude_before)/self%amplitude
+          exit
+        end if
         ratio = sum(creep*last)/max(sum(last**2), tiny(1.0_wp))
         if (ratio > 0.0_wp .and. ratio <= slowest_creep .and. norm2(creep - ratio*last) <= alike*norm2(creep)) then
           self%path%state%slider = self%path%state%slider + ratio/(1.0_wp - ratio)*creep
@@ -262,7 +279,7 @@ contains
       if (.not. self%path%found) return
       call record(solver, i, history)
     end do
-    self%defect = defect_of(solver, slider, self%path%state%slider)
+    self%defect = min(defect_of(solver, slider, self%path%state%slider), self%loop_defect)
   end subroutine record_cycle
 
   !> Note the solver's equilibrium.
@@ -288,6 +305,20 @@ contains
     end associate
   end subroutine record
 
+  !> Q and the loop's area of a cycle.
+  pure subroutine measure_loop(self, coordinate)
+    type(quasi_static_type), intent(inout) :: self
+    !> q at each step [0:steps]
+    real(wp), intent(in) :: coordinate(0:)
+    integer :: steps, j
+
+    steps = ubound(coordinate, 1)
+    self%amplitude = 0.5_wp*(maxval(coordinate) - minval(coordinate))
+    ! The load at both ends of a step.
+    self%area = sum([(0.5_wp*self%load*(cos(two_pi*(j - 1)/steps) + cos(two_pi*j/steps))*(coordinate(j) - coordinate(j - 1)), &
+                      j=1, steps)])
+  end subroutine measure_loop
+
   !> Amplitude and work of a cycle.
   subroutine measure(self, solver, history)
     type(quasi_static_type), intent(inout) :: self
@@ -296,15 +327,9 @@ contains
     !> The cycle
     type(history_type), intent(in) :: history
     real(wp) :: work(2)
-    real(wp), allocatable :: coordinate(:), coarse(:)
-    integer :: steps, j
+    real(wp), allocatable :: coarse(:)
 
-    steps = ubound(history%response, 2)
-    coordinate = matmul(self%reader, history%response)
-    self%amplitude = 0.5_wp*(maxval(coordinate) - minval(coordinate))
-    ! The load at both ends of a step; coordinate(j + 1) belongs to step j.
-    self%area = sum([(0.5_wp*self%load*(cos(two_pi*(j - 1)/steps) + cos(two_pi*j/steps))*(coordinate(j + 1) - coordinate(j)), &
-                      j=1, steps)])
+    call measure_loop(self, matmul(self%reader, history%response))
     self%contact_work = work_of_contacts(solver%context%balance, history, 1)
     coarse = work_of_contacts(solver%context%balance, history, 2)
     work = [sum(self%contact_work), sum(coarse)]

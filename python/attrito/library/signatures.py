@@ -137,7 +137,7 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "attrito_restart_backbone": (None, (HANDLE, c_double, c_int, POINTER(RawBackbone))),
     "attrito_begin_quasi_static": (None, (HANDLE, Doubles, c_double)),
     "attrito_quasi_static_at": (None, (HANDLE, c_double, c_int, c_int, c_int, POINTER(RawQuasiStatic))),
-    "attrito_try_quasi_static": (None, (HANDLE, c_double, c_int, c_int, Doubles, Integers)),
+    "attrito_try_quasi_static": (None, (HANDLE, c_double, c_int, c_int, Doubles, Integers, Integers)),
     "attrito_quasi_static_work": (None, (HANDLE, Doubles)),
     # Integration in time
     "attrito_integrator_create": (c_int, (POINTER(RawScene), POINTER(HANDLE), *MESSAGE)),

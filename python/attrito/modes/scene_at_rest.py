@@ -75,9 +75,11 @@ def _new_solver(comm: Comm, job: Job, prepared: Prepared) -> Solver:
         return Solver(comm, prepared.reduced, prepared.options)
     check_one_process(comm, job)
     keys = job["mode"]
-    with Solver(comm, prepared.reduced, prepared.options) as solver:
-        stuck = solver.linear_modes("stuck", keys["number"] or 1).natural_hz
-    band = keys["near_hz"] or stuck[0], keys["near_hz"] or stuck[-1]
+    band = keys["near_hz"], keys["near_hz"]
+    if keys["near_hz"] is None:
+        with Solver(comm, prepared.reduced, prepared.options) as solver:
+            stuck = solver.linear_modes("stuck", keys["number"] or 1).natural_hz
+        band = stuck[0], stuck[-1]
     return PatchedSolver(comm, prepared.reduced, prepared.options, prepared.places, job["balance"]["tolerance"], band)
 
 
