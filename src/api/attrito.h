@@ -519,6 +519,13 @@ void attrito_ask_derivatives(void *handle, int quantities, const int *kinds, int
  * little more friction, and slips with a little less. */
 void attrito_scale_friction(void *handle, double factor);
 
+/* Contacts at the onset of slip: those that rest with friction larger by a part of it, and slip with friction smaller by as much
+ * [contacts]. 0, or not: the point cannot be evaluated. */
+int attrito_find_onsets(void *handle, double margin, double *begins);
+
+/* By the frequency, rad/s: derivatives of the quantities [quantities]. 0, or not: the equations are singular. */
+int attrito_differentiate_by_frequency(void *handle, double *derivatives);
+
 /* By parameters: derivatives of the quantities [quantities, parameters]. 0, or not: the equations are singular. */
 int attrito_differentiate_directly(void *handle, const attrito_rates *rates, double *derivatives);
 

@@ -10,8 +10,10 @@ module attrito_api_sensitivity
   use attrito_peak_frequency_slopes, only: frequency_slopes
   use attrito_peak_mode_slopes, only: mode_slopes_type, mode_slopes
   use attrito_sensitivity_damping_derivatives, only: damping_numbers
+  use attrito_sensitivity_onsets, only: scale_friction, find_onsets
   use attrito_sensitivity_parameters, only: by_parameters_type
-  use attrito_sensitivity_parameter_derivatives, only: differentiate_directly, differentiate_by_adjoint
+  use attrito_sensitivity_parameter_derivatives, only: differentiate_directly, differentiate_by_adjoint, &
+                                                      differentiate_by_frequency
   implicit none
   private
   public :: rates_type
@@ -74,15 +76,43 @@ contains
     !> On what the contacts have
     real(c_double), value :: factor
     type(session_type), pointer :: session
-    integer :: i
 
     session => session_of(handle)
-    associate (balance => session%solver%context%balance)
-      do i = 1, size(balance%law)
-        balance%law(i)%friction_coefficient = factor*session%contacts%law(balance%first_contact - 1 + i)%friction_coefficient
-      end do
-    end associate
+    call scale_friction(session%solver, factor)
   end subroutine attrito_scale_friction
+
+  !> Contacts at the onset of slip: those that rest with friction larger by a part of it, and slip with friction smaller by as much
+  !> [contacts]. 0, or not: the point cannot be evaluated.
+  integer(c_int) function attrito_find_onsets(handle, margin, begins) bind(c)
+    !> Session, see `session_of`
+    type(c_ptr), value :: handle
+    !> Part of friction
+    real(c_double), value :: margin
+    !> 1 of those at the onset, else 0
+    real(c_double), intent(out) :: begins(*)
+    type(session_type), pointer :: session
+    integer :: status
+
+    session => session_of(handle)
+    call find_onsets(session%solver, margin, begins(:size(session%contacts%law)), status)
+    attrito_find_onsets = status
+  end function attrito_find_onsets
+
+  !> By the frequency, rad/s: derivatives of the quantities [quantities]. 0, or not: the equations are singular.
+  integer(c_int) function attrito_differentiate_by_frequency(handle, derivatives) bind(c)
+    !> Session, see `session_of`
+    type(c_ptr), value :: handle
+    !> Derivatives
+    real(c_double), intent(out) :: derivatives(*)
+    type(session_type), pointer :: session
+    real(wp), allocatable :: found(:)
+    integer :: status
+
+    session => session_of(handle)
+    call differentiate_by_frequency(session%solver, session%inquiry, found, status)
+    attrito_differentiate_by_frequency = status
+    if (status == 0) derivatives(:size(found)) = found
+  end function attrito_differentiate_by_frequency
 
   !> By parameters: derivatives of the quantities [quantities, parameters]. 0, or not: the equations are singular.
   integer(c_int) function attrito_differentiate_directly(handle, rates, derivatives) bind(c)

@@ -18,8 +18,8 @@ module attrito_peak_corrector
   public :: plane_type, correct, combine, scaled, height, relative_size, frequency_weight
 
   !> Steps of the peak along the tangent, in scaled units, and of the parameter, relative, below which they have converged: the
-  !> amplitude's error is of second order in the former
-  real(wp), parameter :: small_step = 1.0e-7_wp, small_change = 1.0e-9_wp ! derived
+  !> amplitude's error is of second order in the former. Points that are solved to less than usual, 1e-10, have peaks that are.
+  real(wp), parameter :: small_step = 1.0e-7_wp, small_change = 1.0e-9_wp, tolerances = 1.0e3_wp ! derived
   integer, parameter :: most_iterations = 10 ! conventional
   !> Relative change in one Newton step; the frequency counts this much more than the rest
   real(wp), parameter :: longest_step = 1.0_wp, frequency_weight = 10.0_wp ! guess
@@ -59,7 +59,8 @@ contains
       if (status /= 0) return
       call solve_for_two(problem, solver, point, plane, along, change, status)
       if (status /= 0) return
-      found = point%residual <= solver%context%tolerance .and. abs(along) <= small_step .and. abs(change) <= small_change*abs(value)
+      found = point%residual <= solver%context%tolerance .and. abs(change) <= small_change*abs(value) &
+              .and. abs(along) <= min(small_step, tolerances*solver%context%tolerance)
       if (found) exit
       call take_step(problem, solver, point, along, change, status)
       if (status /= 0) return

@@ -20,7 +20,7 @@ module attrito_peak_frequency_slopes
   use attrito_peak_jacobian_rates, only: jacobian_rate
   use attrito_peak_second_derivative, only: differentiate_twice
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
-  use attrito_sensitivity_damping_derivatives, only: damping_load, damping_load_by_omega
+  use attrito_sensitivity_damping_derivatives, only: damping_load, viscous
   use attrito_sensitivity_parameters, only: by_parameters_type
   use attrito_sensitivity_point_rates, only: inquiry_type, rate_type, derivatives_of_laws, rate_of_parameter, rate_of_response
   use attrito_solve_solver, only: solver_type
@@ -145,9 +145,8 @@ contains
     call balance%respond_to_deviation(jacobian_rate(balance, inquiry, parameter, by_omega%motion, rate%motion), source)
     call balance%receptance%respond_derivative(rate%response, part)
     source = source + part
-    call balance%receptance%respond(damping_load(solver%structure, solver%stuck, balance, parameter%damping, by_omega%response) &
-                                    + damping_load_by_omega(solver%structure, solver%stuck, balance, parameter%damping, &
-                                                            balance%response), part)
+    call balance%receptance%respond(damping_load(solver, parameter%damping, by_omega%response) &
+                                    + damping_load(solver, viscous(parameter%damping), balance%response)/solver%omega, part)
     source = source + part
   end function source_by_parameter
 end module attrito_peak_frequency_slopes

@@ -13,13 +13,16 @@ module attrito_peak_jacobian_rates
   use attrito_contact_forces, only: contact_forces_type
   use attrito_model_contacts, only: contact_type
   use attrito_peak_second_derivative, only: differentiate_twice
-  use attrito_sensitivity_law_derivatives, only: forces_by_motion, beside, step
-  use attrito_sensitivity_parameters, only: by_parameters_type, recipe_type, law_numbers, by_normal_stiffness, by_friction, &
-                                            by_gap, by_preload
+  use attrito_sensitivity_law_derivatives, only: forces_by_motion, beside
+  use attrito_sensitivity_parameters, only: by_parameters_type, recipe_type, law_numbers, by_tangential_stiffness, &
+                                            by_normal_stiffness, by_friction, by_gap, by_preload
   use attrito_sensitivity_point_rates, only: inquiry_type
   implicit none
   private
   public :: jacobian_rate
+
+  !> Part of a number that it is changed by for a central difference of a Jacobian, whose rounding is some 1e-13
+  real(wp), parameter :: step = 1.0e-5_wp ! derived
 
 contains
 
@@ -100,6 +103,11 @@ contains
       part = 0.0_wp
       part(:, normal) = rates(by_normal_stiffness)/law%normal_stiffness*along(:, normal)
       change = forces_by_motion(law, forces, part)
+      if (.not. allocated(forces%jacobian)) then
+        ! It holds its slider, at whose limit other numbers would make it slide: its springs alone change.
+        change(:, :law%tangents) = change(:, :law%tangents) + rates(by_tangential_stiffness)*along(:, :law%tangents)
+        return
+      end if
       do column = 1, law_numbers + size(recipe%numbers)
         if (any(column == [by_normal_stiffness, by_gap, by_preload]) .or. .not. abs(rates(column)) > 0.0_wp) cycle
         reach = step*scale_of(law, recipe, column)

@@ -5,12 +5,12 @@
 !> by Rayleigh's alpha and beta, a ratio of the stuck modes x_r, and a loss factor. The last is as large at all harmonics above 0.
 module attrito_sensitivity_damping_derivatives
   use attrito_core_kinds, only: wp
-  use attrito_balance_harmonic_balance, only: balance_type
   use attrito_linear_stuck_system, only: stuck_system_type
   use attrito_model_structure, only: structure_type
+  use attrito_solve_solver, only: solver_type
   implicit none
   private
-  public :: damping_numbers, by_alpha, by_beta, by_ratio, by_loss_factor, damping_load, damping_load_by_omega, damping_product
+  public :: damping_numbers, by_alpha, by_beta, by_ratio, by_loss_factor, damping_load, viscous, damping_product
 
   !> Numbers of damping, in this order
   integer, parameter :: damping_numbers = 4
@@ -19,13 +19,9 @@ module attrito_sensitivity_damping_derivatives
 contains
 
   !> f' of a response in generalised coordinates [n, 0:H].
-  function damping_load(structure, stuck, balance, rates, response) result(load)
-    !> Mass, stiffness, damping, loads and monitors
-    type(structure_type), intent(in) :: structure
-    !> Linear system with every contact stuck
-    type(stuck_system_type), intent(in) :: stuck
-    !> Harmonic balance, set to its frequency
-    type(balance_type), intent(in) :: balance
+  function damping_load(solver, rates, response) result(load)
+    !> Solver of points: structure, stuck system, and balance at its frequency
+    type(solver_type), intent(in) :: solver
     !> Of the numbers of damping [damping_numbers]
     real(wp), intent(in) :: rates(:)
     !> X [n, 0:H]
@@ -35,34 +31,24 @@ contains
 
     load = 0.0_wp
     if (.not. any(abs(rates) > 0.0_wp)) return
-    associate (receptance => balance%receptance)
+    associate (receptance => solver%context%balance%receptance)
       do h = 1, ubound(response, 2)
         load(:, h) = receptance%project_load(h, -(0.0_wp, 1.0_wp)*h*receptance%omega* &
-                                             damping_product(structure, stuck, rates, receptance%recover(h, response(:, h)), &
-                                                             h*receptance%omega))
+                                             damping_product(solver%structure, solver%stuck, rates, &
+                                                             receptance%recover(h, response(:, h)), h*receptance%omega))
       end do
     end associate
   end function damping_load
 
-  !> df'/domega, the response held: that of a loss factor does not depend on omega.
-  function damping_load_by_omega(structure, stuck, balance, rates, response) result(load)
-    !> Mass, stiffness, damping, loads and monitors
-    type(structure_type), intent(in) :: structure
-    !> Linear system with every contact stuck
-    type(stuck_system_type), intent(in) :: stuck
-    !> Harmonic balance, set to its frequency
-    type(balance_type), intent(in) :: balance
-    !> Of the numbers of damping [damping_numbers]
+  !> Of the numbers of damping those whose load f' is in proportion to omega: all but the loss factor.
+  pure function viscous(rates)
+    !> [damping_numbers]
     real(wp), intent(in) :: rates(:)
-    !> X [n, 0:H]
-    complex(wp), intent(in) :: response(:, 0:)
-    complex(wp) :: load(size(response, 1), 0:ubound(response, 2))
-    real(wp) :: viscous(damping_numbers)
+    real(wp) :: viscous(size(rates))
 
     viscous = rates
     viscous(by_loss_factor) = 0.0_wp
-    load = damping_load(structure, stuck, balance, viscous, response)/balance%receptance%omega
-  end function damping_load_by_omega
+  end function viscous
 
   !> C' q of a motion Re q exp(i Omega t) of the model's coordinates [m].
   function damping_product(structure, stuck, rates, displacement, frequency) result(product)

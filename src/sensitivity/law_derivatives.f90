@@ -18,15 +18,18 @@ module attrito_sensitivity_law_derivatives
   use attrito_contact_law_laws, only: new_law
   use attrito_model_contacts, only: contact_type
   use attrito_contact_evaluation, only: quadrature_type, evaluate_contact
-  use attrito_contact_forces, only: contact_forces_type
+  use attrito_contact_forces, only: contact_forces_type, released
   use attrito_sensitivity_parameters, only: recipe_type, law_numbers, by_tangential_stiffness, by_normal_stiffness, by_friction, &
                                             by_gap, by_preload
+  use attrito_sensitivity_spring_forces, only: springs_of_contact
   implicit none
   private
-  public :: differentiate_law, differentiate_by_sliders, forces_by_motion, beside, step
+  public :: differentiate_law, differentiate_by_sliders, forces_by_motion, beside
 
-  !> Part of a number that it is changed by for a central difference: errors are near the square of it, of rounding near 1e-16 over it
-  real(wp), parameter :: step = 1.0e-5_wp ! derived
+  !> Part of a number that it is changed by for a central difference: errors are near the square of it, of rounding near 1e-16 over it.
+  !> By samples, and of elements in parallel, forces have a corner wherever a sample or an element changes its regime: few do so within
+  !> so little.
+  real(wp), parameter :: step = 1.0e-7_wp ! derived
 
 contains
 
@@ -89,10 +92,7 @@ contains
     real(wp), intent(in) :: motion(:, :)
     real(wp) :: change(size(motion, 1), size(motion, 2))
 
-    associate (n => law%tangents)
-      change(:, :n) = law%tangential_stiffness*motion(:, :n)
-      change(:, n + 1) = law%normal_stiffness*motion(:, n + 1)
-    end associate
+    change = springs_of_contact(law, motion)
     if (.not. allocated(forces%jacobian)) return
     change = change + reshape(matmul(forces%jacobian, reshape(motion, [size(motion)])), shape(motion))
   end function forces_by_motion
@@ -103,9 +103,10 @@ contains
     type(contact_type), intent(in) :: law
     !> Coefficients of relative displacement and of the forces' deviation from the springs' [k, tangents + 1]
     real(wp), intent(in) :: motion(:, :), deviation(:, :)
-    real(wp) :: force(size(motion, 1), law%tangents)
+    real(wp) :: force(size(motion, 1), law%tangents), springs(size(motion, 1), size(motion, 2))
 
-    force = law%tangential_stiffness*motion(:, :law%tangents) + deviation(:, :law%tangents)
+    springs = springs_of_contact(law, motion)
+    force = springs(:, :law%tangents) + deviation(:, :law%tangents)
   end function tangential_forces
 
   !> By a further number of its law: a central difference.
@@ -214,13 +215,40 @@ contains
     type(contact_forces_type), intent(in) :: forces
     real(wp) :: change(size(motion, 1), size(motion, 2))
     type(contact_forces_type) :: there
+    real(wp) :: moved(2)
 
     change = 0.0_wp
+    if (.not. allocated(forces%jacobian)) then
+      ! It holds its sliders, at whose limit other numbers would make it slide.
+      change(:, :law%tangents) = held_forces(more, motion, slider_more) - held_forces(less, motion, slider_less)
+      return
+    end if
     allocate (there%deviation(size(motion, 1), size(motion, 2)))
     there%without_jacobian = .true.
     call evaluate_contact(more, quadrature, motion, slider_more, forces%periodic, there)
+    moved = there%moved(:2)
     change(:, :law%tangents) = tangential_forces(more, motion, there%deviation)
     call evaluate_contact(less, quadrature, motion, slider_less, forces%periodic, there)
     change(:, :law%tangents) = change(:, :law%tangents) - tangential_forces(less, motion, there%deviation)
+    if (.not. forces%follows()) return
+    ! A slider that is to return follows the numbers, w' = (I - P_w)^-1 P_p, and forces follow it.
+    associate (follow => matmul(forces%link%force, released(forces%link%holding, reshape(moved - there%moved(:2), [2, 1]))))
+      change(:, :2) = change(:, :2) + reshape(follow, [size(motion, 1), 2])
+    end associate
   end function difference
+
+  !> Coefficients of the tangential forces of a contact that holds its sliders [k, tangents].
+  pure function held_forces(law, motion, slider) result(force)
+    !> Contact: its springs and its law
+    type(contact_type), intent(in) :: law
+    !> Coefficients of relative displacement [k, tangents + 1]; sliders [width]
+    real(wp), intent(in) :: motion(:, :), slider(:)
+    real(wp) :: force(size(motion, 1), law%tangents)
+    integer :: t
+
+    force = tangential_forces(law, motion, 0.0_wp*motion)
+    do t = 1, law%tangents
+      force(1, t) = force(1, t) + law%slider_force(t, slider)
+    end do
+  end function held_forces
 end module attrito_sensitivity_law_derivatives

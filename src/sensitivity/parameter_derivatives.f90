@@ -20,12 +20,13 @@ module attrito_sensitivity_parameter_derivatives
   use attrito_sensitivity_damping_derivatives, only: damping_numbers, damping_load
   use attrito_sensitivity_parameters, only: by_parameters_type
   use attrito_sensitivity_point_rates, only: inquiry_type, rate_type, begin_at_sliders, derivatives_of_laws, &
-                                             rate_of_parameter
+                                             rate_of_parameter, rate_of_response
   use attrito_sensitivity_quantities, only: weights_type, weights_of
+  use attrito_sensitivity_spring_forces, only: spring_forces
   use attrito_solve_solver, only: solver_type
   implicit none
   private
-  public :: differentiate_directly, differentiate_by_adjoint, derivative_along
+  public :: differentiate_directly, differentiate_by_adjoint, differentiate_by_frequency, derivative_along
 
 contains
 
@@ -62,6 +63,32 @@ contains
     end associate
   end subroutine differentiate_directly
 
+  !> By the angular frequency, at the solver's present point, which was evaluated last.
+  subroutine differentiate_by_frequency(solver, inquiry, derivatives, status)
+    !> Solver of points: its balance
+    type(solver_type), target, intent(inout) :: solver
+    !> What is asked for
+    type(inquiry_type), intent(in) :: inquiry
+    !> Of the quantities [quantities]
+    real(wp), allocatable, intent(out) :: derivatives(:)
+    !> 0, or not: the linearised equations are singular there
+    integer, intent(out) :: status
+    type(preconditioners_type) :: kept
+    type(rate_type) :: rate
+    complex(wp), allocatable :: source(:, :)
+    integer :: i
+
+    associate (balance => solver%context%balance)
+      ! Contacts may have been held since.
+      call balance%active%find(balance%law, balance%forces, balance%contact_rows)
+      allocate (source, mold=balance%response)
+      call balance%receptance%respond_derivative(balance%response, source)
+      call rate_of_response(solver, source, kept, rate, status)
+      if (status /= 0) return
+      derivatives = [(derivative_along(balance, weights_of(inquiry%quantities(i), balance), rate), i=1, size(inquiry%quantities))]
+    end associate
+  end subroutine differentiate_by_frequency
+
   !> c . delta a + l . delta lambda + k . delta d.
   real(wp) function derivative_along(balance, weights, rate) result(derivative)
     !> Harmonic balance
@@ -75,23 +102,6 @@ contains
     call balance%ranks%sum(derivative)
     derivative = derivative + sum(weights%monitors*balance%monitors%motion_of(rate%response))
   end function derivative_along
-
-  !> K_c d of this rank's rows [2 H + 1, rows].
-  pure function spring_forces(balance, motion) result(forces)
-    !> Harmonic balance
-    type(balance_type), intent(in) :: balance
-    !> d [2 H + 1, rows]
-    real(wp), intent(in) :: motion(:, :)
-    real(wp) :: forces(size(motion, 1), size(motion, 2))
-    integer :: i
-
-    do i = 1, size(balance%law)
-      associate (law => balance%law(i), first => balance%law(i)%first_row)
-        forces(:, first:first + law%tangents - 1) = law%tangential_stiffness*motion(:, first:first + law%tangents - 1)
-        forces(:, first + law%tangents) = law%normal_stiffness*motion(:, first + law%tangents)
-      end associate
-    end do
-  end function spring_forces
 
   !> By everything, of all quantities, at the solver's present point, which was evaluated last.
   subroutine differentiate_by_adjoint(solver, inquiry, gradients, status)
@@ -145,7 +155,7 @@ contains
       do i = 1, size(loads, 3)
         unit = 0.0_wp
         unit(i) = 1.0_wp
-        loads(:, :, i) = damping_load(solver%structure, solver%stuck, balance, unit, balance%response)
+        loads(:, :, i) = damping_load(solver, unit, balance%response)
       end do
     end associate
   end function damping_loads

@@ -145,12 +145,16 @@ contains
     !> What it changes
     type(by_parameters_type), intent(in) :: parameter
     real(wp) :: change(size(laws, 1), size(laws, 2))
-    integer :: i, row
+    integer :: i, column
 
+    change = 0.0_wp
     do i = 1, size(balance%law)
-      do row = balance%law(i)%first_row, balance%law(i)%first_row + balance%law(i)%tangents
-        change(:, row) = matmul(laws(:, row, :), parameter%laws(:, balance%first_contact - 1 + i))
-      end do
+      associate (first => balance%law(i)%first_row, last => balance%law(i)%first_row + balance%law(i)%tangents, &
+                 own => parameter%laws(:, balance%first_contact - 1 + i))
+        do column = 1, size(own)
+          if (abs(own(column)) > 0.0_wp) change(:, first:last) = change(:, first:last) + own(column)*laws(:, first:last, column)
+        end do
+      end associate
     end do
   end function force_change
 
@@ -162,17 +166,17 @@ contains
     type(by_parameters_type), intent(in) :: parameter
     complex(wp), allocatable :: loads(:, :)
     type(balance_type), pointer :: balance
+    real(wp) :: factor
     integer :: h
 
     balance => solver%context%balance
     allocate (loads, mold=balance%response)
-    loads = damping_load(solver%structure, solver%stuck, balance, parameter%damping, balance%response)
-    associate (highest => balance%highest_load())
-      loads(:, :highest) = loads(:, :highest) + parameter%level*balance%harmonic_load(:, :highest)
-      do h = 1, min(highest, size(parameter%harmonic_factors))
-        loads(:, h) = loads(:, h) + balance%level*parameter%harmonic_factors(h)*balance%harmonic_load(:, h)
-      end do
-    end associate
+    loads = damping_load(solver, parameter%damping, balance%response)
+    do h = 0, balance%highest_load()
+      factor = parameter%level
+      if (h >= 1 .and. h <= size(parameter%harmonic_factors)) factor = factor + balance%level*parameter%harmonic_factors(h)
+      loads(:, h) = loads(:, h) + factor*balance%harmonic_load(:, h)
+    end do
     loads(:, 0) = loads(:, 0) + matmul(balance%static_loads, parameter%static_factors)
   end function load_change
 end module attrito_sensitivity_point_rates

@@ -10,6 +10,7 @@ module attrito_sensitivity_quantities
   use attrito_core_kinds, only: wp, pi
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_sensitivity_amplitude_gradient, only: amplitude_gradient
+  use attrito_sensitivity_spring_forces, only: spring_forces
   implicit none
   private
   public :: quantity_type, weights_type, weights_of, total_forces
@@ -112,12 +113,10 @@ contains
     real(wp) :: forces(size(motion, 1), size(motion, 2))
     integer :: i
 
+    forces = spring_forces(balance, motion)
     do i = 1, size(balance%law)
-      associate (law => balance%law(i), first => balance%law(i)%first_row, normal => balance%law(i)%first_row + &
-                 balance%law(i)%tangents)
-        forces(:, first:normal) = balance%forces(i)%deviation(:size(motion, 1), :)
-        forces(:, first:normal - 1) = forces(:, first:normal - 1) + law%tangential_stiffness*motion(:, first:normal - 1)
-        forces(:, normal) = forces(:, normal) + law%normal_stiffness*motion(:, normal)
+      associate (first => balance%law(i)%first_row, last => balance%law(i)%first_row + balance%law(i)%tangents)
+        forces(:, first:last) = forces(:, first:last) + balance%forces(i)%deviation(:size(motion, 1), :)
       end associate
     end do
   end function total_forces

@@ -37,6 +37,10 @@ def with_parameter(job: Job, name: str, change: float) -> tuple[Job, float]:
     if name == "level":
         job["sweep"]["levels"] = [level + change for level in job["sweep"].get("levels", [1.0])]
         return job, change
+    if name in ("damping.ratio", "damping.loss_factor"):
+        change *= job["damping"][name[8:]]
+        job["damping"][name[8:]] += change
+        return job, change
     if name.startswith("damping."):
         value = job["damping"]["rayleigh"]
         value[int(name[-2])] += change * value[int(name[-2])]

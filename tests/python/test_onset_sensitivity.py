@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from jobs import Job, run, table, wedge
+from mode_jobs import KT, LIMIT, MASS, rubbing
 from mpi4py import MPI
 from slopes import pressed, with_parameter
 
 import attrito
+from attrito.modes import tracker
 
 # Steps h, h / 4, h / 16 of one-sided differences, part of the level
 STEPS = 1e-3 / 4.0 ** np.arange(3)
@@ -115,6 +118,107 @@ def test_both_derivatives_at_the_onset_of_slip(tmp_path: Path, job: Job) -> None
     slope = of_level(tmp_path, job, level, 1.0, "dissipated_energy")
     assert float(lost["above"]) == pytest.approx(slope, rel=1e-3)
     assert abs(float(lost["below"])) < 1e-9 * slope
+
+
+def test_both_derivatives_where_a_contact_begins_to_slip_along_two_tangents(tmp_path: Path) -> None:
+    """A mass that moves on an ellipse: by samples the two that are farthest apart slip at first."""
+    law = {"tangential_stiffness": 3.0e5, "normal_stiffness": 3.0e5, "friction_coefficient": 0.5}
+    job: Job = {
+        "model": {
+            "mass": np.eye(3).tolist(),
+            "stiffness": np.diag((2 * np.pi * np.array([100.0, 140.0, 250.0])) ** 2).tolist(),
+        },
+        "damping": {"rayleigh": [20.0 * np.pi, 0.0]},
+        "contact": [{"normal": [[2, 1.0]], "tangents": [[[0, 1.0]], [[1, 1.0]]], **law}],
+        "load": [
+            {"kind": "static", "dofs": [[2, 400.0]]},
+            {"kind": "harmonic", "harmonic": 1, "cosine": [[0, 30.0]], "sine": [[1, 18.0]]},
+        ],
+        "balance": {"harmonics": 3, "samples": 128, "residual_tolerance": 1e-13},
+        "sweep": {"frequencies_hz": [110.0], "levels": [0.2]},
+        "output": {"file": "result.h5", "monitors": [{"name": "x", "dofs": [[0, 1.0], [1, 0.5]]}]},
+    }
+    with attrito.run(job, MPI.COMM_SELF, folder=tmp_path, quiet=True) as result:
+        (rows,) = np.asarray(result.contacts.displacement)[0]
+        pressed_by = float(result.contacts.n_mean[0, 0])
+    angles = 2.0 * np.pi * np.arange(128) / 128
+    reach = np.hypot(*(row[1] * np.cos(angles) + row[2] * np.sin(angles) for row in rows[:2])).max()
+    level = 0.2 * law["friction_coefficient"] * pressed_by / law["tangential_stiffness"] / reach
+    # Within a hundredth of what is taken for the onset, and on the side where it sticks
+    level *= 1.0 - 1e-9
+    job["sweep"]["levels"] = [level]
+    names = ["level", "contact[0].tangential_stiffness"]
+    run(tmp_path, job | {"sensitivity": {"to": names}})
+    rows_of = {row["parameter"]: row for row in table(tmp_path, "--sensitivities") if row["quantity"] == "x_amplitude"}
+
+    def amplitudes(changed: Job) -> float:
+        with attrito.run(changed, MPI.COMM_SELF, folder=tmp_path, quiet=True) as result:
+            return float(result.monitors.x.amplitude[0])
+
+    here = amplitudes(job)
+    for name in names:
+        corner = []
+        for side, column in ((-1.0, "below"), (1.0, "above")):
+            quotients = []
+            # No further sample slips so near, (2 pi / 128)^2 / 8 = 3e-4: one-sided differences leave the step's square.
+            for step in (1e-4, 5e-5):
+                other, change = with_parameter(job, name, side * step)
+                quotients.append((amplitudes(other) - here) / change)
+            corner.append(2.0 * quotients[1] - quotients[0])
+            # The point is 1e-9 away from the corner: 2e-5 of the step.
+            assert float(rows_of[name][column]) == pytest.approx(corner[-1], rel=1e-4)
+        assert abs(corner[1] - corner[0]) > 0.01 * abs(corner[0])
+
+
+def test_a_mode_has_both_derivatives_where_its_contact_begins_to_slip(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One mass and one Coulomb element: W = 4 mu N (X - mu N / kt) beyond X = mu N / kt, where Q = X sqrt(M)."""
+    monkeypatch.setattr(tracker, "AMPLITUDE_TOLERANCE", 1e-13)
+    job = rubbing()
+    job["balance"] = {"harmonics": 1, "quadrature": "event", "residual_tolerance": 1e-13}
+    amplitude = LIMIT / KT
+    job["mode"] = {"start": 0.5 * amplitude * MASS**0.5, "stop": amplitude * MASS**0.5, "points": 2}
+    job["sensitivity"] = {"to": ["contact[0].friction_coefficient"]}
+    with attrito.mode(job, MPI.COMM_SELF, folder=tmp_path, quiet=True) as result:
+        omega = 2.0 * np.pi * float(result.points.frequency_hz[1])
+        sides = [np.asarray(getattr(result.sensitivity, side).damping_ratio)[:, 0] for side in ("below", "above")]
+        frequency = [np.asarray(getattr(result.sensitivity, side).frequency_hz)[1, 0] for side in ("below", "above")]
+    assert np.isnan(sides[0][0]) and np.isnan(sides[1][0])
+    friction = job["contact"][0]["friction_coefficient"]
+    slope = -4.0 * LIMIT * LIMIT / (KT * friction) / (2.0 * np.pi * omega**2 * MASS * amplitude**2)
+    # Slip lasts for the root of 1e-9 of a period.
+    assert sides[0][1] == pytest.approx(slope, rel=1e-3)
+    assert abs(sides[1][1]) < 1e-9 * abs(slope)
+    # The stiffness that is missing grows as the power 3/2 of how far it slips.
+    assert np.abs(frequency).max() < 1e-3 * omega * abs(slope)
+
+
+def test_a_peak_at_which_a_contact_begins_to_slip_stays_there(tmp_path: Path) -> None:
+    """Across the contact the response rises until it sticks and falls from there on."""
+    job = pressed(wedge(force=10.0))
+    job["balance"] = {"harmonics": 5, "quadrature": "event", "residual_tolerance": 1e-13}
+    job["output"]["monitors"] = [{"name": "m", "dofs": [[0, float(np.cos(1.5184))], [1, float(np.sin(1.5184))]]}]
+    job["sweep"] = {"start_hz": 130.8, "stop_hz": 142.8}
+    job["peak"] = {"start": 1.0, "stop": 1.01, "near_hz": 136.8}
+
+    def peak(changed: Job) -> dict[str, np.ndarray]:
+        with attrito.peak(changed, MPI.COMM_SELF, folder=tmp_path, quiet=True):
+            pass
+        with h5py.File(tmp_path / "result.peaks.h5") as file:
+            found = {name: dataset[0] for name, dataset in file["peaks"].items() if isinstance(dataset, h5py.Dataset)}
+        assert found["corner"] == 1
+        return found
+
+    names = ["contact[0].friction_coefficient", "load.preload"]
+    exact = peak(job | {"sensitivity": {"to": names}})
+    for number, name in enumerate(names):
+        ends, changes = zip(*(with_parameter(job, name, side * 1e-2) for side in (-1.0, 1.0)), strict=True)
+        low, high = map(peak, ends)
+        for quantity, derivatives in (("amplitude", "sensitivity"), ("frequency_hz", "sensitivity_frequency")):
+            slope = (high[quantity] - low[quantity]) / (changes[1] - changes[0])
+            # The corner is found to 1e-9 of the height, that is 1e-7 of friction: slip lasts for the root of it.
+            assert exact[derivatives][number] == pytest.approx(slope, rel=2e-3)
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.5])

@@ -202,6 +202,18 @@ def test_no_parameter(tmp_path: Path, capfd: pytest.CaptureFixture[str], name: s
     assert expected in done.stderr
 
 
+@pytest.mark.parametrize(("monitor", "quantity"), [("n_mean", "n_mean"), ("n", "n_mean")])
+def test_a_quantity_named_like_a_monitor_s_is_refused(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monitor: str, quantity: str
+) -> None:
+    job = wedge() | {"sensitivity": {"to": ["level"], "of": ["dissipated_energy", quantity]}}
+    job["output"]["monitors"][0]["name"] = monitor
+    write_job(tmp_path, job)
+    done = attrito_here(tmp_path, capfd, "run", "job.toml")
+    assert done.returncode == 2
+    assert "[sensitivity] of[1]" in done.stderr and "a quantity that no monitor is named like" in done.stderr
+
+
 def test_no_derivative_by_friction_where_there_is_none(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     job = pressed(wedge(), friction_coefficient=0.0)
     write_job(tmp_path, job | {"sensitivity": {"to": ["contact[0].friction_coefficient"]}})

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import h5py
+import numpy as np
 import pytest
-from jobs import attrito_here, wedge, write_job
-from slopes import SHORT_STEP, STEP, compared, pressed, solved
+from jobs import Job, attrito_here, chain, run, table, wedge, write_job
+from mpi4py import MPI
+from slopes import SHORT_STEP, STEP, compared, pressed, solved, with_parameter
 from wheels import lumped_sector
+
+import attrito
 
 
 def test_by_the_numbers_of_iwan_s_law(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -24,6 +29,54 @@ def test_by_a_table_of_friction_by_pressure(tmp_path: Path, capfd: pytest.Captur
     job["sweep"] = {"frequencies_hz": [125.0]}
     names = [f"contact[0].friction_coefficient[{row}]" for row in range(2)]
     compared(tmp_path, job, SHORT_STEP, 1e-4, capfd, [*names, "contact[0].tangential_stiffness"])
+
+
+def test_by_a_table_of_friction_by_pressure_along_two_tangents(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Sliders that return after a period follow the table."""
+    job = pressed(chain(2, 2), law="pressure", area=1.0)
+    for contact in job["contact"]:
+        contact["friction_coefficient"] = [[10.0, 0.6], [60.0, 0.4]]
+    job["balance"] = {"harmonics": 3, "samples": 128, "residual_tolerance": 1e-13}
+    job["sweep"] = {"frequencies_hz": [79.0], "levels": [8.0]}
+    names = [f"contact[{i}].friction_coefficient[{row}]" for i in range(2) for row in range(2)]
+    compared(tmp_path, job, SHORT_STEP, 1e-4, capfd, names)
+    assert {row["state"] for row in solved(tmp_path, job, capfd, "--contacts")} == {"slipping"}
+
+
+@pytest.mark.parametrize("damping", ["ratio", "loss_factor"])
+def test_of_forces_along_both_tangents_by_damping(tmp_path: Path, damping: str) -> None:
+    """On one rank against differences, on two as on one."""
+    job = pressed(chain(2, 2)) | {"damping": {damping: 0.02}}
+    job["balance"] = {"harmonics": 3, "samples": 128, "residual_tolerance": 1e-13}
+    job["sweep"] = {"frequencies_hz": [79.0], "levels": [6.0]}
+    names = [f"damping.{damping}", "contact[0].friction_coefficient", "load.press", "level"]
+    of = ["contact[0].t1_mean", "contact[0].t2_mean", "contact[1].n_mean", "dissipated_energy"]
+
+    def derivatives(ranks: int | None) -> np.ndarray:
+        run(tmp_path, job | {"sensitivity": {"to": names, "of": of}}, ranks)
+        rows = [row for row in table(tmp_path, "--sensitivities") if row["quantity"] in of]
+        return np.array([float(row["derivative"]) for row in rows]).reshape(len(of), len(names))
+
+    def found(changed: Job) -> np.ndarray:
+        with attrito.run(changed, MPI.COMM_SELF, folder=tmp_path, quiet=True) as result:
+            contacts = result.contacts
+            means = [contacts.t1_mean[0, 0], contacts.t2_mean[0, 0], contacts.n_mean[0, 1]]
+            return np.array([*means, np.sum(contacts.dissipated_energy[0])])
+
+    slopes = []
+    scales = np.array([abs(with_parameter(job, name, 1.0)[1]) for name in names])
+    for name, scale in zip(names, scales, strict=True):
+        sides = [found(with_parameter(job, name, side * SHORT_STEP)[0]) for side in (-1.0, 1.0)]
+        slopes.append((sides[1] - sides[0]) / (2.0 * SHORT_STEP * scale))
+    expected = np.array(slopes).T
+    largest = np.max(np.abs(expected * scales), axis=1, keepdims=True)
+    assert np.all(largest > 0.0)
+    alone, shared = derivatives(None), derivatives(2)
+    # As by samples elsewhere; systems on both are solved to 1e-9.
+    assert np.all(np.abs(alone - expected) * scales < 1e-4 * largest)
+    assert np.all(np.abs(alone - shared) * scales < 1e-7 * largest)
 
 
 @pytest.mark.parametrize(("push", "state"), [(-20.0, "stuck"), (-60.0, "shaken_down")])
@@ -52,6 +105,32 @@ def test_of_waves_in_a_wheel(tmp_path: Path, capfd: pytest.CaptureFixture[str]) 
     ]
     names += ["load.wake", "damping.rayleigh[0]"]
     compared(tmp_path, job, STEP, 1e-6, capfd, names)
+
+
+def test_of_the_peak_of_a_wave(tmp_path: Path) -> None:
+    job = lumped_sector()
+    job["balance"] = {"harmonics": 3, "quadrature": "event", "residual_tolerance": 1e-13}
+    job["sweep"] = {"start_hz": 38.0, "stop_hz": 56.0}
+    job["peak"] = {"start": 1.0, "stop": 1.01}
+
+    def peak(changed: Job) -> dict[str, np.ndarray]:
+        with attrito.peak(changed, MPI.COMM_SELF, folder=tmp_path, quiet=True):
+            pass
+        with h5py.File(tmp_path / "result.peaks.h5") as file:
+            return {name: dataset[0] for name, dataset in file["peaks"].items() if isinstance(dataset, h5py.Dataset)}
+
+    names = ["contact[0].friction_coefficient", "contact[1].tangential_stiffness", "damping.rayleigh[0]"]
+    exact = peak(job | {"sensitivity": {"to": names}})
+    assert exact["corner"] == 0 and exact["states"][2] == 2
+    for quantity, derivatives in (("amplitude", "sensitivity"), ("frequency_hz", "sensitivity_frequency")):
+        found, slopes = [], []
+        for number, name in enumerate(names):
+            ends, changes = zip(*(with_parameter(job, name, side * 1e-3) for side in (-1.0, 1.0)), strict=True)
+            change = abs(changes[1])
+            slopes.append(np.subtract(*(peak(end)[quantity] for end in ends[::-1])) / 2e-3)
+            found.append(exact[derivatives][number] * change / 1e-3)
+        # Central differences over 1e-3 leave 1e-6 times third derivatives.
+        assert found == pytest.approx(slopes, abs=1e-5 * np.abs(slopes).max())
 
 
 def test_of_modes_of_a_wheel_there_are_none(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

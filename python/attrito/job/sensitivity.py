@@ -143,9 +143,13 @@ def check_sensitivity(job: Job) -> list[Fault]:
                 raise ValueError(BY_STIFFNESS)
         except ValueError as error:
             faults.append(job.fault(f"[sensitivity] to[{number}]", name, str(error)))
+    monitors = [monitor["name"] for monitor in job["output"]["monitors"]]
+    taken = {f"{name}{end}" for name in monitors for end in ("", "_amplitude", "_mean")}
     for number, name in enumerate(quantities):
         try:
             _quantity(job, name)
+            if name in taken:
+                raise ValueError("a quantity that no monitor is named like: tables name both alike")
         except ValueError as error:
             faults.append(job.fault(f"[sensitivity] of[{number}]", name, str(error)))
     return faults

@@ -89,6 +89,19 @@ class Family:
         """Scale the friction coefficients that contacts have; within a visit, whose work gives them back by 1."""
         self._ask("scale_friction", factor)
 
+    def find_onsets(self, margin: float) -> np.ndarray | None:
+        """1 of contacts that rest with friction larger by this part and slip with friction as much smaller, `[nc]`.
+
+        Else 0; None where the point cannot be evaluated.
+        """
+        begins: np.ndarray | None = self._ask("find_onsets", margin)
+        return begins
+
+    def differentiate_by_frequency(self) -> np.ndarray | None:
+        """Derivatives `[quantities]` by the frequency, per Hz, of the member described last; None if singular."""
+        found: np.ndarray | None = self._ask("differentiate_by_frequency")
+        return found
+
     def differentiate_directly(self, parameters: Rates) -> np.ndarray | None:
         """Derivatives `[quantities, parameters]` of the member described last; None if singular.
 
@@ -171,6 +184,9 @@ class Family:
         if what == "move":
             return self._solver.call("attrito_solve_member", pointer(np.ascontiguousarray(arguments[0]))) == 1
         (contacts, monitors), coefficients = self._sizes, self._solver.coefficients
+        if what == "find_onsets":
+            begins = np.zeros(contacts)
+            return begins if self._solver.call("attrito_find_onsets", *arguments, pointer(begins)) == 0 else None
         if what.startswith("differentiate_"):
             return self._differentiate(what, *arguments)
         member = Member(
@@ -197,6 +213,9 @@ class Family:
         if what == "differentiate_by_adjoint":
             gradients = self._inquiry.zeros(self._solver, quantities)
             return gradients if self._solver.call(name, ctypes.byref(gradients.raw())) == 0 else None
+        if what == "differentiate_by_frequency":
+            slopes = np.zeros(quantities)
+            return 2.0 * np.pi * slopes if self._solver.call(name, pointer(slopes)) == 0 else None
         if what == "differentiate_peak_frequency":
             monitor, rates = arguments
             slopes = np.zeros(len(rates))

@@ -105,6 +105,8 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
         (HANDLE, c_int, Integers, c_int, Doubles, c_int, POINTER(RawLaw), c_int, c_int),
     ),
     "attrito_scale_friction": (None, (HANDLE, c_double)),
+    "attrito_find_onsets": (c_int, (HANDLE, c_double, Doubles)),
+    "attrito_differentiate_by_frequency": (c_int, (HANDLE, Doubles)),
     "attrito_differentiate_by_adjoint": (c_int, (HANDLE, POINTER(RawRates))),
     "attrito_differentiate_directly": (c_int, (HANDLE, POINTER(RawRates), Doubles)),
     "attrito_differentiate_peak_frequency": (c_int, (HANDLE, c_int, POINTER(RawRates), Doubles)),

@@ -21,7 +21,7 @@ from attrito.library.structures import omega
 from attrito.modes.frequency_slopes import REPEATED, spring_rates
 from attrito.modes.mode_point import ModePoint
 from attrito.runs.recorder import Recorder
-from attrito.runs.sensitivity import SERIES, Differentiator
+from attrito.runs.sensitivity import CORNER, SERIES, Differentiator
 from attrito.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -57,29 +57,42 @@ class ModeDifferentiator:
         # Of phi^T M
         self._weight_rates = shape_slopes(modes, index, reduced.directions, rates) @ reduced.mass
 
-    def visit(self, one: ModePoint, recorder: Recorder) -> None:
-        """Add the derivatives at the point where the solver stands to its record. Collective."""
+    def visit(self, one: ModePoint, recorder: Recorder) -> str:
+        """Add the derivatives at the point where the solver stands to its record; what is to be said. Collective."""
         if not self._asked:
-            return
+            return ""
         motion = self._solver.coordinates()
         first = motion[:, 1] - 1j * motion[:, 2]
         amplitude = self._weight @ first
         own = np.real(amplitude.conj() * (self._weight_rates @ first)) / abs(amplitude)
 
-        def work(family: Family) -> tuple[np.ndarray, np.ndarray] | None:
-            rates = self._points.rates
-            return None if family.describe() is None else family.differentiate_mode(rates, self._weight + 0j, own)
+        def find(family: Family) -> np.ndarray | None:
+            return None if family.describe() is None else self._find(family, one, own)
 
-        found = self._points.family.visit(work) if one.converged else None
+        found = self._points.family.visit(find) if one.converged else None
+        both = self._points.at_onset(one.point, find, len(OF_THE_MODE))
         if not self._root:
-            return
-        slopes, quantities = found or self._points.nothing(len(OF_THE_MODE))
-        frequency, excitation, structure = slopes
+            return ""
+        self._record(recorder, np.vstack(self._points.nothing(len(OF_THE_MODE))) if found is None else found, "")
+        for name, there in both.items():
+            self._record(recorder, there, f"{name}/")
+        return CORNER if np.any(np.isfinite(both["below"])) else ""
+
+    def _find(self, family: Family, one: ModePoint, own: np.ndarray) -> np.ndarray | None:
+        """Of the mode itself, then of the quantities of a point; `own`: of Q by the tangent mode alone."""
+        found = family.differentiate_mode(self._points.rates, self._weight + 0j, own)
+        if found is None:
+            return None
+        (frequency, excitation, structure), quantities = found
         speed = omega(one.point.frequency_hz)
         drive = excitation / (2.0 * speed) - one.drive["excitation"] * omega(1.0) * frequency / (2.0 * speed**2)
-        self._points.record(recorder, quantities, self._points.values)
-        for name, values in zip(OF_THE_MODE, (frequency, drive - structure, structure), strict=True):
-            recorder.add(f"/sensitivity/{name}", SERIES[name], np.ascontiguousarray(values))
+        return np.vstack([frequency, drive - structure, structure, quantities])
+
+    def _record(self, recorder: Recorder, found: np.ndarray, folder: str) -> None:
+        values = None if folder else self._points.values
+        self._points.record(recorder, found[len(OF_THE_MODE) :], values, folder)
+        for name, numbers in zip(OF_THE_MODE, found, strict=False):
+            recorder.add(f"/sensitivity/{folder}{name}", SERIES[name], np.ascontiguousarray(numbers))
 
 
 def shape_slopes(modes: LinearModes, index: int, directions: np.ndarray, rates: np.ndarray) -> np.ndarray:

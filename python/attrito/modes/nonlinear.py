@@ -211,7 +211,8 @@ def _follow(
         one = tracker.at(float(values[place.points]))
         recorder.hear()
         ratio = _record(comm, recorder, one)
-        differentiator.visit(one, recorder)
+        if corner := differentiator.visit(one, recorder):
+            progress.say(f"Q {one.amplitude:.6g}: {corner}")
         place.add(one.point)
         recorder.write(one.point, place)
         progress.say(

@@ -114,15 +114,13 @@ def _follow_and_show(
 def _derivatives(differentiator: Differentiator, job: Job, scene: ReducedScene, found: Found) -> np.ndarray:
     """Of a peak's height and of its frequency, Hz, by the parameters of `[sensitivity]`, `[2, parameters]`.
 
-    Along the response the height does not change to first order.
+    Along the response the height does not change to first order, but at a corner.
     """
     preload = found.peak.parameter if job["peak"]["parameter"] == "preload" else 1.0
-    monitor = _monitor(job, scene)
-    height = differentiator.amplitudes(found.peak.point, preload)[:, monitor]
-    frequency = differentiator.peak_frequencies(found.peak.point, monitor, preload)
-    both = np.array([height, frequency])
-    # At a corner the frequency response has a slope on either side.
-    return np.full(both.shape, np.nan) if found.peak.at_corner else both
+    if not len(differentiator.values):
+        return np.empty((2, 0))
+    derive = differentiator.of_peak_at_corner if found.peak.at_corner else differentiator.of_peak
+    return derive(found.peak.point, _monitor(job, scene), preload)
 
 
 @contextlib.contextmanager

@@ -19,7 +19,9 @@ from attrito.library.family import Family
 from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series
+from attrito.library.points import Point
 from attrito.library.session import Solver
+from attrito.runs.onsets import SIDES, Find, branches, find_onset, margins, of_peak, of_smooth_peak, sides
 from attrito.runs.recorder import Recorder
 from attrito.runs.slider_rates import LoadPath, slider_rates
 from attrito.scene.build import laws_of
@@ -29,11 +31,6 @@ from attrito.support.parallel import on_root
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
-# Part of friction within which a contact is at the onset of slip: ten times what points are solved to (1e-10). With so
-# much less it slips for some sqrt(MARGIN) of a period, and that is how exact derivatives are there.
-MARGIN = 1e-9
-STUCK, SLIPPING = 1.0 + MARGIN, 1.0 - MARGIN
-SIDES = ("below", "above")
 CORNER = (
     "a contact is at the onset of slip: derivatives towards smaller and larger parameters are in columns below, above"
 )
@@ -97,7 +94,7 @@ class Differentiator:
             return
         self._sector = reduced.sector is not None
         # With two tangents sliders of contacts that slip are unknowns of the point.
-        self._has_onsets = bool(np.all(reduced.laws["tangents"] == 1)) and not self._sector
+        self._sliders_move = bool(np.any(reduced.laws["tangents"] == 2))
         inquiry = on_root(comm, lambda: inquiry_of(job, scene, reduced, path is not None))
         self._inquiry = inquiry
         self.family.ask(inquiry)
@@ -113,11 +110,11 @@ class Differentiator:
         found = self.derivatives(point)
         if self._root:
             self.record(recorder, found, np.where(self.rates.level != 0.0, point.level, self.values))
-        sides = self.at_onset(point)
+        both = self.at_onset(point, lambda family: self._find(family, self.rates))
         if self._root:
-            for name, there in sides.items():
+            for name, there in both.items():
                 self.record(recorder, there, None, f"{name}/")
-        return CORNER if self._root and np.any(np.isfinite(sides["below"])) else ""
+        return CORNER if self._root and np.any(np.isfinite(both["below"])) else ""
 
     def record(self, recorder: Recorder, found: np.ndarray, values: np.ndarray | None, folder: str = "") -> None:
         """Add derivatives `[quantities, parameters]` and the parameters' values to a point's record. At the root."""
@@ -130,65 +127,66 @@ class Differentiator:
         for name, numbers in series.items():
             recorder.add(f"/sensitivity/{folder}{name}", SERIES[name], np.ascontiguousarray(numbers))
 
-    def at_onset(self, point: Point) -> dict[str, np.ndarray]:
-        """Derivatives as `derivatives` towards smaller and larger parameters, where contacts are at the onset of slip.
+    def at_onset(self, point: Point, find: Find, rows: int = 0) -> dict[str, np.ndarray]:
+        """Derivatives towards smaller and larger parameters, where contacts are at the onset of slip.
 
         NaN where none is. Collective.
+
+        Parameters
+        ----------
+        find : gives derivatives of so many things and of all quantities, `[rows + quantities, parameters]`
         """
-        nothing = dict.fromkeys(SIDES, self.nothing(0)[1])
-        if not self._has_onsets or point.outcome not in SOLVED:
+        nothing = dict.fromkeys(SIDES, np.vstack(self.nothing(rows)))
+        if point.outcome not in SOLVED:
             return nothing
-        begin = self._comm.bcast(self.family.visit(self._contacts_at_onset))
-        if begin is None:
+        tried = margins(self._sliders_move)
+        onset = self._comm.bcast(self.family.visit(lambda family: find_onset(family, tried)))
+        if onset is None:
             return nothing
-        quantities = [*self._inquiry.quantities, ("dissipated_energy", begin)]
-        self.family.ask(replace(self._inquiry, quantities=quantities))
-        found = self.family.visit(self._sides)
+        self.family.ask(replace(self._inquiry, quantities=[*self._inquiry.quantities, onset.dissipation]))
+        found = self.family.visit(lambda family: branches(family, onset, find, self._sliders_move))
         self.family.ask(self._inquiry)
-        return found or nothing
+        return nothing if found is None else sides(*found)
 
-    def _contacts_at_onset(self, family: Family) -> np.ndarray | None:
-        """1 of those that slip with a little less friction and never with a little more, else 0, `[nc]`; None: none."""
-        free = []
-        for factor in (STUCK, SLIPPING):
-            family.scale_friction(factor)
-            member = family.describe()
-            free.append(None if member is None else member.free)
-        family.scale_friction(1.0)
-        stuck, slipping = free
-        if stuck is None or slipping is None or not np.any(stuck > slipping):
-            return None
-        return np.maximum(stuck - slipping, 0.0)
+    def of_peak_at_corner(self, point: Point, monitor: int, preload: float = 1.0) -> np.ndarray:
+        """Of the height and the frequency, Hz, of a monitor's peak at which a contact begins to slip.
 
-    def _sides(self, family: Family) -> dict[str, np.ndarray] | None:
-        """Of both, the last quantity being what the contacts at the onset dissipate: what grows on the side of slip."""
-        branches = []
-        for factor in (STUCK, SLIPPING):
-            family.scale_friction(factor)
-            branches.append(self._find(family, self.rates))
-        family.scale_friction(1.0)
-        stuck, slipping = branches
-        if stuck is None or slipping is None:
-            return None
-        slips_above = slipping[-1] > 0.0
-        sides = np.where(slips_above, stuck, slipping)[:-1], np.where(slips_above, slipping, stuck)[:-1]
-        return dict(zip(SIDES, sides, strict=True))
+        `[2, parameters]`, as `derivatives`; NaN where it is another corner. Collective.
+        """
+        rates = self.rates.with_preload(preload)
 
-    def amplitudes(self, point: Point, preload: float = 1.0) -> np.ndarray:
-        """Of the monitors' amplitudes, `[parameters, monitors]`, as `derivatives`. Collective."""
-        return self._parts(self.derivatives(point, preload))[0]
-
-    def peak_frequencies(self, point: Point, monitor: int, preload: float = 1.0) -> np.ndarray:
-        """Of the frequency of a monitor's peak where the solver stands, Hz, `[parameters]`, as `derivatives`."""
-        found: np.ndarray | None = None
+        def find(family: Family) -> np.ndarray | None:
+            found = self._find(family, rates)
+            by_frequency = family.differentiate_by_frequency()
+            if found is None or by_frequency is None:
+                return None
+            return np.append(found[monitor], by_frequency[monitor])
 
         def work(family: Family) -> np.ndarray | None:
-            rates = self.rates.with_preload(preload)
-            return None if family.describe() is None else family.differentiate_peak_frequency(monitor, rates)
+            onset = find_onset(family, margins(self._sliders_move, of_peak=True))
+            found = None if onset is None else branches(family, onset, find, self._sliders_move)
+            return None if found is None else of_peak(*found)
 
-        if len(self.values) and point.outcome in SOLVED:
-            found = self.family.visit(work)
-        return np.full(len(self.values), np.nan) if found is None else found
+        found = self.family.visit(work) if point.outcome in SOLVED else None
+        return self.nothing(2)[0] if found is None else found
+
+    def of_peak(self, point: Point, monitor: int, preload: float = 1.0) -> np.ndarray:
+        """Of the height and the frequency, Hz, of a monitor's smooth peak where the solver stands.
+
+        `[2, parameters]`, as `derivatives`. Collective.
+        """
+        rates = self.rates.with_preload(preload)
+
+        def work(family: Family) -> np.ndarray | None:
+            found = self._find(family, rates)
+            by_frequency = family.differentiate_by_frequency()
+            frequency = family.differentiate_peak_frequency(monitor, rates)
+            if found is None or by_frequency is None or frequency is None:
+                return None
+            return np.array([of_smooth_peak(found[monitor], by_frequency[monitor], frequency), frequency])
+
+        found = self.family.visit(work) if point.outcome in SOLVED else None
+        return self.nothing(2)[0] if found is None else found
 
     def derivatives(self, point: Point, preload: float = 1.0) -> np.ndarray:
         """Of all quantities at the point where the solver stands, `[quantities, parameters]` on the root.

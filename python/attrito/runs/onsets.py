@@ -1,0 +1,112 @@
+"""Derivatives where a contact is at the onset of slip: of the two branches that meet there, and of a peak that is there.
+
+The friction coefficients of all contacts are taken a little larger, so that the contact sticks, and a little smaller, so
+that it slips. Which branch is that of smaller and which that of larger values of a parameter follows from what the
+contact dissipates, nothing at the onset: it grows towards the side on which it slips.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from attrito.library.family import Family
+
+# Part of friction within which a contact is at the onset of slip: ten times what points are solved to (1e-10). With so
+# much less it slips for some sqrt(MARGIN) of a period, and that is how exact derivatives by events are there.
+MARGIN = 1e-9
+# With two tangents members are solved anew, so that friction differs by more than what sliders are found to; by samples
+# the same ones slip, which is exact until the next ones do.
+MARGIN_OF_SLIDERS = 1e-7
+# A peak at a corner is found to 1e-9 of its height, now and then to 1e-6, which leaves more of friction: the least of
+# these is taken.
+MARGINS_OF_PEAKS = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4)
+SIDES = ("below", "above")
+# Derivatives at the present member, or None
+Find = Callable[[Family], "np.ndarray | None"]
+
+
+@dataclass(frozen=True)
+class Onset:
+    """Contacts at the onset of slip: 1, else 0, `[nc]`, and the part of friction that was taken for little."""
+
+    contacts: np.ndarray
+    margin: float
+
+    @property
+    def dissipation(self) -> tuple[str, np.ndarray]:
+        """What these contacts dissipate, as a quantity of an `Inquiry`."""
+        return "dissipated_energy", self.contacts
+
+
+def find_onset(family: Family, tried: tuple[float, ...]) -> Onset | None:
+    """The contacts at the onset within the least of some margins; None: there are none."""
+    for margin in tried:
+        contacts = family.find_onsets(margin)
+        if contacts is not None and np.any(contacts):
+            return Onset(contacts, margin)
+    return None
+
+
+def margins(sliders_move: bool, of_peak: bool = False) -> tuple[float, ...]:
+    """What is tried, the least first."""
+    least = MARGIN_OF_SLIDERS if sliders_move else MARGIN
+    return tuple(margin for margin in MARGINS_OF_PEAKS if margin >= least) if of_peak else (least,)
+
+
+def branches(family: Family, onset: Onset, find: Find, sliders_move: bool) -> tuple[np.ndarray, np.ndarray] | None:
+    """Derivatives with the contacts sticking, and slipping; None where one of them has none.
+
+    Parameters
+    ----------
+    find : what describes the member and gives its derivatives
+    sliders_move : are there contacts with two tangents, whose sliders are unknowns: members are solved anew
+    """
+    found = []
+    family.keep(0)
+    for side in (1.0, -1.0):
+        family.scale_friction(1.0 + side * onset.margin)
+        member = family.describe()
+        if member is not None and sliders_move and not family.move(member.slider):
+            member = None
+        found.append(None if member is None else find(family))
+        family.go_back(0)
+    family.scale_friction(1.0)
+    sticking, slipping = found
+    return None if sticking is None or slipping is None else (sticking, slipping)
+
+
+def sides(sticking: np.ndarray, slipping: np.ndarray) -> dict[str, np.ndarray]:
+    """By smaller and by larger parameters `[quantities, parameters]`.
+
+    The last quantity given is what the contacts at the onset dissipate, and left out.
+    """
+    slips_above = slipping[-1] > 0.0
+    both = np.where(slips_above, sticking, slipping)[:-1], np.where(slips_above, slipping, sticking)[:-1]
+    return dict(zip(SIDES, both, strict=True))
+
+
+def of_smooth_peak(amplitude: np.ndarray, by_frequency: float, frequency: np.ndarray) -> np.ndarray:
+    """Derivatives of the height of a peak `[parameters]`: what its place is missed by is left out to first order.
+
+    Parameters
+    ----------
+    amplitude, by_frequency : derivatives of the amplitude there by the parameters and the frequency
+    frequency : of the peak's, NaN: none
+    """
+    return amplitude + by_frequency * np.nan_to_num(frequency)
+
+
+def of_peak(sticking: np.ndarray, slipping: np.ndarray) -> np.ndarray:
+    """Derivatives of height and frequency of a peak that stays at a corner, `[2, parameters]`.
+
+    Both branches are equal there whatever the parameter, so the corner moves by w' with A_p + A_w w' the same of both.
+
+    Parameters
+    ----------
+    sticking, slipping : of the amplitude by the parameters, and last by the frequency, `[parameters + 1]`
+    """
+    frequency = -(slipping[:-1] - sticking[:-1]) / (slipping[-1] - sticking[-1])
+    return np.array([sticking[:-1] + sticking[-1] * frequency, frequency])
