@@ -88,7 +88,9 @@ def difference(
         rounding = np.zeros_like(unsure)
         for places in look.kinds.values():
             # Solutions are found to a tolerance, which the shorter step shows more of.
-            size = np.maximum(RESIDUAL * np.abs(sides[0][places]).max(), np.broadcast_to(look.least, unsure.shape)[places])
+            size = np.maximum(
+                RESIDUAL * np.abs(sides[0][places]).max(), np.broadcast_to(look.least, unsure.shape)[places]
+            )
             rounding[places] = size / (step * scale)
             unsure[places] = unsure[places].max() + rounding[places]
         better = (4.0 * slopes[0] - slopes[1]) / 3.0, unsure, rounding
@@ -136,9 +138,7 @@ def compare(
                 unsure, rounding = (part[places] * scale / largest[places] for part in result[1:])
             error = np.where(np.isnan(look.found[places, place]), np.nan, np.nan_to_num(error))
             worst = int(np.argmax(np.nan_to_num(error)))
-            rows[kind].append(
-                (parameter, error[worst], np.nan_to_num(unsure)[worst], np.nan_to_num(rounding)[worst])
-            )
+            rows[kind].append((parameter, error[worst], np.nan_to_num(unsure)[worst], np.nan_to_num(rounding)[worst]))
     return {kind: worst_of(found, tolerance) for kind, found in rows.items()}
 
 

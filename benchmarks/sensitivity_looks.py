@@ -1,6 +1,6 @@
-"""What is looked at in a random scene, a point, a peak or a mode: its derivatives, and its quantities in a scene beside.
+"""What is looked at in a random scene, a point, peak or mode: its derivatives, and its quantities in a scene beside.
 
-Each begins from the motion and the sliders of the scene itself. The peaks beside are found from amplitudes alone, by the
+Each begins from the motion and the sliders of the scene itself. Peaks beside are found from amplitudes alone, by the
 polynomial through seven of them; modes go on from the state of the mode.
 """
 
@@ -33,7 +33,7 @@ NUMBERS = ("tangential_stiffness", "normal_stiffness", "friction_coefficient", "
 RESIDUAL = 1e-13
 # Part of the springs' work, and of the largest force, below which there is no dissipation and no force of a contact
 NOTHING = 1e-4
-# Distance of the amplitudes that a peak is found from, part of its width sqrt(A/|A''|): by events, and by samples, where
+# Distance of the amplitudes that a peak is found from, part of its width sqrt(A/|A''|): by events; by samples, where
 # the response has a small corner wherever a sample changes its regime
 SPACING = 3e-3, 1e-5
 NODES = np.arange(-3.0, 4.0)
@@ -72,9 +72,7 @@ class Look:
 
 def options_of(case: Case) -> Options:
     """Of the balance."""
-    return Options(
-        case.harmonics, case.samples, by_events=case.by_events, tolerance=RESIDUAL, integrate_in_time=False
-    )
+    return Options(case.harmonics, case.samples, by_events=case.by_events, tolerance=RESIDUAL, integrate_in_time=False)
 
 
 def follow_loads(solver: Solver, scene: ReducedScene, frequency_hz: float) -> None:
@@ -365,9 +363,7 @@ def located_peak(solver: Solver, case: Case, frequencies: list[float]) -> tuple[
     return peak, StoredPoint(peak.frequency_hz, solver.coordinates(), member_of(solver, scene).slider)
 
 
-def peak_of_amplitudes(
-    solver: Solver, scene: ReducedScene, start: StoredPoint, spacing: float
-) -> np.ndarray | None:
+def peak_of_amplitudes(solver: Solver, scene: ReducedScene, start: StoredPoint, spacing: float) -> np.ndarray | None:
     """Height and frequency of the peak of the first monitor near a point."""
     centre = start.frequency_hz
     for _ in range(5):
@@ -417,7 +413,7 @@ def look_at_mode(case: Case, random: np.random.Generator, parameters: list[Param
             if not solver.load_state(state):
                 return None
             tracker.load_state(known)
-            # The state is that of the scene itself: from there Newton's method would find its own residual small enough.
+            # The state is that of the scene itself: from there Newton's method would find its residual small enough.
             for part in (1.0 + 1e-4, 1.0):
                 one = tracker.at(part * amplitude)
                 if not one.converged:
@@ -464,7 +460,7 @@ def mode_gradient(
     closed: np.ndarray,
     one: ModePoint,
 ) -> np.ndarray | None:
-    """Of frequency, xi/(2 omega), the structure's ratio, then of the quantities of a point, `[quantities, parameters]`."""
+    """Of frequency, xi/(2 omega), the structure's ratio, then of a point's quantities, `[quantities, parameters]`."""
     family, inquiry = family_of(solver, scene), inquiry_of(scene, parameters, contact)
     family.ask(inquiry)
     rates = rates_of(scene, parameters, inquiry.zeros(solver, len(parameters)))

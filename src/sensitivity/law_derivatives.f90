@@ -26,9 +26,9 @@ module attrito_sensitivity_law_derivatives
   private
   public :: differentiate_law, differentiate_by_sliders, forces_by_motion, beside
 
-  !> Part of a number that it is changed by for a central difference: errors are near the square of it, of rounding near 1e-16 over it.
-  !> By samples, and of elements in parallel, forces have a corner wherever a sample or an element changes its regime: few do so within
-  !> so little.
+  !> Part of a number that it is changed by for a central difference: errors are near its square, of rounding near 1e-16 over it.
+  !> By samples, and of elements in parallel, forces have a corner wherever a sample or an element changes its regime: few do so
+  !> within so little.
   real(wp), parameter :: step = 1.0e-7_wp ! derived
 
 contains

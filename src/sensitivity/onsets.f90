@@ -44,7 +44,7 @@ contains
 
     begins = 0.0_wp
     associate (balance => solver%context%balance)
-      ! The nearest place to rest is looked for with sliders that are not told to be periodic.
+      ! The nearest place to rest is looked for with sliders that need not be periodic.
       periodic = balance%periodic
       balance%periodic = .false.
       do side = 1, 2

@@ -1,6 +1,6 @@
-"""Derivatives where a contact is at the onset of slip: of the two branches that meet there, and of a peak that is there.
+"""Derivatives where a contact is at the onset of slip: of both branches that meet there, and of a peak that is there.
 
-The friction coefficients of all contacts are taken a little larger, so that the contact sticks, and a little smaller, so
+Friction coefficients of all contacts are taken a little larger, so that the contact sticks, and a little smaller, so
 that it slips. Which branch is that of smaller and which that of larger values of a parameter follows from what the
 contact dissipates, nothing at the onset: it grows towards the side on which it slips.
 """
