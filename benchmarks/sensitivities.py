@@ -231,7 +231,7 @@ def tally(rows: list[dict], tolerance: float) -> dict:
 
 
 def cost(contacts: int, harmonics: int) -> dict:
-    """Seconds of a point from its neighbour, and of all derivatives of a monitor there."""
+    """Processor seconds of a point from its neighbour, and of all derivatives of a monitor there."""
     scene = points.made_once(contacts, 40)
     stuck = scenes.stuck_system(scene)
     frequency = 0.9 * stuck.frequencies_hz[0]
@@ -240,11 +240,11 @@ def cost(contacts: int, harmonics: int) -> dict:
         solver.follow_static_path(np.array([[0.0], [1.0]]), 10, frequency)
         rows = []
         for i in range(6):
-            began = time.perf_counter()
+            began = time.process_time()
             point = next(solver.solve_at([frequency * (1.0 - 0.002 * i)], level, 0))
-            middle = time.perf_counter()
+            middle = time.process_time()
             found = gradient(solver, scene, parameters_of(scene))
-            ended = time.perf_counter()
+            ended = time.process_time()
             rows.append(
                 {
                     "outcome": point.outcome,

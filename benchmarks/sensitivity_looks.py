@@ -256,7 +256,8 @@ def look_at_point(case: Case, random: np.random.Generator, parameters: list[Para
             solver.set_excitation(start.frequency_hz, start.frequency_hz, 1.0)
             return quantities_of(solver, beside, contact) if solver.start_from(start, 1.0) else None
 
-    return Look(found, kinds_of(scene), floor_of(scene, member, start.coordinates), at, member.free)
+    floor = floor_of(scene, member, start.coordinates)
+    return Look(found, kinds_of(scene), floor, at, member.free, RESIDUAL / NOTHING * floor)
 
 
 def look_at_peak(case: Case, random: np.random.Generator, parameters: list[Parameter]) -> Look:
@@ -425,7 +426,7 @@ def look_at_mode(case: Case, random: np.random.Generator, parameters: list[Param
     kinds = {"frequency": slice(0, 1), "damping": slice(1, 3)} | kinds_of(scene, 3)
     floor = np.concatenate([[0.0, 0.0, 0.0], floor_of(scene, member, coordinates)])
     # Of the damping's parts that are none of the motion's the residual says nothing.
-    least = np.where(np.arange(len(found)) < 3, RESIDUAL, 0.0)
+    least = np.where(np.arange(len(found)) < 3, RESIDUAL, RESIDUAL / NOTHING * floor)
     return Look(found, kinds, floor, at, member.free, least)
 
 
