@@ -19,7 +19,6 @@ from attrito.library.family import Family
 from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series
-from attrito.library.points import Point
 from attrito.library.session import Solver
 from attrito.runs.onsets import SIDES, Find, branches, find_onset, margins, of_peak, of_smooth_peak, sides
 from attrito.runs.recorder import Recorder
