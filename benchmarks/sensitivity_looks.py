@@ -20,8 +20,8 @@ from attrito.library.family import Family, Member
 from attrito.library.names import LAWS
 from attrito.library.peak_tracker import Peak, PeakTracker
 from attrito.library.peak_tracker import Start as StartOfPeak
-from attrito.library.reduced_scene import ReducedScene
 from attrito.library.points import LinearModes, StoredPoint
+from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
 from attrito.library.structures import omega
 from attrito.modes import tracker as mode_tracker
