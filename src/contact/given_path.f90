@@ -2,8 +2,8 @@
 !>
 !> $$ T = k_t \sum_e p_e (u - w_e), \qquad w_e \leftarrow \min(\max(w_e, u - r_e), u + r_e), \qquad r_e = F_e(N)/(p_e k_t) $$
 !>
-!> Laws know no rate, so samples need no times. A path that is whole cycles of a steady loop is followed twice: sliders do not depend on
-!> their start then, or no more than the path leaves open. Otherwise it begins without tangential force.
+!> Laws know no rate, so samples need no times. A path that is whole cycles of a steady loop is followed twice: sliders do not depend
+!> on their start then, or no more than the path leaves open. Otherwise it begins without tangential force.
 !> One tangent: along a straight line two tangents do the same.
 module attrito_contact_given_path
   use attrito_core_kinds, only: wp

@@ -3,8 +3,8 @@
 !> $$ K x + B^T \lambda(B x, w) = f_0 + \alpha M \phi, \qquad q = \phi^T M (x - x_0), \qquad \phi^T M \phi = 1, $$
 !>
 !> alpha going from 0 to the load's amplitude A and then through whole cycles A cos(theta), loading, unloading and loading again,
-!> until a cycle closes: the sliders come back, or only a few of them creep, ever slower, and the loop is the same from cycle to cycle.
-!> The preload f_0 stays, and the sliders w go along. Nothing is assumed of the loop's shape.
+!> until a cycle closes: the sliders come back, or only a few of them creep, ever slower, and the loop is the same from cycle to
+!> cycle. The preload f_0 stays, and the sliders w go along. Nothing is assumed of the loop's shape.
 !>
 !> An oscillator of unit mass, q'' + 2 zeta omega q' + omega^2 q = 0, has the secant stiffness omega^2, and at the amplitude Q its
 !> damper takes pi (2 zeta omega) omega Q^2 a period. With the loop's secant and the work W that its contacts do,
@@ -61,8 +61,8 @@ module attrito_peak_quasi_static
     real(wp), allocatable :: contact_work(:)
     !> By Masing's rule from the first loading: angular frequency and damping ratio
     real(wp) :: masing_omega = 0.0_wp, masing_ratio = 0.0_wp
-    !> What the last cycle misses of closing: its sliders relative to the motion's scale, or, where they creep and the loop feels no more
-    !> of it, Q relative to the cycle before
+    !> What the last cycle misses of closing: its sliders relative to the motion's scale, or, where they creep and the loop feels no
+    !> more of it, Q relative to the cycle before
     real(wp) :: defect = 0.0_wp
     !> Have the sliders come back to where the last cycle of those that let them settle began?
     logical :: closed = .false.
@@ -184,8 +184,8 @@ contains
     self%masing_ratio = (8.0_wp*area - 4.0_wp*load*now)/(two_pi*load*now)
   end subroutine load_up
 
-  !> Cycles until one closes, or until their loop is the same from cycle to cycle though sliders creep. None is recorded, but the range
-  !> of q of the last is.
+  !> Cycles until one closes, or until their loop is the same from cycle to cycle though sliders creep. None is recorded, but the
+  !> range of q of the last is.
   !>
   !> Sliders under normal forces that vary creep, each cycle by a part rho of what the one before moved them by. Where two cycles say
   !> so they are taken to where that leads, w + rho/(1 - rho) delta w.
