@@ -264,23 +264,23 @@ def together(options: argparse.Namespace, library: Path, chosen: list[Constant])
     known = json.loads(kept.read_text()) if kept.exists() else {}
     for part in options.parts:
         about = {"met": [], "felt": {factor: [] for factor in FACTORS}, "drawn": 0, "scenes": 0}
-        told = known.setdefault(f"{part} {options.seed} {options.seconds}", about)
+        record = known.setdefault(f"{part} {options.seed} {options.seconds}", about)
         idle = [row for row in rows_of(options.output) if is_idle(row)]
         group = [one for one in chosen if any(is_of(row, one) and row["part"] == part for row in idle)]
-        while told["drawn"] < options.scenes:
-            numbers = list(range(told["drawn"], min(told["drawn"] + AT_A_TIME, options.scenes)))
+        while record["drawn"] < options.scenes:
+            numbers = list(range(record["drawn"], min(record["drawn"] + AT_A_TIME, options.scenes)))
             before = solve_all(library, part, options.seed, numbers, seconds=options.seconds)
-            search_on(told["met"], library, part, options.seed, before, group, OUT_OF_REACH)
+            search_on(record["met"], library, part, options.seed, before, group, OUT_OF_REACH)
             for factor in FACTORS:
-                some = [one for one in group if constants_library.symbol(one) in told["met"]]
+                some = [one for one in group if constants_library.symbol(one) in record["met"]]
                 some = [one for one in some if any(is_of(row, one) and row["factor"] == factor for row in idle)]
-                search_on(told["felt"][factor], library, part, options.seed, before, some, float(factor))
-            told["drawn"] = numbers[-1] + 1
-            told["scenes"] += len(before)
+                search_on(record["felt"][factor], library, part, options.seed, before, some, float(factor))
+            record["drawn"] = numbers[-1] + 1
+            record["scenes"] += len(before)
             kept.write_text(json.dumps(known, indent=1))
-            write_notes(options.output, part, group, told)
-            quick = f"{told['scenes']} of {told['drawn']} scenes take at most {options.seconds} s of a processor"
-            print(f"{part}: {quick}; they meet {len(told['met'])} of {len(group)}", flush=True)
+            write_notes(options.output, part, group, record)
+            quick = f"{record['scenes']} of {record['drawn']} scenes take at most {options.seconds} s of a processor"
+            print(f"{part}: {quick}; they meet {len(record['met'])} of {len(group)}", flush=True)
 
 
 def search_on(found: list[str], library: Path, part: str, seed: int, before: dict[int, list[Solution]],
@@ -290,14 +290,14 @@ def search_on(found: list[str], library: Path, part: str, seed: int, before: dic
     found += [constants_library.symbol(one) for one in search(library, part, seed, before, left, factor)]
 
 
-def write_notes(path: Path, part: str, group: list[Constant], told: dict[str, Any]) -> None:
+def write_notes(path: Path, part: str, group: list[Constant], record: dict[str, Any]) -> None:
     """What is known of the constants of a group, into the rows of a file."""
     rows = rows_of(path)
     for row, one in itertools.product(rows, group):
         if is_of(row, one) and row["part"] == part and is_idle(row):
             symbol = constants_library.symbol(one)
-            met_words = "some" if symbol in told["felt"][row["factor"]] else "nothing"
-            row["note"] = f"{met_words if symbol in told['met'] else 'not met'} in {told['scenes']} others"
+            met_words = "some" if symbol in record["felt"][row["factor"]] else "nothing"
+            row["note"] = f"{met_words if symbol in record['met'] else 'not met'} in {record['scenes']} others"
     with path.open("w", newline="") as file:
         writer = csv.DictWriter(file, [field.name for field in fields(Row)], lineterminator="\n")
         writer.writeheader()

@@ -357,7 +357,7 @@ def looks(values: list[Value]) -> float:
 
 
 def is_higher(value: Value) -> bool:
-    """Whether a new sweep has a peak that is higher by more than `attrito peak` tells of."""
+    """Whether a new sweep has a peak that is higher by more than `attrito peak` reports."""
     return value.swept_error > HIGHER
 
 

@@ -170,7 +170,7 @@ def compared(seed: int, number: int, most: int) -> Iterator[dict]:
     case = make(seed, number)
     random = np.random.default_rng([seed, number, 2])
     by = 0 if case.goes_by_events else 1
-    told = {"scene": number, "kinds": case.kinds, "by": ("events", "samples")[by]}
+    labels = {"scene": number, "kinds": case.kinds, "by": ("events", "samples")[by]}
 
     def row(look: Callable[[list[Parameter]], Look], every: list[Parameter], how: int) -> dict:
         few = len(every) if len(every) <= max(FEW, most) and most >= FEW - 4 else most
@@ -187,12 +187,12 @@ def compared(seed: int, number: int, most: int) -> Iterator[dict]:
     every = parameters_of(case.scene)
     if case.look == "mode":
         every = [parameter for parameter in every if parameter[0] not in ("level", "harmonic")]
-    yield told | {"look": case.look} | row(lambda every: LOOKS[case.look](case, random, every), every, by)
+    yield labels | {"look": case.look} | row(lambda every: LOOKS[case.look](case, random, every), every, by)
     springs = [parameter for parameter in every if parameter[0].endswith("_stiffness")]
     if case.scene.sector is None and springs:
         state = str(random.choice(REFERENCES))
         found = row(lambda every: look_at_natural_frequencies(case.scene, every, state), springs, 0)
-        yield told | {"look": "natural frequencies", "by": "events"} | found
+        yield labels | {"look": "natural frequencies", "by": "events"} | found
 
 
 def summary(rows: list[dict]) -> dict:

@@ -1,4 +1,4 @@
-"""Peaks that are higher than the one followed: they are found, told of, kept and drawn."""
+"""Peaks that are higher than the one followed: they are found, reported, kept and drawn."""
 
 from __future__ import annotations
 
