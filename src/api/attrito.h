@@ -77,6 +77,9 @@ typedef struct {
 void *attrito_create(int comm, int m, const double *mass, const double *stiffness, int damping_kind,
     double damping_value, void *damping);
 
+/* A damping ratio of each mode of the stuck system, ascending in frequency, in place of one of all. */
+void attrito_set_damping_ratios(void *handle, int m, const double *ratios);
+
 /* Coriolis forces at the speed of rotation, G [m, m], -G^T = G: a row of C's is a column here. */
 void attrito_set_gyroscopic(void *handle, int m, const double *gyroscopic);
 
@@ -237,6 +240,7 @@ typedef struct {
     void *stiffness;
     void *damping;
     void *gyroscopic;
+    void *damping_ratios;
     void *laws;
     void *directions;
     void *static_loads;

@@ -32,6 +32,8 @@ module attrito_api_integrate
     real(c_double) :: damping_value
     !> [m, m]; damping and the matrix of Coriolis forces may be null
     type(c_ptr) :: mass, stiffness, damping, gyroscopic
+    !> [m], or null: one ratio of all modes of the stuck system
+    type(c_ptr) :: damping_ratios
     !> [contacts], [rows, m], [statics, m], [coefficients, m], [monitors, m]
     type(c_ptr) :: laws, directions, static_loads, harmonic_load, monitor_rows
   end type scene_type
@@ -64,6 +66,7 @@ contains
     character(kind=c_char), intent(out) :: message(length)
     type(session_type), pointer :: session
     type(contact_law_type), pointer :: laws(:)
+    real(c_double), pointer :: ratios(:)
     type(error_type), allocatable :: error
     integer :: i
 
@@ -75,6 +78,10 @@ contains
       structure%damping_kind = scene%damping_kind
       structure%damping_value = scene%damping_value
       if (c_associated(scene%damping)) structure%damping = matrix(scene%damping, m, m)
+      if (c_associated(scene%damping_ratios)) then
+        call c_f_pointer(scene%damping_ratios, ratios, [m])
+        structure%damping_ratios = ratios
+      end if
       ! A row of C's is a column here.
       if (c_associated(scene%gyroscopic)) structure%gyroscopic = transpose(matrix(scene%gyroscopic, m, m))
       structure%static_loads = matrix(scene%static_loads, m, scene%statics)

@@ -79,6 +79,20 @@ contains
     handle = c_loc(session)
   end function attrito_create
 
+  !> A damping ratio of each mode of the stuck system, ascending in frequency, in place of one of all.
+  subroutine attrito_set_damping_ratios(handle, m, ratios) bind(c)
+    !> Session, see `session_of`
+    type(c_ptr), value :: handle
+    !> Number of coordinates
+    integer(c_int), value :: m
+    !> zeta_r
+    real(c_double), intent(in) :: ratios(m)
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    session%structure%damping_ratios = ratios
+  end subroutine attrito_set_damping_ratios
+
   !> Coriolis forces at the speed of rotation, G [m, m], -G^T = G: a row of C's is a column here.
   subroutine attrito_set_gyroscopic(handle, m, gyroscopic) bind(c)
     !> Session, see `session_of`

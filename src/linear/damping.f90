@@ -1,6 +1,6 @@
 !> What the structure's own damping takes of a motion, whatever its kind:
 !>
-!> $$ x^T C x, \qquad C = C, \; \alpha M, \; \sum_r 2 \zeta \omega_r M x_r x_r^T M \; (x_r^T M x_r = 1), \; \eta K / \Omega, $$
+!> $$ x^T C x, \qquad C = C, \; \alpha M, \; \sum_r 2 \zeta_r \omega_r M x_r x_r^T M \; (x_r^T M x_r = 1), \; \eta K / \Omega, $$
 !>
 !> x_r being the modes of the stuck system. A harmonic motion Re X exp(i Omega t) loses pi Omega (X_c^T C X_c + X_s^T C X_s) in a
 !> period.

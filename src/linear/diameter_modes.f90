@@ -9,7 +9,7 @@ module attrito_linear_diameter_modes
   use attrito_core_kinds, only: wp
   use attrito_core_lapack_complex, only: hermitian_eigenpairs
   use attrito_model_sector, only: sector_type
-  use attrito_model_structure, only: structure_type, damping_ratio, damping_mass
+  use attrito_model_structure, only: structure_type, damping_ratio, damping_mass, ratios_of_modes
   implicit none
   private
   public :: diameter_modes_type, new_diameter_modes, with_those_at_rest
@@ -75,7 +75,7 @@ contains
     end if
     self%omega = sqrt(self%modal_stiffness/self%modal_mass)
     allocate (self%modal_damping(n), source=0.0_wp)
-    if (structure%damping_kind == damping_ratio) self%modal_damping = 2.0_wp*structure%damping_value &
+    if (structure%damping_kind == damping_ratio) self%modal_damping = 2.0_wp*ratios_of_modes(structure, n) &
                                                                       *sqrt(self%modal_mass*self%modal_stiffness)
     if (structure%damping_kind == damping_mass) self%modal_damping = structure%damping_value*self%modal_mass
     if (n < size(structure%sector%kept)) self = with_those_at_rest(self, moving, size(structure%sector%kept))

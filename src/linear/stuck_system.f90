@@ -14,7 +14,7 @@ module attrito_linear_stuck_system
   use attrito_core_lapack, only: symmetric_eigenpairs
   use attrito_model_contacts, only: contacts_type, stuck_stiffness, stuck_springs, spring_stiffness
   use attrito_model_sector, only: sector_type, first_alike, is_mirrored
-  use attrito_model_structure, only: structure_type, damping_none, damping_ratio, damping_mass
+  use attrito_model_structure, only: structure_type, damping_none, damping_ratio, damping_mass, ratios_of_modes
   use attrito_linear_diameter_modes, only: diameter_modes_type, new_diameter_modes, with_those_at_rest
   use attrito_linear_rigid_body_modes, only: rigid_body_modes
   use attrito_linear_receptance, only: receptance_type
@@ -264,7 +264,7 @@ contains
     select case (structure%damping_kind)
      case (damping_none)
      case (damping_ratio)
-      self%modal_damping = 2.0_wp*structure%damping_value*sqrt(self%modal_mass*self%modal_stiffness)
+      self%modal_damping = 2.0_wp*ratios_of_modes(structure, size(self%omega))*sqrt(self%modal_mass*self%modal_stiffness)
      case (damping_mass)
       self%modal_damping = structure%damping_value*self%modal_mass
      case default

@@ -11,13 +11,13 @@ module attrito_model_structure
   implicit none
   private
   public :: structure_type, damping_none, damping_viscous, damping_ratio, damping_mass, damping_loss_factor
-  public :: coefficient_count, cosine_of, sine_of
+  public :: ratios_of_modes, coefficient_count, cosine_of, sine_of
 
   !> No damping
   integer, parameter :: damping_none = 0
   !> A viscous damping matrix (the model's own, or Rayleigh's alpha M + beta K)
   integer, parameter :: damping_viscous = 1
-  !> One damping ratio for every mode of the stuck system
+  !> Damping ratios of the modes of the stuck system
   integer, parameter :: damping_ratio = 2
   !> Mass-proportional: C = alpha M
   integer, parameter :: damping_mass = 3
@@ -31,6 +31,8 @@ module attrito_model_structure
     integer :: damping_kind = damping_none
     !> Ratio, alpha or loss factor
     real(wp) :: damping_value = 0.0_wp
+    !> Ratio of each mode of the stuck system, ascending in frequency [m]; not allocated: that of all is `damping_value`
+    real(wp), allocatable :: damping_ratios(:)
     !> Viscous damping [m, m], if of that kind
     real(wp), allocatable :: damping(:, :)
     !> Coriolis forces at the speed of rotation, -G^T = G [m, m]; not allocated: there are none
@@ -46,6 +48,21 @@ module attrito_model_structure
   end type structure_type
 
 contains
+
+  !> Damping ratios of the first modes of the stuck system, or of one nodal diameter of it.
+  pure function ratios_of_modes(structure, count) result(ratios)
+    !> Mass, stiffness, damping, loads and monitors
+    type(structure_type), intent(in) :: structure
+    !> How many modes, at most m
+    integer, intent(in) :: count
+    real(wp) :: ratios(count)
+
+    if (allocated(structure%damping_ratios)) then
+      ratios = structure%damping_ratios(:count)
+    else
+      ratios = structure%damping_value
+    end if
+  end function ratios_of_modes
 
   !> Number of real coefficients of a series with `harmonics` harmonics.
   pure integer function coefficient_count(harmonics)

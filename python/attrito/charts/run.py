@@ -315,6 +315,7 @@ def restricted(scene: ReducedScene, kept: np.ndarray) -> ReducedScene:
         mass=np.ascontiguousarray(scene.mass[square]),
         stiffness=np.ascontiguousarray(scene.stiffness[square]),
         damping=None if scene.damping is None else np.ascontiguousarray(scene.damping[square]),
+        damping_ratios=None if scene.damping_ratios is None else scene.damping_ratios[: len(kept)],
         **{
             name: np.ascontiguousarray(getattr(scene, name)[wide])
             for name in ("directions", "static", "harmonic", "monitors")

@@ -30,7 +30,7 @@ def cross_check(job: Job, earlier: list[Fault], excited: bool = True) -> list[Fa
         _check_model,
         _check_contact_sets,
         _check_loads,
-        _check_excitation if excited else _check_band_of_reduction,
+        *((_check_excitation, _check_ratios) if excited else (_check_band_of_reduction,)),
         _check_balance,
         _check_stability,
         check_laws,
@@ -163,6 +163,18 @@ def _check_excitation(job: Job) -> list[Fault]:
     if any(load["kind"] in ("harmonic", None) for load in job["load"]):
         return _check_sweep(job)
     return [job.fault("load", "missing", "at least one [[load]] of kind harmonic"), *_check_sweep(job)]
+
+
+def _check_ratios(job: Job) -> list[Fault]:
+    """A response is not steady where damping feeds it; and a wheel's modes are not numbered as a sector's."""
+    ratio = job["damping"]["ratio"]
+    faults = []
+    if ratio is not None and min(ratio if isinstance(ratio, list) else [ratio]) < 0.0:
+        expected = "at least 0, but in attrito mode: motion of a mode of negative damping grows by itself"
+        faults.append(job.fault("[damping] ratio", ratio, expected))
+    if isinstance(ratio, list) and "cyclic" in job.given:
+        faults.append(job.fault("[damping] ratio", ratio, "one number with [cyclic], but in attrito mode"))
+    return faults
 
 
 def _check_band_of_reduction(job: Job) -> list[Fault]:

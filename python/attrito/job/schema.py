@@ -88,7 +88,13 @@ TABLES: dict[str, dict[str, Key]] = {
     },
     "damping": {
         "rayleigh": Key(listing(number(0), 2, 2), None, "`[alpha, beta]`: C = alpha M + beta K"),
-        "ratio": Key(number(0, 1), None, "one damping ratio for every mode of the system with all contacts stuck"),
+        "ratio": Key(
+            either(number(-1, 1), listing(number(-1, 1), 1)),
+            None,
+            "damping ratio of every mode of the system with all contacts stuck; or a list, one of each, ascending in"
+            " frequency, the last of all others. Below 0: a flow feeds the mode, `attrito mode` alone"
+            " ([modes.md](modes.md#limit-cycles))",
+        ),
         "loss_factor": Key(
             number(0, 1), None, "structural: K (1 + i eta) at harmonics above 0; contact springs do not damp"
         ),

@@ -172,6 +172,8 @@ def _parameter(job: Job, name: str) -> Parameter:
     if name in DAMPING:
         if job["damping"][name.split(".")[1].split("[")[0]] is None:
             raise ValueError("a damping that the job gives")
+        if name == "damping.ratio" and isinstance(job["damping"]["ratio"], list):
+            raise ValueError("one ratio of all modes: there are no derivatives by a list")
         return Parameter(name, (), name)
     if (load := re.fullmatch(r"load\.(.+)", name)) is not None:
         _check_load(job, load[1])

@@ -119,9 +119,9 @@ class Integrator:
             scene.monitors,
         ]
         mass, stiffness, *vectors = (np.ascontiguousarray(array, dtype=float) for array in arrays)
-        damping, gyroscopic = (
-            None if matrix is None else np.ascontiguousarray(matrix, dtype=float)
-            for matrix in (scene.damping, scene.gyroscopic)
+        damping, gyroscopic, ratios = (
+            None if array is None else np.ascontiguousarray(array, dtype=float)
+            for array in (scene.damping, scene.gyroscopic, scene.damping_ratios)
         )
         raw = RawScene(
             len(mass),
@@ -134,7 +134,7 @@ class Integrator:
             scene.damping_value,
             mass.ctypes.data,
             stiffness.ctypes.data,
-            *(None if matrix is None else matrix.ctypes.data for matrix in (damping, gyroscopic)),
+            *(None if array is None else array.ctypes.data for array in (damping, gyroscopic, ratios)),
             ctypes.cast(laws, ctypes.c_void_p),
             *(vector.ctypes.data for vector in vectors),
         )

@@ -89,6 +89,8 @@ class ReducedScene:
     reduction : fingerprint of the reduced model; empty without one
     sector : None where the model is a whole one
     gyroscopic : G of the Coriolis forces at the speed of the job, `[m, m]`, skew; None without them
+    damping_ratios : of the kind "ratio", that of each mode of the stuck system, ascending in frequency, `[m]`; None:
+        `damping_value` is that of all
     """
 
     mass: np.ndarray
@@ -105,6 +107,7 @@ class ReducedScene:
     reduction: str = ""
     sector: Sector | None = None
     gyroscopic: np.ndarray | None = None
+    damping_ratios: np.ndarray | None = None
 
     def turning(self, factor: float) -> ReducedScene:
         """The same with the Coriolis forces of another speed, so many times the scene's own."""
@@ -122,7 +125,17 @@ class ReducedScene:
 
     def has_the_modes_of(self, other: ReducedScene) -> bool:
         """Whether two scenes differ in `FREE_OF_MODES` alone."""
-        plain = ("mass", "stiffness", "damping", "gyroscopic", "directions", "static", "harmonic", "monitors")
+        plain = (
+            "mass",
+            "stiffness",
+            "damping",
+            "damping_ratios",
+            "gyroscopic",
+            "directions",
+            "static",
+            "harmonic",
+            "monitors",
+        )
         same = all(
             getattr(self, name) == getattr(other, name) for name in ("damping_kind", "damping_value", "monitor_names")
         )

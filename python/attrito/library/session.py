@@ -82,6 +82,8 @@ class Solver:
                 damping,
             )
         )
+        if scene.damping_ratios is not None:
+            self._library.attrito_set_damping_ratios(self._handle, m, pointer(scene.damping_ratios))
         if scene.gyroscopic is not None:
             self._library.attrito_set_gyroscopic(self._handle, m, pointer(scene.gyroscopic))
         self._library.attrito_set_loads(

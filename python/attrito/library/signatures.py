@@ -47,6 +47,7 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "attrito_create": (HANDLE, (c_int, c_int, Doubles, Doubles, c_int, c_double, c_void_p)),
     "attrito_set_loads": (None, (HANDLE, c_int, Doubles, c_int, Doubles, c_int, Doubles)),
     "attrito_set_contacts": (None, (HANDLE, c_int, POINTER(RawLaw), c_int, Doubles)),
+    "attrito_set_damping_ratios": (None, (HANDLE, c_int, Doubles)),
     "attrito_set_gyroscopic": (None, (HANDLE, c_int, Doubles)),
     "attrito_set_sector": (None, (HANDLE, *[c_int] * 3, Integers, Integers, *[c_int, Integers] * 2, c_int, Doubles)),
     "attrito_change_laws": (None, (HANDLE, c_int, POINTER(RawLaw))),

@@ -108,7 +108,7 @@ class RawScene(ctypes.Structure):
     _fields_ = [
         *_all(c_int, "size", "contacts", "rows", "statics", "coefficients", "monitors", "damping_kind"),
         ("damping_value", c_double),
-        *_all(c_void_p, "mass", "stiffness", "damping", "gyroscopic", "laws", "directions"),
+        *_all(c_void_p, "mass", "stiffness", "damping", "gyroscopic", "damping_ratios", "laws", "directions"),
         *_all(c_void_p, "static_loads", "harmonic_load", "monitor_rows"),
     ]
 

@@ -17,6 +17,8 @@ from attrito.library.points import LinearModes
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series
 from attrito.library.session import Options, Solver
+from attrito.modes.limit_cycles import NAMES as CYCLE_NAMES
+from attrito.modes.limit_cycles import LimitCycles
 from attrito.modes.mode_point import ModePoint
 from attrito.modes.mode_slopes import ModeDifferentiator
 from attrito.modes.patched import PatchedModeTracker
@@ -50,6 +52,8 @@ REFERENCES = (
 )
 # What finds points, by the method
 Tracker = ModeTracker | PatchedModeTracker | QuasiStaticTracker
+# Of a point at an amplitude that was asked for
+NO_CYCLE = CYCLE_NAMES[0]
 # Of modes that are looked through for the one meant
 LISTED = 40
 # Of a file of a mode, beside the series of a result
@@ -104,10 +108,11 @@ def _follow_and_show(
         progress.say(f"tangent mode {number}: {modes.natural_hz[number - 1]:.6g} Hz")
         differentiator = ModeDifferentiator(comm, solver, job, scene, prepared.reduced, number - 1)
         tracker = new_tracker(job, solver, prepared.reduced, modes, number - 1)
-        recorder = Recorder(comm, solver, journal, (tracker,))
+        cycles = LimitCycles()
+        recorder = Recorder(comm, solver, journal, (tracker, cycles))
         try:
-            place = _begin(comm, job, recorder, tracker, journal, first, resume, progress)
-            missed = _follow(comm, job, tracker, differentiator, recorder, place, progress)
+            place = _begin(comm, job, recorder, tracker, cycles, journal, first, resume, progress)
+            missed = _follow(comm, job, solver, tracker, differentiator, recorder, cycles, place, progress)
         finally:
             recorder.close()
 
@@ -135,6 +140,7 @@ def _begin(
     job: Job,
     recorder: Recorder,
     tracker: Tracker,
+    cycles: LimitCycles,
     journal: str,
     first: Record | None,
     resume: bool,
@@ -148,6 +154,7 @@ def _begin(
             tracker.prepare()
         place = recorder.resume(job.path, first)
         tracker.known = comm.bcast(tracker.known)
+        cycles.load_state(comm.bcast(cycles.save_state()))
         progress.say(f"going on after {place.points} points of {journal}")
         return place
     if resume:
@@ -199,33 +206,69 @@ def amplitudes(job: Job) -> np.ndarray:
 def _follow(
     comm: Comm,
     job: Job,
+    solver: Solver,
     tracker: Tracker,
     differentiator: ModeDifferentiator,
     recorder: Recorder,
+    cycles: LimitCycles,
     place: RunPosition,
     progress: Progress,
 ) -> str:
     """Point after point into the journal, those of `place` being there; what is missing, in words."""
     values = amplitudes(job)
-    while place.points < len(values) and "not_converged" not in place.outcomes:
-        one = tracker.at(float(values[place.points]))
+
+    def write(one: ModePoint, kind: str) -> None:
         recorder.hear()
-        ratio = _record(comm, recorder, one)
+        ratio = _record(comm, recorder, one, kind)
         if corner := differentiator.visit(one, recorder):
             progress.say(f"Q {one.amplitude:.6g}: {corner}")
+        if kind == NO_CYCLE:
+            cycles.pass_by(one.amplitude, ratio + one.structural_ratio)
         place.add(one.point)
         recorder.write(one.point, place)
         progress.say(
             f"Q {one.amplitude:10.4e}  {one.point.frequency_hz:11.6g} Hz  damping ratio {ratio:10.4e} +"
             f" {one.structural_ratio:.4e}  stuck {sum(one.point.states[:2]):3d} slipping {one.point.states[2]:3d}"
             f" open {one.point.states[3]:3d}  {one.iterations:3d} iterations  {one.point.outcome}"
+            + ("" if kind == NO_CYCLE else f"  limit cycle that {kind}")
         )
-        if not one.converged:
-            lost = values[place.points - 1]
-            return f"the mode was lost at amplitude {lost:.6g}, before [mode] stop = {job['mode']['stop']:g}"
-    if place.points < len(values) or "not_converged" in place.outcomes:
-        return f"the mode was lost at amplitude {values[place.points - 1]:.6g}"
-    return ""
+
+    while (done := place.points - cycles.found) < len(values) and "not_converged" not in place.outcomes:
+        one = tracker.at(float(values[done]))
+        if one.converged and cycles.lie_before(damping_of_both(comm, solver, one)):
+            found, kind = _limit_cycle(comm, solver, tracker, cycles, one)
+            if found is not None:
+                write(found, kind)
+            else:
+                progress.warn([f"the limit cycle before Q = {one.amplitude:.6g} was not found: no solution near it"])
+            continue
+        write(one, NO_CYCLE)
+    if "not_converged" not in place.outcomes:
+        return ""
+    lost = values[place.points - cycles.found - 1]
+    return f"the mode was lost at amplitude {lost:.6g}, before [mode] stop = {job['mode']['stop']:g}"
+
+
+def _limit_cycle(
+    comm: Comm, solver: Solver, tracker: Tracker, cycles: LimitCycles, after: ModePoint
+) -> tuple[ModePoint | None, str]:
+    """The limit cycle before a point, whose damping has the other sign, and its kind. Collective.
+
+    The solver stands there afterwards.
+    """
+    iterations = 0
+
+    def at(amplitude: float) -> float:
+        nonlocal iterations
+        one = tracker.at(amplitude)
+        iterations += one.iterations
+        return damping_of_both(comm, solver, one) if one.converged else np.nan
+
+    amplitude, kind = cycles.search(after.amplitude, damping_of_both(comm, solver, after), at)
+    if np.isnan(amplitude):
+        return None, kind
+    one = tracker.at(amplitude)
+    return replace(one, iterations=iterations + one.iterations) if one.converged else None, kind
 
 
 def new_tracker(job: Job, solver: Solver, scene: ReducedScene, modes: LinearModes, index: int) -> Tracker:
@@ -246,7 +289,13 @@ def contact_work(comm: Comm, solver: Solver, one: ModePoint) -> float:
     return float(np.nansum(work))
 
 
-def _record(comm: Comm, recorder: Recorder, one: ModePoint) -> float:
+def damping_of_both(comm: Comm, solver: Solver, one: ModePoint) -> float:
+    """Damping ratio of contacts and structure together at the last point. Collective."""
+    work = comm.bcast(contact_work(comm, solver, one))
+    return one.damping_ratio(work) + one.structural_ratio
+
+
+def _record(comm: Comm, recorder: Recorder, one: ModePoint, kind: str) -> float:
     """Note what is known of a mode's point beside a result's series; the contacts' damping ratio. Collective."""
 
     def note() -> float:
@@ -267,6 +316,8 @@ def _record(comm: Comm, recorder: Recorder, one: ModePoint) -> float:
         recorder.add("/points/iterations", iterations, np.array(one.iterations))
         ended = Series("int32", "how the point ended: index into the attribute names", "1", tuple(OUTCOMES))
         recorder.add("/points/outcome", ended, np.array(OUTCOMES.index(one.point.outcome)))
+        cycle = Series("int32", "limit cycle of a mode that is fed: index into the attribute names", "1", CYCLE_NAMES)
+        recorder.add("/points/limit_cycle", cycle, np.array(CYCLE_NAMES.index(kind)))
         for name in ("estimate", "error_harmonics", "error_samples", "error_modes"):
             known = getattr(one, name, np.nan) if one.converged else np.nan
             error = Series("real64", ERRORS["quasi_static" if one.contact_work is not None else "epmc"], "1")

@@ -138,7 +138,8 @@ class Merger:
         scene = self._scene
         if scene.damping_kind == "ratio":
             inertia = scene.mass @ stuck.shapes.T
-            rates = 2.0 * scene.damping_value * 2.0 * np.pi * stuck.natural_hz
+            ratios = scene.damping_value if scene.damping_ratios is None else scene.damping_ratios
+            rates = 2.0 * ratios * 2.0 * np.pi * stuck.natural_hz
             return "viscous", (inertia * rates) @ inertia.T
         return scene.damping_kind, scene.damping
 

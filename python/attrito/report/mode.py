@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -20,6 +22,11 @@ METHODS = {
 ERRORS = {
     "epmc": "of frequency, negative damping or monitors, by harmonics and samples",
     "quasi_static": "of the contacts' work, from the steps of a cycle",
+}
+
+LIMIT_CYCLES = {
+    "attracts": "motion from smaller amplitudes grows to it, from larger ones it decays to it",
+    "repels": "motion of larger amplitudes grows without end",
 }
 
 
@@ -46,6 +53,7 @@ def mode_glance(view: View) -> list[tuple[str, bool]]:
         ),
         (f"Contacts damp most at Q = {amplitude[largest]:.4g}: damping ratio {damping[largest]:.3e}.", False),
     ]
+    lines += [(sentence, False) for sentence in _limit_cycles(view)]
     if missing := int((~view.solved).sum()):
         lines.append((f"The mode was lost: {missing} amplitude without a solution.", True))
     if open_cycles := result.outcome.count("indeterminate"):
@@ -57,6 +65,17 @@ def mode_glance(view: View) -> list[tuple[str, bool]]:
     if unknown := int(np.isnan(estimate).sum()):
         lines.append((f"At {unknown} points the error is not known.", True))
     return lines + warned
+
+
+def _limit_cycles(view: View) -> Iterator[str]:
+    """A sentence for each limit cycle of a mode that its structure's damping feeds."""
+    result = view.result
+    if not result.has("/points/limit_cycle"):
+        return
+    for i, name in enumerate(result.named("/points/limit_cycle")):
+        if view.solved[i] and name in LIMIT_CYCLES:
+            amplitude, frequency = result.array("/points/amplitude")[i], view.frequency[i]
+            yield f"Limit cycle at Q = {amplitude:.4g}, {frequency:.6g} Hz (point {i}): {LIMIT_CYCLES[name]}."
 
 
 def mode(page: Page, view: View) -> None:

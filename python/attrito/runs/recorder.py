@@ -196,6 +196,8 @@ def digest(scene: ReducedScene, load_path: np.ndarray) -> str:
     total = hashlib.sha256()
     damping = scene.damping if scene.damping is not None else np.array(scene.damping_value)
     laws = [scene.laws[name] for name in sorted(scene.laws)]
+    if scene.damping_ratios is not None:
+        total.update(scene.damping_ratios.tobytes())
     if scene.gyroscopic is not None:
         total.update(np.ascontiguousarray(scene.gyroscopic).tobytes())
     for values in (scene.mass, scene.stiffness, damping, *laws, scene.directions, scene.static, scene.harmonic,

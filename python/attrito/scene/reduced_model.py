@@ -292,6 +292,7 @@ def reduced_scene(job: Job, scene: Scene, rom: Rom | None = None) -> ReducedScen
         "" if rom is None else rom.fingerprint,
         sector_of(scene, *place, interface, axes),
         None if scene.spin is None else np.ascontiguousarray(scene.spin * gyroscopic),
+        _ratios_of_modes(job, len(mass)),
     )
 
 
@@ -342,12 +343,23 @@ def _faults_of_interface(path: str, basis: np.ndarray, paired: int) -> list[Faul
     return [Fault(path, "interface/basis", f"{basis.dtype} of shape {basis.shape}", expected)]
 
 
+def _ratios_of_modes(job: Job, modes: int) -> np.ndarray | None:
+    """The damping ratio of each of so many modes, the last one given being that of all others; None: one of all."""
+    given = job["damping"]["ratio"]
+    if not isinstance(given, list):
+        return None
+    if len(given) > modes:
+        expected = f"at most as many as the model has modes, {modes}"
+        raise InputError(job.fault("[damping] ratio", f"a list of {len(given)}", expected))
+    return np.array([*given, *[given[-1]] * (modes - len(given))])
+
+
 def _damping(
     job: Job, mass: np.ndarray, stiffness: np.ndarray, damping: np.ndarray | None
 ) -> tuple[str, float, np.ndarray | None]:
     keys = job["damping"]
     if keys["ratio"] is not None:
-        return "ratio", keys["ratio"], None
+        return "ratio", 0.0 if isinstance(keys["ratio"], list) else keys["ratio"], None
     if keys["loss_factor"] is not None:
         return "loss_factor", keys["loss_factor"], None
     alpha, beta = keys["rayleigh"] or (0.0, 0.0)
