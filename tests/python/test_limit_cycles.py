@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import h5py
 import numpy as np
 import pytest
@@ -10,10 +12,17 @@ from mode_jobs import KT, LIMIT, MASS, K, rubbing
 from mpi4py import MPI
 from scipy.linalg import eigh
 from scipy.optimize import brentq
+from wheels import lumped_sector
 
+from attrito.job.reading import read_job
+from attrito.library.points import StoredPoint
+from attrito.library.session import Options, Solver
 from attrito.modes.nonlinear import mode_job
 from attrito.results.result import Result
 from attrito.runs.recorder import Recorder
+from attrito.scene.build import build_scene
+from attrito.scene.reduced_model import reduced_scene
+from attrito.scene.wheel import wave_in_wheel, whole_wheel
 
 FED = 0.01
 STUCK = np.sqrt((K + KT) / MASS)
@@ -133,6 +142,30 @@ def test_a_mode_killed_about_a_limit_cycle_goes_on_to_the_same_table(known, tmp_
     assert [float(row["frequency_hz"]) for row in rows] == pytest.approx(
         [float(row["frequency_hz"]) for row in whole], rel=1e-7
     )
+
+
+def test_the_limit_cycle_of_a_nodal_diameter_is_a_wave_that_the_whole_wheel_keeps_up_by_itself(tmp_path):
+    sectors, harmonics = 5, 7
+    job = lumped_sector(sectors, 1) | {"balance": {"harmonics": harmonics}, "damping": {"ratio": -0.004}}
+    job["mode"] = {"start": 1e-4, "stop": 3e-4, "points": 4}
+    done = attrito(tmp_path, "mode", write_job(tmp_path, job))
+    assert done.returncode == 0, done.stderr
+    with Result(tmp_path / "result.mode.h5") as result:
+        point = result.named("/points/limit_cycle").index("attracts")
+        motion, frequency = (
+            result.array("/points/coordinates")[point],
+            float(result.array("/points/frequency_hz")[point]),
+        )
+    read = read_job(tmp_path / "job.toml", excited=False)
+    scene = reduced_scene(read, build_scene(read))
+    wheel = whole_wheel(replace(scene, harmonic=np.zeros((2 * harmonics + 1, len(scene.mass)))))
+    wave = wave_in_wheel(motion, scene.sector)
+    # The amplitude is met to 1e-9: nothing is left to solve. No step could be taken, for a free motion has any phase.
+    with Solver(MPI.COMM_SELF, wheel, Options(harmonics=harmonics, by_events=True, tolerance=1e-7)) as solver:
+        solver.follow_static_path(np.empty((2, 0)), 10, frequency)
+        solver.set_excitation(0.9 * frequency, 1.1 * frequency, 1.0)
+        assert solver.start_from(StoredPoint(frequency, wave, np.zeros((2 * sectors, 2))), 1.0)
+        assert solver.coordinates() == pytest.approx(wave, abs=1e-8 * np.abs(wave).max())
 
 
 def modal_damping(job: Job, ratios: list[float]) -> list[list[float]]:
