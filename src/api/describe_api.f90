@@ -15,7 +15,8 @@ module attrito_api_describe
   use attrito_reduce_report, only: step_names
   use attrito_solve_strategy_table, only: strategy_type, strategies
   use attrito_sensitivity_quantities, only: quantity_amplitude, quantity_mean, quantity_dissipated_energy, quantity_t1_mean, &
-                                            quantity_t2_mean, quantity_n_mean
+                                            quantity_t2_mean, quantity_n_mean, quantity_first_cosine, &
+                                            quantity_first_sine
   use attrito_stability_examination, only: by_monodromy, by_hill, balanced_orbit, exact_orbit, automatic_orbit
   use attrito_stability_multipliers, only: kind_names
   use attrito_stability_verdict, only: unstable, stable, indeterminate
@@ -81,9 +82,10 @@ contains
                     [reference_stuck, reference_frictionless, reference_tangent])// &
            numbered('amplitudes', [character(14) :: 'half_range', 'first_harmonic'], [half_range, first_harmonic])// &
            numbered('parameters', [character(7) :: 'level', 'preload'], [parameter_level, parameter_preload])// &
-           numbered('quantities', [character(17) :: 'amplitude', 'mean', 'dissipated_energy', 't1_mean', 't2_mean', 'n_mean'], &
+           numbered('quantities', [character(17) :: 'amplitude', 'mean', 'dissipated_energy', 't1_mean', 't2_mean', 'n_mean', &
+                                                 'first_cosine', 'first_sine'], &
                     [quantity_amplitude, quantity_mean, quantity_dissipated_energy, quantity_t1_mean, quantity_t2_mean, &
-                     quantity_n_mean])// &
+                     quantity_n_mean, quantity_first_cosine, quantity_first_sine])// &
            numbered('schemes', [character(18) :: 'event', 'central_difference', 'newmark', 'hht', 'generalised_alpha', &
                                 'exponential'], [scheme_event, scheme_central_difference, scheme_newmark, scheme_hht, &
                                                  scheme_generalised_alpha, scheme_exponential])// &

@@ -3,7 +3,8 @@
 !>
 !> $$ \delta Q = c \cdot \delta a + l \cdot \delta\lambda + k \cdot \delta d $$
 !>
-!> Half the range or the mean of a monitor a; sums over contacts of their work against friction a period and of mean forces,
+!> Half the range, the mean, or the cosine's or sine's coefficient of the first harmonic of a monitor a; sums over contacts of their
+!> work against friction a period and of mean forces,
 !>
 !> $$ W = \oint T \, du = \pi \sum_h h (T_{ch} u_{sh} - T_{sh} u_{ch}) $$
 module attrito_sensitivity_quantities
@@ -14,10 +15,11 @@ module attrito_sensitivity_quantities
   implicit none
   private
   public :: quantity_type, weights_type, weights_of, total_forces
-  public :: quantity_amplitude, quantity_mean, quantity_dissipated_energy, quantity_t1_mean, quantity_t2_mean, quantity_n_mean
+  public :: quantity_amplitude, quantity_mean, quantity_dissipated_energy, quantity_t1_mean, quantity_t2_mean, quantity_n_mean, &
+            quantity_first_cosine, quantity_first_sine
 
   integer, parameter :: quantity_amplitude = 0, quantity_mean = 1, quantity_dissipated_energy = 2, quantity_t1_mean = 3, &
-                        quantity_t2_mean = 4, quantity_n_mean = 5
+                        quantity_t2_mean = 4, quantity_n_mean = 5, quantity_first_cosine = 6, quantity_first_sine = 7
 
   type :: quantity_type
     integer :: kind = quantity_amplitude
@@ -52,6 +54,10 @@ contains
       end do
      case (quantity_mean)
       weights%monitors(1, :) = quantity%factors(:size(own, 2))
+     case (quantity_first_cosine)
+      weights%monitors(2, :) = quantity%factors(:size(own, 2))
+     case (quantity_first_sine)
+      weights%monitors(3, :) = quantity%factors(:size(own, 2))
      case (quantity_dissipated_energy)
       call weigh_work(quantity, balance, motion, weights)
      case default

@@ -1,4 +1,4 @@
-"""Studies by second-order models: exact for quadratics, near sampled peaks, and saying where they do not hold."""
+"""Studies by second-order models from values: exact for quadratics, near sampled peaks, told where they fail."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import jobs
 import numpy as np
 import pytest
 
-from attrito.studies.second_order import model, nodes
+from attrito.studies.value_nodes import model, nodes
 
 MU = {"name": "mu", "keys": ["contact[*].friction_coefficient"], "low": 0.4, "high": 0.5}
 PRELOAD = {"name": "preload", "keys": ["static.load_path[1]"], "low": 0.9, "high": 1.1}
@@ -45,7 +45,7 @@ def study(folder: Path, capfd: pytest.CaptureFixture[str], design: str, **change
 
 
 def test_the_model_is_near_sampled_peaks(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    modelled, words = study(tmp_path, capfd, "second_order")
+    modelled, words = study(tmp_path, capfd, "second_order", hessian="values")
     assert "10 of 30 samples" in words and "it does not hold" not in words
     sampled, _ = study(tmp_path, capfd, "latin_hypercube")
     with modelled, sampled:

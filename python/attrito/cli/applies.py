@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from attrito.results.result import CAMPBELL, LINEAR_MODES, MODE
+from attrito.studies.table import FORMAT as STUDY
 from attrito.support.errors import Fault, InputError
 
 # Options of `attrito table` that have rows for the points of a file that is no result of a run
@@ -14,9 +15,11 @@ OF_TABLES: Mapping[str, tuple[str, ...]] = {
     MODE: ("contacts", "sets", "sensitivities"),
     LINEAR_MODES: ("sensitivities",),
     CAMPBELL: (),
+    STUDY: ("bands",),
 }
-MADE_BY = {MODE: "`attrito mode`", LINEAR_MODES: "`attrito linear-modes`"}
-TABLE_OPTIONS = ("contacts", "sets", "multipliers", "sensitivities", "bifurcations", "curve", "columns")
+MADE_BY = {MODE: "`attrito mode`", LINEAR_MODES: "`attrito linear-modes`", STUDY: "`attrito study`"}
+OF_RESULTS = ("contacts", "sets", "multipliers", "sensitivities", "bifurcations", "curve", "columns")
+TABLE_OPTIONS = (*OF_RESULTS, "bands")
 # Of `attrito export`: what matrices have nothing of
 OF_MOTION = ("points", "mode", "monitor", "phases", "format", "scale", "wheel")
 TEXTS = (".csv", ".txt", ".dat", "")
@@ -29,13 +32,14 @@ def check_table(options: argparse.Namespace, form: str | None) -> None:
     ----------
     form : format of a file of points; None: a file without any
     """
-    allowed = TABLE_OPTIONS if form is not None and form not in OF_TABLES else OF_TABLES.get(form or "", ())
+    allowed = OF_RESULTS if form is not None and form not in OF_TABLES else OF_TABLES.get(form or "", ())
     faults = []
     for name in TABLE_OPTIONS:
         value = getattr(options, name)
         if value is None or value is False or name in allowed:
             continue
-        makers = ["`attrito run`", *(MADE_BY[other] for other, names in OF_TABLES.items() if name in names)]
+        makers = ["`attrito run`"] if name in OF_RESULTS else []
+        makers += [MADE_BY[other] for other, names in OF_TABLES.items() if name in names]
         given = "given" if value is True else ", ".join(value) if isinstance(value, list) else value
         faults.append(Fault(options.result, f"--{name}", given, f"a file of {' or '.join(makers)}"))
     if faults:

@@ -222,6 +222,7 @@ def _table(parsers: Parsers) -> None:
     kind.add_argument("--multipliers", action="store_true", help="a row a point and Floquet multiplier")
     kind.add_argument("--sensitivities", action="store_true", help="a row a point, quantity and parameter")
     kind.add_argument("--bifurcations", action="store_true", help="a row a turning point or crossing multiplier")
+    kind.add_argument("--bands", action="store_true", help="of a study: mean, deviation, quantiles over the samples")
     kind.add_argument("--curve", type=int, metavar="N", help="N rows along the curve drawn through the points")
     one.set_defaults(work=commands.table)
 

@@ -240,7 +240,8 @@ def _table(options: argparse.Namespace) -> str:
     from attrito.peaks.file import table as peak_table
     from attrito.results import tables
     from attrito.results.result import CAMPBELL, LINEAR_MODES, MODE, Result
-    from attrito.studies.table import holds_study
+    from attrito.studies.table import FORMAT as STUDY
+    from attrito.studies.table import band_table, holds_study
     from attrito.studies.table import table as study_table
 
     kinds = {
@@ -253,9 +254,11 @@ def _table(options: argparse.Namespace) -> str:
     asked = next((name for name in kinds if getattr(options, name)), None)
     if options.columns and (asked or options.curve is not None):
         raise InputError(Fault("table", "--columns", ", ".join(options.columns), "the table of points"))
+    if holds_study(options.result):
+        check_table(options, STUDY)
+        return band_table(options.result) if options.bands else study_table(options.result)
     others = (
         (holds_peaks, peak_table),
-        (holds_study, study_table),
         (holds_fit, fit_table),
         (holds_optimum, optimum_table),
         (holds_chart, chart_table),

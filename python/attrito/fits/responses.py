@@ -14,13 +14,13 @@ import numpy as np
 
 from attrito.fits.data import HARMONIC, RANGE, Data
 from attrito.fits.design import Fit
-from attrito.fits.rates import Solvable, amplitude_slopes, rates_of
 from attrito.fits.source import Solved, Source, samples_of
 from attrito.job.job import Job
 from attrito.library.family import Family
 from attrito.library.points import Point
 from attrito.library.session import Solver
 from attrito.runs.progress import Progress
+from attrito.studies.rates import Solvable, amplitude_slopes, rates_of
 from attrito.studies.samples import Samples
 from attrito.support.errors import NumericsError
 

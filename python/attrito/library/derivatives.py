@@ -40,6 +40,10 @@ class Rates:
     def __len__(self) -> int:
         return len(self.level)
 
+    def at(self, which: np.ndarray) -> Rates:
+        """Of some parameters, `[n]` of them true."""
+        return Rates(*(getattr(self, each.name)[which] for each in fields(self)))
+
     def with_preload(self, factor: float) -> Rates:
         """Where all static loads have a factor."""
         return Rates(self.laws, factor * self.static_factors, self.level, self.harmonic_factors, self.damping)

@@ -50,8 +50,8 @@ PARAMETERS = ("level", "preload")
 # Why a curve of peaks ends
 ENDINGS = ("none", "not_found", "leaves_band", "no_periodic_motion")
 
-# What is differentiated: of monitors the first two, of contacts the others
-QUANTITIES = ("amplitude", "mean", "dissipated_energy", "t1_mean", "t2_mean", "n_mean")
+# What is differentiated: of monitors, but for work and mean forces, which are of contacts
+QUANTITIES = ("amplitude", "mean", "dissipated_energy", "t1_mean", "t2_mean", "n_mean", "first_cosine", "first_sine")
 
 # Of integration in time, and why its motion has not converged
 SCHEMES = ("event", "central_difference", "newmark", "hht", "generalised_alpha", "exponential")

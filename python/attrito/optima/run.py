@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from attrito.fits.rates import Solvable, amplitude_slopes, known_rates, rates_of
 from attrito.job.fewer_contacts import take_all_contacts
 from attrito.job.job import Job
 from attrito.job.reading import read_job
@@ -25,6 +24,7 @@ from attrito.optima.design import Optimum, read_optimum
 from attrito.optima.search import Least, least
 from attrito.optima.table import FORMAT
 from attrito.runs.progress import Progress
+from attrito.studies.rates import Solvable, amplitude_slopes, known_rates, rates_of
 from attrito.studies.sample_peaks import SamplePeaks
 from attrito.studies.samples import shared_scene
 from attrito.support.atomic_files import whole_hdf5
@@ -80,7 +80,6 @@ class _Peaks(SamplePeaks):
         base, rom = shared_scene(comm, job, keeps_places, progress, comm.rank == 0)
         super().__init__(comm, base, rom)
         self._asked, self._job, self._progress = asked, job, progress
-        self._slopes: list[np.ndarray] = []
         self._values = np.empty(0)
         self.count = 0
         self._has_spoken = False
@@ -101,11 +100,11 @@ class _Peaks(SamplePeaks):
         """Objective by level, and its gradients."""
         asked = self._asked
         values = self.values(self._comm.bcast(x))
-        self._values, self._slopes = values, []
+        self._values = values
         rows = self.of(self._changed(values), list(asked.levels))
         amplitude = np.array([np.nan if row["amplitude"] is None else row["amplitude"] for row in rows])
         ends = np.array([one.scaled(one.high) - one.scaled(one.low) for one in asked.parameters])
-        slopes = np.array(self._slopes[-len(rows) :]) * ends
+        slopes = np.array([row["slopes"] for row in rows]) * ends
         slopes *= [one.rate(value) for one, value in zip(asked.parameters, values, strict=True)]
         scale = np.array(asked.levels) if asked.objective == "amplitude_per_level" else np.ones(len(rows))
         self.count += 1
@@ -114,23 +113,23 @@ class _Peaks(SamplePeaks):
         self._progress.say(f"{self.count:4d}  {named}  {asked.objective} {np.max(amplitude / scale):.6g}")
         return amplitude / scale, slopes / scale[:, np.newaxis]
 
-    def visit(self, solver: Solver, peak: Peak | None, monitor: int, here: Solvable) -> None:
+    def visit(self, solver: Solver, peak: Peak | None, place: tuple[int, int], here: Solvable) -> dict[str, Any]:
         """Derivatives of a peak, the solver being there."""
         count = len(self._asked.parameters)
         if peak is None or count == 1:
-            self._slopes.append(np.full(count, np.nan))
-            return
+            return {"slopes": np.full(count, np.nan)}
         reduced = here[0]
         family = Family(self._comm, solver, len(reduced.laws["tangents"]), len(reduced.monitors))
         rates = rates_of(
             self._asked.parameters, self._values, here, lambda values: self.scene_of(self._changed(values))
         )
-        self._slopes.append(amplitude_slopes(self._comm, family, reduced, monitor, rates))
+        slopes = amplitude_slopes(self._comm, family, reduced, place[0], rates)
         unknown = [one.name for one, known in zip(self._asked.parameters, known_rates(rates), strict=True) if not known]
         if unknown and not self._has_spoken:
             words = f"derivatives by {', '.join(unknown)} are differences, a further sample each"
             self._progress.say(words)
         self._has_spoken = True
+        return {"slopes": slopes}
 
     def _changed(self, values: np.ndarray) -> Job:
         pairs = list(zip(self._asked.parameters, values.tolist(), strict=True))

@@ -58,7 +58,7 @@ def slider_rates(
                     comm,
                     lambda: _moved(job, scene, reduced, parameter, path.corners, side * step),  # noqa: B023
                 )
-                ends.append(_end(comm, job, there, corners, path))
+                ends.append(end_sliders(comm, job["static"]["steps"], there, path, corners))
             slopes.append((ends[1] - ends[0]) / (2.0 * change))
         found.append((4.0 * slopes[0] - slopes[1]) / 3.0)
     return np.array(found)
@@ -91,11 +91,14 @@ def _scale(reduced: ReducedScene, parameter: Parameter) -> float:
     return 1.0 if numbers is None else float(np.min(np.abs(numbers[numbers != 0.0]), initial=1.0))
 
 
-def _end(comm: Comm, job: Job, scene: ReducedScene, corners: np.ndarray, path: LoadPath) -> np.ndarray:
-    """Sliders at the end of the path, `[nc, width]`. Collective."""
+def end_sliders(
+    comm: Comm, steps: int, scene: ReducedScene, path: LoadPath, corners: np.ndarray | None = None
+) -> np.ndarray:
+    """Sliders at the end of a path taken in so many steps, `[nc, width]`; at other `corners`, if given. Collective."""
+    corners = path.corners if corners is None else corners
     options = replace(path.options, tolerance=min(path.options.tolerance, RESIDUAL))
     with Solver(comm, scene, options) as solver:
-        solver.follow_static_path(corners, job["static"]["steps"], path.frequency_hz)
+        solver.follow_static_path(corners, steps, path.frequency_hz)
         family = Family(comm, solver, len(scene.laws["tangents"]), len(scene.monitors))
         member = family.visit(lambda family: family.describe())
         return on_root(comm, lambda: np.array(member.slider))  # type: ignore[union-attr]

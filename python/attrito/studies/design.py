@@ -17,7 +17,6 @@ from attrito.job.job import Job, files_read, rom_path
 from attrito.job.reading import read_job
 from attrito.job.varied import checked, faults_of_keys, is_of_model, read_keys, with_values
 from attrito.modes.nonlinear import amplitudes, check_mode
-from attrito.studies.second_order import MOST_CHECKED, nodes
 from attrito.support.errors import Fault, InputError
 from attrito.support.overwrite_check import check_spared
 
@@ -39,7 +38,10 @@ class Vary:
 
 @dataclass(frozen=True)
 class Study:
-    """A checked study; `job` is the job file, or the job, and `of` one of `peaks` and `modes`."""
+    """A checked study; `job` is the job file, or the job, and `of` one of `peaks`, `modes` and `response`.
+
+    `hessian`: what a model of second order is made of; None: gradients where they are exact.
+    """
 
     path: str
     job: str | Job
@@ -50,12 +52,13 @@ class Study:
     seed: int
     batch: int
     ranks_per_group: int
+    hessian: str | None
     vary: tuple[Vary, ...]
 
     @property
     def is_excited(self) -> bool:
         """Whether jobs need harmonic loads and a sweep."""
-        return self.of == "peaks"
+        return self.of != "modes"
 
     @property
     def picture(self) -> str:
@@ -67,7 +70,7 @@ class Study:
         if self.design == "grid":
             return np.array(list(product(*(vary.values for vary in self.vary))), dtype=float)
         count = len(self.vary)
-        if self.design in ("latin_hypercube", "second_order"):
+        if self.design != "random":
             unit = qmc.LatinHypercube(count, seed=np.random.default_rng(self.seed)).random(self.samples)
         else:
             unit = np.random.default_rng(self.seed).random((self.samples, count))
@@ -79,20 +82,26 @@ class Study:
                 columns.append(vary.low + part * (vary.high - vary.low))
         return np.array(columns).T
 
-    def solved(self, values: np.ndarray) -> np.ndarray:
-        """Values that are solved: those of the samples or, of a second-order model, of its nodes and some samples."""
-        if self.design != "second_order":
-            return values
-        low, high = self._bounds()
-        return np.vstack([0.5 * (low + high) + 0.5 * (high - low) * nodes(len(low)), values[:MOST_CHECKED]])
+    @property
+    def is_modelled(self) -> bool:
+        """Whether most samples come from a model through few that are solved."""
+        return self.design in MODELLED
 
     def places(self, values: np.ndarray) -> np.ndarray:
         """Values of samples between their bounds, from -1 to 1."""
-        low, high = self._bounds()
+        low, high = self.bounds
         return np.asarray((2.0 * values - low - high) / (high - low))
 
-    def _bounds(self) -> tuple[np.ndarray, np.ndarray]:
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Least and largest value of each quantity, where there are."""
         return np.array([vary.low for vary in self.vary]), np.array([vary.high for vary in self.vary])
+
+    @property
+    def middle(self) -> np.ndarray:
+        """Between the least and the largest value of each quantity."""
+        ends = [(min(vary.values), max(vary.values)) if vary.values else (vary.low, vary.high) for vary in self.vary]
+        return 0.5 * np.sum(np.array(ends, dtype=float), axis=1)
 
     def stops(self, job: Job) -> list[float]:
         """Values of the job's parameter at which each sample's peak is located, or amplitudes of its mode."""
@@ -106,7 +115,7 @@ class Study:
     def as_table(self) -> dict[str, Any]:
         """All that the samples' values depend on."""
         table = asdict(self)
-        return {name: table[name] for name in ("of", "design", "samples", "seed", "batch", "vary")}
+        return {name: table[name] for name in ("of", "design", "samples", "seed", "batch", "hessian", "vary")}
 
     def changed(self, job: Job, row: np.ndarray) -> Job:
         """The job with the values of a sample, checked as a job is."""
@@ -147,18 +156,24 @@ class Study:
             faults.append(job.fault("[peak] start", "missing", "the level or preload at which a study locates peaks"))
         if job["sweep"]["start_hz"] is None:
             faults.append(job.fault("[sweep] start_hz", "missing", "start_hz and stop_hz, the band of the peaks"))
+        if self.of == "response" and not faults and len(self.stops(job)) > 1:
+            expected = "start alone: a response has one level and preload"
+            faults.append(job.fault("[peak] stop, values", self.stops(job)[1:], expected))
         return faults
 
 
+# Designs whose samples come from a model through few that are solved
+MODELLED = ("first_order", "second_order")
 CHECKS: dict[str, tuple[Check, Any]] = {
     "job": (text, None),
-    "of": (choice("peaks", "modes"), "peaks"),
+    "of": (choice("peaks", "modes", "response"), "peaks"),
     "file": (text, "study.h5"),
-    "design": (choice("random", "latin_hypercube", "grid", "second_order"), "random"),
+    "design": (choice("random", "latin_hypercube", "grid", *MODELLED), "random"),
     "samples": (integer(1), None),
     "seed": (integer(0), 1),
     "batch": (integer(1), 20),
     "ranks_per_group": (integer(1), 1),
+    "hessian": (choice("values", "gradients", "central_gradients"), None),
 }
 VARY_CHECKS: dict[str, tuple[Check, Any]] = {
     "name": (dataset_name, None),
@@ -205,8 +220,9 @@ def _check_study(raw: dict[str, Any], path: str) -> Study:
             faults.append(Fault(path, f"vary[{i}] values", one["values"] or "missing", "either values or low and high"))
         if keys["design"] == "grid" and not one["values"]:
             faults.append(Fault(path, f"vary[{i}] values", "missing", "the nodes of the grid"))
-        if keys["design"] == "second_order" and one["values"]:
-            faults.append(Fault(path, f"vary[{i}] values", one["values"], 'low and high with design = "second_order"'))
+        if keys["design"] in MODELLED and one["values"]:
+            expected = f'low and high with design = "{keys["design"]}"'
+            faults.append(Fault(path, f"vary[{i}] values", one["values"], expected))
         if one["name"] is None or one["keys"] is None:
             faults.append(Fault(path, f"vary[{i}]", "missing", "name and keys"))
             continue
@@ -218,6 +234,8 @@ def _check_study(raw: dict[str, Any], path: str) -> Study:
         faults.append(Fault(path, "vary name", name, "names that differ"))
     if keys["job"] is None:
         faults.append(Fault(path, "job", "missing", "the job file whose keys are varied"))
+    if keys["hessian"] is not None and keys["design"] != "second_order":
+        faults.append(Fault(path, "hessian", keys["hessian"], 'no such key but with design = "second_order"'))
     if (keys["samples"] is None) != (keys["design"] == "grid"):
         faults.append(Fault(path, "samples", keys["samples"], "a number of samples, but none of a grid"))
     if faults:
@@ -225,7 +243,7 @@ def _check_study(raw: dict[str, Any], path: str) -> Study:
     count = int(np.prod([len(vary.values) for vary in varies])) if keys["design"] == "grid" else keys["samples"]
     folder = Path(path).parent
     job, file = (os_path(folder, keys[name]) for name in ("job", "file"))
-    rest = (keys[name] for name in ("seed", "batch", "ranks_per_group"))
+    rest = (keys[name] for name in ("seed", "batch", "ranks_per_group", "hessian"))
     return Study(path, job, keys["of"], file, keys["design"], count, *rest, tuple(varies))
 
 

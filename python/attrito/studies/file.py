@@ -15,7 +15,7 @@ from attrito.job.job import Job
 from attrito.library.names import OUTCOMES
 from attrito.plots.style import save
 from attrito.studies.design import Study
-from attrito.studies.picture import QUANTILES, picture_of_modes, picture_of_peaks, quantiles_of
+from attrito.studies.picture import QUANTILES, moments_of, picture_of_modes, picture_of_peaks, quantiles_of
 from attrito.studies.sample_peaks import METHODS
 from attrito.support.atomic_files import whole_hdf5
 from attrito.support.hdf5_writing import described
@@ -115,6 +115,9 @@ def write_study(
         for name in kind.quantiles:
             quantiles = quantiles_of(numbers[name])
             put(f"quantiles/{name}", quantiles, "over the samples, by quantile and parameter", kind.numbers[name][1])
+            for moment, words in (("mean", "mean"), ("deviation", "standard deviation")):
+                found_moment = moments_of(numbers[name])[moment]
+                put(f"{moment}/{name}", found_moment, f"{words} over the samples, by parameter", kind.numbers[name][1])
         put("quantiles/probability", np.array(QUANTILES), "of the quantiles", "1")
     units = job.attributes["units"]
     if study.of == "peaks":

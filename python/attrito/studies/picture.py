@@ -18,6 +18,8 @@ QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 # Parts of a quantity's range that quantiles are taken over, and the fewest samples in one.
 MOST_PARTS, FEWEST = 15, 8
 USUAL = Look()
+# Relative difference of a model from solved samples beyond which it is said not to hold
+ACCEPTED = 0.05
 # Lines of a grid
 MOST_LINES = 6
 # Of the largest damping ratio: what is drawn of it
@@ -29,6 +31,21 @@ def quantiles_of(values: np.ndarray) -> np.ndarray:
     found = np.full((len(QUANTILES), values.shape[1]), np.nan)
     known = np.isfinite(values).any(axis=0)
     found[:, known] = np.nanquantile(values[:, known], QUANTILES, axis=0)
+    return found
+
+
+def spans(at_hz: np.ndarray, which: np.ndarray) -> list[tuple[float, float]]:
+    """Where frequencies are marked, from and to."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], which, [False]])))
+    return [(float(at_hz[i]), float(at_hz[j - 1])) for i, j in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def moments_of(values: np.ndarray) -> dict[str, np.ndarray]:
+    """`mean` and standard `deviation` over the samples `[samples, n]`, `[n]`; NaN where fewer than two have one."""
+    found = {name: np.full(values.shape[1], np.nan) for name in ("mean", "deviation")}
+    known = np.isfinite(values).sum(axis=0) > 1
+    found["mean"][known] = np.nanmean(values[:, known], axis=0)
+    found["deviation"][known] = np.nanstd(values[:, known], axis=0, ddof=1)
     return found
 
 
@@ -131,6 +148,13 @@ def picture_of_file(path: str, look: Look = USUAL) -> Figure:
             found = [file[f"modes/{name}"][()] for name in ("frequency_hz", "damping_ratio")]
             unit = axis_unit(as_text(file["parameter"].attrs.get("unit", "1")), units)
             return picture_of_modes(file["parameter"][()].tolist(), *found, unit, look)
+        if "response" in file:
+            unit = axis_unit(as_text(file["response/amplitude"].attrs.get("unit", "1")), units)
+            at_hz, error = file["parameter"][()], file.get("response/model_error")
+            failing = [] if error is None else spans(at_hz, ~(error[()] <= ACCEPTED))
+            return picture_of_responses(
+                at_hz, file["quantiles/amplitude"][()], file["mean/amplitude"][()], unit, failing, look
+            )
         names = [vary["name"] for vary in study.get("vary", [])]
         missing = [
             name for name in ("parameter", "peaks/amplitude", *(f"values/{one}" for one in names)) if name not in file
@@ -162,6 +186,33 @@ def picture_of_modes(
             lower.set_yscale("log", nonpositive="clip")
             # Where nothing slips rounding is left.
             lower.set_ylim(max(LEAST * largest, 0.5 * np.nanmin(damping_ratio, initial=largest)), 2.0 * largest)
+    return figure
+
+
+def picture_of_responses(
+    at_hz: np.ndarray,
+    quantiles: np.ndarray,
+    mean: np.ndarray,
+    unit: str,
+    failing: Sequence[tuple[float, float]] = (),
+    look: Look = USUAL,
+) -> Figure:
+    """Quantile bands of a response `[quantiles, F]` and its mean `[F]` over frequencies, Hz.
+
+    `failing`: from where to where a model does not hold.
+    """
+    with matplotlib.rc_context(look.style()):
+        figure = look.figure((6.4, 4.2))
+        axes = figure.subplots()
+        for number, (low, high) in enumerate(failing):
+            label = "the model does not hold" if number == 0 else None
+            axes.axvspan(low, high, color="0.85", linewidth=0, zorder=0, label=label)
+        _bands(axes, at_hz, quantiles)
+        axes.plot(at_hz, mean, "--", color="0.2", linewidth=1.0, label="mean")
+        axes.set(xlabel="Frequency (Hz)", ylabel=with_unit("Amplitude", unit))
+        axes.set_xlim(at_hz[0], at_hz[-1])
+        axes.set_ylim(bottom=0.0)
+        axes.legend()
     return figure
 
 

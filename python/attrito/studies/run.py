@@ -13,6 +13,7 @@ import json
 import os
 import re
 import shutil
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,19 +28,19 @@ from attrito.scene.reduced_model import Rom
 from attrito.scene.scene import Scene
 from attrito.studies.design import Study, batches, read_study
 from attrito.studies.file import write_study
+from attrito.studies.modelled import Nodes
+from attrito.studies.responses import gather, write_responses
 from attrito.studies.sample_modes import SampleModes
 from attrito.studies.sample_peaks import SamplePeaks
+from attrito.studies.sample_responses import Reference, SampleResponses
 from attrito.studies.samples import shared_scene
-from attrito.studies.second_order import ACCEPTED, MOST_CHECKED, largest_difference, rows_of
-from attrito.support.errors import UnsolvedError
+from attrito.studies.sloped_peaks import SlopedPeaks
+from attrito.support.errors import Fault, InputError, UnsolvedError
 from attrito.support.locks import writing_alone
 from attrito.support.parallel import on_root
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
-
-# What is located for each sample
-LOCATED = {"peaks": SamplePeaks, "modes": SampleModes}
 
 
 def run_study(comm: Comm, path: str | Study) -> str:
@@ -54,7 +55,11 @@ def run_study(comm: Comm, path: str | Study) -> str:
     progress.say(study.file)
     complaints = []
     if failed["not_converged"]:
-        missing = {"peaks": "have no peak", "modes": "have no mode at some amplitude"}[study.of]
+        missing = {
+            "peaks": "have no peak",
+            "response": "have no response at some frequency",
+            "modes": "have no mode at some amplitude",
+        }[study.of]
         complaints.append(f"{failed['not_converged']} of {study.samples} samples {missing}; they are in the file")
     if failed["above_tolerance"]:
         complaints.append(
@@ -69,13 +74,20 @@ def run_study(comm: Comm, path: str | Study) -> str:
 def _solve_samples(comm: Comm, job: Job, study: Study, progress: Progress) -> dict[str, int]:
     """Solve the batches that are missing and write the study; how many samples ended how, of those to be reported."""
     values = study.sample()
-    solved = study.solved(values)
-    order = batches(study, solved)
     folder = Path(f"{study.file}.parts") / _fingerprint(study, job)
     groups = max(1, comm.size // study.ranks_per_group)
     color = min(comm.rank // study.ranks_per_group, groups - 1)
     reads = comm.rank == color * study.ranks_per_group
     base, rom = shared_scene(comm, job, study.keeps_places(job), progress, reads)
+    nodes = _nodes_of(comm, job, study, base, rom, progress)
+    located = partial(_located, job=job, base=base, rom=rom, study=study, sloped=nodes is not None and nodes.sloped)
+    reference = None
+    if study.of == "response":
+        with contextlib.closing(located(comm)) as responses:
+            reference = responses.find_reference()
+        progress.say(f"{len(reference.frequencies_hz)} frequencies, peak in the middle at {reference.peak_hz:.6g} Hz")
+    solved = values if nodes is None else nodes.solved(values)
+    order = batches(study, solved)
     on_root(comm, lambda: folder.mkdir(parents=True, exist_ok=True))
     missing = on_root(comm, lambda: [i for i in range(len(order)) if not _part(folder, i).exists()])
     what = f"{study.samples} samples" if len(solved) == len(values) else f"{len(solved)} of {study.samples} samples"
@@ -83,7 +95,8 @@ def _solve_samples(comm: Comm, job: Job, study: Study, progress: Progress) -> di
     group = comm.Split(color, comm.rank)
     try:
         for i in missing[color::groups]:
-            rows = _solve_batch(group, job, base, rom, study, solved[order[i]])
+            with contextlib.closing(located(group, reference)) as one:
+                rows = [one.at(row) for row in solved[order[i]]]
             on_root(group, lambda i=i, rows=rows: _keep(_part(folder, i), order[i], rows))
             progress.say(f"batch {i}: {len(rows)} samples")
     finally:
@@ -96,8 +109,13 @@ def _solve_samples(comm: Comm, job: Job, study: Study, progress: Progress) -> di
         # Batches that an earlier version left do not say.
         untouched = sum(not all(one.get("touches", True) for one in row) for row in rows)
         progress.warn(cautions.of_static_solutions(untouched, len(solved)))
-        if study.design == "second_order":
-            found = _modelled(study, values, found, progress)
+        if reference is not None:
+            responses = gather(study, nodes, reference, values, found, progress)
+            failed = write_responses(study, job, values, reference, responses, progress)
+            _remove_parts(folder.parent)
+            return failed
+        if nodes is not None:
+            found = nodes.rows(values, found, progress)
         failed = write_study(study, job, values, found, progress.warnings)
         _remove_parts(folder.parent)
         return failed
@@ -105,28 +123,24 @@ def _solve_samples(comm: Comm, job: Job, study: Study, progress: Progress) -> di
     return on_root(comm, finish)
 
 
-def _modelled(
-    study: Study, values: np.ndarray, found: list[dict[str, Any]], progress: Progress
-) -> list[dict[str, Any]]:
-    """All samples by the second-order model through its nodes, as one batch; says how far it is from solved ones."""
-    rows = dict(pair for batch in found for pair in zip(batch["samples"], batch["rows"], strict=True))
-    count = len(rows) - min(MOST_CHECKED, study.samples)
-    at_nodes = [rows[node] for node in range(count)]
-    lost = [one for row in at_nodes for one in row if one["outcome"] == "not_converged"]
-    if lost:
-        raise UnsolvedError(
-            study.file,
-            f"{len(lost)} of {count} nodes of the second-order model are without a solution: take another design",
-        )
-    modelled = rows_of(at_nodes, study.places(values))
-    checked = [rows[sample] for sample in range(count, len(rows))]
-    name = "amplitude" if study.of == "peaks" else "frequency_hz"
-    difference = largest_difference(checked, modelled[: len(checked)], name)
-    words = f"second-order model: {name} within {100.0 * difference:.2g} % of {len(checked)} other solved samples"
-    progress.say(words)
-    if difference > ACCEPTED:
-        progress.warn([f'{words}; it does not hold: take design = "latin_hypercube"'])
-    return [{"samples": list(range(study.samples)), "rows": modelled}]
+def _nodes_of(
+    comm: Comm, job: Job, study: Study, base: Scene | None, rom: Rom | None, progress: Progress
+) -> Nodes | None:
+    """What is solved of a study whose samples come from a model; None where all are solved. Collective."""
+    if not study.is_modelled:
+        return None
+    unknown = [vary.name for vary in study.vary]
+    if study.of != "modes" and study.hessian != "values":
+        with contextlib.closing(SlopedPeaks(comm, base, rom, study, job)) as peaks:
+            unknown = peaks.unknown()
+    if not unknown:
+        return Nodes(study, sloped=True)
+    if study.design == "first_order" or (study.hessian or "values") != "values":
+        shown, expected = ", ".join(unknown), "peaks, and quantities that they have exact derivatives by"
+        raise InputError(Fault(study.path, "design" if study.hessian is None else "hessian", shown, expected))
+    if study.hessian is None:
+        progress.say(f"no exact derivatives by {', '.join(unknown)}: the model is made of values alone")
+    return Nodes(study, sloped=False)
 
 
 def _remove_parts(folder: Path) -> None:
@@ -138,13 +152,40 @@ def _remove_parts(folder: Path) -> None:
         folder.rmdir()
 
 
-def _solve_batch(
-    comm: Comm, job: Job, base: Scene | None, rom: Rom | None, study: Study, values: np.ndarray
-) -> list[list[dict]]:
-    """Peaks of the samples of one batch, `[samples][values of the parameter]`, or modes, `[samples][amplitudes]`."""
-    with contextlib.closing(LOCATED[study.of](comm, base, rom)) as located:
-        jobs = [study.changed(job, row) for row in values]
-        return [located.of(changed, study.stops(changed)) for changed in jobs]
+class _AtValues:
+    """Samples by what is varied."""
+
+    def __init__(self, samples: SamplePeaks | SampleModes, study: Study, job: Job):
+        self._samples, self._study, self._job = samples, study, job
+
+    def at(self, values: np.ndarray) -> list[dict[str, Any]]:
+        """What is located at values of the quantities."""
+        changed = self._study.changed(self._job, values)
+        return self._samples.of(changed, self._study.stops(changed))
+
+    def close(self) -> None:
+        """End the session."""
+        self._samples.close()
+
+
+def _located(
+    comm: Comm,
+    reference: Reference | None = None,
+    *,
+    job: Job,
+    base: Scene | None,
+    rom: Rom | None,
+    study: Study,
+    sloped: bool,
+) -> _AtValues | SlopedPeaks:
+    """What solves samples at values of what is varied."""
+    if study.of == "modes":
+        return _AtValues(SampleModes(comm, base, rom), study, job)
+    if study.of == "response":
+        responses = SampleResponses(comm, base, rom, study, job)
+        responses.reference, responses.sloped = reference, sloped
+        return responses
+    return SlopedPeaks(comm, base, rom, study, job) if sloped else _AtValues(SamplePeaks(comm, base, rom), study, job)
 
 
 def _part(folder: Path, batch: int) -> Path:

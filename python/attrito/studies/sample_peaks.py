@@ -27,8 +27,8 @@ from attrito.support.errors import NumericsError
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
-# How a sample's peak was found: the last by the model through others (`second_order`)
-METHODS = ("near", "tracked", "swept", "second_order")
+# How a sample's peak was found: the last two by a model through others
+METHODS = ("near", "tracked", "swept", "second_order", "first_order")
 # Of a frequency response over the band
 SWEEP_POINTS = 60
 
@@ -62,9 +62,16 @@ class SamplePeaks(Samples):
             self._length += 1
 
     def visit(
-        self, solver: Solver, peak: Peak | None, monitor: int, here: tuple[ReducedScene, np.ndarray, Options]
-    ) -> None:
-        """Look at a peak, None where there is none, as soon as it is found: the solver is at it."""
+        self, solver: Solver, peak: Peak | None, place: tuple[int, int], here: tuple[ReducedScene, np.ndarray, Options]
+    ) -> dict[str, Any]:
+        """What the row of a peak has beside, None where there is none: the solver is at it.
+
+        Parameters
+        ----------
+        place : of the monitor, and of the peak among the values of the parameter
+        here : the scene, its load path, the solver's options
+        """
+        return {}
 
     def _find(
         self, job: Job, reduced: ReducedScene, load_path: np.ndarray, values: list[float]
@@ -73,10 +80,11 @@ class SamplePeaks(Samples):
         for i, value in enumerate(values):
             search = _Search(self._solver, job, reduced, load_path, value)
             method, peak = search.run(self._starts.get(i, self._starts.get(i - 1)))
-            self.visit(self._solver, peak, search.monitor, (reduced, load_path, self._options))
+            touches = any(self._solver.static_states[:3])
+            more = self.visit(self._solver, peak, (search.monitor, i), (reduced, load_path, self._options))
             if peak is not None:
                 self._starts[i] = search.tracker.start(peak.frequency_hz)
-            found.append(_row(method, peak) | {"touches": any(self._solver.static_states[:3])})
+            found.append(_row(method, peak) | {"touches": touches} | more)
         return found
 
     def _take(self, reduced: ReducedScene, options: Options) -> None:

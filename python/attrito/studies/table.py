@@ -1,4 +1,4 @@
-"""The table of a study: one row a sample and value of its parameter."""
+"""Tables of a study: one row a sample and value of its parameter, or one row a value with the bands of all samples."""
 
 from __future__ import annotations
 
@@ -16,6 +16,27 @@ def holds_study(path: str) -> bool:
     return is_of_format(path, FORMAT)
 
 
+def band_table(path: str) -> str:
+    """CSV: `level`, `preload` or `amplitude`, then mean, deviation and quantiles over the samples of each number.
+
+    Raises
+    ------
+    InputError : the file lacks what a study's has
+    """
+    with stored(path, "a file of `attrito study`") as file:
+        if "parameter" not in file or "mean" not in file:
+            raise InputError(Fault(path, "mean", "absent", "a file of `attrito study` of this version"))
+        columns = {as_text(file.attrs.get("parameter", "parameter")): numbers(file["parameter"][()])}
+        for name in file["mean"]:
+            shown = f"peak_{name}" if name in columns else name
+            for moment in ("mean", "deviation"):
+                columns[f"{shown}_{moment}"] = numbers(file[f"{moment}/{name}"][()])
+            for probability, row in zip(file["quantiles/probability"][()], file[f"quantiles/{name}"][()], strict=True):
+                columns[f"{shown}_{100.0 * probability:02.0f}"] = numbers(row)
+    lines = [",".join(map(cell, columns)), *(",".join(row) for row in zip(*columns.values(), strict=True))]
+    return "\n".join(lines) + "\n"
+
+
 def table(path: str) -> str:
     """CSV: `sample`, what was varied, `level`, `preload` or `amplitude`, then what was found and its `outcome`.
 
@@ -24,10 +45,10 @@ def table(path: str) -> str:
     InputError : the file lacks what a study's has
     """
     with stored(path, "a file of `attrito study`") as file:
-        of = "modes" if "modes" in file else "peaks"
+        of = next((name for name in ("modes", "response") if name in file), "peaks")
         if of not in file or "parameter" not in file or "outcome" not in file[of]:
             raise InputError(Fault(path, of, "absent", "a file of `attrito study`"))
-        samples, count = file[f"{of}/outcome"].shape
+        samples, count = len(file[f"{of}/outcome"]), len(file["parameter"])
         parameter = as_text(file.attrs.get("parameter", "parameter"))
         columns = {"sample": [str(sample) for sample in np.repeat(np.arange(samples), count)]}
         for name, dataset in file.get("values", {}).items():

@@ -1,14 +1,13 @@
-"""Exact derivatives of an amplitude by parameters of a job: of contact laws, factors on static loads, and damping."""
+"""Exact derivatives of a point by parameters of a job: of contact laws, factors on static loads, and damping."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from attrito.fits.design import Parameter
 from attrito.job.laws import LAW_KEYS
 from attrito.library.derivatives import LAW_NUMBERS, Inquiry, Rates, zero_rates
 from attrito.library.family import Family
@@ -27,8 +26,20 @@ DAMPING = {"mass": 0, "ratio": 2, "loss_factor": 3}
 NUMBERS = {"iwan": slice(0, 2), "pressure": slice(2, None, 2)}
 
 
+class Bounded(Protocol):
+    """A parameter of a job between two values of it."""
+
+    @property
+    def low(self) -> float:
+        """The least value."""
+
+    @property
+    def high(self) -> float:
+        """The largest value."""
+
+
 def rates_of(
-    parameters: Sequence[Parameter], values: np.ndarray, here: Solvable, at: Callable[[np.ndarray], Solvable]
+    parameters: Sequence[Bounded], values: np.ndarray, here: Solvable, at: Callable[[np.ndarray], Solvable]
 ) -> Rates:
     """Rates of each parameter; NaN of one that changes something else. Collective.
 
@@ -92,32 +103,52 @@ def _rates_of_laws(there: ReducedScene, here: ReducedScene, change: float) -> np
 
 
 def amplitude_slopes(comm: Comm, family: Family, scene: ReducedScene, monitor: int, rates: Rates) -> np.ndarray:
-    """Derivatives of a monitor's amplitude at the solver's last point, at its frequency, `[parameters]`.
+    """Derivatives of half a monitor's range as of `monitor_slopes`, `[parameters]`."""
+    return monitor_slopes(comm, family, scene, monitor, rates, ("amplitude",))[0]
+
+
+def monitor_slopes(
+    comm: Comm, family: Family, scene: ReducedScene, monitor: int, rates: Rates, kinds: Sequence[str]
+) -> np.ndarray:
+    """Derivatives of quantities of a monitor at the solver's last point, at its frequency, `[kinds, parameters]`.
 
     NaN where the equations are singular, and of parameters without rates. Collective.
+
+    Parameters
+    ----------
+    kinds : names of `QUANTITIES`, of monitors
     """
     known = known_rates(rates)
-    slopes = np.full(len(rates), np.nan)
+    slopes = np.full((len(kinds), len(rates)), np.nan)
     if not np.any(known):
         return slopes
-    wanted = Rates(*(getattr(rates, each.name)[known] for each in fields(Rates)))
+    wanted = rates.at(known)
 
     def work(family: Family) -> np.ndarray | None:
         if family.describe() is None:
             return None
         if scene.sector is not None:
             # Receptances of a sector are not symmetric: there is no adjoint.
-            found = family.differentiate_directly(wanted)
-            return None if found is None else found[0]
+            return family.differentiate_directly(wanted)
         gradient = family.differentiate_by_adjoint()
-        return None if gradient is None else gradient.along(wanted)[0]
+        return None if gradient is None else gradient.along(wanted)
 
-    quantities = [("amplitude", np.arange(len(scene.monitors)) == monitor)]
-    family.ask(Inquiry(quantities, scene, numbers=_further(scene) > 0, damping=bool(np.any(wanted.damping))))
+    family.ask(inquiry_of_monitor(scene, monitor, wanted, kinds))
     found: np.ndarray | None = comm.bcast(family.visit(work))
     if found is not None:
-        slopes[known] = found
+        slopes[:, known] = found
     return slopes
+
+
+def inquiry_of_monitor(scene: ReducedScene, monitor: int, rates: Rates | None, kinds: Sequence[str]) -> Inquiry:
+    """What asks for derivatives of kinds of a monitor's quantities by what has rates; None: by frequency alone."""
+    factors = np.arange(len(scene.monitors)) == monitor
+    quantities = [(kind, factors) for kind in kinds]
+    if rates is None:
+        return Inquiry(quantities, scene)
+    further = _further(scene)
+    sliders = rates.laws.shape[2] > LAW_NUMBERS + further
+    return Inquiry(quantities, scene, numbers=further > 0, sliders=sliders, damping=bool(np.any(rates.damping)))
 
 
 def known_rates(rates: Rates) -> np.ndarray:
