@@ -29,8 +29,17 @@ import common  # isort: skip (sets the threads of BLAS before numpy is loaded)
 import numpy as np
 import points
 import scenes
-from sensitivity_looks import LOOKS, RESIDUAL, Look, NothingFoundError, gradient, look_at_natural_frequencies
-from sensitivity_scenes import Case, Parameter, make, moved, parameters_of, scale_of
+from sensitivity_looks import (
+    RESIDUAL,
+    Look,
+    NothingFoundError,
+    gradient,
+    look_at_mode,
+    look_at_natural_frequencies,
+    look_at_point,
+)
+from sensitivity_peaks import look_at_peak
+from sensitivity_scenes import BY_FREQUENCY, Case, Parameter, make, moved, parameters_of, scale_of
 
 from attrito.library.names import LAWS, REFERENCES
 from attrito.library.reduced_scene import ReducedScene
@@ -38,15 +47,17 @@ from attrito.library.session import Options
 from attrito.support.errors import NumericsError
 
 # Part of a parameter's scale by which differences move it, and what derivatives are to keep: by events, by samples
-STEPS, TOLERANCES = ((1e-3, 1e-4, 1e-5, 1e-6), (1e-6, 1e-7)), (1e-6, 1e-4)
-# Peaks at corners are found to fewer digits, and derivatives there to the root of the part of friction that is little.
-CORNER_STEPS, CORNER_TOLERANCE = (1e-2, 3e-3, 1e-3), 1e-3
+STEPS, TOLERANCES = ((1e-3, 1e-2, 1e-4, 1e-5, 1e-6), (1e-6, 1e-7, 1e-5, 1e-3)), (1e-6, 1e-4)
+# Derivatives at corners are found to the root of what counts as little there.
+CORNER_TOLERANCE = 1e-3
 # Differences that are so much surer than need be are not sought with further steps
 SURE = 1e-2
 # Of this many parameters all are taken
 FEW = 16
 # Part of a quantity itself that is no derivative
 NOTHING = 1e-9
+# Quantities where a parameter differs by a part of its scale
+At = Callable[[float], "np.ndarray | None"]
 
 
 def holding(scene: ReducedScene, held: np.ndarray) -> ReducedScene:
@@ -67,75 +78,114 @@ def holding(scene: ReducedScene, held: np.ndarray) -> ReducedScene:
 
 
 def difference(
-    look: Look, scene: ReducedScene, parameter: Parameter, steps: tuple[float, ...], enough: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Extrapolated central differences `[quantities]`, what that changes of them, and the part of that by rounding.
+    look: Look,
+    scene: ReducedScene,
+    here: np.ndarray,
+    parameter: Parameter,
+    scale: float,
+    steps: tuple[float, ...],
+    enough: np.ndarray,
+) -> tuple[np.ndarray, ...] | None:
+    """Extrapolated differences `[quantities]`, what that changes of them, and the part of that by rounding.
 
-    Of some steps the surest, until that is less than `enough`.
+    Of some steps the surest, until that is less than `enough`. `here`: the quantities in the scene itself.
     """
+
+    def at(part: float) -> np.ndarray | None:
+        change = part * scale
+        return look.at(scene, change) if parameter == BY_FREQUENCY else look.at(moved(scene, parameter, change), 0.0)
+
     surest: tuple[np.ndarray, ...] | None = None
-    scale = scale_of(scene, parameter)
     for step in steps:
-        slopes = []
-        for reach in (step, 2.0 * step):
-            sides = [look.at(moved(scene, parameter, side * reach * scale)) for side in (-1.0, 1.0)]
-            if sides[0] is None or sides[1] is None:
-                break
-            slopes.append((sides[1] - sides[0]) / (2.0 * reach * scale))
-        if len(slopes) < 2:
+        better = one_sided(at, here, look, step) if look.side else central(at, here, look, step)
+        if better is None:
             continue
-        unsure = np.abs(slopes[0] - slopes[1]) / 3.0
-        rounding = np.zeros_like(unsure)
-        for places in look.kinds.values():
-            # Solutions are found to a tolerance, which the shorter step shows more of.
-            size = np.maximum(
-                RESIDUAL * np.abs(sides[0][places]).max(), np.broadcast_to(look.least, unsure.shape)[places]
-            )
-            rounding[places] = size / (step * scale)
-            unsure[places] = unsure[places].max() + rounding[places]
-        better = (4.0 * slopes[0] - slopes[1]) / 3.0, unsure, rounding
+        better = tuple(part / scale for part in better)
         if surest is None:
             surest = better
-        keep = unsure < surest[1]
+        keep = better[1] < surest[1]
         surest = tuple(np.where(keep, new, old) for new, old in zip(better, surest, strict=True))
         if np.all(surest[1] <= enough):
             break
     return surest
 
 
+def central(at: At, here: np.ndarray, look: Look, step: float) -> tuple[np.ndarray, ...] | None:
+    """By a part of the parameter, from four values beside the one here."""
+    values = [at(part * step) for part in (-2.0, -1.0, 1.0, 2.0)]
+    if any(value is None for value in values):
+        return None
+    far_below, below, above, far_above = values
+    slopes = (above - below) / (2.0 * step), (far_above - far_below) / (4.0 * step)
+    # Where values differ by rounding alone their fourth difference is some sqrt(70) times that.
+    noise = np.abs(far_below - 4.0 * below + 6.0 * here - 4.0 * above + far_above) / 8.0
+    return (4.0 * slopes[0] - slopes[1]) / 3.0, *doubts(look, here, np.abs(slopes[0] - slopes[1]) / 3.0, noise, step)
+
+
+def one_sided(at: At, here: np.ndarray, look: Look, step: float) -> tuple[np.ndarray, ...] | None:
+    """The same of f(0) + a h + b h^(3/2) + c h^2 + ..., h on one side: 2 q(h / 4) - q(h) of quotients has no b."""
+    parts = look.side * step / 4.0 ** np.arange(4)
+    values = [at(float(part)) for part in parts]
+    if any(value is None for value in values):
+        return None
+    first = np.array([(value - here) / part for value, part in zip(values, parts, strict=True)])
+    second = 2.0 * first[1:] - first[:-1]
+    third = (4.0 * second[1:] - second[:-1]) / 3.0
+    return third[1], *doubts(look, here, np.abs(third[1] - third[0]), np.zeros_like(here), abs(float(parts[-1])))
+
+
+def doubts(
+    look: Look, here: np.ndarray, unsure: np.ndarray, noise: np.ndarray, step: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """How unsure quantities are of a kind, all like the worst of it, and the part of that by rounding."""
+    unsure, rounding = unsure.copy(), np.zeros_like(unsure)
+    for places in look.kinds.values():
+        # Solutions are found to a tolerance, which a shorter step shows more of.
+        size = np.maximum(RESIDUAL * np.abs(here[places]).max(), np.broadcast_to(look.least, unsure.shape)[places])
+        rounding[places] = np.maximum(size, noise[places].max()) / step
+        unsure[places] = unsure[places].max() + rounding[places]
+    return unsure, rounding
+
+
 def compare(
     look: Look, case: Case, every: list[Parameter], chosen: list[int], steps: tuple[float, ...], tolerance: float
 ) -> dict[str, dict]:
-    """By kinds of quantities: the largest error, relative to the largest |p dQ/dp|, and how unsure differences are."""
+    """By kinds of quantities: the largest error, relative to the largest |p dQ/dp|, and how unsure differences are.
+
+    By the frequency derivatives are relative to their own largest, too: near a resonance that is far larger.
+    """
     scene = holding(case.scene, look.free)
     kinds = case.scene.laws.get("law", np.zeros(len(look.free), dtype=int))
-    scales = np.array([scale_of(case.scene, parameter) for parameter in every])
-    largest = np.zeros(len(look.found))
-    for places in look.kinds.values():
-        largest[places] = np.nan_to_num(np.abs(look.found[places] * scales)).max()
-    # What is less than a billionth of the quantities themselves is nothing.
-    there = look.at(scene)
+    scales = np.array([look.frequency_hz if one == BY_FREQUENCY else scale_of(case.scene, one) for one in every])
+    own = np.nan_to_num(np.abs(look.found * scales))
+    there = look.at(scene, 0.0)
     if there is None:
         raise NothingFoundError("not found again from itself")
+    largest = np.zeros(len(look.found))
     for places in look.kinds.values():
+        largest[places] = own[places][:, [one != BY_FREQUENCY for one in every]].max()
+        # What is less than a billionth of the quantities themselves is nothing.
         largest[places] = np.maximum(largest[places], NOTHING * np.abs(there[places]).max())
     largest = np.maximum(largest, look.floor)
     rows: dict[str, list] = {kind: [] for kind in look.kinds}
     for place in chosen:
         parameter, scale = every[place], scales[place]
+        size = largest
+        if parameter == BY_FREQUENCY:
+            size = np.maximum(largest, own[:, place])
         is_friction = parameter[0] == "friction_coefficient" or parameter[0].startswith("law_numbers")
         if is_friction and look.free[parameter[1]] > 0.0 and kinds[parameter[1]] != LAWS.index("iwan"):
             # Differences have another friction coefficient there: nothing changes.
             result = (np.zeros(len(look.found)),) * 3
         else:
-            result = difference(look, scene, parameter, steps, SURE * tolerance * largest / scale)
+            result = difference(look, scene, there, parameter, scale, steps, SURE * tolerance * size / scale)
         for kind, places in look.kinds.items():
             if result is None:
                 rows[kind].append((parameter, np.nan, np.inf, np.inf))
                 continue
             with np.errstate(invalid="ignore", divide="ignore"):
-                error = np.abs(look.found[places, place] - result[0][places]) * scale / largest[places]
-                unsure, rounding = (part[places] * scale / largest[places] for part in result[1:])
+                error = np.abs(look.found[places, place] - result[0][places]) * scale / size[places]
+                unsure, rounding = (part[places] * scale / size[places] for part in result[1:])
             error = np.where(np.isnan(look.found[places, place]), np.nan, np.nan_to_num(error))
             worst = int(np.argmax(np.nan_to_num(error)))
             rows[kind].append((parameter, error[worst], np.nan_to_num(unsure)[worst], np.nan_to_num(rounding)[worst]))
@@ -169,25 +219,30 @@ def compared(seed: int, number: int, most: int) -> Iterator[dict]:
     """One scene: what was looked at, then natural frequencies; a scene without them says why."""
     case = make(seed, number)
     random = np.random.default_rng([seed, number, 2])
+    looks = {"point": look_at_point, "peak": look_at_peak, "mode": look_at_mode}
     by = 0 if case.goes_by_events else 1
     labels = {"scene": number, "kinds": case.kinds, "by": ("events", "samples")[by]}
 
     def row(look: Callable[[list[Parameter]], Look], every: list[Parameter], how: int) -> dict:
         few = len(every) if len(every) <= max(FEW, most) and most >= FEW - 4 else most
         chosen = sorted(random.choice(len(every), min(few, len(every)), replace=False).tolist())
+        if BY_FREQUENCY in every:
+            chosen = sorted({*chosen, every.index(BY_FREQUENCY)})
         began = time.process_time()
         try:
             there = look(every)
-            keys = (CORNER_STEPS, CORNER_TOLERANCE) if there.corner else (STEPS[how], TOLERANCES[how])
-            found = compare(there, case, every, chosen, *keys)
+            tolerance = CORNER_TOLERANCE if there.corner else TOLERANCES[how]
+            found = compare(there, case, every, chosen, STEPS[how], tolerance)
         except (NumericsError, NothingFoundError) as error:
             return {"outcome": str(error)}
         return {"found": found, "seconds": time.process_time() - began}
 
     every = parameters_of(case.scene)
+    if case.look == "point":
+        every.append(BY_FREQUENCY)
     if case.look == "mode":
         every = [parameter for parameter in every if parameter[0] not in ("level", "harmonic")]
-    yield labels | {"look": case.look} | row(lambda every: LOOKS[case.look](case, random, every), every, by)
+    yield labels | {"look": case.look} | row(lambda every: looks[case.look](case, random, every), every, by)
     springs = [parameter for parameter in every if parameter[0].endswith("_stiffness")]
     if case.scene.sector is None and springs:
         state = str(random.choice(REFERENCES))

@@ -1,7 +1,7 @@
-"""What is looked at in a random scene, a point, peak or mode: its derivatives, and its quantities in a scene beside.
+"""What is looked at in a random scene, a point or mode: its derivatives, and its quantities in a scene beside.
 
-Each begins from the motion and the sliders of the scene itself. Peaks beside are found from amplitudes alone, by the
-polynomial through seven of them; modes go on from the state of the mode.
+Each begins from the motion and the sliders of the scene itself; modes go on from the state of the mode. Points are
+looked at by the frequency, too: peaks (`sensitivity_peaks.py`) count on that derivative.
 """
 
 from __future__ import annotations
@@ -12,14 +12,11 @@ from dataclasses import dataclass, replace
 import common  # noqa: F401  # isort: skip (sets the threads of BLAS before numpy is loaded)
 import numpy as np
 from mpi4py import MPI
-from numpy.polynomial import polynomial
-from sensitivity_scenes import Case, Parameter, column_of, contact_motion
+from sensitivity_scenes import BY_FREQUENCY, Case, Parameter, column_of, contact_motion
 
 from attrito.library.derivatives import LAW_NUMBERS, Inquiry, Rates
 from attrito.library.family import Family, Member
 from attrito.library.names import LAWS
-from attrito.library.peak_tracker import Peak, PeakTracker
-from attrito.library.peak_tracker import Start as StartOfPeak
 from attrito.library.points import LinearModes, StoredPoint
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
@@ -28,19 +25,17 @@ from attrito.modes import tracker as mode_tracker
 from attrito.modes.frequency_slopes import REPEATED, frequency_slopes, spring_rates
 from attrito.modes.mode_point import ModePoint
 from attrito.modes.mode_slopes import shape_slopes
-from attrito.runs.onsets import branches, find_onset, margins, of_peak, of_smooth_peak
 
 NUMBERS = ("tangential_stiffness", "normal_stiffness", "friction_coefficient", "gap", "preload")
 RESIDUAL = 1e-13
 # Part of the springs' work, and of the largest force, below which there is no dissipation and no force of a contact
 NOTHING = 1e-4
-# Distance of the amplitudes that a peak is found from, part of its width sqrt(A/|A''|): by events; by samples, where
-# the response has a small corner wherever a sample changes its regime
-SPACING = 3e-3, 1e-5
-NODES = np.arange(-3.0, 4.0)
+# How often sliders of Iwan's elements are moved away from their ends, and by how much more at most each time
+MOST_MOVES, FARTHEST = 60, 1e8
 # Modes begin at this part of the amplitude of the point that they are looked for at
 FIRST = 0.3
-Beside = Callable[[ReducedScene], "np.ndarray | None"]
+# In a scene beside, at a frequency higher by so many Hz
+Beside = Callable[[ReducedScene, float], "np.ndarray | None"]
 
 
 class NothingFoundError(Exception):
@@ -57,8 +52,10 @@ class Look:
     kinds : places of the quantities of one kind, errors being relative to the largest of it
     floor : least size of quantities of a kind, `[quantities]`
     least : what solutions are found to, of quantities that are not known to a part of themselves, `[quantities]`
-    corner : whether it is a peak at a corner, whose derivatives are those of two branches
-    at : the quantities in a scene beside, None where there is none; a scene has the friction of `beside`
+    frequency_hz : of a point
+    side : -1 or 1 where derivatives are those towards smaller or larger parameters, else 0
+    corner : whether it is a corner, whose derivatives are those of two branches
+    at : the quantities in a scene beside, None where there is none
     free : which contacts hold their sliders `[nc]`
     """
 
@@ -68,6 +65,8 @@ class Look:
     at: Beside
     free: np.ndarray
     least: np.ndarray | float = 0.0
+    frequency_hz: float = 0.0
+    side: int = 0
     corner: bool = False
 
 
@@ -112,6 +111,8 @@ def inquiry_of(scene: ReducedScene, parameters: list[Parameter], contact: int | 
 def rates_of(scene: ReducedScene, parameters: list[Parameter], rates: Rates) -> Rates:
     """What parameters change, in rates of nothing."""
     for i, (name, place) in enumerate(parameters):
+        if (name, place) == BY_FREQUENCY:
+            continue
         if name == "level":
             rates.level[i] = 1.0
         elif name == "gap field":
@@ -129,7 +130,10 @@ def rates_of(scene: ReducedScene, parameters: list[Parameter], rates: Rates) -> 
 def gradient(
     solver: Solver, scene: ReducedScene, parameters: list[Parameter], contact: int | None = None
 ) -> np.ndarray | None:
-    """Derivatives `[quantities, parameters]` of the quantities of `inquiry_of`: by the adjoint, of sectors directly."""
+    """Derivatives `[quantities, parameters]` of the quantities of `inquiry_of`: by the adjoint, of sectors directly.
+
+    By the frequency as along the response.
+    """
     family, inquiry = family_of(solver, scene), inquiry_of(scene, parameters, contact)
     family.ask(inquiry)
     rates = rates_of(scene, parameters, inquiry.zeros(solver, len(parameters)))
@@ -138,9 +142,13 @@ def gradient(
         if family.describe() is None:
             return None
         if scene.sector is not None:
-            return family.differentiate_directly(rates)
-        found = family.differentiate_by_adjoint()
-        return None if found is None else found.along(rates)
+            found = family.differentiate_directly(rates)
+        else:
+            gradient = family.differentiate_by_adjoint()
+            found = None if gradient is None else gradient.along(rates)
+        if found is not None and BY_FREQUENCY in parameters:
+            found[:, parameters.index(BY_FREQUENCY)] = family.differentiate_by_frequency()
+        return found
 
     return family.visit(work)
 
@@ -194,14 +202,24 @@ def inside_point(solver: Solver, scene: ReducedScene, frequency_hz: float) -> St
     """The solver's point, or one beside it with sliders that are away from their ends."""
     slider = member_of(solver, scene).slider
     if "law" in scene.laws and np.any(scene.laws["law"] == LAWS.index("iwan")):
-        # Stiff contacts carry their sliders' move along.
-        for _ in range(200):
-            inside = away_from_ends(scene, solver.coordinates(), slider)
-            if not solver.start_from(StoredPoint(frequency_hz, solver.coordinates(), inside), 1.0):
+        # Stiff contacts carry their sliders' move along: what that leaves of it says by how much more they are moved.
+        factor, before = 1.0, 0.0
+        for _ in range(MOST_MOVES):
+            missing = away_from_ends(scene, solver.coordinates(), slider) - slider
+            left = float(np.abs(missing).max())
+            if left == 0.0:
+                break
+            if 0.0 < left < before:
+                factor = float(np.clip(factor * before / (before - left), 1.0, FARTHEST))
+            elif before > 0.0:
+                factor = max(1.0, 0.5 * factor)
+            before = left
+            moved = StoredPoint(frequency_hz, solver.coordinates(), slider + factor * missing)
+            if not solver.start_from(moved, 1.0):
                 raise NothingFoundError("no member with sliders away from their ends")
             slider = member_of(solver, scene).slider
-            if np.array_equal(inside, slider):
-                break
+        else:
+            raise NothingFoundError("sliders of Iwan's elements stay at their ends")
     return StoredPoint(frequency_hz, solver.coordinates(), slider)
 
 
@@ -251,141 +269,15 @@ def look_at_point(case: Case, random: np.random.Generator, parameters: list[Para
     if found is None:
         raise NothingFoundError("singular")
 
-    def at(beside: ReducedScene) -> np.ndarray | None:
+    def at(beside: ReducedScene, higher: float) -> np.ndarray | None:
+        there = replace(start, frequency_hz=start.frequency_hz + higher)
         with Solver(MPI.COMM_WORLD, beside, options) as solver:
-            follow_loads(solver, beside, start.frequency_hz)
-            solver.set_excitation(start.frequency_hz, start.frequency_hz, 1.0)
-            return quantities_of(solver, beside, contact) if solver.start_from(start, 1.0) else None
+            follow_loads(solver, beside, there.frequency_hz)
+            solver.set_excitation(there.frequency_hz, there.frequency_hz, 1.0)
+            return quantities_of(solver, beside, contact) if solver.start_from(there, 1.0) else None
 
     floor = floor_of(scene, member, start.coordinates)
-    return Look(found, kinds_of(scene), floor, at, member.free, RESIDUAL / NOTHING * floor)
-
-
-def look_at_peak(case: Case, random: np.random.Generator, parameters: list[Parameter]) -> Look:
-    """The peak of the first monitor near the frequency with the largest amplitude."""
-    del random
-    scene, options = case.scene, options_of(case)
-    frequencies = sorted(case.frequencies_hz, reverse=True)
-    with Solver(MPI.COMM_WORLD, scene, options) as solver:
-        peak, start = located_peak(solver, case, frequencies)
-        family, inquiry = family_of(solver, scene), inquiry_of(scene, parameters, None)
-        family.ask(inquiry)
-        rates = rates_of(scene, parameters, inquiry.zeros(solver, len(parameters)))
-        member = member_of(solver, scene)
-        if peak.at_corner:
-            return look_at_corner(case, solver, start, rates, inquiry)
-        if not peak.curvature < 0.0:
-            raise NothingFoundError("no maximum")
-        width = float(np.sqrt(peak.amplitude / -peak.curvature) / (2.0 * np.pi))
-        of_height = gradient(solver, scene, parameters)
-
-        def work(family: Family) -> tuple[np.ndarray | None, np.ndarray | None]:
-            if family.describe() is None:
-                return None, None
-            return family.differentiate_peak_frequency(0, rates), family.differentiate_by_frequency()
-
-        family.ask(inquiry)
-        of_frequency, by_frequency = family.visit(work)
-    if of_height is None or of_frequency is None or by_frequency is None:
-        raise NothingFoundError("singular")
-    found = np.array([of_smooth_peak(of_height[0], by_frequency[0], of_frequency), of_frequency])
-
-    def at(beside: ReducedScene) -> np.ndarray | None:
-        with Solver(MPI.COMM_WORLD, beside, options) as solver:
-            follow_loads(solver, beside, start.frequency_hz)
-            solver.set_excitation(min(frequencies), max(frequencies), 1.0)
-            return peak_of_amplitudes(solver, beside, start, SPACING[not case.goes_by_events] * width)
-
-    return Look(found, {"height": slice(0, 1), "frequency": slice(1, 2)}, np.zeros(2), at, member.free)
-
-
-def look_at_corner(case: Case, solver: Solver, start: StoredPoint, rates: Rates, inquiry: Inquiry) -> Look:
-    """The peak where the solver is, at which a contact begins to slip: it stays there as parameters change."""
-    scene, options, member = case.scene, options_of(case), member_of(solver, case.scene)
-    frequencies = case.frequencies_hz
-    sliders_move = bool(np.any(scene.laws["tangents"] == 2))
-
-    def find(family: Family) -> np.ndarray | None:
-        if family.describe() is None:
-            return None
-        found, by_frequency = family.differentiate_directly(rates), family.differentiate_by_frequency()
-        return None if found is None or by_frequency is None else np.append(found[0], by_frequency[0])
-
-    def work(family: Family) -> np.ndarray | None:
-        onset = find_onset(family, margins(sliders_move, of_peak=True))
-        both = None if onset is None else branches(family, onset, find, sliders_move)
-        return None if both is None else of_peak(*both)
-
-    family = family_of(solver, scene)
-    family.ask(inquiry)
-    found = family.visit(work)
-    if found is None:
-        raise NothingFoundError("a peak at another corner than that of slip")
-
-    def at(beside: ReducedScene) -> np.ndarray | None:
-        with Solver(MPI.COMM_WORLD, beside, options) as solver:
-            follow_loads(solver, beside, start.frequency_hz)
-            solver.set_excitation(min(frequencies), max(frequencies), 1.0)
-            if not solver.start_from(start, 1.0):
-                return None
-            peak = tracker_of(solver, case).begin_near(StartOfPeak(start.frequency_hz, solver.coordinates()), 1.0)
-            return np.array([peak.amplitude, peak.frequency_hz]) if peak.point.is_solved else None
-
-    kinds = {"height at a corner": slice(0, 1), "frequency at a corner": slice(1, 2)}
-    # The tracker leaves 1e-9 of the height to be gained, at a slope above 1e-2.
-    least = np.array([1e-9 * member.amplitude[0], 1e-7 * start.frequency_hz])
-    return Look(found, kinds, np.zeros(2), at, np.zeros(len(member.free)), least, corner=True)
-
-
-def tracker_of(solver: Solver, case: Case) -> PeakTracker:
-    """Of the first monitor's peak, far beyond the frequencies of a case."""
-    band = 0.3 * min(case.frequencies_hz), 3.0 * max(case.frequencies_hz)
-    return PeakTracker(solver, 0, "half_range", band, np.ones(len(case.scene.static)))
-
-
-def located_peak(solver: Solver, case: Case, frequencies: list[float]) -> tuple[Peak, StoredPoint]:
-    """The peak where the solver then is."""
-    scene = case.scene
-    follow_loads(solver, scene, frequencies[0])
-    points = list(solver.solve_at(frequencies, 1.0, 0))
-    solved = [point for point in points if point.is_solved]
-    if not solved:
-        raise NothingFoundError("no point")
-    largest = max(solved, key=lambda point: point.amplitude[0]).frequency_hz
-    solved_point(solver, case, largest)
-    tracker = tracker_of(solver, case)
-    near = largest
-    for last in (False, False, True):
-        peak = tracker.begin_near(tracker.start(near), 1.0)
-        if not peak.point.is_solved:
-            raise NothingFoundError("no peak")
-        near = peak.frequency_hz
-        if not last:
-            inside_point(solver, scene, near)
-    return peak, StoredPoint(peak.frequency_hz, solver.coordinates(), member_of(solver, scene).slider)
-
-
-def peak_of_amplitudes(solver: Solver, scene: ReducedScene, start: StoredPoint, spacing: float) -> np.ndarray | None:
-    """Height and frequency of the peak of the first monitor near a point."""
-    centre = start.frequency_hz
-    for _ in range(5):
-        heights = []
-        for node in NODES:
-            there = replace(start, frequency_hz=centre + node * spacing)
-            if not solver.start_from(there, 1.0):
-                return None
-            heights.append(float(member_of(solver, scene).amplitude[0]))
-        polynomial_of_heights = polynomial.polyfit(NODES, heights, len(NODES) - 1)
-        slope, curvature = (polynomial.polyder(polynomial_of_heights, order) for order in (1, 2))
-        place = 0.0
-        for _ in range(20):
-            place -= float(polynomial.polyval(place, slope) / polynomial.polyval(place, curvature))
-            if not abs(place) < 30.0:
-                return None
-        if abs(place) < 1.0:
-            return np.array([polynomial.polyval(place, polynomial_of_heights), centre + place * spacing])
-        centre += place * spacing
-    return None
+    return Look(found, kinds_of(scene), floor, at, member.free, RESIDUAL / NOTHING * floor, start.frequency_hz)
 
 
 def look_at_mode(case: Case, random: np.random.Generator, parameters: list[Parameter]) -> Look:
@@ -408,7 +300,8 @@ def look_at_mode(case: Case, random: np.random.Generator, parameters: list[Param
     if found is None:
         raise NothingFoundError("singular")
 
-    def at(beside: ReducedScene) -> np.ndarray | None:
+    def at(beside: ReducedScene, higher: float) -> np.ndarray | None:
+        del higher
         with Solver(MPI.COMM_WORLD, beside, options) as solver:
             _, tracker, _ = tangent_mode(solver, beside)
             tracker.prepare()
@@ -426,8 +319,12 @@ def look_at_mode(case: Case, random: np.random.Generator, parameters: list[Param
 
     kinds = {"frequency": slice(0, 1), "damping": slice(1, 3)} | kinds_of(scene, 3)
     floor = np.concatenate([[0.0, 0.0, 0.0], floor_of(scene, member, coordinates)])
-    # Of the damping's parts that are none of the motion's the residual says nothing.
-    least = np.where(np.arange(len(found)) < 3, RESIDUAL, RESIDUAL / NOTHING * floor)
+    # Residuals are relative to the whole motion of the contacts, of which the vibration may be a small part. A damping
+    # ratio is a part of it.
+    motion = contact_motion(scene, coordinates)
+    part = max(1.0, float(np.abs(motion[:, 0]).max()) / float(np.abs(motion[:, 1:]).max()))
+    least = RESIDUAL / NOTHING * floor
+    least[:3] = RESIDUAL * part * np.array([one.point.frequency_hz, 1.0, 1.0])
     return Look(found, kinds, floor, at, member.free, least)
 
 
@@ -508,9 +405,6 @@ def look_at_natural_frequencies(scene: ReducedScene, parameters: list[Parameter]
         mean @ found[elastic],
         {"natural frequencies": slice(0, len(mean))},
         np.zeros(len(mean)),
-        lambda beside: mean @ solved(beside)[0].natural_hz[elastic],
+        lambda beside, higher: mean @ solved(beside)[0].natural_hz[elastic],
         np.zeros(len(scene.laws["tangents"])),
     )
-
-
-LOOKS = {"point": look_at_point, "peak": look_at_peak, "mode": look_at_mode}

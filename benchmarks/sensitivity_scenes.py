@@ -28,6 +28,8 @@ SAMPLES, SAMPLES_OF_WHEELS = 128, 120
 
 # A name and a place: a contact and one of its law's numbers; a load's number; a number of damping; or the level
 Parameter = tuple[str, int]
+# Of points alone: the frequency
+BY_FREQUENCY: Parameter = ("frequency", 0)
 
 
 @dataclass(frozen=True)

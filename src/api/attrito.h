@@ -354,6 +354,9 @@ void attrito_return_to_member(void *handle, int slot);
 /* Move the sliders [contacts, width]; 1 if that gave a member, else 0 and nothing has changed. */
 int attrito_solve_member(void *handle, const double *slider);
 
+/* Go to an angular frequency, rad/s, from the present motion and sliders; 1 if that gave a point, else 0 and nothing has changed. */
+int attrito_solve_member_at(void *handle, double omega);
+
 /* The present member: forces [contacts, 3, 2 H + 1], monitors [monitors, 2 H + 1] with amplitudes, sliders [contacts, width] and
  * whether they are free (1.0 or 0.0). 0, or not: it cannot be evaluated. */
 int attrito_describe_member(void *handle, double *force, double *monitors, double *amplitude, double *slider,

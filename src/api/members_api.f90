@@ -4,7 +4,7 @@ module attrito_api_members
   use, intrinsic :: iso_c_binding
   use attrito_core_kinds, only: wp
   use attrito_family_members, only: description_type, enter_family, leave_family, keep_member, return_to_member, &
-                                          solve_member, describe_member, differentiate_member, work_of_visits
+                                          solve_member, solve_member_at, describe_member, differentiate_member, work_of_visits
   use attrito_api_session, only: session_type, session_of
   implicit none
   private
@@ -81,6 +81,20 @@ contains
     call solve_member(session%solver, reshape(slider(:width*contacts), [width, contacts]), found)
     attrito_solve_member = merge(1, 0, found)
   end function attrito_solve_member
+
+  !> Go to an angular frequency, rad/s, from the present motion and sliders; 1 if that gave a point, else 0 and nothing has changed.
+  integer(c_int) function attrito_solve_member_at(handle, omega) bind(c)
+    !> Session, see `session_of`
+    type(c_ptr), value :: handle
+    !> Angular frequency, rad/s
+    real(c_double), value :: omega
+    type(session_type), pointer :: session
+    logical :: found
+
+    session => session_of(handle)
+    call solve_member_at(session%solver, omega, found)
+    attrito_solve_member_at = merge(1, 0, found)
+  end function attrito_solve_member_at
 
   !> The present member: forces [contacts, 3, 2 H + 1], monitors [monitors, 2 H + 1] with amplitudes, sliders [contacts, width] and
   !> whether they are free (1.0 or 0.0). 0, or not: it cannot be evaluated.

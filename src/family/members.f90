@@ -21,7 +21,7 @@ module attrito_family_members
   implicit none
   private
   public :: family_type, member_type, description_type, enter_family, leave_family, keep_member, return_to_member, solve_member, &
-            describe_member, differentiate_member, work_of_visits
+            solve_member_at, describe_member, differentiate_member, work_of_visits
 
   !> A solved point, and the report of its solve
   type :: member_type
@@ -136,6 +136,22 @@ contains
     end do
     call return_to_member(solver, before)
   end subroutine solve_member
+
+  !> Solve at another frequency, from the present motion and sliders, and say whether that gave a point; if not, nothing has changed.
+  subroutine solve_member_at(solver, omega, found)
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> Angular frequency, rad/s
+    real(wp), intent(in) :: omega
+    !> Is there such a point?
+    logical, intent(out) :: found
+    type(member_type) :: before
+
+    call keep_member(solver, before)
+    call solver%solve_at(omega)
+    found = solver%report%converged .and. solver%report%defect <= accepted_defect
+    if (.not. found) call return_to_member(solver, before)
+  end subroutine solve_member_at
 
   !> Move the motion as free sliders that are moved take it to first order.
   subroutine predict(solver, moved, status)

@@ -23,6 +23,32 @@ def test_by_the_numbers_of_iwan_s_law(tmp_path: Path, capfd: pytest.CaptureFixtu
     compared(tmp_path, job, STEP, 1e-6, capfd, names)
 
 
+def test_of_a_peak_by_the_numbers_of_iwan_s_law(tmp_path: Path) -> None:
+    # So large that every element slips: those that rest would be moved by the way to the peak.
+    job = pressed(wedge(force=60.0), law="iwan", chi=-0.4, beta=0.5, sliders=5)
+    job["balance"] = {"harmonics": 5, "quadrature": "event", "residual_tolerance": 1e-13}
+    job["sweep"] = {"start_hz": 150.0, "stop_hz": 85.0}
+    job["peak"] = {"start": 1.0, "stop": 1.01}
+
+    def peak(changed: Job) -> dict[str, np.ndarray]:
+        with attrito.peak(changed, MPI.COMM_SELF, folder=tmp_path, quiet=True):
+            pass
+        with h5py.File(tmp_path / "result.peaks.h5") as file:
+            return {name: dataset[0] for name, dataset in file["peaks"].items() if isinstance(dataset, h5py.Dataset)}
+
+    names = [f"contact[0].{key}" for key in ("chi", "beta")]
+    exact = peak(job | {"sensitivity": {"to": names}})
+    assert exact["corner"] == 0 and exact["states"][2] == 1
+    for quantity, derivatives in (("amplitude", "sensitivity"), ("frequency_hz", "sensitivity_frequency")):
+        found, slopes = [], []
+        for number, name in enumerate(names):
+            (low, _), (high, change) = (with_parameter(job, name, side * 1e-3) for side in (-1.0, 1.0))
+            slopes.append((peak(high)[quantity] - peak(low)[quantity]) / 2e-3)
+            found.append(exact[derivatives][number] * change / 1e-3)
+        # Central differences over 1e-3 leave 1e-6 times third derivatives.
+        assert found == pytest.approx(slopes, abs=1e-4 * np.abs(slopes).max())
+
+
 def test_by_a_table_of_friction_by_pressure(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     job = pressed(wedge(force=30.0), law="pressure", friction_coefficient=[[10.0, 0.6], [60.0, 0.4]], area=1.0)
     job["balance"] = {"harmonics": 3, "samples": 256, "residual_tolerance": 1e-13}

@@ -11,7 +11,7 @@ import numpy as np
 
 from attrito.library.derivatives import Inquiry, Rates
 from attrito.library.session import Solver
-from attrito.library.structures import pointer
+from attrito.library.structures import omega, pointer
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -147,6 +147,11 @@ class Family:
         moved: bool = self._ask("move", slider)
         return moved
 
+    def move_to(self, frequency_hz: float) -> bool:
+        """Go to the point at a frequency from here, sliders as they are; False: there is none, nothing has changed."""
+        moved: bool = self._ask("move_to", frequency_hz)
+        return moved
+
     def work(self) -> float:
         """Floating-point operations of the library since the visit began, by formulas, over all ranks."""
         operations: float = self._ask("work")
@@ -183,6 +188,8 @@ class Family:
             return self._solver.call("attrito_scale_friction", *arguments)
         if what == "move":
             return self._solver.call("attrito_solve_member", pointer(np.ascontiguousarray(arguments[0]))) == 1
+        if what == "move_to":
+            return self._solver.call("attrito_solve_member_at", *map(omega, arguments)) == 1
         (contacts, monitors), coefficients = self._sizes, self._solver.coefficients
         if what == "find_onsets":
             begins = np.zeros(contacts)

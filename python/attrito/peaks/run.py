@@ -112,15 +112,11 @@ def _follow_and_show(
 
 
 def _derivatives(differentiator: Differentiator, job: Job, scene: ReducedScene, found: Found) -> np.ndarray:
-    """Of a peak's height and of its frequency, Hz, by the parameters of `[sensitivity]`, `[2, parameters]`.
-
-    Along the response the height does not change to first order, but at a corner.
-    """
+    """Of a peak's height and of its frequency, Hz, by the parameters of `[sensitivity]`, `[2, parameters]`."""
     preload = found.peak.parameter if job["peak"]["parameter"] == "preload" else 1.0
     if not len(differentiator.values):
         return np.empty((2, 0))
-    derive = differentiator.of_peak_at_corner if found.peak.at_corner else differentiator.of_peak
-    return derive(found.peak.point, _monitor(job, scene), preload)
+    return differentiator.of_peak(found.peak.point, _monitor(job, scene), found.peak.at_corner, preload)
 
 
 @contextlib.contextmanager

@@ -1,4 +1,4 @@
-"""Derivatives where a contact is at the onset of slip: of both branches that meet there, and of a peak that is there.
+"""Derivatives where a contact is at the onset of slip: of both branches that meet there.
 
 Friction coefficients of all contacts are taken a little larger, so that the contact sticks, and a little smaller, so
 that it slips. Which branch is that of smaller and which that of larger values of a parameter follows from what the
@@ -20,9 +20,6 @@ MARGIN = 1e-9
 # With two tangents members are solved anew, so that friction differs by more than what sliders are found to; by samples
 # the same ones slip, which is exact until the next ones do.
 MARGIN_OF_SLIDERS = 1e-7
-# A peak at a corner is found to 1e-9 of its height, now and then to 1e-6, which leaves more of friction: the least of
-# these is taken.
-MARGINS_OF_PEAKS = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4)
 SIDES = ("below", "above")
 # Derivatives at the present member, or None
 Find = Callable[[Family], "np.ndarray | None"]
@@ -41,19 +38,15 @@ class Onset:
         return "dissipated_energy", self.contacts
 
 
-def find_onset(family: Family, tried: tuple[float, ...]) -> Onset | None:
-    """The contacts at the onset within the least of some margins; None: there are none."""
-    for margin in tried:
-        contacts = family.find_onsets(margin)
-        if contacts is not None and np.any(contacts):
-            return Onset(contacts, margin)
-    return None
+def find_onset(family: Family, margin: float) -> Onset | None:
+    """The contacts at the onset; None: there are none."""
+    contacts = family.find_onsets(margin)
+    return Onset(contacts, margin) if contacts is not None and np.any(contacts) else None
 
 
-def margins(sliders_move: bool, of_peak: bool = False) -> tuple[float, ...]:
-    """What is tried, the least first."""
-    least = MARGIN_OF_SLIDERS if sliders_move else MARGIN
-    return tuple(margin for margin in MARGINS_OF_PEAKS if margin >= least) if of_peak else (least,)
+def margin_of(sliders_move: bool) -> float:
+    """What is taken for little."""
+    return MARGIN_OF_SLIDERS if sliders_move else MARGIN
 
 
 def branches(family: Family, onset: Onset, find: Find, sliders_move: bool) -> tuple[np.ndarray, np.ndarray] | None:
@@ -86,27 +79,3 @@ def sides(sticking: np.ndarray, slipping: np.ndarray) -> dict[str, np.ndarray]:
     slips_above = slipping[-1] > 0.0
     both = np.where(slips_above, sticking, slipping)[:-1], np.where(slips_above, slipping, sticking)[:-1]
     return dict(zip(SIDES, both, strict=True))
-
-
-def of_smooth_peak(amplitude: np.ndarray, by_frequency: float, frequency: np.ndarray) -> np.ndarray:
-    """Derivatives of the height of a peak `[parameters]`: what its place is missed by is left out to first order.
-
-    Parameters
-    ----------
-    amplitude, by_frequency : derivatives of the amplitude there by the parameters and the frequency
-    frequency : of the peak's, NaN: none
-    """
-    return amplitude + by_frequency * np.nan_to_num(frequency)
-
-
-def of_peak(sticking: np.ndarray, slipping: np.ndarray) -> np.ndarray:
-    """Derivatives of height and frequency of a peak that stays at a corner, `[2, parameters]`.
-
-    Both branches are equal there whatever the parameter, so the corner moves by w' with A_p + A_w w' the same of both.
-
-    Parameters
-    ----------
-    sticking, slipping : of the amplitude by the parameters, and last by the frequency, `[parameters + 1]`
-    """
-    frequency = -(slipping[:-1] - sticking[:-1]) / (slipping[-1] - sticking[-1])
-    return np.array([sticking[:-1] + sticking[-1] * frequency, frequency])

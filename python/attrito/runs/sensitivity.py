@@ -20,7 +20,8 @@ from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series
 from attrito.library.session import Solver
-from attrito.runs.onsets import SIDES, Find, branches, find_onset, margins, of_peak, of_smooth_peak, sides
+from attrito.runs.onsets import SIDES, Find, branches, find_onset, margin_of, sides
+from attrito.runs.peak_slopes import of_peak
 from attrito.runs.recorder import Recorder
 from attrito.runs.slider_rates import LoadPath, slider_rates
 from attrito.scene.build import laws_of
@@ -138,8 +139,8 @@ class Differentiator:
         nothing = dict.fromkeys(SIDES, np.vstack(self.nothing(rows)))
         if point.outcome not in SOLVED:
             return nothing
-        tried = margins(self._sliders_move)
-        onset = self._comm.bcast(self.family.visit(lambda family: find_onset(family, tried)))
+        margin = margin_of(self._sliders_move)
+        onset = self._comm.bcast(self.family.visit(lambda family: find_onset(family, margin)))
         if onset is None:
             return nothing
         self.family.ask(replace(self._inquiry, quantities=[*self._inquiry.quantities, onset.dissipation]))
@@ -147,42 +148,20 @@ class Differentiator:
         self.family.ask(self._inquiry)
         return nothing if found is None else sides(*found)
 
-    def of_peak_at_corner(self, point: Point, monitor: int, preload: float = 1.0) -> np.ndarray:
-        """Of the height and the frequency, Hz, of a monitor's peak at which a contact begins to slip.
+    def of_peak(self, point: Point, monitor: int, at_corner: bool, preload: float = 1.0) -> np.ndarray:
+        """Of the height and the frequency, Hz, of a monitor's peak where the solver stands.
 
-        `[2, parameters]`, as `derivatives`; NaN where it is another corner. Collective.
+        `[2, parameters]`, as `derivatives`. Collective.
         """
         rates = self.rates.with_preload(preload)
 
         def find(family: Family) -> np.ndarray | None:
             found = self._find(family, rates)
             by_frequency = family.differentiate_by_frequency()
-            if found is None or by_frequency is None:
-                return None
-            return np.append(found[monitor], by_frequency[monitor])
+            return None if found is None or by_frequency is None else np.append(found[monitor], by_frequency[monitor])
 
         def work(family: Family) -> np.ndarray | None:
-            onset = find_onset(family, margins(self._sliders_move, of_peak=True))
-            found = None if onset is None else branches(family, onset, find, self._sliders_move)
-            return None if found is None else of_peak(*found)
-
-        found = self.family.visit(work) if point.outcome in SOLVED else None
-        return self.nothing(2)[0] if found is None else found
-
-    def of_peak(self, point: Point, monitor: int, preload: float = 1.0) -> np.ndarray:
-        """Of the height and the frequency, Hz, of a monitor's smooth peak where the solver stands.
-
-        `[2, parameters]`, as `derivatives`. Collective.
-        """
-        rates = self.rates.with_preload(preload)
-
-        def work(family: Family) -> np.ndarray | None:
-            found = self._find(family, rates)
-            by_frequency = family.differentiate_by_frequency()
-            frequency = family.differentiate_peak_frequency(monitor, rates)
-            if found is None or by_frequency is None or frequency is None:
-                return None
-            return np.array([of_smooth_peak(found[monitor], by_frequency[monitor], frequency), frequency])
+            return of_peak(family, monitor, point.frequency_hz, at_corner, find, rates)
 
         found = self.family.visit(work) if point.outcome in SOLVED else None
         return self.nothing(2)[0] if found is None else found
