@@ -1,17 +1,23 @@
-"""A nonlinear mode at the amplitudes measured; its derivatives are differences."""
+"""A nonlinear mode at the amplitudes measured.
+
+Derivatives of modes by EPMC, by what those of responses are exact by, are exact (`attrito.studies.sloped_modes`);
+quasi-static ones, of waves, and by everything else are differences.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from attrito.fits.data import RULES, Data
 from attrito.fits.design import Fit
-from attrito.fits.source import Solved, Source, samples_of
+from attrito.fits.source import Solved, Source
 from attrito.job.job import Job
+from attrito.job.varied import is_of_model
 from attrito.runs.progress import Progress
-from attrito.studies.sample_modes import SampleModes
+from attrito.studies.samples import shared_scene
+from attrito.studies.sloped_modes import NAMES, SlopedModes
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -22,12 +28,13 @@ class Backbone(Source):
 
     def __init__(self, comm: Comm, fit: Fit, data: Data, job: Job, progress: Progress):
         super().__init__(comm, fit, data, job, progress)
-        self._modes = samples_of(SampleModes, comm, fit, job, progress)
+        keeps_places = not any(is_of_model(key) for parameter in fit.parameters for key in parameter.keys)
+        base, rom = shared_scene(comm, job, keeps_places, progress, comm.rank == 0)
+        self._modes = SlopedModes(comm, base, rom, fit.parameters, self.changed)
 
     def solve(self, values: np.ndarray, derivatives: bool) -> Solved:
         """See `Source.solve`."""
-        assert isinstance(self._modes, SampleModes)
-        rows = self._modes.of(self.changed(values), self._data.measured.at.tolist())
+        rows = self._modes.at(values, self._data.measured.at.tolist(), derivatives)
         names = RULES[self._data.keys["rule"]]
         numbers = {
             name: np.array([np.nan if row[name] is None else row[name] for row in rows], dtype=float)
@@ -39,4 +46,21 @@ class Backbone(Source):
             "frequency_ratio": frequency / numbers["tangent_hz"],
             "damping_ratio": damping + numbers["damping_ratio_structure"],
         }
-        return {name: found[name] for name in self._data.measured.values}, self.unknown_rates()
+        rates = self._rates(rows, found, numbers["tangent_hz"]) if derivatives else self.unknown_rates()
+        return {name: found[name] for name in self._data.measured.values}, rates
+
+    def _rates(
+        self, rows: list[dict[str, Any]], found: dict[str, np.ndarray], tangent_hz: np.ndarray
+    ) -> dict[str, np.ndarray]:
+        """Derivatives of what is compared, `[n, parameters]` by column."""
+        rates = self.unknown_rates()
+        nothing = dict.fromkeys(NAMES, np.full(len(self._fit.parameters), np.nan))
+        slopes = {name: np.array([row.get("slopes", nothing)[name] for row in rows]) for name in NAMES}
+        ratio = slopes["frequency_hz"] / tangent_hz[:, np.newaxis]
+        ratio -= (found["frequency_hz"] / tangent_hz**2)[:, np.newaxis] * slopes["tangent_hz"]
+        known = {
+            "frequency_hz": slopes["frequency_hz"],
+            "frequency_ratio": ratio,
+            "damping_ratio": slopes["damping_ratio"] + slopes["damping_ratio_structure"],
+        }
+        return {name: known[name] for name in rates}

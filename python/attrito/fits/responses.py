@@ -1,8 +1,10 @@
 """A response at the frequencies measured.
 
-Derivatives of half a monitor's range by numbers of contact laws, by the last factors on static loads and by damping
-(ratio, loss factor, a part of the mass) are exact (`attrito.library.family`); those of its first harmonic, and by
-everything else, are differences.
+Derivatives by numbers of contact laws, by the last factors on static loads and by damping (ratio, loss factor, a part
+of the mass) are exact (`attrito.library.family`), those by everything else differences. Of a first harmonic
+q(t) = c cos(omega t) + s sin(omega t), q_1 = c - i s,
+
+    d|q_1| = (c dc + s ds) / |q_1|,     d arg q_1 = (s dc - c ds) / |q_1|^2.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ from attrito.library.family import Family
 from attrito.library.points import Point
 from attrito.library.session import Solver
 from attrito.runs.progress import Progress
-from attrito.studies.rates import Solvable, amplitude_slopes, rates_of
+from attrito.studies.rates import Solvable, monitor_slopes, rates_of
 from attrito.studies.samples import Samples
 from attrito.support.errors import NumericsError
 
@@ -39,8 +41,7 @@ class Response(Source):
         """See `Source.solve`."""
         keys, frequencies = self._data.keys, self._data.measured.at
         reduced, load_path, options = here = self._at(values)
-        exact = derivatives and keys["quantity"] == RANGE
-        rates = rates_of(self._fit.parameters, values, here, self._at) if exact else None
+        rates = rates_of(self._fit.parameters, values, here, self._at) if derivatives else None
         monitor = 0 if keys["monitor"] is None else reduced.monitor_names.index(keys["monitor"])
         found = {name: np.full(len(frequencies), np.nan) for name in self._data.measured.values}
         slopes = self.unknown_rates()
@@ -54,8 +55,13 @@ class Response(Source):
                 for name, value in self._numbers(point, monitor).items():
                     if name in found:
                         found[name][i] = value
-                if rates is not None:
-                    slopes["amplitude"][i] = amplitude_slopes(self._comm, family, reduced, monitor, rates)
+                if rates is None:
+                    continue
+                kinds = ("amplitude",) if keys["quantity"] == RANGE else ("first_cosine", "first_sine")
+                parts = monitor_slopes(self._comm, family, reduced, monitor, rates, kinds)
+                for name, slope in self._slopes(point, monitor, parts).items():
+                    if name in slopes:
+                        slopes[name][i] = slope
         return found, slopes
 
     def _at(self, values: np.ndarray) -> Solvable:
@@ -71,3 +77,12 @@ class Response(Source):
         value = (cosine - 1j * sine) * (2j * np.pi * point.frequency_hz) ** power
         size = abs(value) / (keys["force"] if over_force else 1.0)
         return {"amplitude": float(size), "phase_deg": float(np.degrees(np.angle(value)))}
+
+    def _slopes(self, point: Point, monitor: int, parts: np.ndarray) -> dict[str, np.ndarray]:
+        """Derivatives of these, `[parameters]` each, `parts` being those of the half range, or of c and s."""
+        if len(parts) == 1:
+            return {"amplitude": parts[0]}
+        _, c, s = point.harmonics[monitor][:3]
+        size = self._numbers(point, monitor)["amplitude"]
+        relative, turn = (np.array(row) @ parts / (c**2 + s**2) for row in ((c, s), (s, -c)))
+        return {"amplitude": size * relative, "phase_deg": np.degrees(turn)}

@@ -7,15 +7,20 @@ no other sample.
 from __future__ import annotations
 
 import contextlib
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from attrito.job.job import Job
-from attrito.library.session import Solver
+from attrito.library.points import LinearModes
+from attrito.library.reduced_scene import ReducedScene
+from attrito.library.session import Options, Solver
 from attrito.modes.mode_point import ModePoint
 from attrito.modes.nonlinear import Tracker, chosen_mode, contact_work, new_tracker, series_of_mode
 from attrito.modes.scene_at_rest import come_to_rest
 from attrito.studies.samples import Samples
 from attrito.support.errors import NumericsError
+
+if TYPE_CHECKING:
+    import numpy as np
 
 
 class SampleModes(Samples):
@@ -35,17 +40,39 @@ class SampleModes(Samples):
                     "tangent_hz": float(modes.natural_hz[number - 1]),
                     "tangent_damping_ratio": float(modes.damping_ratio[number - 1]),
                 }
+                self.prepare(solver, job, (reduced, load_path, options), modes, number - 1)
                 self._follow(solver, new_tracker(job, solver, reduced, modes, number - 1), amplitudes, found)
             touches = any(solver.static_states[:3])
         found += [_row(None, 0.0)] * (len(amplitudes) - len(found))
         return [row | tangent | {"touches": touches} for row in found]
+
+    def prepare(
+        self,
+        solver: Solver,
+        job: Job,
+        here: tuple[ReducedScene, np.ndarray, Options],
+        modes: LinearModes,
+        index: int,
+    ) -> None:
+        """Before a mode is followed, the solver being at its static solution.
+
+        Parameters
+        ----------
+        here : the scene, its load path, the solver's options
+        modes, index : the tangent modes, and which is followed, from 0
+        """
+
+    def visit(self, one: ModePoint) -> dict[str, Any]:
+        """What the row of a mode's point has beside: the solver is at it."""
+        return {}
 
     def _follow(self, solver: Solver, tracker: Tracker, amplitudes: list[float], found: list[dict[str, Any]]) -> None:
         for amplitude in amplitudes:
             one = tracker.at(amplitude)
             if not one.converged:
                 return
-            found.append(_row(one, contact_work(self._comm, solver, one)))
+            row = _row(one, contact_work(self._comm, solver, one))
+            found.append(row | self.visit(one))
 
 
 def _row(one: ModePoint | None, work: float) -> dict[str, Any]:
