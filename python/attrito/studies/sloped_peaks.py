@@ -18,7 +18,7 @@ from attrito.library.derivatives import Rates
 from attrito.library.family import Family
 from attrito.library.peak_tracker import Peak
 from attrito.library.session import Solver
-from attrito.runs.onsets import branches, find_onset, margins, of_peak
+from attrito.runs.peak_slopes import of_peak
 from attrito.runs.slider_rates import LoadPath, end_sliders
 from attrito.scene.reduced_model import Rom
 from attrito.scene.scene import Scene
@@ -74,14 +74,10 @@ class SlopedPeaks(SamplePeaks):
         if len(kinds) > 1:
             parts = peak.point.harmonics[monitor, 1:3]
             slopes = (parts @ slopes)[np.newaxis] / np.hypot(*parts)
-        work = self._at_onset if peak.at_corner else self._frequency_slopes
         found = np.vstack([slopes[0], np.full(count, np.nan)])
         known = known_rates(rates)
         if np.any(known) and self._has_frequency_slopes(here):
-            family.ask(inquiry_of_monitor(reduced, monitor, rates.at(known), ("amplitude",)))
-            more = self._comm.bcast(family.visit(lambda family: work(family, monitor, rates.at(known))))
-            if more is not None:
-                found[-len(more) :, known] = more
+            found[:, known] = self._by_events(family, peak, here, monitor, rates.at(known))
         return {"slopes": {"amplitude": found[0].tolist(), "frequency_hz": found[1].tolist()}}
 
     def _has_frequency_slopes(self, here: Solvable) -> bool:
@@ -90,25 +86,20 @@ class SlopedPeaks(SamplePeaks):
         by_events = options.by_events and bool(np.all(scene.laws["tangents"] < 2))
         return by_events and scene.sector is None and self._job["peak"]["amplitude"] == "half_range"
 
-    def _frequency_slopes(self, family: Family, monitor: int, rates: Rates) -> np.ndarray | None:
-        """Of the frequency of a smooth peak, Hz, `[1, parameters]`; None where there is none. At the root."""
-        slopes = None if family.describe() is None else family.differentiate_peak_frequency(monitor, rates)
-        return None if slopes is None else slopes[np.newaxis]
-
-    def _at_onset(self, family: Family, monitor: int, rates: Rates) -> np.ndarray | None:
-        """Of height and frequency, Hz, of a peak at which a contact begins to slip, `[2, parameters]`; None: another.
-
-        At the root.
-        """
+    def _by_events(self, family: Family, peak: Peak, here: Solvable, monitor: int, rates: Rates) -> np.ndarray:
+        """Of height and frequency, Hz, `[2, parameters]`; NaN where there are none. Collective."""
 
         def find(family: Family) -> np.ndarray | None:
             slopes = None if family.describe() is None else family.differentiate_directly(rates)
             by_frequency = None if slopes is None else family.differentiate_by_frequency()
             return None if by_frequency is None else np.append(slopes[0], by_frequency[0])
 
-        onset = None if family.describe() is None else find_onset(family, margins(sliders_move=False, of_peak=True))
-        found = None if onset is None else branches(family, onset, find, sliders_move=False)
-        return None if found is None else of_peak(*found)
+        def work(family: Family) -> np.ndarray | None:
+            return of_peak(family, monitor, peak.frequency_hz, peak.at_corner, find, rates)
+
+        family.ask(inquiry_of_monitor(here[0], monitor, rates, ("amplitude",)))
+        found = self._comm.bcast(family.visit(work))
+        return np.full((2, len(rates)), np.nan) if found is None else found
 
     def _rates(self, here: Solvable, stop: int) -> Rates:
         """Of each quantity at one of the parameter's values, kept from peak to peak of a sample. Collective."""
