@@ -4,13 +4,14 @@
     .venv/bin/python benchmarks/sensitivities.py --contacts 200 > cost.json
 
 Scenes are those of `sensitivity_scenes.py`, solved to a residual of 1e-13. In each a point, a peak or a nonlinear mode
-is looked at (`sensitivity_looks.py`), and the natural frequencies of whole models besides. Derivatives by all of its
-parameters, or by so many of them, drawn (numbers of contacts' laws, factors on static and harmonic loads, damping, a
-field of gaps, the level), are compared with extrapolated central differences of solutions that start from the same
-motion and sliders. An error is relative to the scene's largest |p dQ/dp| of quantities of a kind: monitors,
-dissipation, forces; height, frequency; damping. Differences have an error of their own, that of the extrapolation: what
-it changes of the difference is printed beside, and quantities whose differences are not sure to a third of the
-tolerance are counted apart, with the reason.
+is looked at (`sensitivity_looks.py`, `sensitivity_peaks.py`), and the natural frequencies of whole models besides; of
+points also where a contact begins to slip, and with the load path's sliders (`sensitivity_starts.py`). Derivatives by
+all of its parameters, or by so many of them, drawn (numbers of contacts' laws, factors on static and harmonic loads,
+damping, a field of gaps, the level; of points the frequency), are compared with extrapolated central differences of
+solutions that start from the same motion and sliders. An error is relative to the scene's largest |p dQ/dp| of
+quantities of a kind: monitors, dissipation, forces; height, frequency; damping. Differences have an error of their own,
+that of the extrapolation and of rounding, of which the fourth difference tells: quantities whose differences are not
+sure to a third of the tolerance are counted apart, with the reason.
 
 Cost: the hexahedral block with so many contacts where half of them slip; seconds of a point from its neighbour, and of
 all derivatives of one monitor's amplitude and mean by all its parameters.
@@ -40,6 +41,7 @@ from sensitivity_looks import (
 )
 from sensitivity_peaks import look_at_peak
 from sensitivity_scenes import BY_FREQUENCY, Case, Parameter, make, moved, parameters_of, scale_of
+from sensitivity_starts import look_at_onset, look_at_reset
 
 from attrito.library.names import LAWS, REFERENCES
 from attrito.library.reduced_scene import ReducedScene
@@ -48,8 +50,8 @@ from attrito.support.errors import NumericsError
 
 # Part of a parameter's scale by which differences move it, and what derivatives are to keep: by events, by samples
 STEPS, TOLERANCES = ((1e-3, 1e-2, 1e-4, 1e-5, 1e-6), (1e-6, 1e-7, 1e-5, 1e-3)), (1e-6, 1e-4)
-# Derivatives at corners are found to the root of what counts as little there.
-CORNER_TOLERANCE = 1e-3
+# Of derivatives at corners
+CORNER_TOLERANCE = 1e-4
 # Differences that are so much surer than need be are not sought with further steps
 SURE = 1e-2
 # Of this many parameters all are taken
@@ -154,9 +156,10 @@ def compare(
 
     By the frequency derivatives are relative to their own largest, too: near a resonance that is far larger.
     """
-    scene = holding(case.scene, look.free)
-    kinds = case.scene.laws.get("law", np.zeros(len(look.free), dtype=int))
-    scales = np.array([look.frequency_hz if one == BY_FREQUENCY else scale_of(case.scene, one) for one in every])
+    own_scene = case.scene if look.scene is None else look.scene
+    scene = holding(own_scene, look.free)
+    kinds = own_scene.laws.get("law", np.zeros(len(look.free), dtype=int))
+    scales = np.array([look.frequency_hz if one == BY_FREQUENCY else scale_of(own_scene, one) for one in every])
     own = np.nan_to_num(np.abs(look.found * scales))
     there = look.at(scene, 0.0)
     if there is None:
@@ -223,16 +226,17 @@ def compared(seed: int, number: int, most: int) -> Iterator[dict]:
     by = 0 if case.goes_by_events else 1
     labels = {"scene": number, "kinds": case.kinds, "by": ("events", "samples")[by]}
 
-    def row(look: Callable[[list[Parameter]], Look], every: list[Parameter], how: int) -> dict:
+    def row(look: Callable[[list[Parameter]], Look | list[Look]], every: list[Parameter], how: int) -> dict:
         few = len(every) if len(every) <= max(FEW, most) and most >= FEW - 4 else most
         chosen = sorted(random.choice(len(every), min(few, len(every)), replace=False).tolist())
         if BY_FREQUENCY in every:
             chosen = sorted({*chosen, every.index(BY_FREQUENCY)})
-        began = time.process_time()
+        began, found = time.process_time(), {}
         try:
             there = look(every)
-            tolerance = CORNER_TOLERANCE if there.corner else TOLERANCES[how]
-            found = compare(there, case, every, chosen, STEPS[how], tolerance)
+            for one in there if isinstance(there, list) else [there]:
+                tolerance = CORNER_TOLERANCE if one.corner else TOLERANCES[how]
+                found |= compare(one, case, every, chosen, STEPS[how], tolerance)
         except (NumericsError, NothingFoundError) as error:
             return {"outcome": str(error)}
         return {"found": found, "seconds": time.process_time() - began}
@@ -243,6 +247,12 @@ def compared(seed: int, number: int, most: int) -> Iterator[dict]:
     if case.look == "mode":
         every = [parameter for parameter in every if parameter[0] not in ("level", "harmonic")]
     yield labels | {"look": case.look} | row(lambda every: looks[case.look](case, random, every), every, by)
+    if case.look == "point":
+        every.remove(BY_FREQUENCY)
+        for name, other in {"onset of slip": look_at_onset, "reset": look_at_reset}.items():
+            random = np.random.default_rng([seed, number, 3])
+            yield labels | {"look": name} | row(lambda every: other(case, random, every), every, by)  # noqa: B023
+    random = np.random.default_rng([seed, number, 4])
     springs = [parameter for parameter in every if parameter[0].endswith("_stiffness")]
     if case.scene.sector is None and springs:
         state = str(random.choice(REFERENCES))

@@ -55,6 +55,7 @@ class Look:
     frequency_hz : of a point
     side : -1 or 1 where derivatives are those towards smaller or larger parameters, else 0
     corner : whether it is a corner, whose derivatives are those of two branches
+    scene : where that is another one than the case's
     at : the quantities in a scene beside, None where there is none
     free : which contacts hold their sliders `[nc]`
     """
@@ -68,6 +69,7 @@ class Look:
     frequency_hz: float = 0.0
     side: int = 0
     corner: bool = False
+    scene: ReducedScene | None = None
 
 
 def options_of(case: Case) -> Options:

@@ -36,7 +36,9 @@ from attrito.library.session import Solver
 from attrito.runs.peak_slopes import of_peak
 
 # Parts of the frequency: the first step from where the peak was, and how far it is looked for; from step to step
-FIRST, FARTHEST, GROWTH = 1e-9, 1e-2, 2.0
+FIRST, FARTHEST, GROWTH = 1e-9, 1e-2, 4.0
+# So near to each other two points have tangents that meet at the corner between them to 1e-12
+NEAREST = 1e-8
 # What a height is found to, part of it
 EXACT = 1e-13
 
@@ -56,10 +58,12 @@ def look_at_peak(case: Case, random: np.random.Generator, parameters: list[Param
 
     def at(beside: ReducedScene, higher: float) -> np.ndarray | None:
         del higher
-        return peak_beside(case, beside, start, frequencies)
+        return peak_beside(case, beside, start, frequencies, peak.at_corner)
 
     least = np.array([EXACT * peak.amplitude, EXACT * peak.frequency_hz])
-    return Look(found, kinds, np.zeros(2), at, member.free, least, corner=peak.at_corner)
+    # A contact that begins to slip at the corner holds its slider on one side of it.
+    free = np.zeros_like(member.free) if peak.at_corner else member.free
+    return Look(found, kinds, np.zeros(2), at, free, least, corner=peak.at_corner)
 
 
 def derivatives_of_peak(solver: Solver, scene: ReducedScene, peak: Peak, parameters: list[Parameter]) -> np.ndarray:
@@ -111,7 +115,9 @@ def located_peak(solver: Solver, case: Case, frequencies: list[float]) -> tuple[
     return peak, StoredPoint(peak.frequency_hz, solver.coordinates(), member_of(solver, scene).slider)
 
 
-def peak_beside(case: Case, scene: ReducedScene, start: StoredPoint, frequencies: list[float]) -> np.ndarray | None:
+def peak_beside(
+    case: Case, scene: ReducedScene, start: StoredPoint, frequencies: list[float], at_corner: bool
+) -> np.ndarray | None:
     """Height and frequency of the peak uphill from a point."""
     inquiry = inquiry_of(scene, [], None)
     with Solver(MPI.COMM_WORLD, scene, options_of(case)) as solver:
@@ -133,10 +139,45 @@ def peak_beside(case: Case, scene: ReducedScene, start: StoredPoint, frequencies
             ends = uphill(lambda part: at(part)[1])
             if ends is None:
                 return None
-            part = brentq(lambda part: at(part)[1], *ends, xtol=1e-16, rtol=1e-15, maxiter=200)
-            return np.array([at(part)[0], start.frequency_hz * (1.0 + part)])
+            if not case.goes_by_events or at_corner:
+                height, part = corner_between(at, *ends, start.frequency_hz)
+            else:
+                part = brentq(lambda part: at(part)[1], *ends, xtol=1e-16, rtol=1e-15, maxiter=200)
+                height = at(part)[0]
+            return np.array([height, start.frequency_hz * (1.0 + part)])
         except NothingFoundError:
             return None
+
+
+def corner_between(
+    at: Callable[[float], tuple[float, float]], low: float, high: float, frequency_hz: float
+) -> tuple[float, float]:
+    """Height and place of the peak between a rising and a falling point: where their tangents meet, once they are near.
+
+    Where the slope is continuous there that is the peak, too.
+    """
+    ends = [(part, *at(part)) for part in sorted((low, high))]
+
+    def meet() -> float:
+        """How far from the first end the tangents meet."""
+        (a, height, rise), (b, top, fall) = ends
+        width = b - a
+        way = (top - height - fall * frequency_hz * width) / ((rise - fall) * frequency_hz)
+        return min(max(way, 0.0), width)
+
+    def take(part: float) -> None:
+        if ends[0][0] < part < ends[1][0]:
+            there = at(part)
+            ends[there[1] <= 0.0] = (part, *there)
+
+    while (width := ends[1][0] - ends[0][0]) > NEAREST:
+        corner = ends[0][0] + meet()
+        take(corner - 0.4 * NEAREST)
+        take(corner + 0.4 * NEAREST)
+        if ends[1][0] - ends[0][0] > 0.5 * width:
+            take(0.5 * (ends[0][0] + ends[1][0]))
+    way = meet()
+    return ends[0][1] + ends[0][2] * frequency_hz * way, ends[0][0] + way
 
 
 def uphill(slope: Callable[[float], float]) -> tuple[float, float] | None:

@@ -187,8 +187,8 @@ def test_a_mode_has_both_derivatives_where_its_contact_begins_to_slip(
     assert np.isnan(sides[0][0]) and np.isnan(sides[1][0])
     friction = job["contact"][0]["friction_coefficient"]
     slope = -4.0 * LIMIT * LIMIT / (KT * friction) / (2.0 * np.pi * omega**2 * MASS * amplitude**2)
-    # Slip lasts for the root of 1e-9 of a period.
-    assert sides[0][1] == pytest.approx(slope, rel=1e-3)
+    # Slip lasts for the root of 1e-9 of a period, 3e-5, which is extrapolated; the onset itself is met to 1e-13.
+    assert sides[0][1] == pytest.approx(slope, rel=1e-6)
     assert abs(sides[1][1]) < 1e-9 * abs(slope)
     # The stiffness that is missing grows as the power 3/2 of how far it slips.
     assert np.abs(frequency).max() < 1e-3 * omega * abs(slope)

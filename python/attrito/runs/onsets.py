@@ -15,7 +15,8 @@ import numpy as np
 from attrito.library.family import Family
 
 # Part of friction within which a contact is at the onset of slip: ten times what points are solved to (1e-10). With so
-# much less it slips for some sqrt(MARGIN) of a period, and that is how exact derivatives by events are there.
+# much less it slips for some sqrt(MARGIN) of a period, and by events derivatives are off by as much: with four times as
+# much less by twice that, so that both together are as exact as MARGIN.
 MARGIN = 1e-9
 # With two tangents members are solved anew, so that friction differs by more than what sliders are found to; by samples
 # the same ones slip, which is exact until the next ones do.
@@ -57,18 +58,20 @@ def branches(family: Family, onset: Onset, find: Find, sliders_move: bool) -> tu
     find : what describes the member and gives its derivatives
     sliders_move : are there contacts with two tangents, whose sliders are unknowns: members are solved anew
     """
-    found = []
     family.keep(0)
-    for side in (1.0, -1.0):
-        family.scale_friction(1.0 + side * onset.margin)
+
+    def at(part: float) -> np.ndarray | None:
+        family.scale_friction(1.0 + part)
         member = family.describe()
         if member is not None and sliders_move and not family.move(member.slider):
             member = None
-        found.append(None if member is None else find(family))
+        found = None if member is None else find(family)
         family.go_back(0)
+        return found
+
+    sticking, near, far = (at(part * onset.margin) for part in (1.0, -1.0, -4.0))
     family.scale_friction(1.0)
-    sticking, slipping = found
-    return None if sticking is None or slipping is None else (sticking, slipping)
+    return None if sticking is None or near is None or far is None else (sticking, 2.0 * near - far)
 
 
 def sides(sticking: np.ndarray, slipping: np.ndarray) -> dict[str, np.ndarray]:
