@@ -10,6 +10,7 @@ import jobs
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scipy.stats import qmc
 
 from attrito.job.reading import read_job
 from attrito.runs.progress import Progress
@@ -17,6 +18,7 @@ from attrito.studies.design import read_study
 from attrito.studies.gradient_nodes import expand, gradient_nodes
 from attrito.studies.samples import shared_scene
 from attrito.studies.sloped_peaks import SlopedPeaks
+from attrito.studies.statistics import latin_hypercube
 
 STIFFNESS = {"keys": ["contact[*].tangential_stiffness"], "name": "kt", "low": 2.4e5, "high": 3.6e5}
 MU = {"name": "mu", "keys": ["contact[*].friction_coefficient"], "low": 0.4, "high": 0.5}
@@ -52,6 +54,12 @@ def test_nodes_are_inside_and_have_the_moments_of_the_samples(count: int, centra
     if central:
         thirds = np.einsum("ni,nj,nk->ijk", at, at, at) / len(at)
         assert thirds == pytest.approx(np.zeros(thirds.shape), abs=1e-14)
+
+
+@pytest.mark.parametrize(("samples", "count"), [(1, 1), (7, 3), (1000, 2)])
+def test_samples_are_those_of_scipy_s_latin_hypercube(samples: int, count: int) -> None:
+    known = qmc.LatinHypercube(count, seed=np.random.default_rng(5)).random(samples)
+    assert np.array_equal(latin_hypercube(samples, count, seed=5), known)
 
 
 def amplitude(omega: float, stiffness: np.ndarray) -> np.ndarray:
@@ -141,8 +149,9 @@ def test_slopes_of_peaks_are_those_of_differences_and_so_is_the_hessian(
 def test_bands_of_peaks_are_near_sampled_ones(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     modelled, words = study(tmp_path, capfd)
     assert "7 of 60 samples" in words and "does not hold" not in words
-    first, words = study(tmp_path, capfd, design="first_order")
+    first, words = study(tmp_path, capfd, design="first_order", picture=False)
     assert "5 of 60 samples" in words
+    assert (tmp_path / "second_order.png").exists() and not (tmp_path / "first_order.png").exists()
     sampled, _ = study(tmp_path, capfd, design="latin_hypercube")
     with modelled, first, sampled:
         exact = sampled["peaks/amplitude"][:]

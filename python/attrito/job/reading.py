@@ -49,12 +49,15 @@ def read_job(
 
 def plain(value: Any) -> Any:
     """What TOML knows: arrays and tuples as lists, numbers of numpy as Python's, paths as text; None is absent."""
+    # Most of a long job are numbers and words in lists: these are asked for first.
+    if type(value) in (float, int, str, bool):
+        return value
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
     if isinstance(value, Mapping):
         return {str(name): plain(item) for name, item in value.items() if item is not None}
     if isinstance(value, np.ndarray | np.generic):
         return plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
     return os.fspath(value) if isinstance(value, os.PathLike) else value
 
 

@@ -22,8 +22,6 @@ from attrito.peaks.curve import Backbone, Ending, Found, elasticity, ending_of
 from attrito.peaks.file import higher_in_words, jumps_in_words, table, write
 from attrito.peaks.fixed_series import fixed_series, is_enough
 from attrito.peaks.higher import Followed, HigherPeaks
-from attrito.peaks.plot import peak_curve
-from attrito.plots.style import save
 from attrito.runs.followed import follow_job
 from attrito.runs.progress import Progress
 from attrito.runs.sensitivity import Differentiator
@@ -99,6 +97,9 @@ def _follow_and_show(
     progress.warn([*jumps_in_words(found, parameter), *higher_in_words(found, parameter)])
 
     def show() -> str:
+        from attrito.peaks.plot import peak_curve
+        from attrito.plots.style import save
+
         write(file, job, reduced, found, backbone, progress.warnings)
         print(table(file), end="")
         place = picture or str(Path(file).with_suffix(".png"))

@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import qmc
 
 from attrito.job.checks import Check, boolean, choice, dataset_name, integer, listing, number, text
 from attrito.job.job import Job, files_read, rom_path
 from attrito.job.reading import read_job
 from attrito.job.varied import checked, faults_of_keys, is_of_model, read_keys, with_values
-from attrito.modes.nonlinear import amplitudes, check_mode
+from attrito.studies.statistics import latin_hypercube
 from attrito.support.errors import Fault, InputError
 from attrito.support.overwrite_check import check_spared
 
@@ -40,7 +39,7 @@ class Vary:
 class Study:
     """A checked study; `job` is the job file, or the job, and `of` one of `peaks`, `modes` and `response`.
 
-    `hessian`: what a model of second order is made of; None: gradients where they are exact.
+    `hessian`: what a model of second order is made of; None: gradients where they are exact. `draws`: a picture?
     """
 
     path: str
@@ -53,6 +52,7 @@ class Study:
     batch: int
     ranks_per_group: int
     hessian: str | None
+    draws: bool
     vary: tuple[Vary, ...]
 
     @property
@@ -71,7 +71,7 @@ class Study:
             return np.array(list(product(*(vary.values for vary in self.vary))), dtype=float)
         count = len(self.vary)
         if self.design != "random":
-            unit = qmc.LatinHypercube(count, seed=np.random.default_rng(self.seed)).random(self.samples)
+            unit = latin_hypercube(self.samples, count, self.seed)
         else:
             unit = np.random.default_rng(self.seed).random((self.samples, count))
         columns = []
@@ -106,6 +106,8 @@ class Study:
     def stops(self, job: Job) -> list[float]:
         """Values of the job's parameter at which each sample's peak is located, or amplitudes of its mode."""
         if self.of == "modes":
+            from attrito.modes.nonlinear import amplitudes
+
             return amplitudes(job).tolist()
         keys = job["peak"]
         last = [] if keys["stop"] is None else [keys["stop"]]
@@ -146,6 +148,8 @@ class Study:
     def _faults_of_job(self, job: Job) -> list[Fault]:
         """Of what is located for each sample."""
         if self.of == "modes":
+            from attrito.modes.nonlinear import check_mode
+
             try:
                 check_mode(job)
             except InputError as error:
@@ -174,6 +178,7 @@ CHECKS: dict[str, tuple[Check, Any]] = {
     "batch": (integer(1), 20),
     "ranks_per_group": (integer(1), 1),
     "hessian": (choice("values", "gradients", "central_gradients"), None),
+    "picture": (boolean, True),
 }
 VARY_CHECKS: dict[str, tuple[Check, Any]] = {
     "name": (dataset_name, None),
@@ -243,7 +248,7 @@ def _check_study(raw: dict[str, Any], path: str) -> Study:
     count = int(np.prod([len(vary.values) for vary in varies])) if keys["design"] == "grid" else keys["samples"]
     folder = Path(path).parent
     job, file = (os_path(folder, keys[name]) for name in ("job", "file"))
-    rest = (keys[name] for name in ("seed", "batch", "ranks_per_group", "hessian"))
+    rest = (keys[name] for name in ("seed", "batch", "ranks_per_group", "hessian", "picture"))
     return Study(path, job, keys["of"], file, keys["design"], count, *rest, tuple(varies))
 
 

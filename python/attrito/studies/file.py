@@ -13,10 +13,9 @@ import numpy as np
 
 from attrito.job.job import Job
 from attrito.library.names import OUTCOMES
-from attrito.plots.style import save
 from attrito.studies.design import Study
-from attrito.studies.picture import QUANTILES, moments_of, picture_of_modes, picture_of_peaks, quantiles_of
 from attrito.studies.sample_peaks import METHODS
+from attrito.studies.statistics import QUANTILES, moments_of, quantiles_of
 from attrito.support.atomic_files import whole_hdf5
 from attrito.support.hdf5_writing import described
 from attrito.support.units import axis_unit
@@ -119,7 +118,18 @@ def write_study(
                 found_moment = moments_of(numbers[name])[moment]
                 put(f"{moment}/{name}", found_moment, f"{words} over the samples, by parameter", kind.numbers[name][1])
         put("quantiles/probability", np.array(QUANTILES), "of the quantiles", "1")
-    units = job.attributes["units"]
+    if study.draws:
+        _draw(study, job, values, numbers)
+    names = ("not_converged", "above_tolerance")
+    return {name: int((outcome == OUTCOMES.index(name)).any(axis=1).sum()) for name in names}
+
+
+def _draw(study: Study, job: Job, values: np.ndarray, numbers: dict[str, np.ndarray]) -> None:
+    """The picture; what draws takes longer to import than a small study."""
+    from attrito.plots.style import save
+    from attrito.studies.picture import picture_of_modes, picture_of_peaks
+
+    kind, stops, units = KINDS[study.of], study.stops(job), job.attributes["units"]
     if study.of == "peaks":
         unit = axis_unit(kind.numbers["amplitude"][1], units)
         names, is_grid = [vary.name for vary in study.vary], study.design == "grid"
@@ -129,8 +139,6 @@ def write_study(
         unit = axis_unit(kind.parameter_unit, units)
         figure = picture_of_modes(stops, numbers["frequency_hz"], numbers["damping_ratio"], unit)
     save(figure, study.picture)
-    names = ("not_converged", "above_tolerance")
-    return {name: int((outcome == OUTCOMES.index(name)).any(axis=1).sum()) for name in names}
 
 
 def _numbers(rows: list[Any], name: str) -> np.ndarray:

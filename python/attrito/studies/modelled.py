@@ -15,7 +15,7 @@ import numpy as np
 from attrito.runs.progress import Progress
 from attrito.studies import gradient_nodes, value_nodes
 from attrito.studies.design import Study
-from attrito.studies.picture import ACCEPTED
+from attrito.studies.statistics import ACCEPTED
 from attrito.support.errors import UnsolvedError
 
 # Samples that are solved beside the nodes

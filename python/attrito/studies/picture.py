@@ -10,43 +10,18 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from attrito.plots.style import BRANCH_COLOURS, Look, plain_text, with_unit
+from attrito.studies.statistics import ACCEPTED, QUANTILES, quantiles_of, spans
 from attrito.support.errors import Fault, InputError
 from attrito.support.hdf5_reading import as_text, stored
 from attrito.support.units import axis_unit
 
-QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 # Parts of a quantity's range that quantiles are taken over, and the fewest samples in one.
 MOST_PARTS, FEWEST = 15, 8
 USUAL = Look()
-# Relative difference of a model from solved samples beyond which it is said not to hold
-ACCEPTED = 0.05
 # Lines of a grid
 MOST_LINES = 6
 # Of the largest damping ratio: what is drawn of it
 LEAST = 1e-4
-
-
-def quantiles_of(values: np.ndarray) -> np.ndarray:
-    """`QUANTILES` over the samples `[samples, n]` that have a number, `[quantiles, n]`; NaN where none has."""
-    found = np.full((len(QUANTILES), values.shape[1]), np.nan)
-    known = np.isfinite(values).any(axis=0)
-    found[:, known] = np.nanquantile(values[:, known], QUANTILES, axis=0)
-    return found
-
-
-def spans(at_hz: np.ndarray, which: np.ndarray) -> list[tuple[float, float]]:
-    """Where frequencies are marked, from and to."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], which, [False]])))
-    return [(float(at_hz[i]), float(at_hz[j - 1])) for i, j in zip(edges[::2], edges[1::2], strict=True)]
-
-
-def moments_of(values: np.ndarray) -> dict[str, np.ndarray]:
-    """`mean` and standard `deviation` over the samples `[samples, n]`, `[n]`; NaN where fewer than two have one."""
-    found = {name: np.full(values.shape[1], np.nan) for name in ("mean", "deviation")}
-    known = np.isfinite(values).sum(axis=0) > 1
-    found["mean"][known] = np.nanmean(values[:, known], axis=0)
-    found["deviation"][known] = np.nanstd(values[:, known], axis=0, ddof=1)
-    return found
 
 
 def picture_of_peaks(

@@ -12,13 +12,12 @@ import numpy as np
 
 from attrito.job.job import Job
 from attrito.library.names import OUTCOMES
-from attrito.plots.style import save
 from attrito.runs.progress import Progress
 from attrito.studies.design import Study
 from attrito.studies.modelled import Nodes, rows_in_order
-from attrito.studies.picture import ACCEPTED, QUANTILES, moments_of, picture_of_responses, quantiles_of, spans
 from attrito.studies.response_bands import changes_of_state, curves_of, fine, modelled, outcome_of
 from attrito.studies.sample_responses import Reference
+from attrito.studies.statistics import ACCEPTED, QUANTILES, moments_of, quantiles_of, spans
 from attrito.support.atomic_files import whole_hdf5
 from attrito.support.hdf5_writing import described
 from attrito.support.units import axis_unit
@@ -147,8 +146,12 @@ def write_responses(
         quantiles = quantiles_of(found.amplitude)
         put("quantiles/amplitude", quantiles, "over the samples, by quantile and frequency", UNIT)
         put("quantiles/probability", np.array(QUANTILES), "of the quantiles", "1")
-    unit = axis_unit(UNIT, job.attributes["units"])
-    mean = moments_of(found.amplitude)["mean"]
-    save(picture_of_responses(found.at_hz, quantiles, mean, unit, spans(found.at_hz, found.failing)), study.picture)
+    if study.draws:
+        from attrito.plots.style import save
+        from attrito.studies.picture import picture_of_responses
+
+        unit, failing = axis_unit(UNIT, job.attributes["units"]), spans(found.at_hz, found.failing)
+        mean = moments_of(found.amplitude)["mean"]
+        save(picture_of_responses(found.at_hz, quantiles, mean, unit, failing), study.picture)
     names = ("not_converged", "above_tolerance")
     return {name: int((outcome == OUTCOMES.index(name)).sum()) for name in names}

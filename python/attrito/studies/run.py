@@ -29,10 +29,7 @@ from attrito.scene.scene import Scene
 from attrito.studies.design import Study, batches, read_study
 from attrito.studies.file import write_study
 from attrito.studies.modelled import Nodes
-from attrito.studies.responses import gather, write_responses
-from attrito.studies.sample_modes import SampleModes
 from attrito.studies.sample_peaks import SamplePeaks
-from attrito.studies.sample_responses import Reference, SampleResponses
 from attrito.studies.samples import shared_scene
 from attrito.studies.sloped_peaks import SlopedPeaks
 from attrito.support.errors import Fault, InputError, UnsolvedError
@@ -41,6 +38,9 @@ from attrito.support.parallel import on_root
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
+
+    from attrito.studies.sample_modes import SampleModes
+    from attrito.studies.sample_responses import Reference
 
 
 def run_study(comm: Comm, path: str | Study) -> str:
@@ -80,7 +80,9 @@ def _solve_samples(comm: Comm, job: Job, study: Study, progress: Progress) -> di
     reads = comm.rank == color * study.ranks_per_group
     base, rom = shared_scene(comm, job, study.keeps_places(job), progress, reads)
     nodes = _nodes_of(comm, job, study, base, rom, progress)
-    located = partial(_located, job=job, base=base, rom=rom, study=study, sloped=nodes is not None and nodes.sloped)
+    # How many of the samples have derivatives: the nodes, which are the first
+    sloped = len(nodes.places) if nodes is not None and nodes.sloped else 0
+    located = partial(_located, job=job, base=base, rom=rom, study=study, sloped=sloped > 0)
     reference = None
     if study.of == "response":
         with contextlib.closing(located(comm)) as responses:
@@ -96,7 +98,7 @@ def _solve_samples(comm: Comm, job: Job, study: Study, progress: Progress) -> di
     try:
         for i in missing[color::groups]:
             with contextlib.closing(located(group, reference)) as one:
-                rows = [one.at(row) for row in solved[order[i]]]
+                rows = [one.at(solved[sample], sample < sloped) for sample in order[i]]
             on_root(group, lambda i=i, rows=rows: _keep(_part(folder, i), order[i], rows))
             progress.say(f"batch {i}: {len(rows)} samples")
     finally:
@@ -110,6 +112,8 @@ def _solve_samples(comm: Comm, job: Job, study: Study, progress: Progress) -> di
         untouched = sum(not all(one.get("touches", True) for one in row) for row in rows)
         progress.warn(cautions.of_static_solutions(untouched, len(solved)))
         if reference is not None:
+            from attrito.studies.responses import gather, write_responses
+
             responses = gather(study, nodes, reference, values, found, progress)
             failed = write_responses(study, job, values, reference, responses, progress)
             _remove_parts(folder.parent)
@@ -158,8 +162,9 @@ class _AtValues:
     def __init__(self, samples: SamplePeaks | SampleModes, study: Study, job: Job):
         self._samples, self._study, self._job = samples, study, job
 
-    def at(self, values: np.ndarray) -> list[dict[str, Any]]:
-        """What is located at values of the quantities."""
+    def at(self, values: np.ndarray, sloped: bool) -> list[dict[str, Any]]:
+        """What is located at values of the quantities; not `sloped`, as derivatives are none of it."""
+        assert not sloped
         changed = self._study.changed(self._job, values)
         return self._samples.of(changed, self._study.stops(changed))
 
@@ -178,12 +183,16 @@ def _located(
     study: Study,
     sloped: bool,
 ) -> _AtValues | SlopedPeaks:
-    """What solves samples at values of what is varied."""
+    """What solves samples at values of what is varied; what is not asked for is not imported, which takes time."""
     if study.of == "modes":
+        from attrito.studies.sample_modes import SampleModes
+
         return _AtValues(SampleModes(comm, base, rom), study, job)
     if study.of == "response":
+        from attrito.studies.sample_responses import SampleResponses
+
         responses = SampleResponses(comm, base, rom, study, job)
-        responses.reference, responses.sloped = reference, sloped
+        responses.reference = reference
         return responses
     return SlopedPeaks(comm, base, rom, study, job) if sloped else _AtValues(SamplePeaks(comm, base, rom), study, job)
 

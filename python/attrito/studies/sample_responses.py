@@ -62,12 +62,11 @@ class Reference:
 
 
 class SampleResponses(SlopedPeaks):
-    """Peaks with the curves about them; `sloped`: with derivatives by what is varied."""
+    """Peaks with the curves about them."""
 
     def __init__(self, comm: Comm, base: Scene | None, rom: Rom | None, study: Study, job: Job):
         super().__init__(comm, base, rom, study, job)
         self.reference: Reference | None = None
-        self.sloped = False
 
     def scene_of(self, job: Job) -> tuple[ReducedScene, np.ndarray, Options]:
         """See `Samples.scene_of`; every point begins at the load path's sliders."""
@@ -81,10 +80,10 @@ class SampleResponses(SlopedPeaks):
         ------
         UnsolvedError : it has no peak
         """
-        self.reference, self.sloped = None, False
+        self.reference = None
         middle = self._study.middle
-        changed = self._study.changed(self._job, middle)
-        (row,) = self.at(middle)
+        changed = self._changed(middle)
+        (row,) = self.at(middle, sloped=False)
         if row["frequency_hz"] is None:
             raise UnsolvedError(self._study.file, "no peak in the middle of what is varied")
         # As a run sweeps: sliders that begin anew at every point may make the curve jump.
@@ -99,7 +98,7 @@ class SampleResponses(SlopedPeaks):
 
     def visit(self, solver: Solver, peak: Peak | None, place: tuple[int, int], here: Solvable) -> dict[str, Any]:
         """See `SamplePeaks.visit`. Collective."""
-        more = super().visit(solver, peak, place, here) if self.sloped else {}
+        more = super().visit(solver, peak, place, here)
         if self.reference is None or peak is None or peak.outcome == "not_converged":
             return more
         return more | {"curve": self._curve(solver, peak, place, here)}
@@ -109,12 +108,12 @@ class SampleResponses(SlopedPeaks):
         assert self.reference is not None
         reduced, load_path, _ = here
         monitor, stop = place
-        changed = self._study.changed(self._job, self._values)
+        changed = self._changed(self._values)
         frequencies = self.reference.frequencies_hz + self.reference.share * (
             peak.frequency_hz - self.reference.peak_hz
         )
         level, preload = self._factors(self._values, stop)
-        rates = self._rates(here, stop) if self.sloped else None
+        rates = self._rates(here, stop) if self._sloped else None
         family = Family(self._comm, solver, len(reduced.laws["tangents"]), len(reduced.monitors))
         falls = changed["sweep"]["stop_hz"] < changed["sweep"]["start_hz"]
         order = np.arange(len(frequencies))[:: -1 if falls else 1]

@@ -42,26 +42,39 @@ class SlopedPeaks(SamplePeaks):
         super().__init__(comm, base, rom)
         self._study, self._job = study, job
         self._values = np.empty(0)
+        self._sloped = True
+        # Of the present sample and beside it, by values
+        self._jobs: dict[bytes, Job] = {}
         # By place among the values of the parameter
         self._known_rates: dict[int, Rates] = {}
 
-    def at(self, values: np.ndarray) -> list[dict[str, Any]]:
-        """The peaks at values of the quantities."""
-        self._values, self._known_rates = values, {}
-        changed = self._study.changed(self._job, values)
+    def at(self, values: np.ndarray, sloped: bool = True) -> list[dict[str, Any]]:
+        """The peaks at values of the quantities; `sloped`: with derivatives."""
+        self._values, self._known_rates, self._sloped = values, {}, sloped
+        self._jobs.clear()
+        changed = self._changed(values)
         return self.of(changed, self._study.stops(changed))
+
+    def _changed(self, values: np.ndarray) -> Job:
+        """The job there; checks of a long one take longer than much that is solved."""
+        key = values.tobytes()
+        if key not in self._jobs:
+            self._jobs[key] = self._study.changed(self._job, values)
+        return self._jobs[key]
 
     def unknown(self) -> list[str]:
         """Names of the quantities that there are no exact derivatives by, in the middle of all. Collective."""
         study = self._study
         low, high = study.bounds
         middle = 0.5 * (low + high)
-        here = self.scene_of(study.changed(self._job, middle))
-        rates = rates_of(study.vary, middle, here, lambda values: self.scene_of(study.changed(self._job, values)))
+        here = self.scene_of(self._changed(middle))
+        rates = rates_of(study.vary, middle, here, lambda values: self.scene_of(self._changed(values)))
         return [vary.name for vary, known in zip(study.vary, known_rates(rates), strict=True) if not known]
 
     def visit(self, solver: Solver, peak: Peak | None, place: tuple[int, int], here: Solvable) -> dict[str, Any]:
         """See `SamplePeaks.visit`. Collective."""
+        if not self._sloped:
+            return {}
         count = len(self._values)
         none = [np.nan] * count
         if peak is None or peak.outcome == "not_converged":
@@ -109,10 +122,10 @@ class SlopedPeaks(SamplePeaks):
 
     def _find_rates(self, here: Solvable, stop: int) -> Rates:
         """Level and preload may change with a quantity, too, and the sliders that the static path leaves."""
-        study, job = self._study, self._job
+        study = self._study
 
         def at(values: np.ndarray) -> Solvable:
-            return self.scene_of(study.changed(job, values))
+            return self.scene_of(self._changed(values))
 
         rates = rates_of(study.vary, self._values, here, at)
         level, preload = self._factors(self._values, stop)
@@ -130,18 +143,21 @@ class SlopedPeaks(SamplePeaks):
 
     def _slider_rates(self, known: np.ndarray, stop: int) -> np.ndarray:
         """How the sliders that the static path leaves change, `[parameters, nc, width]`; zero of those not `known`."""
-        found = []
-        for i, vary in enumerate(self._study.vary):
-            step = STEP * (vary.high - vary.low) if known[i] else 0.0
+        here = self._sliders_at(0, 0.0, stop)
+        found = np.zeros((len(known), *here.shape))
+        # Where nothing has slipped on the path nothing does beside it.
+        for i in np.flatnonzero(known) if np.any(here) else ():
+            vary = self._study.vary[i]
+            step = STEP * (vary.high - vary.low)
             ends = [self._sliders_at(i, side * step, stop) for side in (-1.0, 1.0)]
-            found.append((ends[1] - ends[0]) / (2.0 * step) if known[i] else 0.0 * ends[0])
-        return np.array(found)
+            found[i] = (ends[1] - ends[0]) / (2.0 * step)
+        return found
 
     def _sliders_at(self, quantity: int, step: float, stop: int) -> np.ndarray:
         """Those that the static path leaves a step away."""
         values = self._values.copy()
         values[quantity] += step
-        changed = self._study.changed(self._job, values)
+        changed = self._changed(values)
         scene, load_path, options = self.scene_of(changed)
         _, preload = self._factors(values, stop)
         path = LoadPath(options, load_path * preload, min(changed["sweep"]["start_hz"], changed["sweep"]["stop_hz"]))
@@ -149,7 +165,7 @@ class SlopedPeaks(SamplePeaks):
 
     def _factors(self, values: np.ndarray, stop: int) -> tuple[float, float]:
         """Level and preload of a peak: linear in what is varied."""
-        changed = self._study.changed(self._job, values)
+        changed = self._changed(values)
         value = self._study.stops(changed)[stop]
         keys = changed["peak"]
         return (value, 1.0) if keys["parameter"] == "level" else (keys["level"], value)
