@@ -236,6 +236,17 @@ def test_columns_as_instruments_write_them(tmp_path: Path) -> None:
     assert columns.words == {"note": ("x", 1)}
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "cp1252", "utf-16"])
+def test_an_instrument_s_own_lines_and_encoding_are_understood(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "some.csv"
+    text = "Test, wedge: 3\r\nDate;25.11.2026\r\n\r\nf;phase;a\r\nkHz;\u00b0;g\r\n1,5;NaN;2\r\n2,5;3;\r\n"
+    path.write_bytes(text.encode(encoding))
+    columns = read_columns(str(path))
+    assert list(columns.numbers) == ["f", "phase", "a"] and not columns.words
+    assert columns.numbers["f"].tolist() == [1.5, 2.5]
+    assert np.isnan(columns.numbers["phase"][0]) and columns.numbers["phase"][1] == 3.0
+
+
 @pytest.mark.parametrize(
     ("data", "expected"),
     [

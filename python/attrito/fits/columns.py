@@ -1,12 +1,13 @@
 """Columns of numbers of a CSV file as instruments and spreadsheets write it.
 
 A line of names, then lines of numbers. Entries are separated by commas, or by semicolons or tabs, where a number may
-have a decimal comma. Lines that begin with `#` or `%` are left out, and so is a line of units below the names; a blank
-is not measured.
+have a decimal comma. Lines that begin with `#` or `%` are left out, and so are lines above the names that have another
+number of entries, as an instrument's own, and a line of units below the names; a blank is not measured.
 """
 
 from __future__ import annotations
 
+import codecs
 import csv
 from dataclasses import dataclass
 
@@ -73,15 +74,13 @@ def read_columns(path: str) -> Columns:
     ------
     InputError : it cannot be read, or has no lines of numbers
     """
-    try:
-        with open(path, newline="", encoding="utf-8-sig") as stream:
-            lines = [line for line in stream if line.strip() and not line.lstrip(' "').startswith(("#", "%"))]
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(Fault(path, "file", str(error), "a CSV file of measurements that can be read")) from None
+    lines = [line for line in _text(path).splitlines() if line.strip() and not line.lstrip(' "').startswith(("#", "%"))]
     if len(lines) < 2:
         raise InputError(Fault(path, "file", f"{len(lines)} lines", "a line of names, then lines of numbers"))
-    separator = next((one for one in SEPARATORS if one in lines[0]), ",")
-    names, *rows = csv.reader(lines, delimiter=separator, skipinitialspace=True)
+    separator = next((one for one in SEPARATORS if one in lines[-1]), ",")
+    all_rows = list(csv.reader(lines, delimiter=separator, skipinitialspace=True))
+    first = next(i for i, row in enumerate(all_rows) if len(row) == len(all_rows[-1]))
+    names, *rows = all_rows[first:] if first < len(all_rows) - 1 else all_rows
     if len(rows) > 1 and not any(_is_number(entry, separator) for entry in rows[0]):
         rows = rows[1:]
     numbers: dict[str, np.ndarray] = {}
@@ -98,6 +97,21 @@ def read_columns(path: str) -> Columns:
         else:
             numbers[name] = values
     return Columns(path, numbers, words)
+
+
+def _text(path: str) -> str:
+    """In UTF-8; what is not is taken for Windows's Western encoding, or with its mark at the beginning for UTF-16."""
+    try:
+        with open(path, "rb") as stream:
+            content = stream.read()
+    except OSError as error:
+        raise InputError(Fault(path, "file", str(error), "a CSV file of measurements that can be read")) from None
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return content.decode("utf-16", errors="replace")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("cp1252", errors="replace")
 
 
 def _is_number(entry: str, separator: str) -> bool:
