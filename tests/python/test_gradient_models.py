@@ -183,6 +183,17 @@ def test_bands_of_the_curve_are_near_sampled_ones(tmp_path: Path, capfd: pytest.
     assert (tmp_path / "second_order.png").exists()
 
 
+def test_groups_of_ranks_find_the_curves_of_one_process(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    alone, _ = study(tmp_path, capfd, of="response", batch=3)
+    with alone:
+        known = alone["response/amplitude"][:]
+    (tmp_path / "second_order.h5").unlink()
+    done = jobs.attrito(tmp_path, "study", "second_order.toml", ranks=2)
+    assert done.returncode == 0, done.stderr
+    with h5py.File(tmp_path / "second_order.h5") as found:
+        assert np.array_equal(found["response/amplitude"][:], known)
+
+
 def test_bands_of_a_stuck_contact_are_those_of_the_linear_system(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -83,11 +83,6 @@ def _solve_samples(comm: Comm, job: Job, study: Study, progress: Progress) -> di
     # How many of the samples have derivatives: the nodes, which are the first
     sloped = len(nodes.places) if nodes is not None and nodes.sloped else 0
     located = partial(_located, job=job, base=base, rom=rom, study=study, sloped=sloped > 0)
-    reference = None
-    if study.of == "response":
-        with contextlib.closing(located(comm)) as responses:
-            reference = responses.find_reference()
-        progress.say(f"{len(reference.frequencies_hz)} frequencies, peak in the middle at {reference.peak_hz:.6g} Hz")
     solved = values if nodes is None else nodes.solved(values)
     order = batches(study, solved)
     on_root(comm, lambda: folder.mkdir(parents=True, exist_ok=True))
@@ -96,6 +91,13 @@ def _solve_samples(comm: Comm, job: Job, study: Study, progress: Progress) -> di
     progress.say(f"{what} in {len(order)} batches, {len(order) - len(missing)} of them there already")
     group = comm.Split(color, comm.rank)
     try:
+        reference = None
+        if study.of == "response":
+            # Of a group: sums over other numbers of ranks round differently.
+            with contextlib.closing(located(group)) as responses:
+                reference = comm.bcast(responses.find_reference())
+            found_at = f"peak in the middle at {reference.peak_hz:.6g} Hz"
+            progress.say(f"{len(reference.frequencies_hz)} frequencies, {found_at}")
         for i in missing[color::groups]:
             with contextlib.closing(located(group, reference)) as one:
                 rows = [one.at(solved[sample], sample < sloped) for sample in order[i]]
