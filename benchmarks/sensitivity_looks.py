@@ -130,13 +130,19 @@ def rates_of(scene: ReducedScene, parameters: list[Parameter], rates: Rates) -> 
 
 
 def gradient(
-    solver: Solver, scene: ReducedScene, parameters: list[Parameter], contact: int | None = None
+    solver: Solver,
+    scene: ReducedScene,
+    parameters: list[Parameter],
+    contact: int | None = None,
+    amplitudes_alone: bool = False,
 ) -> np.ndarray | None:
     """Derivatives `[quantities, parameters]` of the quantities of `inquiry_of`: by the adjoint, of sectors directly.
 
     By the frequency as along the response.
     """
     family, inquiry = family_of(solver, scene), inquiry_of(scene, parameters, contact)
+    if amplitudes_alone:
+        inquiry = replace(inquiry, quantities=inquiry.quantities[: len(scene.monitors)])
     family.ask(inquiry)
     rates = rates_of(scene, parameters, inquiry.zeros(solver, len(parameters)))
 
