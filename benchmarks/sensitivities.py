@@ -41,7 +41,7 @@ from sensitivity_looks import (
 )
 from sensitivity_peaks import look_at_peak
 from sensitivity_scenes import BY_FREQUENCY, Case, Parameter, make, moved, parameters_of, scale_of
-from sensitivity_starts import look_at_onset, look_at_reset
+from sensitivity_starts import look_at_lift_off, look_at_onset, look_at_reset
 
 from attrito.library.names import LAWS, REFERENCES
 from attrito.library.reduced_scene import ReducedScene
@@ -249,7 +249,8 @@ def compared(seed: int, number: int, most: int) -> Iterator[dict]:
     yield labels | {"look": case.look} | row(lambda every: looks[case.look](case, random, every), every, by)
     if case.look == "point":
         every.remove(BY_FREQUENCY)
-        for name, other in {"onset of slip": look_at_onset, "reset": look_at_reset}.items():
+        others = {"onset of slip": look_at_onset, "onset of lift-off": look_at_lift_off, "reset": look_at_reset}
+        for name, other in others.items():
             random = np.random.default_rng([seed, number, 3])
             yield labels | {"look": name} | row(lambda every: other(case, random, every), every, by)  # noqa: B023
     random = np.random.default_rng([seed, number, 4])
