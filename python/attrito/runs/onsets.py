@@ -21,6 +21,8 @@ MARGIN = 1e-9
 # With two tangents members are solved anew, so that friction differs by more than what sliders are found to; by samples
 # the same ones slip, which is exact until the next ones do.
 MARGIN_OF_SLIDERS = 1e-7
+# Members that are solved anew may stick where they are missed by as much as they are solved to: how much more is tried
+FACTORS = (1.0, 10.0, 100.0)
 SIDES = ("below", "above")
 # Derivatives at the present member, or None
 Find = Callable[[Family], "np.ndarray | None"]
@@ -60,18 +62,27 @@ def branches(family: Family, onset: Onset, find: Find, sliders_move: bool) -> tu
     """
     family.keep(0)
 
-    def at(part: float) -> np.ndarray | None:
+    def at(part: float) -> tuple[np.ndarray | None, bool]:
+        """Derivatives with other friction, and whether the contacts slip there."""
         family.scale_friction(1.0 + part)
         member = family.describe()
-        if member is not None and sliders_move and not family.move(member.slider):
-            member = None
+        if member is not None and sliders_move:
+            member = family.describe() if family.move(member.slider) else None
+        slips = member is not None and not np.any(member.free[onset.contacts > 0.0] > 0.0)
         found = None if member is None else find(family)
         family.go_back(0)
-        return found
+        return found, slips
 
-    sticking, near, far = (at(part * onset.margin) for part in (1.0, -1.0, -4.0))
+    sticking, _ = at(onset.margin)
+    slipping = None
+    for factor in FACTORS:
+        near, slips = at(-factor * onset.margin)
+        if slips:
+            far, _ = at(-4.0 * factor * onset.margin)
+            slipping = None if near is None or far is None else 2.0 * near - far
+            break
     family.scale_friction(1.0)
-    return None if sticking is None or near is None or far is None else (sticking, 2.0 * near - far)
+    return None if sticking is None or slipping is None else (sticking, slipping)
 
 
 def sides(sticking: np.ndarray, slipping: np.ndarray) -> dict[str, np.ndarray]:
