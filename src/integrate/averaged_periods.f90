@@ -11,7 +11,7 @@ module attrito_integrate_averaged_periods
   use attrito_core_trigonometric, only: harmonics_at
   use attrito_model_contacts, only: contacts_type
   use attrito_model_structure, only: structure_type, damping_loss_factor, damping_ratio
-  use attrito_solve_rigid_drift, only: steps_repeat, alike_in_time, least_in_time
+  use attrito_solve_rigid_drift, only: steps_repeat, alike_in_time
   use attrito_solve_time_integrator, only: time_integrator_type, excitation_type, periods_type
   use attrito_integrate_loading, only: loading_type, new_loading, new_profile
   use attrito_integrate_schemes, only: scheme_type, new_scheme, start_scheme, step_scheme, scheme_exponential
@@ -136,7 +136,7 @@ contains
       end do
       periods%motion = periods%motion*2.0_wp/(count*scheme%steps)
     end associate
-    call compare_ends(ends, periods)
+    call compare_ends(ends, near_enough*steps, periods)
   end subroutine average_by
 
   !> One period; coefficients are added up, to be divided by half the number of steps.
@@ -168,9 +168,11 @@ contains
   end subroutine move_one_period
 
   !> Change of the displacements over the last period, and whether all periods change them alike.
-  pure subroutine compare_ends(ends, periods)
+  pure subroutine compare_ends(ends, rounding, periods)
     !> [rows, -2:count]
     real(wp), intent(in) :: ends(:, -2:)
+    !> What the errors of its steps add up to over a period at most, relative to the displacements: a shorter move is none
+    real(wp), intent(in) :: rounding
     !> Averages over periods of the motion in time
     type(periods_type), intent(inout) :: periods
     real(wp) :: steps(size(ends, 1), -1:ubound(ends, 2)), first_harmonic
@@ -179,10 +181,8 @@ contains
     do period = -1, ubound(ends, 2)
       steps(:, period) = ends(:, period) - ends(:, period - 1)
     end do
-    associate (last => steps(:, ubound(steps, 2)))
-      first_harmonic = max(norm2(periods%motion(2:3, :)), tiny(1.0_wp))
-      periods%change = norm2(last)/first_harmonic
-      periods%is_drifting = steps_repeat(steps, alike_in_time, least_in_time*first_harmonic)
-    end associate
+    first_harmonic = max(norm2(periods%motion(2:3, :)), tiny(1.0_wp))
+    periods%change = norm2(steps(:, ubound(steps, 2)))/first_harmonic
+    periods%is_drifting = steps_repeat(steps, alike_in_time, rounding*norm2(ends(:, ubound(ends, 2))))
   end subroutine compare_ends
 end module attrito_integrate_averaged_periods

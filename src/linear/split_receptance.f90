@@ -7,9 +7,15 @@
 !> the power series of a mode about rest: S_0 is the static correction, S_1 that of damping (odd ones vanish without it), S_2 the
 !> first dynamic correction. Put into the mode's equation it leaves out s^{P+1} k t_{P+1} - s^{P+2} m t_P of the mode, s = i h omega;
 !> undamped, the fourth power of h omega over the mode's frequency for P = 2, the sixth for P = 4. That grows with h omega, so a
-!> tolerance on it at the highest harmonic gives l for each P, and flops decide on P. The sums do not depend on frequency: they are
-!> kept from one linear system to the next, rows that become active are added, modes that do not meet the tolerance any more taken
-!> out.
+!> tolerance on it at the highest harmonic gives l for each P, and flops decide on P. With a = h omega c/k, b = (h omega)^2 m/k and
+!> tau_j = a tau_{j-1} + b tau_{j-2} >= |s^j k t_j| a series leaves out at most
+!>
+!> $$ \tau_{P+1} + b \tau_P = (a + b) \tau_P + b \tau_{P-1}, $$
+!>
+!> less than up to P - 1 where a + b < 1, and no less than the whole mode elsewhere: l falls with P, though never below the last mode
+!> with a + b >= 1. Powers are tried while their sums, with so many modes, are fewer flops than the best way so far. The sums do not
+!> depend on frequency: they are kept from one linear system to the next, rows that become active are added, modes that do not meet
+!> the tolerance any more taken out.
 !> Source: Dickens, Nakagawa & Wittbrodt 1997 (mode acceleration).
 module attrito_linear_split_receptance
   use attrito_core_communicator, only: communicator_type
@@ -18,12 +24,10 @@ module attrito_linear_split_receptance
   use attrito_linear_receptance, only: receptance_type
   implicit none
   private
-  public :: split_receptance_type, left_out, flops
+  public :: split_receptance_type, rest_type, new_rest, flops
 
   !> Products that a linear system is expected to need
   integer, parameter :: expected_products = 40 ! guess
-  !> Of the series: seven sums with damping, four without
-  integer, parameter :: highest_power = 6 ! guess
 
   type :: split_receptance_type
     !> Does it serve the rows that it was last prepared for? If not, the product through all modes is cheaper, or modes are coupled.
@@ -34,12 +38,14 @@ module attrito_linear_split_receptance
     real(wp) :: bound = 0.0_wp
     !> Rows of B that the sums hold, of all ranks and of this one, ascending
     integer, allocatable, private :: rows(:), mine(:)
-    !> S_0 ... S_P, without damping every other one [rows, mine, sums]
+    !> S_j unit^j, j = 0 ... P, without damping every other one [rows, mine, sums]; unit: the highest h omega when they were begun,
+    !> so that no power of a frequency is too large a number
     real(wp), allocatable, private :: sums(:, :, :)
+    real(wp), private :: unit = 1.0_wp
     !> Low modes at this rank's rows [low, mine], and their flexibility [low, 0:H]
     real(wp), allocatable, private :: shapes(:, :)
     complex(wp), allocatable, private :: flexibility(:, :)
-    !> h omega of every coefficient, and 1 where the receptance answers for it [2 H + 1]
+    !> h omega / unit of every coefficient, and 1 where the receptance answers for it [2 H + 1]
     real(wp), allocatable, private :: frequency(:), support(:)
   contains
     procedure :: prepare
@@ -54,33 +60,60 @@ module attrito_linear_split_receptance
     real(wp) :: bound = 0.0_wp, summing = 0.0_wp, flops = 0.0_wp
   end type plan_type
 
+  !> What the series of modes leave out at a frequency, one power after the other
+  type :: rest_type
+    !> The last j for which tau_j is known; b and a of each mode
+    integer, private :: power = 0
+    real(wp), allocatable, private :: inertia(:), friction(:)
+    !> tau_j for j = power - 1 and power
+    real(wp), allocatable, private :: before(:), last(:)
+  contains
+    procedure :: raise_to
+  end type rest_type
+
 contains
 
-  !> Bound on what the series up to a power leaves out of a mode, relative to it; sharp without damping. It grows with frequency.
-  pure elemental real(wp) function left_out(stiffness, mass, damping, frequency, power)
-    !> Stiffness, of each mode or as a matrix; mass, of each mode or as a matrix; damping of each mode
-    real(wp), intent(in) :: stiffness, mass, damping
+  !> At a frequency h omega.
+  pure function new_rest(stiffness, mass, damping, frequency) result(self)
+    !> Stiffness, above zero, mass and damping of each mode [n]
+    real(wp), intent(in) :: stiffness(:), mass(:), damping(:)
     !> h omega
     real(wp), intent(in) :: frequency
-    !> Power of i omega h
-    integer, intent(in) :: power
-    ! Sizes of s^j k t_j
-    real(wp) :: before, last, next, inertia, friction
-    integer :: j
+    type(rest_type) :: self
 
-    left_out = huge(1.0_wp)
-    if (stiffness <= epsilon(1.0_wp)*max(frequency**2*mass, frequency*damping)) return
-    inertia = frequency**2*mass/stiffness
-    friction = frequency*damping/stiffness
-    before = 0.0_wp
-    last = 1.0_wp
-    do j = 1, power + 1
-      next = friction*last + inertia*before
-      before = last
-      last = next
+    self%inertia = frequency**2*mass/stiffness
+    self%friction = frequency*damping/stiffness
+    self%before = 0.0_wp*self%inertia
+    self%last = self%before + 1.0_wp
+  end function new_rest
+
+  !> Bound on what the series up to a power leaves out of each mode, relative to it; sharp without damping. It grows with frequency.
+  pure subroutine raise_to(self, power, left_out)
+    class(rest_type), intent(inout) :: self
+    !> Power of i omega h, no less than the last one asked for
+    integer, intent(in) :: power
+    !> Left out of each mode [n]
+    real(wp), intent(out) :: left_out(:)
+    real(wp) :: next(size(self%last))
+
+    do while (self%power <= power)
+      next = self%friction*self%last + self%inertia*self%before
+      self%before = self%last
+      self%last = next
+      self%power = self%power + 1
     end do
-    left_out = last + inertia*before
-  end function left_out
+    left_out = self%last + self%inertia*self%before
+  end subroutine raise_to
+
+  !> The last mode whose series does not converge at a frequency, a + b >= 1; 0: all do.
+  pure integer function last_diverging(stiffness, mass, damping, frequency)
+    !> Stiffness, mass and damping of each mode [n]
+    real(wp), intent(in) :: stiffness(:), mass(:), damping(:)
+    !> h omega
+    real(wp), intent(in) :: frequency
+
+    last_diverging = findloc(frequency*damping + frequency**2*mass >= stiffness, .true., dim=1, back=.true.)
+  end function last_diverging
 
   !> Flops of the products of one linear system: some modes one by one, sums over the others, and to bring these up to date.
   pure real(wp) function flops(coefficients, rows, low, sums, summing)
@@ -113,13 +146,13 @@ contains
     modes = size(stiffness)
     if (modes == 0) return
     call ranks%gather_integers(mine, rows)
-    if (.not. allocated(self%rows)) call start(self, 0, 0)
+    if (.not. allocated(self%rows)) call start(self, 0, 0, 1.0_wp)
     plan = new_plan(self, receptance, rows, tolerance)
     if (plan%power == 0) return
     self%in_use = .true.
     self%bound = plan%bound
-    if (plan%afresh) call start(self, plan%power, plan%stride)
-    weights = series(stiffness, mass, damping, merge(plan%low, self%low, plan%afresh), plan%power)
+    if (plan%afresh) call start(self, plan%power, plan%stride, unit_of(receptance))
+    weights = series(stiffness, mass*self%unit**2, damping*self%unit, merge(plan%low, self%low, plan%afresh), plan%power)
     if (plan%summing > 0.0_wp .or. size(rows) < size(self%rows)) then
       call sum_modes(self, receptance, weights(:, ::plan%stride), plan%low, rows, mine)
     end if
@@ -127,6 +160,15 @@ contains
     self%shapes = receptance%mode_shapes(1, plan%low, mine)
     call set_frequency(self, receptance)
   end subroutine prepare
+
+  !> The highest h omega, in units of which powers are taken: 1 at rest.
+  pure real(wp) function unit_of(receptance)
+    !> Receptance of the stuck system between contact rows
+    class(receptance_type), intent(in) :: receptance
+
+    unit_of = receptance%harmonics*receptance%omega
+    if (unit_of <= 0.0_wp) unit_of = 1.0_wp
+  end function unit_of
 
   !> The cheapest way to serve these rows: with what is held, afresh to any power, or, power 0, through all modes.
   function new_plan(self, receptance, rows, tolerance) result(best)
@@ -138,9 +180,10 @@ contains
     !> Relative tolerance
     real(wp), intent(in) :: tolerance
     type(plan_type) :: best, plan
+    type(rest_type) :: rest
     real(wp), allocatable :: stiffness(:), mass(:), damping(:), missing(:)
-    real(wp) :: held
-    integer :: coefficients, modes, r, power, low
+    real(wp) :: held, frequency
+    integer :: coefficients, modes, r, power, low, diverging
 
     call receptance%uncoupled_modes(stiffness, mass, damping)
     modes = size(stiffness)
@@ -148,12 +191,18 @@ contains
     best%flops = flops(coefficients, size(rows), modes, 0, 0.0_wp)
     plan%stride = merge(1, 2, any(abs(damping) > 0.0_wp))
     held = real(count(places(rows, self%rows) > 0), wp)
-    do power = 2, highest_power, plan%stride
-      missing = left_out(stiffness, mass, damping, receptance%harmonics*receptance%omega, power)
-      low = maxval([0, pack([(r, r=1, modes)], missing > tolerance)])
+    frequency = receptance%harmonics*receptance%omega
+    diverging = last_diverging(stiffness, mass, damping, frequency)
+    rest = new_rest(stiffness(diverging + 1:), mass(diverging + 1:), damping(diverging + 1:), frequency)
+    allocate (missing(diverging + 1:modes))
+    power = 2
+    do while (flops(coefficients, size(rows), diverging, power/plan%stride + 1, 0.0_wp) < best%flops)
+      call rest%raise_to(power, missing)
+      low = maxval([diverging, pack([(r, r=diverging + 1, modes)], missing > tolerance)])
       plan%power = power
       call consider(low, 0.0_wp, .true.)
       if (power == self%power) call consider(max(low, self%low), held, .false.)
+      power = power + plan%stride
     end do
 
   contains
@@ -179,7 +228,7 @@ contains
     end subroutine consider
   end function new_plan
 
-  !> Coefficients t of the modes above `low` [n, 0:power].
+  !> Coefficients t of the modes above `low` [n, 0:power], with mass and damping in units of frequency t_j unit^j.
   pure function series(stiffness, mass, damping, low, power) result(t)
     !> Stiffness, of each mode or as a matrix; mass, of each mode or as a matrix; damping of each mode
     real(wp), intent(in) :: stiffness(:), mass(:), damping(:)
@@ -197,15 +246,18 @@ contains
   end function series
 
   !> Hold no rows yet, of the series to a power.
-  subroutine start(self, power, stride)
+  subroutine start(self, power, stride, unit)
     type(split_receptance_type), intent(inout) :: self
-    !> Power of i omega h; harmonics from one to the next
+    !> Power of i omega h; powers from one to the next
     integer, intent(in) :: power, stride
+    !> Frequency in units of which powers are taken, rad/s
+    real(wp), intent(in) :: unit
 
     self%rows = [integer ::]
     self%mine = [integer ::]
     self%power = power
     self%stride = stride
+    self%unit = unit
     self%low = 0
     if (allocated(self%sums)) deallocate (self%sums)
     allocate (self%sums(0, 0, power/max(stride, 1) + 1))
@@ -282,7 +334,7 @@ contains
     class(receptance_type), intent(in) :: receptance
     integer :: h, i
 
-    self%frequency = [0.0_wp, ((h*receptance%omega, i=1, 2), h=1, receptance%harmonics)]
+    self%frequency = [0.0_wp, ((h*receptance%omega/self%unit, i=1, 2), h=1, receptance%harmonics)]
     self%support = 0.0_wp*self%frequency + 1.0_wp
     if (receptance%lowest > 0) self%support(1) = 0.0_wp
     if (allocated(self%flexibility)) deallocate (self%flexibility)
@@ -319,9 +371,9 @@ contains
     end do
   end function receive
 
-  !> i h omega (c - i s) = h omega s + i h omega c of every harmonic.
+  !> i h omega (c - i s) = h omega s + i h omega c of every harmonic, h omega in units of frequency.
   pure function times_frequency(frequency, field) result(turned)
-    !> Angular frequency of each harmonic; vector over the rows of contacts
+    !> Frequency of each coefficient, in the unit; vector over the rows of contacts
     real(wp), intent(in) :: frequency(:), field(:, :)
     real(wp) :: turned(size(field, 1), size(field, 2))
     integer :: i

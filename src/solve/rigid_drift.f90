@@ -12,22 +12,20 @@
 !>
 !> | x_k | m | alpha | beta | X | decides after |
 !> |---|---|---|---|---|---|
-!> | ends of the periods of a window of motion in time | 7 or more | 0.01 | 1e-5 | first harmonic | 3 windows in a row |
-!> | means of solutions with springs on them that are relaxed | 2 | 1e-3 | 1e-12 | mean | the first time |
-!> | the same within one solve, only to end it early | 2 | 0.5 | 1e-12 | mean | the first time |
+!> | ends of the periods of a window of motion in time | 7 or more | 0.01 | errors of a period's steps | x_n | 3 windows in a row |
+!> | means of solutions with springs on them that are relaxed | 2 | 1e-3 | 1e-12 | x_n | the first time |
+!> | the same within one solve, only to end it early | 2 | 0.5 | 1e-12 | x_n | the first time |
 !> | points of a branch, by gamma: 0.5 where no contact holds, else 1e-3 | | | | | 6 steps in a row |
 module attrito_solve_rigid_drift
   use attrito_core_kinds, only: wp
   implicit none
   private
   public :: steps_repeat, repeated_means_type, moves_mean_alone
-  public :: alike_in_time, least_in_time, windows_in_a_row, alike_in_mean, alike_in_solve, mean_share, branch_steps_in_a_row
+  public :: alike_in_time, windows_in_a_row, alike_in_mean, alike_in_solve, mean_share, branch_steps_in_a_row
 
   !> alpha: steps of motion in time; of relaxed means, where rounding and the tolerance left some 1e-6; of the few within one solve,
   !> which only decide whether other strategies are tried
   real(wp), parameter :: alike_in_time = 1.0e-2_wp, alike_in_mean = 1.0e-3_wp, alike_in_solve = 0.5_wp ! guess
-  !> beta, for motion in time
-  real(wp), parameter :: least_in_time = 1.0e-5_wp ! guess
   !> beta, for means: shorter steps are rounding
   real(wp), parameter :: least_in_mean = 1.0e-12_wp ! derived
   !> Successive windows of motion in time, and successive steps along a branch, after which a body is taken to drift

@@ -4,7 +4,7 @@ program test_split_receptance
   use attrito_core_kinds, only: wp
   use attrito_core_trigonometric, only: to_complex, to_real
   use attrito_linear_receptance_modal, only: receptance_modal_type, new_receptance_modal
-  use attrito_linear_split_receptance, only: split_receptance_type, left_out, flops
+  use attrito_linear_split_receptance, only: split_receptance_type, rest_type, new_rest, flops
   use scenes, only: noise
   use session, only: run_in_session, only_me
   use testing, only: test, check, check_close
@@ -20,8 +20,9 @@ program test_split_receptance
                       test('what the series leaves out of a mode is known, and bounded with damping', one_mode), &
                       test('without damping what is left out grows with the power of frequency next to the last', next_power), &
                       test('products differ from those through all modes by no more than the bound', bounded), &
-                      test('the tighter the tolerance, the more modes stay as they are and the closer the product, until all do', &
-                           tighter), &
+                      test('the tighter the tolerance, the closer the product, down to rounding', tighter), &
+                      test('no power of the series needs fewer flops than the one that is taken', cheapest), &
+                      test('high powers of high frequencies lose no digits', high_frequencies), &
                       test('a mean without support stays zero', no_mean), &
                       test('sums kept while rows come and go and the frequency rises are those made afresh', kept), &
                       test('modes that move freely are kept as they are', free_modes), &
@@ -83,8 +84,9 @@ contains
   subroutine one_mode(error)
     type(error_type), allocatable, intent(out) :: error
     real(wp), parameter :: stiffness = 3.0_wp, mass = 0.7_wp, damping = 0.2_wp
+    type(rest_type) :: rest
     complex(wp) :: exact, corrected
-    real(wp) :: difference
+    real(wp) :: difference, left_out(1), undamped(3)
     integer :: i
 
     exact = 1.0_wp/cmplx(stiffness - omega**2*mass, omega*damping, wp)
@@ -92,10 +94,15 @@ contains
     corrected = 1.0_wp/stiffness - (0.0_wp, 1.0_wp)*omega*damping/stiffness**2 &
                 + omega**2*(mass - damping**2/stiffness)/stiffness**2
     difference = abs((exact - corrected)/exact)
-    call check(error, left_out(stiffness, mass, damping, omega, 2) >= difference, 'the bound is below the difference')
-    call check(error, left_out(stiffness, mass, damping, omega, 2) <= 1.5_wp*difference, 'the bound is far above the difference')
-    call check_close(error, [(left_out(stiffness, mass, 0.0_wp, omega, 2*i), i=1, 3)], &
-                     [((omega**2*mass/stiffness)**(i + 1), i=1, 3)], 1.0e-15_wp, 'left out without damping')
+    rest = new_rest([stiffness], [mass], [damping], omega)
+    call rest%raise_to(2, left_out)
+    call check(error, left_out(1) >= difference, 'the bound is below the difference')
+    call check(error, left_out(1) <= 1.5_wp*difference, 'the bound is far above the difference')
+    rest = new_rest([stiffness], [mass], [0.0_wp], omega)
+    do i = 1, 3
+      call rest%raise_to(2*i, undamped(i:i))
+    end do
+    call check_close(error, undamped, [((omega**2*mass/stiffness)**(i + 1), i=1, 3)], 1.0e-15_wp, 'left out without damping')
   end subroutine one_mode
 
   subroutine next_power(error)
@@ -143,30 +150,85 @@ contains
     end do
   end subroutine bounded
 
-  !> Without damping at most x^4 is left out of a mode; the last has x = 2.4e-4.
   subroutine tighter(error)
     type(error_type), allocatable, intent(out) :: error
     real(wp), parameter :: tolerances(4) = [1.0e-2_wp, 1.0e-6_wp, 1.0e-10_wp, 1.0e-14_wp]
     type(receptance_modal_type) :: receptance
     type(split_receptance_type) :: split
-    real(wp) :: y(k, 1), plain(k, 1), sizes(k, 1)
-    integer :: i, low, status
+    real(wp) :: y(k, 1), plain(k, 1), sizes(k, 1), off(size(tolerances))
+    integer :: i, status
 
     receptance = random_receptance(0.0_wp)
     call receptance%set_frequency(omega, status)
     y = random_forces(1)
     plain = through_modes(receptance, active(:1), y, .false.)
     sizes = through_modes(receptance, active(:1), y, .true.)
-    low = 0
     do i = 1, size(tolerances)
       call split%prepare(receptance, only_me(), active(:1), tolerances(i))
-      call check(error, split%in_use .and. split%low > low .and. split%bound <= tolerances(i), 'the split does not follow')
-      call check(error, all(abs(split%receive(only_me(), y) - plain) <= (split%bound + rounding)*sizes), 'it is beyond the bound')
-      low = split%low
+      call check(error, split%in_use .and. split%bound <= tolerances(i), 'the split does not follow')
+      off(i) = maxval(abs(split%receive(only_me(), y) - plain)/sizes)
+      call check(error, off(i) <= split%bound + rounding, 'it is beyond the bound')
     end do
-    call split%prepare(receptance, only_me(), active(:1), 1.0e-30_wp)
-    call check(error, .not. split%in_use, 'sums of no modes are taken')
+    call check(error, off(1) > tolerances(2) .and. off(2) > tolerances(3), 'it is as near from the start: the test is void')
   end subroutine tighter
+
+  !> The way that is found needs no more flops than that of any power, up to ones whose sums alone need more than all modes do.
+  subroutine cheapest(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(receptance_modal_type) :: receptance
+    type(split_receptance_type) :: split
+    type(rest_type) :: rest
+    real(wp) :: left_out(modes), best, found
+    integer :: i, power, stride, low, first, status
+
+    do i = 0, 3
+      ! Without damping and with more and more; few rows, for which many powers pay.
+      receptance = random_receptance(0.1_wp*i)
+      stride = merge(1, 2, i > 0)
+      split = split_receptance_type()
+      call receptance%set_frequency(omega, status)
+      call split%prepare(receptance, only_me(), active(:3), tolerance)
+      call check(error, split%in_use .and. split%power > 6, 'hardly any powers: the test is void')
+      ! From x^2 + 2 ratio x = 1 on, x being H omega over a mode's frequency, no series converges.
+      first = 1 + count(harmonics*omega*(sqrt(1.0_wp + (0.1_wp*i)**2) + 0.1_wp*i) >= sqrt(receptance%modal_stiffness))
+      rest = new_rest(receptance%modal_stiffness(first:), receptance%modal_mass(first:), receptance%modal_damping(first:), &
+                      harmonics*omega)
+      best = flops(k, 3, modes, 0, 0.0_wp)
+      found = huge(best)
+      do power = 2, 4*modes, stride
+        call rest%raise_to(power, left_out(first:))
+        low = first - 1 + findloc(left_out(first:) > tolerance, .true., dim=1, back=.true.)
+        associate (sums => power/stride + 1)
+          associate (all_told => flops(k, 3, low, sums, 2.0_wp*sums*(modes - low)*9.0_wp))
+            best = min(best, all_told)
+            if (power == split%power .and. low == split%low) found = all_told
+          end associate
+        end associate
+      end do
+      call check_close(error, found, best, 0.0_wp, 'flops')
+    end do
+  end subroutine cheapest
+
+  !> Sums to a high power: products keep their digits where frequencies are far from one.
+  subroutine high_frequencies(error)
+    type(error_type), allocatable, intent(out) :: error
+    real(wp), parameter :: fast = 1.0e12_wp
+    type(receptance_modal_type) :: receptance
+    type(split_receptance_type) :: split
+    real(wp) :: y(k, 1), sizes(k, 1)
+    integer :: status
+
+    receptance = random_receptance(0.0_wp)
+    receptance%modal_stiffness = fast**2*receptance%modal_stiffness
+    call receptance%set_frequency(fast*omega, status)
+    y = random_forces(1)
+    call split%prepare(receptance, only_me(), active(:1), 1.0e-12_wp)
+    ! The highest power of h omega is not a number, and that of the modes' frequencies is none either.
+    call check(error, split%in_use .and. split%power*log10(fast) > range(fast), 'the power is too low: the test is void')
+    sizes = through_modes(receptance, active(:1), y, .true.)
+    call check(error, all(abs(split%receive(only_me(), y) - through_modes(receptance, active(:1), y, .false.)) &
+                          <= (split%bound + rounding)*sizes), 'it is beyond the bound')
+  end subroutine high_frequencies
 
   subroutine no_mean(error)
     type(error_type), allocatable, intent(out) :: error
