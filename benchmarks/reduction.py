@@ -23,7 +23,7 @@ import numpy as np
 from mpi4py import MPI
 
 from attrito.library.names import EIGENSOLVERS, ORDERINGS
-from attrito.library.reduction import BLOCK_VECTORS, reduce_model
+from attrito.library.reduction import BLOCK_VECTORS, Options, reduce_model
 
 
 def boundary_and_vectors(path: Path, nodes: int | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -75,6 +75,14 @@ def main() -> None:
     arguments = parser.parse_args()
     model, rom = arguments.folder / "model.h5", arguments.rom or arguments.folder / "rom.h5"
     boundary, vectors = boundary_and_vectors(model, arguments.boundary_nodes)
+    options = Options(
+        modes=arguments.modes,
+        eigensolver=arguments.eigensolver,
+        ordering=arguments.ordering,
+        out_of_core={"auto": None, "yes": True, "no": False}[arguments.out_of_core],
+        block_size=arguments.block_size,
+        block_vectors=arguments.block_vectors,
+    )
     clock = ProcessorClock()
     started = time.perf_counter()
     report = reduce_model(
@@ -82,13 +90,8 @@ def main() -> None:
         model,
         rom,
         boundary,
+        options,
         vectors,
-        modes=arguments.modes,
-        eigensolver=arguments.eigensolver,
-        ordering=arguments.ordering,
-        out_of_core={"auto": None, "yes": True, "no": False}[arguments.out_of_core],
-        block_size=arguments.block_size,
-        block_vectors=arguments.block_vectors,
         listener=clock.hear,
     )
     seconds = time.perf_counter() - started

@@ -10,7 +10,7 @@ import numpy as np
 from mpi4py import MPI
 from scipy.linalg import eigh
 
-from attrito.library.reduction import Report, reduce_model
+from attrito.library.reduction import Options, Report, reduce_model
 from attrito.model.model import Model
 from attrito.model.model_file import write_model
 
@@ -39,12 +39,14 @@ class Case:
         inside = np.ix_(self.interior, self.interior)
         return np.sqrt(eigh(self.stiffness[inside], self.mass[inside], eigvals_only=True)) / (2 * np.pi)
 
-    def reduce(self, boundary=None, vectors=None, **options) -> tuple[Report, h5py.File]:
+    def reduce(self, boundary=None, vectors=None, recovered=None, **options) -> tuple[Report, h5py.File]:
         """The report, and rom.h5 open."""
         chosen = self.boundary if boundary is None else boundary
         # A name of its own: h5py would take a file written over for the one that it still holds open.
         path = self.folder / f"rom{len(list(self.folder.glob('rom*')))}.h5"
-        report = reduce_model(MPI.COMM_WORLD, self.folder / "model.h5", path, chosen, vectors, **options)
+        report = reduce_model(
+            MPI.COMM_WORLD, self.folder / "model.h5", path, chosen, Options(**options), vectors, recovered=recovered
+        )
         return report, h5py.File(path)
 
 

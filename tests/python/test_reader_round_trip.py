@@ -20,7 +20,7 @@ from scipy.linalg import eigh, subspace_angles
 from scipy.sparse.linalg import eigsh
 
 from attrito.importers import entries, import_model, text
-from attrito.library.reduction import reduce_model
+from attrito.library.reduction import Options, reduce_model
 from attrito.model.model import Model
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -163,7 +163,7 @@ def reduced(folder: Path, model: Model) -> dict[str, np.ndarray]:
     flanks = np.concatenate([model.node_sets[name] for name in ("root_left", "root_right", "slot_left", "slot_right")])
     boundary = np.flatnonzero(np.isin(model.dof_node, flanks))
     # SCOTCH draws random numbers that go on from one reduction of a process to the next: not the same to the last bit.
-    reduce_model(MPI.COMM_WORLD, folder / "read.h5", folder / "rom.h5", boundary, modes=10, ordering="pord")
+    reduce_model(MPI.COMM_WORLD, folder / "read.h5", folder / "rom.h5", boundary, Options(modes=10, ordering="pord"))
     with h5py.File(folder / "rom.h5") as file:
         return {name: file[name][()] for name in ("mass", "stiffness", "modes/frequency_hz")}
 

@@ -16,7 +16,7 @@ from reduced import COUNTS, SIZE, Case, make_case, unit, worst
 from scipy.linalg import eigh
 from scipy.sparse import csr_matrix, diags
 
-from attrito.library.reduction import reduce_model
+from attrito.library.reduction import Options, reduce_model
 from attrito.model.model import Model
 from attrito.model.model_file import write_model
 from attrito.support.errors import InputError
@@ -227,7 +227,7 @@ def test_what_does_not_fit_the_model_is_told_in_words(free, change, message):
 
 def test_a_missing_model_is_told_with_its_name(free):
     with pytest.raises(InputError, match=r"nowhere\.h5 cannot be opened"):
-        reduce_model(MPI.COMM_WORLD, free.folder / "nowhere.h5", free.folder / "rom.h5", [0], modes=1)
+        reduce_model(MPI.COMM_WORLD, free.folder / "nowhere.h5", free.folder / "rom.h5", [0], Options(modes=1))
 
 
 def test_a_model_without_mass_is_told_with_the_dataset(free):
@@ -243,12 +243,12 @@ import sys
 from mpi4py import MPI
 import numpy as np
 from attrito.support.errors import InputError
-from attrito.library.reduction import reduce_model
+from attrito.library.reduction import Options, reduce_model
 model, rom, modes, boundary, n = *sys.argv[1:3], int(sys.argv[3]), int(sys.argv[4]), int(sys.argv[5])
 recovered = json.loads(sys.argv[6])
 vectors = np.eye(n)[[100, 50]] if MPI.COMM_WORLD.rank == 0 else None
 try:
-    reduce_model(MPI.COMM_WORLD, model, rom, np.arange(boundary), vectors, recovered=recovered, modes=modes)
+    reduce_model(MPI.COMM_WORLD, model, rom, np.arange(boundary), Options(modes=modes), vectors, recovered=recovered)
 except InputError as error:
     print(error, flush=True)
 """

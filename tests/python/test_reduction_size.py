@@ -23,7 +23,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import eigsh
 
 from attrito.library.names import EIGENSOLVERS
-from attrito.library.reduction import reduce_model
+from attrito.library.reduction import Options, reduce_model
 from attrito.model.model import Model
 from attrito.model.model_file import read_model
 from attrito.runs.progress import Progress
@@ -247,9 +247,9 @@ import sys
 from mpi4py import MPI
 import numpy as np
 from attrito.support.errors import NumericsError
-from attrito.library.reduction import reduce_model
+from attrito.library.reduction import Options, reduce_model
 try:
-    reduce_model(MPI.COMM_WORLD, *sys.argv[1:3], np.arange(30), modes=40)
+    reduce_model(MPI.COMM_WORLD, *sys.argv[1:3], np.arange(30), Options(modes=40))
 except NumericsError as error:
     print(error)
 """
@@ -291,7 +291,9 @@ def test_factors_go_to_disk_where_memory_is_short_and_nothing_is_begun_where_it_
 
     def reduce(memory_gb):
         return reduce_model(
-            *arguments, modes=5, block_size=16, memory_gb=memory_gb, listener=lambda text, *_: told.append(text)
+            *arguments,
+            Options(modes=5, block_size=16, memory_gb=memory_gb),
+            listener=lambda text, *_: told.append(text),
         )
 
     report = reduce(None)
@@ -312,13 +314,13 @@ import signal, sys
 from pathlib import Path
 from mpi4py import MPI
 import numpy as np
-from attrito.library.reduction import reduce_model
+from attrito.library.reduction import Options, reduce_model
 folder, boundary = sys.argv[1], np.load(sys.argv[1] + "/boundary.npy")
 def listen(text, done, total):
     if list(Path(folder, "rom.h5.steps").glob(sys.argv[2])):
         signal.pause()
-how = {"modes": 60, "block_size": 4, "fingerprint": "it", "listener": listen}
-reduce_model(MPI.COMM_WORLD, folder + "/model.h5", folder + "/rom.h5", boundary, **how)
+reduce_model(MPI.COMM_WORLD, folder + "/model.h5", folder + "/rom.h5", boundary, Options(modes=60, block_size=4),
+             fingerprint="it", listener=listen)
 """
 
 
@@ -339,7 +341,7 @@ def test_a_reduction_that_was_killed_goes_on_from_its_last_finished_step(middlin
     boundary = flanks(middling)[:120]
     np.save(middling / "boundary.npy", boundary)
     arguments = (MPI.COMM_WORLD, middling / "model.h5")
-    reduce_model(*arguments, middling / "whole.h5", boundary, modes=60, block_size=4)
+    reduce_model(*arguments, middling / "whole.h5", boundary, Options(modes=60, block_size=4))
     left = kill_when(middling, pattern, 2)
     steps = middling / "rom.h5.steps"
     seen: dict[str, int] = {}
@@ -348,7 +350,8 @@ def test_a_reduction_that_was_killed_goes_on_from_its_last_finished_step(middlin
         for path in steps.glob("*.h5"):
             seen[path.name] = path.stat().st_mtime_ns
 
-    reduce_model(*arguments, middling / "rom.h5", boundary, modes=60, block_size=4, fingerprint="it", listener=listen)
+    options = Options(modes=60, block_size=4)
+    reduce_model(*arguments, middling / "rom.h5", boundary, options, fingerprint="it", listener=listen)
     kept = [name for name in left if name.startswith("constraint")]
     assert len(kept) >= 8
     assert all(seen[name] == left[name] for name in kept)
@@ -366,20 +369,20 @@ KILLED_AMONG_FORTY_MODES = """
 import os, signal, sys
 from mpi4py import MPI
 import numpy as np
-from attrito.library.reduction import reduce_model
+from attrito.library.reduction import Options, reduce_model
 folder, boundary = sys.argv[1], np.load(sys.argv[1] + "/boundary.npy")
 def listen(text, done, total):
     if text == "fixed-interface modes" and total == 40:
         os.kill(os.getpid(), signal.SIGKILL)
-reduce_model(MPI.COMM_WORLD, folder + "/model.h5", folder + "/auto.h5", boundary, error_target=1e-4,
-             top_frequency_hz=float(sys.argv[2]), fingerprint="it", listener=listen)
+reduce_model(MPI.COMM_WORLD, folder + "/model.h5", folder + "/auto.h5", boundary,
+             Options(error_target=1e-4, top_frequency_hz=float(sys.argv[2])), fingerprint="it", listener=listen)
 """
 
 
 def test_doubling_the_modes_goes_on_from_the_number_it_had_come_to(middling):
     boundary = flanks(middling)[:120]
     np.save(middling / "boundary.npy", boundary)
-    first = reduce_model(MPI.COMM_WORLD, middling / "model.h5", middling / "few.h5", boundary, modes=20)
+    first = reduce_model(MPI.COMM_WORLD, middling / "model.h5", middling / "few.h5", boundary, Options(modes=20))
     with h5py.File(middling / "few.h5") as file:
         # Just above the twenty modes, so that these cannot be enough.
         top = float(file["modes/frequency_hz"][-1]) * 1.01
@@ -392,8 +395,7 @@ def test_doubling_the_modes_goes_on_from_the_number_it_had_come_to(middling):
         middling / "model.h5",
         middling / "auto.h5",
         boundary,
-        error_target=1e-4,
-        top_frequency_hz=top,
+        Options(error_target=1e-4, top_frequency_hz=top),
         fingerprint="it",
         listener=lambda text, done, total: totals.append(total if text == "fixed-interface modes" else 0),
     )
@@ -409,7 +411,8 @@ def test_what_another_reduction_left_is_not_taken_up(middling):
     steps.mkdir()
     (steps / "fingerprint").write_text("of another")
     (steps / "constraint_000001_000030.h5").write_text("no columns")
-    reduce_model(MPI.COMM_WORLD, middling / "model.h5", middling / "other.h5", boundary, modes=3, fingerprint="mine")
+    files = middling / "model.h5", middling / "other.h5"
+    reduce_model(MPI.COMM_WORLD, *files, boundary, Options(modes=3), fingerprint="mine")
     assert not steps.exists()
 
 

@@ -111,23 +111,12 @@ def export_point(
     result.check_point(point)
     if not model.has_mesh:
         raise InputError(Fault(result.path, "model", "without nodes", "a finite-element model, to draw its shape"))
-    dofs = len(model.dof_node)
-    own = share(dofs, comm)
-    part = everywhere(comm, lambda: full_field(result, point, dofs, rom_file, own))
-    field = np.concatenate(comm.allgather(part)) if comm.size > 1 else part
+    field = _gathered_field(result, point, model, rom_file, comm)
     cells, notes = mesh_cells(model)
     wheel = everywhere(comm, lambda: wheel_of(result, point)) if options.wheel else None
-    known = ~np.isnan(field[:, 0])
-    if not known.all():
-        moves = model.translates
-        unknown = model.rows_of(moves)[~known[moves]]
-        cells, left_out = _cells_of(cells, ~np.isin(np.arange(len(model.node_ids)), unknown))
-        if not cells:
-            expected = 'the motion of all nodes of some element: [reduction] recovery = "all", or a list of node sets'
-            raise InputError(Fault(rom_file, "/recovery/dof", f"{np.count_nonzero(known)} of {dofs} dofs", expected))
-        notes.append(
-            f"{left_out} elements are not drawn: [reduction] recovery leaves out the motion of some of their nodes"
-        )
+    if np.isnan(field[:, 0]).any():
+        cells, left_out = _recovered_cells(cells, field, model, rom_file)
+        notes.append(left_out)
         field = np.nan_to_num(field)
     contact = contact_fields(result, point, model)
     points, harmonics = model.coordinates, node_harmonics(field, model)
@@ -144,6 +133,34 @@ def export_point(
             lambda: _write(comm, base, cells, _snapshots(result, point, points, harmonics, options), contact, options),
         )
     return written, notes
+
+
+def _gathered_field(result: Result, point: int, model: Model, rom_file: str | None, comm: Comm) -> np.ndarray:
+    """`full_field` on every rank, of which each recovers a part."""
+    dofs = len(model.dof_node)
+    own = share(dofs, comm)
+    part = everywhere(comm, lambda: full_field(result, point, dofs, rom_file, own))
+    return np.concatenate(comm.allgather(part)) if comm.size > 1 else part
+
+
+def _recovered_cells(
+    cells: list[tuple[str, np.ndarray]], field: np.ndarray, model: Model, rom_file: str | None
+) -> tuple[list[tuple[str, np.ndarray]], str]:
+    """Cells of whose nodes all motion was recovered, and a sentence on the others.
+
+    Raises
+    ------
+    InputError : there are none
+    """
+    known = ~np.isnan(field[:, 0])
+    moves = model.translates
+    unknown = model.rows_of(moves)[~known[moves]]
+    cells, left_out = _cells_of(cells, ~np.isin(np.arange(len(model.node_ids)), unknown))
+    if not cells:
+        expected = 'the motion of all nodes of some element: [reduction] recovery = "all", or a list of node sets'
+        raise InputError(Fault(rom_file, "/recovery/dof", f"{np.count_nonzero(known)} of {len(known)} dofs", expected))
+    why = "[reduction] recovery leaves out the motion of some of their nodes"
+    return cells, f"{left_out} elements are not drawn: {why}"
 
 
 def _snapshots(

@@ -66,28 +66,15 @@ def import_model(
     frequencies, node sets with their sizes
     """
     check_holdings(holds, spin_hz, geometric_stiffness is not None)
-    jobs = {"calculix": calculix_job, "abaqus": abaqus_job, "nastran": nastran_file}
-    given = [name for name, job in jobs.items() if job is not None]
-    matrices = [name for name, file in (("stiffness", stiffness), ("mass", mass)) if file is not None]
-    if len(given + matrices[:1]) > 1:
-        other = [*given, *matrices][1]
-        raise InputError(Fault("import", other, "given", f"one source of matrices: {given[0]} is given, too"))
     files = {name: file for name, file in (("stiffness", stiffness), ("mass", mass), ("damping", damping)) if file}
+    _check_one_source({"calculix": calculix_job, "abaqus": abaqus_job, "nastran": nastran_file}, files)
     numbers = DofNumbers()
     read: dict[str, Source] = {}
     notes: list[str] = []
     known_dofs = None
     if calculix_job is not None:
         dofs = f"{calculix_job}.dof"
-        if mesh is None:
-            raise InputError(Fault("import", "mesh", "missing", "a file that goes with dofs: which row is which node"))
-        known_dofs = read_dof_file(dofs)
-        thermal = known_dofs[0][known_dofs[1] == 0]
-        if len(thermal):
-            expected = "displacements: the matrices of a mechanical step"
-            raise InputError(Fault(dofs, "file", f"{thermal[0]}.0, a temperature", expected))
-        for name, ending in (("stiffness", "sti"), ("mass", "mas")):
-            read[name] = read_calculix(f"{calculix_job}.{ending}", name, len(known_dofs[0]))
+        read, known_dofs = _calculix_matrices(calculix_job, dofs, mesh)
     elif abaqus_job is not None:
         of_job, read = abaqus_matrices(abaqus_job, numbers)
         files = of_job | files
@@ -107,6 +94,31 @@ def import_model(
         raise InputError(Fault("import", "dofs", "missing", "a file that goes with mesh: which row is which node"))
     model, found = _model(output, read, numbers, known_dofs, dofs, mesh, holds, spin_hz)
     return model, found + notes
+
+
+def _check_one_source(jobs: dict[str, str | Path | None], files: dict[str, str | Path]) -> None:
+    """Raise where matrices come from two jobs, or from a job and from files."""
+    given = [name for name, job in jobs.items() if job is not None]
+    matrices = [name for name in ("stiffness", "mass") if name in files]
+    if len(given + matrices[:1]) > 1:
+        other = [*given, *matrices][1]
+        raise InputError(Fault("import", other, "given", f"one source of matrices: {given[0]} is given, too"))
+
+
+def _calculix_matrices(
+    job: str | Path, dofs: str, mesh: str | Path | None
+) -> tuple[dict[str, Source], tuple[np.ndarray, np.ndarray]]:
+    """Stiffness and mass of a job of CalculiX, and node and direction of each row."""
+    if mesh is None:
+        raise InputError(Fault("import", "mesh", "missing", "a file that goes with dofs: which row is which node"))
+    known_dofs = read_dof_file(dofs)
+    thermal = known_dofs[0][known_dofs[1] == 0]
+    if len(thermal):
+        expected = "displacements: the matrices of a mechanical step"
+        raise InputError(Fault(dofs, "file", f"{thermal[0]}.0, a temperature", expected))
+    endings = {"stiffness": "sti", "mass": "mas"}
+    read = {name: read_calculix(f"{job}.{ending}", name, len(known_dofs[0])) for name, ending in endings.items()}
+    return read, known_dofs
 
 
 def _model(

@@ -64,25 +64,69 @@ class Report:
     megabytes: dict[str, float]
 
 
+@dataclass(frozen=True)
+class Options:
+    """What is asked of a reduction; one of the first three says how many fixed-interface modes there are.
+
+    Parameters
+    ----------
+    modes : their number, or
+    max_frequency_hz : keep all up to this one, or
+    error_target : double their number until natural frequencies and point receptances are estimated to be this near
+    top_frequency_hz : where that is looked at, from 0; 0: up to two thirds of the highest mode's frequency
+    eigensolver : who finds the modes, one of `EIGENSOLVERS`
+    check_inertia : prove by a second factorisation that no mode was missed
+    ordering : of the rows for the factorisation, one of `ORDERINGS`
+    out_of_core : factors on disk; None: where memory is short. They go to the folder MUMPS_OOC_TMPDIR, or /tmp.
+    memory_gb : that the ranks of a machine may take together for the factors and beside them; None: what is free
+    block_size : columns of the basis treated at a time, 0: by the size of the model
+    block_vectors : vectors solved for at once, where the eigensolver has blocks
+    """
+
+    modes: int | None = None
+    max_frequency_hz: float | None = None
+    error_target: float | None = None
+    top_frequency_hz: float = 0.0
+    eigensolver: str = EIGENSOLVERS[0]
+    check_inertia: bool = True
+    ordering: str = ORDERINGS[0]
+    out_of_core: bool | None = None
+    memory_gb: float | None = None
+    block_size: int = 0
+    block_vectors: int = BLOCK_VECTORS
+
+    def __post_init__(self) -> None:
+        if sum(given is not None for given in (self.modes, self.max_frequency_hz, self.error_target)) != 1:
+            raise TypeError("give one of modes, max_frequency_hz and error_target")
+
+    @property
+    def raw(self) -> RawReduction:
+        """As the library takes them."""
+        return RawReduction(
+            modes=-1 if self.modes is None else self.modes,
+            block_size=self.block_size,
+            block_vectors=self.block_vectors,
+            check_inertia=int(self.check_inertia),
+            max_frequency_hz=self.max_frequency_hz or 0.0,
+            error_target=self.error_target or 0.0,
+            top_frequency_hz=self.top_frequency_hz,
+            tolerance=TOLERANCE,
+            memory_megabytes=1024.0 * (self.memory_gb or 0.0),
+            ordering=self.ordering.encode(),
+            out_of_core={None: b"auto", True: b"yes", False: b"no"}[self.out_of_core],
+            eigensolver=self.eigensolver.encode(),
+        )
+
+
 def reduce_model(
     comm: Comm,
     model_path: str | Path,
     rom_path: str | Path,
     boundary: ArrayLike,
+    options: Options,
     vectors: ArrayLike | None = None,
     *,
     recovered: ArrayLike | None = None,
-    modes: int | None = None,
-    max_frequency_hz: float | None = None,
-    error_target: float | None = None,
-    top_frequency_hz: float = 0.0,
-    eigensolver: str = EIGENSOLVERS[0],
-    check_inertia: bool = True,
-    ordering: str = ORDERINGS[0],
-    out_of_core: bool | None = None,
-    memory_gb: float | None = None,
-    block_size: int = 0,
-    block_vectors: int = BLOCK_VECTORS,
     fingerprint: str = "",
     listener: Listener | None = None,
 ) -> Report:
@@ -96,19 +140,9 @@ def reduce_model(
     comm : the ranks that do it together
     model_path, rom_path : docs/files.md; `rom_path` is written over
     boundary : dofs to keep, from 0, the same on every rank; in any order
+    options : how many modes, and how they are found
     vectors : `[nv, n]`, loads and monitors; rank 0's are taken. Those that act inside get a static correction each.
     recovered : dofs whose motion can be had from that of the reduced model, from 0, the same on every rank; None: all
-    modes : number of fixed-interface modes, or
-    max_frequency_hz : keep all up to this one, or
-    error_target : double their number until natural frequencies and point receptances are estimated to be this near
-    top_frequency_hz : where that is looked at, from 0; 0: up to two thirds of the highest mode's frequency
-    eigensolver : who finds the modes, one of `EIGENSOLVERS`
-    check_inertia : prove by a second factorisation that no mode was missed
-    ordering : of the rows for the factorisation, one of `ORDERINGS`
-    out_of_core : factors on disk; None: where memory is short. They go to the folder MUMPS_OOC_TMPDIR, or /tmp.
-    memory_gb : that the ranks of a machine may take together for the factors and beside them; None: what is free
-    block_size : columns of the basis treated at a time, 0: by the size of the model
-    block_vectors : vectors solved for at once, where the eigensolver has blocks
     fingerprint : of the matrices and all that is asked; empty: an interrupted reduction starts anew
     listener : called with progress on rank 0: a step, how much of it is done, of how much; or a sentence, and 0, 0
 
@@ -117,27 +151,12 @@ def reduce_model(
     InputError : a motion stays free with the boundary held, the file is no model, or there is no room on the disk
     NumericsError : no memory for the factors, or modes were missed
     """
-    if sum(given is not None for given in (modes, max_frequency_hz, error_target)) != 1:
-        raise TypeError("give one of modes, max_frequency_hz and error_target")
     dofs = np.unique(np.asarray(boundary, dtype=np.intc))
     kept = np.zeros(0, dtype=np.intc) if recovered is None else np.unique(np.asarray(recovered, dtype=np.intc))
     block = np.zeros((0, 0)) if vectors is None or comm.rank else np.atleast_2d(np.asarray(vectors, dtype=float))
     block = np.ascontiguousarray(block)
     count = comm.bcast(len(block))
-    options = RawReduction(
-        modes=-1 if modes is None else modes,
-        block_size=block_size,
-        block_vectors=block_vectors,
-        check_inertia=int(check_inertia),
-        max_frequency_hz=max_frequency_hz or 0.0,
-        error_target=error_target or 0.0,
-        top_frequency_hz=top_frequency_hz,
-        tolerance=TOLERANCE,
-        memory_megabytes=1024.0 * (memory_gb or 0.0),
-        ordering=ordering.encode(),
-        out_of_core={None: b"auto", True: b"yes", False: b"no"}[out_of_core],
-        eigensolver=eigensolver.encode(),
-    )
+    raw = options.raw
     steps = Path(f"{rom_path}.steps")
     on_root(comm, lambda: _prepare_steps(steps, fingerprint))
     listen = (
@@ -158,7 +177,7 @@ def reduce_model(
         pointer(block),
         -1 if recovered is None else len(kept),
         pointer(kept),
-        ctypes.byref(options),
+        ctypes.byref(raw),
         listen,
         ctypes.byref(report),
         len(message),
@@ -168,8 +187,13 @@ def reduce_model(
     if status == 2 or not fingerprint or status == 0:
         on_root(comm, lambda: shutil.rmtree(steps))
     loading.check(status, message)
-    values = {field.name: getattr(report, field.name) for field in fields(Report)}
-    values["ordering"] = report.ordering.decode().strip()
+    return _report_of(report)
+
+
+def _report_of(raw: RawReductionReport) -> Report:
+    """What the library reports, with names."""
+    values = {field.name: getattr(raw, field.name) for field in fields(Report)}
+    values["ordering"] = raw.ordering.decode().strip()
     for name in ("seconds", "megabytes"):
         values[name] = dict(zip(REDUCTION_STEPS, values[name], strict=True))
     return Report(**values)

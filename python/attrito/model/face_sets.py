@@ -8,7 +8,6 @@ is in `face_pairing`, what rows and frames are in `pairs`.
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_matrix
 
 from attrito.model.closest_points import Closest, Faces, closest_points
 from attrito.model.face_pairing import (
@@ -16,14 +15,14 @@ from attrito.model.face_pairing import (
     cut_gauss_points,
     face_gauss_points,
     find_partners,
-    motion_of,
     nodal_points,
     pair_with_faces,
 )
 from attrito.model.face_shapes import corners
 from attrito.model.model import Model
+from attrito.model.pairing import node_pairs
 from attrito.model.pairs import GROUND, Pairs, can_move, check_pairs, node_rows, notes_on_held, set_nodes, some
-from attrito.model.surfaces import FACES, set_faces, tangent_frames
+from attrito.model.surfaces import FACES, set_faces
 from attrito.support.errors import Fault, InputError
 
 # Kinds of points, and what they are called
@@ -54,13 +53,7 @@ def pair_faces(model: Model, a: str, b: str, tolerance: float, tangents: int, ki
     """
     ids_a, ids_b = set_nodes(model, a, b, file, key)
     side_a, side_b = (_faces(model, ids) for ids in (ids_a, ids_b))
-    without = [
-        Fault(file, f"{key}.{side}", name, f"a surface: boundary faces of {', '.join(FACES)} elements, all nodes in it")
-        for side, name, faces in (("a", a, side_a), ("b", b, side_b))
-        if not faces.blocks and name != GROUND
-    ]
-    if without:
-        raise InputError(*without)
+    _check_surfaces({"a": (a, side_a), "b": (b, side_b)}, file, key)
     points = _points(model, ids_a, side_a, side_b, tolerance, kind)
     if kind == "node":
         check_pairs(ids_a[~points.normal.any(axis=1)], np.empty(0, int), a, file, key)
@@ -70,11 +63,7 @@ def pair_faces(model: Model, a: str, b: str, tolerance: float, tangents: int, ki
     whole = face_gauss_points(side_a).area.sum() if kind == "cut" else points.area.sum()
     closest, paired = find_partners(points, side_b, tolerance)
     if not paired.any():
-        expected = f"a distance within which faces of {b} look at those of {a}"
-        own = face_gauss_points(side_a)
-        nearest = closest_points(own.position, own.normal, side_b, 0.0).distance.min()
-        expected += f"; the closest are {nearest:.4g} apart" if np.isfinite(nearest) else "; none near by does"
-        raise InputError(Fault(file, f"{key}.tolerance", tolerance, expected))
+        raise InputError(Fault(file, f"{key}.tolerance", tolerance, _no_face(a, b, side_a, side_b)))
     lost = points.only(~paired)
     points = points.only(paired)
     closest = Closest(*(values[paired] for values in closest.__dict__.values()))
@@ -102,6 +91,25 @@ def pair_faces(model: Model, a: str, b: str, tolerance: float, tangents: int, ki
     return pairs
 
 
+def _check_surfaces(sides: dict[str, tuple[str, Faces]], file: str, key: str) -> None:
+    """Raise where sets, by their sides, have no faces; the ground needs none."""
+    without = [
+        Fault(file, f"{key}.{side}", name, f"a surface: boundary faces of {', '.join(FACES)} elements, all nodes in it")
+        for side, (name, faces) in sides.items()
+        if not faces.blocks and name != GROUND
+    ]
+    if without:
+        raise InputError(*without)
+
+
+def _no_face(a: str, b: str, side_a: Faces, side_b: Faces) -> str:
+    """What is expected where no face of side b is within the tolerance."""
+    expected = f"a distance within which faces of {b} look at those of {a}"
+    own = face_gauss_points(side_a)
+    nearest = closest_points(own.position, own.normal, side_b, 0.0).distance.min()
+    return expected + (f"; the closest are {nearest:.4g} apart" if np.isfinite(nearest) else "; none near by does")
+
+
 def _faces(model: Model, ids: np.ndarray) -> Faces:
     return Faces(model.coordinates, [node_rows(model, face) for face in set_faces(model.elements, ids)])
 
@@ -123,27 +131,9 @@ def _bearing_most(model: Model, points: SurfacePoints) -> np.ndarray:
 
 
 def _on_ground(model: Model, points: SurfacePoints, a: str, tangents: int, file: str, key: str) -> Pairs:
-    frame = tangent_frames(points.normal)
-    motion = motion_of(points.nodes, points.shape, frame, len(model.node_ids))
-    count, nodes = len(points), _bearing_most(model, points)
-    none = np.empty(0, dtype=np.int64)
-    pairs = Pairs(
-        node_a=nodes,
-        node_b=np.full(count, -1, dtype=np.int64),
-        frame=frame,
-        area=points.area,
-        position=points.position,
-        distance=np.zeros(count),
-        clearance=np.full(count, np.nan),
-        tangents=tangents,
-        motion_a=motion,
-        motion_b=csr_matrix(motion.shape),
-        nodes=points.nodes,
-        shape=points.shape,
-        unmatched_a=none,
-        unmatched_b=none,
-    )
-    check_pairs(none, np.unique(nodes[~can_move(motion, model)]), a, file, key)
+    pairs = node_pairs(model, points, _bearing_most(model, points), None, np.zeros(len(points)), tangents)
+    held = pairs.node_a[~can_move(pairs.motion_a, model)]
+    check_pairs(np.empty(0, dtype=np.int64), np.unique(held), a, file, key)
     pairs.notes.extend(notes_on_held(pairs, model, a, GROUND))
     return pairs
 

@@ -21,6 +21,8 @@ from attrito.support.hdf5_writing import described
 from attrito.support.version import __version__
 
 if TYPE_CHECKING:
+    import h5py
+
     from attrito.peaks.curve import Backbone, BackbonePoint
 
 REFERENCES = "Zucca & Firrone 2014, doi:10.1016/j.jsv.2013.09.032"
@@ -175,62 +177,90 @@ def write(
     warnings: Sequence[str] = (),
 ) -> None:
     """Write the peaks and what was warned of; the file appears when it is complete."""
-    keys = job["peak"]
     Path(path).parent.mkdir(parents=True, exist_ok=True)
-    data = columns(found, keys["parameter"])
     with whole_hdf5(path) as file:
-        file.attrs["format"] = FORMAT
-        file.attrs["format_version"] = 1
-        file.attrs["attrito_version"] = __version__
-        file.attrs["description"] = "A resonance peak followed in a parameter; see docs/peaks.md of attrito"
-        file.attrs["references"] = REFERENCES
-        file.attrs.update(job.attributes)
-        file.attrs["warnings"] = "\n".join(warnings)
-        file.attrs["parameter"] = keys["parameter"]
-        file.attrs["amplitude"] = keys["amplitude"]
-        ending = ending_of(found, keys["parameter"], keys["stop"])
-        file.attrs["ending"] = ending.kind
-        file.attrs["ending_in_words"] = ending.words
-        file.attrs["monitor"] = keys["monitor"] or scene.monitor_names[0]
-
-        def put(name: str, values: np.ndarray, description: str, unit: str = "1", names: tuple = ()) -> None:
-            stored = described(file, f"peaks/{name}", description, unit, data=values)
-            if names:
-                stored.attrs["names"] = list(names)
-
-        for name, (description, unit) in COLUMNS.items():
-            put(name, data[name], description, unit)
-        for name, description in COUNTS.items():
-            put(name, data[name].astype(np.int32), description)
-        put("kind", np.array([KINDS.index(one.kind) for one in found], dtype=np.int32), "why it is there", names=KINDS)
-        outcomes = np.array([OUTCOMES.index(one.peak.outcome) for one in found], dtype=np.int32)
-        put("outcome", outcomes, "how it ended", names=OUTCOMES)
-        states = np.array([one.peak.point.states for one in found], dtype=np.int32)
-        put("states", states, "contacts in each state", names=STATES)
-        for i, name in enumerate(scene.monitor_names):
-            harmonics = np.array([one.peak.point.harmonics[i] for one in found])
-            put(f"monitors/{name}/harmonics", harmonics, "mean, cos 1, sin 1, cos 2, ...", "user length")
-            ranges = np.array([one.peak.point.amplitude[i] for one in found])
-            put(f"monitors/{name}/amplitude", ranges, "half the range over the period", "user length")
+        _write_attributes(file, job, scene, found, warnings)
+        _write_columns(file, columns(found, job["peak"]["parameter"]), found)
+        _write_monitors(file, scene.monitor_names, found)
         if parameters := job["sensitivity"]["to"]:
-            file.attrs["sensitivity_to"] = parameters
-            slopes = np.array([one.derivatives for one in found])
-            for i, (name, (_, words, unit)) in enumerate(SENSITIVITY.items()):
-                put(name, np.ascontiguousarray(slopes[:, i]), f"{words}; {NO_SENSITIVITY}", unit)
+            _write_slopes(file, parameters, found)
         if any(one.higher is not None for one in found):
             for name, values in beside(found).items():
-                put(name, values, *BESIDE[name])
+                _put(file, name, values, *BESIDE[name])
         if backbone is not None:
-            file.attrs["backbone_mode"] = backbone.mode
-            for name, values in at_peaks(backbone).items():
-                put(name, values, *AT_PEAKS[name])
-            for name, values in along(backbone).items():
-                described(file, f"backbone/{name}", *ALONG[name], data=values)
-            states = np.array([point.point.states for point in _points(backbone)], dtype=np.int32).reshape(
-                -1, len(STATES)
-            )
-            stored = described(file, "backbone/states", "contacts in each state", data=states)
-            stored.attrs["names"] = list(STATES)
+            _write_backbone(file, backbone)
+
+
+def _write_attributes(
+    file: h5py.File, job: Job, scene: ReducedScene, found: list[Found], warnings: Sequence[str]
+) -> None:
+    """Where the peaks come from, what was asked, and how the curve ends."""
+    keys = job["peak"]
+    file.attrs["format"] = FORMAT
+    file.attrs["format_version"] = 1
+    file.attrs["attrito_version"] = __version__
+    file.attrs["description"] = "A resonance peak followed in a parameter; see docs/peaks.md of attrito"
+    file.attrs["references"] = REFERENCES
+    file.attrs.update(job.attributes)
+    file.attrs["warnings"] = "\n".join(warnings)
+    file.attrs["parameter"] = keys["parameter"]
+    file.attrs["amplitude"] = keys["amplitude"]
+    ending = ending_of(found, keys["parameter"], keys["stop"])
+    file.attrs["ending"] = ending.kind
+    file.attrs["ending_in_words"] = ending.words
+    file.attrs["monitor"] = keys["monitor"] or scene.monitor_names[0]
+
+
+def _put(
+    file: h5py.File, name: str, values: np.ndarray, description: str, unit: str = "1", names: tuple[str, ...] = ()
+) -> None:
+    """A column of the peaks; `names`: of its numbers, or of its columns."""
+    stored = described(file, f"peaks/{name}", description, unit, data=values)
+    if names:
+        stored.attrs["names"] = list(names)
+
+
+def _write_columns(file: h5py.File, data: dict[str, np.ndarray], found: list[Found]) -> None:
+    """What `columns` has of the peaks, and why each is there, how it ended, and its contacts' states."""
+    for name, (description, unit) in COLUMNS.items():
+        _put(file, name, data[name], description, unit)
+    for name, description in COUNTS.items():
+        _put(file, name, data[name].astype(np.int32), description)
+    kinds = np.array([KINDS.index(one.kind) for one in found], dtype=np.int32)
+    _put(file, "kind", kinds, "why it is there", names=KINDS)
+    outcomes = np.array([OUTCOMES.index(one.peak.outcome) for one in found], dtype=np.int32)
+    _put(file, "outcome", outcomes, "how it ended", names=OUTCOMES)
+    states = np.array([one.peak.point.states for one in found], dtype=np.int32)
+    _put(file, "states", states, "contacts in each state", names=STATES)
+
+
+def _write_monitors(file: h5py.File, names: list[str], found: list[Found]) -> None:
+    """Harmonics and amplitudes of the monitors at the peaks."""
+    for i, name in enumerate(names):
+        harmonics = np.array([one.peak.point.harmonics[i] for one in found])
+        _put(file, f"monitors/{name}/harmonics", harmonics, "mean, cos 1, sin 1, cos 2, ...", "user length")
+        ranges = np.array([one.peak.point.amplitude[i] for one in found])
+        _put(file, f"monitors/{name}/amplitude", ranges, "half the range over the period", "user length")
+
+
+def _write_slopes(file: h5py.File, parameters: list[str], found: list[Found]) -> None:
+    """Derivatives of the peaks by parameters."""
+    file.attrs["sensitivity_to"] = parameters
+    slopes = np.array([one.derivatives for one in found])
+    for i, (name, (_, words, unit)) in enumerate(SENSITIVITY.items()):
+        _put(file, name, np.ascontiguousarray(slopes[:, i]), f"{words}; {NO_SENSITIVITY}", unit)
+
+
+def _write_backbone(file: h5py.File, backbone: Backbone) -> None:
+    """The backbone: what it expects of the peaks, and its own points."""
+    file.attrs["backbone_mode"] = backbone.mode
+    for name, values in at_peaks(backbone).items():
+        _put(file, name, values, *AT_PEAKS[name])
+    for name, values in along(backbone).items():
+        described(file, f"backbone/{name}", *ALONG[name], data=values)
+    states = np.array([point.point.states for point in _points(backbone)], dtype=np.int32).reshape(-1, len(STATES))
+    stored = described(file, "backbone/states", "contacts in each state", data=states)
+    stored.attrs["names"] = list(STATES)
 
 
 def at_peaks(backbone: Backbone) -> dict[str, np.ndarray]:

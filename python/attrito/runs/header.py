@@ -66,34 +66,43 @@ def first_record(
         "coordinates_fingerprint": coordinates_fingerprint(reduced),
         **attributes_of_sector(reduced.sector),
     }
+    record = Record({"attributes": attributes, "ranks": ranks, "digest": digest(reduced, scene.load_path)}, {}, {})
+    record.note["texts"] = _add_contacts(record, scene)
+    for kind, one in linear.items():
+        _add_linear(record, kind, one, reduced.monitor_names)
+    for key, (value, description) in described_margin(margin).items():
+        _add(record, f"static/{key}", value, description)
+    for key, (value, description) in axes_of_sector(reduced.sector).items():
+        _add(record, key, value, description)
+    record.note["group_attributes"] = {
+        "static": {"states": "" if margin is None else ",".join(margin.states)},
+        **{f"linear/{kind}": {"rigid_body_modes": one.rigid} for kind, one in linear.items()},
+    }
+    return record
+
+
+def _add(record: Record, name: str, values: np.ndarray, description: str, unit: str = "1") -> None:
+    record.arrays[name], record.series[name] = values, Series("", description, unit)
+
+
+def _add_contacts(record: Record, scene: Scene) -> dict[str, list[str]]:
+    """Laws and places of the contacts; texts go as numbers. The texts of these."""
     texts: dict[str, list[str]] = {}
-    arrays: dict[str, np.ndarray] = {}
-    series: dict[str, Series] = {}
     for key, values in {**scene.contacts.laws, **scene.contacts.places}.items():
         name = f"contacts/parameters/{key}"
         if values.dtype == object:
-            texts[name], values = (part.tolist() if i == 0 else part for i, part in enumerate(_numbered(values)))
-        arrays[name], series[name] = values, Series("", key.replace("_", " "), UNITS.get(key, "1"))
-    for kind, one in linear.items():
-        data = {
-            "frequency_hz": (one.frequency_hz, "frequency", "Hz"),
-            "natural_hz": (one.natural_hz, "natural frequencies of elastic modes", "Hz"),
-        }
-        data |= {
-            name: (values, f"amplitude at level 1, {MEANINGS[kind]}", "user length")
-            for name, values in zip(reduced.monitor_names, one.amplitude, strict=True)
-        }
-        for key, (values, description, unit) in data.items():
-            name = f"linear/{kind}/{key}"
-            arrays[name], series[name] = values, Series("", description, unit)
-    for key, (value, description) in described_margin(margin).items():
-        arrays[f"static/{key}"], series[f"static/{key}"] = value, Series("", description, "1")
-    for key, (value, description) in axes_of_sector(reduced.sector).items():
-        arrays[key], series[key] = value, Series("", description, "1")
-    note = {"attributes": attributes, "ranks": ranks, "digest": digest(reduced, scene.load_path), "texts": texts}
-    note["group_attributes"] = {"static": {"states": "" if margin is None else ",".join(margin.states)}}
-    note["group_attributes"] |= {f"linear/{kind}": {"rigid_body_modes": one.rigid} for kind, one in linear.items()}
-    return Record(note, arrays, series)
+            occurring, values = _numbered(values)
+            texts[name] = occurring.tolist()
+        _add(record, name, values, key.replace("_", " "), UNITS.get(key, "1"))
+    return texts
+
+
+def _add_linear(record: Record, kind: str, one: LinearReference, monitors: list[str]) -> None:
+    """A linear reference: frequencies, natural frequencies and the monitors' amplitudes."""
+    _add(record, f"linear/{kind}/frequency_hz", one.frequency_hz, "frequency", "Hz")
+    _add(record, f"linear/{kind}/natural_hz", one.natural_hz, "natural frequencies of elastic modes", "Hz")
+    for name, values in zip(monitors, one.amplitude, strict=True):
+        _add(record, f"linear/{kind}/{name}", values, f"amplitude at level 1, {MEANINGS[kind]}", "user length")
 
 
 def _numbered(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -18,7 +18,7 @@ import numpy as np
 from attrito.job.defaults import HARMONICS, MODE_ERROR
 from attrito.job.job import Job, model_path, rom_path
 from attrito.library.reduced_scene import ReducedScene
-from attrito.library.reduction import Listener, Report, reduce_model
+from attrito.library.reduction import Listener, Options, Report, reduce_model
 from attrito.model.model_file import write_model
 from attrito.scene.interface_modes import Boundary, interface_modes
 from attrito.scene.reduced_sector import on_coordinates, sector_of, solved_axes, turned_axes
@@ -155,61 +155,75 @@ def _make(
     listener: Listener | None,
 ) -> Report:
     """Reduce the scene into a file under the lock of it."""
-    keys = job["reduction"]
-    # The library reads matrices from files; those of an altered stiffness are of use to nobody else.
-    altered = comm.rank == 0 and (scene.altered or scene.spin is not None)
-    own = job["model"]["file"] is None
-
-    def prepare() -> tuple[str, str, np.ndarray, np.ndarray | None]:
-        work = held[0].work
-        source = f"{work}.altered" if altered else model_path(job, path)
-        if own:
-            write_model(model_path(job, path), dataclasses.replace(scene.model, gyroscopic=None), [])
-        if altered:
-            write_model(source, scene.model, [])
-        _check_unfinished(f"{work}.partial")
-        say(f"reducing {scene.model.size} dofs onto {len(scene.boundary)} boundary dofs and {_modes_in_words(job)}")
-        scene.model.stiffness = scene.model.mass = scene.model.damping = scene.model.gyroscopic = None
-        return source, f"{work}.partial", scene.boundary, scene.recovered
-
-    source, partial, boundary, recovered = on_root(comm, prepare)
+    source, partial, boundary, recovered = on_root(comm, lambda: _prepare(job, scene, path, held[0].work, say))
     vectors = None if comm.rank else np.array(list(_vectors(scene).values()))
-    by_error = keys["modes"] == "auto"
     try:
         report = reduce_model(
             comm,
             source,
             partial,
             boundary,
+            _options(job),
             vectors,
             recovered=recovered,
-            modes=None if by_error else keys["modes"],
-            max_frequency_hz=keys["max_frequency_hz"],
-            error_target=keys["error"] if by_error else None,
-            top_frequency_hz=excited_hz(job),
-            eigensolver=keys["eigensolver"],
-            ordering=keys["ordering"],
-            out_of_core=None if keys["out_of_core"] == "auto" else keys["out_of_core"],
-            memory_gb=keys["memory_gb"],
             fingerprint=fingerprint,
             listener=listener,
         )
     finally:
-        if altered:
+        if comm.rank == 0 and _is_altered(scene):
             Path(source).unlink(missing_ok=True)
-
-    def finish() -> None:
-        with whole_hdf5(path, start=partial) as file:
-            file.attrs["fingerprint"] = fingerprint
-            file.attrs["attrito_version"] = __version__
-            file.attrs["job"] = json.dumps(job.tables)
-            names = np.array(list(_vectors(scene)), dtype=h5py.string_dtype())
-            described(file, "vectors/name", "names of the loads and monitors", data=names)
-            if _has_interface_modes(job):
-                _write_interface(file, job, scene, say)
-
-    on_root(comm, finish)
+    on_root(comm, lambda: _finish(job, scene, path, partial, fingerprint, say))
     return report
+
+
+def _options(job: Job) -> Options:
+    """What the job asks of the reduction."""
+    keys = job["reduction"]
+    by_error = keys["modes"] == "auto"
+    return Options(
+        modes=None if by_error else keys["modes"],
+        max_frequency_hz=keys["max_frequency_hz"],
+        error_target=keys["error"] if by_error else None,
+        top_frequency_hz=excited_hz(job),
+        eigensolver=keys["eigensolver"],
+        ordering=keys["ordering"],
+        out_of_core=None if keys["out_of_core"] == "auto" else keys["out_of_core"],
+        memory_gb=keys["memory_gb"],
+    )
+
+
+def _is_altered(scene: Scene) -> bool:
+    """Whether the scene's matrices are not those of the model's file."""
+    return scene.altered or scene.spin is not None
+
+
+def _prepare(job: Job, scene: Scene, path: str, work: str, say: Any) -> tuple[str, str, np.ndarray, np.ndarray | None]:
+    """Files that the library reads and writes, boundary and recovered dofs; the scene's matrices are gone (rank 0).
+
+    The library reads matrices from files; those of an altered stiffness are of use to nobody else.
+    """
+    source = model_path(job, path)
+    if job["model"]["file"] is None:
+        write_model(source, dataclasses.replace(scene.model, gyroscopic=None), [])
+    if _is_altered(scene):
+        source = f"{work}.altered"
+        write_model(source, scene.model, [])
+    _check_unfinished(f"{work}.partial")
+    say(f"reducing {scene.model.size} dofs onto {len(scene.boundary)} boundary dofs and {_modes_in_words(job)}")
+    scene.model.stiffness = scene.model.mass = scene.model.damping = scene.model.gyroscopic = None
+    return source, f"{work}.partial", scene.boundary, scene.recovered
+
+
+def _finish(job: Job, scene: Scene, path: str, partial: str, fingerprint: str, say: Any) -> None:
+    """From what the library has written to the whole file (rank 0)."""
+    with whole_hdf5(path, start=partial) as file:
+        file.attrs["fingerprint"] = fingerprint
+        file.attrs["attrito_version"] = __version__
+        file.attrs["job"] = json.dumps(job.tables)
+        names = np.array(list(_vectors(scene)), dtype=h5py.string_dtype())
+        described(file, "vectors/name", "names of the loads and monitors", data=names)
+        if _has_interface_modes(job):
+            _write_interface(file, job, scene, say)
 
 
 def _check_unfinished(path: str) -> None:

@@ -62,30 +62,22 @@ def with_neighbours(
     -------
     a model whose first N nodes are the sector's own, and the motion of its nodes; nodes are numbered anew
     """
-    own = model.coordinates
-    tree, reach = cKDTree(own), MATCHING * float(np.ptp(own, axis=0).max())
     order = np.argsort(model.node_ids)
     rows = {
         kind: order[np.searchsorted(model.node_ids, connectivity, sorter=order)]
         for kind, (_, connectivity) in model.elements.items()
     }
-    on_axis = np.isin(model.node_ids, nodes_on_axis(model, wheel.axis))
-    held = ~np.isin(model.node_ids, model.dof_node)
-    lower, upper = boundaries
-    points, motions = [own], [harmonics]
+    meeting = _Meeting(model, wheel, boundaries)
+    points, motions = [model.coordinates], [harmonics]
     elements = {kind: [own_rows] for kind, own_rows in rows.items()}
     elastic = {kind: [values] for kind, values in model.elastic.items()}
-    for j in _others(wheel.sectors, bool(on_axis.any())):
-        place, partner, meets = wheel.axis.turned(own, wheel.angle(j)), np.arange(len(own)), on_axis.copy()
-        for beside, theirs, ours in ((1, lower, upper), (wheel.sectors - 1, upper, lower)):
-            if j == beside:
-                partner[theirs], meets[theirs] = ours, True
-        distance, nearest = tree.query(place)
-        stands = held & held[nearest] & (distance <= reach) & ~meets
-        partner[stands], meets[stands] = nearest[stands], True
+    for j in _others(wheel.sectors, bool(meeting.on_axis.any())):
+        place = wheel.axis.turned(model.coordinates, wheel.angle(j))
+        partner = meeting.partners(j, place)
+        meets = partner >= 0
         # Elements without a node of this sector's have no part in its stresses.
         touching = {kind: meets[own_rows].any(axis=1) for kind, own_rows in rows.items()}
-        used = np.zeros(len(own), dtype=bool)
+        used = np.zeros(len(place), dtype=bool)
         for kind, some in touching.items():
             used[rows[kind][some].ravel()] = True
         new = used & ~meets
@@ -97,9 +89,42 @@ def with_neighbours(
             elements[kind].append(number[rows[kind][some]])
             if kind in elastic:
                 elastic[kind].append(model.elastic[kind][some])
+    return _numbered(model, points, elements, elastic), np.concatenate(motions, axis=1)
+
+
+class _Meeting:
+    """Which nodes of another sector are at one place with which of the first."""
+
+    def __init__(self, model: Model, wheel: Wheel, boundaries: tuple[np.ndarray, np.ndarray]):
+        own = model.coordinates
+        self._sectors, self._boundaries = wheel.sectors, boundaries
+        self._tree, self._reach = cKDTree(own), MATCHING * float(np.ptp(own, axis=0).max())
+        self.on_axis = np.isin(model.node_ids, nodes_on_axis(model, wheel.axis))
+        self._held = ~np.isin(model.node_ids, model.dof_node)
+
+    def partners(self, j: int, place: np.ndarray) -> np.ndarray:
+        """Of each node of sector j, at `place` `[N, 3]`, the row of the first sector's that it is, or -1."""
+        partner = np.where(self.on_axis, np.arange(len(place)), -1)
+        lower, upper = self._boundaries
+        for beside, theirs, ours in ((1, lower, upper), (self._sectors - 1, upper, lower)):
+            if j == beside:
+                partner[theirs] = ours
+        distance, nearest = self._tree.query(place)
+        stands = self._held & self._held[nearest] & (distance <= self._reach) & (partner < 0)
+        partner[stands] = nearest[stands]
+        return partner
+
+
+def _numbered(
+    model: Model,
+    points: list[np.ndarray],
+    elements: dict[str, list[np.ndarray]],
+    elastic: dict[str, list[np.ndarray]],
+) -> Model:
+    """The model of nodes and elements in parts, rows for numbers, without its sets."""
     coordinates = np.concatenate(points)
     connectivity = {kind: np.concatenate(parts) for kind, parts in elements.items()}
-    whole = replace(
+    return replace(
         model,
         node_ids=np.arange(len(coordinates)),
         coordinates=coordinates,
@@ -107,7 +132,6 @@ def with_neighbours(
         elastic={kind: np.concatenate(parts) for kind, parts in elastic.items()},
         node_sets={},
     )
-    return whole, np.concatenate(motions, axis=1)
 
 
 def _others(sectors: int, meet_on_axis: bool) -> list[int]:
