@@ -16,6 +16,7 @@ set(attrito_includes_hdf5 ${HDF5_Fortran_INCLUDE_DIRS})
 set(attrito_includes_fftw ${FFTW_INCLUDEDIR})
 set(attrito_includes_petsc ${PETSC_INCLUDE_DIRS})
 set(attrito_includes_slepc ${SLEPC_INCLUDE_DIRS})
+set(attrito_includes_mumps ${MUMPS_INCLUDE})
 
 set_property(GLOBAL PROPERTY attrito_stages "")
 
@@ -68,7 +69,7 @@ function(attrito_shared_library name)
   if(MUMPS_SCOTCH AND MUMPS_SCOTCH_COMMON)
     target_link_libraries(${name} PUBLIC -Wl,--no-as-needed ${MUMPS_SCOTCH} ${MUMPS_SCOTCH_COMMON} -Wl,--as-needed)
   endif()
-  target_link_libraries(${name} PUBLIC PkgConfig::SLEPC PkgConfig::PETSC PkgConfig::FFTW ${attrito_blas} hdf5::hdf5_fortran
+  target_link_libraries(${name} PUBLIC ${MUMPS_COMPLEX} PkgConfig::SLEPC PkgConfig::PETSC PkgConfig::FFTW ${attrito_blas} hdf5::hdf5_fortran
     MPI::MPI_Fortran)
 endfunction()
 

@@ -473,6 +473,7 @@ typedef struct {
     char ordering[8];
     char out_of_core[4];
     char eigensolver[16];
+    char condense[4];
 } attrito_reduce_options;
 
 /* See `reduction_report_type` */
@@ -482,6 +483,7 @@ typedef struct {
     int boundary;
     int modes;
     int corrections;
+    int condensed;
     int negative_pivots;
     int modes_below_shift;
     int mode_solves;

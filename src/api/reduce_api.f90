@@ -15,12 +15,12 @@ module attrito_api_reduce
   type, bind(c) :: options_type
     integer(c_int) :: modes, block_size, block_vectors, check_inertia
     real(c_double) :: max_frequency_hz, error_target, top_frequency_hz, tolerance, memory_megabytes
-    character(kind=c_char) :: ordering(8), out_of_core(4), eigensolver(16)
+    character(kind=c_char) :: ordering(8), out_of_core(4), eigensolver(16), condense(4)
   end type options_type
 
   !> See `reduction_report_type`
   type, bind(c) :: report_type
-    integer(c_int) :: dofs, coordinates, boundary, modes, corrections, negative_pivots, modes_below_shift, mode_solves, &
+    integer(c_int) :: dofs, coordinates, boundary, modes, corrections, condensed, negative_pivots, modes_below_shift, mode_solves, &
                       factor_megabytes, factor_megabytes_out_of_core, out_of_core
     character(kind=c_char) :: ordering(8)
     real(c_double) :: factor_flops, analysis_seconds, shift_hz, mode_residual, constraint_residual, worst_error
@@ -70,7 +70,7 @@ contains
       top_frequency_hz=options%top_frequency_hz, block_size=options%block_size, block_vectors=options%block_vectors, &
       tolerance=options%tolerance, check_inertia=options%check_inertia /= 0, ordering=joined(options%ordering), &
       out_of_core=joined(options%out_of_core), memory_megabytes=options%memory_megabytes, &
-      eigensolver=joined(options%eigensolver))
+      eigensolver=joined(options%eigensolver), condense=joined(options%condense))
     if (recovered_count >= 0) how%recovered = recovered
     call reduce_model(comm, text_of(model_path), text_of(rom_path), text_of(folder), boundary, vectors, how, &
                       new_progress(listener), found, error)
@@ -86,8 +86,8 @@ contains
 
     report = report_type( &
       dofs=found%dofs, coordinates=found%coordinates, boundary=found%boundary, modes=found%modes, &
-      corrections=found%corrections, negative_pivots=found%negative_pivots, modes_below_shift=found%modes_below_shift, &
-      mode_solves=found%mode_solves, factor_megabytes=found%factor_megabytes, &
+      corrections=found%corrections, condensed=found%condensed, negative_pivots=found%negative_pivots, &
+      modes_below_shift=found%modes_below_shift, mode_solves=found%mode_solves, factor_megabytes=found%factor_megabytes, &
       factor_megabytes_out_of_core=found%factor_megabytes_out_of_core, &
       out_of_core=found%out_of_core, ordering=[(found%ordering(i:i), i=1, 8)], factor_flops=found%factor_flops, &
       analysis_seconds=found%analysis_seconds, shift_hz=found%shift_hz, mode_residual=found%mode_residual, &

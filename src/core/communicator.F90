@@ -4,7 +4,7 @@ module attrito_core_communicator
   use attrito_core_kinds, only: wp
   implicit none
   private
-  public :: communicator_type, new_communicator
+  public :: communicator_type, new_communicator, own_communicator
 
   type :: communicator_type
     !> MPI communicator
@@ -41,6 +41,13 @@ contains
     call MPI_Comm_rank(handle, self%rank, ierr)
     call MPI_Comm_size(handle, self%ranks, ierr)
   end function new_communicator
+
+  !> This rank alone.
+  function own_communicator() result(self)
+    type(communicator_type) :: self
+
+    self%handle = MPI_COMM_SELF
+  end function own_communicator
 
   !> Is this the rank that solves the small dense systems and writes what is not spread?
   pure logical function is_root(self)

@@ -15,12 +15,14 @@ module attrito_reduce_error_indicator
   use petscmat
   use attrito_core_errors, only: error_type, raise
   use attrito_core_kinds, only: two_pi, wp
-  use attrito_core_lapack, only: solve_dense, subtract_product, symmetric_eigenpairs, transposed_product
+  use attrito_core_lapack, only: solve_dense, subtract_product, transposed_product
   use attrito_core_petsc_session, only: raise_petsc
+  use attrito_reduce_boundary_projection, only: follow_boundary
   use attrito_reduce_column_store, only: block_type, column_store_type
   use attrito_reduce_constraint_modes, only: interior_stiffness_type
   use attrito_reduce_dense_block, only: multiply_block
   use attrito_reduce_interior_factor, only: interior_factor_type
+  use attrito_reduce_reduced_modes, only: find_reduced_modes
   use attrito_reduce_split, only: split_type
   implicit none
   private
@@ -44,7 +46,7 @@ module attrito_reduce_error_indicator
     !> M_ii, and M of the full model
     type(tMat) :: interior_mass, mass
     type(interior_factor_type) :: factor
-    !> Columns of T, in order, and where they are
+    !> Modes and corrections, in order, and where they are
     type(block_type), allocatable :: blocks(:)
     type(column_store_type) :: store
     !> Loads and monitors: this rank's rows
@@ -138,19 +140,55 @@ contains
     !> A solve failed
     type(error_type), allocatable, intent(out) :: error
     real(wp), allocatable :: eigenvalues(:), shapes(:, :)
+    real(wp) :: largest
     integer :: first, last, info
 
-    call symmetric_eigenpairs(examined%reduced_stiffness, examined%reduced_mass, eigenvalues, shapes, info)
+    call find_modes(split, examined, top_hz, eigenvalues, shapes, largest, info)
     if (info /= 0) then
       call raise(error, 'mass: the reduced mass matrix is not positive definite')
       return
     end if
-    first = count(eigenvalues <= rigid*eigenvalues(size(eigenvalues))) + 1
+    first = count(eigenvalues <= rigid*largest) + 1
     last = min(count(eigenvalues <= (two_pi*top_hz)**2), first + most_modes - 1)
     quality%frequency_hz = sqrt(eigenvalues(first:last))/two_pi
     call examine_modes(split, examined, eigenvalues(first:last), shapes(:, first:last), quality%error, error)
     if (.not. allocated(error)) call examine_responses(split, examined, quality, error)
   end subroutine indicate_errors
+
+  !> Modes of the reduced model, found by the root, on every rank.
+  subroutine find_modes(split, examined, top_hz, eigenvalues, shapes, largest, info)
+    !> Interior and boundary dofs, and this rank's share of them
+    type(split_type), intent(in) :: split
+    !> Matrices of the full model and of the reduced one
+    type(examined_type), intent(in) :: examined
+    !> Modes up to here
+    real(wp), intent(in) :: top_hz
+    !> Eigenvalues, ascending, (rad/s)^2; shapes of the modes, a column each
+    real(wp), allocatable, intent(out) :: eigenvalues(:), shapes(:, :)
+    !> Largest eigenvalue's order of magnitude
+    real(wp), intent(out) :: largest
+    !> Not 0: the mass is not positive definite
+    integer, intent(out) :: info
+    real(wp) :: of_all(1)
+    integer :: modes, i
+
+    info = 0
+    modes = 0
+    if (split%ranks%is_root()) call find_reduced_modes(examined%reduced_stiffness, examined%reduced_mass, (two_pi*top_hz)**2, &
+      most_modes, rigid, eigenvalues, shapes, largest, info)
+    call split%ranks%broadcast_integer(info)
+    if (info /= 0) return
+    if (split%ranks%is_root()) modes = size(eigenvalues)
+    call split%ranks%broadcast_integer(modes)
+    if (.not. allocated(eigenvalues)) allocate (eigenvalues(modes), shapes(size(examined%reduced_mass, 1), modes))
+    call split%ranks%broadcast(eigenvalues)
+    do i = 1, modes
+      call split%ranks%broadcast(shapes(:, i))
+    end do
+    of_all = largest
+    call split%ranks%broadcast(of_all)
+    largest = of_all(1)
+  end subroutine find_modes
 
   subroutine examine_modes(split, examined, eigenvalues, shapes, errors, error)
     !> Interior and boundary dofs, and this rank's share of them
@@ -202,10 +240,9 @@ contains
     type(quality_type), intent(inout) :: quality
     !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
-    real(wp), allocatable :: matrix(:, :), answer(:, :), forces(:, :), delta(:, :)
-    real(wp) :: lambda
+    real(wp), allocatable :: answers(:, :, :), forces(:, :), delta(:, :)
     integer, allocatable :: before(:)
-    integer :: i, k, count, vectors, info
+    integer :: i, k, count, vectors
 
     vectors = size(examined%vectors, 2)
     before = wide_gaps(quality%frequency_hz)
@@ -216,17 +253,43 @@ contains
     do i = 1, count
       k = before(1 + ((i - 1)*size(before))/count)
       quality%response_hz(i) = 0.5_wp*(quality%frequency_hz(k) + quality%frequency_hz(k + 1))
-      lambda = (two_pi*quality%response_hz(i))**2
-      matrix = examined%reduced_stiffness - lambda*examined%reduced_mass
-      answer = examined%reduced_vectors
-      call solve_dense(matrix, answer, info)
-      quality%receptance(:, :, i) = transposed_product(examined%reduced_vectors, answer)
+    end do
+    call find_responses(split, examined, (two_pi*quality%response_hz)**2, answers)
+    do i = 1, count
+      quality%receptance(:, :, i) = transposed_product(examined%reduced_vectors, answers(:, :, i))
       forces = examined%vectors(split%interior_rows, :)
-      call unanswered(split, examined, spread(lambda, 1, vectors), answer, forces, delta, error)
+      call unanswered(split, examined, spread((two_pi*quality%response_hz(i))**2, 1, vectors), answers(:, :, i), forces, delta, error)
       if (allocated(error)) return
       quality%receptance_error(:, :, i) = delta
     end do
   end subroutine examine_responses
+
+  !> Responses of the reduced model to all vectors, some frequencies by each rank; on every rank.
+  subroutine find_responses(split, examined, lambda, answers)
+    !> Interior and boundary dofs, and this rank's share of them
+    type(split_type), intent(in) :: split
+    !> Matrices of the full model and of the reduced one
+    type(examined_type), intent(in) :: examined
+    !> omega^2
+    real(wp), intent(in) :: lambda(:)
+    !> [m, vectors, frequencies]
+    real(wp), allocatable, intent(out) :: answers(:, :, :)
+    real(wp), allocatable :: matrix(:, :)
+    integer :: i, info
+
+    associate (vectors => examined%reduced_vectors)
+      allocate (answers(size(vectors, 1), size(vectors, 2), size(lambda)), source=0.0_wp)
+      do i = 1, size(lambda)
+        if (mod(i, split%ranks%ranks) /= split%ranks%rank) cycle
+        matrix = examined%reduced_stiffness - lambda(i)*examined%reduced_mass
+        answers(:, :, i) = vectors
+        call solve_dense(matrix, answers(:, :, i), info)
+      end do
+    end associate
+    do i = 1, size(lambda)
+      call split%ranks%sum(answers(:, :, i))
+    end do
+  end subroutine find_responses
 
   !> delta_ab of the forces r = f - (K - lambda M) T y that the columns y leave on the interior.
   subroutine unanswered(split, examined, lambda, y, forces, delta, error)
@@ -281,7 +344,7 @@ contains
     end do
   end subroutine add_tail
 
-  !> T y, this rank's rows of the full model.
+  !> T y, this rank's rows of the full model; the boundary's part by a solve, so that no constraint modes are needed.
   subroutine recover(split, examined, y, motion, error)
     !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
@@ -297,7 +360,9 @@ contains
     integer :: i, offset
 
     allocate (motion(split%rows(), size(y, 2)), source=0.0_wp)
-    offset = 0
+    offset = split%boundary_count
+    call follow_boundary(split, examined%stiffness, examined%factor, y(:offset, :), motion, error)
+    if (allocated(error)) return
     do i = 1, size(examined%blocks)
       allocate (columns(split%rows(), examined%blocks(i)%columns()))
       call examined%store%get(split, examined%blocks(i), columns, error)

@@ -11,19 +11,20 @@ module attrito_reduce_interior_steps
   use attrito_core_machine_memory, only: free_megabytes
   use attrito_core_petsc_session, only: raise_petsc
   use attrito_reduce_column_store, only: block_type
+  use attrito_reduce_condensed_steps, only: add_boundary_mass, reduce_vectors, take_condensation_step
   use attrito_reduce_constraint_modes, only: compute_constraint_modes
   use attrito_reduce_dense_block, only: multiply_block, multiply_transposed_block
   use attrito_reduce_error_indicator, only: examined_type, indicate_errors, quality_type
   use attrito_reduce_fixed_interface_modes, only: compute_fixed_interface_modes, eigensolver_type, fixed_interface_modes_type, mode_blocks
   use attrito_reduce_inertia_check, only: count_modes_up_to
-  use attrito_reduce_project, only: project_matrices, project_vectors, projected_type
+  use attrito_reduce_project, only: project_matrices, projected_type
   use attrito_core_lapack, only: transposed_product
   use attrito_reduce_report, only: step_constraint, step_correction, step_count, step_indicator, step_modes, step_project
   use attrito_reduce_static_corrections, only: compute_static_responses, make_corrections
   use attrito_reduce_workspace, only: workspace_type
   implicit none
   private
-  public :: take_interior_steps, basis_blocks, panel_columns
+  public :: take_interior_steps, panel_columns
 
   !> Modes to begin with where their number follows from an error
   integer, parameter :: first_guess = 20 ! guess
@@ -45,7 +46,8 @@ contains
     integer :: wanted
     real(wp) :: worst
 
-    call take_constraint_step(work, error)
+    call take_condensation_step(work, error)
+    if (.not. allocated(error)) call take_constraint_step(work, error)
     if (.not. allocated(error)) call take_response_step(work, error)
     if (.not. allocated(error)) call count_wanted(work, wanted, error)
     do while (.not. allocated(error))
@@ -75,6 +77,7 @@ contains
     !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
 
+    if (work%report%condensed == 1) return
     if (work%store%has_all(work%boundary_blocks())) return
     call work%need_factor(error)
     if (allocated(error)) return
@@ -225,11 +228,13 @@ contains
     allocate (matrices(1)%slices(1))
     call work%read_matrix('mass', matrices(1)%slices(1), error)
     if (allocated(error)) return
-    call project_matrices(work%split, basis_blocks(work), work%store, panel_columns(work, 1), work%progress, matrices, error)
+    call project_matrices(work%split, work%basis_blocks(), work%store, panel_columns(work, 1), work%progress, matrices, error)
+    if (.not. allocated(error)) call move_alloc(matrices(1)%reduced, mass)
+    if (work%report%condensed == 1 .and. .not. allocated(error)) &
+      call add_boundary_mass(work, work%inner_blocks(), matrices(1)%slices(1), mass, error)
     call MatDestroy(matrices(1)%slices(1), ierr)
     call work%finish(step_project)
     if (allocated(error)) return
-    call move_alloc(matrices(1)%reduced, mass)
     call work%store%put_numbers(work%split, 'mass', reshape(mass, [size(mass)]), error)
   end subroutine take_mass_step
 
@@ -266,14 +271,13 @@ contains
     examined%stiffness = work%stiffness
     examined%interior_mass = work%mass
     examined%factor = work%factor
-    examined%blocks = basis_blocks(work)
+    examined%blocks = work%inner_blocks()
     examined%store = work%store
     examined%vectors = work%vectors
     examined%reduced_mass = mass
     call work%read_matrix('mass', examined%mass, error)
     if (.not. allocated(error)) call reduce_stiffness(work, modes, examined%reduced_stiffness, error)
-    if (.not. allocated(error)) call project_vectors(work%split, examined%blocks, work%store, work%vectors, &
-      examined%reduced_vectors, error)
+    if (.not. allocated(error)) call reduce_vectors(work, examined%reduced_vectors, error)
     if (.not. allocated(error)) call indicate_errors(work%split, examined, top_hz, quality, error)
     call MatDestroy(examined%mass, ierr)
     call work%finish(step_indicator)
@@ -299,7 +303,12 @@ contains
     PetscErrorCode :: ierr
 
     allocate (stiffness(work%report%coordinates, work%report%coordinates), source=0.0_wp)
+    m = work%report%boundary
     blocks = work%boundary_blocks()
+    if (work%report%condensed == 1) then
+      stiffness(:m, :m) = work%condensed%stiffness
+      blocks = blocks(:0)
+    end if
     do i = 1, size(blocks)
       allocate (columns(work%split%rows(), blocks(i)%columns()), forces(size(work%split%boundary_rows), blocks(i)%columns()))
       call work%store%get(work%split, blocks(i), columns, error)
@@ -310,8 +319,7 @@ contains
       stiffness(work%split%boundary_numbers, blocks(i)%first:blocks(i)%last) = forces
       deallocate (columns, forces)
     end do
-    call work%split%ranks%sum(stiffness)
-    m = work%report%boundary
+    if (size(blocks) > 0) call work%split%ranks%sum(stiffness)
     stiffness(:m, :m) = 0.5_wp*(stiffness(:m, :m) + transpose(stiffness(:m, :m)))
     do i = 1, size(modes%frequency_hz)
       stiffness(m + i, m + i) = modes%eigenvalue(i)
@@ -342,16 +350,6 @@ contains
     call work%split%ranks%sum(product)
     stiffness = product
   end subroutine correction_stiffness
-
-  !> All columns of the basis, in order.
-  pure function basis_blocks(work) result(blocks)
-    !> Store of columns, memory and steps of the reduction
-    type(workspace_type), intent(in) :: work
-    type(block_type), allocatable :: blocks(:)
-
-    blocks = [work%boundary_blocks(), mode_blocks(work%report%modes, work%block_size)]
-    if (work%report%corrections > 0) blocks = [blocks, block_type('correction', 1, work%report%corrections)]
-  end function basis_blocks
 
   !> Columns of which the products of so many matrices fill a third of the free memory.
   integer function panel_columns(work, matrices) result(columns)

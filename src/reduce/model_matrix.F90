@@ -13,10 +13,16 @@ module attrito_reduce_model_matrix
   use attrito_core_petsc_session, only: raise_petsc
   implicit none
   private
-  public :: read_model_matrix, read_sliced_matrix, leading_bits
+  public :: read_model_matrix, read_sliced_matrix, read_lower_triangle, triangle_type, leading_bits
 
   !> Two factors of so many bits and 2^8 terms a row make sums of 52 bits: exact
   integer, parameter :: slice_bits = 22 ! derived
+
+  !> This rank's entries of a symmetric matrix on and below the diagonal, rows and columns from 1
+  type :: triangle_type
+    integer, allocatable :: rows(:), columns(:)
+    real(wp), allocatable :: values(:)
+  end type triangle_type
 
   !> This rank's rows of a square CSR matrix, columns from 0
   type :: rows_type
@@ -74,6 +80,36 @@ contains
     if (ierr == 0) call create_matrix(ranks%handle, rows, rows%values - leading, slices(2), ierr)
     call raise_petsc(error, ierr, 'storing the '//name//' matrix')
   end subroutine read_sliced_matrix
+
+  !> Read one matrix as entries.
+  subroutine read_lower_triangle(file, ranks, name, triangle, error)
+    !> model.h5, open
+    type(hdf5_file_type), intent(in) :: file
+    !> The ranks that share the rows
+    type(communicator_type), intent(in) :: ranks
+    !> `stiffness` or `mass`
+    character(*), intent(in) :: name
+    !> Of the lower triangle, but zeros
+    type(triangle_type), intent(out) :: triangle
+    !> Missing, or not a CSR matrix
+    type(error_type), allocatable, intent(out) :: error
+    type(rows_type) :: rows
+    integer, allocatable :: row_of(:)
+    logical, allocatable :: is_below(:)
+    integer :: i, first, last
+
+    call read_rows(file, ranks, name, rows, error)
+    if (allocated(error)) return
+    call drop_zeros(rows)
+    call ranks%share(rows%size, first, last)
+    row_of = [(spread(first + i - 1, 1, rows%offsets(i + 1) - rows%offsets(i)), i=1, rows%count)]
+    associate (entries => rows%offsets(rows%count + 1))
+      is_below = rows%columns(:entries) < row_of
+      triangle%rows = pack(row_of, is_below)
+      triangle%columns = pack(rows%columns(:entries) + 1, is_below)
+      triangle%values = pack(rows%values(:entries), is_below)
+    end associate
+  end subroutine read_lower_triangle
 
   !> Numbers rounded to `slice_bits` bits below the first of the largest: multiples of one power of two.
   elemental function leading_bits(x, largest) result(leading)

@@ -6,8 +6,8 @@
 !>    T = \begin{pmatrix} I & 0 \\ \Psi & \Phi \end{pmatrix}, \qquad
 !>    \tilde K = T^T K T, \quad \tilde M = T^T M T, \quad \tilde f = T^T f $$
 !>
-!> Psi: constraint modes; Phi: fixed-interface modes, then static corrections. One factorisation of K_ii serves all three. T lives on
-!> disk, in blocks of columns; each step leaves there what it did, and a reduction that was interrupted goes on from that.
+!> Psi: constraint modes; Phi: fixed-interface modes, then static corrections. One factorisation of K_ii serves all three. Where the
+!> motion of few dofs is asked for, the boundary is condensed without Psi (`attrito_reduce_condensed_steps`). T lives on disk, in blocks of columns; each step leaves there what it did, and a reduction that was interrupted goes on from that.
 !> Source: Craig & Bampton, AIAA J. 6 (1968) 1313-1319, doi:10.2514/3.4741.
 module attrito_reduce_reduction
   use petscmat
@@ -15,13 +15,14 @@ module attrito_reduce_reduction
   use attrito_core_hdf5_file, only: close_file, hdf5_file_type, open_file
   use attrito_core_kinds, only: two_pi, wp
   use attrito_core_petsc_session, only: start_petsc
+  use attrito_reduce_condensed_steps, only: add_boundary_stiffness, reduce_vectors
   use attrito_reduce_error_indicator, only: quality_type
   use attrito_reduce_fixed_interface_modes, only: fixed_interface_modes_type
   use attrito_reduce_inertia_check, only: check_count
-  use attrito_reduce_interior_steps, only: basis_blocks, panel_columns, take_interior_steps
+  use attrito_reduce_interior_steps, only: panel_columns, take_interior_steps
   use attrito_reduce_model_matrix, only: read_sliced_matrix
   use attrito_reduce_progress, only: progress_type
-  use attrito_reduce_project, only: project_matrices, project_vectors, projected_type
+  use attrito_reduce_project, only: project_matrices, projected_type
   use attrito_reduce_report, only: reduction_options_type, reduction_report_type, step_inertia, step_project, step_write
   use attrito_reduce_workspace, only: new_workspace, workspace_type
   use attrito_reduce_write_rom, only: reduced_model_type, write_rom
@@ -119,18 +120,19 @@ contains
       call work%read_matrix('gyroscopic', matrices(last)%slices(1), error)
     end if
     if (allocated(error)) return
-    call project_matrices(work%split, basis_blocks(work), work%store, panel_columns(work, size(matrices)), work%progress, &
+    call project_matrices(work%split, work%basis_blocks(), work%store, panel_columns(work, size(matrices)), work%progress, &
                           matrices, error)
     do i = 1, size(matrices)
       do k = 1, size(matrices(i)%slices)
         call MatDestroy(matrices(i)%slices(k), ierr)
       end do
     end do
-    if (.not. allocated(error)) &
-      call project_vectors(work%split, basis_blocks(work), work%store, work%vectors, model%reduced_vectors, error)
+    if (.not. allocated(error)) call reduce_vectors(work, model%reduced_vectors, error)
     call work%finish(step_project)
     if (allocated(error)) return
     call move_alloc(matrices(1)%reduced, model%stiffness)
+    if (work%report%condensed == 1) call add_boundary_stiffness(work, model%stiffness)
+    if (work%report%condensed == 1) call move_alloc(work%condensed%recovered, model%boundary_rows)
     if (work%has_damping) call move_alloc(matrices(2)%reduced, model%damping)
     if (work%has_gyroscopic) call move_alloc(matrices(last)%reduced, model%gyroscopic)
     call move_alloc(work%vectors, model%vectors)
@@ -167,7 +169,7 @@ contains
     type(error_type), allocatable, intent(out) :: error
 
     call work%begin(step_write)
-    call write_rom(path, work%split, model, basis_blocks(work), work%store, modes, quality, work%report, &
+    call write_rom(path, work%split, model, work%basis_blocks(), work%store, modes, quality, work%report, &
                    work%options%recovered, error)
     call work%finish(step_write)
   end subroutine take_writing_step

@@ -37,6 +37,9 @@ module attrito_reduce_report
     character(4) :: out_of_core = 'auto'
     !> Memory that the ranks of a machine may take together in megabytes; 0: what is free
     real(wp) :: memory_megabytes = 0.0_wp
+    !> The boundary condensed, without constraint modes: `yes` or `no`, or `auto` where that takes fewer operations; only where
+    !> the motion of some dofs is to be given back and there are neither damping nor Coriolis forces
+    character(4) :: condense = 'auto'
     !> Dofs, from 0, ascending, whose motion the reduced model is to give back; not allocated: all
     integer, allocatable :: recovered(:)
   end type reduction_options_type
@@ -44,6 +47,8 @@ module attrito_reduce_report
   type :: reduction_report_type
     !> Dofs of the full model; coordinates of the reduced one, and of which kind
     integer :: dofs = 0, coordinates = 0, boundary = 0, modes = 0, corrections = 0
+    !> 1: the boundary was condensed, no constraint modes were computed
+    integer :: condensed = 0
     !> Negative pivots of K_ii, none in a sound model
     integer :: negative_pivots = 0
     !> Modes below the shift as counted by inertia; -1: not counted

@@ -16,12 +16,14 @@ module attrito_reduce_workspace
   use attrito_reduce_column_store, only: block_type, column_store_type, new_blocks
   use attrito_reduce_constraint_modes, only: interior_stiffness_type
   use attrito_reduce_definiteness, only: check_definite, get_diagonal
+  use attrito_reduce_fixed_interface_modes, only: mode_blocks
   use attrito_reduce_interior_factor, only: factor_options_type, interior_factor_type, new_interior_factor
   use attrito_reduce_model_matrix, only: read_model_matrix
   use attrito_reduce_progress, only: progress_type
   use attrito_reduce_report, only: reduction_options_type, reduction_report_type, step_factor, step_read
   use attrito_reduce_split, only: boundary_columns, boundary_rows_on_root, coupling_block, interior_block, new_split, split_type
   use attrito_reduce_spread_vectors, only: spread_vectors
+  use attrito_reduce_static_condensation, only: condensed_type
   implicit none
   private
   public :: workspace_type, new_workspace
@@ -48,6 +50,8 @@ module attrito_reduce_workspace
     integer :: most_modes = huge(1)
     type(interior_factor_type) :: factor
     logical :: has_factor = .false.
+    !> In the place of constraint modes, where the report says so
+    type(condensed_type) :: condensed
   contains
     procedure :: need_stiffness
     procedure :: need_mass
@@ -55,6 +59,8 @@ module attrito_reduce_workspace
     procedure :: factor_options
     procedure :: read_matrix
     procedure :: boundary_blocks
+    procedure :: inner_blocks
+    procedure :: basis_blocks
     procedure :: begin
     procedure :: finish
     procedure :: save_report
@@ -256,6 +262,24 @@ contains
 
     blocks = new_blocks('constraint', self%split%boundary_count, self%block_size)
   end function boundary_blocks
+
+  !> Modes and corrections.
+  pure function inner_blocks(self) result(blocks)
+    class(workspace_type), intent(in) :: self
+    type(block_type), allocatable :: blocks(:)
+
+    blocks = mode_blocks(self%report%modes, self%block_size)
+    if (self%report%corrections > 0) blocks = [blocks, block_type('correction', 1, self%report%corrections)]
+  end function inner_blocks
+
+  !> All columns of the basis that are computed, in order: no constraint modes where the boundary is condensed.
+  pure function basis_blocks(self) result(blocks)
+    class(workspace_type), intent(in) :: self
+    type(block_type), allocatable :: blocks(:)
+
+    blocks = self%inner_blocks()
+    if (self%report%condensed == 0) blocks = [self%boundary_blocks(), blocks]
+  end function basis_blocks
 
   !> Start a step's clock.
   subroutine begin(self, step)

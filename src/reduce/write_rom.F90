@@ -21,6 +21,8 @@ module attrito_reduce_write_rom
     real(wp), allocatable :: mass(:, :), stiffness(:, :), damping(:, :), gyroscopic(:, :)
     !> Loads and monitors: this rank's rows [rows, vectors], and projected [m, vectors]
     real(wp), allocatable :: vectors(:, :), reduced_vectors(:, :)
+    !> Where the boundary was condensed: the boundary's columns of the basis, rows of recovered dofs, transposed [nb, recovered]
+    real(wp), allocatable :: boundary_rows(:, :)
   end type reduced_model_type
 
   !> Longest piece of a row of the basis that is stored in one chunk
@@ -60,7 +62,7 @@ contains
     if (.not. allocated(error)) call write_root(file, error)
     if (.not. allocated(error)) call write_matrices(file, model, error)
     if (.not. allocated(error)) call write_coordinates(file, split, modes, report, error)
-    if (.not. allocated(error)) call write_basis(file, split, blocks, store, recovered, error)
+    if (.not. allocated(error)) call write_basis(file, split, model, blocks, store, recovered, error)
     if (.not. allocated(error)) call create_spread(file, split%n, '/vectors/full', size(model%vectors, 2), &
       'loads and monitors on the full model, one a row', 'as given', error)
     if (.not. allocated(error) .and. size(model%vectors, 2) > 0) &
@@ -170,12 +172,15 @@ contains
       'estimate of what they lack', 'as given', error)
   end subroutine write_quality
 
-  !> The basis, block by block from where the steps left it: the columns, or those of their rows that are to be recovered.
-  subroutine write_basis(file, split, blocks, store, recovered, error)
+  !> The basis, block by block from where the steps left it: the columns, or those of their rows that are to be recovered; where the
+  !> boundary was condensed its columns come first.
+  subroutine write_basis(file, split, model, blocks, store, recovered, error)
     !> HDF5 file that is open
     type(hdf5_file_type), intent(in) :: file
     !> Interior and boundary dofs, and this rank's share of them
     type(split_type), intent(in) :: split
+    !> Reduced model to write
+    type(reduced_model_type), intent(in) :: model
     !> Columns that are stored together
     type(block_type), intent(in) :: blocks(:)
     !> Store of columns, in memory or on disk
@@ -198,10 +203,16 @@ contains
                        'dofs of the full model, from 0, that the basis gives the motion of', '1', error)
       if (allocated(error)) return
     end if
-    call create_spread(file, kept, '/recovery/basis', sum(blocks%last - blocks%first + 1), &
+    call create_spread(file, kept, '/recovery/basis', size(model%mass, 1), &
                        'basis: one row a coordinate, q_full = basis^T q', 'user length per coordinate', error)
     if (kept == 0) return
     row = 0
+    if (allocated(model%boundary_rows) .and. .not. allocated(error)) then
+      columns = transpose(model%boundary_rows(:, first + 1:first + size(own)))
+      call write_block(file, '/recovery/basis', [row, first], columns, error)
+      row = size(model%boundary_rows, 1)
+      deallocate (columns)
+    end if
     do i = 1, size(blocks)
       if (allocated(error)) return
       allocate (columns(split%rows(), blocks(i)%columns()))
@@ -250,6 +261,7 @@ contains
     if (.not. allocated(error)) call whole('mode_solves', report%mode_solves)
     if (.not. allocated(error)) call whole('factor_megabytes', report%factor_megabytes)
     if (.not. allocated(error)) call whole('out_of_core', report%out_of_core)
+    if (.not. allocated(error)) call whole('condensed', report%condensed)
     if (.not. allocated(error)) call number('shift_hz', report%shift_hz)
     if (.not. allocated(error)) call number('mode_residual', report%mode_residual)
     if (.not. allocated(error)) call number('constraint_residual', report%constraint_residual)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 # Raised when the steps leave their results in another form.
-STEPS_VERSION = 2
+STEPS_VERSION = 3
 TOLERANCE = 1e-12
 BLOCK_VECTORS = 16
 Listener = Callable[[str, int, int], None]
@@ -33,13 +33,14 @@ Listener = Callable[[str, int, int], None]
 class Report:
     """What a reduction found; wall time and largest memory (all ranks, megabytes) of its `REDUCTION_STEPS`.
 
-    `coordinates` = `boundary` + `modes` + `corrections`. One mode or two more than asked for are kept where the last
+    `coordinates` = `boundary` + `modes` + `corrections`. `condensed` is 1 where the boundary was condensed, and no
+    constraint modes were computed. One mode or two more than asked for are kept where the last
     has twins. `modes_below_shift` is the count by inertia below `shift_hz`, which agrees with the eigensolver's; -1
     where nothing was counted. `mode_solves` vectors were solved for to find the modes. `mode_residual` bounds the
-    relative error of the eigenvalues; `constraint_residual` is that of K_ii Psi = -K_ib as solved. `factor_megabytes`
-    and `factor_flops` are foreseen by the analysis, in core and with the factors on disk, which is where they went if
-    `out_of_core`. `worst_error` is the largest estimated relative error of a natural frequency or of a point receptance
-    of the reduced model; -1 where nothing was examined.
+    relative error of the eigenvalues; `constraint_residual` is that of K_ii Psi = -K_ib as solved, 0 without Psi.
+    `factor_megabytes` and `factor_flops` are foreseen by the analysis, in core and with the factors on disk, which is
+    where they went if `out_of_core`. `worst_error` is the largest estimated relative error of a natural frequency or of
+    a point receptance of the reduced model; -1 where nothing was examined.
     """
 
     dofs: int
@@ -47,6 +48,7 @@ class Report:
     boundary: int
     modes: int
     corrections: int
+    condensed: int
     negative_pivots: int
     modes_below_shift: int
     mode_solves: int
@@ -81,6 +83,8 @@ class Options:
     memory_gb : that the ranks of a machine may take together for the factors and beside them; None: what is free
     block_size : columns of the basis treated at a time, 0: by the size of the model
     block_vectors : vectors solved for at once, where the eigensolver has blocks
+    condense : the boundary, without constraint modes; None: where that takes fewer operations. Only with dofs to be
+        recovered given, and without damping and Coriolis forces in the model
     """
 
     modes: int | None = None
@@ -94,6 +98,7 @@ class Options:
     memory_gb: float | None = None
     block_size: int = 0
     block_vectors: int = BLOCK_VECTORS
+    condense: bool | None = None
 
     def __post_init__(self) -> None:
         if sum(given is not None for given in (self.modes, self.max_frequency_hz, self.error_target)) != 1:
@@ -115,6 +120,7 @@ class Options:
             ordering=self.ordering.encode(),
             out_of_core={None: b"auto", True: b"yes", False: b"no"}[self.out_of_core],
             eigensolver=self.eigensolver.encode(),
+            condense={None: b"auto", True: b"yes", False: b"no"}[self.condense],
         )
 
 

@@ -143,6 +143,7 @@ class RawReduction(ctypes.Structure):
         ("ordering", c_char * 8),
         ("out_of_core", c_char * 4),
         ("eigensolver", c_char * 16),
+        ("condense", c_char * 4),
     ]
 
 
@@ -150,7 +151,7 @@ class RawReductionReport(ctypes.Structure):
     """`attrito.library.reduction.Report`."""
 
     _fields_ = [
-        *_all(c_int, "dofs", "coordinates", "boundary", "modes", "corrections", "negative_pivots"),
+        *_all(c_int, "dofs", "coordinates", "boundary", "modes", "corrections", "condensed", "negative_pivots"),
         *_all(c_int, "modes_below_shift", "mode_solves", "factor_megabytes", "factor_megabytes_out_of_core"),
         ("out_of_core", c_int),
         ("ordering", c_char * 8),
