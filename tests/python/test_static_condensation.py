@@ -234,8 +234,8 @@ def listen(text, done, total):
     if text == "fixed-interface modes":
         os.kill(os.getpid(), signal.SIGKILL)
 reduce_model(MPI.COMM_WORLD, sys.argv[1] + "/model.h5", sys.argv[1] + "/rom.h5", asked["boundary"],
-             Options(modes=6, condense=True), np.array(asked["vectors"]), recovered=asked["recovered"], fingerprint="it",
-             listener=listen)
+             Options(modes=6, condense=True), np.array(asked["vectors"]), recovered=asked["recovered"],
+             fingerprint="it", listener=listen)
 """
 
 
