@@ -10,7 +10,7 @@ all of its parameters, or by so many of them, drawn (numbers of contacts' laws, 
 damping, a field of gaps, the level; of points the frequency), are compared with extrapolated central differences of
 solutions that start from the same motion and sliders. An error is relative to the scene's largest |p dQ/dp| of
 quantities of a kind: monitors, dissipation, forces; height, frequency; damping. Differences have an error of their own,
-that of the extrapolation and of rounding, of which the fourth difference tells: quantities whose differences are not
+that of the extrapolation and of rounding, which the fourth difference measures: quantities whose differences are not
 sure to a third of the tolerance are counted apart, with the reason.
 
 Cost: the hexahedral block with so many contacts where half of them slip; processor seconds of a point from its

@@ -149,11 +149,7 @@ def gradient(
     def work(family: Family) -> np.ndarray | None:
         if family.describe() is None:
             return None
-        if scene.sector is not None:
-            found = family.differentiate_directly(rates)
-        else:
-            gradient = family.differentiate_by_adjoint()
-            found = None if gradient is None else gradient.along(rates)
+        found = family.differentiate_along(rates, scene.sector is None)
         if found is not None and BY_FREQUENCY in parameters:
             found[:, parameters.index(BY_FREQUENCY)] = family.differentiate_by_frequency()
         return found

@@ -75,11 +75,7 @@ def derivatives_of_peak(solver: Solver, scene: ReducedScene, peak: Peak, paramet
     def find(family: Family) -> np.ndarray | None:
         if family.describe() is None:
             return None
-        if scene.sector is not None:
-            found = family.differentiate_directly(rates)
-        else:
-            gradient = family.differentiate_by_adjoint()
-            found = None if gradient is None else gradient.along(rates)
+        found = family.differentiate_along(rates, scene.sector is None)
         by_frequency = family.differentiate_by_frequency()
         return None if found is None or by_frequency is None else np.append(found[0], by_frequency[0])
 

@@ -7,8 +7,8 @@
 !>
 !> N_p + k_n (v - gap) holds k_n, gap and N_p, so they are a motion s of the normal. Tangential forces depend on k_t only by
 !> k_t (u - w) and are homogeneous of the first degree in k_t and mu (attrito_sensitivity_law_derivatives): these are a motion of the
-!> tangents, and what is left. D' does not feel a constant tangential displacement: w leaves no trace. By numbers that a law's elements
-!> are made of each element has its own k_t and mu (attrito_sensitivity_element_derivatives).
+!> tangents, and what is left. D' does not feel a constant tangential displacement: w leaves no trace. By numbers that elements of a
+!> law are made of each element has its own k_t and mu (attrito_sensitivity_element_derivatives).
 module attrito_peak_jacobian_rates
   use attrito_core_kinds, only: wp
   use attrito_balance_harmonic_balance, only: balance_type

@@ -7,7 +7,8 @@
 !>    \tilde K = T^T K T, \quad \tilde M = T^T M T, \quad \tilde f = T^T f $$
 !>
 !> Psi: constraint modes; Phi: fixed-interface modes, then static corrections. One factorisation of K_ii serves all three. Where the
-!> motion of few dofs is asked for, the boundary is condensed without Psi (`attrito_reduce_condensed_steps`). T lives on disk, in blocks of columns; each step leaves there what it did, and a reduction that was interrupted goes on from that.
+!> motion of few dofs is asked for, the boundary is condensed without Psi (`attrito_reduce_condensed_steps`). T lives on disk, in
+!> blocks of columns; each step leaves there what it did, and a reduction that was interrupted goes on from that.
 !> Source: Craig & Bampton, AIAA J. 6 (1968) 1313-1319, doi:10.2514/3.4741.
 module attrito_reduce_reduction
   use petscmat

@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 from jobs import Job, attrito, table, wedge, write_job
+from mpi4py import MPI
+
+from attrito.modes.nonlinear import mode_job
+from attrito.runs.recorder import Recorder
 
 K, KT, LIMIT, MASS = 1.0e5, 6.0e4, 20.0, 2.0
 
@@ -40,6 +46,23 @@ def weakly_damped_wedge() -> Job:
     job["balance"] = {"harmonics": 7}
     job["mode"] = {"start": 1.0e-6, "stop": 3.0e-3, "points": 18}
     return job
+
+
+def cut_short(folder: Path, monkeypatch: pytest.MonkeyPatch, known: int) -> None:
+    """Follow the mode of job.toml until so many points are written."""
+    write, written = Recorder.write, []
+
+    def write_a_few(recorder: Recorder, *point: Any) -> None:
+        if len(written) == known:
+            raise KeyboardInterrupt
+        written.append(point)
+        write(recorder, *point)
+
+    with monkeypatch.context() as patched:
+        patched.chdir(folder)
+        patched.setattr(Recorder, "write", write_a_few)
+        with pytest.raises(KeyboardInterrupt):
+            mode_job(MPI.COMM_WORLD, "job.toml")
 
 
 def follow(folder: Path, job: Job) -> list[dict[str, float]]:

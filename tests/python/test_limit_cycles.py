@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 import pytest
 from jobs import Job, attrito, chain, run, table, write_job
-from mode_jobs import KT, LIMIT, MASS, K, rubbing
+from mode_jobs import KT, LIMIT, MASS, K, cut_short, rubbing
 from mpi4py import MPI
 from scipy.linalg import eigh
 from scipy.optimize import brentq
@@ -17,9 +17,7 @@ from wheels import lumped_sector
 from attrito.job.reading import read_job
 from attrito.library.points import StoredPoint
 from attrito.library.session import Options, Solver
-from attrito.modes.nonlinear import mode_job
 from attrito.results.result import Result
-from attrito.runs.recorder import Recorder
 from attrito.scene.build import build_scene
 from attrito.scene.reduced_model import reduced_scene
 from attrito.scene.wheel import wave_in_wheel, whole_wheel
@@ -66,7 +64,7 @@ def test_limit_cycles_are_where_the_describing_function_takes_what_the_flow_give
     assert found["repels"] == pytest.approx(brentq(surplus, most, 1.4e-2, xtol=1e-14), rel=1e-7)
     for row in rows:
         if row["limit_cycle"] != "no":
-            # Against 15 harmonics one errs by a few per cent; of xi, which vanishes, no part could be told.
+            # Against 15 harmonics one errs by a few per cent; xi vanishes, and no error is a part of it.
             assert 0.0 < float(row["estimate"]) < 0.1
             assert float(row["damping_ratio"]) == pytest.approx(-float(row["damping_ratio_structure"]), rel=1e-7)
 
@@ -120,19 +118,7 @@ def test_a_mode_killed_about_a_limit_cycle_goes_on_to_the_same_table(known, tmp_
     whole = table(tmp_path, result="result.mode.h5")
     assert whole[4]["limit_cycle"] == "attracts", "known points are to end before it, with it and after it"
     (tmp_path / "result.mode.h5").unlink()
-    write, written = Recorder.write, []
-
-    def write_a_few(recorder, *point):
-        if len(written) == known:
-            raise KeyboardInterrupt
-        written.append(point)
-        write(recorder, *point)
-
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(Recorder, "write", write_a_few)
-    with pytest.raises(KeyboardInterrupt):
-        mode_job(MPI.COMM_WORLD, "job.toml")
-    monkeypatch.undo()
+    cut_short(tmp_path, monkeypatch, known)
     done = attrito(tmp_path, "mode", "job.toml", "--resume")
     assert done.returncode == 0, done.stderr
     rows = table(tmp_path, result="result.mode.h5")

@@ -6,11 +6,7 @@ import h5py
 import numpy as np
 import pytest
 from jobs import attrito, chain, table, write_job
-from mode_jobs import KT, LIMIT, MASS, K, follow, rubbing, weakly_damped_wedge
-from mpi4py import MPI
-
-from attrito.modes.nonlinear import mode_job
-from attrito.runs.recorder import Recorder
+from mode_jobs import KT, LIMIT, MASS, K, cut_short, follow, rubbing, weakly_damped_wedge
 
 
 def test_one_harmonic_of_a_coulomb_element_has_the_frequency_and_damping_of_its_describing_function(tmp_path):
@@ -208,21 +204,8 @@ def test_a_mode_that_is_cut_short_goes_on_as_if_it_had_not_been(tmp_path, monkey
     whole = follow(tmp_path, job)
     iterations = [row["iterations"] for row in table(tmp_path, result="result.mode.h5")]
     (tmp_path / "result.mode.h5").unlink()
-    write, written = Recorder.write, []
-
-    def write_a_few(recorder, *point):
-        if len(written) == known:
-            raise KeyboardInterrupt
-        written.append(point)
-        write(recorder, *point)
-
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(Recorder, "write", write_a_few)
-    with pytest.raises(KeyboardInterrupt):
-        mode_job(MPI.COMM_WORLD, "job.toml")
+    cut_short(tmp_path, monkeypatch, known)
     assert (tmp_path / "result.mode.h5.partial").is_file() and not (tmp_path / "result.mode.h5").exists()
-    monkeypatch.undo()
-    monkeypatch.chdir(tmp_path)
     done = attrito(tmp_path, "mode", "job.toml", "--resume")
     assert done.returncode == 0, done.stderr
     assert f"going on after {known} points" in done.stdout + done.stderr
@@ -237,11 +220,8 @@ def test_a_mode_that_is_cut_short_goes_on_as_if_it_had_not_been(tmp_path, monkey
 
 def test_a_mode_goes_on_only_as_it_began(tmp_path, monkeypatch):
     job = rubbing()
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(Recorder, "write", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
-    with pytest.raises(KeyboardInterrupt):
-        mode_job(MPI.COMM_WORLD, write_job(tmp_path, job))
-    monkeypatch.undo()
+    write_job(tmp_path, job)
+    cut_short(tmp_path, monkeypatch, 0)
     job["mode"]["stop"] = 3.0e-2
     done = attrito(tmp_path, "mode", write_job(tmp_path, job), "--resume")
     assert done.returncode == 2 and "mode.stop = 0.03" in done.stderr, done.stderr

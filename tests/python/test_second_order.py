@@ -1,4 +1,4 @@
-"""Studies by second-order models from values: exact for quadratics, near sampled peaks, told where they fail."""
+"""Studies by second-order models from values: exact for quadratics, near sampled peaks, warned of where they fail."""
 
 from __future__ import annotations
 

@@ -246,15 +246,15 @@ def test_a_reduction_that_was_killed_goes_on_with_its_condensed_boundary(tmp_pat
     assert subprocess.run(command, env=clean_environment(), stderr=subprocess.DEVNULL).returncode < 0
     assert (tmp_path / "rom.h5.steps/condensed.h5").exists()
     _, whole = free.reduce(True)
-    told = []
+    steps = []
     options = Options(modes=6, condense=True)
     report = reduce_model(
         *(MPI.COMM_WORLD, tmp_path / "model.h5", tmp_path / "rom.h5", free.boundary, options, free.vectors),
         recovered=free.recovered,
         fingerprint="it",
-        listener=lambda text, *_: told.append(text),
+        listener=lambda text, *_: steps.append(text),
     )
-    assert report.condensed == 1 and "condensation" not in told
+    assert report.condensed == 1 and "condensation" not in steps
     kept = slice(len(free.boundary))
     with h5py.File(tmp_path / "rom.h5") as rom:
         for name in ("stiffness", "mass"):

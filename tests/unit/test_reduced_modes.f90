@@ -15,7 +15,7 @@ program test_reduced_modes
   call run_in_session('reduced_modes', [ &
                       test('the modes up to an eigenvalue are those of LAPACK, rigid ones among them', agree), &
                       test('no more elastic modes are sought than asked for', are_limited), &
-                      test('a mass that is not positive is told', is_told)])
+                      test('a mass that is not positive is an error', is_refused)])
 
 contains
 
@@ -79,7 +79,7 @@ contains
     call check(error, info == 0 .and. elastic >= 20 .and. elastic < 2*20 + chains, 'modes that were found')
   end subroutine are_limited
 
-  subroutine is_told(error)
+  subroutine is_refused(error)
     type(error_type), allocatable, intent(out) :: error
     real(wp), allocatable :: k(:, :), m(:, :), found(:), shapes(:, :)
     real(wp) :: largest
@@ -89,7 +89,7 @@ contains
     m(7, 7) = -1.0_wp
     call find_reduced_modes(k, m, 1.0_wp, 5, rigid, found, shapes, largest, info)
     call check(error, info /= 0, 'an indefinite mass went through')
-  end subroutine is_told
+  end subroutine is_refused
 
   pure function identity(size) result(unit)
     integer, intent(in) :: size

@@ -115,6 +115,16 @@ class Family:
         found: Rates | None = self._ask("differentiate_by_adjoint")
         return found
 
+    def differentiate_along(self, parameters: Rates, by_adjoint: bool) -> np.ndarray | None:
+        """As `differentiate_directly`, or with a linear system a quantity instead of one a parameter.
+
+        `by_adjoint` is not for sectors, whose receptances are not symmetric.
+        """
+        if not by_adjoint:
+            return self.differentiate_directly(parameters)
+        gradient = self.differentiate_by_adjoint()
+        return None if gradient is None else gradient.along(parameters)
+
     def differentiate_peak_frequency(self, monitor: int, parameters: Rates) -> np.ndarray | None:
         """Derivatives of the frequency, Hz, of a peak of a monitor's half range that the solver is at, `[parameters]`.
 

@@ -187,11 +187,7 @@ class Differentiator:
         if family.describe() is None:
             return None
         parameters, monitors = self._shape
-        # Of a sector receptances are not symmetric.
-        if self._sector or parameters <= 2 * monitors + self._others:
-            return family.differentiate_directly(rates)
-        gradient = family.differentiate_by_adjoint()
-        return None if gradient is None else gradient.along(rates)
+        return family.differentiate_along(rates, not self._sector and parameters > 2 * monitors + self._others)
 
     def _parts(self, found: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of amplitudes and means, `[parameters, monitors]`, and of other quantities."""

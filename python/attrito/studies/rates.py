@@ -125,13 +125,7 @@ def monitor_slopes(
     wanted = rates.at(known)
 
     def work(family: Family) -> np.ndarray | None:
-        if family.describe() is None:
-            return None
-        if scene.sector is not None:
-            # Receptances of a sector are not symmetric: there is no adjoint.
-            return family.differentiate_directly(wanted)
-        gradient = family.differentiate_by_adjoint()
-        return None if gradient is None else gradient.along(wanted)
+        return None if family.describe() is None else family.differentiate_along(wanted, scene.sector is None)
 
     family.ask(inquiry_of_monitor(scene, monitor, wanted, kinds))
     found: np.ndarray | None = comm.bcast(family.visit(work))

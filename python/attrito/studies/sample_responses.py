@@ -143,12 +143,7 @@ class SampleResponses(SlopedPeaks):
         def work(family: Family) -> tuple[np.ndarray | None, np.ndarray | None]:
             if family.describe() is None:
                 return None, None
-            slopes = None
-            if wanted is not None and scene.sector is not None:
-                slopes = family.differentiate_directly(wanted)
-            elif wanted is not None:
-                gradient = family.differentiate_by_adjoint()
-                slopes = None if gradient is None else gradient.along(wanted)
+            slopes = None if wanted is None else family.differentiate_along(wanted, scene.sector is None)
             return slopes, family.differentiate_by_frequency()
 
         slopes, by_frequency = self._comm.bcast(family.visit(work))
