@@ -181,7 +181,7 @@ def picture_of_responses(
         axes = figure.subplots()
         for number, (low, high) in enumerate(failing):
             label = "the model does not hold" if number == 0 else None
-            axes.axvspan(low, high, color="0.85", linewidth=0, zorder=0, label=label)
+            axes.axvspan(low, high, facecolor="0.85", edgecolor="0.6", linewidth=0.8, zorder=0, label=label)
         _bands(axes, at_hz, quantiles)
         axes.plot(at_hz, mean, "--", color="0.2", linewidth=1.0, label="mean")
         axes.set(xlabel="Frequency (Hz)", ylabel=with_unit("Amplitude", unit))
