@@ -1,6 +1,6 @@
 """Peaks of random scenes, followed in level and in preload, up and down: do they arrive, are they the peaks of sweeps?
 
-    .venv/bin/python benchmarks/peaks.py --scenes 100 --seed 1 --output peaks.csv
+    .venv/bin/python benchmarks/peaks.py --scenes 100 --seed 1 --output peaks.jsonl
     .venv/bin/python benchmarks/peaks.py --seed 1 --first 17 --scenes 1 --runs level_up --verbose
 
 Scenes are those of `peaks_scenes.py`. Each is followed four times by what `attrito peak` runs, with as many
@@ -17,13 +17,14 @@ where solutions coexist, and where the response has another, higher peak; these 
 coarse sweep of `attrito peak` from the followed peak notices it is counted, too, with what that costs. Cost is work
 (`src/balance/work.f90`) of a run without its static path, by value and by peak, in sweeps at the run's values.
 
-JSON on standard output; `--output` keeps a row a run, with the number of its scene.
+JSON on standard output; `--output` keeps a line of JSON a run, as it ends. Runs that the file holds already are not
+followed again, so that a campaign that was stopped goes on.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
+import json
 import multiprocessing
 import os
 import time
@@ -285,7 +286,7 @@ def main() -> None:
     parser.add_argument("--harmonics", type=int, default=5)
     parser.add_argument("--samples", type=int, default=128)
     parser.add_argument("--limit", type=float, default=60.0, help="seconds of the processor a run")
-    parser.add_argument("--output", help="CSV, one row a value")
+    parser.add_argument("--output", help="lines of JSON, one a run; runs in it are not followed again")
     parser.add_argument("--verbose", action="store_true", help="print every value")
     arguments = parser.parse_args()
     numbers = range(arguments.first, arguments.first + arguments.scenes)
@@ -295,9 +296,14 @@ def main() -> None:
         for number in numbers
         for way in arguments.runs
     ]
-    runs: list[Run] = []
-    for one in results(tasks, WHOLE * arguments.limit):
+    runs = stored_runs(arguments.output, tasks)
+    done = {(one.scene, one.way) for one in runs}
+    left = [task for task in tasks if (task.number, task.way) not in done]
+    for one in results(left, WHOLE * arguments.limit):
         runs.append(one)
+        if arguments.output:
+            with open(arguments.output, "a") as file:
+                file.write(json.dumps(asdict(one)) + "\n")
         common.progress(
             f"{one.scene} {one.kind} {one.way}: {'arrived' if one.arrived else one.ending or 'lost'} "
             f"{one.came_to:.4g} of {one.start:.4g}...{one.stop:.4g}, {one.peaks} peaks, "
@@ -305,8 +311,6 @@ def main() -> None:
         )
         for value in one.values if arguments.verbose else ():
             common.progress(f"    {value} {value.kind}")
-    if arguments.output:
-        write(arguments.output, runs)
     common.report({"arguments": vars(arguments), **summary(runs)})
 
 
@@ -337,18 +341,14 @@ def processor_seconds(process: int | None) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def write(path: str, runs: list[Run]) -> None:
-    """A row a value, or one for a run without."""
-    rows = []
-    for one in runs:
-        about = asdict(one)
-        del about["values"]
-        rows += [about | asdict(value) | {"found": value.kind} for value in one.values] or [about]
-    names = list(dict.fromkeys(name for row in rows for name in row))
-    with open(path, "w", newline="") as file:
-        writer = csv.DictWriter(file, names)
-        writer.writeheader()
-        writer.writerows(rows)
+def stored_runs(path: str | None, tasks: list[Task]) -> list[Run]:
+    """Runs of these tasks that a file holds, none where there is no file."""
+    if path is None or not Path(path).exists():
+        return []
+    wanted = {(task.number, task.way) for task in tasks}
+    stored = [json.loads(line) for line in Path(path).read_text().splitlines()]
+    runs = [Run(**{**keys, "values": [Value(**value) for value in keys["values"]]}) for keys in stored]
+    return [one for one in runs if (one.scene, one.way) in wanted]
 
 
 def looks(values: list[Value]) -> float:
