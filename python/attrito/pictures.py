@@ -10,6 +10,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from matplotlib.figure import Figure
 
+from attrito.charts.file import holds_chart
+from attrito.charts.plot import picture_of_chart
 from attrito.library.names import REFERENCES
 from attrito.peaks.file import holds_peaks
 from attrito.peaks.plot import peak_curve
@@ -70,6 +72,7 @@ NOT_OF = {"phase": ("log", "references"), "nyquist": ("log", "references", "xlim
 FILES = (
     ("peaks", holds_peaks, peak_curve, "peaks.png"),
     ("a study", holds_study, picture_of_file, "study.png"),
+    ("a chart", holds_chart, picture_of_chart, "chart.png"),
 )
 
 
@@ -93,7 +96,7 @@ def plot(
 
     Parameters
     ----------
-    files : results, or one file of modes, peaks or a study
+    files : results, or one file of modes, peaks, a study or a chart
     monitor : of the frequency response; None: the first
     quantity : `amplitude` (also None), `first_harmonic`, `phase`, `velocity`, `acceleration` or `nyquist`
     level : those that are drawn; None: all

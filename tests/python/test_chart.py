@@ -14,8 +14,10 @@ from jobs import attrito_here, wedge, write_job
 
 from attrito.charts import modes
 from attrito.charts import run as chart
-from attrito.charts.file import SERIES, Chart, Way
+from attrito.charts.file import SERIES, Chart, Way, stored_table, table, write
+from attrito.charts.flank import up_the_flank
 from attrito.charts.plot import LEAST_ERROR
+from attrito.charts.turns import in_turn
 from attrito.support.errors import NumericsError
 
 
@@ -60,11 +62,23 @@ def test_a_chart_is_a_table_a_picture_and_data_that_describe_themselves(tmp_path
     assert [float(row["tolerance"]) for row in chosen] == [1e-3]
     # Each way that has an error is a mark in either panel, those by events above and right of none below the reference.
     (figure,) = written
-    for axes, cost in zip(figure.axes, ("seconds", "work"), strict=True):
+    *panels, drawn = figure.axes
+    for axes, cost in zip(panels, ("seconds", "work"), strict=True):
         ways = [(float(row[cost]), float(row["error"])) for row in rows if row["series"] == "event" and row["error"]]
         x, y = line(axes, SERIES["event"]).get_data()
         assert y == pytest.approx([max(error, LEAST_ERROR) for _, error in ways], rel=1e-5)
         assert x == pytest.approx([seconds for seconds, _ in ways], rel=1e-3)
+    # More points draw a curve that is nearer, and are in a panel of their own; they are no way to find the peak.
+    curves = [row for row in rows if row["series"] == "curve"]
+    assert [float(row["setting"]) for row in curves] == sorted((float(row["setting"]) for row in curves), reverse=True)
+    number, distance = ([float(row[name]) for row in curves] for name in ("points", "error"))
+    assert number == sorted(number) and distance[0] > distance[-1]
+    assert all(d <= float(row["tolerance"]) for d, row in zip(distance, curves, strict=True))
+    assert line(drawn, SERIES["curve"]).get_data()[0] == pytest.approx(number)
+    assert not any(row["efficient"] == "true" for row in curves)
+    assert attrito_here(tmp_path, capfd, "plot", "wedge.h5", "-o", "again.png").returncode == 0
+    again = line(written[1].axes[1], SERIES["event"])
+    assert again.get_data()[0] == pytest.approx(x, rel=1e-12)
     with h5py.File(tmp_path / "wedge.h5") as file:
         assert file.attrs["format"] == "attrito chart"
         assert len(file["error"]) == len(rows)
@@ -104,9 +118,56 @@ def test_steps_get_no_shorter_after_a_run_that_takes_too_long_but_do_after_one_t
     def fail(self, run):
         raise NumericsError("these steps take it nowhere")
 
+    # The time of the whole chart is spent from the start: each series has its first way all the same.
     assert steps_tried(1e-9) == [32]
     monkeypatch.setattr(chart.Integrator, "run", fail)
     assert steps_tried(5.0) == [32, 128]
+
+
+def test_a_chart_that_is_stopped_keeps_what_there_is(tmp_path, few_ways):
+    path = str(tmp_path / write_job(tmp_path, rubbing_wedge()))
+    kept = []
+
+    def keep(found):
+        kept.append(table(found))
+        write(found, str(tmp_path / "part.h5"), path)
+        if len(kept) == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        chart.chart_job(path, 5.0, keep=keep)
+    assert stored_table(str(tmp_path / "part.h5")) == kept[-1]
+    # A line of names, the ways by tolerance, and three more.
+    assert kept[-1].count("\n") == kept[0].count("\n") + 2
+
+
+def test_the_fixed_harmonics_and_samples_of_a_job_are_its_own_way(tmp_path, few_ways):
+    path = str(tmp_path / write_job(tmp_path, rubbing_wedge(harmonics=5, quadrature="sampled", samples=128)))
+    ways = chart.chart_job(path, 5.0).ways
+    assert [(way.series, way.label) for way in ways if way.own] == [("sampled", "H = 5, J = 128")]
+
+
+def test_series_take_turns_until_the_time_is_spent():
+    gone = []
+
+    def ways(name, count):
+        for i in range(count):
+            gone.append(name)
+            yield Way(name, str(i))
+
+    series = [ways("a", 3), ways("b", 1)]
+    assert [way.series + way.label for way in in_turn(series, lambda: len(gone) > 2)] == ["a0", "b0", "a1"]
+    # Each has its first way however late it is.
+    series = [iter([Way(name, "0"), Way(name, "1")]) for name in "ab"]
+    assert [way.series for way in in_turn(series, lambda: True)] == ["a", "b"]
+
+
+def test_frequencies_lead_up_the_flank_to_the_peak_and_one_way():
+    # A branch that folds: the parts above a half are beyond the turning point at 13.
+    frequency = np.array([10.0, 11.0, 12.0, 13.0, 12.5, 12.2, 12.0])
+    amplitude = np.array([0.01, 0.1, 0.3, 0.6, 0.95, 1.0, 0.2])
+    assert up_the_flank(9.0, frequency, amplitude) == [9.0, 11.0, 12.0, 12.2]
+    assert up_the_flank(10.0, frequency, amplitude[::-1] * 0 + [1.0, 0.5, 0.4, 0.3, 0.2, 0.1, 0.0]) == [10.0]
 
 
 def test_a_chart_without_a_reference_says_so(tmp_path, few_ways, monkeypatch):

@@ -21,6 +21,7 @@ SERIES = {
     "uncoupled": "uncoupled, H fixed",
     "modes": "fewer modes of the reduction",
     "patches": "pairs merged into patches",
+    "curve": "points of the drawn curve",
     "wheel": "the whole wheel by events or samples, H fixed",
     "uncondensed": "Newton's method on all coordinates (work by formula)",
     "integration": "time integration by steps, to the steady state",
@@ -32,6 +33,8 @@ SERIES = {
 }
 # Points that a way may be charted by: stability is not examined, and the error is what is charted
 SOLVED = ("converged", "above_tolerance")
+# Attributes that say where ways were compared
+PLACES = ("frequency_hz", "level", "tolerance", "amplitude")
 # As the estimate has it: `attrito_accuracy_error_control`
 LEAST_SHARE = 1e-3
 
@@ -51,6 +54,7 @@ class Way:
     modes: int = 0
     steps: int = 0
     contacts: int = 0
+    points: int = 0
     frequency_hz: float = np.nan
     tolerance: float = 0.0
     error: float = np.nan
@@ -83,15 +87,18 @@ class Chart:
     def efficient(self) -> np.ndarray:
         """Which ways no other beats in both time and error, `[ways]`."""
         error, seconds = (np.array([getattr(way, name) for way in self.ways]) for name in ("error", "seconds"))
+        # The error of a drawn curve is not that of its peak
+        error[[way.series == "curve" for way in self.ways]] = np.nan
         beaten = [
             np.any(((error < e) & (seconds <= s)) | ((error <= e) & (seconds < s)))
             for e, s in zip(error, seconds, strict=True)
         ]
         return ~np.array(beaten, dtype=bool) & np.isfinite(error) & np.isfinite(seconds)
 
-    def chosen(self) -> int:
-        """The way that the job asks for."""
-        return [way.own for way in self.ways].index(True)
+    def chosen(self) -> int | None:
+        """The way that the job asks for; None while it has not been gone."""
+        own = [way.own for way in self.ways]
+        return own.index(True) if any(own) else None
 
 
 COLUMNS = {
@@ -100,10 +107,12 @@ COLUMNS = {
     "modes": ("fixed-interface modes, where they are varied", "1"),
     "steps": ("steps a period of time integration", "1"),
     "contacts": ("contacts, where they are varied", "1"),
+    "points": ("points of the sweep, where they are varied", "1"),
     "frequency_hz": ("frequency of the peak, where each way has its own", "Hz"),
     "tolerance": ("relative error accepted, where that chooses", "1"),
     "error": (
-        "relative error against the reference: of the peak's amplitude, or of a mode's frequency and damping",
+        "relative error against the reference: of the peak's amplitude, of a mode's frequency and damping, or of the"
+        " drawn curve",
         "1",
     ),
     "estimate": ("the error that the run itself estimates", "1"),
@@ -114,21 +123,13 @@ COLUMNS = {
 
 def table(chart: Chart) -> str:
     """CSV, a line a way."""
-    texts = {name: [getattr(way, name) for way in chart.ways] for name in ("series", "label", "note")}
-    columns = {name: np.array([getattr(way, name) for way in chart.ways]) for name in COLUMNS}
-    return _lines(texts, columns, chart.efficient(), chart.chosen())
-
-
-def _lines(
-    texts: dict[str, list[str]], columns: dict[str, np.ndarray], efficient: np.ndarray, chosen: int | None
-) -> str:
-    """A line a way, out of columns."""
+    efficient, chosen = chart.efficient(), chart.chosen()
     lines = [",".join(["series", "setting", *COLUMNS, "efficient", "chosen", "note"])]
-    for i, series in enumerate(texts["series"]):
-        values = [columns[name][i] for name in COLUMNS]
+    for i, way in enumerate(chart.ways):
+        values = [getattr(way, name) for name in COLUMNS]
         numbers = ["" if value != value or value == 0 else f"{value:.6g}" for value in values]
         flags = ["true" if flag else "false" for flag in (efficient[i], i == chosen)]
-        lines.append(",".join([series, f'"{texts["label"][i]}"', *numbers, *flags, _quoted(texts["note"][i])]))
+        lines.append(",".join([way.series, f'"{way.label}"', *numbers, *flags, _quoted(way.note)]))
     return "\n".join(lines) + "\n"
 
 
@@ -147,6 +148,7 @@ def write(chart: Chart, path: str, job: str) -> None:
             file.attrs[name] = value
         file.attrs["reference_harmonics"] = chart.reference.harmonics
         file.attrs["reference_estimate"] = chart.reference.estimate
+        file.attrs["title"], file.attrs["quantity"] = chart.title, chart.quantity
         data = {name: (np.array([getattr(way, name) for way in chart.ways]), *what) for name, what in COLUMNS.items()}
         data["efficient"] = chart.efficient().astype(np.int8), "1: no way is both cheaper in time and nearer", "1"
         for name in ("series", "label", "note"):
@@ -154,7 +156,8 @@ def write(chart: Chart, path: str, job: str) -> None:
             data[name] = texts, {"series": "kind of way", "label": "its setting", "note": "why not solved"}[name], "1"
         for name, (values, description, unit) in data.items():
             described(file, name, description, unit, data=values)
-        file["label"].attrs["chosen"] = chart.chosen()
+        chosen = chart.chosen()
+        file["label"].attrs["chosen"] = -1 if chosen is None else chosen
 
 
 def holds_chart(path: str) -> bool:
@@ -162,10 +165,27 @@ def holds_chart(path: str) -> bool:
     return is_of_format(path, FORMAT)
 
 
+def read(path: str) -> Chart:
+    """The chart that a file holds; columns that older files have not are 0, and their title says little."""
+    with stored(path, "a file of `attrito chart`") as file:
+        count = len(file["label"])
+        columns = {name: file[name][()] if name in file else np.zeros(count) for name in COLUMNS}
+        texts = {name: [as_text(text) for text in file[name][()]] for name in ("series", "label", "note")}
+        chosen = int(file["label"].attrs["chosen"])
+        title, quantity = (as_text(file.attrs.get(name, "Relative error")) for name in ("title", "quantity"))
+        estimate, harmonics = float(file.attrs["reference_estimate"]), int(file.attrs["reference_harmonics"])
+        places = {name: float(file.attrs[name]) for name in PLACES if name in file.attrs}
+    ways = [
+        Way(
+            **{name: texts[name][i] for name in texts},
+            **{name: values[i].item() for name, values in columns.items()},
+            own=i == chosen,
+        )
+        for i in range(count)
+    ]
+    return Chart(ways, places, title, quantity, Way("reference", "", harmonics=harmonics, estimate=estimate))
+
+
 def stored_table(path: str) -> str:
     """The table of a chart that is in a file: CSV, a line a way."""
-    with stored(path, "a file of `attrito chart`") as file:
-        columns = {name: file[name][()] for name in ("series", "label", *COLUMNS, "efficient", "note")}
-        chosen = int(file["label"].attrs["chosen"])
-    texts = {name: [as_text(text) for text in columns[name]] for name in ("series", "label", "note")}
-    return _lines(texts, {name: columns[name] for name in COLUMNS}, columns["efficient"], chosen)
+    return table(read(path))

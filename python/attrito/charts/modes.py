@@ -56,22 +56,23 @@ class ModeBench:
         # Frequency and damping ratio of the reference `[2, amplitudes]`
         self._reference = np.empty((2, 0))
 
-    def chart(self) -> Chart:
-        """Follow the reference, then go all ways."""
+    def chart(self, keep: Callable[[Chart], None] = lambda _: None) -> Chart:
+        """Follow the reference, then go all ways; `keep` receives the chart after each."""
         _, _, self._reference = self._follow("epmc", self._series(FINEST))
         reference = self._way("epmc", self._series(HARMONICS[-1]))
         if not np.isfinite(self._reference).all() or reference.note:
             raise NumericsError(f"the reference, {FINEST} harmonics, loses the mode before [mode] stop")
         self._say(f"reference: {FINEST} harmonics, {reference.error:.1e} from {HARMONICS[-1]}")
         reference = replace(reference, harmonics=FINEST, estimate=reference.error)
-        ways = []
-        for way in self._ways():
-            ways.append(way)
-            outcome = f"error {way.error:.1e}, {way.seconds:.3g} s" if np.isfinite(way.error) else way.note
-            self._say(f"{way.series}, {way.label}: {outcome}")
         places = {"frequency_hz": float(self._reference[0, -1]), "amplitude": float(self._amplitudes[-1])}
         title = f"up to amplitude {places['amplitude']:g}, {places['frequency_hz']:.5g} Hz"
-        return Chart(ways, places, title, "Relative error of frequency and damping", reference)
+        found = Chart([], places, title, "Relative error of frequency and damping", reference)
+        for way in self._ways():
+            found.ways.append(way)
+            outcome = f"error {way.error:.1e}, {way.seconds:.3g} s" if np.isfinite(way.error) else way.note
+            self._say(f"{way.series}, {way.label}: {outcome}")
+            keep(found)
+        return found
 
     def _series(self, harmonics: int) -> Options:
         samples = max(self._options.samples, PER_HARMONIC * harmonics)
@@ -130,11 +131,24 @@ class ModeBench:
             return time.process_time() - started, work, found
 
 
-def chart_mode(path: str | Job, seconds: float = 20.0, say: Callable[[str], None] = lambda _: None) -> Chart:
-    """Chart a job's mode, on one process; `seconds`: a series ends where a run of it takes longer."""
+def chart_mode(
+    path: str | Job,
+    seconds: float = 20.0,
+    say: Callable[[str], None] = lambda _: None,
+    keep: Callable[[Chart], None] = lambda _: None,
+) -> Chart:
+    """Chart a job's mode, on one process.
+
+    Parameters
+    ----------
+    path : the job file, or the job
+    seconds : of the processor; a series ends where a run of it takes longer
+    say : receives what is done, a line each
+    keep : receives the chart as it is after each way
+    """
     from mpi4py import MPI
 
     job = path if isinstance(path, Job) else read_job(path, excited=False)
     check_mode(job)
     take_no_sector(job, "chart --mode")
-    return ModeBench(MPI.COMM_SELF, job, seconds, say).chart()
+    return ModeBench(MPI.COMM_SELF, job, seconds, say).chart(keep)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from attrito.charts.file import SOLVED, Way
+from attrito.charts.limited import within
 from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
@@ -45,6 +46,7 @@ def patched_ways(
     come_to_rest: Callable[[Solver], None],
     level: float,
     error: Callable[[np.ndarray], float],
+    limit: float = np.inf,
 ) -> Iterator[Way]:
     """Solve the frequencies with ever more patches, and with all pairs.
 
@@ -55,17 +57,33 @@ def patched_ways(
     frequencies_hz, level : of the points; the last one is charted
     come_to_rest : follows the static path
     error : of the amplitudes of the monitors `[monitors]`
+    limit : seconds of a run after which there is none with more patches; twice as late it is given up
     """
     band = min(frequencies_hz), max(frequencies_hz)
     for tolerance in TOLERANCES:
-        with PatchedSolver(comm, scene, options, places, tolerance, band) as solver:
+
+        def by_patches(tolerance: float = tolerance) -> Way:
+            with PatchedSolver(comm, scene, options, places, tolerance, band) as solver:
+                seconds, points = _solved(solver, frequencies_hz, come_to_rest, level)
+                count = int(solver.partition.max()) + 1
+            return replace(_way(f"{tolerance:g}", points, seconds, error), tolerance=tolerance, contacts=count)
+
+        way = within(2.0 * limit, by_patches)
+        if way is None:
+            yield Way("patches", f"{tolerance:g}", tolerance=tolerance, note=_note(limit), too_long=True)
+            return
+        yield way
+        if way.seconds > limit:
+            return
+
+    def by_pairs() -> Way:
+        with Solver(comm, scene, options) as solver:
             seconds, points = _solved(solver, frequencies_hz, come_to_rest, level)
-            count = int(solver.partition.max()) + 1
-        yield replace(_way(f"{tolerance:g}", points, seconds, error), tolerance=tolerance, contacts=count)
-    with Solver(comm, scene, options) as solver:
-        seconds, points = _solved(solver, frequencies_hz, come_to_rest, level)
-        work = points[-1].work - solver.static_work
-    yield replace(_way("all pairs", points, seconds, error), contacts=len(places.tables), work=work)
+            work = points[-1].work - solver.static_work
+        return replace(_way("all pairs", points, seconds, error), contacts=len(places.tables), work=work)
+
+    whole = within(2.0 * limit, by_pairs)
+    yield whole or Way("patches", "all pairs", contacts=len(places.tables), note=_note(limit), too_long=True)
 
 
 def _solved(
@@ -75,6 +93,10 @@ def _solved(
     started = time.process_time()
     points = list(solver.solve_at(frequencies_hz, level, 0))
     return time.process_time() - started, points
+
+
+def _note(limit: float) -> str:
+    return f"given up after {2.0 * limit:.0f} s"
 
 
 def _way(label: str, points: list[Point], seconds: float, error: Callable[[np.ndarray], float]) -> Way:

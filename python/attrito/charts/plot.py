@@ -1,4 +1,4 @@
-"""The picture of `attrito chart`: error against processor time, counted work, and the number of patches."""
+"""The picture of `attrito chart`: error against processor time, counted work, the number of patches and of points."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from attrito.charts.file import SERIES, Chart, Way
+from attrito.charts.file import SERIES, Chart, Way, read
 from attrito.charts.labels import label_marks
-from attrito.plots.style import BRANCH_COLOURS, STYLE
+from attrito.plots.style import BRANCH_COLOURS, Look
 
-MARKERS = dict(zip(SERIES, ("o", "s", "^", "v", "D", "h", "p", "x", "+", "P", "s", "D", "o", "s"), strict=True))
+MARKERS = dict(zip(SERIES, ("o", "s", "^", "v", "D", "h", "H", "p", "x", "+", "P", "s", "D", "o", "s"), strict=True))
 HUES = (
     "#000000",
     *BRANCH_COLOURS[:4],
     "#8a5a2b",
+    BRANCH_COLOURS[0],
     "#000000",
     *BRANCH_COLOURS[4:],
     "#000000",
@@ -25,31 +26,37 @@ HUES = (
 COLOURS = dict(zip(SERIES, HUES, strict=True))
 # Ways of these are few, and each has its label beside its mark
 LABELLED = ("points", "meshes")
+# Series with a panel of their own, whose cost is a number of something; alone: they are in no other
+COUNTED = {"patches": ("contacts", "Number of patches"), "curve": ("points", "Points of the sweep")}
+ALONE = ("curve",)
 # Errors are drawn down to here; what is nearer cannot be distinguished from the reference
 LEAST_ERROR = 1e-9
 # Diameters of marks in points: of ways, of those by tolerance, of the one that the job asks for
 SIZE, TOLERANCE_SIZE, STAR_SIZE = 4.5, 5.5, 15.0
 
 
-def picture(chart: Chart) -> Figure:
+def picture(chart: Chart, look: Look | None = None) -> Figure:
     """A panel a cost; the efficient front is a line, the way that the job asks for a star.
 
-    Patches have a panel of their own beside these.
+    Patches, and points of the drawn curve, have panels of their own beside these.
 
     The dotted line is the reference's own estimated error: errors below it mean nothing.
     """
-    with matplotlib.rc_context(STYLE):
-        patches = [way for way in chart.ways if way.series == "patches" and np.isfinite(way.error)]
-        costs = ("seconds", "work", "contacts") if patches else ("seconds", "work")
-        figure = Figure(figsize=(12.4 if not patches else 15.6, 4.6), constrained_layout=True)
-        panels = figure.subplots(1, len(costs), sharey=True)
-        for axes, cost in zip(panels, costs, strict=True):
-            if cost == "contacts":
-                _draw(axes, patches, cost, "patches", SERIES["patches"])
-                axes.set(xscale="log", xlabel="Number of patches")
-                continue
+    look = look or Look()
+    with matplotlib.rc_context(look.style()):
+        solved = {way.series for way in chart.ways if np.isfinite(way.error)}
+        counted = [series for series in COUNTED if series in solved]
+        costs = ("seconds", "work")
+        figure = look.figure((12.4 + 3.2 * len(counted), 4.6))
+        panels = figure.subplots(1, len(costs) + len(counted), sharey=True)
+        for axes, series in zip(panels[2:], counted, strict=True):
+            cost, label = COUNTED[series]
+            _draw(axes, [way for way in chart.ways if way.series == series], cost, series, SERIES[series])
+            axes.set(xscale="log", xlabel=label)
+        for axes, cost in zip(panels[:2], costs, strict=True):
             for series, label in SERIES.items():
-                _draw(axes, [way for way in chart.ways if way.series == series], cost, series, label)
+                if series not in ALONE:
+                    _draw(axes, [way for way in chart.ways if way.series == series], cost, series, label)
             _mark(axes, chart, cost)
             if np.isfinite(chart.reference.estimate):
                 axes.axhline(chart.reference.estimate, color="#8a8a8a", linestyle=":", linewidth=1.0, label="reference")
@@ -68,9 +75,14 @@ def picture(chart: Chart) -> Figure:
             entries |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
         panels[-1].legend(entries.values(), entries.keys(), loc="upper left", bbox_to_anchor=(1.01, 1.0))
         figure.draw_without_rendering()
-        for axes, cost in zip(panels[:2], costs[:2], strict=True):
+        for axes, cost in zip(panels[:2], costs, strict=True):
             _label(figure, axes, chart, cost)
     return figure
+
+
+def picture_of_chart(path: str, look: Look) -> Figure:
+    """The picture of the chart that a file holds."""
+    return picture(read(path), look)
 
 
 def _title(chart: Chart) -> str:
@@ -103,7 +115,8 @@ def _label(figure: Figure, axes: Axes, chart: Chart, cost: str) -> None:
     ways = [way for series in SERIES if series in LABELLED for way in chart.ways if way.series == series]
     ways = [way for way in ways if np.isfinite((getattr(way, cost), way.error)).all()]
     if ways:
-        own = chart.ways[chart.chosen()]
+        chosen = chart.chosen()
+        own = None if chosen is None else chart.ways[chosen]
         places = [(getattr(way, cost), max(way.error, LEAST_ERROR)) for way in ways]
         sizes = [STAR_SIZE if way is own else SIZE for way in ways]
         label_marks(figure, axes, places, sizes, [f"{way.label}: {way.contacts}" for way in ways])
@@ -113,11 +126,11 @@ def _mark(axes: Axes, chart: Chart, cost: str) -> None:
     """The front by time, drawn in its panel only, and the way that the job asks for."""
     if cost == "seconds":
         front = sorted((way.seconds, way.error) for way, on in zip(chart.ways, chart.efficient(), strict=True) if on)
-        seconds, error = np.array(front).T
+        seconds, error = np.array(front).reshape(-1, 2).T
         nearest = np.maximum(error, LEAST_ERROR)
         axes.step(seconds, nearest, where="post", color="#8a8a8a", linewidth=1.0, label="efficient front")
-    way = chart.ways[chart.chosen()]
-    if np.isfinite(way.error):
+    chosen = chart.chosen()
+    if chosen is not None and np.isfinite((way := chart.ways[chosen]).error):
         label = f"tolerance = {way.label}" if way.tolerance else f"the job's own: {way.label}"
         axes.plot(
             getattr(way, cost), max(way.error, LEAST_ERROR), "*", color="#D55E00", markersize=STAR_SIZE, label=label

@@ -1,14 +1,16 @@
 """`attrito chart`: error against cost for a job's own scene, by every way that the program has to solve it.
 
 The peak of the job's sweep is found first. Each way then solves the same few frequencies, from the start of the sweep
-to the peak, so that every one of them has come along the branch; the error is that of the amplitudes at the last,
+up the flank to the peak, so that every one of them has come along the branch; the error is that of the amplitudes at
+the last,
 
     e = max over monitors |a - a_ref| / a_ref,
 
-a_ref being the balance with harmonics, and samples where contacts have two tangents, that leave the error estimated for
-it far below what is charted. Cost is processor time without the static load path, and counted work: operations by the
-formulas of src/balance/work.f90, for time integration 4 m (m + rows) a step. A way is on the efficient front if none is
-both cheaper in time and nearer.
+a_ref being the balance with harmonics, and samples where contacts have two tangents, chosen for the smallest error that
+the time allows. A run that would take too long, by what the coarser ones have taken, is not begun, and all series have
+their coarse ways before any has finer ones: when the time is spent the chart shows what there is. Cost is processor
+time without the static load path, and counted work: operations by the formulas of src/balance/work.f90, for time
+integration 4 m (m + rows) a step. A way is on the efficient front if none is both cheaper in time and nearer.
 
 A sector under a travelling wave is charted beside its whole wheel, which is solved and integrated in time by itself;
 the monitors are those of the first sector.
@@ -23,8 +25,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from attrito.charts.drawn_curve import curve_ways
+from attrito.charts.fewer_modes import restricted
 from attrito.charts.file import LEAST_SHARE, SOLVED, Chart, Way
+from attrito.charts.flank import up_the_flank
+from attrito.charts.limited import processor_seconds, within
 from attrito.charts.patches import can_merge, patched_ways
+from attrito.charts.turns import in_turn
 from attrito.job.defaults import TOLERANCE
 from attrito.job.job import Job
 from attrito.job.reading import read_job
@@ -51,9 +58,14 @@ STEPS = (32, 64, 128, 256, 512, 1024)
 MODE_PARTS = (0.0, 0.1, 0.25, 0.5, 0.75)
 SCHEMES = ("central_difference", "newmark", "hht", "generalised_alpha", "event")
 CYCLES = 400
-# What is estimated for the reference; with two tangents samples limit it
+# What is estimated for the reference at best; with two tangents samples limit it
 REFERENCE = {1: 1e-9, 2: 1e-5}
-POINTS = 5
+# What the reference, and the whole chart, may take, in units of what one run of a series may
+REFERENCE_SHARE, WHOLE = 3.0, 15.0
+# Cost of a run against its harmonics and samples: powers of what is foreseen
+HARMONICS_POWER, SAMPLES_POWER = 2.0, 0.5
+# Samples of the balance by samples whose iterations are counted on all coordinates, too
+UNCONDENSED_SAMPLES = 256
 # Shorter runs are repeated, and the least of the times is taken
 SHORT = 0.2
 
@@ -66,6 +78,7 @@ class Bench:
 
     def __init__(self, comm: Comm, job: Job, seconds: float, say: Callable[[str], None]):
         self._comm, self._job, self._seconds, self._say = comm, job, seconds, say
+        self._begun = processor_seconds()
         whole = build_scene(job)
         self._path = whole.load_path
         self._places = places_of(whole.contacts.tables, whole.contacts.places)
@@ -79,41 +92,121 @@ class Bench:
         self._frequencies: list[float] = []
         self._amplitude = np.full(len(self._scene.monitors), np.nan)
         self._iterations = 0
+        # What coupled runs of fixed harmonics have taken: harmonics, samples, seconds
+        self._taken: list[tuple[int, int, float]] = []
+        # Of the last run, and iterations by label
+        self._last_amplitude, self._iterations_of = self._amplitude, dict[str, int]()
+        self._accepted = REFERENCE[self._tangents]
 
-    def chart(self) -> Chart:
-        """Find the peak and the reference, then go all ways."""
+    def chart(self, keep: Callable[[Chart], None] = lambda _: None) -> Chart:
+        """Find the peak and the reference, then go all ways.
+
+        Parameters
+        ----------
+        keep : receives the chart as it is after each way
+        """
         self._find_peak()
-        accepted = REFERENCE[self._tangents]
-        reference = self._balance("reference", self._scene, self._automatic(accepted), count=False)
-        if reference.note:
-            raise NumericsError(f"the reference, {reference.harmonics} harmonics, has no solution: {reference.note}")
-        self._say(f"reference: {reference.harmonics} harmonics, estimated error {reference.estimate:.1e}")
-        ways = []
-        for way in self._ways():
-            ways.append(way)
-            outcome = f"error {way.error:.1e}, {way.seconds:.3g} s" if np.isfinite(way.error) else way.note
-            self._say(f"{way.series}, {way.label}: {outcome}")
+        reference, ways = self._references()
         tolerance = self._job["balance"]["tolerance"] or TOLERANCE
         places = {"frequency_hz": self._frequencies[-1], "level": self._level, "tolerance": tolerance}
         title = f"{self._frequencies[-1]:.5g} Hz, level {self._level:g}"
-        return Chart(ways, places, title, "Relative error of the peak", reference)
+        for way in ways:
+            self._say_way(way)
+        found = Chart(ways, places, title, "Relative error of the peak", reference)
+        for way in in_turn(self._series(reference), self._is_spent):
+            ways.append(way)
+            self._say_way(way)
+            keep(found)
+        if self._is_spent():
+            self._say(f"{WHOLE * self._seconds:g} s are spent: finer ways are left out (--seconds)")
+        return found
 
-    def _find_peak(self) -> None:
+    def _is_spent(self) -> bool:
+        return processor_seconds() - self._begun > WHOLE * self._seconds
+
+    def _say_way(self, way: Way) -> None:
+        outcome = f"error {way.error:.1e}, {way.seconds:.3g} s" if np.isfinite(way.error) else way.note
+        self._say(f"{way.series}, {way.label}: {outcome}")
+
+    def _band(self) -> tuple[float, float]:
         sweep = self._job["sweep"]
         listed = sweep["frequencies_hz"]
-        start, stop = (listed[0], listed[-1]) if listed else (sweep["start_hz"], sweep["stop_hz"])
-        with Solver(self._comm, self._scene, self._automatic(1e-3)) as solver:
-            solver.follow_static_path(self._path, self._job["static"]["steps"], start)
-            if listed:
-                points = solver.solve_at(listed, self._level, 0)
-            else:
-                points = solver.sweep(start, stop, self._level, 0, self._job["continuation"]["max_points"])
-            found = [(point.amplitude[0], point.frequency_hz) for point in points if point.outcome in SOLVED]
-        if not found:
+        return (listed[0], listed[-1]) if listed else (sweep["start_hz"], sweep["stop_hz"])
+
+    def _swept(self, solver: Solver) -> Iterator[Point]:
+        """Points of the job's sweep, or of its list, after the static path."""
+        start, stop = self._band()
+        solver.follow_static_path(self._path, self._job["static"]["steps"], start)
+        if listed := self._job["sweep"]["frequencies_hz"]:
+            return solver.solve_at(listed, self._level, 0)
+        return solver.sweep(start, stop, self._level, 0, self._job["continuation"]["max_points"])
+
+    def _find_peak(self) -> None:
+        with Solver(self._comm, self._scene, self._own()) as solver:
+            points = [point for point in self._swept(solver) if point.outcome in SOLVED]
+        if not points:
             raise NumericsError("no point of the sweep converged: there is no peak to chart")
-        peak = max(found)[1]
-        self._frequencies = np.linspace(start, peak, POINTS).tolist() if peak != start else [start]
-        self._say(f"peak of {self._scene.monitor_names[0]} at {peak:.6g} Hz, level {self._level:g}")
+        start, _ = self._band()
+        heights = np.array([point.amplitude[0] for point in points])
+        self._frequencies = up_the_flank(start, np.array([point.frequency_hz for point in points]), heights)
+        self._say(
+            f"peak of {self._scene.monitor_names[0]} at {self._frequencies[-1]:.6g} Hz, level {self._level:g}, "
+            f"{processor_seconds() - self._begun:.3g} s"
+        )
+
+    def _references(self) -> tuple[Way, list[Way]]:
+        """The finest balance by tolerance that there is time for, and the coarser ones."""
+        own = self._job["balance"]["tolerance"] or TOLERANCE
+        least = min(REFERENCE[self._tangents], own)
+        ladder = sorted({least, own, *(one for one in TOLERANCES if one > least)}, reverse=True)
+        found: list[tuple[Way, np.ndarray]] = []
+        for tolerance in ladder:
+            if self._is_too_long([way.seconds for way, _ in found]):
+                break
+            way = self._balance(
+                "tolerance",
+                self._scene,
+                self._automatic(tolerance),
+                label=f"{tolerance:g}",
+                # There is no chart without the coarsest.
+                limit=REFERENCE_SHARE * self._seconds if found else np.inf,
+                tolerance=tolerance,
+            )
+            way = replace(way, own=tolerance == own and self._is_automatic())
+            found.append((way, self._last_amplitude))
+            outcome = way.note or f"estimated error {way.estimate:.1e}, {way.seconds:.3g} s"
+            self._say(f"tolerance {way.label}: {outcome}")
+            if way.note:
+                break
+        solved = [one for one in found if not one[0].note]
+        if not solved:
+            way = found[-1][0]
+            raise NumericsError(f"the reference, {way.harmonics} harmonics, has no solution: {way.note}")
+        reference, self._amplitude = solved[-1]
+        self._iterations, self._accepted = self._iterations_of[reference.label], reference.tolerance
+        self._say(f"reference: {reference.harmonics} harmonics, estimated error {reference.estimate:.1e}")
+        ways = [
+            replace(way, error=np.nan if way.note else self._error(amplitude))
+            for way, amplitude in found
+            if way is not reference
+        ]
+        if reference.own:
+            ways.append(replace(reference, error=reference.estimate, note="the reference"))
+        return reference, ways
+
+    def _is_too_long(self, taken: list[float]) -> bool:
+        """Whether the next tolerance would take too long: as much longer again, at least twice as long."""
+        if not taken:
+            return False
+        growth = taken[-1] / taken[-2] if len(taken) > 1 else 1.0
+        return taken[-1] * max(growth, 2.0) > REFERENCE_SHARE * self._seconds
+
+    def _is_automatic(self) -> bool:
+        return bool(self._options.choose_harmonics or self._options.choose_samples)
+
+    def _own(self) -> Options:
+        """The job's own options, coupled."""
+        return replace(self._options, uncoupled=False)
 
     def _automatic(self, tolerance: float) -> Options:
         first = max((len(self._scene.harmonic) - 1) // 2, 3)
@@ -126,48 +219,82 @@ class Bench:
         choices = {"by_events": True, "uncoupled": False} | fixed | other
         return replace(self._options, harmonics=harmonics, samples=samples, **choices)
 
-    def _ways(self) -> Iterator[Way]:
-        own = self._job["balance"]["tolerance"] or TOLERANCE
-        tolerances = {*TOLERANCES, own}
-        for tolerance in sorted(tolerances, reverse=True):
-            if tolerance > REFERENCE[self._tangents] or tolerance == own:
-                way = self._balance(
-                    "tolerance", self._scene, self._automatic(tolerance), label=f"{tolerance:g}", tolerance=tolerance
-                )
-                yield replace(way, own=tolerance == own)
+    def _series(self, reference: Way) -> list[Iterator[Way]]:
+        """All series but that of tolerances; the job's own way is the first if it is not among those."""
         loaded = (len(self._scene.harmonic) - 1) // 2
         ladder = [harmonics for harmonics in HARMONICS if harmonics >= loaded]
+        samples = 8 if self._tangents == 1 else 256
+        series = [] if self._is_automatic() else [self._own_way()]
         if self._tangents == 1:
-            yield from self._climb("event", ((h, self._fixed(h, 8 * h + 2)) for h in ladder))
-            yield from self._climb("uncoupled", ((h, self._fixed(h, 8 * h + 2, uncoupled=True)) for h in ladder))
-        for harmonics in SAMPLED_HARMONICS:
-            fits = [samples for samples in SAMPLES if samples >= 4 * harmonics + 2 and harmonics >= loaded]
-            yield from self._climb("sampled", ((j, self._fixed(harmonics, j, by_events=False)) for j in fits))
-        if self._tangents == 2:
-            yield from self._climb(
-                "uncoupled", ((h, self._fixed(h, 256, by_events=False, uncoupled=True)) for h in ladder if h <= 20)
-            )
-        yield from self._fewer_modes()
-        yield from self._fewer_contacts()
+            series.append(self._climb("event", (self._fixed(h, 8 * h + 2) for h in ladder)))
+        series += [self._more_samples(harmonics) for harmonics in SAMPLED_HARMONICS if harmonics >= loaded]
+        series.append(self._drawn_curves())
+        if self._tangents == 1:
+            series.append(self._climb("uncoupled", (self._fixed(h, 8 * h + 2, uncoupled=True) for h in ladder)))
+        else:
+            frozen = {"by_events": False, "uncoupled": True}
+            series.append(self._climb("uncoupled", (self._fixed(h, samples, **frozen) for h in ladder if h <= 20)))
+        series += [self._fewer_modes(), self._fewer_contacts()]
         if self._scene.sector is not None:
             by_events = self._tangents == 1
-            runs = (
-                (h, self._fixed(h, 8 * h + 2 if by_events else 256, by_events=by_events)) for h in ladder if h <= 20
-            )
-            yield from self._climb("wheel", runs, self._wheel)
-        yield from self._uncondensed(ladder)
-        yield from self._integrations()
+            runs = (self._fixed(h, 8 * h + 2 if by_events else samples, by_events=by_events) for h in ladder if h <= 20)
+            series.append(self._climb("wheel", runs, self._wheel))
+        return [*series, *self._integrations()]
 
-    def _climb(
-        self, series: str, runs: Iterator[tuple[int, Options]], scene: ReducedScene | None = None
-    ) -> Iterator[Way]:
-        """Ever finer, until one run takes too long; of another scene than the job's, if one is given."""
-        for _, options in runs:
-            label = f"H = {options.harmonics}" + (f", J = {options.samples}" if series == "sampled" else "")
-            way = self._balance(series, scene or self._scene, options, label=label)
-            yield way
-            if way.seconds > self._seconds:
+    def _more_samples(self, harmonics: int) -> Iterator[Way]:
+        """The same harmonics by ever more samples."""
+        fits = [samples for samples in SAMPLES if samples >= 4 * harmonics + 2]
+        yield from self._climb("sampled", (self._fixed(harmonics, samples, by_events=False) for samples in fits))
+
+    def _own_way(self) -> Iterator[Way]:
+        """The job's own harmonics and samples."""
+        options = self._own()
+        series = "event" if options.by_events and self._tangents == 1 else "sampled"
+        way = self._balance(series, self._scene, options, label=_label(series, options))
+        self._take_time(options, way)
+        yield replace(way, own=True)
+
+    def _take_time(self, options: Options, way: Way) -> None:
+        """What a run has taken foretells finer ones; one that was given up has taken at least its limit."""
+        seconds = 2.0 * self._seconds if way.too_long else way.seconds
+        self._taken.append((options.harmonics, options.samples, seconds))
+
+    def _climb(self, series: str, runs: Iterator[Options], scene: ReducedScene | None = None) -> Iterator[Way]:
+        """Ever finer, until one run takes too long, or would; of another scene than the job's, if one is given."""
+        own = None if self._is_automatic() else (self._options.harmonics, self._options.samples)
+        for options in runs:
+            label = _label(series, options)
+            counts = series in ("event", "sampled")
+            if series == "sampled" and own == (options.harmonics, options.samples):
+                continue
+            foreseen = self._foreseen(options) if counts else 0.0
+            if foreseen > self._seconds:
+                settings = {"harmonics": options.harmonics, "samples": options.samples}
+                yield Way(series, label, **settings, note=f"would take some {foreseen:.0f} s", too_long=True)
                 return
+            way = self._balance(series, scene or self._scene, options, label=label)
+            if counts:
+                self._take_time(options, way)
+            yield way
+            exact = series == "event" or (self._tangents == 2 and options.samples == UNCONDENSED_SAMPLES)
+            if counts and exact and not way.note:
+                yield self._uncondensed(way)
+            if way.too_long or way.seconds > self._seconds:
+                return
+
+    def _foreseen(self, options: Options) -> float:
+        """Seconds, by the run with the most harmonics and samples below those; 0 where there is none."""
+        below = [one for one in self._taken if one[0] <= options.harmonics and one[1] <= options.samples]
+        if not below:
+            return 0.0
+        harmonics, samples, seconds = max(below)
+        growth = (2 * options.harmonics + 1) / (2 * harmonics + 1)
+        return seconds * growth**HARMONICS_POWER * (options.samples / samples) ** SAMPLES_POWER
+
+    def _drawn_curves(self) -> Iterator[Way]:
+        """Sweeps with ever more points."""
+        if not self._job["sweep"]["frequencies_hz"]:
+            yield from curve_ways(self._comm, self._scene, self._own(), self._swept, 2.0 * self._seconds)
 
     def _fewer_modes(self) -> Iterator[Way]:
         """The reduced model without its highest fixed-interface modes, against the reduced model as it is."""
@@ -177,8 +304,11 @@ class Bench:
         for count in dict.fromkeys(round(part * len(modes)) for part in MODE_PARTS):
             kept = np.setdiff1d(np.arange(len(self._scene.mass)), modes[count:])
             scene = restricted(self._scene, kept)
-            options = self._automatic(max(1e-4, 10.0 * REFERENCE[self._tangents]))
-            yield self._balance("modes", scene, options, label=f"{count} modes", modes=count)
+            options = self._automatic(max(1e-4, 10.0 * REFERENCE[self._tangents], self._accepted))
+            way = self._balance("modes", scene, options, label=f"{count} modes", modes=count)
+            yield way
+            if way.too_long or way.seconds > self._seconds:
+                return
 
     def _fewer_contacts(self) -> Iterator[Way]:
         """Pairs merged into patches, ever more of them."""
@@ -188,8 +318,8 @@ class Bench:
         def come_to_rest(solver: Solver) -> None:
             solver.follow_static_path(self._path, self._job["static"]["steps"], self._frequencies[0])
 
-        options = self._automatic(max(1e-3, 10.0 * REFERENCE[self._tangents]))
-        asked = self._frequencies, come_to_rest, self._level, self._error
+        options = self._automatic(max(1e-3, 10.0 * REFERENCE[self._tangents], self._accepted))
+        asked = self._frequencies, come_to_rest, self._level, self._error, self._seconds
         yield from patched_ways(self._comm, self._scene, options, self._places, *asked)
 
     def _scene_kinds(self) -> np.ndarray:
@@ -203,13 +333,21 @@ class Bench:
         return inside
 
     def _balance(
-        self, series: str, scene: ReducedScene, options: Options, label: str = "", count: bool = True, **settings: float
+        self,
+        series: str,
+        scene: ReducedScene,
+        options: Options,
+        label: str = "",
+        limit: float | None = None,
+        **settings: float,
     ) -> Way:
-        """Solve the frequencies with these options; the reference is what the others are held against."""
-        seconds, points = self._solve(scene, options)
-        while count and seconds < SHORT and self._repeats_left(seconds):
-            seconds = min(seconds, self._solve(scene, options)[0])
-        self._repeated = 0
+        """Solve the frequencies with these options; `limit`: seconds after which they are given up."""
+        limit = 2.0 * self._seconds if limit is None else limit
+        solved = within(limit, lambda: self._solve(scene, options))
+        if solved is None:
+            asked = {"harmonics": options.harmonics, "samples": options.samples} | settings
+            return Way(series, label, **asked, note=f"given up after {limit:.0f} s", too_long=True)
+        seconds, points = solved
         last = points[-1]
         found = {
             "harmonics": (last.harmonics.shape[1] - 1) // 2,
@@ -217,10 +355,10 @@ class Bench:
             "seconds": seconds,
             "work": last.work,
         } | settings
+        self._last_amplitude = last.amplitude
+        self._iterations_of[label] = sum(point.iterations for point in points)
         if any(point.outcome not in SOLVED for point in points):
             return Way(series, label, **found, note="a point did not converge")
-        if not count:
-            self._amplitude, self._iterations = last.amplitude, sum(point.iterations for point in points)
         return Way(series, label, **found, error=self._error(last.amplitude), estimate=last.estimate)
 
     def _error(self, amplitude: np.ndarray) -> float:
@@ -228,40 +366,35 @@ class Bench:
         scale = np.maximum(self._amplitude, LEAST_SHARE * self._amplitude.max())
         return float(np.max(np.abs(amplitude - self._amplitude) / scale))
 
-    _repeated = 0
-
-    def _repeats_left(self, seconds: float) -> bool:
-        self._repeated += 1
-        return self._repeated < min(5, SHORT / max(seconds, 1e-6))
-
     def _solve(self, scene: ReducedScene, options: Options) -> tuple[float, list[Point]]:
-        with Solver(self._comm, scene, options) as solver:
-            solver.follow_static_path(self._path, self._job["static"]["steps"], self._frequencies[0])
-            started = time.process_time()
-            points = list(solver.solve_at(self._frequencies, self._level, 0))
-            seconds = time.process_time() - started
-            return seconds, [point._replace(work=point.work - solver.static_work) for point in points]
+        """Seconds, the least of several runs where they are short, and points."""
+        seconds, repeats = np.inf, 0
+        while repeats == 0 or (seconds < SHORT and repeats < min(5, SHORT / max(seconds, 1e-6))):
+            with Solver(self._comm, scene, options) as solver:
+                solver.follow_static_path(self._path, self._job["static"]["steps"], self._frequencies[0])
+                started = time.process_time()
+                points = list(solver.solve_at(self._frequencies, self._level, 0))
+                seconds = min(seconds, time.process_time() - started)
+                static, repeats = solver.static_work, repeats + 1
+        return seconds, [point._replace(work=point.work - static) for point in points]
 
-    def _uncondensed(self, ladder: list[int]) -> Iterator[Way]:
+    def _uncondensed(self, way: Way) -> Way:
         """Work of as many iterations on all coordinates, (2/3) (m (2 H + 1))^3 each, without the contacts' forces."""
-        for harmonics in ladder:
-            options = self._fixed(harmonics, max(256, 8 * harmonics + 2))
-            way = self._balance("uncondensed", self._scene, options, label=f"H = {harmonics}")
-            unknowns = self._scene.coordinates * (2 * harmonics + 1)
-            yield replace(way, seconds=np.nan, work=self._iterations * 2.0 / 3.0 * unknowns**3)
-            if way.seconds > self._seconds:
-                return
+        unknowns = self._scene.coordinates * (2 * way.harmonics + 1)
+        work = self._iterations * 2.0 / 3.0 * unknowns**3
+        return replace(way, series="uncondensed", label=f"H = {way.harmonics}", seconds=np.nan, work=work)
 
-    def _integrations(self) -> Iterator[Way]:
-        """From the static solution to the steady state at the peak, ever shorter steps."""
-        for scheme in SCHEMES:
-            if scheme == "event" and (self._tangents == 2 or not are_coulomb(self._scene.laws)):
-                continue
-            for steps in STEPS if scheme != "event" else STEPS[:1]:
-                way = self._integrate(scheme, steps)
-                yield way
-                if way.too_long:
-                    break
+    def _integrations(self) -> list[Iterator[Way]]:
+        """From the static solution to the steady state at the peak, ever shorter steps; a series a scheme."""
+        exact = self._tangents == 1 and are_coulomb(self._scene.laws)
+        return [self._shorter_steps(scheme) for scheme in SCHEMES if scheme != "event" or exact]
+
+    def _shorter_steps(self, scheme: str) -> Iterator[Way]:
+        for steps in STEPS if scheme != "event" else STEPS[:1]:
+            way = self._integrate(scheme, steps)
+            yield way
+            if way.too_long:
+                return
 
     def _integrate(self, scheme: str, steps: int) -> Way:
         exact = scheme == "event"
@@ -292,40 +425,26 @@ class Bench:
         return Way(series, label, **found, error=self._error(orbit.amplitude))
 
 
-def restricted(scene: ReducedScene, kept: np.ndarray) -> ReducedScene:
-    """The scene without some of its coordinates; those of a sector's boundaries and axis must be kept."""
-    number = np.full(len(scene.mass), -1)
-    number[kept] = np.arange(len(kept))
-    sector = scene.sector
-    if sector is not None:
-        sector = replace(
-            sector,
-            lower=number[sector.lower].astype(np.int32),
-            upper=number[sector.upper].astype(np.int32),
-            along=number[sector.along].astype(np.int32),
-            across=number[sector.across].astype(np.int32),
-            next_directions=np.ascontiguousarray(sector.next_directions[:, kept]),
-            # Nothing is drawn of it along the model's own axes.
-            axes=None,
-        )
-    square, wide = np.ix_(kept, kept), (slice(None), kept)
-    return replace(
-        scene,
-        sector=sector,
-        mass=np.ascontiguousarray(scene.mass[square]),
-        stiffness=np.ascontiguousarray(scene.stiffness[square]),
-        damping=None if scene.damping is None else np.ascontiguousarray(scene.damping[square]),
-        damping_ratios=None if scene.damping_ratios is None else scene.damping_ratios[: len(kept)],
-        **{
-            name: np.ascontiguousarray(getattr(scene, name)[wide])
-            for name in ("directions", "static", "harmonic", "monitors")
-        },
-    )
+def _label(series: str, options: Options) -> str:
+    return f"H = {options.harmonics}" + (f", J = {options.samples}" if series == "sampled" else "")
 
 
-def chart_job(path: str | Job, seconds: float = 20.0, say: Callable[[str], None] = lambda _: None) -> Chart:
-    """Chart a job, on one process; `seconds`: a series ends where a run of it takes longer."""
+def chart_job(
+    path: str | Job,
+    seconds: float = 20.0,
+    say: Callable[[str], None] = lambda _: None,
+    keep: Callable[[Chart], None] = lambda _: None,
+) -> Chart:
+    """Chart a job, on one process.
+
+    Parameters
+    ----------
+    path : the job file, or the job
+    seconds : of the processor; a series ends where a run of it takes longer, and the chart after `WHOLE` times as long
+    say : receives what is done, a line each
+    keep : receives the chart as it is after each way
+    """
     from mpi4py import MPI
 
     job = path if isinstance(path, Job) else read_job(path)
-    return Bench(MPI.COMM_SELF, job, seconds, say).chart()
+    return Bench(MPI.COMM_SELF, job, seconds, say).chart(keep)

@@ -119,7 +119,10 @@ def _chart(parsers: Parsers) -> None:
     one.add_argument("job", help="job file (TOML)")
     one.add_argument("-o", "--output", default="chart.h5", help="data (default: chart.h5); the picture goes beside it")
     one.add_argument(
-        "--seconds", type=float, default=20.0, help="a series ends where a run of it takes longer (default: 20)"
+        "--seconds",
+        type=float,
+        default=20.0,
+        help="a series ends where a run of it takes longer, the chart after 15 times as long (default: 20)",
     )
     of = one.add_mutually_exclusive_group()
     of.add_argument("--mode", action="store_true", help="of the job's nonlinear mode, by both methods, not of its peak")

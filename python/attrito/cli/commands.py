@@ -80,7 +80,7 @@ def chart(options: argparse.Namespace) -> None:
 
 def _chart(options: argparse.Namespace, picture_path: str) -> None:
     from attrito.charts.contacts import chart_contacts
-    from attrito.charts.file import table, write
+    from attrito.charts.file import Chart, table, write
     from attrito.charts.modes import chart_mode
     from attrito.charts.plot import picture
     from attrito.charts.run import chart_job
@@ -89,11 +89,15 @@ def _chart(options: argparse.Namespace, picture_path: str) -> None:
     def say(text: str) -> None:
         print(text, file=sys.stderr, flush=True)
 
+    def keep(chart: Chart) -> None:
+        """Write what there is: a chart that is ended can be read and drawn."""
+        write(chart, options.output, str(Path(options.job).resolve()))
+
     if options.contacts is not None:
         found = chart_contacts(options.job, options.contacts, say)
     else:
-        found = (chart_mode if options.mode else chart_job)(options.job, options.seconds, say)
-    write(found, options.output, str(Path(options.job).resolve()))
+        found = (chart_mode if options.mode else chart_job)(options.job, options.seconds, say, keep)
+    keep(found)
     save(picture(found), picture_path)
     sys.stdout.write(table(found))
 
