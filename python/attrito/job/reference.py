@@ -106,7 +106,8 @@ def as_job(given: dict[str, Any]) -> str:
                 for key, value in row.items()
                 if value is not None and value != keys[key].default
             ]
-            if lines or name in REQUIRED_TABLES:
+            # A sweep without keys is that of a job that nothing excites, which has no such table.
+            if lines or (name in REQUIRED_TABLES and name != "sweep"):
                 parts.append("\n".join([heading(name), *lines]))
     return "\n\n".join(parts) + "\n"
 
