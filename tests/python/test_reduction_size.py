@@ -27,7 +27,7 @@ from attrito.library.reduction import Options, reduce_model
 from attrito.model.model import Model
 from attrito.model.model_file import read_model
 from attrito.runs.progress import Progress
-from attrito.scene.reduced_model import receptance_errors
+from attrito.scene.rom_file import receptance_errors
 from attrito.support.errors import NumericsError
 
 REPOSITORY = Path(__file__).parents[2]

@@ -17,7 +17,8 @@ from attrito.modes.families import families_of
 from attrito.patches.solver import PatchedSolver, Places, places_of
 from attrito.runs.progress import Progress
 from attrito.scene import cautions
-from attrito.scene.reduced_model import Rom, make_rom, reduced_scene
+from attrito.scene.reduced_model import make_rom, reduced_scene
+from attrito.scene.rom_file import Rom
 from attrito.scene.scene import Scene
 from attrito.scene.solver_options import solver_options
 from attrito.support.parallel import on_root

@@ -1,12 +1,8 @@
 """A solver whose pairs are merged into patches while it solves, and which reports all pairs.
 
-Each point is solved for with patches. Its motion moves all pairs; their forces at that motion, evaluated once, are what
-the balance of all pairs lacks there,
-
-    phi_h = f_h - Z_h q_h - B^T lambda_h(B q),    Z_h = K - (h omega)^2 M + i h omega C,
-
-and what phi changes of the monitors, to first order with the patches' Jacobian, is the estimated error by patches.
-Where it is above its part of the tolerance, the patches that phi works on most are split and the point is solved again.
+Each point is solved for with patches, and compared with all pairs at its motion (`attrito.patches.comparison`). Where
+the error that this shows is above its part of the tolerance, the patches that err most are split and the point is
+solved again.
 See docs/method.md, "Fewer contacts".
 """
 
@@ -23,6 +19,15 @@ from attrito.library.points import Point, StoredPoint
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series
 from attrito.library.session import Options, Solver
+from attrito.patches.comparison import (
+    Comparison,
+    Heard,
+    compare,
+    errors_of_mode,
+    errors_of_point,
+    unbalanced,
+    work_of_loads,
+)
 from attrito.patches.merged_scene import MergedScene, Merger, StaticState
 from attrito.patches.partition import first_partition, kinds_of, refined
 
@@ -33,15 +38,8 @@ if TYPE_CHECKING:
 PATCHES_SHARE, LEAST_SHARE = 0.5, 0.2
 # Error of the contacts' dissipation that is accepted, in units of the tolerance
 DAMPING_SHARE = 2.5
-# Contacts that lose less than this part of what the loads put in are measured against it
-LEAST_LOSS, LEAST_LOSS_OF_MODE = 1e-3, 0.1
-# Error of the dissipation, at most so many times what pairs dissipate beside their shares; measured on the lap joint:
-# 0.02 to 3.3 times
-BY_SHARES = 2.0
 # Part of the step along a branch that is kept where patches are refined
 STEP_KEPT = 0.5
-# Part of the loads' work that an error of the dissipation is taken to change the amplitude by, at least
-PART_OF_LOSS = 2.0 / 3.0
 # Times that the patches of a point are refined at most
 MOST_REFINEMENTS = 30
 # Times that large patches are halved where none of a frequency's points is found
@@ -50,8 +48,6 @@ MOST_FAILURES = 3
 MOST_ELIMINATED = 1500
 # What a point is reported by pairs, rather than by patches
 OF_PAIRS = ("/contacts/", "/points/coordinates", "/points/unique")
-
-Heard = dict[str, tuple[Series, np.ndarray]]
 
 
 @dataclass(frozen=True)
@@ -75,28 +71,6 @@ class Verdict:
     point: Point
     error: float
     error_dissipation: float
-
-
-@dataclass(frozen=True)
-class _Comparison:
-    """All pairs at a point of the patches.
-
-    Parameters
-    ----------
-    force : of all rows `[rows, nk]`
-    indicated : of each pair, complex: what its force lacks, times its motion, all harmonics `[nc]`
-    states : of each pair `[nc]`
-    work, missing_work : what all pairs dissipate a period, and by how much that is more than what the patches do
-    beside_shares : sum over pairs of what each dissipates beside its share of what its patch does, in moduli, since
-        pairs that lose more and pairs that lose less cancel by chance
-    """
-
-    force: np.ndarray
-    indicated: np.ndarray
-    states: np.ndarray
-    work: float
-    missing_work: float
-    beside_shares: float
 
 
 @dataclass(frozen=True)
@@ -317,12 +291,9 @@ class PatchedSolver(Solver):
             return point, None
         found = self._compare(point)
         motion = self._patches.coordinates()
-        loss = max(self._input(point, motion), np.finfo(float).tiny)
-        error = self._patches.change_by_force(self._unbalanced(point, motion, found.force))
-        missing = BY_SHARES * found.beside_shares
-        error = max(error, PART_OF_LOSS * missing / loss)
-        verdict = Verdict(point, error, missing / max(found.work, LEAST_LOSS * loss))
-        return self._concluded(verdict, found, self._accepted(point.estimate))
+        change = self._patches.change_by_force(unbalanced(self._merged, point, motion, found.force))
+        errors = errors_of_point(found, change, work_of_loads(self._merged, point, motion))
+        return self._concluded(Verdict(point, *errors), found, self._accepted(point.estimate))
 
     def judge_mode(self, point: Point, kinetic: float, structural_ratio: float) -> tuple[Verdict, np.ndarray | None]:
         """The same of a point of a mode whose kinetic sum and damping ratio by the structure are given."""
@@ -331,15 +302,11 @@ class PatchedSolver(Solver):
             return Verdict(point, np.nan, np.nan), None
         found = self._compare(point)
         energy = (2.0 * np.pi * point.frequency_hz) ** 2 * kinetic
-        # Pairs may cancel by chance to first order, and so may what is in phase and what is in quadrature.
-        error = float(np.abs(found.indicated).sum()) / (2.0 * energy)
-        loss = found.work + 2.0 * np.pi * structural_ratio * energy
-        missing = abs(found.missing_work)
-        verdict = Verdict(point, error, missing / max(found.work, LEAST_LOSS_OF_MODE * loss))
+        verdict = Verdict(point, *errors_of_mode(found, energy, structural_ratio))
         point, finer = self._concluded(verdict, found, PATCHES_SHARE * self._tolerance)
         return replace(verdict, point=point), finer
 
-    def _concluded(self, verdict: Verdict, found: _Comparison, accepted: float) -> tuple[Point, np.ndarray | None]:
+    def _concluded(self, verdict: Verdict, found: Comparison, accepted: float) -> tuple[Point, np.ndarray | None]:
         """The point as it is reported, which is noted; or finer patches, if its errors are above what is accepted."""
         within = verdict.error <= accepted and verdict.error_dissipation <= DAMPING_SHARE * self._tolerance
         if not within and self._given is None and self.refinements < MOST_REFINEMENTS:
@@ -362,67 +329,15 @@ class PatchedSolver(Solver):
         most, least = PATCHES_SHARE * self._tolerance, LEAST_SHARE * self._tolerance
         return max(min(most, self._tolerance - np.nan_to_num(others)), least)
 
-    def _compare(self, point: Point) -> _Comparison:
-        """All pairs at a point of the patches."""
-        merged, merger = self._merged, self._merger
+    def _compare(self, point: Point) -> Comparison:
+        """All pairs at a point of the patches, of which they are reported from here on."""
         motion = self._patches.coordinates()
         of_patches = self._report_of_patches()
-        self.evaluate_motion(merged.expand(motion), self._sliders, point)
+        self.evaluate_motion(self._merged.expand(motion), self._sliders, point)
         self._heard = self._hear(super().report_point)
-        contact = merger.contact
-        force = self._heard["/contacts/force"][1][contact, merger.component]
-        displacement = merged.rows @ motion
-        lacking = force - self._assumed(of_patches, displacement)
-        # The motion itself weighs, as the dual solution does at a resonance.
-        work = _complex(lacking) * np.conj(_complex(displacement))
-        indicated = np.zeros(len(merged.partition), dtype=complex)
-        np.add.at(indicated, contact, work.sum(axis=1))
-        own, theirs = (np.nan_to_num(one["/contacts/dissipated_energy"][1]) for one in (self._heard, of_patches))
-        beside = np.abs(own - merged.share * theirs[merged.partition])
+        found = compare(self._merger, self._merged, motion, self._heard, of_patches)
         self._heard |= {name: what for name, what in of_patches.items() if not name.startswith(OF_PAIRS)}
-        states = self._heard["/contacts/state"][1].astype(int)
-        return _Comparison(
-            force, indicated, states, float(own.sum()), float(own.sum() - theirs.sum()), float(beside.sum())
-        )
-
-    def _input(self, point: Point, motion: np.ndarray) -> float:
-        """Work of the harmonic loads a period: what contacts and structure lose."""
-        loads = point.level * self._merged.scene.harmonic
-        loaded = min((len(loads) - 1) // 2, motion.shape[1] // 2)
-        return float(
-            sum(
-                np.pi * h * (loads[2 * h - 1] @ motion[:, 2 * h] - loads[2 * h] @ motion[:, 2 * h - 1])
-                for h in range(1, loaded + 1)
-            )
-        )
-
-    def _assumed(self, of_patches: Heard, displacement: np.ndarray) -> np.ndarray:
-        """Forces of all pairs' rows that the patches stand for, `[rows, nk]`."""
-        merged, merger = self._merged, self._merger
-        contact = merger.contact
-        patch = merged.partition[contact]
-        own = merged.share[contact, None] * of_patches["/contacts/force"][1][patch, merger.component]
-        beside = merger.beside(displacement, merged)
-        return own + beside
-
-    def _unbalanced(self, point: Point, motion: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """phi in the coordinates that are solved, `[n, nk]`."""
-        merged, scene = self._merged, self._merged.scene
-        omega = 2.0 * np.pi * point.frequency_hz
-        result = -merged.stiffness @ motion - merged.rows.T @ force
-        inertia = scene.mass @ motion
-        damping = scene.damping_value * inertia if scene.damping_kind == "mass" else np.zeros_like(motion)
-        if merged.damping is not None:
-            damping = merged.damping @ motion
-        for h in range(1, motion.shape[1] // 2 + 1):
-            cosine, sine = 2 * h - 1, 2 * h
-            result[:, [cosine, sine]] += (h * omega) ** 2 * inertia[:, [cosine, sine]]
-            result[:, cosine] -= h * omega * damping[:, sine]
-            result[:, sine] += h * omega * damping[:, cosine]
-        result[:, 0] += merged.load
-        loaded = min(len(scene.harmonic), motion.shape[1])
-        result[:, :loaded] += point.level * scene.harmonic[:loaded].T
-        return result
+        return found
 
     def _hear(self, report: Callable) -> Heard:
         heard: Heard = {}
@@ -497,11 +412,6 @@ class PatchedSolver(Solver):
             self._patches.close()
             self._patches = None
         super().close()
-
-
-def _complex(coefficients: np.ndarray) -> np.ndarray:
-    """Harmonics from 1 of rows `[rows, 2 H + 1]` as complex numbers `[rows, H]`."""
-    return coefficients[:, 1::2] - 1j * coefficients[:, 2::2]
 
 
 def _same(a: StaticState, b: StaticState) -> bool:

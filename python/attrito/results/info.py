@@ -7,7 +7,7 @@ import numpy as np
 
 from attrito.results.journal import is_journal
 from attrito.results.result import CAMPBELL, LINEAR_MODES, MODE, Result
-from attrito.scene.reduced_model import receptance_errors
+from attrito.scene.rom_file import receptance_errors
 from attrito.support.errors import Fault, InputError
 from attrito.support.hdf5_reading import as_text, stored
 

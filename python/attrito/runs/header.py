@@ -13,8 +13,9 @@ from attrito.results.journal import Record
 from attrito.runs.linear_references import MEANINGS, LinearReference
 from attrito.runs.recorder import digest
 from attrito.scene.friction_margin import Margin, described_margin
-from attrito.scene.reduced_model import Rom, coordinates_fingerprint
+from attrito.scene.reduced_model import coordinates_fingerprint
 from attrito.scene.reduced_sector import attributes_of_sector, axes_of_sector
+from attrito.scene.rom_file import Rom
 from attrito.scene.scene import Scene
 from attrito.support.version import __version__
 

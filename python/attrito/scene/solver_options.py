@@ -5,7 +5,7 @@ from __future__ import annotations
 from attrito.job.defaults import SAMPLES
 from attrito.job.job import Job
 from attrito.library.session import Options
-from attrito.scene.reduced_model import Rom
+from attrito.scene.rom_file import Rom
 
 # Where they are chosen point by point, to begin with
 FIRST_HARMONICS, FIRST_SAMPLES = 3, 64

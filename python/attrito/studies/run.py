@@ -24,7 +24,7 @@ from attrito.job.job import Job
 from attrito.job.reading import read_job
 from attrito.runs.progress import Progress
 from attrito.scene import cautions
-from attrito.scene.reduced_model import Rom
+from attrito.scene.rom_file import Rom
 from attrito.scene.scene import Scene
 from attrito.studies.design import Study, batches, read_study
 from attrito.studies.file import write_study

@@ -19,7 +19,7 @@ from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
 from attrito.peaks.fixed_series import fixed_series, is_enough
 from attrito.peaks.run import begin
-from attrito.scene.reduced_model import Rom
+from attrito.scene.rom_file import Rom
 from attrito.scene.scene import Scene
 from attrito.studies.samples import Samples
 from attrito.support.errors import NumericsError

@@ -24,7 +24,7 @@ from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
 from attrito.peaks.fixed_series import fixed_series
-from attrito.scene.reduced_model import Rom
+from attrito.scene.rom_file import Rom
 from attrito.scene.scene import Scene
 from attrito.studies.design import Study
 from attrito.studies.rates import Solvable, inquiry_of_monitor, known_rates

@@ -13,7 +13,8 @@ from attrito.library.session import Options
 from attrito.runs.progress import Progress
 from attrito.scene import cautions
 from attrito.scene.build import build_scene, with_numbers_of
-from attrito.scene.reduced_model import Rom, make_rom, reduced_scene
+from attrito.scene.reduced_model import make_rom, reduced_scene
+from attrito.scene.rom_file import Rom
 from attrito.scene.scene import Scene
 from attrito.scene.solver_options import solver_options
 from attrito.support.parallel import on_root, on_root_only

@@ -22,7 +22,7 @@ from attrito.modes.frequency_slopes import frequency_slopes, spring_rates
 from attrito.modes.mode_point import ModePoint
 from attrito.modes.mode_slopes import shape_slopes
 from attrito.runs.slider_rates import LoadPath, end_sliders
-from attrito.scene.reduced_model import Rom
+from attrito.scene.rom_file import Rom
 from attrito.scene.scene import Scene
 from attrito.studies.rates import Bounded, Solvable, inquiry_of_monitor, known_rates, rates_of
 from attrito.studies.sample_modes import SampleModes

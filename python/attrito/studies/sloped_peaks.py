@@ -20,7 +20,7 @@ from attrito.library.peak_tracker import Peak
 from attrito.library.session import Solver
 from attrito.runs.peak_slopes import of_peak
 from attrito.runs.slider_rates import LoadPath, end_sliders
-from attrito.scene.reduced_model import Rom
+from attrito.scene.rom_file import Rom
 from attrito.scene.scene import Scene
 from attrito.studies.design import Study
 from attrito.studies.rates import Solvable, inquiry_of_monitor, known_rates, monitor_slopes, rates_of
