@@ -29,9 +29,12 @@ module attrito_family_members
     type(newton_report_type) :: report
   end type member_type
 
-  !> The point shown, to be restored
+  !> The point shown, to be restored; its contacts' sliders [width, contacts], states, and which sliders are periodic
   type :: family_type
     type(member_type) :: shown
+    real(wp), allocatable :: slider(:, :)
+    integer, allocatable :: state(:)
+    logical, allocatable :: periodic(:)
     logical :: reset_slider = .false.
     !> Counted before other members were visited, which is no work of the point
     real(wp) :: work = 0.0_wp
@@ -60,10 +63,16 @@ contains
     self%reset_slider = solver%options%reset_slider
     self%work = solver%context%balance%work
     solver%options%reset_slider = .false.
-    ! The point's own sliders, not those that the next one is to start from.
-    do i = 1, size(solver%context%balance%forces)
-      solver%context%balance%slider(:, i) = solver%context%balance%forces(i)%slider
-    end do
+    ! The point's own sliders, not those that the next one is to start from; a periodic one that came to rest stays there.
+    associate (balance => solver%context%balance)
+      do i = 1, size(balance%forces)
+        balance%slider(:, i) = balance%forces(i)%slider
+      end do
+      self%slider = balance%slider
+      self%state = balance%forces%state
+      self%periodic = balance%forces%periodic .and. self%state > state_shaken_down
+      balance%periodic = self%periodic
+    end associate
     call solver%context%forget()
   end subroutine enter_family
 
@@ -72,10 +81,19 @@ contains
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     type(family_type), intent(in) :: self
+    integer :: i
 
     solver%options%reset_slider = self%reset_slider
     call return_to_member(solver, self%shown)
-    solver%context%balance%work = self%work
+    associate (balance => solver%context%balance)
+      balance%work = self%work
+      ! What the next visit begins at is the point's own, not that of the member seen last.
+      balance%forces%state = self%state
+      balance%forces%periodic = self%periodic
+      do i = 1, size(balance%forces)
+        balance%forces(i)%slider = self%slider(:, i)
+      end do
+    end associate
   end subroutine leave_family
 
   !> Floating-point operations of the visits so far, by the formulas of `attrito_balance_work`, over all ranks.

@@ -122,6 +122,23 @@ def test_points_that_begin_at_the_load_path_s_sliders_change_with_it(
     assert contact["state"] == state
 
 
+@pytest.mark.parametrize(("level", "states"), [(3.0, ["slipping", "stuck"]), (4.0, ["slipping", "slipping"])])
+def test_a_loop_that_forgets_the_load_path_s_sliders_follows_along_two_tangents(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], level: float, states: list[str]
+) -> None:
+    """Sliders that slip return after a period, wherever points begin; where one rests bounds are looked for before.
+
+    After two periods they would be off by some 1e-3 at these levels.
+    """
+    job = pressed(chain(2, 2))
+    job["static"]["slider"] = "reset"
+    job["balance"] = {"harmonics": 3, "samples": 128, "residual_tolerance": 1e-13}
+    job["sweep"] = {"frequencies_hz": [79.0], "levels": [level]}
+    names = [f"contact[{i}].{key}" for i in range(2) for key in ("friction_coefficient", "preload")]
+    compared(tmp_path, job, SHORT_STEP, 1e-4, capfd, [*names, "load.press", "level"])
+    assert [row["state"] for row in solved(tmp_path, job, capfd, "--contacts")] == states
+
+
 def test_of_waves_in_a_wheel(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     job = lumped_sector()
     job["balance"] = {"harmonics": 3, "quadrature": "event", "residual_tolerance": 1e-13}
