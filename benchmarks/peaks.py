@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import multiprocessing
 import os
 import time
@@ -113,9 +114,9 @@ class Run:
 
     @property
     def sweeps(self) -> float:
-        """Work in sweeps, by value; NaN where no sweep tells."""
-        works = [value.sweep_work for value in self.values]
-        return self.work / float(np.sum(works)) if works else np.nan
+        """Work in sweeps, by value; NaN where no sweep tells, as where all contacts stick and a sweep takes no work."""
+        work = sum(value.sweep_work for value in self.values)
+        return self.work / work if work > 0.0 else np.nan
 
 
 def keys_of(scene: peaks_scenes.Scene, way: str) -> dict:
@@ -358,7 +359,7 @@ def looks(values: list[Value]) -> float:
 
 def is_higher(value: Value) -> bool:
     """Whether a new sweep has a peak that is higher by more than `attrito peak` reports."""
-    return value.swept_error > HIGHER
+    return bool(value.swept_error > HIGHER)
 
 
 def summary(runs: list[Run]) -> dict:
@@ -378,9 +379,9 @@ def summary(runs: list[Run]) -> dict:
             "equal to dense listed frequencies": sum(bool(abs(value.dense_error) <= EQUAL) for value in values),
             "against new sweeps": dict(Counter(value.kind for value in values)),
             "higher by new sweeps": sum(is_higher(value) for value in values),
-            "of these noticed": sum(is_higher(value) and np.isfinite(value.noticed) for value in values),
+            "of these noticed": sum(is_higher(value) and math.isfinite(value.noticed) for value in values),
             "noticed where new sweeps are not higher": sum(
-                not is_higher(value) and np.isfinite(value.noticed) for value in values
+                not is_higher(value) and math.isfinite(value.noticed) for value in values
             ),
             "a look, sweeps, median": looks(values),
             "peaks a run, median": float(np.median([one.peaks for one in own])),

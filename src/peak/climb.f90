@@ -138,7 +138,7 @@ contains
     gain_of = 0.5_wp*(here%slope*here%unit)**2
   end function gain_of
 
-  !> A step uphill, halved until it is solved near where it was predicted.
+  !> A step uphill, halved until it is solved near where it was predicted and no maximum is passed.
   subroutine step_up(problem, solver, here, length, next, iterations, solved)
     !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
@@ -161,14 +161,25 @@ contains
       call take_step(solver, here, length, error)
       iterations = iterations + solver%report%iterations
       solved = solver%report%converged .and. error <= accepted_error
-      if (solved) exit
+      if (solved) then
+        call look_around(problem, solver, here%tangent, next, solved)
+        if (.not. solved .or. .not. misses_maximum(here, next) .or. length < 2.0_wp*shortest_step*here%unit) return
+      end if
       call restore(solver, here%snapshot)
       length = 0.5_wp*length
       if (length < shortest_step*here%unit) exit
     end do
-    if (.not. solved) call step_over(solver, here, length, iterations, solved)
+    call step_over(solver, here, length, iterations, solved)
     if (solved) call look_around(problem, solver, here%tangent, next, solved)
   end subroutine step_up
+
+  !> Does the amplitude rise at both ends of a step, and is it lower at its end? Then a maximum and a minimum are between.
+  pure logical function misses_maximum(here, next)
+    !> Points of the response with their tangents and slopes
+    type(branch_seed_type), intent(in) :: here, next
+
+    misses_maximum = next%slope >= 0.0_wp .and. next%amplitude < (1.0_wp - ripple)*here%amplitude
+  end function misses_maximum
 
   !> Where no step along the tangent is solved, however short: to a frequency beyond, with all that Newton's method can do.
   subroutine step_over(solver, here, length, iterations, solved)

@@ -345,10 +345,12 @@ def test_a_peak_at_a_corner_is_said_to_be_one_and_falls_on_either_side():
     assert 5.0 < falls[1] / falls[0] < 20.0 and 5.0 < falls[3] / falls[2] < 20.0
 
 
-def test_of_maxima_that_samples_make_of_a_peak_the_highest_is_taken():
+@pytest.mark.parametrize("way", ["preload_down", "level_up"])
+def test_of_maxima_that_samples_make_of_a_peak_the_highest_is_taken(way):
     # A wedge with two tangents: its response has corners where samples begin to slip, and several maxima near the peak.
+    # Followed in the level, a maximum and a minimum are nearer to each other than a step uphill is long.
     scene = peaks_scenes.make(1, 15)
-    job = peaks.keys_of(scene, "preload_down")
+    job = peaks.keys_of(scene, way)
     options = Options(harmonics=5, samples=128, by_events=True)
     with Solver(MPI.COMM_SELF, scene.reduced, options) as solver:
         curve = follow(solver, job, scene.reduced, peaks.PATH)
@@ -358,10 +360,11 @@ def test_of_maxima_that_samples_make_of_a_peak_the_highest_is_taken():
     offsets = np.linspace(0.0, 0.01, 41)
     heights = []
     with Solver(MPI.COMM_SELF, scene.reduced, options) as solver:
-        solver.follow_static_path(peaks.PATH * peak.parameter, peaks.STATIC_STEPS, scene.band_hz[0])
-        for way in (1.0, -1.0):
+        preload = peak.parameter if way.startswith("preload") else 1.0
+        solver.follow_static_path(peaks.PATH * preload, peaks.STATIC_STEPS, scene.band_hz[0])
+        for side in (1.0, -1.0):
             solver.load_state(state)
-            points = solver.solve_at((peak.frequency_hz * (1.0 + way * offsets)).tolist(), peak.level, 0)
+            points = solver.solve_at((peak.frequency_hz * (1.0 + side * offsets)).tolist(), peak.level, 0)
             heights.append([point.amplitude[0] for point in points])
     assert heights[0][0] == pytest.approx(peak.amplitude, rel=1e-9)
     assert np.max(heights) <= (1.0 + peaks.EQUAL) * peak.amplitude
