@@ -50,6 +50,8 @@ from attrito.support.errors import NumericsError
 
 # Part of a parameter's scale by which differences move it, and what derivatives are to keep: by events, by samples
 STEPS, TOLERANCES = ((1e-3, 1e-2, 1e-4, 1e-5, 1e-6), (1e-6, 1e-7, 1e-5, 1e-3)), (1e-6, 1e-4)
+# The same at corners, beside which responses may bend within very little
+CORNER_STEPS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 # Of derivatives at corners
 CORNER_TOLERANCE = 1e-4
 # Differences that are so much surer than need be are not sought with further steps
@@ -90,7 +92,8 @@ def difference(
 ) -> tuple[np.ndarray, ...] | None:
     """Extrapolated differences `[quantities]`, what that changes of them, and the part of that by rounding.
 
-    Of some steps the surest, until that is less than `enough`. `here`: the quantities in the scene itself.
+    Of some steps the surest, until that is less than `enough`; at corners the shortest that rounding allows, as longer
+    ones agree among themselves where the response bends within less. `here`: the quantities in the scene itself.
     """
 
     def at(part: float) -> np.ndarray | None:
@@ -103,8 +106,11 @@ def difference(
         if better is None:
             continue
         better = tuple(part / scale for part in better)
-        if surest is None:
+        if look.side and surest is not None and np.any(better[2] > enough / (3.0 * SURE)):
+            break
+        if surest is None or look.side:
             surest = better
+            continue
         keep = better[1] < surest[1]
         surest = tuple(np.where(keep, new, old) for new, old in zip(better, surest, strict=True))
         if np.all(surest[1] <= enough):
@@ -133,7 +139,9 @@ def one_sided(at: At, here: np.ndarray, look: Look, step: float) -> tuple[np.nda
     first = np.array([(value - here) / part for value, part in zip(values, parts, strict=True)])
     second = 2.0 * first[1:] - first[:-1]
     third = (4.0 * second[1:] - second[:-1]) / 3.0
-    return third[1], *doubts(look, here, np.abs(third[1] - third[0]), np.zeros_like(here), abs(float(parts[-1])))
+    # Where steps are too long for that form neither order agrees with the other, though neighbours may by chance.
+    unsure = np.maximum(np.abs(third[1] - third[0]), np.abs(third[1] - second[2]))
+    return third[1], *doubts(look, here, unsure, np.zeros_like(here), abs(float(parts[-1])))
 
 
 def doubts(
@@ -236,7 +244,9 @@ def compared(seed: int, number: int, most: int) -> Iterator[dict]:
             there = look(every)
             for one in there if isinstance(there, list) else [there]:
                 tolerance = CORNER_TOLERANCE if one.corner else TOLERANCES[how]
-                found |= compare(one, case, every, chosen, STEPS[how], tolerance)
+                steps = CORNER_STEPS if one.side else STEPS[how]
+                rows = compare(one, case, every, chosen, steps, tolerance)
+                found |= {kind: row | ({"beside": one.beside} if one.beside else {}) for kind, row in rows.items()}
         except (NumericsError, NothingFoundError) as error:
             return {"outcome": str(error)}
         return {"found": found, "seconds": time.process_time() - began}

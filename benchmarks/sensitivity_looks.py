@@ -58,6 +58,7 @@ class Look:
     scene : where that is another one than the case's
     at : the quantities in a scene beside, None where there is none
     free : which contacts hold their sliders `[nc]`
+    beside : of an onset of lift-off, by parts of the level, how far gradients beside are from those found
     """
 
     found: np.ndarray
@@ -70,6 +71,7 @@ class Look:
     side: int = 0
     corner: bool = False
     scene: ReducedScene | None = None
+    beside: dict[str, float] | None = None
 
 
 def options_of(case: Case) -> Options:

@@ -37,6 +37,10 @@ from attrito.runs.onsets import SIDES, branches, find_onset, margin_of, sides
 
 # The least level at which contacts are taken to stick, and what an onset is found to, a part of the level
 LEAST, EXACT = 1e-3, 1e-12
+# With two tangents: secants towards an onset, how much they stay short of it, and what parts of friction are found to
+MOST_SECANTS, SHORT_OF, PART_EXACT = 12, 1e-3, 1e-4
+# Parts of the level beside an onset of lift-off at which gradients are compared with those there
+BESIDE = (1e-4, 1e-6, 1e-8, 1e-10)
 # Of the period at which normal forces are looked at
 INSTANTS = 4096
 # Part of a parameter for the change of sliders by the load path, as of a job
@@ -51,10 +55,11 @@ def look_at_onset(case: Case, random: np.random.Generator, parameters: list[Para
     scene = at_onset(case, frequency, lambda solver: member_of(solver, case.scene).free > 0.0)
     options, quantities = options_of(case), len(scene.monitors)
     sliders_move = bool(np.any(scene.laws["tangents"] == 2))
+    first = None
+    if sliders_move:
+        scene, first = nearer_onset(case, scene, frequency)
     with Solver(MPI.COMM_WORLD, scene, options) as solver:
-        follow_loads(solver, scene, frequency)
-        if not next(solver.solve_at([frequency], 1.0, 0)).is_solved:
-            raise NothingFoundError("not solved at an onset")
+        solve_or_start(solver, scene, frequency, 1.0, first)
         member, family = member_of(solver, scene), family_of(solver, scene)
         start = StoredPoint(frequency, solver.coordinates(), member.slider)
         onset = family.visit(lambda family: find_onset(family, margin_of(sliders_move)))
@@ -73,7 +78,65 @@ def look_at_onset(case: Case, random: np.random.Generator, parameters: list[Para
         raise NothingFoundError("singular")
 
     free = np.where(onset.contacts > 0.0, 0.0, member.free)
-    return looks_of_onset(case, scene, start, free, member.amplitude, sides(*both))
+    exact = 10.0 * EXACT if sliders_move else EXACT
+    return looks_of_onset(case, scene, start, free, member.amplitude, sides(*both), exact)
+
+
+def nearer_onset(case: Case, scene: ReducedScene, frequency_hz: float) -> tuple[ReducedScene, StoredPoint]:
+    """The scene with loads nearer the onset of slip of contacts with two tangents, and the point there.
+
+    Where places to rest are nearly gone solutions that slip by what they are solved to pass, too, so that the pattern
+    of contacts ends early. The part of friction by which they stick is linear in the level near its zero, for points
+    that each start from the first.
+    """
+    start: StoredPoint | None = None
+    levels, parts = [1.0], []
+    for _ in range(MOST_SECANTS):
+        with Solver(MPI.COMM_WORLD, scene, options_of(case)) as solver:
+            solve_or_start(solver, scene, frequency_hz, levels[-1], start)
+            if start is None:
+                start = StoredPoint(frequency_hz, solver.coordinates(), member_of(solver, scene).slider)
+            parts.append(part_missing(family_of(solver, scene)))
+            start_there = StoredPoint(frequency_hz, solver.coordinates(), member_of(solver, scene).slider)
+        if parts[-1] <= 10.0 * EXACT:
+            return replace(scene, harmonic=levels[-1] * scene.harmonic), start_there
+        if len(levels) == 1:
+            levels.append(1.0 + parts[0])
+            continue
+        slope = (parts[-2] - parts[-1]) / (levels[-1] - levels[-2])
+        if slope <= 0.0:
+            break
+        # A little less, so that contacts go on to stick
+        levels.append(levels[-1] + (1.0 - SHORT_OF) * parts[-1] / slope)
+    raise NothingFoundError("sliders with two tangents: the onset is not found to rounding")
+
+
+def solve_or_start(
+    solver: Solver, scene: ReducedScene, frequency_hz: float, level: float, start: StoredPoint | None
+) -> None:
+    """A point under static loads, from another one if that is given."""
+    follow_loads(solver, scene, frequency_hz)
+    if start is None:
+        found = next(solver.solve_at([frequency_hz], level, 0)).is_solved
+    else:
+        solver.set_excitation(frequency_hz, frequency_hz, level)
+        found = solver.start_from(start, level)
+    if not found:
+        raise NothingFoundError("not solved at an onset")
+
+
+def part_missing(family: Family) -> float:
+    """The least part of friction within which a contact begins to slip."""
+
+    def work(family: Family) -> float:
+        low, high = 0.1 * EXACT, 1.0
+        while high > (1.0 + PART_EXACT) * low:
+            middle = float(np.sqrt(low * high))
+            begins = family.find_onsets(middle)
+            low, high = (low, middle) if begins is not None and np.any(begins) else (middle, high)
+        return high
+
+    return float(family.visit(work))  # type: ignore[arg-type]
 
 
 def look_at_lift_off(case: Case, random: np.random.Generator, parameters: list[Parameter]) -> list[Look]:
@@ -86,10 +149,36 @@ def look_at_lift_off(case: Case, random: np.random.Generator, parameters: list[P
             raise NothingFoundError("not solved at an onset")
         start, member = inside_point(solver, scene, frequency), member_of(solver, scene)
         found = gradient(solver, scene, parameters, amplitudes_alone=True)
-    if found is None:
-        raise NothingFoundError("singular")
+        if found is None:
+            raise NothingFoundError("singular")
+        beside = gradients_beside(solver, scene, parameters, start, found)
     both = {f"{name} lift-off": found for name in SIDES}
-    return looks_of_onset(case, scene, start, member.free, member.amplitude, both)
+    # The slope itself does not jump: where the onset is matters little.
+    looks = looks_of_onset(case, scene, start, member.free, member.amplitude, both, RESIDUAL)
+    return [replace(look, beside=beside) for look in looks]
+
+
+def gradients_beside(
+    solver: Solver, scene: ReducedScene, parameters: list[Parameter], start: StoredPoint, found: np.ndarray
+) -> dict[str, float]:
+    """How far gradients at higher and lower levels are from those found, largest relative to the largest |p dA/dp|.
+
+    They tend to them as the root of the change, though differences of solutions are lost in rounding before that.
+    """
+    scales = np.array([scale_of(scene, parameter) for parameter in parameters])
+    largest, rows = np.abs(found * scales).max(), {}
+    for part in BESIDE:
+        rows[f"{part:.0e}"] = np.nan
+        for level in (1.0 - part, 1.0 + part):
+            solver.set_excitation(start.frequency_hz, start.frequency_hz, level)
+            if not solver.start_from(start, level):
+                continue
+            there = gradient(solver, scene, parameters, amplitudes_alone=True)
+            if there is not None:
+                # By loads' factors, the level and so on at another level: as small as the change itself.
+                error = float(np.abs((there - found) * scales).max() / largest)
+                rows[f"{part:.0e}"] = float(np.fmax(rows[f"{part:.0e}"], error))
+    return rows
 
 
 def looks_of_onset(
@@ -99,8 +188,9 @@ def looks_of_onset(
     free: np.ndarray,
     amplitude: np.ndarray,
     both: dict[str, np.ndarray],
+    exact: float,
 ) -> list[Look]:
-    """Amplitudes on both sides, derivatives by what the side is called."""
+    """Amplitudes on both sides, derivatives by what the side is called; the corner is found to a part of the level."""
     frequency, quantities = start.frequency_hz, len(amplitude)
 
     def at(beside: ReducedScene, higher: float) -> np.ndarray | None:
@@ -110,8 +200,7 @@ def looks_of_onset(
             solver.set_excitation(frequency, frequency, 1.0)
             return member_of(solver, beside).amplitude if solver.start_from(start, 1.0) else None
 
-    # The point is as far from the corner as that was found to.
-    least = EXACT * amplitude.max()
+    least = exact * amplitude.max()
     return [
         Look(
             found,
