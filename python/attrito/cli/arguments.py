@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from attrito.cli import commands
 from attrito.library.names import REFERENCES
-from attrito.results.motion import QUANTITIES
+from attrito.results.motion_names import QUANTITIES
 from attrito.support.version import __version__
 
 MATRICES = ("matrix-market", "matlab", "dmig", "abaqus")

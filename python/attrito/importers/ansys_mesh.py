@@ -15,7 +15,6 @@ from itertools import accumulate, takewhile
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from attrito.importers.mesh_data import Mesh, check_nodes, new_mesh
 from attrito.importers.text import Block, whole_text
@@ -129,6 +128,8 @@ def _section(block: Block, line: int, what: str) -> tuple[_Format, np.ndarray]:
 
 def _nodes(block: Block, line: int) -> tuple[np.ndarray, np.ndarray, dict[int, np.ndarray]]:
     """Ids, coordinates, and the directions 1, 2, 3 of nodes that are rotated (NROTAT)."""
+    from scipy.spatial.transform import Rotation
+
     form, lines = _section(block, line, "nodes")
     if form.reals < 3:
         raise block.fault(line + 1, "the format of nodes, such as (3i9,6e21.13e3)")

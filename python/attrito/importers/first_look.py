@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.sparse import csc_matrix
-from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh, splu
 
 from attrito.model.model import Model
 
@@ -49,6 +48,8 @@ def natural_frequencies(model: Model, count: int) -> np.ndarray:
     ------
     RuntimeError : the shifted stiffness is singular, or the iteration finds fewer
     """
+    from scipy.sparse.linalg import LinearOperator, eigsh, splu
+
     stiffness, mass = csc_matrix(model.stiffness), csc_matrix(model.mass)
     shift = -SHIFT * abs(stiffness.diagonal()).sum() / abs(mass.diagonal()).sum()
     factors = splu(stiffness - shift * mass, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
@@ -72,6 +73,8 @@ def _extents(model: Model) -> list[str]:
 
 
 def _frequencies(model: Model) -> list[str]:
+    from scipy.sparse.linalg import ArpackError
+
     if model.size > MOST_DOFS:
         words = "natural frequencies: not computed here above {} dofs; `attrito linear-modes` gives them"
         return [words.format(MOST_DOFS)]

@@ -7,8 +7,6 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-import scipy.io
-from scipy.io.matlab import MatReadError
 from scipy.sparse import csr_matrix
 
 from attrito.importers.mat_records import fault_of_version_4, is_version_4
@@ -31,6 +29,9 @@ def read_matlab(path: str | Path, key: str, name: str | None = None) -> Source:
 
 
 def _from_mat(path: str, key: str, name: str | None) -> csr_matrix:
+    import scipy.io
+    from scipy.io.matlab import MatReadError
+
     if is_version_4(path) and (fault := fault_of_version_4(path)):
         raise refuse(path, key, fault, "a MATLAB file")
     try:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import scipy.io
 from scipy.sparse import csr_matrix
 
 from attrito.importers.entries import Entries
@@ -18,6 +17,8 @@ ENTRY = "row, column and value, finite numbers"
 
 def read_matrix_market(path: str | Path, key: str) -> Source:
     """One matrix; entries that occur again are summed, as the format's own programs do."""
+    import scipy.io
+
     path = str(path)
     layout, field, symmetry = _header(path, key)
     if layout == "array":

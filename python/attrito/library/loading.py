@@ -9,7 +9,7 @@ import atexit
 import ctypes
 import functools
 import os
-import sysconfig
+import sys
 from pathlib import Path
 
 from attrito.library.description import differing_sizes
@@ -30,7 +30,9 @@ def places() -> list[Path]:
         return [Path(chosen)]
     package = Path(__file__).resolve().parents[1]
     builds = [package.parents[1] / "build" / preset / NAME for preset in ("release", "debug")]
-    debian = Path("/usr/lib") / (sysconfig.get_config_var("MULTIARCH") or "") / "attrito" / f"{NAME}.{__version__}"
+    # What `sysconfig` says, too, which reads a file of some thousand settings for it.
+    multiarch = getattr(sys.implementation, "_multiarch", "")
+    debian = Path("/usr/lib") / multiarch / "attrito" / f"{NAME}.{__version__}"
     return [package / NAME, *builds, debian]
 
 

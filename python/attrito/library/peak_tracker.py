@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from attrito.library.names import AMPLITUDES, ENDINGS, PARAMETERS
 from attrito.library.points import Point
@@ -93,6 +92,8 @@ class PeakTracker:
 
     def linear_peak_hz(self) -> float:
         """The largest peak of the linear response in the band, contacts open or stuck as they are at rest, Hz."""
+        from scipy.optimize import minimize_scalar
+
         low, high = self._band
         natural = self._solver.linear_response("tangent", np.array([low]), NATURAL_FREQUENCIES)[1]
         grid = np.unique(np.concatenate([np.linspace(low, high, LINEAR_POINTS), natural]))

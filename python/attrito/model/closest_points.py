@@ -16,7 +16,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from attrito.model.face_shapes import REFERENCE_NODES, corners, shapes
 
@@ -104,6 +103,8 @@ def closest_points(points: np.ndarray, normals: np.ndarray, faces: Faces, farthe
     faces : the surface
     farthest : how far faces are looked for beside those nearest by; distances beyond are upper bounds
     """
+    from scipy.spatial import cKDTree
+
     count = len(points)
     best = Closest(np.full(count, -1), np.zeros((count, 2)), np.full((count, 3), np.nan), np.full(count, np.inf))
     centres, radii = faces.spheres()

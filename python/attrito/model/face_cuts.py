@@ -14,7 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from attrito.model.closest_points import Faces
 from attrito.model.face_shapes import corners, shapes, triangle_points
@@ -62,6 +61,8 @@ def cut_points(surface: Faces, other: Faces, farthest: float) -> CutPoints:
 
 def _overlapping(surface: Faces, other: Faces, farthest: float) -> tuple[np.ndarray, np.ndarray]:
     """Pairs of faces whose bounding spheres come as near as `farthest`, and that look at each other."""
+    from scipy.spatial import cKDTree
+
     (centre_a, radius_a), (centre_b, radius_b) = surface.spheres(), other.spheres()
     size = np.floor(np.log2(np.maximum(radius_b, 1e-300)))
     pairs = [(np.empty(0, int), np.empty(0, int))]

@@ -7,7 +7,6 @@ Corners come first, anticlockwise seen from outside, then the mid-side nodes of 
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import roots_jacobi
 
 # Where the nodes of a face stand in (r, s), and the powers of r and s its shape functions are made of.
 REFERENCE_NODES: dict[int, tuple[tuple[float, float], ...]] = {
@@ -79,6 +78,8 @@ def gauss_points(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 def triangle_points(degree: int) -> tuple[np.ndarray, np.ndarray]:
     """Points `[points, 2]` and positive weights on the reference triangle: 3 for degree 2, 4 for degree 3."""
+    from scipy.special import roots_jacobi
+
     if degree == 2:
         return np.array([[1, 1], [4, 1], [1, 4]]) / 6, np.full(3, 1 / 6)
     # r = a, s = (1 - a) b; the rule along a has the Jacobian 1 - a as its weight (Gauss-Jacobi).

@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.sparse import csr_matrix
-from scipy.spatial import cKDTree
 
 from attrito.model.closest_points import Faces
 from attrito.model.face_pairing import SurfacePoints, motion_of, nodal_points
@@ -117,6 +116,8 @@ def node_pairs(
 
 def _mutual_nearest(points_a: np.ndarray, points_b: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Indices into both clouds of the pairs that are each other's nearest, and their distances."""
+    from scipy.spatial import cKDTree
+
     distance, to_b = cKDTree(points_b).query(points_a)
     _, to_a = cKDTree(points_a).query(points_b)
     index_a = np.flatnonzero(to_a[to_b] == np.arange(len(points_a)))

@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix, identity, kron
-from scipy.spatial import cKDTree
 
 from attrito.model.model import Model
 from attrito.model.pairs import Pairs, contact_rows, node_rows, some
@@ -126,11 +125,15 @@ def nodes_on_axis(model: Model, axis: Axis) -> np.ndarray:
 
 def _spacing(points: np.ndarray) -> float:
     """The least distance of two points; infinite of a single one."""
+    from scipy.spatial import cKDTree
+
     return float(cKDTree(points).query(points, k=2)[0][:, 1].min()) if len(points) > 1 else np.inf
 
 
 def _images(places: list[np.ndarray], axis: Axis, angle: float, near: float) -> np.ndarray | None:
     """Which point of the second cloud is the image of each of the first; None unless the clouds are one another's."""
+    from scipy.spatial import cKDTree
+
     lower, upper = places
     if len(lower) != len(upper) or not len(lower):
         return None
@@ -148,6 +151,8 @@ def _unpaired(
     near: float,
 ) -> PairingError:
     """What to say of boundaries that do not meet: by which angle they would, or which nodes are alone."""
+    from scipy.spatial import cKDTree
+
     lower, upper = places
     turned = f"{names[0]}, turned by 2 pi / {sectors} about the axis"
     for angle in _angles(places, axis, near):

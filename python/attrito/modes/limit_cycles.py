@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.optimize import brentq
 
 # Of `/points/limit_cycle`
 NAMES = ("no", "attracts", "repels")
@@ -55,6 +54,8 @@ class LimitCycles:
 
         `at` solves the mode at an amplitude and returns its damping ratio, NaN where there is no solution: then NaN.
         """
+        from scipy.optimize import brentq
+
         (start, before), self._is_met = self._last, True
         known = {np.log(start): before, np.log(amplitude): ratio}
 

@@ -19,8 +19,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, qr
-from scipy.sparse.linalg import LinearOperator, eigsh
 
 from attrito.library.points import LinearModes
 from attrito.library.reduced_scene import ReducedScene
@@ -145,6 +143,9 @@ class Merger:
 
     def _columns(self, band: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
         """What every basis holds `[m, some]`, and answers to unit forces on the rows `[m, rows]`."""
+        from scipy.linalg import cho_factor, cho_solve
+        from scipy.sparse.linalg import LinearOperator, eigsh
+
         scene, rows = self._scene, self._scene.directions
         tangent = np.where(self._state.closed[self.contact], self.springs, 0.0)
         stiffness = scene.stiffness + (rows.T * tangent) @ rows
@@ -210,6 +211,8 @@ class Merger:
 
     def _basis(self, answers: np.ndarray) -> np.ndarray | None:
         """Orthonormal columns V `[m, n]`; None where they would be nearly as many as the model's own coordinates."""
+        from scipy.linalg import qr
+
         columns = np.column_stack([self._own, answers])
         size = np.linalg.norm(columns, axis=0)
         columns = columns[:, size > 0.0] / size[size > 0.0]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 
 import numpy as np
-from scipy.optimize import brentq
 
 from attrito.library.names import AMPLITUDES
 from attrito.library.session import Solver
@@ -113,6 +112,8 @@ def _at_level(
     tracker: BackboneTracker, before: BackbonePoint, after: BackbonePoint, level: float
 ) -> BackbonePoint | None:
     """The point of a level between two of one stretch."""
+    from scipy.optimize import brentq
+
     tried: list[BackbonePoint] = []
 
     def excess(logarithm: float) -> float:

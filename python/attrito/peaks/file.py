@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from attrito.job.job import Job
 from attrito.library.names import OUTCOMES, STATES
@@ -336,6 +335,8 @@ def smooth_curve(parameter: np.ndarray, amplitude: np.ndarray, power: np.ndarray
     parameter, amplitude : at the peaks in the order of the curve
     power : d log(amplitude)/d log(parameter) there; NaN where the response has a corner
     """
+    from scipy.interpolate import CubicHermiteSpline
+
     x, y = np.log(parameter), np.log(amplitude)
     pieces = []
     for i in range(len(x) - 1):

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 from attrito.job.coriolis import asking_key
 from attrito.job.fewer_contacts import take_all_contacts
@@ -210,6 +209,8 @@ def follow_mode(
 
 def locate_optimum(tracker: PeakTracker, before: Peak, after: Peak) -> Peak | None:
     """The extremum of the peak over the parameter between two peaks; None where it jumps or is lost on the way."""
+    from scipy.optimize import brentq
+
     slopes: dict[float, float] = {}
 
     def slope(logarithm: float) -> float:

@@ -11,15 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from attrito.results.curve import Curve, curve_of, stretches
+from attrito.results.motion_names import QUANTITIES as QUANTITIES
 from attrito.results.result import Result
 
-QUANTITIES = {
-    "amplitude": "Amplitude",
-    "first_harmonic": "First harmonic",
-    "phase": "Phase of the first harmonic",
-    "velocity": "Velocity amplitude",
-    "acceleration": "Acceleration amplitude",
-}
 # Times that a quantity is differentiated in time
 DERIVATIVES = {"velocity": 1, "acceleration": 2}
 # Samples of the period a harmonic, from which Newton's method finds extremes

@@ -10,7 +10,6 @@ from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
-from scipy.linalg import eigh
 
 from attrito.job.job import Job
 from attrito.library.reduced_scene import ReducedScene, all_alike
@@ -44,6 +43,8 @@ def of_damping(scene: ReducedScene) -> list[str]:
 
     Only a damping matrix can do that.
     """
+    from scipy.linalg import eigh
+
     if scene.damping is None or _is_positive(scene.damping):
         return []
     found = []

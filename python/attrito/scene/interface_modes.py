@@ -20,7 +20,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, eigh
 
 from attrito.library.reduced_scene import Sector
 
@@ -116,6 +115,8 @@ class _Diameter:
 
     def traces(self, count: int | None, top: float) -> tuple[np.ndarray, np.ndarray]:
         """Natural angular frequencies, and what modes and static motion leave on the lower boundary `[k, columns]`."""
+        from scipy.linalg import cho_factor, cho_solve, eigh
+
         size = len(self.mass)
         if count is None and top > 0.0:
             squares, modes = eigh(self.stiffness, self.mass, subset_by_value=(-np.inf, (BEYOND * top) ** 2))
@@ -133,6 +134,8 @@ class _Diameter:
 
     def error(self, basis: np.ndarray, omega: np.ndarray, top: float) -> float:
         """The largest relative error of the natural frequencies up to the top one with W on the boundary."""
+        from scipy.linalg import eigh
+
         omega = omega[omega <= top] if top > 0.0 else omega
         if not len(omega):
             return 0.0

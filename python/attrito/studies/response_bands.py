@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from attrito.library.names import NO_SOLUTION
 from attrito.studies import gradient_nodes, value_nodes
@@ -39,6 +38,8 @@ class Curves:
 
 
 def _drawn(frequency: np.ndarray, amplitude: np.ndarray, slope: np.ndarray, at_hz: np.ndarray) -> np.ndarray:
+    from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
+
     solved = np.isfinite(amplitude)
     if solved.sum() < 2:
         return np.full(len(at_hz), np.nan)
