@@ -4,18 +4,20 @@
     .venv/bin/python benchmarks/peaks.py --seed 1 --first 17 --scenes 1 --runs level_up --verbose
 
 Scenes are those of `peaks_scenes.py`. Each is followed four times by what `attrito peak` runs, with as many
-harmonics as that begins with. A run arrives if its last peak is at `stop`, or if it says by which `ending` there
-is no peak farther on. Values asked for are held against two references with the same harmonics and samples:
+harmonics as that begins with, sweeps for a higher peak included. A run arrives if its last peak is at `stop`, or if
+it says by which `ending` there is no peak farther on. Values asked for are held against two references with the same
+harmonics and samples:
 
-- *dense*: frequencies listed from the followed peak outwards, SPAN to either side or to the nearest minimum, each
-  starting from the one before; the largest amplitude among them, refined by golden sections, from the sliders of the
-  followed peak;
+- *dense*: frequencies listed from the followed peak outwards, SPAN to either side or to where the response falls
+  below half power, each starting from the one before; the largest amplitude among them, refined by golden sections
+  between its neighbours, from the sliders of the followed peak;
 - *swept*: a new session at that level and preload, swept up and down; the higher of both peaks, refined likewise.
 
 The first must be the value to 1e-4. The second may differ: where the peak is not unique (sliders keep the way there),
 where solutions coexist, and where the response has another, higher peak; these are counted apart. Whether the
 coarse sweep of `attrito peak` from the followed peak notices it is counted, too, with what that costs. Cost is work
-(`src/balance/work.f90`) of a run without its static path, by value and by peak, in sweeps at the run's values.
+(`src/balance/work.f90`) of a run without its static path, by value and by peak, in sweeps at the run's values, and of
+the coarse sweeps.
 
 JSON on standard output; `--output` keeps a line of JSON a run, as it ends. Runs that the file holds already are not
 followed again, so that a campaign that was stopped goes on.
@@ -43,7 +45,7 @@ from scipy.optimize import minimize_scalar
 from attrito.library.points import Point
 from attrito.library.session import Options, Solver
 from attrito.peaks.curve import REASONS, Found
-from attrito.peaks.higher import HIGHER, Followed, HigherPeaks
+from attrito.peaks.higher import HALF_POWER, HIGHER, HigherPeaks
 from attrito.peaks.run import follow
 from attrito.support.errors import NumericsError
 
@@ -67,7 +69,8 @@ WHOLE = 4.0
 class Value:
     """A value asked for, and what it is held against; errors are relative differences of the amplitude.
 
-    `noticed`: by how much the highest peak that the coarse sweep found is higher, NaN if none is; its work.
+    `noticed`: by how much the highest peak that the coarse sweep found is higher, NaN if none is. `moved`: the
+    curve came to a lower maximum of the same resonance.
     """
 
     parameter: float
@@ -79,7 +82,7 @@ class Value:
     sweep_work: float
     sweep_points: int
     noticed: float
-    look_work: float
+    moved: bool
 
     @property
     def kind(self) -> str:
@@ -109,14 +112,19 @@ class Run:
     peaks: int = 0
     evaluations: int = 0
     work: float = 0.0
+    look_work: float = 0.0
     seconds: float = 0.0
     values: list[Value] = field(default_factory=list)
 
+    def in_sweeps(self, work: float) -> float:
+        """Work in sweeps, by value; NaN where no sweep tells, as where all contacts stick and a sweep takes no work."""
+        swept = sum(value.sweep_work for value in self.values)
+        return work / swept if swept > 0.0 else np.nan
+
     @property
     def sweeps(self) -> float:
-        """Work in sweeps, by value; NaN where no sweep tells, as where all contacts stick and a sweep takes no work."""
-        work = sum(value.sweep_work for value in self.values)
-        return self.work / work if work > 0.0 else np.nan
+        """Work of the curve and of the coarse sweeps."""
+        return self.in_sweeps(self.work + self.look_work)
 
 
 def keys_of(scene: peaks_scenes.Scene, way: str) -> dict:
@@ -161,9 +169,13 @@ def run(task: Task) -> Run:
     started = time.process_time()
     found: list[Found] = []
     states: list[np.ndarray] = []
-    with Solver(MPI.COMM_SELF, scene.reduced, task.options) as solver:
+    looks_at = (PATH, STATIC_STEPS, 0, "half_range", scene.band_hz)
+    with (
+        Solver(MPI.COMM_SELF, scene.reduced, task.options) as solver,
+        HigherPeaks(MPI.COMM_SELF, scene.reduced, task.options, *looks_at) as looking,
+    ):
         try:
-            for one in follow(solver, job, scene.reduced, PATH):
+            for one in follow(solver, job, scene.reduced, PATH, looking):
                 found.append(one)
                 states.append(solver.save_state())
                 if time.process_time() - started > task.limit:
@@ -171,6 +183,7 @@ def run(task: Task) -> Run:
                     break
         except NumericsError as error:
             done.ending = str(error)
+        done.look_work = looking.work
         done.work = (found[-1].peak.point.work if found else solver.static_work) - solver.static_work
     done.seconds = time.process_time() - started
     solved = [one for one in found if one.converged]
@@ -196,8 +209,6 @@ def check_value(scene: peaks_scenes.Scene, options: Options, found: Found, state
     peak = found.peak
     preload = peak.parameter if parameter == "preload" else 1.0
     reference = dense(scene, options, found, state, preload)
-    looking = HigherPeaks(MPI.COMM_SELF, scene.reduced, options, PATH, STATIC_STEPS, 0, "half_range", scene.band_hz)
-    (higher,) = looking.beside([Followed(peak, state)], by_preload=parameter == "preload")
     sweeps = [swept(scene, options, peak.level, preload, way) for way in (1, -1)]
     amplitude, at, work, points = max(sweeps)
     return Value(
@@ -210,32 +221,36 @@ def check_value(scene: peaks_scenes.Scene, options: Options, found: Found, state
         # Of either way: which is the cheaper is not known beforehand.
         0.5 * sum(sweep[2] for sweep in sweeps),
         points,
-        higher.amplitude / peak.amplitude - 1.0,
-        looking.work,
+        found.higher.amplitude / peak.amplitude - 1.0 if found.higher else np.nan,
+        found.moved,
     )
 
 
 def dense(scene: peaks_scenes.Scene, options: Options, found: Found, state: np.ndarray, preload: float) -> float:
-    """Largest amplitude near a followed peak, whose sliders and motion are the start to either side."""
+    """Largest amplitude about a followed peak, whose sliders and motion are the start to either side."""
     peak = found.peak
-    best, nearest = -np.inf, (np.empty(0), peak.frequency_hz)
+    offsets = SPAN * np.linspace(0.0, 1.0, DENSE + 1) ** 2
+    best, nearest, bracket = -np.inf, (np.empty(0), peak.frequency_hz), np.ones(2)
     with Solver(MPI.COMM_SELF, scene.reduced, options) as solver:
         solver.follow_static_path(PATH * preload, STATIC_STEPS, scene.band_hz[0])
         for way in (1.0, -1.0):
             solver.load_state(state)
-            offsets = way * SPAN * np.linspace(0.0, 1.0, DENSE + 1) ** 2
             least = np.inf
-            for point in solver.solve_at((peak.frequency_hz * (1.0 + offsets)).tolist(), peak.level, 0):
+            listed = (peak.frequency_hz * (1.0 + way * offsets)).tolist()
+            for i, point in enumerate(solver.solve_at(listed, peak.level, 0)):
                 if not point.is_solved:
                     continue
                 least = min(least, point.amplitude[0])
-                if least < (1.0 - EQUAL) * peak.amplitude and point.amplitude[0] > (1.0 + EQUAL) * least:
-                    # Beyond a minimum begins another peak.
+                if least < HALF_POWER * peak.amplitude:
                     break
-                if point.amplitude[0] > best:
+                if best < point.amplitude[0] <= least / HALF_POWER:
                     best, nearest = point.amplitude[0], (solver.save_state(), point.frequency_hz)
-        reach = peak.frequency_hz * SPAN / DENSE
-        return max(best, refined(solver, nearest, peak.level, (nearest[1] - reach, nearest[1] + reach))[0])
+                    around = (
+                        (offsets[max(i - 1, 0)], offsets[min(i + 1, DENSE)]) if i > 0 else (-offsets[1], offsets[1])
+                    )
+                    bracket = 1.0 + way * np.array(around)
+        ends = (peak.frequency_hz * bracket.min(), peak.frequency_hz * bracket.max())
+        return max(best, refined(solver, nearest, peak.level, ends)[0])
 
 
 def swept(
@@ -352,9 +367,9 @@ def stored_runs(path: str | None, tasks: list[Task]) -> list[Run]:
     return [one for one in runs if (one.scene, one.way) in wanted]
 
 
-def looks(values: list[Value]) -> float:
-    """What the coarse sweep from a peak costs, in new sweeps: median; linear ones cost next to nothing."""
-    return float(np.median([one.look_work / one.sweep_work for one in values if one.sweep_work > 0.0] or [np.nan]))
+def median(numbers: list[float]) -> float:
+    """Of those that are known."""
+    return float(np.median([one for one in numbers if np.isfinite(one)] or [np.nan]))
 
 
 def is_higher(value: Value) -> bool:
@@ -383,9 +398,11 @@ def summary(runs: list[Run]) -> dict:
             "noticed where new sweeps are not higher": sum(
                 not is_higher(value) and math.isfinite(value.noticed) for value in values
             ),
-            "a look, sweeps, median": looks(values),
+            "came to a lower maximum of the same resonance": sum(value.moved for value in values),
             "peaks a run, median": float(np.median([one.peaks for one in own])),
-            "sweeps a value, median": float(np.nanmedian([one.sweeps for one in own])) if values else None,
+            "sweeps a value, median": median([one.sweeps for one in own]),
+            "of these the curve": median([one.in_sweeps(one.work) for one in own]),
+            "of these coarse sweeps": median([one.in_sweeps(one.look_work) for one in own]),
             "seconds": float(sum(one.seconds for one in own)),
         }
     return found

@@ -16,41 +16,45 @@ from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
 from attrito.peaks.curve import Found
 from attrito.peaks.file import higher_in_words
-from attrito.peaks.higher import COARSE, Followed, Higher, HigherPeaks, highest_inside
+from attrito.peaks.higher import COARSE, HALF_POWER, Followed, Higher, HigherPeaks
+from attrito.peaks.run import follow
 
 NAMES = ("higher_frequency_hz", "higher_amplitude", "swept_low_hz", "swept_high_hz")
 PATH = np.array([[0.0], [1.0]])
 # Natural angular frequencies of two masses on springs of their own, and the forces on them
 RATES, FORCES, DAMPING = np.array([1.0, 2.5]), np.array([1.0, 12.0]), 0.05
+# Of two modes near each other: in phase between both, so that there is no antiresonance
+AGAINST = np.array([1.0, -1.2])
 BAND = (0.5 * RATES[0] / (2.0 * np.pi), 1.5 * RATES[1] / (2.0 * np.pi))
 
 
-def two_masses(limit: float) -> ReducedScene:
+def two_masses(limit: float, rates: np.ndarray = RATES, forces: np.ndarray = FORCES) -> ReducedScene:
     """The second rubs on the ground and slips at a friction force `limit`; the monitor is the sum of both."""
     spring = 2.0
     laws = {"tangents": np.ones(1, dtype=np.int32), "gap": np.zeros(1), "preload": np.full(1, limit)}
     laws |= {"tangential_stiffness": np.full(1, spring), "normal_stiffness": np.zeros(1)}
     laws |= {"friction_coefficient": np.ones(1)}
     rows = np.array([[0.0, 1.0], [0.0, 0.0]])
-    harmonic = np.array([[0.0, 0.0], FORCES, [0.0, 0.0]])
-    stiffness = np.diag(RATES**2 - [0.0, spring])
+    harmonic = np.array([[0.0, 0.0], forces, [0.0, 0.0]])
+    stiffness = np.diag(rates**2 - [0.0, spring])
     return ReducedScene(
         np.eye(2), stiffness, "viscous", 0.0, DAMPING * np.eye(2), laws, rows, np.zeros((1, 2)), harmonic,
         np.ones((1, 2)), ["both"],
     )  # fmt: skip
 
 
-def look(scene: ReducedScene, near_hz: float, level: float = 1.0) -> tuple[Peak, Higher]:
-    """The peak near a frequency, and what stands beside it."""
+def look(scene: ReducedScene, near_hz: float, level: float = 1.0, *, slips: bool = False) -> tuple[Peak, Higher]:
+    """The peak near a frequency, and what stands beside it; where nothing slips sweeps take no work."""
     options = Options(harmonics=3, by_events=True)
     with Solver(MPI.COMM_SELF, scene, options) as solver:
         solver.follow_static_path(PATH, 1, BAND[0])
         tracker = PeakTracker(solver, 0, "half_range", BAND, PATH[-1])
         peak = tracker.begin(level, near_hz)
         state = solver.save_state()
-    looking = HigherPeaks(MPI.COMM_SELF, scene, options, PATH, 1, 0, "half_range", BAND)
-    (higher,) = looking.beside([Followed(peak, state)], by_preload=False)
-    assert looking.work > 0.0
+    with HigherPeaks(MPI.COMM_SELF, scene, options, PATH, 1, 0, "half_range", BAND) as looking:
+        higher, better, _ = looking.beside(Followed(peak, state))
+    assert (looking.work > 0.0) == slips
+    assert better is None
     return peak, higher
 
 
@@ -86,7 +90,7 @@ def test_a_peak_that_friction_lowers_is_no_longer_the_higher_one():
     # Stuck, the second mass moves by 12 / (0.05 * 2.5) = 96, the first by 20. Slipping, friction takes 4 R (x - R / 2)
     # of the 12 pi x that the load gives a period, damping pi c omega x^2, omega being 2.06 to 2.5: R = 14, x = 16.
     stuck = look(two_masses(limit=1e6), RATES[0] / (2.0 * np.pi))[1]
-    peak, slipping = look(two_masses(limit=14.0), RATES[0] / (2.0 * np.pi))
+    peak, slipping = look(two_masses(limit=14.0), RATES[0] / (2.0 * np.pi), slips=True)
     assert stuck.exists and not slipping.exists
     assert slipping.whole and peak.amplitude == pytest.approx(1.0 / DAMPING, rel=0.2)
 
@@ -135,7 +139,38 @@ def test_what_was_swept_in_part_is_said():
     ]
 
 
-def test_an_end_of_a_sweep_is_no_peak():
-    assert highest_inside(np.array([3.0, 2.0])) is None
-    assert highest_inside(np.array([3.0, 2.0, 4.0])) is None
-    assert highest_inside(np.array([0.0, 2.0, 1.0, 3.0, 3.0, 2.5, 9.0])) == 3
+def follow_two_masses(rates: np.ndarray, look: bool) -> list[Found]:
+    """Peaks of two masses that stick, moved against each other, followed from the lower mode in the level."""
+    scene = two_masses(1e6, rates, AGAINST)
+    keys = {"parameter": "level", "start": 1.0, "stop": 2.0, "values": [], "monitor": None, "amplitude": "half_range"}
+    keys |= {"near_hz": float(rates[0] / (2.0 * np.pi)), "optimum": False, "max_points": 10}
+    sweep = {"frequencies_hz": None, "start_hz": BAND[0], "stop_hz": BAND[1]}
+    job = {"peak": keys, "sweep": sweep, "static": {"steps": 1}}
+    options = Options(harmonics=3, by_events=True)
+    with (
+        Solver(MPI.COMM_SELF, scene, options) as solver,
+        HigherPeaks(MPI.COMM_SELF, scene, options, PATH, 1, 0, "half_range", BAND) as looking,
+    ):
+        return list(follow(solver, job, scene, PATH, looking if look else None))
+
+
+@pytest.mark.parametrize(("second", "is_one_resonance"), [(1.09, True), (1.15, False)])
+def test_the_highest_maximum_of_a_resonance_is_followed_and_another_resonance_is_told_of(second, is_one_resonance):
+    rates = np.array([1.0, second])
+    first, *rest = follow_two_masses(rates, look=True)
+    alone = follow_two_masses(rates, look=False)[0].peak
+    omega = 2.0 * np.pi * np.linspace(BAND[0], 1.5 * second / (2.0 * np.pi), 400_001)
+    height = abs((AGAINST / (rates**2 - omega[:, None] ** 2 + 1j * DAMPING * omega[:, None])).sum(axis=1))
+    maxima = 1 + np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:]))
+    # The test is void unless there are two, the first of them lower, and the dip between is as is said.
+    assert len(maxima) == 2 and 1.02 * height[maxima[0]] < height[maxima[1]]
+    dip = height[maxima[0] : maxima[1]].min() / height[maxima[1]]
+    assert (dip > HALF_POWER) == is_one_resonance
+    # What the grid misses of a maximum is 1e-9 of it.
+    assert alone.amplitude == pytest.approx(height[maxima[0]], rel=1e-7)
+    followed = maxima[1 if is_one_resonance else 0]
+    assert first.peak.amplitude == pytest.approx(height[followed], rel=1e-7)
+    assert first.moved == is_one_resonance and first.higher.exists != is_one_resonance
+    # All sticks: the curve goes on as far as the level, without another jump.
+    assert rest[-1].peak.amplitude == pytest.approx(2.0 * height[followed], rel=1e-7)
+    assert not any(one.moved for one in rest)

@@ -372,6 +372,15 @@ def test_of_maxima_that_samples_make_of_a_peak_the_highest_is_taken(way):
     assert any(np.diff(height).max() > 0.0 for height in heights)
 
 
+def test_a_curve_that_comes_to_a_lower_maximum_of_a_resonance_goes_on_from_the_highest():
+    # A wedge with two tangents, opening more and more: at the last level another maximum has become 3 % higher.
+    options = Options(harmonics=5, samples=128, by_events=True)
+    done = peaks.run(peaks.Task(1, 13, "level_up", check=True, limit=jobs.TIMEOUT, options=options))
+    assert done.arrived and done.values[-1].moved
+    assert [value.kind for value in done.values] == ["equal"] * 3
+    assert max(abs(value.dense_error) for value in done.values) <= peaks.EQUAL
+
+
 def test_the_peak_of_a_joint_that_friction_alone_holds_ends_where_it_drifts():
     scene = peaks_scenes.make(1, 36)
     job = peaks.keys_of(scene, "level_up")

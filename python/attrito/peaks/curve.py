@@ -62,13 +62,15 @@ KINDS = ("step", "value", "optimum")
 class Found:
     """A peak on the curve, why it is there (one of `KINDS`), and its derivatives, see `_derivatives` in `run.py`.
 
-    `higher`: what a sweep of the band from there found; None where none was made.
+    `higher`: what a sweep of the band from there found; None where none was made. `moved`: the curve came to another
+    maximum of the same resonance, which is lower.
     """
 
     peak: Peak
     kind: str
     derivatives: np.ndarray = field(default_factory=lambda: np.empty(0))
     higher: Higher | None = None
+    moved: bool = False
 
     @property
     def converged(self) -> bool:

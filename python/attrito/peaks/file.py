@@ -123,7 +123,9 @@ def columns(found: list[Found], parameter: str) -> dict[str, np.ndarray]:
             rows[name].append(value)
     data = {name: np.array(values) for name, values in rows.items() if name != "jump"}
     height = data["response" if parameter == "level" else "amplitude"]
-    return data | {"jump": jumps(data[parameter], height, data["elasticity"]).astype(int)}
+    # There is no peak before the first.
+    moved = [one.moved and i > 0 for i, one in enumerate(found)]
+    return data | {"jump": (jumps(data[parameter], height, data["elasticity"]) | moved).astype(int)}
 
 
 def jumps_in_words(found: list[Found], parameter: str) -> list[str]:
@@ -131,7 +133,7 @@ def jumps_in_words(found: list[Found], parameter: str) -> list[str]:
     data = columns(found, parameter)
     value, frequency = data[parameter], data["frequency_hz"]
     return [
-        f"between {parameter} {value[i - 1]:.5g} and {value[i]:.5g} the peak at {frequency[i - 1]:.5g} Hz is lost, and"
+        f"between {parameter} {value[i - 1]:.5g} and {value[i]:.5g} the peak at {frequency[i - 1]:.5g} Hz is left, and"
         f" another one at {frequency[i]:.5g} Hz is followed: beside either there may be a higher one"
         for i in np.flatnonzero(data["jump"])
     ]

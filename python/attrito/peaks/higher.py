@@ -4,17 +4,22 @@ A peak is followed by itself: nothing is known of the response elsewhere. From t
 response is followed to either end of the band, at the same loads. A sweep has a point at every peak, which misses its
 height by a tenth of the sweep's tolerance at most (docs/method.md, "Getting from point to point"), so a coarse sweep
 is enough. Branches that are not connected to the peak's are not seen.
+
+One resonance may have several maxima, where contacts begin to slip or to open one after another. A higher maximum is of
+the followed one's resonance where the response between does not fall below the higher one's half power, 1/sqrt(2) of
+it: of these the highest is climbed to, and followed from there. Where the response comes, above half power, to
+frequencies at which no motion has the loads' period, and is higher beside them, there is no peak.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from attrito.library.peak_tracker import Peak
+from attrito.library.peak_tracker import Peak, PeakTracker, Start
 from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
@@ -26,8 +31,14 @@ if TYPE_CHECKING:
 COARSE = 0.1
 # A peak is reported that is higher by more than this part, beyond what the height of a point and other sliders change
 HIGHER = 0.02
-# Of a sweep to one side
-MOST_POINTS = 200
+# Of the higher one: what the response between does not fall below where two maxima are of one resonance
+HALF_POWER = 2.0**-0.5
+# By how much another maximum of the same resonance must be higher: beyond rounding, below what a peak is equal to
+SAME = 1e-5
+# Points without periodic motion, each a hundredth of a side of the band farther on, beyond which is not looked
+WIDEST_GAP = 10
+# Of a sweep to one side; of maxima of one resonance, those that are climbed to
+MOST_POINTS, MOST_CLIMBS = 200, 3
 
 
 @dataclass(frozen=True)
@@ -39,12 +50,14 @@ class Higher:
     swept_hz : lowest and highest frequency between which the response was solved
     whole : whether that is the whole band
     frequency_hz, amplitude : of the highest peak, Hz and user length; NaN where none is higher than the followed one
+    drifts : whether the resonance of the followed peak is highest beside frequencies without periodic motion
     """
 
     swept_hz: tuple[float, float]
     whole: bool
     frequency_hz: float
     amplitude: float
+    drifts: bool = False
 
     @property
     def exists(self) -> bool:
@@ -60,8 +73,40 @@ class Followed:
     state: np.ndarray
 
 
+@dataclass(frozen=True)
+class Maximum:
+    """A point of a sweep that both neighbours are below.
+
+    `least`: amplitude below which the response between it and the followed peak does not fall; `start`, `state`: its
+    motion and all that a session goes on from, None where it is too low to be of interest.
+    """
+
+    amplitude: float
+    frequency_hz: float
+    least: float
+    start: Start | None
+    state: np.ndarray | None
+    work: float
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A sweep from a followed peak.
+
+    `farthest_hz`: to where it was solved; `drifts_at`: the larger amplitude beside frequencies without periodic motion
+    within the peak's resonance; -inf if there are none.
+    """
+
+    maxima: list[Maximum]
+    farthest_hz: float
+    reached_end: bool
+    drifts_at: float
+
+
 class HigherPeaks:
     """Looks for peaks that are higher than followed ones, in sessions of their own. All calls are collective.
+
+    To be used in `with`: the session at preload 1 is kept open.
 
     Parameters
     ----------
@@ -85,58 +130,97 @@ class HigherPeaks:
         self._comm, self._scene, self._options = comm, scene, replace(options, curve_tolerance=COARSE)
         self._path, self._steps, self._monitor, self._measure = load_path, steps, monitor, measure
         self._band = band_hz
-        # Floating-point operations of all sweeps, and what the present session had counted before
-        self.work, self._counted = 0.0, 0.0
+        self._open, self._session = ExitStack(), None
+        # Floating-point operations of all sweeps and climbs
+        self.work = 0.0
 
-    def beside(self, followed: list[Followed], by_preload: bool) -> Iterator[Higher]:
-        """For each peak; those followed in the preload each have a static solution of their own."""
-        if not by_preload:
-            with self._solver(1.0) as solver:
-                yield from (self._look(solver, one) for one in followed)
-            return
-        for one in followed:
-            with self._solver(one.peak.parameter) as solver:
-                yield self._look(solver, one)
+    def __enter__(self) -> HigherPeaks:
+        """Nothing is open yet."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the session."""
+        self._open.close()
+
+    def beside(self, followed: Followed, preload: float = 1.0) -> tuple[Higher, Followed | None, Start | None]:
+        """What there is beside a peak, whose static loads have a factor `preload`.
+
+        Returns
+        -------
+        what is higher than the highest maximum of the peak's resonance; that maximum and its motion, None if it is the
+        followed peak itself
+        """
+        if preload == 1.0:
+            if self._session is None:
+                self._session = self._open.enter_context(self._solver(1.0))
+            return self._look(self._session, followed, preload)
+        with self._solver(preload) as solver:
+            return self._look(solver, followed, preload)
 
     def _solver(self, preload: float) -> Solver:
         solver = Solver(self._comm, self._scene, self._options)
         solver.follow_static_path(self._path * preload, self._steps, self._band[0])
-        self._counted = solver.static_work
         return solver
 
-    def _look(self, solver: Solver, followed: Followed) -> Higher:
+    def _look(self, solver: Solver, followed: Followed, preload: float) -> tuple[Higher, Followed | None, Start | None]:
+        sweeps = [self._sweep(solver, followed, end) for end in self._band]
+        maxima = [one for swept in sweeps for one in swept.maxima]
+        better, start = self._highest_of_resonance(solver, followed.peak, maxima, preload)
+        height = (followed if better is None else better).peak.amplitude
+        drifts = any(swept.drifts_at > (1.0 + SAME) * height for swept in sweeps)
+        swept_hz = (sweeps[0].farthest_hz, sweeps[1].farthest_hz)
+        best = max(((one.amplitude, one.frequency_hz) for one in maxima), default=(-np.inf, np.nan))
+        found = best[::-1] if best[0] > (1.0 + HIGHER) * height else (np.nan, np.nan)
+        return Higher(swept_hz, all(swept.reached_end for swept in sweeps), *found, drifts), better, start
+
+    def _sweep(self, solver: Solver, followed: Followed, end: float) -> Sweep:
+        """From a followed peak towards an end of the band, or to where it is not solved."""
         peak = followed.peak
-        ends, whole = [], True
-        best = (-np.inf, np.nan)
-        for end in self._band:
-            solver.load_state(followed.state)
-            frequency, height = [], []
-            for point in solver.sweep(peak.frequency_hz, end, peak.level, 0, MOST_POINTS):
-                if not point.is_solved:
+        solver.load_state(followed.state)
+        maxima: list[Maximum] = []
+        last: Maximum | None = None
+        rises, gap, farthest, drifts_at = False, 0, peak.frequency_hz, -np.inf
+        for point in solver.sweep(peak.frequency_hz, end, peak.level, 0, MOST_POINTS):
+            height = self._amplitude(point)
+            if not point.is_solved:
+                of_resonance = last is not None and last.least >= HALF_POWER * peak.amplitude
+                if not of_resonance or point.outcome != "no_period_one_orbit" or gap == WIDEST_GAP:
                     break
-                frequency.append(point.frequency_hz)
-                height.append(self._amplitude(point))
-            self.work += point.work - self._counted
-            self._counted = point.work
-            whole = whole and point.is_solved and point.reached_stop
-            ends += frequency
-            at = highest_inside(np.array(height))
-            if at is not None:
-                best = max(best, (height[at], frequency[at]))
-        swept = (min(ends, default=peak.frequency_hz), max(ends, default=peak.frequency_hz))
-        exists = best[0] > (1.0 + HIGHER) * peak.amplitude
-        return Higher(swept, whole, *(best[::-1] if exists else (np.nan, np.nan)))
+                gap, drifts_at = gap + 1, last.amplitude
+                continue
+            if gap > 0:
+                drifts_at = max(drifts_at, height)
+                break
+            if last is not None and rises and height <= last.amplitude:
+                maxima.append(last)
+            rises = last is not None and height > last.amplitude
+            least = height if last is None else min(height, last.least)
+            kept = rises and least >= HALF_POWER * height and height > (1.0 - 0.1 * COARSE) * peak.amplitude
+            start = Start(point.frequency_hz, solver.coordinates()) if kept else None
+            state = solver.save_state() if kept else None
+            last = Maximum(height, point.frequency_hz, least, start, state, point.work)
+            farthest = (min if end < peak.frequency_hz else max)(farthest, point.frequency_hz)
+        # The state has brought its own count of work along.
+        self.work += point.work - peak.point.work
+        return Sweep(maxima, farthest, point.is_solved and gap == 0 and point.reached_stop, drifts_at)
+
+    def _highest_of_resonance(
+        self, solver: Solver, peak: Peak, maxima: list[Maximum], preload: float
+    ) -> tuple[Followed | None, Start | None]:
+        """The highest peak above those maxima that are of the followed one's resonance, None if that is the highest."""
+        tracker = PeakTracker(solver, self._monitor, self._measure, self._band, self._path[-1])
+        kept = sorted((one for one in maxima if one.state is not None), key=lambda one: -one.amplitude)
+        better, start, height = None, None, (1.0 + SAME) * peak.amplitude
+        for one in kept[:MOST_CLIMBS]:
+            solver.load_state(one.state)
+            climbed = tracker.begin_near(one.start, peak.level, preload)
+            self.work += climbed.point.work - one.work
+            if climbed.outcome != "not_converged" and climbed.amplitude > height:
+                height = climbed.amplitude
+                better, start = Followed(climbed, solver.save_state()), tracker.start(climbed.frequency_hz)
+        return better, start
 
     def _amplitude(self, point: Point) -> float:
         if self._measure == "half_range":
             return float(point.amplitude[self._monitor])
         return float(np.hypot(*point.harmonics[self._monitor, 1:3]))
-
-
-def highest_inside(height: np.ndarray) -> int | None:
-    """The highest of a sweep's points that both neighbours are below; None where there is none."""
-    if len(height) < 3:
-        return None
-    inner = height[1:-1]
-    peaks = 1 + np.flatnonzero((inner > height[:-2]) & (inner >= height[2:]))
-    return int(peaks[np.argmax(height[peaks])]) if len(peaks) else None

@@ -62,18 +62,20 @@ def _follow_and_show(
     )
     progress.warn(on_root(comm, lambda: cautions.of_damping(reduced)))
     found: list[Found] = []
-    states: list[np.ndarray | None] = []
     leading = None
     broken = ""
     for options in series:
         if found:
             progress.say(f"above the tolerance: anew with {options.harmonics} harmonics, {options.samples} samples")
-        found, states, leading = [], [], None
-        with Solver(comm, reduced, options) as solver, _warning_of_statics(progress, solver):
+        found, leading = [], None
+        with (
+            Solver(comm, reduced, options) as solver,
+            _warning_of_statics(progress, solver),
+            _looking(comm, job, options, reduced, load_path) as looking,
+        ):
             differentiator = Differentiator(comm, solver, job, scene, reduced)
             try:
-                for one in follow(solver, job, reduced, load_path):
-                    states.append(solver.save_state() if one.converged and one.kind == "value" else None)
+                for one in follow(solver, job, reduced, load_path, looking):
                     found.append(replace(one, derivatives=_derivatives(differentiator, job, reduced, one)))
                     progress.say(line(one, job["peak"]["parameter"]))
                     if leading is None and one.converged:
@@ -91,8 +93,6 @@ def _follow_and_show(
         progress.say(f"backbone of stuck mode {leading[0]}: {sum(map(len, backbone.stretches))} points")
 
     parameter = job["peak"]["parameter"]
-    if job["peak"]["look_for_higher"]:
-        found = look_for_higher(comm, job, options, reduced, load_path, found, states)
     progress.warn([*jumps_in_words(found, parameter), *higher_in_words(found, parameter)])
 
     def show() -> str:
@@ -128,14 +128,24 @@ def _warning_of_statics(progress: Progress, solver: Solver) -> Iterator[None]:
         progress.warn(cautions.of_static_solution(solver.static_states))
 
 
-def follow(solver: Solver, job: Job, scene: ReducedScene, load_path: np.ndarray) -> Iterator[Found]:
-    """Peaks of a job along its parameter; the last one has not converged if the curve was lost."""
+def follow(
+    solver: Solver, job: Job, scene: ReducedScene, load_path: np.ndarray, looking: HigherPeaks | None = None
+) -> Iterator[Found]:
+    """Peaks of a job along its parameter; the last one has not converged if the curve was lost.
+
+    `looking` finds what is higher at values asked for; a higher maximum of the same resonance is followed from there.
+    """
     keys = job["peak"]
     tracker, peak = begin(solver, job, scene, load_path, keys["start"])
     if keys["parameter"] == "preload" and peak.outcome != "not_converged":
         peak = tracker.follow_in("preload")
-    yield Found(peak, "value")
     stops = _stops(keys)
+    if peak.outcome == "not_converged":
+        yield Found(peak, "value")
+        return
+    value = _look_about(solver, tracker, looking, peak)
+    peak = value.peak
+    yield value
     if peak.outcome == "not_converged":
         return
     count = 1
@@ -150,9 +160,37 @@ def follow(solver: Solver, job: Job, scene: ReducedScene, load_path: np.ndarray)
                     yield Found(optimum, "optimum")
                 peak = tracker.at(peak.parameter)
             count += 1
-            yield Found(peak, "value" if reached else "step")
+            if reached and peak.outcome != "not_converged":
+                value = _look_about(solver, tracker, looking, peak)
+                peak = value.peak
+                yield value
+            else:
+                yield Found(peak, "value" if reached else "step")
             if peak.outcome == "not_converged" or count >= keys["max_points"]:
                 return
+
+
+def _look_about(solver: Solver, tracker: PeakTracker, looking: HigherPeaks | None, peak: Peak) -> Found:
+    """A value asked for: the highest maximum of the peak's resonance, where the tracker and the solver then are.
+
+    None, an ending by drift, where the resonance is highest beside frequencies without periodic motion.
+    """
+    if looking is None:
+        return Found(peak, "value")
+    state = solver.save_state()
+    preload = peak.parameter if tracker.parameter == "preload" else 1.0
+    higher, better, start = looking.beside(Followed(peak, state), preload)
+    if higher.drifts:
+        nowhere = peak.point._replace(outcome="not_converged")
+        return Found(replace(peak, point=nowhere, ending="no_periodic_motion"), "value", higher=higher)
+    if better is None or start is None:
+        return Found(peak, "value", higher=higher)
+    solver.load_state(better.state)
+    parameter = tracker.parameter
+    moved = tracker.begin_near(start, peak.level, preload)
+    if moved.outcome != "not_converged" and parameter == "preload":
+        moved = tracker.follow_in(parameter)
+    return Found(moved, "value", higher=higher, moved=True)
 
 
 def begin(
@@ -168,26 +206,18 @@ def begin(
     return tracker, tracker.begin(value if by_level else keys["level"], near)
 
 
-def look_for_higher(
-    comm: Comm,
-    job: Job,
-    options: Options,
-    scene: ReducedScene,
-    load_path: np.ndarray,
-    found: list[Found],
-    states: list[np.ndarray | None],
-) -> list[Found]:
-    """The peaks with what a sweep of the band finds beside those that have a state: the values asked for."""
-    band = (min(_band(job)), max(_band(job)))
-    keys = job["peak"]
-    looking = HigherPeaks(
-        comm, scene, options, load_path, job["static"]["steps"], _monitor(job, scene), keys["amplitude"], band
-    )
-    asked = [Followed(one.peak, state) for one, state in zip(found, states, strict=True) if state is not None]
-    results = looking.beside(asked, keys["parameter"] == "preload")
-    return [
-        one if state is None else replace(one, higher=next(results)) for one, state in zip(found, states, strict=True)
-    ]
+@contextlib.contextmanager
+def _looking(
+    comm: Comm, job: Job, options: Options, scene: ReducedScene, load_path: np.ndarray
+) -> Iterator[HigherPeaks | None]:
+    """What looks for higher peaks at the values asked for; None where the job does not want it."""
+    keys, band = job["peak"], (min(_band(job)), max(_band(job)))
+    if not keys["look_for_higher"]:
+        yield None
+        return
+    monitor, steps = _monitor(job, scene), job["static"]["steps"]
+    with HigherPeaks(comm, scene, options, load_path, steps, monitor, keys["amplitude"], band) as looking:
+        yield looking
 
 
 def follow_mode(
