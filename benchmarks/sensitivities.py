@@ -40,7 +40,7 @@ from sensitivity_looks import (
     look_at_point,
 )
 from sensitivity_peaks import look_at_peak
-from sensitivity_scenes import BY_FREQUENCY, Case, Parameter, make, moved, parameters_of, scale_of
+from sensitivity_scenes import BY_FREQUENCY, LOOKS, Case, Parameter, make, moved, parameters_of, scale_of
 from sensitivity_starts import look_at_lift_off, look_at_onset, look_at_reset
 
 from attrito.library.names import LAWS, REFERENCES
@@ -226,9 +226,11 @@ def worst_of(rows: list, tolerance: float) -> dict:
     }
 
 
-def compared(seed: int, number: int, most: int) -> Iterator[dict]:
+def compared(seed: int, number: int, most: int, looks_at: tuple[str, ...] = tuple(LOOKS)) -> Iterator[dict]:
     """One scene: what was looked at, then natural frequencies; a scene without them says why."""
     case = make(seed, number)
+    if case.look not in looks_at:
+        return
     random = np.random.default_rng([seed, number, 2])
     looks = {"point": look_at_point, "peak": look_at_peak, "mode": look_at_mode}
     by = 0 if case.goes_by_events else 1
@@ -353,6 +355,7 @@ def main() -> None:
     parser.add_argument("--scenes", type=int, default=0)
     parser.add_argument("--first", type=int, default=0, help="number of the first scene")
     parser.add_argument("--parameters", type=int, default=12, help="of a scene with many")
+    parser.add_argument("--looks", nargs="*", choices=list(LOOKS), default=list(LOOKS), help="scenes of these alone")
     parser.add_argument("--seed", type=int, default=20261124)
     parser.add_argument("--contacts", type=int, nargs="*", default=[])
     parser.add_argument("--harmonics", type=int, default=7)
@@ -362,7 +365,7 @@ def main() -> None:
         numbers = range(options.first, options.first + options.scenes)
         rows = []
         for number in numbers:
-            for row in compared(options.seed, number, options.parameters):
+            for row in compared(options.seed, number, options.parameters, tuple(options.looks)):
                 rows.append(row)
                 print(json.dumps(row, default=str), file=sys.stderr, flush=True)
         found = {"summary": summary(rows), "rows": rows}

@@ -194,6 +194,65 @@ def test_a_sample_s_mode_is_that_of_the_job_with_its_values(tmp_path, capfd, wri
     assert [axes.get_ylabel() for axes in written[0].axes] == ["Frequency (Hz)", "Damping ratio of the contacts"]
 
 
+NAMES = ("frequency_hz", "damping_ratio", "damping_ratio_structure", "dissipated_energy")
+STIFFNESS = {"name": "stiffness", "keys": ["contact[*].tangential_stiffness"], "factor": True}
+
+
+def of_modes(folder: Path, capfd, start: float, **changes) -> tuple[dict[str, np.ndarray], str]:
+    """A study of the mode at amplitudes from `start` on, by friction and stiffness, and what it said."""
+    mu = {"name": "mu", "keys": ["contact[*].friction_coefficient"], "low": 0.45, "high": 0.5}
+    keys = {"samples": 40, "vary": [mu, STIFFNESS | {"low": 0.9, "high": 1.1}]} | changes
+    jobs.write_job(folder, {"job": "job.toml", "of": "modes", "file": "study.h5"} | keys, "study.toml")
+    job = mode_jobs.rubbing(stop=5.0e-3)
+    job["mode"] |= {"start": start, "points": 3}
+    jobs.write_job(folder, job)
+    done = jobs.attrito_here(folder, capfd, "study", "study.toml")
+    assert done.returncode == 0, done.stderr
+    return results(folder), done.stdout + done.stderr
+
+
+def test_a_study_of_modes_of_first_order_has_the_slopes_of_solved_ones(tmp_path, capfd):
+    """At Q = 1e-3, 0.7 mm, it slips in every sample: from mu N / kt, 0.4 mm, on."""
+    planes, words = of_modes(tmp_path, capfd, 1.0e-3, design="first_order")
+    assert "5 of 40 samples" in words
+    middle, step = np.array([0.475, 1.0]), 1e-3
+    terms = np.column_stack([np.ones(40), planes["values/mu"] - middle[0], planes["values/stiffness"] - middle[1]])
+    slopes = {name: np.linalg.lstsq(terms, planes[f"modes/{name}"], rcond=None)[0][1:] for name in NAMES}
+    for i in range(2):
+        solved = []
+        for side in (-step, step):
+            mu, factor = middle + side * (np.arange(2) == i)
+            job = mode_jobs.rubbing(stop=5.0e-3)
+            job["mode"] |= {"start": 1.0e-3, "points": 3}
+            job["contact"][0] |= {"friction_coefficient": mu, "tangential_stiffness": factor * mode_jobs.KT}
+            jobs.write_job(tmp_path, job)
+            assert jobs.attrito_here(tmp_path, capfd, "mode", "job.toml").returncode == 0
+            with h5py.File(tmp_path / "result.mode.h5") as file:
+                solved.append({name: file[f"points/{name}"][:] for name in NAMES})
+        for name in NAMES:
+            differences = (solved[1][name] - solved[0][name]) / (2.0 * step)
+            scale = np.abs(slopes[name] * middle[:, np.newaxis]).max()
+            # Third derivatives over a step of 2e-3 of the values at most leave 1e-6; modes are found to 1e-9 of them.
+            assert np.abs(slopes[name][i] - differences).max() * middle[i] <= 1e-4 * scale, name
+
+
+def test_bands_of_modes_by_gradients_are_near_sampled_ones_where_all_slip(tmp_path, capfd):
+    modelled, words = of_modes(tmp_path, capfd, 1.0e-3, design="second_order")
+    assert "7 of 40 samples" in words and "does not hold" not in words
+    sampled, _ = of_modes(tmp_path, capfd, 1.0e-3, design="latin_hypercube")
+    for name in NAMES:
+        exact = sampled[f"modes/{name}"]
+        # Third derivatives over a tenth of the values
+        assert np.abs(modelled[f"modes/{name}"] - exact).max() <= 1e-2 * np.abs(exact).max(), name
+
+
+def test_a_study_of_modes_says_where_the_model_of_damping_does_not_hold(tmp_path, capfd):
+    """At Q = 5e-4 samples slip whose friction is below 0.42, and others do not: a kink."""
+    mu = {"name": "mu", "keys": ["contact[*].friction_coefficient"], "low": 0.2, "high": 0.8}
+    _, words = of_modes(tmp_path, capfd, 5.0e-4, design="second_order", vary=[mu])
+    assert "it does not hold" in words and "beyond 5 % at amplitudes" in words
+
+
 def test_a_mode_that_is_lost_leaves_the_rest_of_its_sample_open_and_the_others_whole(tmp_path, capfd, monkeypatch):
     write_modes(tmp_path, samples=3)
     find, calls = ModeTracker.at, []

@@ -32,10 +32,12 @@ class Nodes:
     ----------
     study : the study
     sloped : are gradients taken?
+    stops : values at which each sample is located
     """
 
     study: Study
     sloped: bool
+    stops: tuple[float, ...]
 
     @property
     def places(self) -> np.ndarray:
@@ -85,9 +87,19 @@ class Nodes:
         name = "amplitude" if self.study.of == "peaks" else "frequency_hz"
         difference = largest_difference(checked, modelled[: len(checked)], name)
         what = self.study.design.replace("_", "-")
-        words = f"{what} model: {name} within {100.0 * difference:.2g} % of {len(checked)} other solved samples"
+        words = f"{what} model: {name} within {100.0 * difference:.2g} %"
+        others, beyond = f"of {len(checked)} other solved samples", difference > ACCEPTED
+        if self.study.of == "modes":
+            damping = differences_of_largest(checked, modelled[: len(checked)], "damping_ratio")
+            words += f", damping ratio within {100.0 * damping.max():.2g} % of its largest, {others}"
+            if np.any(damping > ACCEPTED):
+                beyond = True
+                off = np.array(self.stops)[damping > ACCEPTED]
+                words += f" (beyond {100.0 * ACCEPTED:g} % at amplitudes {off[0]:.3g} to {off[-1]:.3g})"
+        else:
+            words += f" {others}"
         progress.say(words)
-        if difference > ACCEPTED:
+        if beyond:
             progress.warn([f'{words}; it does not hold: take design = "latin_hypercube"'])
 
     def _modelled(self, at_nodes: list[Rows], places: np.ndarray) -> list[Rows]:
@@ -123,6 +135,13 @@ class Nodes:
         slopes = np.array([[one["slopes"].get(name, nothing) for one in row] for row in at_nodes], dtype=float)
         order = 1 if self.study.design == "first_order" else 2
         return gradient_nodes.expand(self.places, values, slopes * 0.5 * (high - low), order).at(places)
+
+
+def differences_of_largest(solved: list[Rows], modelled: list[Rows], name: str) -> np.ndarray:
+    """Of a number over samples, at each stop, part of the largest at any; infinite where one has not been solved."""
+    own, other = (np.array([[one[name] for one in row] for row in rows], dtype=float) for rows in (solved, modelled))
+    found = np.nan_to_num(np.abs(other - own), nan=np.inf).max(axis=0)
+    return np.asarray(found / max(np.nanmax(np.abs(own), initial=0.0), np.finfo(float).tiny))
 
 
 def rows_in_order(found: list[dict[str, Any]]) -> list[Rows]:

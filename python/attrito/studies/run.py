@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 
     from attrito.studies.sample_modes import SampleModes
     from attrito.studies.sample_responses import Reference
+    from attrito.studies.sloped_modes import SlopedModes
 
 
 def run_study(comm: Comm, path: str | Study) -> str:
@@ -136,17 +137,19 @@ def _nodes_of(
     if not study.is_modelled:
         return None
     unknown = [vary.name for vary in study.vary]
-    if study.of != "modes" and study.hessian != "values":
-        with contextlib.closing(SlopedPeaks(comm, base, rom, study, job)) as peaks:
-            unknown = peaks.unknown()
+    if study.hessian != "values":
+        kind = _sloped_modes if study.of == "modes" else SlopedPeaks
+        with contextlib.closing(kind(comm, base, rom, study, job)) as samples:
+            unknown = samples.unknown()
     if not unknown:
-        return Nodes(study, sloped=True)
+        return Nodes(study, True, tuple(study.stops(job)))
     if study.design == "first_order" or (study.hessian or "values") != "values":
-        shown, expected = ", ".join(unknown), "peaks, and quantities that they have exact derivatives by"
+        of = 'modes by method = "epmc" of whole structures' if study.of == "modes" else "peaks"
+        shown, expected = ", ".join(unknown), f"{of}, and quantities that they have exact derivatives by"
         raise InputError(Fault(study.path, "design" if study.hessian is None else "hessian", shown, expected))
     if study.hessian is None:
         progress.say(f"no exact derivatives by {', '.join(unknown)}: the model is made of values alone")
-    return Nodes(study, sloped=False)
+    return Nodes(study, False, tuple(study.stops(job)))
 
 
 def _remove_parts(folder: Path) -> None:
@@ -175,6 +178,37 @@ class _AtValues:
         self._samples.close()
 
 
+def _sloped_modes(comm: Comm, base: Scene | None, rom: Rom | None, study: Study, job: Job) -> _SlopedModes:
+    """Modes with derivatives."""
+    from attrito.studies.sloped_modes import SlopedModes
+
+    return _SlopedModes(SlopedModes(comm, base, rom, study.vary, partial(study.changed, job)), study, job)
+
+
+class _SlopedModes:
+    """Modes by what is varied, with derivatives where they are asked for."""
+
+    def __init__(self, modes: SlopedModes, study: Study, job: Job):
+        self._modes, self._study, self._job = modes, study, job
+
+    def unknown(self) -> list[str]:
+        """Names of the quantities that there are no exact derivatives by, in the middle of all. Collective."""
+        known = self._modes.known(self._study.middle)
+        return [vary.name for vary, is_known in zip(self._study.vary, known, strict=True) if not is_known]
+
+    def at(self, values: np.ndarray, sloped: bool) -> list[dict[str, Any]]:
+        """The mode at values of the quantities. Collective."""
+        stops = self._study.stops(self._study.changed(self._job, values))
+        rows = self._modes.at(values, stops, sloped)
+        for row in rows:
+            row |= {"slopes": {name: slopes.tolist() for name, slopes in row.get("slopes", {}).items()}}
+        return rows
+
+    def close(self) -> None:
+        """End the session."""
+        self._modes.close()
+
+
 def _located(
     comm: Comm,
     reference: Reference | None = None,
@@ -184,8 +218,10 @@ def _located(
     rom: Rom | None,
     study: Study,
     sloped: bool,
-) -> _AtValues | SlopedPeaks:
+) -> _AtValues | _SlopedModes | SlopedPeaks:
     """What solves samples at values of what is varied; what is not asked for is not imported, which takes time."""
+    if study.of == "modes" and sloped:
+        return _sloped_modes(comm, base, rom, study, job)
     if study.of == "modes":
         from attrito.studies.sample_modes import SampleModes
 

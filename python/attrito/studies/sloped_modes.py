@@ -16,6 +16,7 @@ from attrito.job.job import Job
 from attrito.library.derivatives import Rates
 from attrito.library.family import Family
 from attrito.library.points import LinearModes
+from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Solver
 from attrito.library.structures import omega
 from attrito.modes.frequency_slopes import frequency_slopes, spring_rates
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 # Of a parameter's range: what the static path is followed again with to both sides
 STEP = 1e-3
 # What a row has derivatives of
-NAMES = ("frequency_hz", "damping_ratio", "damping_ratio_structure", "tangent_hz")
+NAMES = ("frequency_hz", "damping_ratio", "damping_ratio_structure", "dissipated_energy", "tangent_hz")
 
 
 class SlopedModes(SampleModes):
@@ -62,11 +63,20 @@ class SlopedModes(SampleModes):
         self._values = values if derivatives else None
         return self.of(self._changed(values), amplitudes)
 
+    def known(self, values: np.ndarray) -> np.ndarray:
+        """Which parameters modes have exact derivatives by, at values of them `[parameters]`. Collective."""
+        job = self._changed(values)
+        here = self.scene_of(job)
+        if not _is_sloped(job, here[0]):
+            return np.zeros(len(values), dtype=bool)
+        rates = rates_of(self._parameters, values, here, lambda there: self.scene_of(self._changed(there)))
+        return known_rates(rates)
+
     def prepare(self, solver: Solver, job: Job, here: Solvable, modes: LinearModes, index: int) -> None:
         """See `SampleModes.prepare`."""
         self._slopes = None
         reduced = here[0]
-        if self._values is None or job["mode"]["method"] != "epmc" or reduced.sector is not None:
+        if self._values is None or not _is_sloped(job, reduced):
             return
         rates = self._rates(job, here)
         known = known_rates(rates)
@@ -107,6 +117,11 @@ class SlopedModes(SampleModes):
         return replace(rates, laws=np.concatenate([rates.laws, np.array(sliders)], axis=2))
 
 
+def _is_sloped(job: Job, scene: ReducedScene) -> bool:
+    """Whether there are derivatives of a job's mode."""
+    return job["mode"]["method"] == "epmc" and scene.sector is None
+
+
 class _ModeSlopes:
     """Derivatives at one point of a mode after another; the solver is at its static solution at first."""
 
@@ -121,7 +136,8 @@ class _ModeSlopes:
         self._weight_rates = shape_slopes(modes, index, reduced.directions, springs) @ reduced.mass
         self._tangent = frequency_slopes(modes, reduced.directions, springs)[index]
         self._family = Family(comm, solver, len(reduced.laws["tangents"]), len(reduced.monitors))
-        self._inquiry = inquiry_of_monitor(reduced, 0, self._rates, ())
+        dissipation = ("dissipated_energy", np.ones(len(reduced.laws["tangents"])))
+        self._inquiry = replace(inquiry_of_monitor(reduced, 0, self._rates, ()), quantities=[dissipation])
 
     def at(self, one: ModePoint) -> dict[str, np.ndarray]:
         """By name, `[parameters]`. Collective."""
@@ -130,20 +146,18 @@ class _ModeSlopes:
         amplitude = self._weight @ first
         own = np.real(amplitude.conj() * (self._weight_rates @ first)) / abs(amplitude)
 
-        def find(family: Family) -> np.ndarray | None:
-            if family.describe() is None:
-                return None
-            found = family.differentiate_mode(self._rates, self._weight + 0j, own)
-            return None if found is None else found[0]
+        def find(family: Family) -> tuple[np.ndarray, np.ndarray] | None:
+            is_there = family.describe() is not None
+            return family.differentiate_mode(self._rates, self._weight + 0j, own) if is_there else None
 
         self._family.ask(self._inquiry)
         found = self._comm.bcast(self._family.visit(find)) if one.converged else None
         slopes = {name: np.full(len(self._known), np.nan) for name in NAMES}
         slopes["tangent_hz"][self._known] = self._tangent
         if found is not None:
-            frequency, excitation, structure = found
+            (frequency, excitation, structure), (work,) = found
             speed = omega(one.point.frequency_hz)
             drive = excitation / (2.0 * speed) - one.drive["excitation"] * omega(1.0) * frequency / (2.0 * speed**2)
-            for name, numbers in zip(NAMES, (frequency, drive - structure, structure), strict=False):
+            for name, numbers in zip(NAMES, (frequency, drive - structure, structure, work), strict=False):
                 slopes[name][self._known] = numbers
         return slopes
