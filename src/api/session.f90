@@ -18,7 +18,7 @@ module attrito_api_session
   use attrito_peak_curve, only: curve_type
   use attrito_peak_quasi_static, only: quasi_static_type
   use attrito_output_point_report, only: point_report_type
-  use attrito_stability_hill_sector, only: wheel_modes_type
+  use attrito_stability_wheel_modes, only: wheel_modes_type
   use attrito_stability_wheel_monodromy, only: wheel_type
   use attrito_stability_crossing, only: moduli_type
   use attrito_stability_examine, only: examination_type

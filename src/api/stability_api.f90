@@ -8,7 +8,7 @@ module attrito_api_stability
   use attrito_stability_crossing, only: moduli_of
   use attrito_stability_examine, only: examine, examine_options_type, system_of, by_monodromy, by_hill
   use attrito_stability_examine_sector, only: examine_sector
-  use attrito_stability_hill_sector, only: new_wheel_modes
+  use attrito_stability_wheel_modes, only: new_wheel_modes
   use attrito_stability_multipliers, only: multiplier_type
   use attrito_stability_verdict, only: not_examined
   use attrito_stability_wheel_monodromy, only: new_wheel, modes_of_wheel, most_modes

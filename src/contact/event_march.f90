@@ -101,7 +101,7 @@ contains
     if (present(count)) count = 0
     do i = 1, size(self%closed)
       if (.not. self%closed(i)) then
-        call add(self%cuts(i), self%cuts(i + 1), regime_open, 0)
+        call add(state, self%cuts(i), self%cuts(i + 1), regime_open, 0, intervals, count)
         call land(self, i + 1, state)
         cycle
       end if
@@ -109,50 +109,60 @@ contains
       if (i == 1 .and. state%slider < self%lower_at(1)) call follow(self, 1, 1, state)
       if (i == 1 .and. state%slider > self%upper_at(1)) call follow(self, 1, -1, state)
       if (self%lower_rises(i) .and. self%lower_at(i + 1) > state%slider) then
-        call slip(i, 1, self%lower, self%lower_at(i) < state%slider)
+        call slip(self, i, 1, self%lower, self%lower_at(i) < state%slider, state, intervals, count)
       else if (self%upper_falls(i) .and. self%upper_at(i + 1) < state%slider) then
-        call slip(i, -1, self%upper, self%upper_at(i) > state%slider)
+        call slip(self, i, -1, self%upper, self%upper_at(i) > state%slider, state, intervals, count)
       else
-        call add(self%cuts(i), self%cuts(i + 1), regime_stick, 0)
+        call add(state, self%cuts(i), self%cuts(i + 1), regime_stick, 0, intervals, count)
       end if
     end do
-
-  contains
-
-    !> Stick until an end of the clamp meets the slider, and then slip with it.
-    subroutine slip(segment, side, clamp_end, sticks_first)
-      !> Number of the segment between cuts; which end of the clamp: 1 or -1
-      integer, intent(in) :: segment, side
-      !> Coefficients of the clamp's end
-      real(wp), intent(in) :: clamp_end(:)
-      !> Does it stick before it slips?
-      logical, intent(in) :: sticks_first
-      real(wp) :: hit
-
-      associate (from => self%cuts(segment), to => self%cuts(segment + 1))
-        hit = from
-        if (sticks_first .and. present(intervals)) hit = root_between(clamp_end, state%slider, from, to)
-        call add(from, hit, regime_stick, 0)
-        call add(hit, to, regime_slip, side)
-      end associate
-      call follow(self, segment + 1, side, state)
-    end subroutine slip
-
-    subroutine add(from, to, regime, side)
-      !> Angle at which the interval begins; angle at which the interval ends
-      real(wp), intent(in) :: from, to
-      !> Regime: stick, slip or open; which end of the clamp: 1 or -1
-      integer, intent(in) :: regime, side
-
-      if (.not. present(intervals) .or. to <= from) return
-      count = count + 1
-      intervals(count) = state
-      intervals(count)%from = from
-      intervals(count)%to = to
-      intervals(count)%regime = regime
-      intervals(count)%side = side
-    end subroutine add
   end subroutine march_events
+
+  !> Stick until an end of the clamp meets the slider, and then slip with it.
+  subroutine slip(self, segment, side, clamp_end, sticks_first, state, intervals, count)
+    type(event_motion_type), intent(in) :: self
+    !> Number of the segment between cuts; which end of the clamp: 1 or -1
+    integer, intent(in) :: segment, side
+    !> Coefficients of the clamp's end
+    real(wp), intent(in) :: clamp_end(:)
+    !> Does it stick before it slips?
+    logical, intent(in) :: sticks_first
+    !> Interval in which the contact is
+    type(interval_type), intent(inout) :: state
+    !> What happens, in order, and how many intervals there are, if asked for
+    type(interval_type), intent(inout), optional :: intervals(:)
+    integer, intent(inout), optional :: count
+    real(wp) :: hit
+
+    associate (from => self%cuts(segment), to => self%cuts(segment + 1))
+      hit = from
+      if (sticks_first .and. present(intervals)) hit = root_between(clamp_end, state%slider, from, to)
+      call add(state, from, hit, regime_stick, 0, intervals, count)
+      call add(state, hit, to, regime_slip, side, intervals, count)
+    end associate
+    call follow(self, segment + 1, side, state)
+  end subroutine slip
+
+  !> Put an interval behind the others, if they are asked for.
+  pure subroutine add(state, from, to, regime, side, intervals, count)
+    !> Interval in which the contact is
+    type(interval_type), intent(in) :: state
+    !> Angle at which the interval begins; angle at which the interval ends
+    real(wp), intent(in) :: from, to
+    !> Regime: stick, slip or open; which end of the clamp: 1 or -1
+    integer, intent(in) :: regime, side
+    !> What happens, in order, and how many intervals there are, if asked for
+    type(interval_type), intent(inout), optional :: intervals(:)
+    integer, intent(inout), optional :: count
+
+    if (.not. present(intervals) .or. to <= from) return
+    count = count + 1
+    intervals(count) = state
+    intervals(count)%from = from
+    intervals(count)%to = to
+    intervals(count)%regime = regime
+    intervals(count)%side = side
+  end subroutine add
 
   !> The slider stands on an end of the clamp, at a cut.
   pure subroutine follow(self, cut, side, state)

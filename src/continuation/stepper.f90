@@ -84,6 +84,16 @@ module attrito_continuation_stepper
     procedure :: keep
   end type stepper_type
 
+  !> What the tries of a step have come to
+  type :: tries_type
+    !> How many have failed; how many looked for maxima within
+    integer :: failures = 0, peaks = 0
+    !> Has the tangent been turned round? Is the next prediction along the last arc, or along the tangent?
+    logical :: flipped = .false., by_arc = .true.
+    !> The shortest arc whose drawn curve erred too much
+    real(wp) :: shortest = huge(1.0_wp)
+  end type tries_type
+
 contains
 
   !> Begin anew at a point, where only the direction is known: 1 or -1 in frequency.
@@ -180,41 +190,25 @@ contains
     type(prediction_type) :: prediction
     type(tangent_type) :: tangent
     type(curve_point_type) :: point
-    real(wp) :: distance, part, shortest
-    integer :: peaks, failures
-    logical :: flipped, by_arc
+    type(tries_type) :: tries
+    real(wp) :: distance, part
 
-    shortest = huge(1.0_wp)
     iterations = 0
-    peaks = 0
-    failures = 0
-    flipped = .false.
-    by_arc = .true.
     call self%predictor%next_ahead(solver, prediction)
     if (allocated(prediction%motion)) self%size = max(prediction%length, smallest_step)
     do
       if (.not. allocated(prediction%motion)) then
         self%size = limited_in_frequency(self%size, self%tangent%reach()*abs(self%tangent%omega))
-        call self%predictor%predict(solver, self%tangent, self%size, by_arc, prediction)
+        call self%predictor%predict(solver, self%tangent, self%size, tries%by_arc, prediction)
       end if
-      call correct(self, solver, prediction, failures < most_brief, distance)
+      call correct(self, solver, prediction, tries%failures < most_brief, distance)
       deallocate (prediction%motion)
       iterations = iterations + solver%report%iterations
       accepted = solver%report%converged .and. (is_near(distance) .or. self%size <= smallest_step)
       if (accepted) accepted = .not. self%secant%is_opposed(solver, before)
       if (accepted) then
         call self%examine_step(solver, before, tangent, point, error)
-        part = -1.0_wp
-        if (min(self%size, self%last%length) > smallest_step) then
-          if (error > 1.0_wp) then
-            ! Halving is of no use where the branch is in pieces, as samples may leave it: the arc becomes no shorter.
-            if (self%last%length < shortest) part = 0.5_wp
-            shortest = self%last%length
-          else if (peaks < most_peaks) then
-            part = self%place_within(point)
-            peaks = peaks + 1
-          end if
-        end if
+        part = part_to_solve(self, point, error, tries)
         if (part < 0.0_wp) then
           error = with_effort(error, iterations, distance)
           call self%accept_step(solver, before, tangent, point)
@@ -226,21 +220,55 @@ contains
         self%size = max(min(part*self%last%length, self%size), smallest_step)
         call restore(solver, before)
       else
-        if (solver%report%converged .and. is_near(distance) .and. .not. flipped) then
-          ! It runs back on itself: at a kink sharper than a right angle the tangent had the wrong sign.
-          flipped = .true.
-          call reverse(self%tangent)
-          self%size = 2.0_wp*self%size
-        end if
+        call shorten(self, solver%report%converged .and. is_near(distance), tries)
         call restore(solver, before)
-        call self%predictor%drop_ahead()
-        by_arc = .false.
-        failures = failures + 1
-        self%size = 0.5_wp*self%size
         if (self%size < given_up) return
       end if
     end do
   end subroutine take_step
+
+  !> Part of the arc of a step at which a point is solved before its end is accepted: its middle, where the drawn curve errs too much,
+  !> or a maximum within. Negative: the step is accepted.
+  real(wp) function part_to_solve(self, point, error, tries) result(part)
+    class(stepper_type), intent(in) :: self
+    !> Point of the drawn curve at the end of the step
+    type(curve_point_type), intent(in) :: point
+    !> Of the drawn curve, relative to what is accepted
+    real(wp), intent(in) :: error
+    !> What the tries of the step have come to
+    type(tries_type), intent(inout) :: tries
+
+    part = -1.0_wp
+    if (.not. min(self%size, self%last%length) > smallest_step) return
+    if (error > 1.0_wp) then
+      ! Halving is of no use where the branch is in pieces, as samples may leave it: the arc becomes no shorter.
+      if (self%last%length < tries%shortest) part = 0.5_wp
+      tries%shortest = self%last%length
+    else if (tries%peaks < most_peaks) then
+      part = self%place_within(point)
+      tries%peaks = tries%peaks + 1
+    end if
+  end function part_to_solve
+
+  !> A try has failed: halve the step.
+  subroutine shorten(self, runs_back, tries)
+    class(stepper_type), intent(inout) :: self
+    !> Has it found a point near the prediction, behind the one that it began at?
+    logical, intent(in) :: runs_back
+    !> What the tries of the step have come to
+    type(tries_type), intent(inout) :: tries
+
+    if (runs_back .and. .not. tries%flipped) then
+      ! At a kink sharper than a right angle the tangent had the wrong sign: once more, as long, the other way.
+      tries%flipped = .true.
+      call reverse(self%tangent)
+      self%size = 2.0_wp*self%size
+    end if
+    call self%predictor%drop_ahead()
+    tries%by_arc = .false.
+    tries%failures = tries%failures + 1
+    self%size = 0.5_wp*self%size
+  end subroutine shorten
 
   !> Solve where a point is expected. `distance`: how far the corrector moved, relative to the response.
   subroutine correct(self, solver, prediction, early_stop, distance)

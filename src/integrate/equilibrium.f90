@@ -78,10 +78,8 @@ contains
     type(operator_type), intent(in) :: self
     !> S r, the motion without g [m]
     real(wp), intent(in) :: free(:)
-    !> Sliders before the step [2, contacts]
-    real(wp), intent(in) :: slider(:, :)
-    !> Directions of slip before the step [2, contacts]
-    real(wp), intent(in) :: direction(:, :)
+    !> Sliders, and directions of slip, before the step [2, contacts]
+    real(wp), intent(in) :: slider(:, :), direction(:, :)
     !> Of the rows, guess then solution [rows]
     real(wp), intent(inout) :: displacement(:)
     !> Forces less stuck springs [rows], sliders after the step [2, contacts], regimes [contacts]
@@ -92,8 +90,6 @@ contains
     real(wp), intent(out) :: motion(:)
     !> Did the solve converge?
     logical, intent(out) :: converged
-    !> Displacement relative to that of the stuck contacts that is taken for an equilibrium
-    real(wp), parameter :: divergence_limit = 1.0e8_wp ! conventional
     real(wp) :: target(size(g)), residual(size(g)), trial(size(g)), step(size(g)), stiffness(3, size(g)), norm, length
     integer :: iteration, halving, info
 
@@ -122,14 +118,7 @@ contains
         exit
       end if
     end do
-    if (converged .and. norm2(displacement) > divergence_limit*norm2(target)) then
-      ! A body that its contacts have left comes to rest nowhere, but for rounding of its stiffness. Preload alone moves bodies, too.
-      trial = displacement
-      call evaluate(0.0_wp*trial)
-      norm = norm2(target - matmul(self%compliance, g))
-      converged = norm2(trial) <= divergence_limit*norm
-      call evaluate(trial)
-    end if
+    if (converged) converged = stays_near(system, self, slider, direction, target, displacement)
     motion = free - matmul(self%input_map, g)
 
   contains
@@ -142,6 +131,27 @@ contains
       residual = at + matmul(self%compliance, g) - target
     end subroutine evaluate
   end subroutine solve_equilibrium
+
+  !> Is an equilibrium one? A body that its contacts have left comes to rest nowhere, but for rounding of its stiffness.
+  logical function stays_near(system, self, slider, direction, target, displacement)
+    !> Linear system in time: mass, damping, stiffness, contacts
+    type(system_type), intent(in) :: system
+    type(operator_type), intent(in) :: self
+    !> Sliders, and directions of slip, before the step [2, contacts]
+    real(wp), intent(in) :: slider(:, :), direction(:, :)
+    !> Displacements of the contacts without g, and where they are [rows]
+    real(wp), intent(in) :: target(:), displacement(:)
+    !> Displacement relative to that of the stuck contacts that is taken for an equilibrium
+    real(wp), parameter :: divergence_limit = 1.0e8_wp ! conventional
+    real(wp) :: g(size(target)), stiffness(3, size(target)), new_slider(2, size(slider, 2))
+    integer :: regime(size(slider, 2))
+
+    stays_near = norm2(displacement) <= divergence_limit*norm2(target)
+    if (stays_near) return
+    ! Preload alone moves bodies, too.
+    call return_contacts(system, 0.0_wp*displacement, slider, direction, g, stiffness, new_slider, regime)
+    stays_near = norm2(displacement) <= divergence_limit*norm2(target - matmul(self%compliance, g))
+  end function stays_near
 
   !> The step of Newton's method, by the forces that change with it.
   subroutine newton_step(system, compliance, stiffness, residual, step, info)

@@ -9,6 +9,7 @@
 !> Source: Zucca & Firrone 2014, eqs. (6)-(8), doi:10.1016/j.jsv.2013.09.032.
 module attrito_integrate_return_map
   use attrito_core_kinds, only: wp
+  use attrito_model_contacts, only: contact_type
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open
   use attrito_integrate_system, only: system_type
   implicit none
@@ -37,59 +38,84 @@ contains
 
     new_slider = 0.0_wp
     do i = 1, size(system%law)
-      associate (first => system%law(i)%first_row, n => system%law(i)%tangents)
-        call return_one(i, first, n)
+      associate (first => system%law(i)%first_row, last => system%law(i)%first_row + system%law(i)%tangents)
+        call return_one(system%law(i), displacement(first:last), slider(:, i), direction(:, i), g(first:last), &
+                        stiffness(:, first:last), new_slider(:, i), regime(i))
       end associate
     end do
-
-  contains
-
-    subroutine return_one(contact, first, tangents)
-      !> Number of the contact; first row of the contact; number of tangents
-      integer, intent(in) :: contact, first, tangents
-      real(wp) :: z(2), e(2), moved(2), by_z(2, 2), by_r(2), distance, r, normal(1), force(1), slope(1)
-      integer :: a
-
-      associate (law => system%law(contact), u => displacement(first:first + tangents - 1), last => first + tangents)
-        stiffness(:, first:last) = 0.0_wp
-        z(:tangents) = u - slider(:tangents, contact)
-        distance = norm2(z(:tangents))
-        normal = law%normal_force(displacement(last:last))
-        call law%slip_force(normal, force, slope)
-        r = force(1)/law%tangential_stiffness
-        g(last) = law%normal_force(0.0_wp)
-        new_slider(:tangents, contact) = slider(:tangents, contact)
-        if (normal(1) < law%touching_force(displacement(last:last))) then
-          regime(contact) = regime_open
-          new_slider(:tangents, contact) = u
-          g(first:last - 1) = -law%tangential_stiffness*u
-          g(last) = -law%normal_stiffness*displacement(last)
-          do a = 1, tangents
-            stiffness(a, first + a - 1) = -law%tangential_stiffness
-          end do
-          stiffness(tangents + 1, last) = -law%normal_stiffness
-        else if (distance <= r) then
-          regime(contact) = regime_stick
-          g(first:last - 1) = -law%tangential_stiffness*slider(:tangents, contact)
-        else
-          regime(contact) = regime_slip
-          e = direction(:, contact)
-          if (tangents == 1 .or. dot_product(e(:tangents), z(:tangents)) <= 0.0_wp) then
-            call return_radially(z(:tangents), r, moved(:tangents), by_z(:tangents, :tangents), by_r(:tangents))
-          else
-            call return_along_the_way(z, r, e, moved, by_z, by_r)
-          end if
-          new_slider(:tangents, contact) = u - moved(:tangents)
-          g(first:last - 1) = law%tangential_stiffness*(moved(:tangents) - u)
-          do a = 1, tangents
-            stiffness(:tangents, first + a - 1) = law%tangential_stiffness*by_z(a, :tangents)
-            stiffness(a, first + a - 1) = stiffness(a, first + a - 1) - law%tangential_stiffness
-            stiffness(tangents + 1, first + a - 1) = slope(1)*law%normal_stiffness*by_r(a)
-          end do
-        end if
-      end associate
-    end subroutine return_one
   end subroutine return_contacts
+
+  !> Of one contact, whose rows are its tangents and its normal.
+  subroutine return_one(law, displacement, slider, direction, g, stiffness, new_slider, regime)
+    !> Contact: its springs and its law
+    type(contact_type), intent(in) :: law
+    !> Of its rows [tangents + 1]; slider before the step, and direction of slip at its beginning [2]
+    real(wp), intent(in) :: displacement(:), slider(:), direction(:)
+    !> Forces less those of stuck springs [tangents + 1], and their derivative by the displacements [3, tangents + 1]
+    real(wp), intent(out) :: g(:), stiffness(:, :)
+    !> Slider after the step [2]
+    real(wp), intent(inout) :: new_slider(:)
+    !> Regime: stick, slip or open
+    integer, intent(out) :: regime
+    real(wp) :: z(2), normal(1), force(1), slope(1), r
+    integer :: a
+
+    associate (n => law%tangents, last => law%tangents + 1)
+      stiffness = 0.0_wp
+      z(:n) = displacement(:n) - slider(:n)
+      normal = law%normal_force(displacement(last:last))
+      call law%slip_force(normal, force, slope)
+      r = force(1)/law%tangential_stiffness
+      g(last) = law%normal_force(0.0_wp)
+      new_slider(:n) = slider(:n)
+      if (normal(1) < law%touching_force(displacement(last:last))) then
+        regime = regime_open
+        new_slider(:n) = displacement(:n)
+        g(:n) = -law%tangential_stiffness*displacement(:n)
+        g(last) = -law%normal_stiffness*displacement(last)
+        do a = 1, n
+          stiffness(a, a) = -law%tangential_stiffness
+        end do
+        stiffness(last, last) = -law%normal_stiffness
+      else if (norm2(z(:n)) <= r) then
+        regime = regime_stick
+        g(:n) = -law%tangential_stiffness*slider(:n)
+      else
+        regime = regime_slip
+        call slip(law, displacement(:n), z, r, slope(1), direction, g, stiffness, new_slider)
+      end if
+    end associate
+  end subroutine return_one
+
+  !> A contact that slips: its tangential force is returned to the limit, and the slider follows.
+  subroutine slip(law, u, z, r, slope, direction, g, stiffness, new_slider)
+    !> Contact: its springs and its law
+    type(contact_type), intent(in) :: law
+    !> Tangential displacements [tangents]; these less the slider; slip radius, the limit over kt
+    real(wp), intent(in) :: u(:), z(2), r
+    !> Derivative of the limit by the normal force; direction of slip at the beginning of the step [2]
+    real(wp), intent(in) :: slope, direction(:)
+    !> Forces less those of stuck springs [tangents + 1], their derivative [3, tangents + 1], and the slider after the step [2]
+    real(wp), intent(inout) :: g(:), stiffness(:, :), new_slider(:)
+    real(wp) :: e(2), moved(2), by_z(2, 2), by_r(2)
+    integer :: a
+
+    e = direction
+    associate (n => law%tangents)
+      if (n == 1 .or. dot_product(e(:n), z(:n)) <= 0.0_wp) then
+        call return_radially(z(:n), r, moved(:n), by_z(:n, :n), by_r(:n))
+      else
+        call return_along_the_way(z, r, e, moved, by_z, by_r)
+      end if
+      new_slider(:n) = u - moved(:n)
+      g(:n) = law%tangential_stiffness*(moved(:n) - u)
+      do a = 1, n
+        stiffness(:n, a) = law%tangential_stiffness*by_z(a, :n)
+        stiffness(a, a) = stiffness(a, a) - law%tangential_stiffness
+        stiffness(n + 1, a) = slope*law%normal_stiffness*by_r(a)
+      end do
+    end associate
+  end subroutine slip
 
   !> z <- r z/|z|, with its derivatives by z and r.
   pure subroutine return_radially(z, r, moved, by_z, by_r)

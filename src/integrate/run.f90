@@ -77,34 +77,20 @@ contains
     type(segment_type) :: segment
     type(steady_type) :: steady
     real(wp) :: low(size(motion)), high(size(motion))
-    integer :: cycle, room
+    integer :: cycle
     logical :: converged, finite
 
-    finite = .true.
-    if (options%scheme == scheme_event .and. any(system%law%tangents > 1)) then
-      call raise(error, 'scheme event: contacts with two tangents have no closed form in slip: expected scheme exponential', &
-                 fault_of_input)
-      return
-    end if
-    if (options%scheme == scheme_event .and. .not. all(system%law%has_events())) then
-      call raise(error, 'scheme event: a contact law that is not proportional to the normal force has no closed form in slip:'// &
-                 ' expected another scheme', fault_of_input)
-      return
-    end if
-    loading = new_loading(options%omega, system%clock, matmul(system%static_loads, options%static_factors), &
-                          options%level*system%harmonic_load, options%static_profile, options%harmonic_profile)
+    call check_scheme(system, options%scheme, error)
+    if (allocated(error)) return
+    loading = loading_of(system, options)
     orbit%state = new_state(system, motion, rate, slider)
     segment = new_segment(size(motion), size(system%springs), size(system%law), merge(degree, 3, options%scheme == scheme_event))
-    if (options%scheme /= scheme_event) then
-      call new_scheme(system, options%scheme, options%steps_per_period, loading%period, options%dissipation, scheme)
-      call start_scheme(scheme, system, loading, orbit%state)
-    end if
-    room = options%samples*merge(options%cycles + options%multiples, options%multiples, options%whole_run)
-    orbit%recorded = new_recorder(system, options%samples, room)
-    orbit%recorded%samples = options%whole_run
+    if (options%scheme /= scheme_event) call begin_scheme(system, options, loading, orbit%state, scheme)
+    call begin_record(system, options, orbit%recorded)
     steady = new_steady(system, options%multiples, options%cycles, options%tolerance)
     ! Without cycles the one period that is measured is all that is marched.
     converged = .true.
+    finite = .true.
     do cycle = 1, options%cycles
       call one_period()
       finite = is_finite(orbit%state)
@@ -128,7 +114,6 @@ contains
   contains
 
     subroutine one_period()
-
       if (options%scheme /= scheme_event) then
         call march_one_period(system, loading, scheme, orbit%state, segment, orbit%recorded, low, high, converged)
       else
@@ -137,6 +122,69 @@ contains
       end if
     end subroutine one_period
   end subroutine integrate
+
+  !> Fault of the input unless contacts can be marched by a scheme.
+  subroutine check_scheme(system, scheme, error)
+    !> Linear system in time: mass, damping, stiffness, contacts
+    type(system_type), intent(in) :: system
+    !> One of `scheme_...`
+    integer, intent(in) :: scheme
+    !> Allocated: what is at fault
+    type(error_type), allocatable, intent(out) :: error
+
+    if (scheme /= scheme_event) return
+    if (any(system%law%tangents > 1)) then
+      call raise(error, 'scheme event: contacts with two tangents have no closed form in slip: expected scheme exponential', &
+                 fault_of_input)
+    else if (.not. all(system%law%has_events())) then
+      call raise(error, 'scheme event: a contact law that is not proportional to the normal force has no closed form in slip:'// &
+                 ' expected another scheme', fault_of_input)
+    end if
+  end subroutine check_scheme
+
+  !> A scheme of constant steps, from a state.
+  subroutine begin_scheme(system, options, loading, state, scheme)
+    !> Linear system in time: mass, damping, stiffness, contacts
+    type(system_type), intent(in) :: system
+    !> How to solve
+    type(run_options_type), intent(in) :: options
+    !> Static and harmonic loads over time
+    type(loading_type), intent(in) :: loading
+    !> Displacement, velocity and sliders
+    type(state_type), intent(inout) :: state
+    !> Steps in time
+    type(scheme_type), intent(out) :: scheme
+
+    call new_scheme(system, options%scheme, options%steps_per_period, loading%period, options%dissipation, scheme)
+    call start_scheme(scheme, system, loading, state)
+  end subroutine begin_scheme
+
+  !> Static and harmonic loads over time.
+  function loading_of(system, options) result(loading)
+    !> Linear system in time: mass, damping, stiffness, contacts
+    type(system_type), intent(in) :: system
+    !> How to solve
+    type(run_options_type), intent(in) :: options
+    type(loading_type) :: loading
+
+    loading = new_loading(options%omega, system%clock, matmul(system%static_loads, options%static_factors), &
+                          options%level*system%harmonic_load, options%static_profile, options%harmonic_profile)
+  end function loading_of
+
+  !> Room for the history that is asked for: of the whole run, or of its last period.
+  subroutine begin_record(system, options, recorder)
+    !> Linear system in time: mass, damping, stiffness, contacts
+    type(system_type), intent(in) :: system
+    !> How to solve
+    type(run_options_type), intent(in) :: options
+    !> What is recorded
+    type(recorder_type), intent(out) :: recorder
+    integer :: room
+
+    room = options%samples*merge(options%cycles + options%multiples, options%multiples, options%whole_run)
+    recorder = new_recorder(system, options%samples, room)
+    recorder%samples = options%whole_run
+  end subroutine begin_record
 
   !> Does a harmonic load act in the end?
   pure logical function is_driven(loading)

@@ -41,69 +41,74 @@ contains
     character(*), intent(in) :: monitors(:)
     !> Receives the series
     type(listener_type), intent(in) :: listener
-    real(wp), allocatable :: coordinates(:, :)
     integer :: i
 
     call tell_numbers(report, listener)
-    coordinates = solver%context%balance%receptance%displacements(solver%context%balance%response)
-    call tell_rows('/points/coordinates', coordinates, 'Fourier coefficients of the coordinates: mean, cosine 1, sine 1, ...')
+    associate (balance => solver%context%balance)
+      call tell_rows(listener, '/points/coordinates', balance%receptance%displacements(balance%response), report%findings%solved, &
+                     'Fourier coefficients of the coordinates: mean, cosine 1, sine 1, ...')
+    end associate
     do i = 1, size(monitors)
-      call tell_monitor(i, '/monitors/'//trim(monitors(i))//'/')
+      call tell_monitor(report, i, '/monitors/'//trim(monitors(i))//'/', listener)
     end do
     call tell_contacts(solver, report, listener)
+  end subroutine report_point
+
+  !> What is reported of a monitor.
+  subroutine tell_monitor(report, monitor, path, listener)
+    !> What is reported of a point
+    type(point_report_type), intent(in) :: report
+    !> Number of the monitor
+    integer, intent(in) :: monitor
+    !> Path of its datasets
+    character(*), intent(in) :: path
+    !> Receives the series
+    type(listener_type), intent(in) :: listener
+    real(wp) :: bound, tangent
+
+    bound = merge(report%amplitude(monitor), blank(), report%unique == 1)
+    tangent = blank()
+    if (report%curve%is_known()) tangent = report%curve%amplitude_rate(monitor)
+    call report_length('amplitude', report%amplitude(monitor), 'half the range over the period')
+    call report_length('mean', report%mean(monitor), 'mean over the period')
+    call report_length('tangent', tangent, 'change of the amplitude along the curve')
+    call report_length('low', bound, 'lower bound of the amplitude')
+    call report_length('high', bound, 'upper bound of the amplitude')
+    call tell_rows(listener, path//'harmonics', report%harmonics(:, monitor:monitor), report%findings%solved, &
+                   'Fourier coefficients')
 
   contains
 
-    subroutine tell_monitor(monitor, path)
-      !> Number of the monitor
-      integer, intent(in) :: monitor
-      !> Path of the dataset
-      character(*), intent(in) :: path
-      real(wp) :: bound
-
-      bound = merge(report%amplitude(monitor), blank(), report%unique == 1)
-      call report_length(path//'amplitude', report%amplitude(monitor), 'half the range over the period')
-      call report_length(path//'mean', report%mean(monitor), 'mean over the period')
-      call report_length(path//'tangent', tangent_of(monitor), 'change of the amplitude along the curve')
-      call report_length(path//'low', bound, 'lower bound of the amplitude')
-      call report_length(path//'high', bound, 'upper bound of the amplitude')
-      call tell_rows(path//'harmonics', report%harmonics(:, monitor:monitor), 'Fourier coefficients')
-    end subroutine tell_monitor
-
-    !> Change of a monitor's amplitude along the drawn curve, if known.
-    pure real(wp) function tangent_of(monitor)
-      !> Number of the monitor
-      integer, intent(in) :: monitor
-
-      tangent_of = blank()
-      if (report%curve%is_known()) tangent_of = report%curve%amplitude_rate(monitor)
-    end function tangent_of
-
-    subroutine report_length(path, value, description)
-      !> Path of the dataset; what the dataset holds
-      character(*), intent(in) :: path, description
+    subroutine report_length(name, value, description)
+      !> Name of the dataset; what the dataset holds
+      character(*), intent(in) :: name, description
       !> Numbers of the series
       real(wp), intent(in) :: value
 
-      call listener%report(path, 'real64', [integer ::], [merge(value, blank(), report%findings%solved)], description, 'user length')
+      call listener%report(path//name, 'real64', [integer ::], [merge(value, blank(), report%findings%solved)], description, &
+                           'user length')
     end subroutine report_length
+  end subroutine tell_monitor
 
-    !> Series [2 H + 1, n]; of one only its coefficients are a dimension.
-    subroutine tell_rows(path, values, description)
-      !> Path of the dataset; what the dataset holds
-      character(*), intent(in) :: path, description
-      !> Numbers of the series
-      real(wp), intent(in) :: values(:, :)
-      real(wp) :: shown(size(values))
-      logical :: listed
+  !> Series [2 H + 1, n], blank where there is no solution; of a monitor its coefficients are the only dimension.
+  subroutine tell_rows(listener, path, values, solved, description)
+    !> Receives the series
+    type(listener_type), intent(in) :: listener
+    !> Path of the dataset; what the dataset holds
+    character(*), intent(in) :: path, description
+    !> Numbers of the series
+    real(wp), intent(in) :: values(:, :)
+    !> Is there a solution?
+    logical, intent(in) :: solved
+    real(wp) :: shown(size(values))
+    logical :: listed
 
-      shown = reshape(values, [size(values)])
-      if (.not. report%findings%solved) shown = blank()
-      listed = path == '/points/coordinates'
-      call listener%report(path, 'real64', pack([size(values, 2), size(values, 1)], [listed, .true.]), shown, description, &
+    shown = reshape(values, [size(values)])
+    if (.not. solved) shown = blank()
+    listed = path == '/points/coordinates'
+    call listener%report(path, 'real64', pack([size(values, 2), size(values, 1)], [listed, .true.]), shown, description, &
                          'user length')
-    end subroutine tell_rows
-  end subroutine report_point
+  end subroutine tell_rows
 
   !> What is one number a point.
   subroutine tell_numbers(report, listener)

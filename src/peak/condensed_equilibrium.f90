@@ -56,6 +56,16 @@ module attrito_peak_condensed_equilibrium
     procedure :: coordinate
   end type condensed_equilibrium_type
 
+  !> What the equations are made of at a motion
+  type :: iterate_type
+    !> g, and R g [rows]
+    real(wp), allocatable :: deviation(:), response(:)
+    !> lambda [rows], and d lambda / d d of each contact by its rows [3, 3, contacts]
+    real(wp), allocatable :: force(:), stiffness(:, :, :)
+    !> Where it takes the sliders [width, contacts]
+    real(wp), allocatable :: slider(:, :)
+  end type iterate_type
+
 contains
 
   !> From the stuck system, about an equilibrium at alpha = 0.
@@ -185,32 +195,31 @@ contains
     integer, intent(inout) :: iterations
     !> Was there an equilibrium?
     logical, intent(out) :: converged
-    real(wp), dimension(size(self%springs)) :: motion, trial, residual, trial_residual, step, deviation, response, force
-    real(wp) :: stiffness(3, 3, size(self%law)), slider(size(state%slider, 1), size(self%law))
+    type(iterate_type) :: iterate
+    real(wp), dimension(size(self%springs)) :: motion, trial, residual, trial_residual, step
     real(wp) :: norm, trial_norm, part
     integer :: iteration, status
 
     motion = guess
-    deviation = 0.0_wp
-    response = 0.0_wp
-    call find_residual(motion, residual)
+    iterate = new_iterate(self, state%slider)
+    call find_residual(self, load, state%slider, motion, iterate, residual)
     norm = norm2(residual)
     converged = norm <= self%tolerance
     do iteration = 1, most_iterations
       if (converged) exit
       iterations = iterations + 1
-      call newton_step(self, residual, stiffness, step, status)
+      call newton_step(self, residual, iterate%stiffness, step, status)
       if (status /= 0) return
       part = 1.0_wp
       do
         trial = motion + part*step
-        call find_residual(trial, trial_residual)
+        call find_residual(self, load, state%slider, trial, iterate, trial_residual)
         trial_norm = norm2(trial_residual)
         if (trial_norm <= (1.0_wp - least_fall*part)*norm .or. part <= smallest_part) exit
         part = 0.5_wp*part
       end do
       if (part <= smallest_part .and. norm <= stalled*self%tolerance) then
-        call find_residual(motion, residual)
+        call find_residual(self, load, state%slider, motion, iterate, residual)
         converged = .true.
         exit
       end if
@@ -224,28 +233,44 @@ contains
     state%motion_before = state%motion
     state%load = load
     state%motion = motion
-    state%slider = slider
-
-  contains
-
-    !> The residual at a motion, with what the next step is made of; R g is brought up to date by the rows of g that have changed.
-    subroutine find_residual(at, residual)
-      !> d, and the residual there [rows]
-      real(wp), intent(in) :: at(:)
-      real(wp), intent(out) :: residual(:)
-      real(wp) :: change
-      integer :: j
-
-      call evaluate(self, at, state%slider, force, stiffness, slider)
-      do j = 1, size(at)
-        change = force(j) - self%springs(j)*at(j) - deviation(j)
-        if (abs(change) <= 0.0_wp) cycle
-        deviation(j) = deviation(j) + change
-        response = response + change*self%flexibility(:, j)
-      end do
-      residual = self%unloaded + load*self%per_load - response - at
-    end subroutine find_residual
+    state%slider = iterate%slider
   end subroutine solve
+
+  !> What the equations are made of where nothing has been evaluated yet.
+  pure function new_iterate(self, slider) result(iterate)
+    class(condensed_equilibrium_type), intent(in) :: self
+    !> Sliders of the equilibrium before [width, contacts]
+    real(wp), intent(in) :: slider(:, :)
+    type(iterate_type) :: iterate
+
+    associate (rows => size(self%springs))
+      allocate (iterate%deviation(rows), iterate%response(rows), iterate%force(rows), source=0.0_wp)
+      allocate (iterate%stiffness(3, 3, size(self%law)), source=0.0_wp)
+    end associate
+    iterate%slider = slider
+  end function new_iterate
+
+  !> The residual at a motion, with what the next step is made of; R g is brought up to date by the rows of g that have changed.
+  subroutine find_residual(self, load, before, motion, iterate, residual)
+    class(condensed_equilibrium_type), intent(in) :: self
+    !> alpha; sliders of the equilibrium before [width, contacts]; d [rows]
+    real(wp), intent(in) :: load, before(:, :), motion(:)
+    !> What the equations are made of at the motion evaluated last, then at this one
+    type(iterate_type), intent(inout) :: iterate
+    !> [rows]
+    real(wp), intent(out) :: residual(:)
+    real(wp) :: change
+    integer :: j
+
+    call evaluate(self, motion, before, iterate%force, iterate%stiffness, iterate%slider)
+    do j = 1, size(motion)
+      change = iterate%force(j) - self%springs(j)*motion(j) - iterate%deviation(j)
+      if (abs(change) <= 0.0_wp) cycle
+      iterate%deviation(j) = iterate%deviation(j) + change
+      iterate%response = iterate%response + change*self%flexibility(:, j)
+    end do
+    residual = self%unloaded + load*self%per_load - iterate%response - motion
+  end subroutine find_residual
 
   !> delta d of the equation above.
   subroutine newton_step(self, residual, stiffness, step, status)

@@ -9,7 +9,8 @@ module attrito_stability_examine_sector
   use attrito_stability_balance_motion, only: balance_motion_type, balance_motion_of
   use attrito_stability_examination, only: examination_type, examine_options_type, number, by_monodromy, by_hill
   use attrito_stability_hill, only: too_large
-  use attrito_stability_hill_sector, only: wheel_modes_type, wheel_multipliers
+  use attrito_stability_hill_sector, only: wheel_multipliers
+  use attrito_stability_wheel_modes, only: wheel_modes_type
   use attrito_stability_multipliers, only: multiplier_type
   use attrito_stability_smooth_segments, only: orbit_segments_type, segments_of_motion
   use attrito_stability_verdict, only: judge, largest_multiplier, unstable, indeterminate

@@ -10,38 +10,28 @@ module attrito_stability_hill_sector
   use attrito_core_kinds, only: wp, two_pi
   use attrito_core_lapack, only: complex_eigenvalues_of, complex_singular_values
   use attrito_core_lapack_complex, only: factor_complex, solve_factored_complex
-  use attrito_model_contacts, only: contacts_type
-  use attrito_model_structure, only: structure_type, damping_viscous
-  use attrito_linear_diameter_modes, only: diameter_modes_type, new_diameter_modes
-  use attrito_integrate_system, only: system_type
   use attrito_stability_contour, only: eigenvalues_within
   use attrito_stability_hill, only: half_strip, refined_heights, least, most_unknowns, truncation, too_large
   use attrito_stability_hill_problem, only: hill_problem_type, new_hill_problem
   use attrito_stability_hill_refinement, only: refine, many_harmonics
   use attrito_stability_multipliers, only: multiplier_type, kind_floquet, kind_slip, kind_stuck
   use attrito_stability_smooth_segments, only: orbit_segments_type
+  use attrito_stability_wheel_modes, only: wave_modes_type, wheel_modes_type, most_of_a_diameter
   implicit none
   private
-  public :: wheel_modes_type, new_wheel_modes, wheel_multipliers
+  public :: wheel_multipliers
 
-  !> Modes of the stuck wheel at one nodal diameter, normalised by mass, in a time that the fastest mode sets
-  type :: wave_modes_type
-    !> Squares of frequencies, and damping [n]
-    real(wp), allocatable :: eigenvalues(:), damping(:)
-    !> What damping couples of the modes, with its diagonal [n, n]; not allocated if nothing
-    complex(wp), allocatable :: coupling(:, :)
-    !> Rows of B in columns [n, rows]
-    complex(wp), allocatable :: rows(:, :)
-  end type wave_modes_type
-
-  type :: wheel_modes_type
-    !> N and EO
-    integer :: sectors = 1, engine_order = 0
-    !> Laws, springs and clock of the sector: it has no modes in common
-    type(system_type) :: contacts
-    !> By nodal diameter [0:N/2]; beyond they are conjugates
-    type(wave_modes_type), allocatable :: diameters(:)
-  end type wheel_modes_type
+  !> Exponents in half the strip, of all wavenumbers
+  type :: strip_type
+    !> Over the angular frequency
+    complex(wp), allocatable :: exponents(:)
+    integer, allocatable :: wavenumbers(:)
+    !> Modulus of the largest multiplier; of its perturbation's largest harmonic the nodal diameter, and the frequency over that of
+    !> the excitation
+    real(wp) :: largest = 0.0_wp
+    integer :: breaks_into = 0
+    real(wp) :: breaks_at = 0.0_wp
+  end type strip_type
 
   type, extends(hill_problem_type) :: hill_sector_problem_type
     type(wheel_modes_type) :: wheel
@@ -51,82 +41,6 @@ module attrito_stability_hill_sector
   end type hill_sector_problem_type
 
 contains
-
-  !> Diagonalise all nodal diameters of the stuck wheel.
-  subroutine new_wheel_modes(structure, contacts, self, status)
-    !> The sector: mass, stiffness, damping
-    type(structure_type), intent(in) :: structure
-    !> All contacts: laws and directions
-    type(contacts_type), intent(in) :: contacts
-    type(wheel_modes_type), intent(out) :: self
-    !> 0, or not: a nodal diameter is not held
-    integer, intent(out) :: status
-    type(diameter_modes_type), allocatable :: modes(:)
-    integer :: n
-
-    associate (sector => structure%sector)
-      self%sectors = sector%sectors
-      self%engine_order = sector%engine_order
-      allocate (modes(0:self%sectors/2), self%diameters(0:self%sectors/2))
-      self%contacts%clock = 0.0_wp
-      do n = 0, ubound(modes, 1)
-        call new_diameter_modes(structure, contacts%directions, contacts%row_stiffness, n, .false., modes(n), status)
-        if (status /= 0) return
-        self%contacts%clock = max(self%contacts%clock, maxval(modes(n)%omega))
-      end do
-      self%contacts%law = contacts%law
-      self%contacts%springs = contacts%row_stiffness
-      do n = 0, ubound(modes, 1)
-        self%diameters(n) = wave_modes(structure, contacts, modes(n), n, self%contacts%clock)
-      end do
-    end associate
-  end subroutine new_wheel_modes
-
-  !> One nodal diameter in the wheel's clock.
-  pure function wave_modes(structure, contacts, modes, diameter, clock) result(self)
-    !> The sector: mass, stiffness, damping
-    type(structure_type), intent(in) :: structure
-    !> All contacts: laws and directions
-    type(contacts_type), intent(in) :: contacts
-    !> Modes of the stuck system
-    type(diameter_modes_type), intent(in) :: modes
-    !> Nodal diameter
-    integer, intent(in) :: diameter
-    !> Units of time per second
-    real(wp), intent(in) :: clock
-    type(wave_modes_type) :: self
-    complex(wp), allocatable :: shapes(:, :)
-    integer :: r
-
-    associate (n => modes%count, sector => structure%sector)
-      self%eigenvalues = (modes%omega(:n)/clock)**2
-      self%damping = modes%modal_damping(:n)/modes%modal_mass(:n)/clock
-      shapes = modes%modes(:, :n)/spread(sqrt(modes%modal_mass(:n)), 1, size(modes%modes, 1))
-      ! A unit of force accelerates by the clock's square less.
-      self%rows = matmul(conjg(transpose(shapes)), sector%project_rows(contacts%directions, diameter))/clock
-      if (structure%damping_kind == damping_viscous) self%coupling = in_shapes(structure%damping)
-      if (allocated(structure%gyroscopic)) then
-        if (.not. allocated(self%coupling)) then
-          allocate (self%coupling(n, n), source=(0.0_wp, 0.0_wp))
-          do r = 1, n
-            self%coupling(r, r) = self%damping(r)
-          end do
-        end if
-        self%coupling = self%coupling + in_shapes(structure%gyroscopic)
-      end if
-    end associate
-
-  contains
-
-    !> Phi^H S^H A S Phi in the clock's time [n, n].
-    pure function in_shapes(matrix) result(coupled)
-      !> A, of the sector's coordinates [m, m]
-      real(wp), intent(in) :: matrix(:, :)
-      complex(wp), allocatable :: coupled(:, :)
-
-      coupled = matmul(conjg(transpose(shapes)), matmul(structure%sector%couple(matrix, diameter), shapes))/clock
-    end function in_shapes
-  end function wave_modes
 
   !> What rows move by a unit of each force, R(s) [2 K + 1, forces, rows].
   function responses(self, s, rows) result(response)
@@ -190,9 +104,8 @@ contains
     integer, intent(out) :: info
     type(hill_sector_problem_type) :: problem, wide
     type(multiplier_type), allocatable :: found(:)
-    complex(wp), allocatable :: exponents(:), vectors(:, :), strip(:)
-    integer, allocatable :: wavenumbers(:)
-    real(wp) :: largest
+    complex(wp), allocatable :: exponents(:), vectors(:, :)
+    type(strip_type) :: strip
     integer :: i
 
     breaks_into = 0
@@ -205,8 +118,7 @@ contains
     found = unseen_multipliers(problem, omega)
     if (problem%unknowns() > most_unknowns) info = too_large
     if (info /= 0) return
-    largest = 0.0_wp
-    allocate (strip(0), wavenumbers(0))
+    allocate (strip%exponents(0), strip%wavenumbers(0))
     do i = 0, wheel%sectors - 1
       if (problem%unknowns() == 0) exit
       problem%wavenumber = i
@@ -214,33 +126,38 @@ contains
       call eigenvalues_within(problem, half_strip(), 6*most_of_a_diameter(wheel) + 12, exponents, vectors, info)
       if (info /= 0) return
       call refine(problem, wide, refined_heights, vectors, exponents)
-      call take()
+      call take_exponents(problem, exponents, vectors, strip)
     end do
-    found = [found, from_half_strip(wheel, strip, wavenumbers)]
+    breaks_into = strip%breaks_into
+    breaks_at = strip%breaks_at*omega
+    found = [found, from_half_strip(wheel, strip%exponents, strip%wavenumbers)]
     found = pack(found, abs(found%value) >= least)
     multipliers = [by_size(found), &
                    spread(multiplier_type(0.0_wp, kind_slip), 1, wheel%sectors*count(.not. orbit%stuck)), &
                    spread(multiplier_type(1.0_wp, kind_stuck), 1, wheel%sectors*sum(wheel%contacts%law%tangents, mask=orbit%stuck))]
-
-  contains
-
-    !> Exponents of one wavenumber, all of the half strip and of its edges.
-    subroutine take()
-      real(wp) :: height
-      integer :: j
-
-      do j = 1, size(exponents)
-        height = aimag(exponents(j))
-        if (height < -truncation .or. height > 0.5_wp + truncation) cycle
-        strip = [strip, exponents(j)]
-        wavenumbers = [wavenumbers, i]
-        if (exp(two_pi*real(exponents(j), wp)) <= largest) cycle
-        largest = exp(two_pi*real(exponents(j), wp))
-        call find_largest_harmonic(problem, exponents(j), vectors(:, j), breaks_into, breaks_at)
-        breaks_at = breaks_at*omega
-      end do
-    end subroutine take
   end subroutine wheel_multipliers
+
+  !> Exponents of one wavenumber, all of the half strip and of its edges.
+  subroutine take_exponents(problem, exponents, vectors, strip)
+    !> Hill's problem of the wavenumber
+    type(hill_sector_problem_type), intent(in) :: problem
+    !> Over the angular frequency; forces' harmonics of each [unknowns, exponents]
+    complex(wp), intent(in) :: exponents(:), vectors(:, :)
+    !> What was found so far
+    type(strip_type), intent(inout) :: strip
+    real(wp) :: height
+    integer :: j
+
+    do j = 1, size(exponents)
+      height = aimag(exponents(j))
+      if (height < -truncation .or. height > 0.5_wp + truncation) cycle
+      strip%exponents = [strip%exponents, exponents(j)]
+      strip%wavenumbers = [strip%wavenumbers, problem%wavenumber]
+      if (exp(two_pi*real(exponents(j), wp)) <= strip%largest) cycle
+      strip%largest = exp(two_pi*real(exponents(j), wp))
+      call find_largest_harmonic(problem, exponents(j), vectors(:, j), strip%breaks_into, strip%breaks_at)
+    end do
+  end subroutine take_exponents
 
   !> Multipliers of all exponents with Im s in (-omega/2, omega/2], from those of half the strip, each with its conjugate.
   !>
@@ -260,72 +177,70 @@ contains
     used = .false.
     do i = 1, size(exponents)
       if (used(i)) cycle
-      partner = conjugate_of(i)
+      partner = conjugate_of(wheel, exponents, wavenumbers, used, i)
       used(i) = .true.
-      found = [found, multiplier_of(i)]
+      found = [found, multiplier_of(wheel, exponents(i), wavenumbers(i))]
       if (partner == 0) then
-        found = [found, multiplier_of(i)]
+        found = [found, multiplier_of(wheel, exponents(i), wavenumbers(i))]
         associate (last => found(size(found)))
           last%value = conjg(last%value)
           last%wavenumber = modulo(-last%wavenumber, wheel%sectors)
         end associate
       else if (partner /= i) then
         used(partner) = .true.
-        found = [found, multiplier_of(partner)]
+        found = [found, multiplier_of(wheel, exponents(partner), wavenumbers(partner))]
       end if
     end do
-
-  contains
-
-    !> With the wavenumber of the exponent in the strip.
-    pure type(multiplier_type) function multiplier_of(i)
-      !> Number of the exponent
-      integer, intent(in) :: i
-      !> How far an exponent on the edge, of a negative multiplier, is from it at most by what harmonics leave out
-      real(wp), parameter :: blurred = 1.0e-4_wp ! guess
-
-      multiplier_of = multiplier_type(exp(two_pi*exponents(i)), kind_floquet, wavenumbers(i))
-      if (aimag(exponents(i)) > 0.5_wp + blurred) then
-        multiplier_of%wavenumber = modulo(wavenumbers(i) - wheel%engine_order, wheel%sectors)
-      end if
-    end function multiplier_of
-
-    !> The nearest exponent that is not used yet to a conjugate of one; 0: there is none. Problems of kappa and -kappa are each
-    !> other's conjugates to rounding, those of kappa and EO - kappa but for truncation.
-    pure integer function conjugate_of(i)
-      !> Number of the exponent
-      integer, intent(in) :: i
-      !> Part that is rounding
-      real(wp), parameter :: rounding = 1.0e-7_wp ! derived
-      real(wp) :: distance, nearest
-      integer :: j
-
-      conjugate_of = 0
-      nearest = truncation
-      do j = 1, size(exponents)
-        if (used(j)) cycle
-        distance = huge(distance)
-        associate (sum_of_both => wavenumbers(i) + wavenumbers(j), apart => exponents(j) - conjg(exponents(i)))
-          if (modulo(sum_of_both, wheel%sectors) == 0 .and. abs(apart) <= rounding) distance = abs(apart)
-          if (modulo(sum_of_both - wheel%engine_order, wheel%sectors) == 0) then
-            distance = min(distance, abs(apart - (0.0_wp, 1.0_wp)))
-          end if
-        end associate
-        if (distance > nearest) cycle
-        nearest = distance
-        conjugate_of = j
-      end do
-    end function conjugate_of
   end function from_half_strip
 
-  !> Modes of the nodal diameter that has most.
-  pure integer function most_of_a_diameter(wheel) result(most)
+  !> With the wavenumber of the exponent in the strip.
+  pure type(multiplier_type) function multiplier_of(wheel, exponent, wavenumber) result(found)
     !> Modes of all nodal diameters
     type(wheel_modes_type), intent(in) :: wheel
-    integer :: n
+    !> Over the angular frequency
+    complex(wp), intent(in) :: exponent
+    !> Of the problem in which it was found
+    integer, intent(in) :: wavenumber
+    !> How far an exponent on the edge, of a negative multiplier, is from it at most by what harmonics leave out
+    real(wp), parameter :: blurred = 1.0e-4_wp ! guess
 
-    most = maxval([(size(wheel%diameters(n)%eigenvalues), n=0, ubound(wheel%diameters, 1))])
-  end function most_of_a_diameter
+    found = multiplier_type(exp(two_pi*exponent), kind_floquet, wavenumber)
+    if (aimag(exponent) > 0.5_wp + blurred) found%wavenumber = modulo(wavenumber - wheel%engine_order, wheel%sectors)
+  end function multiplier_of
+
+  !> The nearest exponent that is not used yet to a conjugate of one; 0: there is none. Problems of kappa and -kappa are each
+  !> other's conjugates to rounding, those of kappa and EO - kappa but for truncation.
+  pure integer function conjugate_of(wheel, exponents, wavenumbers, used, i) result(nearest)
+    !> Modes of all nodal diameters
+    type(wheel_modes_type), intent(in) :: wheel
+    !> Over the angular frequency, of all wavenumbers, and these
+    complex(wp), intent(in) :: exponents(:)
+    integer, intent(in) :: wavenumbers(:)
+    !> Which ones are taken already
+    logical, intent(in) :: used(:)
+    !> Number of the exponent
+    integer, intent(in) :: i
+    !> Part that is rounding
+    real(wp), parameter :: rounding = 1.0e-7_wp ! derived
+    real(wp) :: distance, least_distance
+    integer :: j
+
+    nearest = 0
+    least_distance = truncation
+    do j = 1, size(exponents)
+      if (used(j)) cycle
+      distance = huge(distance)
+      associate (sum_of_both => wavenumbers(i) + wavenumbers(j), apart => exponents(j) - conjg(exponents(i)))
+        if (modulo(sum_of_both, wheel%sectors) == 0 .and. abs(apart) <= rounding) distance = abs(apart)
+        if (modulo(sum_of_both - wheel%engine_order, wheel%sectors) == 0) then
+          distance = min(distance, abs(apart - (0.0_wp, 1.0_wp)))
+        end if
+      end associate
+      if (distance > least_distance) cycle
+      least_distance = distance
+      nearest = j
+    end do
+  end function conjugate_of
 
   !> Of a perturbation, the nodal diameter of the harmonic by which contacts move most, and its frequency.
   subroutine find_largest_harmonic(problem, s, vector, diameter, frequency)
