@@ -5,7 +5,7 @@ module attrito_api_backbone
   use attrito_core_kinds, only: wp
   use attrito_newton_newton, only: newton_report_type
   use attrito_output_point_report, only: report_point
-  use attrito_peak_backbone, only: begin_backbone, begin_mode, leading_mode, prepare_mode
+  use attrito_peak_backbone, only: begin_at, begin_backbone, begin_mode, go_to, leading_mode, prepare_mode
   use attrito_peak_condition, only: problem_type
   use attrito_peak_mode_error, only: estimate_mode_errors
   use attrito_api_session, only: session_type, session_of
@@ -116,7 +116,7 @@ contains
     type(session_type), pointer :: session
 
     session => session_of(handle)
-    call session%backbone%begin_at(session%solver, amplitude)
+    call begin_at(session%backbone, session%solver, amplitude)
     call describe(session, branch, backbone)
   end subroutine attrito_restart_backbone
 
@@ -133,7 +133,7 @@ contains
     type(session_type), pointer :: session
 
     session => session_of(handle)
-    call session%backbone%go_to(session%solver, amplitude)
+    call go_to(session%backbone, session%solver, amplitude)
     call describe(session, branch, backbone)
   end subroutine attrito_backbone_at
 

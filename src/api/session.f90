@@ -14,7 +14,7 @@ module attrito_api_session
   use attrito_sensitivity_point_rates, only: inquiry_type
   use attrito_solve_solver, only: solver_type
   use attrito_integrate_system, only: system_type
-  use attrito_peak_backbone, only: backbone_type
+  use attrito_peak_backbone_point, only: backbone_type
   use attrito_peak_curve, only: curve_type
   use attrito_peak_quasi_static, only: quasi_static_type
   use attrito_output_point_report, only: point_report_type

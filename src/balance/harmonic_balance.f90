@@ -74,6 +74,8 @@ module attrito_balance_harmonic_balance
     !> where a period leaves it
     real(wp), allocatable :: slider(:, :)
     logical, allocatable :: periodic(:)
+    !> Are contacts with two tangents marched a period from their sliders as these are, wherever it takes them?
+    logical :: marches = .false.
     !> Uncoupled: mean of the generalised coordinates [n]
     complex(wp), allocatable :: frozen_mean(:)
     !> Where springs beside the structure's own, `receptance%held` of its stiffness, pull its mean to [n]
@@ -203,6 +205,7 @@ contains
     !> Motion of its rows [2 H + 1, tangents + 1]
     real(wp), intent(in) :: own(:, :)
 
+    self%forces(contact)%marches = self%marches .and. self%law(contact)%tangents == 2
     call evaluate_contact(self%law(contact), self%quadrature, own, self%slider(:, contact), self%periodic(contact), &
                           self%forces(contact))
   end subroutine evaluate_forces

@@ -30,6 +30,8 @@ module attrito_contact_forces
     logical :: without_jacobian = .false.
     !> Sliders at the start of the period, and what the period moves them by, in pairs, one an element [as were given]
     real(wp), allocatable :: slider(:), moved(:)
+    !> Two tangents: is the period marched once, from where the slider is, whether it comes back or not?
+    logical :: marches = .false.
     !> Is the slider at the start of the period to be found with the motion, and how does it depend on it?
     logical :: periodic = .false.
     type(periodic_slider_type) :: link

@@ -50,7 +50,7 @@ contains
 
   !> Forces and Jacobian of one contact. Two tangents: a slider that is not periodic goes to the nearest place where it can rest; if
   !> there is none it is marched from where it is, once on its way and once for the record. A periodic one is the unknown start of one
-  !> march.
+  !> march; where periods are marched one by one it is the given start.
   subroutine evaluate_contact_by_samples(law, fourier, motion, slider, periodic, forces)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
@@ -68,13 +68,13 @@ contains
     real(wp), allocatable :: deviation(:, :)
     integer :: i
 
-    forces%periodic = periodic .and. law%tangents == 2
+    forces%periodic = periodic .and. law%tangents == 2 .and. .not. forces%marches
     if (is_surely_stuck(law, fourier, motion, slider)) then
       call stay_stuck(law, slider, size(motion, 1), forces)
       return
     end if
     samples%without_gradients = forces%without_jacobian
-    call sample_contact(law, fourier, motion, slider, merge(1, 2, forces%periodic), samples)
+    call sample_contact(law, fourier, motion, slider, merge(1, 2, forces%periodic .or. forces%marches), samples)
     deviation = samples%force
     do i = 1, law%tangents
       deviation(:, i) = -law%tangential_stiffness*samples%slider(:, i)

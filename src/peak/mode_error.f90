@@ -16,7 +16,7 @@ module attrito_peak_mode_error
   use attrito_accuracy_point_errors, only: point_errors_type, no_tolerance
   use attrito_accuracy_second_step, only: second_step_type
   use attrito_solve_solver, only: solver_type
-  use attrito_peak_backbone, only: backbone_type
+  use attrito_peak_backbone_point, only: backbone_type
   use attrito_peak_condition, only: direction_type
   implicit none
   private
@@ -27,7 +27,8 @@ module attrito_peak_mode_error
 
 contains
 
-  !> Errors of the point of a mode at which the solver is, by harmonics and samples; NaN where they are not known. None where every
+  !> Errors of the point of a mode at which the solver is, by harmonics and samples; NaN where they are not known, as where
+  !> sliders creep. None where every
   !> contact sticks: that is linear.
   subroutine estimate_mode_errors(estimator, solver, backbone, errors)
     !> Finer balances, from one point to the next
@@ -48,7 +49,7 @@ contains
     if (backbone%found .and. solver%all_stick) return
     error = ieee_value(error, ieee_quiet_nan)
     status = 1
-    if (backbone%found) call estimator%look_finer(solver, no_tolerance, first, second, status)
+    if (backbone%found .and. .not. backbone%creeps) call estimator%look_finer(solver, no_tolerance, first, second, status)
     if (status == 0) then
       error = change_of_mode(solver, backbone, first%response)
       if (allocated(second%response)) then

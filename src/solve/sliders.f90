@@ -6,7 +6,7 @@ module attrito_solve_sliders
   use attrito_contact_state, only: state_stuck, state_shaken_down, state_open
   implicit none
   private
-  public :: found_moving, keep_sliders, largest_defect, none_moves, none_holds, none_sticks, closed_contacts
+  public :: end_period, found_moving, keep_sliders, largest_defect, none_moves, none_holds, none_sticks, closed_contacts
 
 contains
 
@@ -19,6 +19,8 @@ contains
     real(wp) :: found
     integer :: i
 
+    found_moving = .false.
+    if (balance%marches) return
     found = 0.0_wp
     do i = 1, size(balance%forces)
       associate (forces => balance%forces(i))
@@ -31,6 +33,20 @@ contains
     end do
     found_moving = balance%ranks%largest(found) > 0.0_wp
   end function found_moving
+
+  !> Leave sliders where the period of the last evaluation takes them, for the next to begin there.
+  pure subroutine end_period(balance, moved)
+    !> Harmonic balance, whose sliders this moves
+    type(balance_type), intent(inout) :: balance
+    !> What the period has moved them by [width, contacts]
+    real(wp), intent(out) :: moved(:, :)
+    integer :: i
+
+    do i = 1, size(balance%forces)
+      moved(:, i) = balance%forces(i)%moved
+      balance%slider(:, i) = balance%forces(i)%slider + moved(:, i)
+    end do
+  end subroutine end_period
 
   !> Let the sliders of the last evaluation be the start of the next point; a periodic one that has come to rest was shaken down.
   subroutine keep_sliders(balance, before, least)

@@ -18,6 +18,8 @@ from attrito.modes.mode_point import ModePoint
 
 # Relative difference of Q from what is asked for, and how often it is corrected
 AMPLITUDE_TOLERANCE = 1e-9
+# The same where sliders creep on, each time a little farther
+CREEPING_TOLERANCE = 1e-6
 MOST_CORRECTIONS = 12
 
 
@@ -65,10 +67,11 @@ class ModeTracker:
             if not point.is_solved:
                 break
             self.known = [*self.known[-1:], (raw.modal_amplitude, found)]
-            if abs(found / amplitude - 1.0) <= AMPLITUDE_TOLERANCE:
+            accepted = CREEPING_TOLERANCE if point.outcome == "indeterminate" else AMPLITUDE_TOLERANCE
+            if abs(found / amplitude - 1.0) <= accepted:
                 break
-        missed = not abs(found / amplitude - 1.0) <= AMPLITUDE_TOLERANCE
-        if missed and point.is_solved:
+        missed = point.is_solved and not abs(found / amplitude - 1.0) <= accepted
+        if missed:
             point = point._replace(outcome="not_converged")
         errors = np.full(2, np.nan)
         if point.is_solved:
