@@ -154,6 +154,7 @@ typedef struct {
     double amplitude;
     double kinetic;
     double structural_ratio;
+    double drift;
 } attrito_backbone;
 
 /* Mode (from 1) that carries most of the first harmonic of the session's point, and its coordinate. */

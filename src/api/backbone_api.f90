@@ -18,8 +18,8 @@ module attrito_api_backbone
     !> Without an estimate of its error
     type(point_type) :: point
     !> The mode's coordinate; the negative damping, a part of the mass; level of the loads that would keep the motion up; amplitude of
-    !> the monitor; sum_h h^2 X_h^H M X_h; damping ratio of the structure alone
-    real(c_double) :: modal_amplitude, excitation, level, amplitude, kinetic, structural_ratio
+    !> the monitor; sum_h h^2 X_h^H M X_h; damping ratio of the structure alone; by how much a period moves a slider, the most
+    real(c_double) :: modal_amplitude, excitation, level, amplitude, kinetic, structural_ratio, drift
   end type backbone_type
 
 contains
@@ -173,5 +173,6 @@ contains
     backbone%amplitude = session%backbone%height
     backbone%kinetic = session%backbone%kinetic
     backbone%structural_ratio = session%backbone%structural_ratio
+    backbone%drift = ended%defect*session%solver%context%motion_scale
   end subroutine describe
 end module attrito_api_backbone

@@ -74,8 +74,9 @@ module attrito_balance_harmonic_balance
     !> where a period leaves it
     real(wp), allocatable :: slider(:, :)
     logical, allocatable :: periodic(:)
-    !> Are contacts with two tangents marched a period from their sliders as these are, wherever it takes them?
-    logical :: marches = .false.
+    !> Allocated: contacts with two tangents are marched a period from their sliders as these are, wherever it takes them, and from
+    !> this mean of the period before [rows]
+    real(wp), allocatable :: mean_before(:)
     !> Uncoupled: mean of the generalised coordinates [n]
     complex(wp), allocatable :: frozen_mean(:)
     !> Where springs beside the structure's own, `receptance%held` of its stiffness, pull its mean to [n]
@@ -205,7 +206,12 @@ contains
     !> Motion of its rows [2 H + 1, tangents + 1]
     real(wp), intent(in) :: own(:, :)
 
-    self%forces(contact)%marches = self%marches .and. self%law(contact)%tangents == 2
+    associate (forces => self%forces(contact), law => self%law(contact))
+      if (allocated(forces%mean_before)) deallocate (forces%mean_before)
+      if (allocated(self%mean_before) .and. law%tangents == 2) then
+        forces%mean_before = self%mean_before(law%first_row:law%first_row + 2)
+      end if
+    end associate
     call evaluate_contact(self%law(contact), self%quadrature, own, self%slider(:, contact), self%periodic(contact), &
                           self%forces(contact))
   end subroutine evaluate_forces

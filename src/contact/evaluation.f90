@@ -9,6 +9,7 @@ module attrito_contact_evaluation
   use attrito_contact_fourier, only: fourier_type
   use attrito_contact_parallel_elements, only: begin_sum, add_element, complete_sum
   use attrito_contact_quadrature_event, only: evaluate_contact_by_events
+  use attrito_contact_passing_period, only: evaluate_passing_period
   use attrito_contact_quadrature_sampled, only: evaluate_contact_by_samples, contact_samples_type, sample_contact
   use attrito_contact_stuck_bound, only: is_stuck_by_bound
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type
@@ -56,7 +57,7 @@ contains
 
     if (law%elements() == 1) then
       call evaluate_element(law, quadrature, motion, slider(:2), periodic, forces)
-    else if (is_stuck_by_bound(law, motion, slider)) then
+    else if (.not. allocated(forces%mean_before) .and. is_stuck_by_bound(law, motion, slider)) then
       call stay_stuck(law, slider, size(motion, 1), forces)
     else
       call evaluate_elements(law, quadrature, motion, slider, periodic, forces)
@@ -84,6 +85,7 @@ contains
 
     own%lists_slip = .true.
     own%without_jacobian = forces%without_jacobian
+    if (allocated(forces%mean_before)) own%mean_before = forces%mean_before
     allocate (own%deviation, mold=forces%deviation)
     call begin_sum(law, size(motion, 1), forces)
     do i = 1, law%elements()
@@ -108,6 +110,8 @@ contains
 
     if (goes_by_events(law, quadrature%by_events)) then
       call evaluate_contact_by_events(law, quadrature%grid, motion, slider(1), forces)
+    else if (allocated(forces%mean_before)) then
+      call evaluate_passing_period(law, quadrature%fourier, motion, slider, forces)
     else
       call evaluate_contact_by_samples(law, quadrature%fourier, motion, slider, periodic, forces)
     end if

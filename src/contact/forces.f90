@@ -30,8 +30,8 @@ module attrito_contact_forces
     logical :: without_jacobian = .false.
     !> Sliders at the start of the period, and what the period moves them by, in pairs, one an element [as were given]
     real(wp), allocatable :: slider(:), moved(:)
-    !> Two tangents: is the period marched once, from where the slider is, whether it comes back or not?
-    logical :: marches = .false.
+    !> Two tangents, not a steady period: mean before, from which a period that is marched once goes on to its own [rows]
+    real(wp), allocatable :: mean_before(:)
     !> Is the slider at the start of the period to be found with the motion, and how does it depend on it?
     logical :: periodic = .false.
     type(periodic_slider_type) :: link

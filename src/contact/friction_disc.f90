@@ -16,7 +16,13 @@ module attrito_contact_friction_disc
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open
   implicit none
   private
-  public :: slide_on_disc, differentiate_slide_on_disc
+  public :: slide_on_disc, differentiate_slide_on_disc, set_out_type
+
+  !> Where a period begins: displacement and radius, and their gradients, as at samples
+  type :: set_out_type
+    real(wp) :: u(2) = 0.0_wp, r = 0.0_wp, slope = 0.0_wp
+    real(wp), allocatable :: basis(:)
+  end type set_out_type
 
   !> A step that ends on the rim, as the next one and derivatives need it: is the slider on the rim, in the direction that is known,
   !> did it begin where the contact lands, at what part of it did slip begin, with which radius and how far from the slider, and how
@@ -29,8 +35,8 @@ module attrito_contact_friction_disc
 
 contains
 
-  !> March one period, from the last sample to the last sample.
-  subroutine slide_on_disc(u, r, w, slider, regimes)
+  !> March one period, from the last sample, or from elsewhere, to the last sample.
+  subroutine slide_on_disc(u, r, w, slider, regimes, from)
     !> Relative displacement [J, 2] and slip radius [J], negative by mu / k_t times what is missing to contact where open
     real(wp), intent(in) :: u(:, :), r(:)
     !> Slider at the start, then at the end [2]
@@ -39,15 +45,24 @@ contains
     real(wp), intent(out) :: slider(:, :)
     !> Regime at each sample [J]
     integer, intent(out) :: regimes(:)
+    !> Where the period begins; the last sample unless given
+    type(set_out_type), intent(in), optional :: from
     type(slip_type) :: slip
     type(step_type) :: step
     logical :: entered
+    real(wp) :: u_a(2), r_a
     integer :: j, last
 
     last = size(r)
-    call enter_disc(u(last, :), r(last), w, slip, entered)
+    u_a = u(last, :)
+    r_a = r(last)
+    if (present(from)) then
+      u_a = from%u
+      r_a = from%r
+    end if
+    call enter_disc(u_a, r_a, w, slip, entered)
     step%on_rim = entered
-    call advance(u(last, :), u(1, :), r(last), r(1), w, slip, step, regimes(1))
+    call advance(u_a, u(1, :), r_a, r(1), w, slip, step, regimes(1))
     if (entered .and. regimes(1) == regime_stick) regimes(1) = regime_slip
     slider(1, :) = w
     do j = 2, last
@@ -58,7 +73,7 @@ contains
 
   !> The same, and the slider's gradient d w / d p is carried with it, for parameters p: first those of the motion, then the start
   !> slider's.
-  subroutine differentiate_slide_on_disc(u, r, basis, slope, w, gradient, slider, gradients, regimes)
+  subroutine differentiate_slide_on_disc(u, r, basis, slope, w, gradient, slider, gradients, regimes, from)
     !> As above
     real(wp), intent(in) :: u(:, :), r(:)
     !> Gradient of any displacement by its own parameters [k, J], and of the radius by the normal one [J]
@@ -75,45 +90,56 @@ contains
     real(wp), intent(out), contiguous :: gradients(:, :, :)
     !> Regime at each sample [J]
     integer, intent(out) :: regimes(:)
+    !> Where the period begins; the last sample unless given
+    type(set_out_type), intent(in), optional :: from
+    type(set_out_type) :: first
     type(slip_type) :: slip
     type(step_type) :: step
     logical :: entered
     integer :: j, last
 
     last = size(r)
-    call enter_disc(u(last, :), r(last), w, slip, entered)
+    if (present(from)) then
+      first = from
+    else
+      first = set_out_type(u(last, :), r(last), slope(last), basis(:, last))
+    end if
+    call enter_disc(first%u, first%r, w, slip, entered)
     step%on_rim = entered
     if (entered) then
       gradients(:, :, last) = gradient
-      call carry(slip, basis(:, last), basis(:, last), [slope(last), slope(last)], gradients(:, :, last), gradient)
+      call carry(slip, first%basis, first%basis, [first%slope, first%slope], gradients(:, :, last), gradient)
     end if
-    call advance_with_gradient(last, 1, gradient)
+    call advance_with_gradient(first%u, first%r, first%slope, first%basis, 1, gradient)
     if (entered .and. regimes(1) == regime_stick) regimes(1) = regime_slip
     do j = 2, last
-      call advance_with_gradient(j - 1, j, gradients(:, :, j - 1))
+      call advance_with_gradient(u(j - 1, :), r(j - 1), slope(j - 1), basis(:, j - 1), j, gradients(:, :, j - 1))
     end do
     gradient = gradients(:, :, last)
 
   contains
 
-    !> One step from sample a to sample b.
-    subroutine advance_with_gradient(a, b, before)
-      !> Number of the sample before, or a vector or end; number of the sample after, or a vector or end
-      integer, intent(in) :: a, b
+    !> One step to sample b.
+    subroutine advance_with_gradient(u_a, r_a, slope_a, basis_a, b, before)
+      !> Where it begins: displacement, radius and its slope, and their gradient by coefficients
+      real(wp), intent(in) :: u_a(2), r_a, slope_a
+      real(wp), intent(in), contiguous :: basis_a(:)
+      !> Number of the sample
+      integer, intent(in) :: b
       !> Gradient at the beginning of the step
       real(wp), intent(in), contiguous :: before(:, :)
 
-      call advance(u(a, :), u(b, :), r(a), r(b), w, slip, step, regimes(b))
+      call advance(u_a, u(b, :), r_a, r(b), w, slip, step, regimes(b))
       slider(b, :) = w
       select case (regimes(b))
        case (regime_open)
         call follow(basis(:, b), gradients(:, :, b))
        case (regime_slip)
         call differentiate_slide(r(b), step, slip)
-        call carry(slip, basis(:, a), basis(:, b), [slope(a), slope(b)], before, gradients(:, :, b))
+        call carry(slip, basis_a, basis(:, b), [slope_a, slope(b)], before, gradients(:, :, b))
        case default
-        if (r(a) <= 0.0_wp) then
-          call land(u(b, :) - u(a, :), r(a), r(b), basis(:, a), basis(:, b), [slope(a), slope(b)], gradients(:, :, b))
+        if (r_a <= 0.0_wp) then
+          call land(u(b, :) - u_a, r_a, r(b), basis_a, basis(:, b), [slope_a, slope(b)], gradients(:, :, b))
         else
           gradients(:, :, b) = before
         end if

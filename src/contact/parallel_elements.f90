@@ -79,7 +79,7 @@ contains
     !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(inout) :: sum
 
-    if (sum%state == state_stuck) then
+    if (sum%state == state_stuck .and. .not. allocated(sum%mean_before)) then
       call hold_slider(law, (sum%slider), sum)
     else
       sum%slip = union_length(sum%slips)/two_pi

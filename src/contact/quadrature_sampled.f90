@@ -11,7 +11,7 @@ module attrito_contact_quadrature_sampled
   use attrito_model_contacts, only: contact_type
   use attrito_contact_forces, only: contact_forces_type, stay_stuck, hold_slider, released
   use attrito_contact_fourier, only: fourier_type
-  use attrito_contact_friction_disc, only: slide_on_disc, differentiate_slide_on_disc
+  use attrito_contact_friction_disc, only: slide_on_disc, differentiate_slide_on_disc, set_out_type
   use attrito_contact_friction_line, only: slide_along_line, slider_interval, side_landed
   use attrito_contact_slider_projection, only: slider_projection_type, project_slider, projection_gradient
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open, state_stuck, state_shaken_down, state_slipping, &
@@ -19,12 +19,14 @@ module attrito_contact_quadrature_sampled
   use attrito_contact_stuck_bound, only: is_stuck_by_bound, is_stuck_by_samples
   implicit none
   private
-  public :: evaluate_contact_by_samples, contact_samples_type, sample_contact
+  public :: evaluate_contact_by_samples, contact_samples_type, sample_contact, deviation_at_samples, classify, differentiate
 
   !> What happens at the samples of one period
   type :: contact_samples_type
     !> Is no gradient wanted, nor whether the loop forgets its start?
     logical :: without_gradients = .false.
+    !> Of a period that passes (`attrito_contact_passing_period`): rho [J], and the step of the mean [rows]
+    real(wp), allocatable :: ramp(:), step(:)
     !> Displacement and force [J, rows]; slider [J, 2]
     real(wp), allocatable :: displacement(:, :), force(:, :), slider(:, :)
     !> Slip radius F/k_t, where open less than zero by what is missing, and its derivative by v [J]
@@ -50,7 +52,7 @@ contains
 
   !> Forces and Jacobian of one contact. Two tangents: a slider that is not periodic goes to the nearest place where it can rest; if
   !> there is none it is marched from where it is, once on its way and once for the record. A periodic one is the unknown start of one
-  !> march; where periods are marched one by one it is the given start.
+  !> march.
   subroutine evaluate_contact_by_samples(law, fourier, motion, slider, periodic, forces)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
@@ -66,26 +68,37 @@ contains
     type(contact_forces_type), intent(inout) :: forces
     type(contact_samples_type) :: samples
     real(wp), allocatable :: deviation(:, :)
-    integer :: i
 
-    forces%periodic = periodic .and. law%tangents == 2 .and. .not. forces%marches
+    forces%periodic = periodic .and. law%tangents == 2
     if (is_surely_stuck(law, fourier, motion, slider)) then
       call stay_stuck(law, slider, size(motion, 1), forces)
       return
     end if
     samples%without_gradients = forces%without_jacobian
-    call sample_contact(law, fourier, motion, slider, merge(1, 2, forces%periodic .or. forces%marches), samples)
+    call sample_contact(law, fourier, motion, slider, merge(1, 2, forces%periodic), samples)
+    deviation = deviation_at_samples(law, samples)
+    call fourier%to_coefficients(deviation, forces%deviation)
+    call classify(samples, forces)
+    if (.not. forces%without_jacobian) call differentiate(law, fourier, samples, forces)
+    if (forces%state == state_stuck) call hold_slider(law, (forces%slider), forces)
+  end subroutine evaluate_contact_by_samples
+
+  !> g at the samples: what the stuck contact's springs do not have of the force.
+  function deviation_at_samples(law, samples) result(deviation)
+    !> Contact: its springs and its law
+    type(contact_type), intent(in) :: law
+    !> What the contact does at the samples of one period
+    type(contact_samples_type), intent(in) :: samples
+    real(wp), allocatable :: deviation(:, :)
+    integer :: i
+
     deviation = samples%force
     do i = 1, law%tangents
       deviation(:, i) = -law%tangential_stiffness*samples%slider(:, i)
     end do
     i = law%tangents + 1
     deviation(:, i) = samples%force(:, i) - law%normal_stiffness*samples%displacement(:, i)
-    call fourier%to_coefficients(deviation, forces%deviation)
-    call classify(samples, forces)
-    if (.not. forces%without_jacobian) call differentiate(law, fourier, samples, forces)
-    if (forces%state == state_stuck) call hold_slider(law, (forces%slider), forces)
-  end subroutine evaluate_contact_by_samples
+  end function deviation_at_samples
 
   !> Does the contact stick whatever happens between samples? What passes is what a march would find: stuck where it is.
   logical function is_surely_stuck(law, fourier, motion, slider) result(sticks)
@@ -124,6 +137,11 @@ contains
     n = law%tangents + 1
     allocate (samples%displacement(fourier%samples, n), samples%slider(fourier%samples, 2), samples%regimes(fourier%samples))
     call fourier%to_samples(motion, samples%displacement)
+    if (allocated(samples%ramp)) then
+      do i = 1, n
+        samples%displacement(:, i) = samples%displacement(:, i) + samples%step(i)*samples%ramp
+      end do
+    end if
     samples%slider = 0.0_wp
     samples%force = samples%displacement
     associate (normal => samples%force(:, n))
@@ -145,7 +163,7 @@ contains
       if (samples%nearest%exists .and. (passes > 1 .or. samples%nearest%count == 0)) then
         call rest(fourier, samples, slider)
       else
-        call march_disc(fourier, samples, slider, passes)
+        call march_disc(law, fourier, samples, slider, passes)
       end if
     end if
     where (samples%closed .and. samples%regimes == regime_open) samples%regimes = regime_slip
@@ -198,7 +216,9 @@ contains
 
   !> Two tangents, slipping: a fixed number of marches; the last is the answer. A slider that is not periodic starts where it came
   !> closest to rest, so that forces are continuous where places to rest shrink to a point and vanish.
-  subroutine march_disc(fourier, samples, slider, passes)
+  subroutine march_disc(law, fourier, samples, slider, passes)
+    !> Contact: its springs and its law
+    type(contact_type), intent(in) :: law
     !> Transforms between coefficients and samples
     type(fourier_type), intent(in) :: fourier
     !> What the contact does at the samples of one period
@@ -207,12 +227,14 @@ contains
     real(wp), intent(in) :: slider(2)
     !> How often the period is marched
     integer, intent(in) :: passes
+    type(set_out_type) :: from
     real(wp), allocatable :: gradient(:, :)
     real(wp) :: w(2)
     integer :: pass, k
 
     k = fourier%coefficients
     w = slider
+    from = set_out(law, fourier, samples)
     if (passes > 1) w = samples%nearest%slider
     if (.not. samples%without_gradients) then
       allocate (gradient(3*k + 2, 2), source=0.0_wp)
@@ -223,11 +245,11 @@ contains
     do pass = 1, passes
       samples%start = w
       if (samples%without_gradients) then
-        call slide_on_disc(samples%displacement(:, 1:2), samples%radius, w, samples%slider, samples%regimes)
+        call slide_on_disc(samples%displacement(:, 1:2), samples%radius, w, samples%slider, samples%regimes, from)
       else
         gradient(3*k + 1:, :) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [2, 2])
         call differentiate_slide_on_disc(samples%displacement(:, 1:2), samples%radius, fourier%basis, samples%slope, w, gradient, &
-                                         samples%slider, samples%gradients, samples%regimes)
+                                         samples%slider, samples%gradients, samples%regimes, from)
       end if
       if (pass < passes) samples%moved = samples%moved .or. any(samples%regimes /= regime_stick)
     end do
@@ -235,6 +257,28 @@ contains
     if (samples%without_gradients) return
     samples%forgets = largest_singular_value(gradient(3*k + 1:, :)) < 1.0_wp - 1.0e-9_wp
   end subroutine march_disc
+
+  !> Where a period begins: at its last sample, or there less the step from period to period.
+  type(set_out_type) function set_out(law, fourier, samples) result(from)
+    !> Contact: its springs and its law
+    type(contact_type), intent(in) :: law
+    !> Transforms between coefficients and samples
+    type(fourier_type), intent(in) :: fourier
+    !> What the contact does at the samples of one period
+    type(contact_samples_type), intent(in) :: samples
+    real(wp) :: normal(1), radius(1), slope(1)
+
+    associate (last => fourier%samples)
+      from = set_out_type(samples%displacement(last, 1:2), samples%radius(last), samples%slope(last), fourier%basis(:, last))
+      if (.not. allocated(samples%step)) return
+      normal = law%normal_force(samples%displacement(last:last, 3) - samples%step(3))
+    end associate
+    call law%slip_force(normal, radius, slope)
+    from%u = from%u - samples%step(1:2)
+    from%r = radius(1)/law%tangential_stiffness
+    from%slope = slope(1)*law%normal_stiffness/law%tangential_stiffness
+    from%basis(1) = from%basis(1) - 1.0_wp
+  end function set_out
 
   !> Largest singular value of a 2 x 2 matrix.
   pure real(wp) function largest_singular_value(a)

@@ -108,7 +108,7 @@ contains
     self%iterations = 0
     do iteration = 1, most_iterations
       call solver%context%balance%receptance%excite(self%excitation)
-      call solver%solve_at(solver%omega, early_stop=.true.)
+      call solver%solve_at(solver%omega, early_stop=.not. allocated(solver%context%balance%mean_before))
       self%iterations = self%iterations + solver%report%iterations
       if (.not. solver%report%converged) exit
       missing = self%amplitude - self%coordinate(solver%context%balance%response)

@@ -20,7 +20,7 @@ contains
     integer :: i
 
     found_moving = .false.
-    if (balance%marches) return
+    if (allocated(balance%mean_before)) return
     found = 0.0_wp
     do i = 1, size(balance%forces)
       associate (forces => balance%forces(i))

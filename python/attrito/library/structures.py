@@ -67,7 +67,7 @@ class RawBackbone(ctypes.Structure):
 
     _fields_ = [
         ("point", RawPoint),
-        *_all(c_double, "modal_amplitude", "excitation", "level", "amplitude", "kinetic", "structural_ratio"),
+        *_all(c_double, "modal_amplitude", "excitation", "level", "amplitude", "kinetic", "structural_ratio", "drift"),
     ]
 
 

@@ -19,8 +19,9 @@ class ModePoint:
     amplitude : Q, zero to peak of phi^T M q_1, user length times root of user mass; quasi-static: half the loop's range
     kinetic : sum over h of h^2 q_h^H M q_h, of zero-to-peak amplitudes; quasi-static: Q^2
     structural_ratio : damping ratio of the structure alone
-    drive : what keeps the motion up, by the names of their series: xi, rad per time; quasi-static: amplitude of the
-        load, area of the loop, frequency and damping ratio by Masing's rule
+    drive : what keeps the motion up, and what goes with it, by the names of their series: xi, rad per time, and the
+        drift of sliders; quasi-static: amplitude of the load, area of the loop, frequency and damping ratio by Masing's
+        rule
     iterations : of Newton's method on the way here
     error_harmonics, error_samples, error_contacts : parts of the estimated relative error, see `SERIES` in
         `nonlinear.py`; NaN: not estimated

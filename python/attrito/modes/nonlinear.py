@@ -64,6 +64,7 @@ SERIES = {
     "dissipated_energy": ("work of all contacts a period", "user energy"),
     # What keeps the motion up, by the method
     "excitation": ("negative damping that keeps the motion up, a part of the mass", "rad/s"),
+    "drift": ("by how much a period moves a slider, the most: no motion repeats where they drift", "user length"),
     "load": ("amplitude A of the load A M phi", "user length (user mass)^0.5 / (user time)^2"),
     "masing_hz": ("by Masing's rule from the first loading: its secant's frequency", "Hz"),
     "masing_damping_ratio": ("by Masing's rule from the first loading: of the contacts", "1"),

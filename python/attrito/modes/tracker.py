@@ -76,7 +76,7 @@ class ModeTracker:
         errors = np.full(2, np.nan)
         if point.is_solved:
             self._solver.call("attrito_mode_errors", pointer(errors[:1]), pointer(errors[1:]))
-        drive = {"excitation": raw.excitation}
+        drive = {"excitation": raw.excitation, "drift": raw.drift}
         return ModePoint(point, amplitude, raw.kinetic, raw.structural_ratio, drive, iterations, *errors.tolist())
 
     def _solve(self, amplitude: float) -> RawBackbone:

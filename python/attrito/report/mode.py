@@ -57,7 +57,9 @@ def mode_glance(view: View) -> list[tuple[str, bool]]:
     if missing := int((~view.solved).sum()):
         lines.append((f"The mode was lost: {missing} amplitude without a solution.", True))
     if open_cycles := result.outcome.count("indeterminate"):
-        lines.append((f"{open_cycles} points are indeterminate: sliders still move from period to period.", True))
+        lines.append(
+            (f"{open_cycles} points are indeterminate: sliders still move from period to period{_drift(view)}.", True)
+        )
     estimate = result.array("/points/estimate")[solved]
     if np.isfinite(estimate).any():
         worst = float(np.nanmax(estimate))
@@ -65,6 +67,13 @@ def mode_glance(view: View) -> list[tuple[str, bool]]:
     if unknown := int(np.isnan(estimate).sum()):
         lines.append((f"At {unknown} points the error is not known.", True))
     return lines + warned
+
+
+def _drift(view: View) -> str:
+    """By how much sliders of a mode by periodic motion drift at most, in words; of another nothing."""
+    if not view.result.has("/points/drift"):
+        return ""
+    return f", by at most {np.nanmax(view.result.array('/points/drift')):.2e} a period"
 
 
 def _limit_cycles(view: View) -> Iterator[str]:
