@@ -7,6 +7,7 @@ parameters.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -35,6 +36,8 @@ from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Solver
 from attrito.runs.onsets import SIDES, branches, find_onset, margin_of, sides
 
+# Processor seconds that an onset is looked for
+LONGEST = 60.0
 # The least level at which contacts are taken to stick, and what an onset is found to, a part of the level
 LEAST, EXACT = 1e-3, 1e-12
 # With two tangents: secants towards an onset, how much they stay short of it, and what parts of friction are found to
@@ -242,6 +245,7 @@ def at_onset(case: Case, frequency_hz: float, pattern: Callable[[Solver], np.nda
             solved = next(solver.solve_at([frequency_hz], level, 0)).is_solved
             return pattern(solver) if solved else None
 
+    began = time.process_time()
     low, high = LEAST, 1.0
     first = found(low)
     if first is None or not np.any(first):
@@ -252,6 +256,8 @@ def at_onset(case: Case, frequency_hz: float, pattern: Callable[[Solver], np.nda
     while high - low > EXACT * high:
         middle = 0.5 * (low + high)
         there = found(middle)
+        if time.process_time() - began > LONGEST:
+            raise NothingFoundError("no onset within a minute")
         low, high = (middle, high) if there is not None and np.array_equal(first, there) else (low, middle)
     if found(high) is None:
         raise NothingFoundError("not solved beyond")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -14,6 +15,7 @@ from slopes import pressed, with_parameter
 
 import attrito
 from attrito.modes import tracker
+from attrito.runs.onsets import MARGIN, Onset, branches
 
 # Steps h, h / 4, h / 16 of one-sided differences, part of the level
 STEPS = 1e-3 / 4.0 ** np.arange(3)
@@ -83,6 +85,40 @@ def of_parameter(folder: Path, job: Job, name: str, side: float) -> float:
     levels = job["sweep"]["levels"]
     jobs = [job, *(with_parameter(job, name, side * step)[0] for step in STEPS)]
     return side * one_sided(np.array([at_levels(folder, each, levels)["x_amplitude"][0] for each in jobs]))
+
+
+class Merging:
+    """A family whose contact seems to slip, and dissipates nothing, until friction is smaller by more than a part."""
+
+    def __init__(self, part: float):
+        self._part, self._missing = part, 0.0
+
+    def keep(self, place: int) -> None: ...
+
+    def go_back(self, place: int) -> None: ...
+
+    def scale_friction(self, factor: float) -> None:
+        self._missing = 1.0 - factor
+
+    def describe(self) -> SimpleNamespace:
+        return SimpleNamespace(free=np.array([float(self._missing < 0.0)]))
+
+    def slopes(self) -> np.ndarray:
+        """Of an amplitude and of what is dissipated, by one parameter: 1 + sqrt(missing) and 2 where it slips."""
+        if self._missing <= self._part:
+            return np.array([[3.0], [0.0]])
+        return np.array([[1.0 + np.sqrt(self._missing)], [2.0]])
+
+
+@pytest.mark.parametrize("part", [0.0, 2.0 * MARGIN])
+def test_the_slipping_side_is_one_that_dissipates(part: float) -> None:
+    """Where events are nearer one another than they can be distinguished it is looked for with less friction."""
+    family, onset = Merging(part), Onset(np.ones(1), MARGIN)
+    found = branches(family, onset, lambda family: family.slopes(), sliders_move=False)
+    assert found is not None
+    assert found[0] == pytest.approx(np.array([[3.0], [0.0]]))
+    # 2 f(h) - f(4 h) of a root is exact, but for rounding of 1 - h: 1e-16 of 1e-9, 1e-8 of a root of some 1e-4.
+    assert found[1] == pytest.approx(np.array([[1.0], [2.0]]), abs=1e-10)
 
 
 def test_both_derivatives_at_the_onset_of_slip(tmp_path: Path, job: Job) -> None:

@@ -23,6 +23,9 @@ MARGIN = 1e-9
 MARGIN_OF_SLIDERS = 1e-7
 # Members that are solved anew may stick where they are missed by as much as they are solved to: how much more is tried
 FACTORS = (1.0, 10.0, 100.0)
+# By how much rates of dissipation with friction smaller by one and by four margins may differ: by events some 1e-4, by
+# samples as the next ones slip
+ALIKE = 0.5
 SIDES = ("below", "above")
 # Derivatives at the present member, or None
 Find = Callable[[Family], "np.ndarray | None"]
@@ -53,7 +56,7 @@ def margin_of(sliders_move: bool) -> float:
 
 
 def branches(family: Family, onset: Onset, find: Find, sliders_move: bool) -> tuple[np.ndarray, np.ndarray] | None:
-    """Derivatives with the contacts sticking, and slipping; None where one of them has none.
+    """Derivatives with the contacts sticking, and slipping; None where one of them has none, or slip is not found.
 
     Parameters
     ----------
@@ -77,12 +80,24 @@ def branches(family: Family, onset: Onset, find: Find, sliders_move: bool) -> tu
     slipping = None
     for factor in FACTORS:
         near, slips = at(-factor * onset.margin)
-        if slips:
-            far, _ = at(-4.0 * factor * onset.margin)
-            slipping = None if near is None or far is None else 2.0 * near - far
+        if not slips:
+            continue
+        far, _ = at(-4.0 * factor * onset.margin)
+        if near is None or far is None:
+            break
+        if _are_of_one_branch(near, far):
+            slipping = 2.0 * near - far
             break
     family.scale_friction(1.0)
     return None if sticking is None or slipping is None else (sticking, slipping)
+
+
+def _are_of_one_branch(near: np.ndarray, far: np.ndarray) -> bool:
+    """Whether both slip: where events are too near one another to be distinguished, one dissipates nothing."""
+    dissipates = far[-1] != 0.0
+    if not np.any(dissipates):
+        return True
+    return bool(np.median(np.abs(near[-1, dissipates] / far[-1, dissipates] - 1.0)) < ALIKE)
 
 
 def sides(sticking: np.ndarray, slipping: np.ndarray) -> dict[str, np.ndarray]:
