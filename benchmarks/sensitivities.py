@@ -3,15 +3,17 @@
     .venv/bin/python benchmarks/sensitivities.py --scenes 300 > sensitivities.json
     .venv/bin/python benchmarks/sensitivities.py --contacts 200 > cost.json
 
-Scenes are those of `sensitivity_scenes.py`, solved to a residual of 1e-13. In each a point, a peak or a nonlinear mode
-is looked at (`sensitivity_looks.py`, `sensitivity_peaks.py`), and the natural frequencies of whole models besides; of
-points also where a contact begins to slip, and with the load path's sliders (`sensitivity_starts.py`). Derivatives by
-all of its parameters, or by so many of them, drawn (numbers of contacts' laws, factors on static and harmonic loads,
-damping, a field of gaps, the level; of points the frequency), are compared with extrapolated central differences of
-solutions that start from the same motion and sliders. An error is relative to the scene's largest |p dQ/dp| of
-quantities of a kind: monitors, dissipation, forces; height, frequency; damping. Differences have an error of their own,
-that of the extrapolation and of rounding, which the fourth difference measures: quantities whose differences are not
-sure to a third of the tolerance are counted apart, with the reason.
+Scenes are those of `sensitivity_scenes.py`, solved to a residual of 1e-14, a part of the contacts' vibration, or,
+where that is more, to what rounding of their mean motion leaves: 1e-13 of the mean. In each a point, a peak or a
+nonlinear mode is looked at (`sensitivity_looks.py`, `sensitivity_peaks.py`), and the natural frequencies of whole
+models besides; of points also where a contact begins to slip, and with the load path's sliders
+(`sensitivity_starts.py`). Derivatives by all of its parameters, or by so many of them, drawn (numbers of contacts'
+laws, factors on static and harmonic loads, damping, a field of gaps, the level; of points the frequency), are
+compared with extrapolated central differences of solutions that start from the same motion and sliders. An error is
+relative to the scene's largest |p dQ/dp| of quantities of a kind: monitors, dissipation, forces; height, frequency;
+damping. Differences have an error of their own, that of the extrapolation and of rounding, which the fourth
+difference measures: quantities whose differences are not sure to a third of the tolerance are counted apart, with the
+reason.
 
 Cost: the hexahedral block with so many contacts where half of them slip; processor seconds of a point from its
 neighbour, and of all derivatives of one monitor's amplitude, and of its amplitude and mean, by all its parameters.

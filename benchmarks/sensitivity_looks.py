@@ -27,7 +27,8 @@ from attrito.modes.mode_point import ModePoint
 from attrito.modes.mode_slopes import shape_slopes
 
 NUMBERS = ("tangential_stiffness", "normal_stiffness", "friction_coefficient", "gap", "preload")
-RESIDUAL = 1e-13
+# What points are solved to, and what is taken for known of them
+SOLVED_TO, RESIDUAL = 1e-14, 1e-13
 # Part of the springs' work, and of the largest force, below which there is no dissipation and no force of a contact
 NOTHING = 1e-4
 # How often sliders of Iwan's elements are moved away from their ends, and by how much more at most each time
@@ -76,7 +77,7 @@ class Look:
 
 def options_of(case: Case) -> Options:
     """Of the balance."""
-    return Options(case.harmonics, case.samples, by_events=case.by_events, tolerance=RESIDUAL, integrate_in_time=False)
+    return Options(case.harmonics, case.samples, by_events=case.by_events, tolerance=SOLVED_TO, integrate_in_time=False)
 
 
 def follow_loads(solver: Solver, scene: ReducedScene, frequency_hz: float) -> None:
@@ -301,6 +302,11 @@ def look_at_mode(case: Case, random: np.random.Generator, parameters: list[Param
                 raise NothingFoundError("no mode")
         state, known = solver.save_state(), tracker.save_state()
         member, coordinates = member_of(solver, scene), solver.coordinates()
+        if "law" in scene.laws and np.any(scene.laws["law"] == LAWS.index("iwan")):
+            # Derivatives hold those that rest at an end; differences push them with numbers that change to one side.
+            missing = away_from_ends(scene, coordinates, member.slider) - member.slider
+            if np.any(np.abs(missing) > 0.0):
+                raise NothingFoundError("sliders of Iwan's elements are at their ends")
         contact = most_loaded(member)
         found = mode_gradient(solver, scene, parameters, contact, modes, closed, one)
     if found is None:
