@@ -44,6 +44,8 @@ LEAST, EXACT = 1e-3, 1e-12
 MOST_SECANTS, SHORT_OF, PART_EXACT = 12, 1e-3, 1e-4
 # Parts of the level beside an onset of lift-off at which gradients are compared with those there
 BESIDE = (1e-4, 1e-6, 1e-8, 1e-10)
+# Part of the amplitude by which it jumps, if it changes by so much within the last of these
+JUMP = 1e-4
 # Of the period at which normal forces are looked at
 INSTANTS = 4096
 # Part of a parameter for the change of sliders by the load path, as of a job
@@ -168,6 +170,7 @@ def gradients_beside(
 
     They tend to them as the root of the change, though differences of solutions are lost in rounding before that.
     """
+    amplitude = member_of(solver, scene).amplitude
     scales = np.array([scale_of(scene, parameter) for parameter in parameters])
     largest, rows = np.abs(found * scales).max(), {}
     for part in BESIDE:
@@ -176,6 +179,9 @@ def gradients_beside(
             solver.set_excitation(start.frequency_hz, start.frequency_hz, level)
             if not solver.start_from(start, level):
                 continue
+            moved = np.abs(member_of(solver, scene).amplitude - amplitude).max()
+            if part == BESIDE[-1] and moved > JUMP * amplitude.max():
+                raise NothingFoundError("the response jumps where a contact begins to open")
             there = gradient(solver, scene, parameters, amplitudes_alone=True)
             if there is not None:
                 # By loads' factors, the level and so on at another level: as small as the change itself.
