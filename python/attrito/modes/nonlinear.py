@@ -17,6 +17,7 @@ from attrito.library.points import LinearModes
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series
 from attrito.library.session import Options, Solver
+from attrito.modes.equal_modes import equal_modes, said_of_equal
 from attrito.modes.limit_cycles import NAMES as CYCLE_NAMES
 from attrito.modes.limit_cycles import LimitCycles
 from attrito.modes.mode_point import ModePoint
@@ -107,6 +108,8 @@ def _follow_and_show(
     with solver_at_rest(comm, job, prepared, progress) as solver:
         number, modes = chosen_mode(comm, job, solver)
         progress.say(f"tangent mode {number}: {modes.natural_hz[number - 1]:.6g} Hz")
+        alike = "" if job["mode"]["method"] != "epmc" else said_of_equal(equal_modes(modes.natural_hz, number))
+        progress.warn([alike] if alike else [])
         differentiator = ModeDifferentiator(comm, solver, job, scene, prepared.reduced, number - 1)
         tracker = new_tracker(job, solver, prepared.reduced, modes, number - 1)
         cycles = LimitCycles()
@@ -114,6 +117,7 @@ def _follow_and_show(
         try:
             place = _begin(comm, job, recorder, tracker, cycles, journal, first, resume, progress)
             missed = _follow(comm, job, solver, tracker, differentiator, recorder, cycles, place, progress)
+            missed += f": {alike}" if missed and alike else ""
         finally:
             recorder.close()
 
