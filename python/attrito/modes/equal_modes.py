@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-# Relative difference of frequencies that counts as none: rounding of large models, and below what damping tells apart
+# Relative difference of frequencies that counts as none: rounding of large models; far below a damping ratio
 SAME_FREQUENCY = 1e-7
 
 
