@@ -336,12 +336,19 @@ def kill_when(folder: Path, pattern: str, ranks: int) -> dict[str, float]:
     return {path.name: path.stat().st_mtime_ns for path in (folder / "rom.h5.steps").glob("*.h5")}
 
 
-@pytest.mark.parametrize("pattern", ["constraint_000029_*.h5", "mode_000009_*.h5", "mass.h5"])
-def test_a_reduction_that_was_killed_goes_on_from_its_last_finished_step(middling, pattern):
+@pytest.fixture(scope="module")
+def whole(middling) -> Path:
+    """The reduction that none of those that were killed may differ from, made at once; `boundary.npy` beside it."""
     boundary = flanks(middling)[:120]
     np.save(middling / "boundary.npy", boundary)
-    arguments = (MPI.COMM_WORLD, middling / "model.h5")
-    reduce_model(*arguments, middling / "whole.h5", boundary, Options(modes=60, block_size=4))
+    options = Options(modes=60, block_size=4)
+    reduce_model(MPI.COMM_WORLD, middling / "model.h5", middling / "whole.h5", boundary, options)
+    return middling / "whole.h5"
+
+
+@pytest.mark.parametrize("pattern", ["constraint_000029_*.h5", "mode_000009_*.h5", "mass.h5"])
+def test_a_reduction_that_was_killed_goes_on_from_its_last_finished_step(middling, whole, pattern):
+    boundary = np.load(middling / "boundary.npy")
     left = kill_when(middling, pattern, 2)
     steps = middling / "rom.h5.steps"
     seen: dict[str, int] = {}
@@ -351,16 +358,17 @@ def test_a_reduction_that_was_killed_goes_on_from_its_last_finished_step(middlin
             seen[path.name] = path.stat().st_mtime_ns
 
     options = Options(modes=60, block_size=4)
-    reduce_model(*arguments, middling / "rom.h5", boundary, options, fingerprint="it", listener=listen)
+    files = middling / "model.h5", middling / "rom.h5"
+    reduce_model(MPI.COMM_WORLD, *files, boundary, options, fingerprint="it", listener=listen)
     kept = [name for name in left if name.startswith("constraint")]
     assert len(kept) >= 8
     assert all(seen[name] == left[name] for name in kept)
     assert not steps.exists()
-    with h5py.File(middling / "whole.h5") as whole, h5py.File(middling / "rom.h5") as rom:
-        pencils = [(file["stiffness"][:], file["mass"][:]) for file in (whole, rom)]
+    with h5py.File(whole) as at_once, h5py.File(middling / "rom.h5") as rom:
+        pencils = [(file["stiffness"][:], file["mass"][:]) for file in (at_once, rom)]
         assert rom["reduction"].attrs["modes_below_shift"] == 60
         # Factors of one and of two ranks differ by rounding, 1e-16, times the condition of K_ii, some 1e8.
-        assert worst(rom["recovery/basis"][:120], whole["recovery/basis"][:120]) < 1e-7
+        assert worst(rom["recovery/basis"][:120], at_once["recovery/basis"][:120]) < 1e-7
     one, other = (np.sqrt(np.abs(eigh(*pencil, eigvals_only=True)[6:])) for pencil in pencils)
     assert worst(other / one, 1.0) < 1e-9
 

@@ -3,9 +3,7 @@ program test_stability_discs
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp, two_pi
   use attrito_contact_state, only: regime_slip, regime_open
-  use attrito_solve_strategies, only: solve_by_strategies
-  use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
-  use attrito_solve_static_path, only: follow_static_path
+  use attrito_solve_solver, only: solver_type
   use attrito_integrate_loading, only: loading_type, new_loading, new_profile
   use attrito_integrate_state, only: state_type, new_state
   use attrito_integrate_system, only: system_type, new_system
@@ -26,8 +24,9 @@ program test_stability_discs
   use attrito_stability_verdict, only: largest_multiplier, stable, unstable
   use disc_scenes, only: rotating_scene, spatial_wedge, stiffen, spread_out, add_high_modes
   use scenes, only: scene_type, wedge
-  use session, only: run_in_session, only_me
+  use session, only: run_in_session
   use testing, only: test, check, check_close
+  use wedge_orbits, only: balance_scene
   implicit none
 
   call run_in_session('stability_discs', [ &
@@ -188,7 +187,7 @@ contains
     do number = 1, 2
       scene = wedge(45.0_wp)
       if (number == 2) call stiffen(scene)
-      call balance(scene, merge(132.0_wp, 110.0_wp, number == 1), merge(5.0_wp, 1.0_wp, number == 1), solver, error)
+      call balance_scene(scene, merge(132.0_wp, 110.0_wp, number == 1), merge(5.0_wp, 1.0_wp, number == 1), 20, solver, error, samples=512)
       if (allocated(error)) return
       call new_system(solver%structure, solver%contacts, flat, error)
       balance_motion = balance_motion_of(solver)
@@ -228,7 +227,7 @@ contains
     type(system_type) :: system
 
     scene = spatial_wedge(20.0_wp)
-    call balance(scene, frequency_hz, 1.0_wp, solver, error)
+    call balance_scene(scene, frequency_hz, 1.0_wp, 20, solver, error, samples=512)
     if (allocated(error)) return
     call new_system(solver%structure, solver%contacts, system, error)
     if (allocated(error)) return
@@ -236,24 +235,6 @@ contains
     search%in_time = .true.
     call solver%destroy()
   end subroutine balance_in_space
-
-  subroutine balance(scene, frequency_hz, level, solver, error)
-    type(scene_type), intent(in) :: scene
-    real(wp), intent(in) :: frequency_hz, level
-    type(solver_type), intent(out) :: solver
-    type(error_type), allocatable, intent(inout) :: error
-    type(error_type), allocatable :: fault
-
-    call new_solver(scene%structure, scene%contacts, only_me(), &
-                    solver_options_type(harmonics=20, samples=512, by_events=.true.), solver, fault)
-    if (.not. allocated(fault)) call follow_static_path(solver, reshape([1.0_wp], [1, 1]), 20, two_pi*frequency_hz, fault)
-    if (allocated(fault)) call check(error, .false., fault%message)
-    if (allocated(error)) return
-    call solver%set_loads([1.0_wp], level)
-    call solver%set_scales(two_pi*85.0_wp, two_pi*140.0_wp)
-    call solve_by_strategies(solver, two_pi*frequency_hz)
-    call check(error, solver%report%converged, 'the balance does not converge')
-  end subroutine balance
 
   !> All columns against central differences of a period of 16384 exponential steps, of the wedge in space, shaken across its plane,
   !> too; the contact slips where the period begins, and sticks and opens in it.
@@ -314,7 +295,7 @@ contains
 
     scene = spatial_wedge(20.0_wp)
     call add_high_modes(scene, modes(3) - 3)
-    call balance(scene, 110.0_wp, 1.0_wp, solver, error)
+    call balance_scene(scene, 110.0_wp, 1.0_wp, 20, solver, error, samples=512)
     if (allocated(error)) return
     call new_system(solver%structure, solver%contacts, system, error)
     if (allocated(error)) return

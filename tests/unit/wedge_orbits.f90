@@ -5,13 +5,13 @@ module wedge_orbits
   use attrito_integrate_loading, only: loading_type
   use attrito_integrate_state, only: state_type
   use attrito_integrate_system, only: system_type, new_system
-  use attrito_model_contacts, only: new_contacts
   use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
   use attrito_solve_static_path, only: follow_static_path
   use attrito_solve_strategies, only: solve_by_strategies
   use attrito_stability_event_orbit, only: event_orbit_type
   use attrito_stability_shooting, only: shoot
   use attrito_stability_start, only: loading_of, start_of
+  use disc_scenes, only: stiffen
   use scenes, only: scene_type, wedge
   use session, only: only_me
   use testing, only: check
@@ -26,11 +26,7 @@ contains
     type(scene_type) :: scene
 
     scene = wedge(45.0_wp)
-    scene%contacts%law%tangential_stiffness = 3.0e6_wp
-    scene%contacts%law%normal_stiffness = 3.0e6_wp
-    scene%contacts = new_contacts(scene%contacts%law, scene%contacts%directions)
-    scene%structure%static_loads = reshape([0.0_wp, 20.0_wp], [2, 1])
-    scene%structure%harmonic_load(:, 2) = [60.0_wp, 0.0_wp]
+    call stiffen(scene)
   end function stiff_wedge
 
   !> The event-exact orbit of a scene near that of its balance.
@@ -66,7 +62,7 @@ contains
   end subroutine find_orbit
 
   !> Solve a scene by events near resonance.
-  subroutine balance_scene(scene, frequency_hz, level, harmonics, solver, error)
+  subroutine balance_scene(scene, frequency_hz, level, harmonics, solver, error, samples)
     type(scene_type), intent(in) :: scene
     !> Frequency, Hz; factor on the loads
     real(wp), intent(in) :: frequency_hz, level
@@ -75,10 +71,14 @@ contains
     type(solver_type), intent(out) :: solver
     !> Allocated: the balance does not converge
     type(error_type), allocatable, intent(inout) :: error
+    !> J, of contacts with two tangents; those of the options unless given
+    integer, intent(in), optional :: samples
+    type(solver_options_type) :: options
     type(error_type), allocatable :: fault
 
-    call new_solver(scene%structure, scene%contacts, only_me(), solver_options_type(harmonics=harmonics, by_events=.true.), &
-                    solver, fault)
+    options = solver_options_type(harmonics=harmonics, by_events=.true.)
+    if (present(samples)) options%samples = samples
+    call new_solver(scene%structure, scene%contacts, only_me(), options, solver, fault)
     if (.not. allocated(fault)) call follow_static_path(solver, reshape([1.0_wp], [1, 1]), 20, two_pi*frequency_hz, fault)
     if (allocated(fault)) call check(error, .false., fault%message)
     if (allocated(error)) return
