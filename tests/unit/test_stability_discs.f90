@@ -187,7 +187,8 @@ contains
     do number = 1, 2
       scene = wedge(45.0_wp)
       if (number == 2) call stiffen(scene)
-      call balance_scene(scene, merge(132.0_wp, 110.0_wp, number == 1), merge(5.0_wp, 1.0_wp, number == 1), 20, solver, error, samples=512)
+      call balance_scene(scene, merge(132.0_wp, 110.0_wp, number == 1), merge(5.0_wp, 1.0_wp, number == 1), 20, solver, error, &
+                         samples=512)
       if (allocated(error)) return
       call new_system(solver%structure, solver%contacts, flat, error)
       balance_motion = balance_motion_of(solver)
