@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from attrito.library.names import STATES
 from attrito.model.model import Model
 
-OUTCOMES = ("converged", "unstable", "indeterminate", "no_period_one_orbit", "not_converged")
+OUTCOMES = ("converged", "unstable", "indeterminate", "no_period_one_orbit", "not_converged", "above_tolerance")
 
 HEX_EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
 TET_EDGES = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))

@@ -167,6 +167,39 @@ def test_what_failed_and_what_is_unstable_is_told_first(tmp_path):
     assert any("family" in line and "94 Hz" in line for line, _ in told)
 
 
+def test_points_above_the_tolerance_and_without_an_estimate_are_counted_first(tmp_path):
+    path = synthetic.write_result(
+        tmp_path / "r.h5",
+        [90.0, 91.0, 92.0, 93.0],
+        {"tip": [1.0, 3.0, 2.0, 1.0]},
+        outcome=["converged", "above_tolerance", "above_tolerance", "converged"],
+        estimate=[1e-3, 2e-2, np.nan, np.nan],
+    )
+    with Result(path) as result:
+        told = glance(View(result))
+    assert ("2 points are above the tolerance, or of unknown error: 91 to 92 Hz.", True) in told
+    assert ("2 points are without an estimated error: 92 to 93 Hz.", True) in told
+
+
+def test_sliders_that_drift_are_no_examination_of_stability(tmp_path):
+    path = synthetic.write_result(
+        tmp_path / "r.h5", [90.0, 91.0], {"tip": [1.0, 2.0]}, outcome=["converged", "indeterminate"]
+    )
+    with Result(path) as result:
+        told = glance(View(result))
+    assert ("Stability was not examined ([stability] method).", False) in told
+    assert ("1 point is indeterminate: sliders still move from period to period.", True) in told
+    assert not any("stable." in line for line, _ in told)
+    with h5py.File(path, "r+") as file:
+        reasons = ["", "a multiplier is too near the unit circle"]
+        file.create_dataset("stability/reason", data=reasons, dtype=h5py.string_dtype())
+        file["points/stable"][:] = [1, -1]
+    with Result(path) as result:
+        told = glance(View(result))
+    assert ("1 points are stable. No point that was examined is unstable.", False) in told
+    assert ("1 points have no verdict on their stability.", True) in told
+
+
 def test_a_report_says_of_how_many_families_the_reach_is_not_known_and_that_the_mean_was_frozen(tmp_path):
     path = synthetic.write_result(
         tmp_path / "r.h5",

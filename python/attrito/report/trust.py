@@ -47,12 +47,23 @@ def trust(view: View) -> list[tuple[str, str, bool]]:
 
 
 def _errors(view: View) -> list[tuple[str, bool]]:
+    """Where the tolerance is not kept, the largest estimate, and of how many points there is none."""
+    above = _with_outcome(view, "above_tolerance")
+    lines = []
+    if above.any():
+        words = f"{_points(above)} above the tolerance, or of unknown error: {view.ranges(above)}."
+        lines.append((words, True))
     estimate = np.where(view.solved, view.result.array("/points/estimate"), np.nan)
-    if not np.isfinite(estimate).any():
-        return []
+    known = np.isfinite(estimate)
+    if not known.any():
+        return lines
     worst = int(np.nanargmax(estimate))
     words = f"Estimated error of the amplitude: at most {estimate[worst]:.1e} of it ({view.place(worst)})."
-    return [(words, bool(estimate[worst] > LARGE_ERROR))]
+    lines.append((words, bool(estimate[worst] > LARGE_ERROR)))
+    unknown = view.solved & ~known
+    if unknown.any():
+        lines.append((f"{_points(unknown)} without an estimated error: {view.ranges(unknown)}.", True))
+    return lines
 
 
 def _reduction(view: View) -> list[tuple[str, bool]]:
@@ -84,13 +95,36 @@ def _solutions(view: View) -> tuple[str, bool]:
 
 
 def _verdicts(view: View) -> list[tuple[str, bool]]:
-    stable, undecided = view.result.array("/points/stable"), view.result.outcome.count("indeterminate")
-    if not (stable >= 0).any() and not undecided:
-        return [("Stability was not examined ([stability] method).", False)]
-    where = view.ranges((stable == 0) & view.solved)
-    verdict = f"Unstable: {where}." if where else "No point that was examined is unstable."
-    lines = [(f"{(stable == 1).sum()} points are stable. {verdict}", bool(where))]
-    return lines + ([(f"{undecided} points have no verdict on their stability.", True)] if undecided else [])
+    """A point is indeterminate for a reason that its examination gives, or, not examined, since its sliders drift."""
+    stable, indeterminate = view.result.array("/points/stable"), _with_outcome(view, "indeterminate")
+    reasoned = np.zeros(len(stable), dtype=bool)
+    if view.result.has("/stability/reason"):
+        reasoned = np.array([len(reason) > 0 for reason in view.result.array("/stability/reason")], dtype=bool)
+    undecided, drifting = indeterminate & reasoned, indeterminate & ~reasoned
+    lines = []
+    if not ((stable >= 0) | undecided).any():
+        lines.append(("Stability was not examined ([stability] method).", False))
+    else:
+        where = view.ranges((stable == 0) & view.solved)
+        verdict = f"Unstable: {where}." if where else "No point that was examined is unstable."
+        lines.append((f"{(stable == 1).sum()} points are stable. {verdict}", bool(where)))
+    if undecided.any():
+        lines.append((f"{undecided.sum()} points have no verdict on their stability.", True))
+    if drifting.any():
+        words = f"{_points(drifting)} indeterminate: sliders still move from period to period."
+        lines.append((words, True))
+    return lines
+
+
+def _with_outcome(view: View, outcome: str) -> np.ndarray:
+    """bool [np], points of an outcome."""
+    return np.array([name == outcome for name in view.result.outcome], dtype=bool)
+
+
+def _points(chosen: np.ndarray) -> str:
+    """`1 point is`, `2 points are`."""
+    count = int(chosen.sum())
+    return f"{count} point is" if count == 1 else f"{count} points are"
 
 
 def _bifurcations(view: View) -> list[tuple[str, bool]]:
