@@ -2,8 +2,9 @@
 !> where the point before was left.
 !>
 !> Newton's method is hardest at the onset of gross slip. Two findings end the search: mean friction forces cannot balance (rigid-body
-!> drift) and a few starts by time integration find nothing else; or motion in time has not settled after all starts. The next point
-!> then begins with what was found here. A point that fails leaves the solver as it was, with a report that says so.
+!> drift) and a few starts by time integration find nothing else; or motion in time has not settled after all starts, where the point
+!> before had no periodic motion either. The next point then begins with what was found here. A point that fails leaves the solver as
+!> it was, with a report that says so.
 module attrito_solve_strategies
   use attrito_core_kinds, only: wp
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
