@@ -28,6 +28,7 @@ def cross_check(job: Job, earlier: list[Fault], excited: bool = True) -> list[Fa
     # Nor do the keys of a table that is missing.
     checks = (
         _check_model,
+        _check_normals,
         _check_contact_sets,
         _check_loads,
         *((_check_excitation, _check_ratios) if excited else (_check_band_of_reduction,)),
@@ -79,6 +80,25 @@ def _check_model(job: Job) -> list[Fault]:
         faults.append(job.fault("[reduction] error", reduction["error"], expected))
     if not job["contact"] and not job["contact_set"]:
         faults.append(job.fault("contact", "missing", "at least one [[contact]] or [[contact_set]]"))
+    return faults
+
+
+def _check_normals(job: Job) -> list[Fault]:
+    """A contact has a normal displacement and its stiffness, or a normal force that is constant."""
+    faults = []
+    for i, keys in enumerate(job["contact"]):
+        place = f"contact[{i}]"
+        if keys["normal"] is not None:
+            if keys["normal_stiffness"] is None:
+                expected = "a number above 0, the stiffness along normal"
+                faults.append(job.fault(f"{place} normal_stiffness", "missing", expected))
+            continue
+        for name, absent in (("normal_stiffness", None), ("gap", 0.0), ("normal_next", None)):
+            if keys[name] != absent:
+                faults.append(job.fault(f"{place} {name}", keys[name], "no such key without normal"))
+        if keys["preload"] == 0.0:
+            expected = "a number above 0 without normal: the normal force, which is constant then; or normal"
+            faults.append(job.fault(f"{place} preload", 0.0, expected))
     return faults
 
 

@@ -171,8 +171,8 @@ def _check_next_rows(job: Job) -> list[Fault]:
     faults = []
     for i, contact in enumerate(job["contact"]):
         given = _next_keys(contact)
-        if len(given) == 1:
-            missing = "tangents_next" if given == ["normal_next"] else "normal_next"
+        missing = "tangents_next" if given == ["normal_next"] else "normal_next"
+        if len(given) == 1 and (missing == "tangents_next" or contact["normal"] is not None):
             faults.append(job.fault(f"contact[{i}] {missing}", "missing", f"this key, to go with {given[0]}"))
         elif given and contact["tangents"] and len(contact["tangents_next"]) != len(contact["tangents"]):
             count = len(contact["tangents"])

@@ -303,7 +303,12 @@ TABLES: dict[str, dict[str, Key]] = {
 
 ARRAYS: dict[str, dict[str, Key]] = {
     "contact": {
-        "normal": Key(listing(term, 1), None, "the approach v of the two sides, closing positive", required=True),
+        "normal": Key(
+            listing(term, 1),
+            None,
+            "the approach v of the two sides, closing positive; absent: the normal force is `preload` at all times"
+            " ([method.md](method.md#contact-laws))",
+        ),
         "tangents": Key(
             listing(listing(term, 1), 1, 2), None, "the relative displacement u along one or two", required=True
         ),
@@ -318,6 +323,9 @@ ARRAYS: dict[str, dict[str, Key]] = {
             "what they add to `tangents`, as many; may be empty, as a list is that adds none",
         ),
         **LAW,
+        "normal_stiffness": Key(
+            number(0, above=True), None, "kn: force per approach while it is closed; required with `normal`"
+        ),
         "area": Key(number(0, above=True), None, 'with `law = "pressure"`: the area A that N presses'),
     },
     "contact_set": {

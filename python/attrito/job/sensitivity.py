@@ -198,6 +198,8 @@ def _entries(job: Job, table: str, place: str) -> list[int]:
 def _check_number(entry: dict[str, object], place: str, key: str, row: int | None) -> None:
     """Raise where an entry's key is no number that forces have a derivative by."""
     value = entry[key]
+    if key in ("normal_stiffness", "gap") and entry.get("normal", ...) is None:
+        raise ValueError(f"a contact with normal; {place} has a constant normal force")
     if row is not None:
         if not isinstance(value, list) or row >= len(value):
             raise ValueError(f"a row, from 0, of a table by pressure; {place}.{key} is {value!r}")

@@ -160,14 +160,14 @@ def _contacts(job: Job, model: Model, places: DofResolver) -> Contacts:
     blocks: list[_Block] = []
     for i, contact in enumerate(job["contact"]):
         key = f"contact[{i}]"
-        named = [*(("tangents", terms) for terms in contact["tangents"]), ("normal", contact["normal"])]
+        named = [*(("tangents", terms) for terms in contact["tangents"]), ("normal", contact["normal"] or [])]
         beyond = [*(contact["tangents_next"] or [[]] * (len(named) - 1)), contact["normal_next"] or []]
         rows, next_rows = [], []
         for (name, terms), more in zip(named, beyond, strict=True):
             earlier = len(places.faults)
             rows.append(places.vector(terms, f"{key} {name}"))
             next_rows.append(places.vector(more, f"{key} {name}_next"))
-            if not rows[-1].any() and not next_rows[-1].any() and len(places.faults) == earlier:
+            if terms and not rows[-1].any() and not next_rows[-1].any() and len(places.faults) == earlier:
                 places.add(f"{key} {name}", [list(term) for term in terms], "a coefficient that is not zero")
         blocks.append(_explicit(rows, next_rows))
     for i, contact_set in enumerate(job["contact_set"]):
@@ -195,6 +195,9 @@ def laws_of(job: Job, contacts: Contacts) -> dict[str, np.ndarray]:
     for name in LAW_KEYS:
         values = [np.nan if keys[name] is None else _one_number(keys[name]) for keys in given]
         laws[name] = np.array(values, dtype=float)[contacts.tables]
+    # Of a contact without a normal displacement any will do: that is kt.
+    without = np.isnan(laws["normal_stiffness"])
+    laws["normal_stiffness"][without] = laws["tangential_stiffness"][without]
     by_geometry = np.array([keys["gap"] == "geometry" for keys in given])[contacts.tables]
     laws["gap"] = np.where(by_geometry, contacts.places["clearance"], laws["gap"]) + contacts.gaps
     by_area = np.array([keys.get("stiffness_per") == "area" for keys in given])[contacts.tables]

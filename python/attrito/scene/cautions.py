@@ -115,8 +115,10 @@ def _parallel_rows(job: Job, contacts: Contacts) -> Iterator[str]:
         rows = contacts.rows[own].toarray()
         if contacts.next_rows is not None:
             rows = np.hstack([rows, contacts.next_rows[own].toarray()])
-        rows = rows / np.linalg.norm(rows, axis=1)[:, None]
         names = [*(f"tangents[{i}]" for i in range(len(rows) - 1)), "normal"]
+        # Without a normal displacement its row is empty.
+        rows = rows[rows.any(axis=1)]
+        rows = rows / np.linalg.norm(rows, axis=1)[:, None]
         for i, j in combinations(range(len(rows)), 2):
             cosine = rows[i] @ rows[j]
             if np.linalg.norm(rows[i] - cosine * rows[j]) <= PARALLEL:
