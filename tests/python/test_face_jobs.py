@@ -178,3 +178,16 @@ def test_plates_with_unlike_meshes_are_reduced_and_run(plates):
     # The contacts carry the bolt's 4 kN, about its hole.
     assert mean.sum() == pytest.approx(4000.0, abs=1e-2)
     assert mean[radius > 15.0].sum() < 1e-2 * mean.sum()
+
+
+def test_the_job_with_contact_on_faces_runs_on_the_meshes_that_it_names(plates):
+    text = re.sub(r"\.\./out/\w+/", "", (REPOSITORY / "input" / "lap_joint_faces.toml").read_text())
+    text, count = re.subn(r"start_hz = .*\nstop_hz = .*\n", "frequencies_hz = [50.0]\n", text)
+    assert count == 1
+    text = text.replace("result.h5", "faces.h5").replace("modes = 20", 'modes = 20\nfile = "rom_faces.h5"')
+    (plates / "faces.toml").write_text(text.replace("[static]", '[static]\nbounds = "none"'))
+    done = attrito(plates, "run", "faces.toml")
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"contact_set\[0\]: 168 Gauss points .* of upper_face: area", done.stdout)
+    with h5py.File(plates / "faces.h5") as file:
+        assert file["contacts/n_mean"][0].sum() == pytest.approx(4000.0, abs=1e-2)
