@@ -128,7 +128,7 @@ contains
     call listener%report('/points/outcome', 'int32', [integer ::], [real(report%findings%outcome(), wp)], &
                        'how the point ended: index into the attribute names', '1', outcome_names)
     call report_integer('unique', merge(report%unique, -1, solved), '1 unique, 0 one of a family, -1 not examined')
-    call report_integer('stable', report%findings%stability(), '1 stable, 0 unstable, -1 not examined')
+    call report_integer('stable', report%findings%stability(), '1 stable, 0 unstable, -1 not examined or indeterminate')
     call report_real('residual', report%residual, 'norm of the residual relative to the stuck response', '1')
     call report_real('estimate', merge(report%errors%all(), blank(), solved), &
                    'estimated relative error of the amplitude; NaN: not known', '1')
