@@ -25,12 +25,15 @@ def changed(tables, *settings):
 def test_a_setting_replaces_a_key_or_adds_it_and_reaches_every_entry_of_a_list():
     job = {"balance": {"harmonics": 5}, "contact": [{"gap": 0.0}, {"gap": 1.0}], "static": {"load_path": [0.0, 1.0]}}
     given = ("balance.harmonics=9", "static.slider=reset", "contact[*].friction_coefficient=0.4", "contact[1].gap=2.5",
-             "static.load_path[1]=0.5", "sweep.levels=[1, 2.0]")  # fmt: skip
+             "static.load_path[1]=0.5", "sweep.levels=[1, 2.0]",
+             "integrate.start=point:12", "peak.monitor=blade tip (mm)")  # fmt: skip
     assert changed(job, *given) == {
         "balance": {"harmonics": 9},
         "static": {"slider": "reset", "load_path": [0.0, 0.5]},
         "contact": [{"gap": 0.0, "friction_coefficient": 0.4}, {"gap": 2.5, "friction_coefficient": 0.4}],
         "sweep": {"levels": [1, 2.0]},
+        "integrate": {"start": "point:12"},
+        "peak": {"monitor": "blade tip (mm)"},
     }
 
 

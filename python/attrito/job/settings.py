@@ -36,11 +36,11 @@ def apply_settings(raw: dict[str, Any], settings: list[str], path: str) -> None:
 
 
 def _value(text: str) -> Any:
-    """A value of TOML; a bare word is a text."""
+    """A value of TOML; what has none of its brackets and quotes, which a shell takes away, is a text."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):
-        if re.fullmatch(r"[\w./-]+", text):
+        if re.fullmatch(r"""[^][{}"'\n]+""", text):
             return text
         raise ValueError("a value of TOML") from None
 
