@@ -33,6 +33,8 @@ module attrito_reduce_complex_schur
   !> Room beyond what is foreseen, in percent
   integer, parameter :: room = 30 ! conventional
 
+  character(*), parameter :: cannot = 'the boundary cannot be condensed '
+
   interface
     subroutine zmumps(id)
       import :: zmumps_struc
@@ -96,17 +98,25 @@ contains
     complex(wp), allocatable, intent(out) :: schur(:, :)
     !> MUMPS failed, as where memory is short
     type(error_type), allocatable, intent(out) :: error
-    integer :: kept
+    integer :: kept, status
 
     kept = 0
     if (self%ranks%is_root()) kept = self%mumps%size_schur
-    allocate (self%mumps%schur(kept*kept))
-    self%mumps%job = job_factor
-    call zmumps(self%mumps)
-    call check(self, error)
-    ! By rows the lower triangle, hence by columns the upper one.
-    if (.not. allocated(error)) schur = reshape(self%mumps%schur, [kept, kept])
-    deallocate (self%mumps%schur)
+    allocate (self%mumps%schur(kept*kept), schur(kept, kept), stat=status)
+    if (self%ranks%largest(real(abs(status), wp)) > 0.0_wp) then
+      call raise(error, cannot//'(no memory for the result)')
+    else
+      self%mumps%job = job_factor
+      call zmumps(self%mumps)
+      call check(self, error)
+    end if
+    if (allocated(error)) then
+      if (allocated(schur)) deallocate (schur)
+    else
+      ! By rows the lower triangle, hence by columns the upper one.
+      schur = reshape(self%mumps%schur, [kept, kept])
+    end if
+    if (associated(self%mumps%schur)) deallocate (self%mumps%schur)
   end subroutine complement
 
   !> What MUMPS complains of.
@@ -120,7 +130,7 @@ contains
       if (status >= 0) return
       write (code, '(a, i0, a, i0, a)') '(MUMPS error ', status, ', ', detail, ')'
     end associate
-    call raise(error, 'the boundary cannot be condensed '//trim(code))
+    call raise(error, cannot//trim(code))
   end subroutine check
 
   !> Release what MUMPS holds.

@@ -7,7 +7,8 @@
 !>
 !> With E numbers in the factors of K_ii, nb boundary dofs of n and r dofs to recover, constraint modes take 4 E nb operations and the
 !> projection of K and M on them 2 n nb^2; condensing takes four times the complex operations of an elimination, and 4 E r. The way of
-!> fewer is taken. An elimination that keeps the boundary takes no less than one of K_ii, so small boundaries are not even analysed.
+!> fewer is taken; where condensing fails, as memory may be short, it is the other. An elimination that keeps the boundary takes no
+!> less than one of K_ii, so small boundaries are not even analysed.
 module attrito_reduce_condensed_steps
   use petscmat
   use attrito_core_errors, only: error_type
@@ -33,6 +34,13 @@ module attrito_reduce_condensed_steps
   !> Part of the free memory that the elimination may take
   real(wp), parameter :: memory_share = 0.8_wp ! guess
 
+  !> Entries of a sparse matrix, those of one place to be summed
+  type :: entries_type
+    !> From 1
+    integer, allocatable :: rows(:), columns(:)
+    complex(wp), allocatable :: values(:)
+  end type entries_type
+
 contains
 
   !> Condense the boundary where that is possible and takes fewer operations than constraint modes.
@@ -42,8 +50,6 @@ contains
     !> A step failed
     type(error_type), allocatable, intent(out) :: error
     real(wp), allocatable :: numbers(:)
-    type(complex_schur_type) :: schur
-    real(wp) :: step
 
     work%report%condensed = 0
     if (.not. may_be_condensed(work)) return
@@ -60,11 +66,7 @@ contains
     if (.not. is_worth_analysing(work)) return
     call work%progress%step('condensation', 0, 1)
     call work%begin(step_constraint)
-    call analyse(work, schur, step, error)
-    if (.not. allocated(error)) then
-      if (is_cheaper(work, schur)) call condense(work, schur, step, error)
-    end if
-    call schur%destroy()
+    call try_condensing(work, error)
     if (.not. allocated(error) .and. work%report%condensed == 1) call project(work, error)
     call work%finish(step_constraint)
     if (.not. allocated(error)) call work%save_report(error)
@@ -72,6 +74,34 @@ contains
       call work%store%put_numbers(work%split, 'condensed', work%condensed%numbers(), error)
     call work%progress%step('condensation', 1, 1)
   end subroutine take_condensation_step
+
+  !> Condense the boundary if that is cheaper, or asked for. Where that fails and was not asked for, constraint modes are the way.
+  subroutine try_condensing(work, error)
+    !> Store of columns, memory and steps of the reduction
+    type(workspace_type), intent(inout) :: work
+    !> The model cannot be read, or condensing was asked for and has failed
+    type(error_type), allocatable, intent(out) :: error
+    type(complex_schur_type) :: schur
+    type(entries_type) :: entries
+    type(error_type), allocatable :: failed
+    real(wp) :: step
+
+    call read_entries(work, entries, step, error)
+    if (allocated(error)) return
+    call new_complex_schur(schur, work%split%ranks, work%split%n, work%split%boundary + 1, entries%rows, entries%columns, &
+                           entries%values, failed)
+    entries = entries_type()
+    if (.not. allocated(failed)) then
+      if (is_cheaper(work, schur)) call condense(work, schur, step, failed)
+    end if
+    call schur%destroy()
+    if (.not. allocated(failed)) return
+    if (work%options%condense == 'yes') then
+      call move_alloc(failed, error)
+    else
+      call work%progress%say(failed%message//': constraint modes')
+    end if
+  end subroutine try_condensing
 
   !> Other matrices need the constraint modes, and so does the motion of all dofs.
   pure logical function may_be_condensed(work)
@@ -122,15 +152,15 @@ contains
     call work%progress%say(trim(text)//trim(merge(': condensed       ', ': constraint modes', is_cheaper)))
   end function is_cheaper
 
-  !> K + i h M, ordered.
-  subroutine analyse(work, schur, step, error)
+  !> This rank's entries of K + i h M, on and below the diagonal.
+  subroutine read_entries(work, entries, step, error)
     !> Store of columns, memory and steps of the reduction
     type(workspace_type), intent(in) :: work
-    !> The elimination
-    type(complex_schur_type), intent(inout) :: schur
+    !> What the matrix is made of
+    type(entries_type), intent(out) :: entries
     !> h
     real(wp), intent(out) :: step
-    !> Allocated: what has failed
+    !> The model cannot be read
     type(error_type), allocatable, intent(out) :: error
     type(triangle_type) :: stiffness, mass
     type(hdf5_file_type) :: file
@@ -144,11 +174,11 @@ contains
       call close_file(file)
       if (allocated(error)) return
       step = imaginary_step(ranks%largest(maxval([0.0_wp, abs(stiffness%values)])), ranks%largest(maxval([0.0_wp, abs(mass%values)])))
-      call new_complex_schur(schur, ranks, work%split%n, work%split%boundary + 1, [stiffness%rows, mass%rows], &
-                             [stiffness%columns, mass%columns], &
-                             [cmplx(stiffness%values, 0.0_wp, wp), cmplx(0.0_wp, step*mass%values, wp)], error)
     end associate
-  end subroutine analyse
+    entries%rows = [stiffness%rows, mass%rows]
+    entries%columns = [stiffness%columns, mass%columns]
+    entries%values = [cmplx(stiffness%values, 0.0_wp, wp), cmplx(0.0_wp, step*mass%values, wp)]
+  end subroutine read_entries
 
   !> Eliminate the interior; both matrices on every rank.
   subroutine condense(work, schur, step, error)

@@ -181,6 +181,47 @@ def test_a_large_boundary_is_condensed_and_a_small_one_is_not(tmp_path):
     assert small.reduce(None)[0].condensed == 0
 
 
+IN_LITTLE_MEMORY = """
+import json, resource, sys
+import numpy as np
+from mpi4py import MPI
+from attrito.library.reduction import Options, reduce_model
+model, rom, asked = sys.argv[1], sys.argv[2], json.loads(sys.argv[3])
+def hear(text, done, total):
+    print(text, flush=True)
+    if text.startswith("condensing the boundary takes"):
+        pages = int(open("/proc/self/statm").read().split()[0])
+        # The result alone, 16 bytes a number, takes more than is left.
+        left = 8 * len(asked["boundary"]) ** 2
+        resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + left, resource.RLIM_INFINITY))
+    if text.startswith("the boundary cannot be condensed"):
+        resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY,) * 2)
+report = reduce_model(
+    MPI.COMM_WORLD, model, rom, np.array(asked["boundary"]), Options(modes=6), np.array(asked["vectors"]),
+    listener=hear, recovered=asked["recovered"],
+)
+assert report.condensed == 0
+"""
+
+
+def test_a_boundary_that_cannot_be_condensed_gets_constraint_modes(tmp_path):
+    model, points = elastic_block((12, 6, 2), (0.2, 0.1, 0.04))
+    face = np.flatnonzero(np.repeat(points[:, 2] < 1e-9, 3))
+    case = scene(tmp_path, model.stiffness, model.mass, face)
+    asked = json.dumps(
+        {"boundary": face.tolist(), "vectors": case.vectors.tolist(), "recovered": list(map(int, case.recovered))}
+    )
+    words = sys.executable, "-c", IN_LITTLE_MEMORY, str(tmp_path / "model.h5"), str(tmp_path / "little.h5"), asked
+    done = subprocess.run(words, env=clean_environment(), capture_output=True, text=True, timeout=TIMEOUT)
+    assert done.returncode == 0, done.stdout + done.stderr
+    lines = [line for line in done.stdout.splitlines() if line.startswith("the boundary cannot be condensed")]
+    assert len(lines) == 1 and lines[0].endswith(": constraint modes")
+    _, by_modes = case.reduce(False)
+    with h5py.File(tmp_path / "little.h5") as found:
+        for name in ("stiffness", "mass"):
+            assert worst(found[name][:], by_modes[name][:]) < 1e-12
+
+
 def test_modes_are_doubled_on_a_condensed_boundary_as_on_constraint_modes(tmp_path):
     free = block_scene(tmp_path)
     reports = [
