@@ -165,13 +165,14 @@ void attrito_leading_mode(void *handle, int *mode, double *amplitude);
 void attrito_begin_backbone(void *handle, int mode, int monitor, int measure, double amplitude, int branch,
     attrito_backbone *backbone);
 
-/* A mode from a shape with unit modal mass, cosine - i sine, [m] each, and an angular frequency, at an amplitude of the shape.
+/* A mode from a shape with unit modal mass, cosine - i sine, and an angular frequency, at an amplitude of the shape; other shapes
+ * of that frequency follow the first, [m, shapes] all together.
  * The static path has been followed; the session serves nothing but this mode from then on. */
-void attrito_begin_mode(void *handle, const double *cosine, const double *sine, double omega, double amplitude,
-    int branch, attrito_backbone *backbone);
+void attrito_begin_mode(void *handle, int shapes, const double *cosine, const double *sine, double omega,
+    double amplitude, int branch, attrito_backbone *backbone);
 
 /* Ready for a mode, as `attrito_begin_mode` begins one, to go on from a state that was saved. */
-void attrito_prepare_mode(void *handle, const double *cosine, const double *sine, double omega);
+void attrito_prepare_mode(void *handle, int shapes, const double *cosine, const double *sine, double omega);
 
 /* At another amplitude, by long steps from where contacts stick. */
 void attrito_restart_backbone(void *handle, double amplitude, int branch, attrito_backbone *backbone);

@@ -56,11 +56,14 @@ contains
     call describe(session, branch, backbone)
   end subroutine attrito_begin_backbone
 
-  !> A mode from a shape with unit modal mass, cosine - i sine, [m] each, and an angular frequency, at an amplitude of the shape.
+  !> A mode from a shape with unit modal mass, cosine - i sine, and an angular frequency, at an amplitude of the shape; other shapes
+  !> of that frequency follow the first, [m, shapes] all together.
   !> The static path has been followed; the session serves nothing but this mode from then on.
-  subroutine attrito_begin_mode(handle, cosine, sine, omega, amplitude, branch, backbone) bind(c)
+  subroutine attrito_begin_mode(handle, shapes, cosine, sine, omega, amplitude, branch, backbone) bind(c)
     !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> How many
+    integer(c_int), value :: shapes
     !> In the model's coordinates
     real(c_double), intent(in) :: cosine(*), sine(*)
     !> Angular frequency, rad/s; amplitude of the shape
@@ -72,14 +75,17 @@ contains
     type(session_type), pointer :: session
 
     session => session_of(handle)
-    call begin_mode(session%solver, shape_of(session, cosine, sine), omega, problem_type(monitor=0), amplitude, session%backbone)
+    call begin_mode(session%solver, shapes_of(session, shapes, cosine, sine), omega, problem_type(monitor=0), amplitude, &
+                    session%backbone)
     call describe(session, branch, backbone)
   end subroutine attrito_begin_mode
 
   !> Ready for a mode, as `attrito_begin_mode` begins one, to go on from a state that was saved.
-  subroutine attrito_prepare_mode(handle, cosine, sine, omega) bind(c)
+  subroutine attrito_prepare_mode(handle, shapes, cosine, sine, omega) bind(c)
     !> Session, see `session_of`
     type(c_ptr), value :: handle
+    !> How many
+    integer(c_int), value :: shapes
     !> In the model's coordinates
     real(c_double), intent(in) :: cosine(*), sine(*)
     !> Angular frequency, rad/s
@@ -87,21 +93,23 @@ contains
     type(session_type), pointer :: session
 
     session => session_of(handle)
-    call prepare_mode(session%solver, shape_of(session, cosine, sine), omega, problem_type(monitor=0), session%backbone)
+    call prepare_mode(session%solver, shapes_of(session, shapes, cosine, sine), omega, problem_type(monitor=0), session%backbone)
   end subroutine attrito_prepare_mode
 
-  !> Of the model's coordinates [m].
-  function shape_of(session, cosine, sine) result(shape)
+  !> Of the model's coordinates [m, shapes].
+  function shapes_of(session, count, cosine, sine) result(shapes)
     !> Session behind a handle
     type(session_type), intent(in) :: session
+    !> Of shapes
+    integer, intent(in) :: count
     !> Real part; imaginary part, less its sign
     real(c_double), intent(in) :: cosine(*), sine(*)
-    complex(wp), allocatable :: shape(:)
+    complex(wp), allocatable :: shapes(:, :)
 
     associate (m => size(session%structure%mass, 1))
-      shape = cmplx(cosine(:m), -sine(:m), wp)
+      shapes = reshape(cmplx(cosine(:m*count), -sine(:m*count), wp), [m, count])
     end associate
-  end function shape_of
+  end function shapes_of
 
   !> At another amplitude, by long steps from where contacts stick.
   subroutine attrito_restart_backbone(handle, amplitude, branch, backbone) bind(c)

@@ -1,10 +1,10 @@
 !> Dynamic stiffness of modes that damping leaves uncoupled, at one harmonic:
 !>
 !> $$ Z_{hr} = k_r - (h \omega)^2 m_r + i h \omega (c_r - \xi m_r), \qquad Z_{0r} = (1 + p) k_r, \qquad
-!>    Z_{1s} \leftarrow Z_{1s} + l $$
+!>    Z_{1s} \leftarrow Z_{1s} + l_s $$
 !>
-!> with what a receptance is set to: xi, the negative damping of autonomous motion; p, springs that hold the mean; l, the spring on
-!> one mode s.
+!> with what a receptance is set to: xi, the negative damping of autonomous motion; p, springs that hold the mean; l_s,
+!> springs on some modes s.
 module attrito_linear_modal_stiffness
   use attrito_core_kinds, only: wp
   use attrito_linear_receptance, only: receptance_type
@@ -31,7 +31,9 @@ contains
       dynamic = cmplx(merge(1.0_wp + receptance%held, 1.0_wp, h == 0)*elastic, &
                       h*omega*(damping - receptance%excitation*mass), wp)
     end associate
-    if (h == 1 .and. receptance%lifted_mode > 0) dynamic(receptance%lifted_mode) = dynamic(receptance%lifted_mode) + receptance%lift
+    if (h == 1 .and. receptance%is_lifted()) then
+      dynamic(receptance%lifted_modes) = dynamic(receptance%lifted_modes) + receptance%lifts
+    end if
     status = merge(1, 0, any(abs(real(dynamic, wp)) + abs(aimag(dynamic)) <= 0.0_wp))
     if (status /= 0) dynamic = 1.0_wp
   end subroutine modal_stiffness

@@ -26,10 +26,11 @@ module attrito_linear_receptance
     integer :: highest = 0
     !> Part of its stiffness that is added to that of the mean: see `apply_mean_springs`
     real(wp) :: held = 0.0_wp
-    !> Autonomous motion: damping taken away, a part of the mass; a mode that a spring holds at harmonic 1, if any, and this spring in
-    !> that mode's coordinate
-    real(wp) :: excitation = 0.0_wp, lift = 0.0_wp
-    integer :: lifted_mode = 0
+    !> Autonomous motion: damping taken away, a part of the mass; modes that springs hold at harmonic 1, if any, and these springs in
+    !> the modes' coordinates
+    real(wp) :: excitation = 0.0_wp
+    integer, allocatable :: lifted_modes(:)
+    real(wp), allocatable :: lifts(:)
   contains
     procedure(allocate_factors), deferred :: allocate_factors
     procedure(factor), deferred :: factor
@@ -62,7 +63,8 @@ module attrito_linear_receptance
     procedure :: without_springs
     procedure :: apply_mean_springs
     procedure :: excite
-    procedure :: lift_mode
+    procedure :: lift_modes
+    procedure :: is_lifted
     procedure :: is_set
   end type receptance_type
 
@@ -436,19 +438,26 @@ contains
     self%omega = -1.0_wp
   end subroutine excite
 
-  !> Let a spring hold the coordinate of a mode of the stuck system at harmonic 1, Z_1 + lift M x x^T M/(x^T M x)^2, so that it has an
-  !> inverse at this mode's resonance.
-  subroutine lift_mode(self, mode, lift)
+  !> Let springs hold the coordinates of modes of the stuck system at harmonic 1, Z_1 + sum of lift M x x^T M/(x^T M x)^2, so that it
+  !> has an inverse at these modes' resonance.
+  subroutine lift_modes(self, modes, lifts)
     class(receptance_type), intent(inout) :: self
-    !> From 1, ascending
-    integer, intent(in) :: mode
+    !> From 1
+    integer, intent(in) :: modes(:)
     !> Beside the modal stiffness x^T K~ x
-    real(wp), intent(in) :: lift
+    real(wp), intent(in) :: lifts(:)
 
-    self%lifted_mode = mode
-    self%lift = lift
+    self%lifted_modes = modes
+    self%lifts = lifts
     self%omega = -1.0_wp
-  end subroutine lift_mode
+  end subroutine lift_modes
+
+  !> Does a spring hold a mode at harmonic 1?
+  pure logical function is_lifted(self)
+    class(receptance_type), intent(in) :: self
+
+    is_lifted = allocated(self%lifted_modes)
+  end function is_lifted
 
   !> Is it ready for an angular frequency and harmonics up to one?
   pure logical function is_set(self, omega, highest)

@@ -110,6 +110,7 @@ contains
     complex(wp) :: stiffness(size(self%mass, 1), size(self%mass, 1))
     complex(wp) :: inertia(size(self%mass, 1))
     complex(wp), parameter :: i = (0.0_wp, 1.0_wp)
+    integer :: lifted
 
     associate (at => first_alike(h, self%period))
       associate (modes => self%diameters(at), mass => self%mass(:, :, at))
@@ -118,10 +119,12 @@ contains
           return
         end if
         stiffness = modes%stiffness - (h*omega)**2*mass
-        if (h == 1 .and. self%lifted_mode > 0) then
-          inertia = matmul(mass, modes%modes(:, self%lifted_mode))
-          inertia = inertia/dot_product(modes%modes(:, self%lifted_mode), inertia)
-          stiffness = stiffness + self%lift*spread(inertia, 2, size(inertia))*spread(conjg(inertia), 1, size(inertia))
+        if (h == 1 .and. self%is_lifted()) then
+          do lifted = 1, size(self%lifts)
+            inertia = matmul(mass, modes%modes(:, self%lifted_modes(lifted)))
+            inertia = inertia/dot_product(modes%modes(:, self%lifted_modes(lifted)), inertia)
+            stiffness = stiffness + self%lifts(lifted)*spread(inertia, 2, size(inertia))*spread(conjg(inertia), 1, size(inertia))
+          end do
         end if
       end associate
       if (is_mirrored(h, self%period)) stiffness = conjg(stiffness)

@@ -123,7 +123,7 @@ contains
     stiffness = cmplx(self%stuck_stiffness - (h*omega)**2*self%mass, h*omega*damping_of(self), wp)
     if (h > 0) stiffness = stiffness + (0.0_wp, 1.0_wp)*self%structural
     if (h == 0) stiffness = (1.0_wp + self%held)*stiffness
-    if (h == 1 .and. self%lifted_mode > 0) stiffness = stiffness + lift_of(self)
+    if (h == 1 .and. self%is_lifted()) stiffness = stiffness + lift_of(self)
     call self%factors%factor(h, stiffness, status)
   end subroutine factor
 
@@ -194,17 +194,21 @@ contains
     damping = self%viscous - self%excitation*self%mass
   end function damping_of
 
-  !> The spring on the lifted mode [m, m].
+  !> The springs on the lifted modes [m, m].
   pure function lift_of(self) result(stiffness)
     class(receptance_direct_type), intent(in) :: self
     real(wp) :: stiffness(size(self%mass, 1), size(self%mass, 1))
     real(wp) :: inertia(size(self%mass, 1))
+    integer :: i
 
-    associate (shape => self%modes(:, self%lifted_mode), m => size(inertia))
-      inertia = matmul(self%mass, shape)
-      inertia = inertia/dot_product(shape, inertia)
-      stiffness = self%lift*spread(inertia, 2, m)*spread(inertia, 1, m)
-    end associate
+    stiffness = 0.0_wp
+    do i = 1, size(self%lifts)
+      associate (shape => self%modes(:, self%lifted_modes(i)), m => size(inertia))
+        inertia = matmul(self%mass, shape)
+        inertia = inertia/dot_product(shape, inertia)
+        stiffness = stiffness + self%lifts(i)*spread(inertia, 2, m)*spread(inertia, 1, m)
+      end associate
+    end do
   end function lift_of
 
   subroutine block_between(self, h, rows_a, rows_b, block)
@@ -234,6 +238,7 @@ contains
     !> Number of the harmonic; number of lowest modes
     integer, intent(in) :: h, low
     complex(wp) :: stiffness(low)
+    integer :: i
 
     associate (frequency => h*self%omega, mass => self%modal_mass(:low))
       stiffness = cmplx(self%modal_stiffness(:low) - frequency**2*mass, &
@@ -241,9 +246,10 @@ contains
     end associate
     if (h > 0) stiffness = stiffness + (0.0_wp, 1.0_wp)*self%modal_loss(:low)
     if (h == 0) stiffness = (1.0_wp + self%held)*stiffness
-    if (h == 1 .and. self%lifted_mode > 0 .and. self%lifted_mode <= low) then
-      stiffness(self%lifted_mode) = stiffness(self%lifted_mode) + self%lift
-    end if
+    if (h /= 1 .or. .not. self%is_lifted()) return
+    do i = 1, size(self%lifts)
+      if (self%lifted_modes(i) <= low) stiffness(self%lifted_modes(i)) = stiffness(self%lifted_modes(i)) + self%lifts(i)
+    end do
   end function low_stiffness
 
   !> As if damping did not couple the modes above: it serves a preconditioner, and a solve for each contact would cost more than that

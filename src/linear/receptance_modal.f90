@@ -172,7 +172,7 @@ contains
     !> Stiffness, of each mode or as a matrix; mass, of each mode or as a matrix; damping of each mode
     real(wp), allocatable, intent(out) :: stiffness(:), mass(:), damping(:)
 
-    if (self%lifted_mode > 0) then
+    if (self%is_lifted()) then
       ! Not alike at all harmonics.
       allocate (stiffness(0), mass(0), damping(0))
       return

@@ -59,7 +59,7 @@ contains
     integer :: status
 
     serves = .false.
-    if (stiffening > hardly_kept .or. balance%receptance%held > 0.0_wp .or. balance%receptance%lifted_mode > 0) return
+    if (stiffening > hardly_kept .or. balance%receptance%held > 0.0_wp .or. balance%receptance%is_lifted()) return
     if (.not. allocated(self%rows)) call self%forget()
     call find_opened(self, balance)
     if (.not. allocated(self%receptance)) call find_modes(self, balance)

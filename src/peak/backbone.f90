@@ -4,7 +4,8 @@
 !> (`attrito_peak_resonant_level`). Source: Krack 2015, doi:10.1016/j.compstruc.2015.02.037.
 !>
 !> A mode may also be begun at a given shape phi and frequency, those of the tangent system where contacts are open at rest: the
-!> stuck mode that has most of phi then serves as the coordinate that is held, a = x^T M phi / m times the shape's amplitude.
+!> stuck mode that has most of phi then serves as the coordinate that is held, a = x^T M phi / m times the shape's amplitude. Beside
+!> other shapes of that frequency, a stuck mode is held for each, chosen by elimination so that they tell all mixtures apart.
 module attrito_peak_backbone
   use attrito_core_kinds, only: wp
   use attrito_linear_damping, only: damping_of_harmonic
@@ -60,12 +61,14 @@ contains
     type(backbone_type), intent(out) :: self
     real(wp), allocatable :: stiffness(:), mass(:), damping(:), omega(:)
 
-    self%mode = mode
+    self%modes = [mode]
+    self%mixture = [(1.0_wp, 0.0_wp)]
     self%problem = problem
     allocate (self%problem%border%motion(size(solver%motion, 1), size(solver%motion, 2)), source=0.0_wp)
-    call hold_mode(self, solver)
+    call hold_modes(self, solver)
     call solver%stuck%modal_at(1, stiffness, mass, damping)
-    self%rest = base_point_type(snapshot_type=snapshot_of(solver), amplitude=amplitude, excitation=damping(mode)/mass(mode))
+    self%rest = base_point_type(snapshot_type=snapshot_of(solver), amplitude=amplitude, excitation=damping(mode)/mass(mode), &
+                                mixture=self%mixture)
     omega = solver%stuck%omega_at(1)
     self%rest%omega = omega(mode)
     self%rest%all_stick = .true.
@@ -73,11 +76,12 @@ contains
   end subroutine begin_backbone
 
   !> The same from a shape and an angular frequency, about which the structure's small motion is; contacts need not stick.
-  subroutine begin_mode(solver, shape, omega, problem, amplitude, self)
+  subroutine begin_mode(solver, shapes, omega, problem, amplitude, self)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
-    !> In the model's coordinates, with unit modal mass [m]; of a sector at the nodal diameter of harmonic 1
-    complex(wp), intent(in) :: shape(:)
+    !> The mode and others of its frequency, in the model's coordinates, with unit modal mass [m, shapes]; of a sector at the nodal
+    !> diameter of harmonic 1
+    complex(wp), intent(in) :: shapes(:, :)
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
     !> Its monitor, 0: none, and measure; the border is made here
@@ -86,36 +90,65 @@ contains
     real(wp), intent(in) :: amplitude
     type(backbone_type), intent(out) :: self
 
-    call prepare_mode(solver, shape, omega, problem, self)
+    call prepare_mode(solver, shapes, omega, problem, self)
     call begin_at(self, solver, self%part*amplitude)
   end subroutine begin_mode
 
   !> Ready for a mode's first point, or to go on from points that were saved.
-  subroutine prepare_mode(solver, shape, omega, problem, self)
+  subroutine prepare_mode(solver, shapes, omega, problem, self)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
-    !> In the model's coordinates, with unit modal mass [m]; of a sector at the nodal diameter of harmonic 1
-    complex(wp), intent(in) :: shape(:)
+    !> The mode and others of its frequency, in the model's coordinates, with unit modal mass [m, shapes]; of a sector at the nodal
+    !> diameter of harmonic 1
+    complex(wp), intent(in) :: shapes(:, :)
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
     !> Its monitor, 0: none, and measure; the border is made here
     type(problem_type), intent(in) :: problem
     type(backbone_type), intent(out) :: self
-    complex(wp), allocatable :: parts(:)
+    complex(wp), allocatable :: parts(:, :)
     real(wp), allocatable :: stiffness(:), mass(:), damping(:)
+    integer :: i
 
-    parts = solver%stuck%coordinates_at(solver%structure, 1, shape)
     call solver%stuck%modal_at(1, stiffness, mass, damping)
-    self%mode = maxloc(abs(parts)**2*mass, 1)
-    self%shape = shape/parts(self%mode)
-    self%part = abs(parts(self%mode))
+    allocate (parts(size(mass), size(shapes, 2)))
+    do i = 1, size(shapes, 2)
+      parts(:, i) = solver%stuck%coordinates_at(solver%structure, 1, shapes(:, i))
+    end do
+    self%modes = independent_coordinates(parts, mass)
+    associate (held => parts(self%modes(1), 1))
+      self%mixture = parts(self%modes, 1)/held
+      self%shape = shapes(:, 1)/held
+      self%part = abs(held)
+    end associate
     self%problem = problem
     allocate (self%problem%border%motion(size(solver%motion, 1), size(solver%motion, 2)), source=0.0_wp)
-    call hold_mode(self, solver)
+    call hold_modes(self, solver)
     self%rest = base_point_type(snapshot_type=snapshot_of(solver))
     self%rest%omega = omega
-    self%rest%excitation = damping_of_harmonic(solver%structure, solver%stuck, 1, shape, omega)
+    self%rest%excitation = damping_of_harmonic(solver%structure, solver%stuck, 1, shapes(:, 1), omega)
+    self%rest%mixture = self%mixture
   end subroutine prepare_mode
+
+  !> As many stuck modes as there are shapes, whose coordinates tell mixtures of the shapes apart: the first has most of the first
+  !> shape, the next most of what elimination leaves of the next.
+  pure function independent_coordinates(parts, mass) result(modes)
+    !> Coordinates of the shapes [stuck modes, shapes]
+    complex(wp), intent(in) :: parts(:, :)
+    !> Of stuck modes
+    real(wp), intent(in) :: mass(:)
+    integer :: modes(size(parts, 2))
+    complex(wp) :: left(size(parts, 1), size(parts, 2))
+    integer :: i, j
+
+    left = parts
+    do i = 1, size(modes)
+      modes(i) = maxloc(abs(left(:, i))**2*mass, 1)
+      do j = i + 1, size(modes)
+        left(:, j) = left(:, j) - left(modes(i), j)/left(modes(i), i)*left(:, i)
+      end do
+    end do
+  end function independent_coordinates
 
   !> The point of an amplitude by long steps from one at which contacts still stick, the structure at rest before: what short steps do
   !> not pass, these may.
@@ -141,25 +174,30 @@ contains
     call go_to(self, solver, amplitude)
   end subroutine begin_at
 
-  !> The spring on the mode, and its load in place of all harmonic ones.
-  subroutine hold_mode(self, solver)
+  !> Springs on the modes, and their load in place of all harmonic ones.
+  subroutine hold_modes(self, solver)
     type(backbone_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     complex(wp), allocatable :: inertia(:)
     real(wp), allocatable :: stiffness(:), mass(:), damping(:)
+    integer :: k
 
     call solver%stuck%modal_at(1, stiffness, mass, damping)
-    associate (balance => solver%context%balance, stuck => solver%stuck, mode => self%mode)
-      inertia = matmul(solver%structure%mass, stuck%shape_at(solver%structure, 1, mode))
-      self%reader = balance%receptance%project_load(1, inertia)/mass(mode)
+    associate (balance => solver%context%balance, stuck => solver%stuck)
       self%force = balance%harmonic_load(:, 1)
+      allocate (self%readers(size(self%force), size(self%modes)))
+      do k = 1, size(self%modes)
+        inertia = matmul(solver%structure%mass, stuck%shape_at(solver%structure, 1, self%modes(k)))
+        self%readers(:, k) = balance%receptance%project_load(1, inertia)/mass(self%modes(k))
+      end do
+      self%springs = stiffness(self%modes)
       balance%harmonic_load = 0.0_wp
       balance%loaded = [1]
-      balance%harmonic_load(:, 1) = stiffness(mode)*self%reader
-      call balance%receptance%lift_mode(mode, stiffness(mode))
+      balance%harmonic_load(:, 1) = matmul(self%readers, self%springs*self%mixture)
+      call balance%receptance%lift_modes(self%modes, self%springs)
     end associate
-  end subroutine hold_mode
+  end subroutine hold_modes
 
   !> The linear mode about where the structure is at rest, at the amplitude given there.
   function linear(self, solver) result(base)
@@ -174,7 +212,7 @@ contains
     if (allocated(self%shape)) then
       shape = self%shape
     else
-      shape = solver%stuck%shape_at(solver%structure, 1, self%mode)
+      shape = solver%stuck%shape_at(solver%structure, 1, self%modes(1))
     end if
     allocate (coordinates(3, size(shape)), source=0.0_wp)
     coordinates(2, :) = real(shape, wp)

@@ -9,9 +9,15 @@
 !>
 !> which changes nothing where c = a. For omega and xi held the balance is solved as any other; two linearised solves say how c
 !> changes with them, and Newton's method on the complex equation c = a finds both.
+!>
+!> Of tangent modes with the same frequency every mixture is a mode while contacts stick, and Z~_1 stays singular. So springs hold a
+!> coordinate c_k of each of these modes, and their loads s_k b_k are given back where c_k = b_k. The b_k are unknowns like omega and
+!> xi, of which Newton's method takes the shortest step: while contacts stick any b_k will do, and the mixture stays the one that was
+!> asked for; where they slip it is the one that slipping leaves a mode.
 !> Source: Krack 2015, doi:10.1016/j.compstruc.2015.02.037.
 module attrito_peak_backbone_point
   use attrito_core_kinds, only: wp
+  use attrito_core_lapack, only: symmetric_eigenpairs
   use attrito_core_state_store, only: state_store_type
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
@@ -24,15 +30,20 @@ module attrito_peak_backbone_point
   !> Newton's steps on omega and xi; the largest relative change of the frequency in one
   integer, parameter :: most_iterations = 12 ! conventional
   real(wp), parameter :: longest_change = 0.1_wp ! guess
+  !> The largest change of equal modes' coordinates in one, parts of a; squares of singular values, parts of the largest, that are
+  !> none: of what changes nothing
+  real(wp), parameter :: longest_turn = 0.3_wp, least_square = 1.0e-14_wp ! guess
 
   !> Where the solver stands on a backbone
   type, extends(snapshot_type) :: base_point_type
     real(wp) :: amplitude = 0.0_wp, excitation = 0.0_wp
+    !> Coordinates b_k that are held, by a: the first is 1
+    complex(wp), allocatable :: mixture(:)
   end type base_point_type
 
   type :: backbone_type
-    !> Of the stuck system, from 1, ascending
-    integer :: mode = 1
+    !> Of the stuck system, from 1: those whose coordinates are held, the first being a
+    integer, allocatable :: modes(:)
     !> Whose amplitude is reported
     type(problem_type) :: problem
     !> Coordinate a of the mode, and xi
@@ -46,8 +57,11 @@ module attrito_peak_backbone_point
     integer :: iterations = 0
     !> Does it repeat but for sliders that creep on (`attrito_peak_slider_creep`)?
     logical :: creeps = .false.
-    !> M phi/m in generalised coordinates of harmonic 1 [n], and F_1
-    complex(wp), allocatable :: reader(:), force(:)
+    !> M phi/m of each mode that is held in generalised coordinates of harmonic 1 [n, modes], and F_1 [n]
+    complex(wp), allocatable :: readers(:, :), force(:)
+    !> Springs that hold these modes, and coordinates b_k by a
+    real(wp), allocatable :: springs(:)
+    complex(wp), allocatable :: mixture(:)
     !> Shape to begin at, in the model's coordinates, its coordinate being 1 [m]; not allocated: the stuck mode
     complex(wp), allocatable :: shape(:)
     !> Amplitude of the mode that is held, by that of the shape
@@ -57,7 +71,8 @@ module attrito_peak_backbone_point
   contains
     procedure :: is_prepared
     procedure :: keep
-    procedure :: coordinate
+    procedure :: coordinates
+    procedure :: missing_in
     procedure :: find_changes
   end type backbone_type
 
@@ -67,7 +82,7 @@ contains
   pure logical function is_prepared(self)
     class(backbone_type), intent(in) :: self
 
-    is_prepared = allocated(self%reader)
+    is_prepared = allocated(self%readers)
   end function is_prepared
 
   !> What the next point starts from, beside the solver's own state.
@@ -92,6 +107,7 @@ contains
     call base_point%keep(store)
     call store%keep(base_point%amplitude)
     call store%keep(base_point%excitation)
+    call store%keep(base_point%mixture)
   end subroutine keep_base_point
 
   !> Newton's method on omega and xi from where the solver stands; sliders that are not found with the motion go on from a point.
@@ -101,7 +117,7 @@ contains
     type(solver_type), intent(inout) :: solver
     !> Point of the backbone from which the next is sought
     type(base_point_type), intent(in) :: from
-    complex(wp) :: missing
+    complex(wp), allocatable :: missing(:)
     integer :: iteration, status
 
     self%found = .false.
@@ -111,103 +127,198 @@ contains
       call solver%solve_at(solver%omega, early_stop=.not. allocated(solver%context%balance%mean_before))
       self%iterations = self%iterations + solver%report%iterations
       if (.not. solver%report%converged) exit
-      missing = self%amplitude - self%coordinate(solver%context%balance%response)
-      self%found = abs(missing) <= solver%context%tolerance*self%amplitude
+      missing = self%missing_in(solver%context%balance%response)
+      self%found = all(abs(missing) <= solver%context%tolerance*self%amplitude)
       if (self%found) exit
       call step_towards(self, solver, missing, from, status)
       if (status /= 0) exit
     end do
   end subroutine correct
 
-  !> c(X_1).
-  pure complex(wp) function coordinate(self, response)
+  !> What coordinates that are held miss of b_k [modes].
+  pure function missing_in(self, response) result(missing)
     class(backbone_type), intent(in) :: self
     !> Coordinates of the response, by harmonic
     complex(wp), intent(in) :: response(:, 0:)
+    complex(wp) :: missing(size(self%modes))
 
-    coordinate = sum(conjg(self%reader)*response(:, 1))
-  end function coordinate
+    missing = self%amplitude*self%mixture - self%coordinates(response)
+  end function missing_in
 
-  !> Change omega and xi, and the motion with them, so that c grows by what is missing.
+  !> c_k(X_1) [modes].
+  pure function coordinates(self, response)
+    class(backbone_type), intent(in) :: self
+    !> Coordinates of the response, by harmonic
+    complex(wp), intent(in) :: response(:, 0:)
+    complex(wp) :: coordinates(size(self%modes))
+    integer :: k
+
+    coordinates = [(sum(conjg(self%readers(:, k))*response(:, 1)), k=1, size(self%modes))]
+  end function coordinates
+
+  !> Change omega and xi, the mixture of equal modes, and the motion with them, so that c grows by what is missing.
   subroutine step_towards(self, solver, missing, from, status)
     type(backbone_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
-    !> What is missing of the coordinate
-    complex(wp), intent(in) :: missing
+    !> What is missing of the coordinates [modes]
+    complex(wp), intent(in) :: missing(:)
     !> Point of the backbone from which the next is sought
     type(base_point_type), intent(in) :: from
     !> 0, or not: singular, or too far
     integer, intent(out) :: status
-    type(direction_type) :: by_omega, by_excitation
-    real(wp) :: change(2)
+    type(direction_type) :: ways(2*size(missing))
+    real(wp) :: change(2*size(missing))
+    real(wp), allocatable :: slider(:, :)
+    integer :: i
 
-    call self%find_changes(solver, missing, by_omega, by_excitation, change, status)
+    call self%find_changes(solver, missing, ways, change, status)
     if (status /= 0) return
     status = merge(0, 1, abs(change(1)) <= longest_change*solver%omega)
     if (status /= 0) return
-    solver%motion = solver%motion + change(1)*by_omega%step%motion + change(2)*by_excitation%step%motion
-    solver%omega = solver%omega + change(1)
-    self%excitation = self%excitation + change(2)
     associate (balance => solver%context%balance)
-      call solver%set_slider(merge(balance%slider + change(1)*by_omega%step%slider + change(2)*by_excitation%step%slider, &
-                                   from%slider, spread(balance%periodic, 1, size(balance%slider, 1))), balance%periodic)
+      slider = balance%slider
+      do i = 1, size(change)
+        solver%motion = solver%motion + change(i)*ways(i)%step%motion
+        slider = slider + change(i)*ways(i)%step%slider
+      end do
+      solver%omega = solver%omega + change(1)
+      self%excitation = self%excitation + change(2)
+      self%mixture(2:) = self%mixture(2:) + cmplx(change(3::2), change(4::2), wp)/self%amplitude
+      call solver%set_slider(merge(slider, from%slider, spread(balance%periodic, 1, size(balance%slider, 1))), balance%periodic)
+      call load_springs(self, solver)
     end associate
   end subroutine step_towards
 
-  !> Changes of omega and xi after which c has what is missing of it, to first order.
-  subroutine find_changes(self, solver, missing, by_omega, by_excitation, change, status)
+  !> Let springs give back what they take where coordinates are b_k; the level of that load is a.
+  subroutine load_springs(self, solver)
+    type(backbone_type), intent(in) :: self
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+
+    solver%context%balance%harmonic_load(:, 1) = matmul(self%readers, self%springs*self%mixture)
+    call solver%context%forget()
+  end subroutine load_springs
+
+  !> Changes of omega and xi, and of b_k from the second on, real and imaginary part, after which nothing is missing of the
+  !> coordinates, to first order; of several the shortest.
+  subroutine find_changes(self, solver, missing, ways, change, status)
     class(backbone_type), intent(in) :: self
     !> Solver of points, at a solution
     type(solver_type), intent(inout) :: solver
-    !> What is missing of the coordinate
-    complex(wp), intent(in) :: missing
-    !> What a unit of omega, and one of xi, change of the solution
-    type(direction_type), intent(out) :: by_omega, by_excitation
-    !> Of omega and xi
-    real(wp), intent(out) :: change(2)
+    !> What is missing of the coordinates [modes]
+    complex(wp), intent(in) :: missing(:)
+    !> What a unit of each changes of the solution [2 modes]
+    type(direction_type), intent(out) :: ways(:)
+    !> Of each [2 modes]
+    real(wp), intent(out) :: change(:)
     !> 0, or not: singular
     integer, intent(out) :: status
-    complex(wp) :: slopes(2)
+    complex(wp) :: slopes(size(missing), size(change))
     real(wp) :: determinant
+    integer :: i, k
 
     change = 0.0_wp
-    call find_directions(self, solver, by_omega, by_excitation, status)
+    call find_directions(self, solver, ways, status)
     if (status /= 0) return
-    slopes = [self%coordinate(by_omega%response), self%coordinate(by_excitation%response)]
-    determinant = aimag(conjg(slopes(1))*slopes(2))
-    status = merge(0, 1, abs(determinant) > 0.0_wp)
-    if (status /= 0) return
-    change = [aimag(conjg(missing)*slopes(2)), aimag(conjg(slopes(1))*missing)]/determinant
+    do i = 1, size(ways)
+      slopes(:, i) = self%coordinates(ways(i)%response)
+    end do
+    if (size(missing) == 1) then
+      determinant = aimag(conjg(slopes(1, 1))*slopes(1, 2))
+      status = merge(0, 1, abs(determinant) > 0.0_wp)
+      if (status /= 0) return
+      change = [aimag(conjg(missing(1))*slopes(1, 2)), aimag(conjg(slopes(1, 1))*missing(1))]/determinant
+      return
+    end if
+    do k = 2, size(missing)
+      slopes(k, 2*k - 1) = slopes(k, 2*k - 1) - 1.0_wp
+      slopes(k, 2*k) = slopes(k, 2*k) - (0.0_wp, 1.0_wp)
+    end do
+    call shortest_change(self, solver%omega, slopes, missing, change, status)
   end subroutine find_changes
 
-  !> What a unit of omega, and one of xi, change of the solution, of which the balance holds the Jacobian.
-  subroutine find_directions(self, solver, by_omega, by_excitation, status)
+  !> The shortest x that brings A x nearest to b, omega and xi measured by omega and coordinates by a; cut short where it would turn
+  !> the mixture far.
+  subroutine shortest_change(self, omega, slopes, missing, change, status)
+    class(backbone_type), intent(in) :: self
+    !> Angular frequency, rad/s
+    real(wp), intent(in) :: omega
+    !> A [modes, 2 modes]; b [modes]
+    complex(wp), intent(in) :: slopes(:, :), missing(:)
+    !> x [2 modes]
+    real(wp), intent(out) :: change(:)
+    !> 0, or not: no eigenvalues were found
+    integer, intent(out) :: status
+    real(wp) :: scales(size(change)), matrix(size(change), size(change)), right(size(change))
+    real(wp) :: unit(size(change), size(change)), turn
+    real(wp), allocatable :: squares(:), vectors(:, :)
+    integer :: i
+
+    scales = [omega, omega, (self%amplitude, i=3, size(change))]
+    associate (n => size(missing))
+      do i = 1, size(change)
+        matrix(:n, i) = scales(i)/self%amplitude*real(slopes(:, i), wp)
+        matrix(n + 1:, i) = scales(i)/self%amplitude*aimag(slopes(:, i))
+      end do
+      right = [real(missing, wp), aimag(missing)]/self%amplitude
+    end associate
+    unit = 0.0_wp
+    do i = 1, size(change)
+      unit(i, i) = 1.0_wp
+    end do
+    call symmetric_eigenpairs(matmul(transpose(matrix), matrix), unit, squares, vectors, status)
+    change = 0.0_wp
+    if (status /= 0) return
+    right = matmul(right, matrix)
+    do i = 1, size(change)
+      if (squares(i) <= least_square*maxval(squares)) cycle
+      change = change + dot_product(vectors(:, i), right)/squares(i)*vectors(:, i)
+    end do
+    turn = maxval(abs(change(3:)))
+    if (turn > longest_turn) change = longest_turn/turn*change
+    change = scales*change
+  end subroutine shortest_change
+
+  !> What a unit of omega, one of xi, and one of the others' coordinates b_k, real and imaginary, change of the solution, of which the
+  !> balance holds the Jacobian.
+  subroutine find_directions(self, solver, ways, status)
     class(backbone_type), intent(in) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
-    !> Change of the unknowns and of the response
-    type(direction_type), intent(out) :: by_omega, by_excitation
+    !> Changes of the unknowns and of the response [2 modes]
+    type(direction_type), intent(out) :: ways(:)
     !> 0: done; else it could not be evaluated
     integer, intent(out) :: status
     type(unknowns_type) :: right
-    complex(wp), allocatable :: excited(:, :)
+    complex(wp), allocatable :: driven(:, :), load(:, :)
+    integer :: i
 
     associate (balance => solver%context%balance)
       right = new_unknowns(shape(solver%motion), shape(balance%slider))
       right%omega = 1.0_wp
-      call solve(self%problem, solver, right, by_omega%step, status)
+      call solve(self%problem, solver, right, ways(1)%step, status)
       if (status /= 0) return
-      call respond(balance, by_omega)
-      allocate (excited, mold=balance%response)
-      call balance%receptance%respond_excitation(balance%response, excited)
-      if (allocated(balance%frozen_mean)) excited(:, lbound(excited, 2)) = 0.0_wp
+      call respond(balance, ways(1))
       right%omega = 0.0_wp
-      right%motion = balance%recover(excited)
-      call solve(self%problem, solver, right, by_excitation%step, status)
-      if (status /= 0) return
-      call respond(balance, by_excitation)
-      by_excitation%response = by_excitation%response + excited
+      allocate (driven, load, mold=balance%response)
+      do i = 2, size(ways)
+        if (i == 2) then
+          call balance%receptance%respond_excitation(balance%response, driven)
+        else
+          load = 0.0_wp
+          associate (k => (i + 1)/2)
+            load(:, 1) = merge((1.0_wp, 0.0_wp), (0.0_wp, 1.0_wp), i == 2*k - 1)*self%springs(k)*self%readers(:, k)
+          end associate
+          call balance%receptance%respond(load, driven)
+        end if
+        if (allocated(balance%frozen_mean)) driven(:, lbound(driven, 2)) = 0.0_wp
+        right%motion = balance%recover(driven)
+        call solve(self%problem, solver, right, ways(i)%step, status)
+        if (status /= 0) return
+        call respond(balance, ways(i))
+        ways(i)%response = ways(i)%response + driven
+      end do
     end associate
   end subroutine find_directions
 
@@ -217,7 +328,8 @@ contains
     type(solver_type), intent(in) :: solver
     type(base_point_type) :: base_point
 
-    base_point = base_point_type(snapshot_type=snapshot_of(solver), amplitude=self%amplitude, excitation=self%excitation)
+    base_point = base_point_type(snapshot_type=snapshot_of(solver), amplitude=self%amplitude, excitation=self%excitation, &
+                                 mixture=self%mixture)
   end function base_point_of
 
   !> Put the solver there, with residuals relative to the linear mode of that amplitude.
@@ -230,6 +342,8 @@ contains
 
     self%amplitude = base%amplitude
     self%excitation = base%excitation
+    self%mixture = base%mixture
+    call load_springs(self, solver)
     call restore(solver, base%snapshot_type)
     call solver%set_loads(solver%context%balance%static_factors, base%amplitude)
     call solver%context%balance%receptance%excite(base%excitation)

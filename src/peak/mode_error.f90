@@ -69,17 +69,19 @@ contains
     type(backbone_type), intent(in) :: backbone
     !> By harmonic, omega and xi held [n, 0:K]
     complex(wp), intent(in) :: response(:, 0:)
-    type(direction_type) :: by_omega, by_excitation
+    type(direction_type) :: ways(2*size(backbone%modes))
     complex(wp), allocatable :: moved(:, :)
-    real(wp) :: change(2), excitation, of_structure
-    integer :: status
+    real(wp) :: change(2*size(backbone%modes)), excitation, of_structure
+    integer :: i, status
 
     error = ieee_value(error, ieee_quiet_nan)
-    call backbone%find_changes(solver, backbone%amplitude - backbone%coordinate(response), by_omega, by_excitation, change, status)
+    call backbone%find_changes(solver, backbone%missing_in(response), ways, change, status)
     if (status /= 0) return
     associate (balance => solver%context%balance, harmonics => solver%context%balance%receptance%harmonics)
       allocate (moved(size(response, 1), 0:ubound(response, 2)), source=response)
-      moved(:, :harmonics) = moved(:, :harmonics) + change(1)*by_omega%response + change(2)*by_excitation%response
+      do i = 1, size(change)
+        moved(:, :harmonics) = moved(:, :harmonics) + change(i)*ways(i)%response
+      end do
       excitation = backbone%excitation + change(2)
       of_structure = 2.0_wp*backbone%structural_ratio*solver%omega
       error = max(abs(change(1))/solver%omega, &

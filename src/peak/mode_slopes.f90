@@ -134,13 +134,13 @@ contains
     !> How the point changes
     type(rate_type), intent(in) :: rate
     real(wp) :: change(3)
-    complex(wp) :: held, there, moved
+    complex(wp) :: held(size(backbone%modes)), there, moved
 
     associate (balance => solver%context%balance)
-      held = backbone%coordinate(rate%response)
+      held = backbone%coordinates(rate%response)
       there = sum(reader*balance%receptance%recover(1, balance%response(:, 1)))
       moved = sum(reader*balance%receptance%recover(1, rate%response(:, 1)))
-      change = [real(held, wp), aimag(held), real(conjg(there)*moved, wp)/abs(there)]
+      change = [real(held(1), wp), aimag(held(1)), real(conjg(there)*moved, wp)/abs(there)]
     end associate
   end function conditions
 

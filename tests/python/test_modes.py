@@ -8,8 +8,6 @@ import pytest
 from jobs import attrito, chain, table, write_job
 from mode_jobs import KT, LIMIT, MASS, K, cut_short, follow, rubbing, weakly_damped_wedge
 
-from attrito.modes.equal_modes import equal_modes, said_of_equal
-
 
 def test_one_harmonic_of_a_coulomb_element_has_the_frequency_and_damping_of_its_describing_function(tmp_path):
     rows = follow(tmp_path, rubbing())
@@ -241,24 +239,3 @@ def test_a_mode_with_two_tangents_does_not_depend_on_the_number_of_ranks(tmp_pat
         # Q is met to 1e-9; sums over ranks differ by rounding.
         assert {name: float(row[name]) for name in other} == pytest.approx(other, rel=1e-6, abs=1e-12)
     assert alone[0]["damping_ratio"] == pytest.approx(0.0, abs=1e-12) and alone[-1]["damping_ratio"] > 0.01
-
-
-def test_a_mode_among_equal_ones_is_said_to_be_one_of_them(tmp_path):
-    job = rubbing()
-    # Along its normal as stiff as along its tangent: both modes have sqrt((K + KT) / MASS).
-    job["contact"][0]["normal_stiffness"] = KT
-    job["mode"] |= {"points": 2}
-    done = attrito(tmp_path, "mode", write_job(tmp_path, job))
-    sentence = said_of_equal([1, 2])
-    assert "tangent modes 1, 2 have the same frequency" in sentence
-    assert f"warning: {sentence}" in done.stdout
-    with h5py.File(tmp_path / "result.mode.h5") as file:
-        assert sentence in file.attrs["warnings"].split("\n")
-    # Where it is lost nevertheless that is the reason that is given.
-    assert done.returncode == 0 or sentence in done.stderr
-
-
-def test_modes_are_equal_to_rounding_and_no_further():
-    hertz = np.array([100.0, 100.0 * (1.0 + 1e-9), 100.0 * (1.0 + 1e-5)])
-    assert [equal_modes(hertz, number) for number in (1, 2, 3)] == [[1, 2], [1, 2], [3]]
-    assert not said_of_equal([3])

@@ -210,7 +210,7 @@ contains
 
     do i = 1, size(kinds)
       call prepare(kinds(i), 0.1_wp, scene, receptance, force)
-      call receptance%lift_mode(2, 0.7_wp)
+      call receptance%lift_modes([2], [0.7_wp])
       allocate (slope, mold=force)
       at = excited_response(receptance, omega, excitation, force)
       call receptance%respond_derivative(at, slope)
@@ -260,7 +260,7 @@ contains
         scene%structure%damping = damping*scene%structure%mass
         call new_receptance(scene%structure, scene%contacts, stuck, harmonics, receptance)
       end if
-      call receptance%lift_mode(mode, stuck%modal_stiffness(mode))
+      call receptance%lift_modes([mode], stuck%modal_stiffness(mode:mode))
       call receptance%set_frequency(omega, status)
       force = (0.0_wp, 0.0_wp)
       force(:, 1) = matmul(scene%structure%mass, stuck%modes(:, mode))

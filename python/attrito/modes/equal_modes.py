@@ -1,7 +1,8 @@
 """Equal tangent modes: of modes of one frequency every mixture is a mode while contacts stick.
 
 A mode's equations fix amplitude and phase of one coordinate. What other modes of that frequency add is not fixed by
-them, K phi = omega^2 M phi for each, so they have no isolated solution while contacts stick.
+them, K phi = omega^2 M phi for each, so they have no isolated solution while contacts stick: their coordinates are held
+too (`src/peak/backbone_point.f90`).
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ SAME_FREQUENCY = 1e-7
 
 
 def equal_modes(natural_hz: np.ndarray, number: int) -> list[int]:
-    """Numbers, from 1, of the modes that have the frequency of one of them, itself among them.
+    """Numbers, from 1, of the modes that have the frequency of one of them, which comes first.
 
     Parameters
     ----------
@@ -21,16 +22,17 @@ def equal_modes(natural_hz: np.ndarray, number: int) -> list[int]:
     number : from 1
     """
     own = natural_hz[number - 1]
-    return [int(i) + 1 for i in np.flatnonzero(abs(natural_hz - own) <= SAME_FREQUENCY * own)]
+    alike = np.flatnonzero(abs(natural_hz - own) <= SAME_FREQUENCY * own) + 1
+    return [number, *(int(one) for one in alike if one != number)]
 
 
 def said_of_equal(numbers: list[int]) -> str:
     """What is to be known of a mode among equal ones, in words; nothing where it is alone."""
     if len(numbers) == 1:
         return ""
-    listed = ", ".join(map(str, numbers))
+    listed = ", ".join(map(str, sorted(numbers)))
     return (
-        f"tangent modes {listed} have the same frequency: any mixture of them is a mode while contacts stick, so that"
-        " none is found for sure; what parts their frequencies (a stiffness, a mass, a symmetry that is used) lets one"
-        " be followed"
+        f"tangent modes {listed} have the same frequency: any mixture of them is a mode while contacts stick; the one"
+        " asked for is followed until contacts slip or open, where it may turn into another mixture or end; what parts"
+        " their frequencies (a stiffness, a mass, a symmetry that is used) keeps each by itself"
     )

@@ -279,10 +279,11 @@ def _limit_cycle(
 def new_tracker(job: Job, solver: Solver, scene: ReducedScene, modes: LinearModes, index: int) -> Tracker:
     """By the job's method, of the tangent mode of an index; the solver solves the scene."""
     shape, frequency_hz = modes.shapes[index], modes.natural_hz[index]
+    equal = equal_modes(modes.natural_hz, index + 1)
     if isinstance(solver, PatchedSolver):
         return PatchedModeTracker(solver, frequency_hz)
     if job["mode"]["method"] == "epmc":
-        return ModeTracker(solver, scene, shape, frequency_hz)
+        return ModeTracker(solver, scene, modes.shapes[[number - 1 for number in equal]], frequency_hz)
     return QuasiStaticTracker(solver, len(scene.laws["tangents"]), shape, frequency_hz, job["mode"]["steps"])
 
 

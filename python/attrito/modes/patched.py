@@ -15,6 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from attrito.modes.equal_modes import equal_modes
 from attrito.modes.mode_point import ModePoint
 from attrito.modes.tracker import ModeTracker
 from attrito.patches.solver import PatchedSolver
@@ -44,7 +45,8 @@ class PatchedModeTracker:
         modes = patches.linear_modes("tangent", len(self._solver.scene_of_patches.mass))
         index = int(np.argmin(abs(modes.natural_hz - self._frequency_hz)))
         scene, hz = self._solver.scene_of_patches, float(modes.natural_hz[index])
-        self._tracker = ModeTracker(patches, scene, modes.shapes[index], hz)
+        equal = [number - 1 for number in equal_modes(modes.natural_hz, index + 1)]
+        self._tracker = ModeTracker(patches, scene, modes.shapes[equal], hz)
 
     @property
     def known(self) -> list[tuple[float, float]]:

@@ -1,8 +1,8 @@
 """A nonlinear mode by the extended periodic motion concept, point by point; the balance is the Fortran library's.
 
 M q'' + (C - xi M) q' + K q = f_0 - B^T lambda(B q): xi makes up for what dissipates. The library follows the coordinate
-of one stuck mode; here it is varied until the mode's amplitude Q = |phi^H M q_1| is the one asked for. Of a sector the
-mode is a wave of the nodal diameter of its engine order, and phi is complex.
+of one stuck mode, beside equal modes of as many; here it is varied until the mode's amplitude Q = |phi^H M q_1| is the
+one asked for. Of a sector the mode is a wave of the nodal diameter of its engine order, and phi is complex.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class ModeTracker:
     ----------
     solver : stays the caller's
     scene : what it solves
-    shape : phi of the tangent mode, unit modal mass, `[m]`
+    shapes : phi of the tangent mode, then of others of its frequency, unit modal mass, `[modes, m]`
     frequency_hz : of the tangent mode
 
     Attributes
@@ -38,15 +38,16 @@ class ModeTracker:
     known : of the last two solutions, the stuck mode's coordinate and Q
     """
 
-    def __init__(self, solver: Solver, scene: ReducedScene, shape: np.ndarray, frequency_hz: float):
+    def __init__(self, solver: Solver, scene: ReducedScene, shapes: np.ndarray, frequency_hz: float):
         self._solver, self._frequency_hz = solver, frequency_hz
-        self._shape = np.ascontiguousarray(shape.real), np.ascontiguousarray(-shape.imag)
-        self._weight = scene.mass @ shape.conj()
+        self._shapes = np.ascontiguousarray(shapes.real), np.ascontiguousarray(-shapes.imag)
+        self._weight = scene.mass @ shapes[0].conj()
         self.known: list[tuple[float, float]] = []
 
     def prepare(self) -> None:
         """Make the solver ready for `load_state`, in place of a first point."""
-        self._solver.call("attrito_prepare_mode", *map(pointer, self._shape), omega(self._frequency_hz))
+        count = len(self._shapes[0])
+        self._solver.call("attrito_prepare_mode", count, *map(pointer, self._shapes), omega(self._frequency_hz))
 
     def save_state(self) -> dict[str, np.ndarray]:
         """What the next point starts from, beside the solver's state."""
@@ -84,7 +85,7 @@ class ModeTracker:
         raw = RawBackbone()
         if not self.known:
             place = omega(self._frequency_hz), amplitude, 0, ctypes.byref(raw)
-            self._solver.call("attrito_begin_mode", *map(pointer, self._shape), *place)
+            self._solver.call("attrito_begin_mode", len(self._shapes[0]), *map(pointer, self._shapes), *place)
             return raw
         (a, q), slope = self.known[-1], 1.0
         if len(self.known) == 2:
