@@ -359,7 +359,8 @@ def tangent_mode(solver: Solver, scene: ReducedScene) -> tuple[LinearModes, mode
     follow_loads(solver, scene, 1.0)
     modes = solver.linear_modes("tangent", len(scene.mass))
     first, closed = modes.rigid, solver.closed_contacts().astype(float)
-    return modes, mode_tracker.ModeTracker(solver, scene, modes.shapes[first], modes.natural_hz[first]), closed
+    own = slice(first, first + 1)
+    return modes, mode_tracker.ModeTracker(solver, scene, modes.shapes[own], modes.natural_hz[first]), closed
 
 
 def mode_gradient(

@@ -221,7 +221,7 @@ def test_a_mode_followed_with_patches_is_that_of_all_pairs():
             one.follow_static_path(FULL, 1, 700.0)
         modes = solver.linear_modes("tangent", 2)
         frequency_hz = float(modes.natural_hz[0])
-        trackers = ModeTracker(solver, scene, modes.shapes[0], frequency_hz), PatchedModeTracker(merged, frequency_hz)
+        trackers = ModeTracker(solver, scene, modes.shapes[:1], frequency_hz), PatchedModeTracker(merged, frequency_hz)
         slips, patches, damping = [], [], []
         for amplitude in (1e-5, 1.15e-5, 1.3e-5, 1.4e-5, 1.5e-5):
             whole, coarse = (tracker.at(amplitude) for tracker in trackers)
