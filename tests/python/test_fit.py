@@ -59,6 +59,20 @@ def test_intervals_of_a_linear_model_are_those_of_the_book() -> None:
         assert found.cost - least == pytest.approx(((found.x - best.x[i]) / deviations[i]) ** 2 * least / 9.0, abs=1e-8)
 
 
+def test_a_search_that_creeps_ends_where_the_rest_is_nothing_beside_the_noise() -> None:
+    """With a Jacobian that is off by a half each step leaves a third of the way."""
+    random = np.random.default_rng(2)
+    matrix = random.standard_normal((12, 3))
+    data = matrix @ [1.0, -2.0, 0.5] + 0.1 * random.standard_normal(12)
+    bounds = np.array([[-10.0, 10.0]] * 3)
+    best = estimate(lambda x: (matrix @ x - data, 1.5 * matrix), np.zeros(3), bounds, known_deviations=False)
+    assert best.converged
+    assert best.evaluations < 16
+    exact, (least,), *_ = np.linalg.lstsq(matrix, data, rcond=None)
+    deviations = np.sqrt(least / 9.0 * np.diag(np.linalg.inv(matrix.T @ matrix)))
+    assert np.all(np.abs(best.x - exact) < 2e-3 * deviations)
+
+
 def test_parameters_of_a_response_are_found(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     measured(tmp_path, rubbing())
     write_fit(tmp_path)

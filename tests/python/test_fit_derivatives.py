@@ -13,7 +13,10 @@ from rubbing_fit import FRICTION, KEYS, STIFFNESS, rubbing, write_fit
 from attrito.fits.design import read_fit
 from attrito.fits.solution import Solution
 from attrito.job.reading import read_job
+from attrito.library.reduced_scene import ReducedScene
 from attrito.runs.progress import Progress
+from attrito.runs.slider_rates import LoadPath, end_sliders
+from attrito.studies import sloped_modes
 
 PRELOAD = {"name": "preload", "keys": ["static.load_path[1]"], "low": 0.5, "high": 2.0}
 LAWS = [
@@ -82,3 +85,31 @@ def test_derivatives_of_modes_are_those_by_differences(
     solution = solution_of(tmp_path, job, {"name": "backbone", "of": "mode"}, [*LAWS, PRELOAD])
     compare(solution, np.array([0.8 * STIFFNESS, 1.1 * FRICTION, 1.0]), 1e-5, monkeypatch)
     assert "differences" not in capsys.readouterr().out
+
+
+def test_the_static_path_is_followed_again_beside_the_value_alone_however_wide_the_bounds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And not at all by what moves no slider, as the structure's damping."""
+    job = wedge(STIFFNESS)
+    job["static"] = {"load_path": [0.0, 1.0]}
+    job["contact"][0]["friction_coefficient"] = 0.1 * FRICTION
+    job["mode"] = {"start": 1e-5, "stop": 5e-4, "points": 8}
+    (tmp_path / "measured.csv").write_text("amplitude,frequency_hz\n2e-4,120.0\n")
+    wide = [one | {"low": 1e-3 * one["low"], "high": 1e3 * one["high"]} for one in LAWS]
+    damping = {"name": "damping", "keys": ["damping.loss_factor"], "low": 1e-4, "high": 1e-1}
+    del job["model"]["damping"]
+    job["damping"] = {"loss_factor": 0.01}
+    followed = []
+
+    def follow(comm: MPI.Comm, steps: int, scene: ReducedScene, path: LoadPath) -> np.ndarray:
+        followed.append(scene.laws)
+        return end_sliders(comm, steps, scene, path)
+
+    monkeypatch.setattr(sloped_modes, "end_sliders", follow)
+    values = np.array([STIFFNESS, 0.1 * FRICTION, 0.01])
+    solution = solution_of(tmp_path, job, {"name": "backbone", "of": "mode"}, [*wide, damping])
+    assert np.all(np.isfinite(solution.at(values)[1]["frequency_hz"]))
+    assert len(followed) == 4
+    for name, value in (("tangential_stiffness", STIFFNESS), ("friction_coefficient", 0.1 * FRICTION)):
+        assert all(laws[name] == pytest.approx(value, rel=2e-3) for laws in followed)

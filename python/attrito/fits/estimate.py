@@ -8,6 +8,14 @@ and a parameter's interval of 95 % is t(0.975, n - p) times its deviation to bot
 Regression, 1989, section 5.1). A profile holds one parameter at a value and fits the others: its interval is where the
 sum of squares is at most s^2 t^2 above the least (section 5.8). Both agree where the model is nearly linear in x over
 the interval.
+
+A search that creeps, steps bringing it less than ten times nearer each, ends where the minimum of the linear model is
+within a thousandth of the confidence region's radius (Bates & Watts, A relative offset orthogonality convergence
+criterion for nonlinear least squares, 1981), with Q the directions that J spans:
+
+    sqrt(|Q^T r|^2 / p) < 1e-3 sqrt((|r|^2 - |Q^T r|^2) / (n - p))
+
+What is beyond has no meaning beside the noise, and where solutions have many small corners it is not to be had.
 """
 
 from __future__ import annotations
@@ -29,6 +37,8 @@ PROFILE_AT = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
 IDENTIFIED = 0.5
 # Part of the largest singular value of J, its columns scaled, that counts as none
 SINGULAR = 1e-6
+# Part of the confidence region's radius within which a search may end where steps bring less than QUICK of it
+OFFSET, QUICK = 1e-3, 0.1
 # Correlation from which the data do not separate two parameters
 ALIKE = 0.99
 
@@ -92,17 +102,14 @@ def estimate(residuals: Residuals, start: np.ndarray, bounds: np.ndarray, known_
     start, bounds : `[p]`, `[p, 2]`
     known_deviations : whether residuals are in deviations that are known, not only in ratio to each other
     """
-    memory = _Memory(residuals)
-    inside = np.clip(start, bounds[:, 0], bounds[:, 1])
-    found = least_squares(
-        memory.values, inside, memory.jacobian, bounds=tuple(bounds.T), x_scale="jac", xtol=1e-8, ftol=1e-10, gtol=1e-10
-    )
-    values, jacobian = memory.at(found.x)
-    free = max(len(values) - len(found.x), 0)
+    memory = _Memory(residuals, bounds)
+    x, converged = memory.search(start, xtol=1e-8, ftol=1e-10, gtol=1e-10)
+    values, jacobian = memory.at(x)
+    free = max(len(values) - len(x), 0)
     variance = 1.0 if known_deviations else float(values @ values) / free if free else np.inf
     quantile = norm.ppf(0.5 + 0.5 * PROBABILITY) if known_deviations else t.ppf(0.5 + 0.5 * PROBABILITY, max(free, 1))
     covariance = variance * _inverse(jacobian)
-    return Estimate(found.x, values, jacobian, variance, covariance, float(quantile), found.status > 0, memory.count)
+    return Estimate(x, values, jacobian, variance, covariance, float(quantile), converged, memory.count)
 
 
 def profile(residuals: Residuals, best: Estimate, bounds: np.ndarray, parameter: int) -> Profile:
@@ -152,10 +159,10 @@ def _held(residuals: Residuals, start: np.ndarray, bounds: np.ndarray, free: np.
     if not np.any(free):
         values = residuals(start)[0]
         return start, float(values @ values)
-    memory = _Memory(part)
-    inside = np.clip(start[free], *bounds[free].T)
-    found = least_squares(memory.values, inside, memory.jacobian, bounds=tuple(bounds[free].T), x_scale="jac")
-    return full(found.x), 2.0 * float(found.cost)
+    memory = _Memory(part, bounds[free])
+    x, _ = memory.search(start[free])
+    values = memory.values(x)
+    return full(x), float(values @ values)
 
 
 def _crossings(x: np.ndarray, cost: np.ndarray, centre: float, limit: float) -> tuple[float, float]:
@@ -178,6 +185,18 @@ def _crossings(x: np.ndarray, cost: np.ndarray, centre: float, limit: float) -> 
     return ends[0], ends[1]
 
 
+def _offset(residuals: np.ndarray, jacobian: np.ndarray) -> float:
+    """How far the minimum is away, a part of the confidence region's radius; infinite where there is no such region."""
+    scale = np.linalg.norm(jacobian, axis=0)
+    directions, sizes, _ = np.linalg.svd(jacobian[:, scale > 0.0] / scale[scale > 0.0], full_matrices=False)
+    along = directions[:, sizes > SINGULAR * sizes.max(initial=0.0)].T @ residuals
+    free = len(residuals) - len(along)
+    across = float(residuals @ residuals - along @ along)
+    if free <= 0 or across <= 0.0 or len(along) == 0:
+        return np.inf
+    return float(np.sqrt(along @ along / len(along)) / np.sqrt(across / free))
+
+
 def _inverse(jacobian: np.ndarray) -> np.ndarray:
     """(J^T J)^-1, by the singular values of J with columns of unit length.
 
@@ -198,11 +217,28 @@ def _inverse(jacobian: np.ndarray) -> np.ndarray:
     return np.asarray(inverse)
 
 
-class _Memory:
-    """The last residuals and Jacobian, which scipy asks for apart."""
+class _SettledError(Exception):
+    """The search is near enough to the minimum."""
 
-    def __init__(self, residuals: Residuals):
-        self._residuals, self._at, self._found, self.count = residuals, np.empty(0), (np.empty(0), np.empty((0, 0))), 0
+
+class _Memory:
+    """The last residuals and Jacobian, which scipy asks for apart; the search within bounds `[p, 2]`."""
+
+    def __init__(self, residuals: Residuals, bounds: np.ndarray):
+        self._residuals, self._bounds = residuals, bounds
+        self._at, self._found, self.count = np.empty(0), (np.empty(0), np.empty((0, 0))), 0
+        self._offset = np.inf
+
+    def search(self, start: np.ndarray, **tolerances: float) -> tuple[np.ndarray, bool]:
+        """Where the sum of squares is least, and whether that is a minimum."""
+        low, high = self._bounds.T
+        try:
+            found = least_squares(
+                self.values, np.clip(start, low, high), self.jacobian, bounds=(low, high), x_scale="jac", **tolerances
+            )
+        except _SettledError:
+            return self._at, True
+        return found.x, found.status > 0
 
     def at(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if not np.array_equal(x, self._at):
@@ -214,4 +250,9 @@ class _Memory:
         return self.at(x)[0]
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
-        return self.at(x)[1]
+        """Asked for where a step was taken, so the best place so far: ends the search where that is enough."""
+        values, jacobian = self.at(x)
+        before, self._offset = self._offset, _offset(values, jacobian)
+        if QUICK * before < self._offset < OFFSET:
+            raise _SettledError
+        return jacobian

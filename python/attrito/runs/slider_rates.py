@@ -99,6 +99,11 @@ def end_sliders(
     options = replace(path.options, tolerance=min(path.options.tolerance, RESIDUAL))
     with Solver(comm, scene, options) as solver:
         solver.follow_static_path(corners, steps, path.frequency_hz)
-        family = Family(comm, solver, len(scene.laws["tangents"]), len(scene.monitors))
-        member = family.visit(lambda family: family.describe())
-        return on_root(comm, lambda: np.array(member.slider))  # type: ignore[union-attr]
+        return sliders_at(comm, solver, scene)
+
+
+def sliders_at(comm: Comm, solver: Solver, scene: ReducedScene) -> np.ndarray:
+    """Sliders of the solver's last point, `[nc, width]`. Collective."""
+    family = Family(comm, solver, len(scene.laws["tangents"]), len(scene.monitors))
+    member = family.visit(lambda family: family.describe())
+    return on_root(comm, lambda: np.array(member.slider))  # type: ignore[union-attr]

@@ -34,6 +34,10 @@ class Vary:
     values: tuple[float, ...]
     factor: bool
 
+    def rate(self, value: float) -> float:
+        """What a step from a value is a part of: the width between both bounds."""
+        return self.high - self.low
+
 
 @dataclass(frozen=True)
 class Study:

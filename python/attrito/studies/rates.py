@@ -37,6 +37,9 @@ class Bounded(Protocol):
     def high(self) -> float:
         """The largest value."""
 
+    def rate(self, value: float) -> float:
+        """What a step of it is a part of: the width between both, or the value of one sought by its logarithm."""
+
 
 def rates_of(
     parameters: Sequence[Bounded], values: np.ndarray, here: Solvable, at: Callable[[np.ndarray], Solvable]

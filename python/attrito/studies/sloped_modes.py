@@ -22,7 +22,7 @@ from attrito.library.structures import omega
 from attrito.modes.frequency_slopes import frequency_slopes, spring_rates
 from attrito.modes.mode_point import ModePoint
 from attrito.modes.mode_slopes import shape_slopes
-from attrito.runs.slider_rates import LoadPath, end_sliders
+from attrito.runs.slider_rates import LoadPath, end_sliders, sliders_at
 from attrito.scene.rom_file import Rom
 from attrito.scene.scene import Scene
 from attrito.studies.rates import Bounded, Solvable, inquiry_of_monitor, known_rates, rates_of
@@ -31,7 +31,7 @@ from attrito.studies.sample_modes import SampleModes
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
-# Of a parameter's range: what the static path is followed again with to both sides
+# What the static path is followed again with to both sides: part of a parameter's range, or of one sought by logarithms
 STEP = 1e-3
 # What a row has derivatives of
 NAMES = ("frequency_hz", "damping_ratio", "damping_ratio_structure", "dissipated_energy", "tangent_hz")
@@ -78,7 +78,7 @@ class SlopedModes(SampleModes):
         reduced = here[0]
         if self._values is None or not _is_sloped(job, reduced):
             return
-        rates = self._rates(job, here)
+        rates = self._rates(solver, job, here)
         known = known_rates(rates)
         if np.any(known):
             whole = solver.linear_modes("tangent", len(reduced.mass))
@@ -92,7 +92,7 @@ class SlopedModes(SampleModes):
             return {"slopes": {name: np.full(len(self._parameters), np.nan) for name in NAMES}}
         return {"slopes": self._slopes.at(one)}
 
-    def _rates(self, job: Job, here: Solvable) -> Rates:
+    def _rates(self, solver: Solver, job: Job, here: Solvable) -> Rates:
         """What each parameter changes, sliders after the static path with it."""
         assert self._values is not None
         values = self._values
@@ -100,21 +100,28 @@ class SlopedModes(SampleModes):
         def at(there: np.ndarray) -> Solvable:
             return self.scene_of(self._changed(there))
 
+        def end(there: Solvable) -> np.ndarray:
+            scene, load_path, options = there
+            path = LoadPath(options, load_path, job["mode"]["near_hz"] or 1.0)
+            return end_sliders(self._comm, job["static"]["steps"], scene, path)
+
         rates = rates_of(self._parameters, values, here, at)
-        known, sliders = known_rates(rates), []
-        for i, parameter in enumerate(self._parameters):
-            step = STEP * (parameter.high - parameter.low) if known[i] else 0.0
-            # Into the bounds
-            middle = np.clip(values[i], parameter.low + step, parameter.high - step)
-            ends = []
-            for side in (-1.0, 1.0):
-                beside = values.copy()
-                beside[i] = middle + side * step
-                scene, load_path, options = at(beside)
-                path = LoadPath(options, load_path, job["mode"]["near_hz"] or 1.0)
-                ends.append(end_sliders(self._comm, job["static"]["steps"], scene, path))
-            sliders.append((ends[1] - ends[0]) / (2.0 * step) if known[i] else 0.0 * ends[0])
-        return replace(rates, laws=np.concatenate([rates.laws, np.array(sliders)], axis=2))
+        own = sliders_at(self._comm, solver, here[0])
+        sliders = np.zeros((len(values), *own.shape))
+        # Where nothing has slipped on the path nothing does beside it.
+        for i in np.flatnonzero(_moves_sliders(rates)) if np.any(own) else ():
+            parameter = self._parameters[i]
+            step = STEP * parameter.rate(values[i])
+            beside = np.clip(values[i] + np.array([-step, step]), parameter.low, parameter.high)
+            ends = [end(at(np.where(np.arange(len(values)) == i, value, values))) for value in beside]
+            sliders[i] = (ends[1] - ends[0]) / (beside[1] - beside[0])
+        return replace(rates, laws=np.concatenate([rates.laws, sliders], axis=2))
+
+
+def _moves_sliders(rates: Rates) -> np.ndarray:
+    """Which parameters change what the static path leaves: known ones of contacts' laws or static loads."""
+    changes = np.any(rates.laws, axis=(1, 2)) | np.any(rates.static_factors, axis=1)
+    return np.asarray(known_rates(rates) & changes)
 
 
 def _is_sloped(job: Job, scene: ReducedScene) -> bool:
