@@ -14,6 +14,9 @@ module attrito_linear_projected_rows
   private
   public :: projected_rows_type, new_projected_rows, new_projected_rows_by_harmonic
 
+  !> Numbers of P from which on products take half the time with P on the left: BLAS copies what is on the right in smaller pieces
+  integer, parameter :: large = 100000 ! measured
+
   type :: projected_rows_type
     private
     !> P, where it is the same for all harmonics [n, rows]
@@ -85,9 +88,9 @@ contains
     if (.not. allocated(self%by_harmonic)) then
       loaded = pack([(row, row=1, size(forces, 2))], [(any(abs(forces(:, row)) > 0.0_wp), row=1, size(forces, 2))])
       if (2*size(loaded) < size(forces, 2)) then
-        load = matmul(forces(:, loaded), transpose(self%common(:, loaded)))
+        load = load_of_few(forces(:, loaded), self%common(:, loaded))
       else
-        load = matmul(forces, transpose(self%common))
+        load = load_of_few(forces, self%common)
       end if
       return
     end if
@@ -123,7 +126,7 @@ contains
     if (allocated(self%by_harmonic)) then
       motion = to_real(self%harmonics_of(0, response))
     else
-      motion = matmul(to_real(response), self%common)
+      motion = motion_of_few(to_real(response), self%common)
     end if
   end function motion_of
 
@@ -152,8 +155,38 @@ contains
       parts(2*i - 1, :) = real(response(:, i), wp)
       parts(2*i, :) = -aimag(response(:, i))
     end do
-    motion = matmul(parts, self%common)
+    motion = motion_of_few(parts, self%common)
   end function motion_from
+
+  !> lambda P^T, lambda having few rows.
+  pure function load_of_few(forces, columns) result(load)
+    !> lambda [few, rows]
+    real(wp), intent(in) :: forces(:, :)
+    !> P [n, rows]
+    real(wp), intent(in) :: columns(:, :)
+    real(wp) :: load(size(forces, 1), size(columns, 1))
+
+    if (size(columns) > large) then
+      load = transpose(matmul(columns, transpose(forces)))
+    else
+      load = matmul(forces, transpose(columns))
+    end if
+  end function load_of_few
+
+  !> x P, x having few rows.
+  pure function motion_of_few(response, columns) result(motion)
+    !> x [few, n]
+    real(wp), intent(in) :: response(:, :)
+    !> P [n, rows]
+    real(wp), intent(in) :: columns(:, :)
+    real(wp) :: motion(size(response, 1), size(columns, 2))
+
+    if (size(columns) > large) then
+      motion = transpose(matmul(transpose(columns), transpose(response)))
+    else
+      motion = matmul(response, columns)
+    end if
+  end function motion_of_few
 
   !> Mean displacements along the rows [rows].
   pure function mean_of(self, mean) result(motion)

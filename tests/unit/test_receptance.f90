@@ -5,6 +5,7 @@ program test_receptance
   use attrito_core_trigonometric, only: to_complex, to_real
   use attrito_model_contacts, only: stuck_stiffness
   use attrito_model_structure, only: damping_none, damping_viscous, damping_ratio, damping_mass, damping_loss_factor
+  use attrito_linear_projected_rows, only: new_projected_rows, projected_rows_type
   use attrito_linear_receptance, only: receptance_type
   use attrito_linear_receptance_direct, only: receptance_direct_type, new_receptance_direct
   use attrito_linear_receptance_modal, only: receptance_modal_type
@@ -33,10 +34,42 @@ program test_receptance
                 test('a receptance set back to an earlier frequency responds as it did', set_back), &
                 test('a singular frequency is refused every time, and the one before still responds', singular), &
                 test('complex columns and real coefficients carry the same series', columns), &
+                test('loads and motions of many rows are those of the matrix, whichever way it is multiplied', many_rows), &
                 test('a direction that nothing holds is refused before anything is solved', free_direction)], &
                 quiet=.false.) > 0) error stop 1
 
 contains
+
+  !> Small matrices are multiplied from the right, those of more than 1e5 numbers from the left.
+  subroutine many_rows(error)
+    type(error_type), allocatable, intent(out) :: error
+    integer, parameter :: sizes(2) = [30, 400], few = 2*harmonics + 1
+    type(projected_rows_type) :: rows
+    real(wp), allocatable :: matrix(:, :), forces(:, :), load(:, :), motion(:, :), response(:, :)
+    integer :: i, j, k, n
+
+    do i = 1, 2
+      n = sizes(i)
+      matrix = reshape(noise(n*n, 3), [n, n])
+      forces = reshape(noise(few*n, 5), [few, n])
+      response = reshape(noise(few*n, 9), [few, n])
+      rows = new_projected_rows(matrix)
+      allocate (load(few, n), motion(few, n))
+      do j = 1, n
+        load(:, j) = [(dot_product(forces(k, :), matrix(j, :)), k=1, few)]
+        motion(:, j) = [(dot_product(response(k, :), matrix(:, j)), k=1, few)]
+      end do
+      call check_close(error, rows%load_of(forces), load, rounding, 'load')
+      call check_close(error, rows%motion_of(to_complex(response)), motion, rounding, 'motion')
+      ! Rows without a force are left out.
+      forces(:, n/3:) = 0.0_wp
+      do j = 1, n
+        load(:, j) = [(dot_product(forces(k, :), matrix(j, :)), k=1, few)]
+      end do
+      call check_close(error, rows%load_of(forces), load, rounding, 'load of a few')
+      deallocate (load, motion)
+    end do
+  end subroutine many_rows
 
   !> A scene with its receptance at omega, and random forces on its coordinates.
   subroutine prepare(kind, value, scene, receptance, force)
