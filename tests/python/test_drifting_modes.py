@@ -11,6 +11,8 @@ from jobs import Job, attrito, table, write_job
 from mode_jobs import cut_short
 from scipy.linalg import eigh
 
+from attrito.modes.mode_slopes import DRIFTS
+
 KT, KN, FRICTION, RATIO = 4.0e4, 6.0e4, 0.3, 1.0e-3
 MASS, STIFFNESS = np.diag([1.0, 1.0, 1.0, 0.3]), np.diag([0.0, 0.0, 0.0, 2.0e5])
 # Rows of the two feet: along x and y, and down; the block turns about y.
@@ -110,6 +112,18 @@ def test_a_mode_goes_on_where_no_contact_holds_the_joint_and_says_that_it_drifts
     both = float(rows[-1]["damping_ratio"]) + float(rows[-1]["damping_ratio_structure"])
     # What contacts and structure lose a period is what the excitation puts in: to the tolerance of the balance, 1e-10.
     assert both == pytest.approx(xi / (2.0 * omega), rel=1e-8)
+
+
+def test_points_that_drift_have_no_derivatives_and_say_so(tmp_path):
+    job = rocking_block()
+    job["sensitivity"] = {"to": ["contact[0].friction_coefficient", "load.press"]}
+    done = attrito(tmp_path, "mode", write_job(tmp_path, job))
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count(DRIFTS) == 1 and "Q 0.00084: " + DRIFTS in done.stdout
+    with h5py.File(tmp_path / "result.mode.h5") as file:
+        for name in ("frequency_hz", "damping_ratio", "amplitude"):
+            found = file[f"sensitivity/{name}"][:]
+            assert np.isfinite(found[:2]).all() and np.isnan(found[2]).all()
 
 
 def test_loads_in_place_of_the_excitation_keep_up_that_motion_and_drift_in_time(tmp_path):

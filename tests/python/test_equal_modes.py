@@ -11,6 +11,7 @@ from mpi4py import MPI
 
 from attrito.modes import tracker
 from attrito.modes.equal_modes import equal_modes, said_of_equal
+from attrito.modes.mode_slopes import EQUAL
 from attrito.modes.nonlinear import mode_job
 
 # Of the motion's period. Turning points of the slip lie between two samples, which errs by the square of a step.
@@ -85,6 +86,17 @@ def test_a_mode_among_equal_ones_that_is_cut_short_goes_on_as_if_it_had_not_been
     for row, other in zip(rows, whole, strict=True):
         assert {name: float(row[name]) for name in other} == pytest.approx(other, rel=1e-7, abs=1e-12)
     assert [row["iterations"] for row in rows] == iterations
+
+
+def test_a_mode_among_equal_ones_has_no_derivatives_and_says_so(tmp_path):
+    job = sliding()
+    job["mode"]["points"] = 2
+    job["sensitivity"] = {"to": ["contact[0].friction_coefficient"]}
+    done = attrito(tmp_path, "mode", write_job(tmp_path, job))
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count(EQUAL) == 2
+    with h5py.File(tmp_path / "result.mode.h5") as file:
+        assert np.isnan(file["sensitivity/frequency_hz"][:]).all()
 
 
 def test_a_mode_among_equal_ones_is_said_to_be_one_of_them(tmp_path):

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 # Of the mode itself
 OF_THE_MODE = ("frequency_hz", "damping_ratio", "damping_ratio_structure")
+DRIFTS = "sliders creep on and no motion repeats: no derivatives"
+EQUAL = "other modes have the mode's frequency, which parameters may part: no derivatives"
 
 
 class ModeDifferentiator:
@@ -69,14 +71,24 @@ class ModeDifferentiator:
         def find(family: Family) -> np.ndarray | None:
             return None if family.describe() is None else self._find(family, one, own)
 
-        found = self._points.family.visit(find) if one.converged else None
-        both = self._points.at_onset(one.point, find, len(OF_THE_MODE))
+        none = self._why_none(one)
+        found = self._points.family.visit(find) if one.converged and not none else None
+        point = one.point._replace(outcome="not_converged") if none else one.point
+        both = self._points.at_onset(point, find, len(OF_THE_MODE))
         if not self._root:
             return ""
         self._record(recorder, np.vstack(self._points.nothing(len(OF_THE_MODE))) if found is None else found, "")
         for name, there in both.items():
             self._record(recorder, there, f"{name}/")
+        if none:
+            return none
         return CORNER if np.any(np.isfinite(both["below"])) else ""
+
+    def _why_none(self, one: ModePoint) -> str:
+        """Why a point has no derivatives, in words."""
+        if one.point.outcome == "indeterminate":
+            return DRIFTS
+        return EQUAL if np.any(np.isnan(self._weight_rates)) else ""
 
     def _find(self, family: Family, one: ModePoint, own: np.ndarray) -> np.ndarray | None:
         """Of the mode itself, then of the quantities of a point; `own`: of Q by the tangent mode alone."""
